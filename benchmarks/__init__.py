@@ -1,4 +1,4 @@
-"""Scripts that measure, side by side in one run. Each takes ``--json FILE``."""
+"""Benchmarks that compare things side by side in one run. Each takes ``--json FILE``."""
 
 from shell.interrupt import while_loading
 

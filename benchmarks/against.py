@@ -1,8 +1,8 @@
-"""This checkout beside another one: the same streets, rendered by both in turn.
+"""Compares this checkout with another one: both render the same streets in turn.
 
-Each has a process of its own that is asked for one measurement at a time, so that whatever else the machine
-does meets both. Times are of processors, in one thread, and the least of all rounds; ``ratio`` is how many
-times as fast this checkout is, ``median`` the same of each round's pair.
+Each has its own process, which makes one measurement at a time, so that other work on the machine slows both.
+Times are CPU times of one thread, the least of all rounds; ``ratio`` is the other checkout's time over ours,
+``median`` the median of that over rounds.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ for line in sys.stdin:
         render_street(unit, 0, k, shots, RenderSettings(width, height, samples), "embree", AssetPool())
     print((time.process_time() - started) / (streets * shots), flush=True)
 """
-"""Answers each case with seconds per image; only what older checkouts have, too."""
+"""Answers each case with seconds per image; it uses only functions that older checkouts have."""
 FIRST_IMAGE = """
 from scene.attributes import default_unit
 from scene.dataset.render import render_dataset
@@ -60,7 +60,7 @@ render_dataset(default_unit()[None], 0, shots=1, settings=RenderSettings(64, 48)
 
 
 def check_checkout(text: str) -> Path:
-    """The folder of a checkout; raises ValueError where it holds no engine."""
+    """The folder of a checkout; raises ValueError if it holds no engine."""
     path = Path(text).resolve()
     if not (path / "scene" / "render" / "__init__.py").exists():
         raise ValueError(f"{text} is no checkout of this repository: it has no scene/render")
@@ -68,7 +68,7 @@ def check_checkout(text: str) -> Path:
 
 
 def _environment(checkout: Path) -> dict[str, str]:
-    """Compiled code lies beside its sources, not where another checkout's would be found."""
+    """An environment in which compiled code lies beside its sources, apart from other checkouts."""
     changed = {"PYTHONPATH": str(checkout), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     kept = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
     return {**kept, **changed}
@@ -77,7 +77,7 @@ def _environment(checkout: Path) -> dict[str, str]:
 def speeds(
     checkout: Path, streets: int, rounds: int, cases: tuple[tuple[Any, ...], ...] = CASES
 ) -> list[Row]:
-    """One row for each case; the first round, which compiles and builds assets, does not count."""
+    """Measure one row for each case; the first round, which compiles and builds assets, does not count."""
     servers = [
         subprocess.Popen(
             [sys.executable, "-c", SERVE], cwd=folder, env=_environment(folder), text=True,
@@ -119,7 +119,7 @@ def _ask(server: subprocess.Popen[str], case: tuple[Any, ...]) -> float:
 
 
 def starts(checkout: Path, rounds: int) -> list[Row]:
-    """Seconds from the start of a process, by the clock and by its processors, to what it shows first."""
+    """Wall and CPU seconds from the start of a process to its first output."""
     rows: list[Row] = []
     for name, program in (("first image", FIRST_IMAGE), ("worker's first street", FIRST_STREET)):
         taken = [
@@ -134,7 +134,7 @@ def starts(checkout: Path, rounds: int) -> list[Row]:
 
 
 def _timed(folder: Path, program: str) -> tuple[float, float]:
-    """Seconds and processor seconds of a program."""
+    """Wall and CPU seconds of a program."""
     command = [sys.executable, "-c", program]
     run = partial(subprocess.run, command, cwd=folder, env=_environment(folder), check=True)
     before = resource.getrusage(resource.RUSAGE_CHILDREN)

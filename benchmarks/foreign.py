@@ -1,7 +1,7 @@
-"""Problems of other forms than the models of any method here: to be run, not to be tuned on.
+"""Problems of other forms than the models of the methods here, for tests and not for tuning.
 
-As in `benchmarks.problems`, 0 is the value of random attributes and 100 that of the best bins found.
-Written down before any method was run on them.
+As in `benchmarks.problems`, 0 is the value of random attributes and 100 that of the best bins found. They
+were written before any method was run on them.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ SHARES = {1: 0.5, 2: 0.35, 3: 0.15}
 
 
 def products(seed: int, space: sdr_jax.Space) -> Scaled:
-    """Bumps of three attributes at a time, of different groups: nothing pairwise, nothing within them."""
+    """Bumps of three attributes from different groups, without effects of pairs or within groups."""
     rng = np.random.default_rng([seed, 4])
     groups = [rng.choice(len(space.groups), 3, replace=False) for _ in range(12)]
     terms = np.asarray([[rng.choice(space.groups[g]) for g in three] for three in groups])
@@ -42,13 +42,13 @@ def products(seed: int, space: sdr_jax.Space) -> Scaled:
 def _triples(
     integrals: jax.Array, terms: jax.Array, worth: jax.Array, centre: jax.Array, width: jax.Array
 ) -> jax.Array:
-    """The sum of products of three bumps each, by their worth, f32[n]."""
+    """The weighted sum of products of three bumps each, f32[n]."""
     found = means(integrals, centre[:, terms], width[:, terms])
     return jnp.prod(found.reshape(len(centre), -1, 3), axis=2) @ worth
 
 
 def ridge(seed: int, space: sdr_jax.Space) -> Scaled:
-    """`b.x - 4 |a.x|`: a sharp ridge in a random direction over all attributes, to be followed uphill."""
+    """`b.x - 4 |a.x|`: a sharp ridge in a random direction over all attributes, with a slope along it."""
     rng = np.random.default_rng([seed, 5])
     across, along = np.linalg.qr(rng.normal(size=(space.attributes, 2)))[0].T.astype(np.float32)
     start = rng.uniform(0.2, 0.8, space.attributes).astype(np.float32)
@@ -63,7 +63,7 @@ def ridge(seed: int, space: sdr_jax.Space) -> Scaled:
 
 
 def categories(seed: int) -> Scaled:
-    """A table of unordered attributes with 2 to 6 values each: effects of one, two and three together."""
+    """A table of unordered attributes with 2 to 6 values each, with effects of one, two and three."""
     rng = np.random.default_rng([seed, 6])
     names = [f"x{k}" for k in range(len(CHOICES))]
     space = sdr_jax.space(names, CHOICES, [names[:4], names[4:]], unordered=names)
@@ -74,14 +74,14 @@ def categories(seed: int) -> Scaled:
 
 
 def binary(seed: int) -> Scaled:
-    """All 2^8 rewards of eight switches, without noise: effects of each order have half of the last's."""
+    """All 2^8 rewards of eight switches without noise; each order of effects has half the last one's."""
     rng = np.random.default_rng([seed, 7])
     table = sum(_effects(rng, (2,) * 8, order, 0.5**order) for order in range(1, 9))
     return _in_percent(sdr_jax.space([f"x{k}" for k in range(8)], 2), np.asarray(table), 0.0)
 
 
 def _in_percent(space: sdr_jax.Space, table: np.ndarray, noise: float) -> Scaled:
-    """A table with its mean at 0 and its best entry at 100."""
+    """Scale a table so that its mean is 0 and its best entry 100."""
     scale = 100 / (table.max() - table.mean())
     return tabular(space, scale * (table - table.mean()), noise)
 
@@ -89,7 +89,7 @@ def _in_percent(space: sdr_jax.Space, table: np.ndarray, noise: float) -> Scaled
 def _effects(
     rng: np.random.Generator, sizes: tuple[int, ...], order: int, share: float
 ) -> np.ndarray:
-    """A table of variance ``share``: the joint effects of all combinations of ``order`` attributes."""
+    """A table with variance ``share``: the joint effects of all combinations of ``order`` attributes."""
     found = np.zeros(sizes)
     for members in combinations(range(len(sizes)), order):
         shape = [size if axis in members else 1 for axis, size in enumerate(sizes)]

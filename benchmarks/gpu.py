@@ -1,12 +1,12 @@
-"""The whole check of a machine with a GPU, in one command: tests, rendering, nets, and the paper's search.
+"""Checks a machine with a GPU in one command: tests, rendering, nets, and the paper's search.
 
     python -m benchmarks.gpu --data CAMVID --weights vgg16.npz --tests --json gpu.json
     python -m benchmarks.gpu --small                                    # a minute on a CPU: does it run?
 
-Seconds of a rendered image by both renderers (`opengl` through EGL is the card's), of an update and a
-prediction in float32 and bfloat16, of lite0's features, and of one whole reward of `--preset paper` on
-CamVid. From these follows what the paper's search takes: 300 rewards of 180 images and 1000 updates; it
-took them 52 hours on one RTX 2080 Ti. Nothing is left on the disk but the JSON.
+It measures the seconds of a rendered image by both renderers (`opengl` through EGL uses the card), of an
+update and a prediction in float32 and bfloat16, of lite0's features, and of one whole reward of `--preset
+paper` on CamVid. From these it computes the time of the paper's search: 300 rewards of 180 images and 1000
+updates, which took the authors 52 hours on one RTX 2080 Ti. Only the JSON stays on the disk.
 """
 
 from __future__ import annotations
@@ -41,16 +41,16 @@ from seg.train import predict, train
 from shell.errors import UserError
 
 PAPER_HOURS = 52
-"""Of the whole search on one RTX 2080 Ti. Source: the paper, section 4."""
+"""Hours of the whole search on one RTX 2080 Ti. Source: the paper, section 4."""
 TABLE = "camvid"
 NETS = ("fcn8s", "deeplabv2", "lite0", "compact")
 SMALL = ("compact", "lite0")
 CHUNK = 50
-"""Updates between two looks at the clock; `seg.train` looks at the loss as often."""
+"""Updates between two readings of the clock; `seg.train` checks the loss as often."""
 
 
 def rendering(fidelity: Fidelity, names: list[str]) -> list[Row]:
-    """Seconds of an image, in one process, of every renderer that this machine has."""
+    """Seconds of an image in one process by every renderer of this machine."""
     rows = []
     for name in names:
         recipe = Recipe(fidelity, TABLE, name, AssetPool())
@@ -90,7 +90,7 @@ def nets(fidelity: Fidelity, names: Sequence[str], updates: int) -> list[Row]:
 def _update(
     settings: TrainSettings, images: np.ndarray, labels: np.ndarray, classes: int
 ) -> tuple[float, Any]:
-    """Seconds of an update after the first `CHUNK`, in which it is compiled; and the parameters."""
+    """Seconds of an update after the first `CHUNK`, which includes compilation; and the parameters."""
     looks: list[tuple[int, float]] = []
     params = train(
         0, images, labels, settings, classes,
@@ -110,7 +110,7 @@ def _row(
 
 
 def reward(fidelity: Fidelity, truth: LabelledImages, renderer: str) -> Row:
-    """One evaluation as a search asks for it, the second of its process."""
+    """One evaluation as in a search, the second one of its process."""
     recipe = Recipe(fidelity, TABLE, renderer, AssetPool())
     for seed in (0, 1):
         outcome = evaluate_miou(recipe, default_proposal(), seed, truth)
@@ -123,7 +123,7 @@ def reward(fidelity: Fidelity, truth: LabelledImages, renderer: str) -> Row:
 
 
 def projected(rewards: int, own: Row, cores: int) -> Row:
-    """Hours of a search of that many rewards: one after the other, and with rendering beside training."""
+    """Hours of a search of so many rewards: one after the other, and with rendering beside training."""
     serial = own["render_s"] + own["train_s"]
     beside = max(own["render_s"] / max(cores - 1, 1), own["train_s"])
     return {
@@ -136,7 +136,7 @@ def projected(rewards: int, own: Row, cores: int) -> Row:
 
 
 def tests(words: list[str]) -> Row:
-    """The tests, in a process of their own, and their last line."""
+    """Run the tests in a new process; their last line."""
     command = [sys.executable, "-m", "pytest", "-q", *words]
     run = partial(subprocess.run, command, capture_output=True, text=True, check=False)
     seconds, found = timed(run)
@@ -154,11 +154,15 @@ def _real_images(data: Path, fidelity: Fidelity) -> LabelledImages:
 def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
     command = parser(__doc__)
-    command.add_argument("--data", type=Path, help="CamVid; else nets are tested on noise")
-    command.add_argument("--weights", help="VGG16's, from `sdr-jax weights`; else from scratch")
-    command.add_argument("--nets", nargs="+", choices=NETS, help="whose updates are timed")
+    command.add_argument(
+        "--data", type=Path, help="folder of CamVid; by default nets are tested on noise"
+    )
+    command.add_argument(
+        "--weights", help="VGG16's, from `sdr-jax weights`; by default from scratch"
+    )
+    command.add_argument("--nets", nargs="+", choices=NETS, help="nets to time")
     command.add_argument("--renderers", nargs="+", default=["opengl", "embree"])
-    command.add_argument("--tests", action="store_true", help="run the tests, too, the slow ones")
+    command.add_argument("--tests", action="store_true", help="also run the tests, with slow ones")
     command.add_argument("--small", action="store_true", help="everything tiny: does it run?")
     options = command.parse_args(arguments)
     config = defaults(MainConfig, "camvid", "smoke" if options.small else "paper")

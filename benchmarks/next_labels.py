@@ -1,13 +1,12 @@
-"""Which fourteen images to label next: does a net that has seen fourteen choose better than chance?
+"""Measures whether a net that has seen fourteen images chooses the next fourteen better than chance.
 
     python -m benchmarks.next_labels CAMVID --seed 6 --seeds 8 [--json FILE]    # two minutes of a core a seed
 
 A net as `sdr-jax fit` trains it on labels alone (240x176) learns from 14 random images of the drives 0016E5
 and 0001TP and ranks the others; a fresh net then learns from these and the first 14 of each ranking. All
-are tested on the drive 0006R0. Rankings of a seed begin with the same net, so they are compared
-in pairs. ``spread`` is the order of `sdr-jax predict --rank`; ``margin`` and ``entropy`` are means over
-pixels alone; ``balanced`` weights each pixel's entropy by its classes' rarity in what the net predicts, as
-mIoU does.
+are tested on the drive 0006R0. Rankings of a seed begin with the same net, so they are paired. ``spread`` is
+the order of `sdr-jax predict --rank`; ``margin`` and ``entropy`` are means over pixels alone; ``balanced``
+weights each pixel's entropy by the rarity of its classes in the predictions, as mIoU does.
 """
 
 from __future__ import annotations
@@ -33,13 +32,13 @@ from seg.views import view_images
 from shell.target_file import find_target
 
 FIRST = 14
-"""Labelled images at the start, and chosen by each ranking."""
+"""Number of labelled images at the start, and of images that each ranking adds."""
 WIDTH, HEIGHT = 240, 176
 SETTINGS = configured((WIDTH, HEIGHT)).final.train
 HELD_OUT = "0006R0"
 BATCH = 32
 AFRESH = 1000
-"""Added to the seed of nets that learn from the images chosen."""
+"""Added to the seed of nets that learn from the chosen images."""
 RANKINGS = ("random", "entropy", "margin", "balanced", "spread")
 
 
@@ -64,13 +63,13 @@ def drives(data: Path) -> Drives:
 
 
 def fitted(own: Drives, chosen: Sequence[int], seed: int) -> Params:
-    """A net on some images of the pool."""
+    """Train a net on some images of the pool."""
     part = own.pool.take(chosen)
     return train(seed, part.images, part.labels, SETTINGS, own.classes, features=part.features)
 
 
 def tested(own: Drives, net: Params) -> float:
-    """MIoU in percent on the drive that is held out."""
+    """MIoU in percent on the held-out drive."""
     test = own.test
     found = score(net, test.images, test.labels, SETTINGS, own.classes, features=test.features)
     return 100 * float(mean_iou(found))
@@ -87,7 +86,7 @@ def _scores(own: Drives, net: Params) -> Iterator[np.ndarray]:
 def ranked(
     own: Drives, net: Params, rng: np.random.Generator, rest: list[int]
 ) -> dict[str, list[int]]:
-    """Images that are not labelled yet, the most wanted first, by each ranking."""
+    """The unlabelled images in the order of each ranking."""
     entropy, unsure, by_class, shares = [], [], [], []
     for scores in _scores(own, net):
         p = np.exp(scores - scores.max(axis=-1, keepdims=True))
@@ -110,7 +109,7 @@ def ranked(
 
 
 def measured(own: Drives, seed: int) -> list[Row]:
-    """MIoU before, and with the images of each ranking."""
+    """MIoU at the start, and with the images of each ranking."""
     rng = np.random.default_rng(seed)
     first = rng.choice(len(own.pool.images), FIRST, replace=False).tolist()
     net = fitted(own, first, seed)
@@ -123,7 +122,7 @@ def measured(own: Drives, seed: int) -> list[Row]:
 
 
 def summary(rows: Sequence[Row]) -> list[Row]:
-    """Of each ranking its mean, and its gain over random images with a 95 % interval over seeds."""
+    """Each ranking's mean, and its gain over random images with a 95 % interval over seeds."""
     found = []
     for name in ("none", *RANKINGS):
         line: Row = {"14 more by": name}

@@ -1,10 +1,10 @@
-"""Other renderers on a street of ours, each in a process of its own and in whichever Python has it.
+"""Times other renderers on one of our streets, each in its own process, in any Python that has it.
 
-    python benchmarks/peers.py mitsuba FOLDER     # FOLDER as export_street leaves it
+    python benchmarks/peers.py mitsuba FOLDER     # FOLDER from export_street
 
-They draw one merged mesh in one colour from one camera under one sun, with what both cores give them, and
-are told the time by themselves: the median of three images after one that warms up. They only get simpler
-work than ours (no textures, and a label only where it says so), so a ratio is a bound from below.
+They draw one merged mesh in one colour from one camera under one sun on both cores, and time themselves: the
+median of three images after one for warming up. Their work is simpler than ours (no textures, and labels only
+where noted), so a ratio is a lower bound.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 PEERS = ("pyrender", "mitsuba", "blender")
 NOT_INSTALLED = 3
-"""Exit code of a peer that is not there."""
+"""Exit code of a peer that is not installed."""
 
 Timed = Iterator[tuple[str, float]]
 
@@ -56,7 +56,7 @@ def export_street(folder: Path, street: Street, width: int, height: int) -> None
 
 
 def run_peer(python: str, name: str, folder: Path) -> list[tuple[str, float]]:
-    """(what, ms) of everything the peer was asked for; empty, with a note, where it is not installed."""
+    """(what, ms) of the peer's measurements; empty, with a note, if it is not installed."""
     command = [python, str(Path(__file__)), name, str(folder)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode == NOT_INSTALLED:
@@ -71,7 +71,7 @@ def run_peer(python: str, name: str, folder: Path) -> list[tuple[str, float]]:
 
 
 def _median(draw: Callable[[], Any]) -> float:
-    """Milliseconds: the median of three, after one that warms up."""
+    """The median milliseconds of three runs after one for warming up."""
     times = []
     for _ in range(4):
         started = time.perf_counter()
@@ -86,7 +86,7 @@ def _pyrender(mesh: Any, view: dict[str, Any]) -> Timed:
     os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
     import numpy as np
 
-    if not hasattr(np, "infty"):  # pyrender 0.1.45 knows NumPy 1 only
+    if not hasattr(np, "infty"):  # pyrender 0.1.45 needs names of NumPy 1
         np.infty = np.inf  # type: ignore[attr-defined]  # noqa: NPY201
     import pyrender
 

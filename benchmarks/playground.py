@@ -1,11 +1,10 @@
-"""From slider to picture: the playground in a headless browser, timed within its page.
+"""Times the playground from slider to picture, within its page in a headless browser.
 
     python -m benchmarks.playground
     python -m benchmarks.playground --size 640x360 --repeats 10
 
-A key moves a slider; the time is that until the browser has drawn the preview, and until it has drawn the
-picture at full size that follows when nothing else moves. Needs the extras `playground` and `test`, and
-Chromium.
+A key moves a slider; the times end when the browser has drawn the preview, and when it has drawn the picture
+at full size, which follows if nothing else moves. It needs the extras `playground` and `test`, and Chromium.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ from benchmarks.report import Row, count, parser, report
 ROOT = Path(__file__).resolve().parents[1]
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 SLIDERS = ("camera_position_y", "building_position", "car_interval", "illumination_intensity")
-"""Moved in turn: the camera alone, what stands where, how much of it there is, the light."""
+"""Sliders to move in turn: of the camera, of positions, of densities, of the light."""
 
 LISTEN = """() => {
     document.addEventListener('keydown', () => {
@@ -39,17 +38,17 @@ LISTEN = """() => {
         if (window.began) window.drawn.push(performance.now() - window.began);
     });
 }"""
-"""Notes in the page when a key went down, and when pictures were drawn after it."""
+"""Records in the page when a key goes down, and when pictures are drawn after it."""
 
 
 def browser() -> str | None:
-    """The program of a browser that is installed here, if there is one."""
+    """The program of an installed browser, if there is one."""
     return next(filter(None, map(shutil.which, BROWSERS)), None)
 
 
 @contextmanager
 def served(size: str) -> Iterator[str]:
-    """The address of a playground of its own."""
+    """Start a playground; its address."""
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = str(free.getsockname()[1])
     words = ["-m", "experiments.playground", "--no-browser", "--size", size, "--port", port]
@@ -82,7 +81,7 @@ def measured(size: str, repeats: int, program: str) -> list[Row]:
         page.goto(address)
         page.wait_for_selector(".time:has-text('picture in')", timeout=600_000)
         page.evaluate(LISTEN)
-        for slider in SLIDERS:  # what is loaded once
+        for slider in SLIDERS:  # warms up
             drawn(page, slider, "PageDown")
         found = [
             drawn(page, SLIDERS[k % len(SLIDERS)], ("PageUp", "PageDown")[k // len(SLIDERS) % 2])

@@ -1,9 +1,8 @@
-"""Problems for searches whose answer is known: analytic rewards of ordered attributes, with noise.
+"""Problems with known answers for searches: analytic rewards of ordered attributes, with noise.
 
-Values are sums of one function per attribute and of products of two within a group, tabulated on a
-fixed grid: so the mean over a proposal's intervals is exact. 0 is the value of random attributes, 100
-that of the best bins. What every problem is made of is here, too; `benchmarks.foreign` has problems of
-other forms.
+Values are sums of one function per attribute and of products of two within a group, tabulated on a fixed
+grid, so that the mean over a proposal's intervals is exact. 0 is the value of random attributes, 100 that of
+the best bins. This file also has the parts of all problems; `benchmarks.foreign` has problems of other forms.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ import numpy as np
 import sdr_jax
 
 GRID = 400
-"""Cells that [0, 1] is cut into; functions are constant on each."""
+"""Number of cells of [0, 1]; functions are constant on each."""
 
 GROUPS = (7, 2, 2, 2, 2, 8)
 """Sizes of the groups, as in the experiments: positions, densities in pairs, environment."""
@@ -29,11 +28,11 @@ GROUPS = (7, 2, 2, 2, 2, 8)
 BINS = 10
 
 Raw = Callable[[jax.Array, jax.Array], jax.Array]
-"""Values f32[n] of the centres and widths f32[n attributes] of proposals, in units of their own."""
+"""Gives values f32[n] in any unit from the centres and widths f32[n attributes] of proposals."""
 
 
 class Problem(Protocol):
-    """What `benchmarks.search.evaluate` takes; a problem of your own needs these three."""
+    """A problem for `benchmarks.search.evaluate`; your own needs these three."""
 
     @property
     def space(self) -> sdr_jax.Space:
@@ -68,13 +67,13 @@ class Scaled:
 
 
 def scaled(space: sdr_jax.Space, raw: Raw, best: np.ndarray | None = None) -> Scaled:
-    """Values on a scale from random attributes, 0, to the best bins, 100, with a noise of 10.
+    """Scale values so that random attributes have 0 and the best bins 100, with a noise of 10.
 
     Args:
-        space: of the attributes.
+        space: the space of the attributes.
         raw: the values.
-        best: bins i32[n attributes] of which one is the best; by default those that coordinate ascent
-            finds from 16 starts.
+        best: bins i32[n attributes] that include the best; by default coordinate ascent finds them from 16
+            starts.
     """
     best = _ascent(space, raw) if best is None else best
     top = float(raw(*sdr_jax.relax(space, best)).max())
@@ -95,9 +94,9 @@ def _ascent(space: sdr_jax.Space, raw: Raw) -> np.ndarray:
 
 
 def tabular(space: sdr_jax.Space, table: np.ndarray, noise: float = 0.0) -> Scaled:
-    """A table of rewards f64[bins of attribute 0, bins of attribute 1, ...], in the table's own units.
+    """The problem of a table of rewards f64[bins of attribute 0, bins of attribute 1, ...], in its units.
 
-    A proposal is worth the mean of the entries that its intervals cover, by how much they do.
+    The value of a proposal is the mean of the entries that its intervals cover, weighted by the coverage.
     """
 
     def raw(centre: jax.Array, width: jax.Array) -> jax.Array:
@@ -137,7 +136,7 @@ def means(integrals: jax.Array, centre: jax.Array, width: jax.Array) -> jax.Arra
     Args:
         integrals: f32[rows grid+1 functions], from `integrals_of`.
         centre: f32[n rows], the middle of the intervals.
-        width: f32[n rows], their length; that of a point is its neighbourhood's.
+        width: f32[n rows], their length; a point takes the value of its cell.
     """
     width = jnp.maximum(width, 1e-3)
     centre = jnp.clip(centre, width / 2, 1 - width / 2)
@@ -170,14 +169,14 @@ def grouped_space() -> sdr_jax.Space:
 
 
 def smooth(seed: int) -> Scaled:
-    """One broad optimum; within groups the best value of one attribute leans on the others'."""
+    """One broad optimum; within groups the best value of one attribute depends on the others."""
     rng = np.random.default_rng([seed, 0])
     space, functions, _ = _bowl(rng, np.ones(sum(GROUPS), bool))
     return analytic(space, functions)
 
 
 def rugged(seed: int) -> Scaled:
-    """The smooth problem under ripples, of attributes alone and of pairs."""
+    """The smooth problem with ripples of attributes alone and of pairs."""
     rng = np.random.default_rng([seed, 1])
     space, functions, weights = _bowl(rng, np.ones(sum(GROUPS), bool))
     u = cells()
@@ -192,7 +191,7 @@ def rugged(seed: int) -> Scaled:
 
 
 def plateau(seed: int) -> Scaled:
-    """Flat but for a window in each attribute, worth more where its neighbours are in theirs."""
+    """Flat except for a window in each attribute, whose value grows if its neighbours are in theirs."""
     rng = np.random.default_rng([seed, 2])
     space, u = grouped_space(), cells()
     functions = np.zeros((space.attributes, 1 + space.attributes, GRID))
@@ -208,7 +207,7 @@ def plateau(seed: int) -> Scaled:
 
 
 def weak_signal(seed: int) -> Scaled:
-    """The smooth problem with 5 attributes that matter, 18 that do not, and more noise."""
+    """The smooth problem with 5 attributes with effects, 18 without, and more noise."""
     rng = np.random.default_rng([seed, 3])
     matters = np.zeros(sum(GROUPS), bool)
     matters[rng.choice(sum(GROUPS), 5, replace=False)] = True
@@ -236,7 +235,7 @@ def _bowl(
     functions[:, 0] = -weights[:, None] * x**2
     sizes = {i: len(group) for group in space.groups for i in group}
     for i, j in _pairs(space):
-        # Less than the squares together, so that the optimum stays where it is.
+        # Less than the sum of the squares, so that the optimum stays in place.
         lean = rng.uniform(-1.8, 1.8) * np.sqrt(weights[i] * weights[j]) / (sizes[i] - 1)
         functions[i, 1 + j], functions[j, 1 + i] = -lean * x[i], x[j]
     return space, functions, weights
@@ -249,7 +248,7 @@ def analytic(space: sdr_jax.Space, functions: np.ndarray) -> Scaled:
 
 
 def _best_bins(space: sdr_jax.Space, functions: np.ndarray, starts: int = 64) -> np.ndarray:
-    """The best bins, by coordinate ascent from many starts."""
+    """Find the best bins by coordinate ascent from many starts."""
     rng = np.random.default_rng(0)
     means = functions.reshape(*functions.shape[:2], BINS, -1).mean(axis=3)  # [i, 1+j, bins]
     rows = np.arange(space.attributes)

@@ -1,4 +1,4 @@
-"""What the table of searches comes down to: ranks, losses, evaluations needed, and a plot."""
+"""Summaries of the table of searches: ranks, losses, evaluations needed, and a plot."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from scipy.stats import rankdata
 from benchmarks.report import Row, table
 
 REFERENCE = "random_search"
-"""The method whose value after the most evaluations is the goal that others may reach with fewer."""
+"""The reference: its value after the most evaluations is the goal for the other methods."""
 
 Values = Mapping[tuple[str, str], np.ndarray]
 """(method, problem) -> f64[budgets seeds]."""
@@ -22,7 +22,7 @@ def _names(values: Mapping[tuple[str, str], Any]) -> tuple[list[str], list[str]]
 
 
 def mean_ranks(values: Values) -> dict[str, float]:
-    """The mean of each method's rank over all problems and budgets, 1 being the best; best first."""
+    """The mean of each method's rank over all problems and budgets, best (lowest) first."""
     methods, problems = _names(values)
     means = np.stack([[values[m, p].mean(axis=1) for p in problems] for m in methods])
     ranks = rankdata(-means, axis=0).mean(axis=(1, 2))
@@ -30,7 +30,7 @@ def mean_ranks(values: Values) -> dict[str, float]:
 
 
 def behind(values: Values, ours: str, budgets: tuple[int, ...]) -> list[Row]:
-    """Each column beside its best rival: the paired difference, and in standard errors of it."""
+    """Each column's paired difference from the best rival, also in its standard errors."""
     methods, problems = _names(values)
     rivals = [method for method in methods if method != ours]
     if ours not in methods or not rivals:
@@ -86,7 +86,7 @@ def text(
     budgets: tuple[int, ...],
     ours: str,
 ) -> str:
-    """All of it for people, as Markdown."""
+    """All summaries for people, as Markdown."""
     parts = ["Mean rank over all problems and numbers of evaluations:"]
     parts.append(table([{"method": m, "mean rank": rank} for m, rank in ranks.items()]))
     if lost:
@@ -113,7 +113,7 @@ def text(
 
 
 def plot(course: Mapping[tuple[str, str], Mapping[int, float]], path: str, ours: str) -> None:
-    """Value of the recommendation against evaluations, one panel per problem."""
+    """Draw the value of the recommendation against evaluations, one panel per problem."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -128,7 +128,7 @@ def plot(course: Mapping[tuple[str, str], Mapping[int, float]], path: str, ours:
     for axis, problem in zip(axes.flat, problems, strict=False):
         for k, method in enumerate(methods):
             x, y = zip(*sorted(course[method, problem].items()), strict=True)
-            # Of the others each has one of ten colours, and then again dashed.
+            # Other methods have ten colours, then the same with dashed lines.
             style: dict[str, Any] = {
                 "lw": 1.2,
                 "color": f"C{k % 10}",

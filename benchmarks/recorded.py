@@ -1,4 +1,4 @@
-"""Real rewards on CamVid, recorded, and a surrogate fitted to them that answers for any bins.
+"""Recorded rewards on real CamVid, and a surrogate fitted to them that gives rewards of any bins.
 
     sdr-jax camvid --data DIR --preset quick --holdout 0006R0 --store rewards.jsonl --out RUN
     sdr-jax study compare --target camvid --data DIR --preset quick --holdout 0006R0 \\
@@ -7,9 +7,9 @@
 
 Each line is one reward of the quick recipe: bins of all 23 attributes, and the mIoU on sequences 0016E5
 and 0001TP, in percent, of a net trained on 96 images of 64x48 rendered with them. The adaptive ones come
-first (method `surrogate` at temperatures 0.7 and 1, 288 each), then 128 at random. What answers is a Gaussian
-process, another kind of model than any of the methods has: Matern 5/2 over all attributes at once, a
-length scale for each. Scales, size and noise are those of the highest evidence.
+first (method `surrogate` at temperatures 0.7 and 1, 288 each), then 128 at random. The surrogate is a
+Gaussian process, a model that none of the methods has: Matern 5/2 over all attributes at once, with a length
+scale for each. Scales, size and noise have the highest evidence.
 """
 
 from __future__ import annotations
@@ -33,23 +33,23 @@ import sdr_jax
 RECORD = Path(__file__).parent / "data" / "camvid.jsonl"
 BINS = 10
 WIDTH = 0.3
-"""Of the relaxed bins when the rewards were recorded."""
+"""Width of the relaxed bins when the rewards were recorded."""
 
 QUICK = {"target": "camvid", "side": "reward", "size": "64x48", "images": 96, "steps": 200}
-"""What a store says of the quick recipe's rewards."""
+"""Fields of the quick recipe's rewards in a store."""
 
 POINTS = 64
-"""Centres at which a wider interval is evaluated."""
+"""Number of centres at which a wider interval is evaluated."""
 
 
 @dataclass(frozen=True, eq=False)
 class Surrogate:
-    """A Gaussian process's mean, with the noise that it measured."""
+    """A Gaussian process's mean with its fitted noise."""
 
     space: sdr_jax.Space
     centres: jax.Array  # f32[records attributes], divided by the length scales
     lengths: jax.Array  # f32[attributes]
-    weights: jax.Array  # f32[records]: what each record adds, the kernel's size included
+    weights: jax.Array  # f32[records]: weight of each record, with the kernel's size
     mean: float  # of all rewards, in percent
     noise: float  # standard deviation of a reward, in percent
 
@@ -63,7 +63,7 @@ class Surrogate:
         return float(self._values(sdr_jax.Proposal(centre, width))[0])
 
     def _values(self, proposals: sdr_jax.Proposal) -> jax.Array:
-        # Points at which the records' own width leaves nothing to choose are all the same.
+        # If the records' own width leaves no choice, all points are equal.
         points = POINTS if np.any(np.asarray(proposals.width) > WIDTH) else 1
         return _predict(
             self.centres, self.lengths, self.weights, *proposals, self.mean, points=points
@@ -85,11 +85,11 @@ def _predict(
     mean: float,
     points: int,
 ) -> jax.Array:
-    """Mean over what of each interval the records' own width leaves to choose, f32[n]."""
+    """Mean over the centres of the records' width within each interval, f32[n]."""
     slack = jnp.maximum(width - WIDTH, 0.0)
     offsets = jnp.asarray(_points(centre.shape[1])[:points]) - 0.5
     at = centre[:, None] + slack[:, None] * offsets[None]
-    # Recorded centres slid inside; narrower intervals further out have no record of their own.
+    # Recorded centres were slid inside; narrower intervals further out have no records.
     at = jnp.clip(at, WIDTH / 2, 1 - WIDTH / 2) / lengths[None, None]
     added = _matern(jnp, at[:, :, None] - centres[None, None]) @ weights
     return jnp.mean(added, axis=1) + mean
@@ -114,7 +114,7 @@ def read(path: Path = RECORD) -> tuple[np.ndarray, np.ndarray]:
 
 @cache
 def camvid() -> Surrogate:
-    """The surrogate of the committed record."""
+    """The surrogate of the committed records."""
     from experiments.config import MainConfig, make_space
     from experiments.config.presets import defaults
 
@@ -122,7 +122,7 @@ def camvid() -> Surrogate:
 
 
 def fit(space: sdr_jax.Space, bins: np.ndarray, rewards: np.ndarray) -> Surrogate:
-    """Fit by the highest evidence, with a weak preference for smooth functions."""
+    """Fit the surrogate by the highest evidence, with a weak preference for smooth functions."""
     centre = np.asarray(sdr_jax.relax(space, bins.astype(np.int32), WIDTH).centre, np.float64)
     mean, spread = rewards.mean(), rewards.std()
     y = (rewards - mean) / spread
@@ -137,7 +137,7 @@ def fit(space: sdr_jax.Space, bins: np.ndarray, rewards: np.ndarray) -> Surrogat
     def loss(log: jax.Array) -> jax.Array:
         factor = jnp.linalg.cholesky(kernel(log))
         half = jax.scipy.linalg.solve_triangular(factor, jnp.asarray(y), lower=True)
-        # A normal prior around length 2 of log lengths: the evidence alone has 25 numbers to choose.
+        # A normal prior of log lengths around length 2, since the evidence alone would fit 25 numbers.
         prior = 0.5 * jnp.sum((log[2:] - jnp.log(2.0)) ** 2)
         return 0.5 * half @ half + jnp.log(jnp.diag(factor)).sum() + prior
 
@@ -167,7 +167,7 @@ def fit(space: sdr_jax.Space, bins: np.ndarray, rewards: np.ndarray) -> Surrogat
 
 
 def record(stores: list[Path], path: Path = RECORD) -> int:
-    """Collect the quick recipe's rewards with all attributes decided; returns how many there are."""
+    """Collect the quick recipe's rewards with all attributes decided; returns their number."""
     lines = []
     for store in stores:
         for text in store.read_text(encoding="utf-8").splitlines():
@@ -186,7 +186,7 @@ def record(stores: list[Path], path: Path = RECORD) -> int:
 
 
 def _bins_of(centre: np.ndarray) -> list[int]:
-    """Bins whose relaxed centres these are; of two that slid to the same place, the lower."""
+    """Bins with these relaxed centres; the lower one of two that slid to the same place."""
     candidates = np.clip((np.arange(BINS) + 0.5) / BINS, WIDTH / 2, 1 - WIDTH / 2)
     nearest = np.abs(centre[:, None] - candidates[None]).argmin(axis=1)
     return [int(k) for k in nearest]

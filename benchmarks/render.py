@@ -1,14 +1,15 @@
-"""Images with labels per second, both renderers side by side on the same streets.
+"""Measures images with labels per second for both renderers on the same streets.
 
     python -m benchmarks.render --json render.json
-    python -m benchmarks.render --peers     # other renderers that are installed, on the same street
-    python -m benchmarks.render --against ../before     # only: this checkout beside another one
+    python -m benchmarks.render --peers     # also other installed renderers on the same street
+    python -m benchmarks.render --against ../before     # only compares this checkout with another one
 
-Hand-set streets, street building included; workers are started before the clock runs and have met the
-streets' assets once, as after the first streets of any dataset; ``starts`` says what the first ones cost.
-``ratio`` is the speed against the first row of the same size. The split is of one process, in ms per image:
-``build`` (the street, its arrays and its sky), ``bvh`` (hierarchies, or upload to OpenGL), ``rays`` (what is
-seen and lit), ``shade`` (to the finished frame), ``write`` (image and label as PNG, not part of the speed).
+Streets are hand-set, and times include building them. Workers are started before the clock and have loaded
+the streets' assets once, as after the first streets of any dataset; ``starts`` gives the cost of the first
+ones. ``ratio`` is the speed relative to the first row of the same size. The split is that of one process, in
+ms per image: ``build`` (the street, its arrays and its sky), ``bvh`` (hierarchies, or upload to OpenGL),
+``rays`` (visibility and light), ``shade`` (to the finished frame), ``write`` (image and label as PNG, not
+part of the speed).
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ STAGES = ("build", "bvh", "rays", "shade", "write")
 def _memory(_: int) -> float:
     """Peak memory of this process, MiB."""
     status = Path("/proc/self/status")
-    if status.exists():  # ``getrusage`` may tell the peak of the process that started this one
+    if status.exists():  # ``getrusage`` may give the peak of the parent process
         fields = dict(line.split(":", 1) for line in status.read_text().splitlines())
         return int(fields["VmHWM"].split()[0]) / 2**10
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -56,10 +57,10 @@ def _memory(_: int) -> float:
 def speed(
     name: str, size: tuple[int, int, int], workers: int, streets: int, shots: int
 ) -> tuple[float, float]:
-    """Images per second: the median of three times the same dataset, after one that makes the assets.
+    """Images per second: the median of three renderings of a dataset, after one that makes the assets.
 
     Returns:
-        Images per second, and the most memory that a worker held, MiB.
+        Images per second, and the peak memory of a worker, MiB.
     """
     drawn, settings = draw(default_proposal(), 0, streets), RenderSettings(*size)
     with WorkerPool(workers) as pool:
@@ -78,7 +79,7 @@ def speed(
 
 
 def split(name: str, size: tuple[int, int, int], streets: int, shots: int) -> dict[str, float]:
-    """Milliseconds per image of every stage: the median over streets, each rendered once before."""
+    """Milliseconds per image of every stage: the median over streets, which were rendered once before."""
     settings, engine = RenderSettings(*size), renderer(name)
     costs = defaultdict(list)
     for k, unit in enumerate(draw(default_proposal(), 0, streets)):
@@ -105,7 +106,7 @@ def split(name: str, size: tuple[int, int, int], streets: int, shots: int) -> di
 
 
 def renderers(sizes: list[tuple[int, int, int]], streets: int, shots: int) -> list[Row]:
-    """One row for each size, renderer and number of workers."""
+    """Measure one row for each size, renderer and number of workers."""
     drawn = [
         street_of(u, 0, k, 1, AssetPool())
         for k, u in enumerate(draw(default_proposal(), 0, streets))
@@ -185,7 +186,7 @@ def main(arguments: list[str] | None = None) -> int:
         type=int,
         nargs="+",
         choices=[size[0] for size in SIZES],
-        help="sizes of these widths only; by default all",
+        help="only sizes with these widths; by default all",
     )
     command.add_argument("--peers", action="store_true", help="measure other renderers, too")
     command.add_argument(

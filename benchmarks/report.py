@@ -1,4 +1,4 @@
-"""What every benchmark prints and writes: the machine, the versions, and rows of plain values."""
+"""The output of every benchmark: the machine, the versions, and rows of plain values."""
 
 from __future__ import annotations
 
@@ -46,14 +46,14 @@ def count(least: int, text: str) -> int:
 
 
 def timed(work: Callable[[], Done]) -> tuple[float, Done]:
-    """The wall-clock seconds that some work takes, and what it returns."""
+    """The wall-clock seconds of some work, and its result."""
     started = time.perf_counter()
     done = work()
     return time.perf_counter() - started, done
 
 
 def machine() -> dict[str, Any]:
-    """The processor as the system names it, and how many cores this process may use."""
+    """The system's name of the processor, and the number of cores that this process may use."""
     name = platform.processor() or platform.machine()
     cpuinfo = Path("/proc/cpuinfo")
     if cpuinfo.exists():
@@ -66,7 +66,7 @@ def machine() -> dict[str, Any]:
 
 
 def report(rows: list[Row], path: Path | None) -> None:
-    """Print the rows as a table; with ``path``, write everything there as JSON."""
+    """Print the rows as a table; with ``path``, write all as JSON there."""
     print(table(rows))
     write(path, rows=rows)
 

@@ -1,14 +1,13 @@
-"""What more workers bring: measured with 1 and 2 here, planned from that for 1, 8 and 64.
+"""Measures the speed with 1 and 2 workers, and estimates it for 1, 8 and 64.
 
     python -m benchmarks.scale [--json FILE]                              # some minutes
-    python -m benchmarks.scale --scheduler tcp://10.0.0.1:8786            # a Dask cluster as it is, too
+    python -m benchmarks.scale --scheduler tcp://10.0.0.1:8786            # also an existing Dask cluster
 
-Measured: exports of labelled streets, and rewards (render, train, test) as the demo asks for them. The
-plan is of 10,000 images of that size and of a search of 1,000 rewards at the paper's, whose training costs
-what ``experiments.evaluation.cost`` says. Some things are done in one place: the main process writes the
-files of an export, and a network of 1 Gbit/s brings them; updates of a search follow each other, and each
-asks for some rewards at once. ``busy`` is the share of the workers' time that is work, ``first`` what
-keeps it from being more.
+It measures exports of labelled streets, and rewards (render, train, test) as in the demo. The estimate is for
+10,000 images of that size and for a search of 1,000 rewards at the paper's size, whose training costs as much
+as ``experiments.evaluation.cost`` says. Some work is serial: the main process writes the files of an export,
+which come over a network of 1 Gbit/s; updates of a search follow each other, and each needs some rewards at
+once. ``busy`` is the share of the workers' time that is work, ``first`` the bottleneck.
 """
 
 from __future__ import annotations
@@ -42,22 +41,22 @@ from scene.workers import WorkerPool, Workers
 from shell.errors import UserError
 
 NETWORK = 125e6
-"""Bytes a second between machines, 1 Gbit/s; not measured."""
+"""Bytes per second between machines, 1 Gbit/s; not measured."""
 PLANNED = (1, 8, 64)
 IMAGES, REWARDS = 10_000, 1_000
 SHOTS = 6
 
 
 class Export(NamedTuple):
-    """What an image of an export costs."""
+    """The costs of an image of an export."""
 
     seconds: float  # of a worker's core
-    main: float  # of the main process, which writes it
+    main: float  # seconds of the main process, which writes it
     size: float  # bytes on the disk
 
 
 def export(workers: Workers, streets: int, width: int, height: int) -> tuple[float, Export]:
-    """Wall seconds an image, and its costs; the second of two exports, once assets are there."""
+    """Wall seconds per image, and its costs; from the second of two exports, since assets exist then."""
     settings = RenderSettings(width, height)
     with tempfile.TemporaryDirectory() as folder:
         for name in ("first", "second"):
@@ -75,7 +74,7 @@ def export(workers: Workers, streets: int, width: int, height: int) -> tuple[flo
 
 
 def rewards(workers: Workers, number: int, fidelity: Fidelity) -> tuple[float, float]:
-    """Wall seconds a reward, and the seconds of a worker; compiled and loaded before."""
+    """Wall seconds per reward, and the seconds of a worker, without compilation and loading."""
     truth = random_truth(fidelity, 8, 19)
     recipe = Recipe(fidelity, "cityscapes", "embree", AssetPool())
     spent = 0.0
@@ -91,7 +90,7 @@ def rewards(workers: Workers, number: int, fidelity: Fidelity) -> tuple[float, f
 
 
 def update_seconds(datasets: int, updates: int = 12) -> float:
-    """What the paper's method itself takes for an update."""
+    """Seconds of the paper's method itself for an update."""
     space = sdr_jax.space(NAMES, 10, [NAMES])
     method = sdr_jax.registry.make("sdr", space, None, updates_per_group=updates + 1)
     reward = sdr_jax.host_reward(lambda asked: np.zeros(len(asked.seeds), np.float32))
@@ -102,7 +101,7 @@ def update_seconds(datasets: int, updates: int = 12) -> float:
 
 
 def measured(kind: str, seconds: dict[str, tuple[int, float]]) -> list[Row]:
-    """Rows of one kind of work: seconds an item, and the share of workers that more of them bring."""
+    """Rows of one kind of work: seconds per item, and the efficiency of more workers."""
     alone = next(iter(seconds.values()))
     return [
         {
@@ -116,7 +115,7 @@ def measured(kind: str, seconds: dict[str, tuple[int, float]]) -> list[Row]:
 
 
 def dataset_plan(images: int, costs: Export, workers: int) -> Row:
-    """Hours of a dataset, and what is busy first: the slowest of three that work side by side."""
+    """Hours of a dataset, and the bottleneck: the slowest of three parts that work side by side."""
     parts = {
         "workers": images * costs.seconds / workers,
         "main process (files)": images * costs.main,
@@ -126,7 +125,7 @@ def dataset_plan(images: int, costs: Export, workers: int) -> Row:
 
 
 class Reward(NamedTuple):
-    """What a reward costs, and what an update of the method."""
+    """The costs of a reward, and of an update of the method."""
 
     render: float  # seconds of a worker
     train: float
@@ -134,7 +133,7 @@ class Reward(NamedTuple):
 
 
 def search_plan(number: int, datasets: int, costs: Reward, workers: int) -> Row:
-    """Hours of a search whose updates ask for some data sets each and then wait for their method."""
+    """Hours of a search whose updates each evaluate some data sets and then wait for the method."""
 
     def update(asked: int) -> float:
         if asked < workers:  # all of them render each
@@ -166,8 +165,8 @@ def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
     command = parser(__doc__)
     positive = partial(count, 1)
-    command.add_argument("--streets", type=positive, default=8, help="of the export")
-    command.add_argument("--size", type=int, nargs=2, default=(640, 320), help="of its images")
+    command.add_argument("--streets", type=positive, default=8, help="streets of the export")
+    command.add_argument("--size", type=int, nargs=2, default=(640, 320), help="size of its images")
     command.add_argument("--rewards", type=positive, default=8)
     command.add_argument("--preset", choices=("smoke", "quick"), default="quick", help="of rewards")
     command.add_argument("--workers", type=positive, nargs="+", default=(1, 2))
@@ -175,7 +174,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = command.parse_args(arguments)
     if options.workers[0] != 1:
         command.error("--workers must begin with 1, with which the others are compared")
-    alone, own = Export(0.0, 0.0, 0.0), 0.0  # of the first, who works alone
+    alone, own = Export(0.0, 0.0, 0.0), 0.0  # of the first worker, which works alone
     images: dict[str, tuple[int, float]] = {}
     nets: dict[str, tuple[int, float]] = {}
     fidelity = defaults(MainConfig, "twin", options.preset).reward

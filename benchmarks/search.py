@@ -1,11 +1,11 @@
-"""Search methods beside each other on problems whose answer is known.
+"""Compares search methods on problems whose answer is known.
 
     python -m benchmarks.search --json search.json --plot search.png
     python -m benchmarks.search --evaluations 50 --seeds 3 --methods sdr surrogate --problems smooth
 
-Every value is the true one of the proposal that a method recommends after so many noisy evaluations. On
-the analytic problems 0 is random attributes and 100 the best bins, and every seed is another instance,
-the same one for all methods; `camvid` is in percent of mIoU (see ``benchmarks/recorded.py``).
+Every value is the true one of the proposal that a method recommends after a number of noisy evaluations. On
+the analytic problems random attributes have 0 and the best bins 100, and every seed is another instance, the
+same for all methods; `camvid` is in percent of mIoU (see ``benchmarks/recorded.py``).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from experiments.evaluation.evaluate import worker_environment
 from sdr_jax.registry import METHODS, make
 
 DEFAULT = "surrogate"
-"""The method of studies and of the API, which begin from nothing."""
+"""The default method of studies and of the API, which have no start."""
 
 PROBLEMS: dict[str, Callable[[int], Problem]] = {
     "smooth": problems.smooth,
@@ -44,24 +44,24 @@ PROBLEMS: dict[str, Callable[[int], Problem]] = {
     "categories": foreign.categories,
     "binary": foreign.binary,
 }
-"""Name -> the problem's instance of a seed."""
+"""Name -> a function that makes the problem's instance of a seed."""
 
 LOOKS = 10
-"""Evaluations between two looks at a method's recommendation."""
+"""Evaluations between two checks of a method's recommendation."""
 
 
 class Trace(NamedTuple):
-    """One search as it went."""
+    """The course of one search."""
 
-    values: dict[int, float]  # evaluations -> true value of what is then recommended
-    luckiest: dict[int, float]  # evaluations -> true value of the data set of the highest reward
-    seconds: float  # of the method itself: all but the rewards
+    values: dict[int, float]  # evaluations -> true value of the recommendation
+    luckiest: dict[int, float]  # evaluations -> true value of the data set with the highest reward
+    seconds: float  # of the method itself, without the rewards
     updates: int
 
 
 @cache
 def _method(name: str, space: sdr_jax.Space, evaluations: int | None) -> sdr_jax.Method:
-    """A method, made once: what it compiles is used again for the next seed."""
+    """A method, made once, so that the next seed uses its compiled functions."""
     options = {}
     if name == "sdr" and evaluations:  # spread evenly over the groups, one data set per update
         options["updates_per_group"] = max(1, evaluations // len(space.groups))
@@ -70,12 +70,12 @@ def _method(name: str, space: sdr_jax.Space, evaluations: int | None) -> sdr_jax
 
 @cache
 def _instance(problem: str, seed: int) -> Problem:
-    """An instance of a problem, made once: some look long for their best, and compile their reward."""
+    """An instance of a problem, made once: some search long for their best, and compile their reward."""
     return PROBLEMS[problem](seed)
 
 
 class _Watched:
-    """A problem's reward; remembers its own seconds, and the data set of the highest reward."""
+    """A problem's reward, which records its seconds and the data set with the highest reward."""
 
     def __init__(self, problem: Problem, nothing: sdr_jax.Proposal) -> None:
         self._problem, self.lucky, self.seconds = problem, nothing, 0.0
@@ -96,17 +96,17 @@ class _Watched:
 def trace(
     name: str, problem: Problem, evaluations: int, seed: int, looks: tuple[int, ...]
 ) -> Trace:
-    """One search, looked at on the way.
+    """Run one search with checks on the way.
 
     Args:
         name: a key of `METHODS`.
-        problem: what is searched.
+        problem: the problem.
         evaluations: the most data sets that the search may evaluate.
-        seed: of the search and of the noise.
-        looks: numbers of evaluations after which the recommendation is valued.
+        seed: seed of the search and of the noise.
+        looks: numbers of evaluations after which the recommendation is checked.
 
     Returns:
-        The trace; a look between two updates sees the state after the one before.
+        The trace; a check between two updates takes the state after the earlier one.
     """
     if name not in METHODS:
         raise ValueError(f"unknown method {name!r}; known are {', '.join(METHODS)}")
@@ -137,14 +137,14 @@ def trace(
 
 
 def evaluate(method_name: str, problem: Problem, evaluations: int, seed: int) -> float:
-    """Searches and returns the true value of the recommended proposal.
+    """Search and return the true value of the recommended proposal.
 
     Args:
         method_name: a key of `METHODS`.
         problem: any object with `space`, `reward(rng_key, proposals)` and `true_value(proposal)`;
             it need not be written in JAX. For tables see `benchmarks.problems.tabular`.
-        evaluations: the most data sets that the search may evaluate; what does not fill an update or, with
-            SDR, all groups alike, stays unused.
+        evaluations: the most data sets that the search may evaluate; a rest that does not fill an update,
+            or with SDR all groups equally, is not used.
         seed: of the search and of the noise.
 
     Returns:
@@ -160,7 +160,7 @@ def evaluate(method_name: str, problem: Problem, evaluations: int, seed: int) ->
 
 
 class Task(NamedTuple):
-    """What one process does at a time: one method on all instances of one problem."""
+    """The task of a process: one method on all instances of one problem."""
 
     method: str
     problem: str
@@ -172,14 +172,14 @@ class Result(NamedTuple):
     """The outcome of a task."""
 
     task: Task
-    values: np.ndarray  # f64[budgets seeds]: recommended
-    luckiest: np.ndarray  # f64[budgets seeds]: of the highest reward
+    values: np.ndarray  # f64[budgets seeds]: of the recommendation
+    luckiest: np.ndarray  # f64[budgets seeds]: of the data set with the highest reward
     course: dict[int, float]  # evaluations -> mean value in the longest search
     seconds_per_update: float
 
 
 def work(task: Task) -> Result:
-    """Searches all instances; one long search serves all budgets of a method that takes none."""
+    """Search all instances; one long search serves all budgets of a method that needs no budget."""
     instances = [_instance(task.problem, seed) for seed in range(task.seeds)]
     longest = max(task.budgets)
     looks = tuple(sorted({*range(LOOKS, longest + 1, LOOKS), *task.budgets}))
@@ -209,10 +209,9 @@ def work(task: Task) -> Result:
 
 
 def batches(tasks: list[Task]) -> list[list[Task]]:
-    """What one process does in a row: all problems of a method that compiles, so that it does so once.
+    """Batches of tasks for one process: all problems of a method that compiles, so that it compiles once.
 
-    The methods of other libraries compile next to nothing and take long: their tasks come one by one, and
-    first.
+    Methods of other libraries compile hardly anything and take long: their tasks come first, one by one.
     """
     alone = [[task] for task in tasks if METHODS[task.method].library]
     methods = dict.fromkeys(task.method for task in tasks if not METHODS[task.method].library)
@@ -220,16 +219,16 @@ def batches(tasks: list[Task]) -> list[list[Task]]:
 
 
 def work_all(tasks: list[Task]) -> list[Result]:
-    """Does one batch."""
+    """Do one batch."""
     return [work(task) for task in tasks]
 
 
 def results(tasks: list[Task], workers: int) -> Iterator[list[Result]]:
-    """Does all batches, in their order, in ``workers`` processes; 0 works in this one."""
+    """Do all batches in order in ``workers`` processes; 0 works in this one."""
     if workers == 0:
         yield from map(work_all, batches(tasks))
         return
-    # One thread each: the processes share the cores.
+    # One thread each, since the processes share the cores.
     os.environ.update(worker_environment())
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         yield from pool.map(work_all, batches(tasks))

@@ -1,13 +1,13 @@
-"""How long commands and libraries take to start, beside a Python that does nothing.
+"""Times the start of commands and libraries against a Python that does nothing.
 
     python -m benchmarks.startup --json startup.json
     python -m benchmarks.startup --only seg table --repeats 9
     python -m benchmarks.startup --texts                        # help texts alone
 
-Each row is a program in a process of its own: the import of a library, the import of a command's module, or
-the help of a command. ``cpu`` and ``seconds`` are medians over several processes after one that does not
-count: seconds of a core, which other work on the machine hardly changes, and seconds that pass. ``ratio``
-compares the first with ``python -c pass``. The programs take turns.
+Each row is a program in its own process: the import of a library, the import of a command's module, or the
+help of a command. ``cpu`` and ``seconds`` are medians over several processes after one that does not count:
+core seconds, which other work on the machine hardly changes, and wall seconds. ``ratio`` compares ``cpu``
+with ``python -c pass``. The programs take turns.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def programs(names: Sequence[str]) -> dict[str, list[str]]:
             found[f"{ALL} --help"] = ["-m", "experiments", "--help"]
         else:
             module, words = COMMANDS[name], [*([STUDY] if name in STUDIES else []), name, "--help"]
-            # What `python -m` would run, be it a file or a folder.
+            # The file that `python -m` would run, also for a folder.
             own = f"{module}.__main__" if path_of(module).stem == "__main__" else module
             found[f"import {module}"] = ["-c", f"import {own}"]
             found[" ".join((ALL, *words))] = ["-m", "experiments", *words]
@@ -49,7 +49,7 @@ def programs(names: Sequence[str]) -> dict[str, list[str]]:
 
 
 def measured(wanted: Mapping[str, Sequence[str]], repeats: int) -> list[Row]:
-    """One row for each program.
+    """Measure one row for each program.
 
     Raises:
         CalledProcessError: a program ended with an error.
@@ -72,14 +72,14 @@ def measured(wanted: Mapping[str, Sequence[str]], repeats: int) -> list[Row]:
 
 
 def _run(arguments: Sequence[str]) -> float:
-    """Run Python; returns the seconds of a core that it took."""
+    """Run Python; returns its core seconds."""
     before, command = _worked(), [sys.executable, *arguments]
     subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
     return _worked() - before
 
 
 def _worked() -> float:
-    """Seconds of a core that all programs so far took."""
+    """Core seconds of all programs so far."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
 

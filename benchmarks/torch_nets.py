@@ -1,6 +1,6 @@
-"""The nets of ``seg.nets`` in PyTorch, written again: what ours are compared with, in figures and in speed.
+"""The nets of ``seg.nets`` in PyTorch, with which ours are compared in results and in speed.
 
-Layers carry the names of ours, so that ``copy`` can put the same parameters into both.
+Layers have the names of ours, so that ``copy`` can put the same parameters into both.
 """
 
 from __future__ import annotations
@@ -20,24 +20,24 @@ from seg.nets.ops.normalise import MEAN, STD
 
 
 def convolution(c_in: int, c_out: int, side: int, dilation: int = 1) -> nn.Conv2d:
-    """Keeps the size."""
+    """A convolution that keeps the size."""
     return nn.Conv2d(c_in, c_out, side, padding=dilation * (side // 2), dilation=dilation)
 
 
 def padded(x: Tensor, multiple: int) -> Tensor:
-    """With zeros at the bottom and on the right until the size is a multiple."""
+    """Pad with zeros below and on the right until the size is a multiple."""
     h, w = x.shape[-2:]
     return F.pad(x, (0, -w % multiple, 0, -h % multiple))
 
 
 def enlarged(x: Tensor, times: int, size: tuple[int, int]) -> Tensor:
-    """Bilinear between pixel centres, cropped."""
+    """Enlarge bilinearly between pixel centres, and crop."""
     large = F.interpolate(x, scale_factor=times, mode="bilinear", align_corners=False)
     return large[..., : size[0], : size[1]]
 
 
 class VGG16(nn.Module):
-    """Five stages of convolutions; returns each stage, pooled."""
+    """Five stages of convolutions; returns each pooled stage."""
 
     def __init__(self, width: int = 64, atrous: bool = False) -> None:
         super().__init__()
@@ -137,7 +137,7 @@ class Compact(nn.Module):
     def forward(self, images: Tensor) -> Tensor:
         x = padded(images, 8)
         b, c, h, w = x.shape
-        # Cells as ours: row, column, colour from the slowest to the fastest.
+        # The order in cells is ours: row, column, colour, from the slowest to the fastest.
         x = x.reshape(b, c, h // 4, 4, w // 4, 4).permute(0, 3, 5, 1, 2, 4)
         x = x.reshape(b, 16 * c, h // 4, w // 4)
         row = torch.linspace(-1, 1, h // 4)[None, None, :, None].expand(b, 1, -1, w // 4)
@@ -184,7 +184,7 @@ class _Block(nn.Module):
 
 
 class Trunk(nn.Module):
-    """An EfficientNet-Lite on RGB in [0, 1], batch normalisation folded in: strides 4, 8, 16, 32."""
+    """An EfficientNet-Lite on RGB in [0, 1] with folded batch normalisation: strides 4, 8, 16, 32."""
 
     def __init__(self, net: str) -> None:
         super().__init__()
@@ -228,7 +228,7 @@ class Head(nn.Module):
 
 
 class Lite(nn.Module):
-    """Trunk and head, on normalised RGB as the others."""
+    """Trunk and head on normalised RGB, like the other nets."""
 
     def __init__(self, classes: int, net: str = "lite0", width: int = 64) -> None:
         super().__init__()
@@ -250,7 +250,7 @@ NETS |= {net: partial(Lite, net=net) for net in SIZES}
 def copy(params: Mapping[str, Any], module: nn.Module) -> None:
     """Put Flax parameters, or statistics, into a net of this file.
 
-    A transposed convolution of PyTorch's is the gradient of a convolution, so its kernel is flipped.
+    A transposed convolution of PyTorch is the gradient of a convolution, so its kernel is flipped.
     """
     for name, value in params.items():
         child = getattr(module, name)

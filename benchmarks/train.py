@@ -1,4 +1,4 @@
-"""How fast the nets run and train, beside the same nets in PyTorch; and what one reward is made of.
+"""Times inference and training of the nets against the same nets in PyTorch, and the parts of one reward.
 
     python -m benchmarks.train --json train.json
     python -m benchmarks.train --nets compact --sizes 128x96 --repeats 3 --no-reward
@@ -6,14 +6,14 @@
     python -m benchmarks.train --learn camvid --data DIR --holdout 0006R0 --nets lite0 lite1 lite2
 
 Each row is one net at one size: `forward` is bytes to logits at full resolution, `step` a whole update (loss,
-gradient, SGD or Adam), with the learning rate at 0 so that random images do no harm. Of a Lite there are also
-`features`, bytes to the frozen trunk's features, and `head`, an update with a frozen trunk whose features are
-there; its `step` tunes the trunk, in PyTorch at one rate for all. Times are medians;
-that of PyTorch is the better of its two memory layouts. Without PyTorch its columns stay empty.
+gradient, SGD or Adam), with a learning rate of 0 so that random images do no harm. A Lite also has
+`features`, bytes to the frozen trunk's features, and `head`, an update from a frozen trunk's features; its
+`step` tunes the trunk, in PyTorch at one rate for all. Times are medians; PyTorch has the better one of its
+two memory layouts. Without PyTorch its columns stay empty.
 
-With --learn each row is what a net learns from a target's labelled images instead: mIoU in percent on those
-that are reported on, mean and 95 % interval over seeds; seconds of a core that the features of all views and
-one training take, compiling left out.
+With --learn each row instead has a net's mIoU after training on a target's labelled images: in percent on the
+test images, mean and 95 % interval over seeds; and the core seconds of the features of all views and of one
+training, without compilation.
 """
 
 from __future__ import annotations
@@ -60,10 +60,10 @@ CLASSES = 11
 BATCHES: dict[NetName, int] = {"compact": 8, "deeplabv2": 4, "fcn8s": 4}
 BATCHES |= dict.fromkeys(("lite0", "lite1", "lite2"), 8)
 SIZES = ("128x96", "240x176", "480x360", "640x320")
-LARGE = 100_000  # pixels from which VGG nets take seconds an image: one is enough
-REWARDS = (None, 184)  # images of the rewards that are split: the preset's, and some more
+LARGE = 100_000  # pixels from which VGG nets take seconds per image, so that one image is enough
+REWARDS = (None, 184)  # images of the split rewards: the preset's number, and more
 REAL = 367  # images of CamVid's training split, on which the net of a quick reward is tested
-BUDGET = 12.0  # seconds after which no further repeat begins, once there are two
+BUDGET = 12.0  # seconds after which no further repeat begins, except for the second
 
 
 class Job(NamedTuple):
@@ -76,7 +76,7 @@ class Job(NamedTuple):
 
     @property
     def settings(self) -> TrainSettings:
-        """The net's own recipe, without augmentation: that is not PyTorch's."""
+        """The net's own recipe without augmentation, which PyTorch lacks."""
         tuned = RECIPES["lite0-tuned"]
         whole = RECIPES["paper"] if self.net in VGG_NETS else TrainSettings()
         own = tuned if replace(tuned, net=self.net).has_trunk else whole
@@ -102,11 +102,11 @@ class Job(NamedTuple):
 
 
 Runs = Iterator[tuple[str, Callable[[], Any]]]
-"""Name of a pass, and a function that makes it once and waits for it."""
+"""Name of a pass, and a function that runs it once and waits for it."""
 
 
 def jax_runs(job: Job) -> Runs:
-    """Our passes, those of ``seg.train``."""
+    """The passes of ``seg.train``."""
     settings = job.settings
     images, labels = job.data()
     compiled = functions(settings, CLASSES)
@@ -139,7 +139,7 @@ def jax_runs(job: Job) -> Runs:
 
 
 def torch_runs(job: Job, channels_last: bool, threads: int) -> Runs:
-    """PyTorch's passes, the same work."""
+    """The same passes in PyTorch."""
     import torch
 
     from benchmarks.torch_nets import NETS, images_of
@@ -196,7 +196,7 @@ def torch_runs(job: Job, channels_last: bool, threads: int) -> Runs:
 
 
 def medians(runs: Runs, repeats: int) -> dict[str, float]:
-    """Milliseconds of each pass, after one that is not counted."""
+    """Median milliseconds of each pass, after one that is not counted."""
     found = {}
     for name, run in runs:
         run()
@@ -209,7 +209,7 @@ def medians(runs: Runs, repeats: int) -> dict[str, float]:
 
 
 def has_torch() -> bool:
-    """Whether PyTorch can be compared with; says so if not."""
+    """Whether PyTorch is installed; prints a note if not."""
     try:
         import torch  # noqa: F401
     except ImportError:
@@ -219,7 +219,7 @@ def has_torch() -> bool:
 
 
 def net_rows(job: Job, repeats: int, threads: int, compare: bool) -> list[Row]:
-    """The passes of one net at one size."""
+    """Measure the passes of one net at one size."""
     ours = medians(jax_runs(job), repeats)
     layouts = {"contiguous": False, "channels_last": True} if compare else {}
     theirs = {k: medians(torch_runs(job, last, threads), repeats) for k, last in layouts.items()}
@@ -245,7 +245,7 @@ def net_rows(job: Job, repeats: int, threads: int, compare: bool) -> list[Row]:
 
 
 def random_truth(fidelity: Fidelity, number: int, classes: int = CLASSES) -> LabelledImages:
-    """Images and labels of noise, where only the time counts."""
+    """Images and labels of noise, for timing."""
     rng = np.random.default_rng(0)
     shape = (number, fidelity.height, fidelity.width)
     images = rng.integers(0, 256, (*shape, 3), np.uint8)
@@ -253,16 +253,16 @@ def random_truth(fidelity: Fidelity, number: int, classes: int = CLASSES) -> Lab
 
 
 def reward_row(number: int = REAL, steps: int | None = None, images: int | None = None) -> Row:
-    """Seconds of each part of one quick reward of `sdr-jax camvid`, in this process.
+    """Seconds of each part of one quick reward of `sdr-jax camvid` in this process.
 
-    A frozen trunk's features of the real images are computed once per run, so they are there already.
-    ``compile_s`` is what the first training and prediction of a process take longer than the second: a
+    A frozen trunk's features of the real images are computed once per run, so they do not count.
+    ``compile_s`` is the extra time of the first training and prediction of a process over the second: a
     search pays it once per worker, and with JAX's cache on disk only the first search does.
 
     Args:
-        number: of real images.
-        steps: of the net; by default the preset's.
-        images: to train on, as many as whole streets give; by default the preset's.
+        number: number of real images.
+        steps: training steps of the net; by default the preset's.
+        images: number of training images, in whole streets; by default the preset's.
     """
     config = defaults(MainConfig, "camvid", "quick")
     stage = config.reward
@@ -274,9 +274,7 @@ def reward_row(number: int = REAL, steps: int | None = None, images: int | None 
         truth = truth._replace(features=features(truth.images, settings))
     brief = recipe._replace(fidelity=replace(stage, train=replace(settings, steps=1)))
 
-    rendered_set(
-        brief, random_proposal(), 0
-    )  # builds assets, which are kept, and loads the renderer
+    rendered_set(brief, random_proposal(), 0)  # builds and keeps assets, and loads the renderer
     render_s, own = timed(lambda: rendered_set(recipe, random_proposal(), 0))
 
     def short() -> None:
@@ -299,18 +297,18 @@ def reward_row(number: int = REAL, steps: int | None = None, images: int | None 
 
 
 def core_timed(work: Callable[[], Any]) -> tuple[float, Any]:
-    """The seconds of a core that some work of this process takes, and what it returns."""
+    """The core seconds of some work of this process, and its result."""
     started = time.process_time()
     done = work()
     return time.process_time() - started, done
 
 
 def learning_row(sides: Sides, settings: TrainSettings, classes: int, seeds: Sequence[int]) -> Row:
-    """What a net learns from the labelled images of a target, and what it costs."""
+    """A net's mIoU after training on the labelled images of a target, and its cost."""
     own, truth = sides["labelled"], sides["test"]
     maps, tested, features_s = None, None, 0.0
     if settings.frozen:
-        tested = features(truth.images, settings)  # and compiles
+        tested = features(truth.images, settings)  # compiles, too
         looks = view_images(own.images, settings)
         features_s, maps = core_timed(lambda: features(looks, settings))
     # Compiles.
@@ -339,7 +337,7 @@ def learning_row(sides: Sides, settings: TrainSettings, classes: int, seeds: Seq
 
 
 def learning_rows(options: argparse.Namespace) -> list[Row]:
-    """What each net at each size learns from the target of ``--learn``."""
+    """The rows of each net at each size on the target of ``--learn``."""
     base = defaults(MainConfig, options.learn, "quick")
     base = replace(base, holdout=options.holdout, reward_images=None, test_images=None)
     data = options.data or base.data
@@ -365,7 +363,10 @@ def main(arguments: list[str] | None = None) -> int:
     command.add_argument("--nets", nargs="+", choices=list(BATCHES), default=list(BATCHES))
     command.add_argument("--sizes", nargs="+", type=size, default=[size(s) for s in SIZES])
     command.add_argument(
-        "--repeats", type=positive, default=7, help="fewer where one takes seconds; at least 2"
+        "--repeats",
+        type=positive,
+        default=7,
+        help="repeats; fewer, at least 2, if one takes seconds",
     )
     command.add_argument(
         "--batch",
@@ -373,19 +374,21 @@ def main(arguments: list[str] | None = None) -> int:
         help="by default 8 for compact and the Lites; 4 for the VGG nets, 1 at the large sizes",
     )
     command.add_argument(
-        "--threads", type=positive, default=2, help="of PyTorch; JAX takes all cores"
+        "--threads", type=positive, default=2, help="threads of PyTorch; JAX takes all cores"
     )
     command.add_argument(
         "--reward", action=argparse.BooleanOptionalAction, default=True, help="also split a reward"
     )
     command.add_argument(
-        "--learn", choices=list(REPORTED), help="what nets learn from this target's labels"
+        "--learn", choices=list(REPORTED), help="train nets on this target's labels instead"
     )
-    command.add_argument("--data", type=Path, help="of --learn: the folder of its images")
-    command.add_argument("--holdout", help="of --learn: the sequence that is reported on")
+    command.add_argument("--data", type=Path, help="for --learn: the folder of its images")
+    command.add_argument("--holdout", help="for --learn: the sequence to test on")
     command.add_argument("--trunk", choices=get_args(Trunk), default="frozen", help="of --learn")
-    command.add_argument("--steps", type=positive, help="of --learn; by default the recipe's")
-    command.add_argument("--seeds", type=positive, default=3, help="of --learn: how many (3)")
+    command.add_argument("--steps", type=positive, help="for --learn; by default the recipe's")
+    command.add_argument(
+        "--seeds", type=positive, default=3, help="for --learn: number of seeds (3)"
+    )
     options = command.parse_args(arguments)
     if options.learn:
         try:

@@ -1,1 +1,1 @@
-"""Do renders transfer to real images? ``python -m benchmarks.transfer``."""
+"""Measures how renders transfer to real images: ``python -m benchmarks.transfer``."""

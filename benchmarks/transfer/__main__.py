@@ -1,16 +1,16 @@
-"""Do renders transfer to real images, and do they look real to a net that knows real ones?
+"""Measures how renders transfer to real images, and how real they look to a net that knows real ones.
 
     python -m benchmarks.transfer --data CAMVID --json transfer.json
 
-On CamVid's sequences 0016E5 and 0001TP (0006R0 is never read): nets trained on renders with random and with
-default attributes, tested on real images; the same on default streets without one ingredient, paired by
-seed; nets trained on real images, tested on renders and on close-ups of single assets, which
-``close-ups-*.png`` in ``--out`` shows; and how light each class is in both. ``--out`` remembers finished
-nets: the same command goes on, and begins anew where the engine has changed. These nets are compact ones.
+On CamVid's sequences 0016E5 and 0001TP (0006R0 is never read) it makes four tables: nets trained on renders
+with random and with default attributes, tested on real images; the same on default streets without one
+ingredient, paired by seed; nets trained on real images, tested on renders and on close-ups of single assets,
+shown in ``close-ups-*.png`` in ``--out``; and the lightness of each class in both. ``--out`` keeps finished
+nets: the same command continues, and begins anew if the engine has changed. These nets are compact.
 
     python -m benchmarks.transfer --data CAMVID --only content --width 480 --height 360 --streets 66
 
-These nets are lite0, trained on hand-set streets and on the same with more in them; the table has each class.
+These nets are lite0, trained on hand-set streets and on the same with more content; the table has each class.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ from shell.progress import Progress
 WITH = "with "
 
 Scores = dict[str, list[dict[str, Any]]]
-"""Row -> results of its nets, in the order of their seeds."""
+"""Row -> results of its nets in the order of their seeds."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -134,7 +134,7 @@ def _run(options: argparse.Namespace) -> None:
 
 
 def content_nets(data: Path, recipe: Recipe, seeds: Sequence[int]) -> list[Net]:
-    """lite0 on streets with more in them, seed after seed."""
+    """Nets on streets with more content, seed after seed; all are lite0."""
     same = {"engine": engine(), "recipe": recipe._asdict()}
     return [
         Net(
@@ -148,7 +148,7 @@ def content_nets(data: Path, recipe: Recipe, seeds: Sequence[int]) -> list[Net]:
 
 
 def _train(wanted: Sequence[Net], log: JsonLines, options: argparse.Namespace) -> Scores:
-    """The results of every net, trained now or stored; confusion matrices as lists."""
+    """Train or read the results of every net; confusion matrices are lists."""
     done: dict[str, dict[str, Any]] = {}
     for k, line in enumerate(log.lines):
         if not isinstance(line.get("key"), dict) or not isinstance(line.get("scores"), dict):
@@ -179,7 +179,7 @@ def _name(key: dict[str, Any]) -> str:
 
 
 def summary(scores: Scores, classes: Sequence[str]) -> dict[str, list[Row]]:
-    """The tables for which there are nets."""
+    """The tables whose nets exist."""
     real = {name: [np.array(one["real"]) for one in every] for name, every in scores.items()}
     found = {}
     if ATTRIBUTES[0] in real:

@@ -1,4 +1,4 @@
-"""Close-ups: a default street seen from its lane, a few metres from one asset of a chosen family."""
+"""Close-ups of a default street from its lane, a few metres from one asset of a chosen family."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ DISTANCE: dict[str, float] = {
     "truck": 14.0,
     "bus": 14.0,
 }
-"""Family -> metres along the road from the camera to the asset: about the size it has in CamVid."""
+"""Family -> metres along the road from camera to asset, so that it has about its size in CamVid."""
 STRETCH = (25.0, 100.0)
-"""Metres of road whose assets are looked at: the street goes on before and behind them."""
+"""Metres of road with assets for close-ups; the street continues on both sides."""
 MARGIN = 0.3
-"""Metres by which boxes are grown when the view is cleared."""
+"""Metres by which boxes grow when the view is cleared."""
 STREETS_TRIED = 400
 
 
@@ -49,7 +49,7 @@ class CloseUp(NamedTuple):
 
 
 def close_up(family: str, seed: int, number: int) -> tuple[Street, int]:
-    """A street with one camera that looks at an asset of ``family``, and that asset's instance.
+    """A street with one camera that looks at an asset of ``family``, and the asset's instance.
 
     Raises:
         ValueError: no street has such an asset.
@@ -74,7 +74,7 @@ def close_up(family: str, seed: int, number: int) -> tuple[Street, int]:
 
 
 def _looking_at(street: Street, chosen: Placement, distance: float) -> tuple[Street, int]:
-    """The street seen from ``distance`` metres before ``chosen``, with nothing in between."""
+    """The street from ``distance`` metres before ``chosen``, with nothing in between."""
     lane = street.cameras[0]
     _, lateral, height = lane.position
     x, y = (float(v) for v in chosen.pose[:2, 3])
@@ -85,7 +85,7 @@ def _looking_at(street: Street, chosen: Placement, distance: float) -> tuple[Str
     for placement, hides in zip(
         street.placements, _crossed(bounds(list(street.placements)), eye, target), strict=True
     ):
-        # What shares the pose belongs to it: a rider's machine, a sign's post.
+        # Instances with the same pose belong to it: a rider's machine, a sign's post.
         if hides and not np.array_equal(placement.pose, chosen.pose):
             continue
         if placement is chosen:
@@ -105,7 +105,7 @@ def _crossed(boxes: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarra
 
 
 def close_ups(family: str, seed: int, count: int, settings: RenderSettings) -> list[CloseUp]:
-    """``count`` pictures of assets of a family; the same arguments give the same pictures.
+    """Render ``count`` pictures of assets of a family; the same arguments give the same pictures.
 
     Raises:
         ValueError: no street has one.

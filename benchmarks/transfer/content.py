@@ -1,4 +1,4 @@
-"""Hand-set streets with more in them: what each ingredient of ``scene.street`` teaches a net."""
+"""Hand-set streets with more content, to measure the effect of ingredients of ``scene.street`` on nets."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from seg.train import score, train
 
 
 class Content(NamedTuple):
-    """What is different from the hand-set street."""
+    """The differences from the hand-set street."""
 
     params: MappingProxyType[str, float] = MappingProxyType({})  # fields of ``StreetParams``
     mix: Mix = Mix()
@@ -35,7 +35,7 @@ class Content(NamedTuple):
 BEFORE = dict.fromkeys(
     ("bend", "gradient", "junction_share", "parked_share", "queue_share", "open_share"), 0.0
 )
-"""Streets of lines alone."""
+"""The mix of streets with lines alone."""
 
 
 def _content(mix: Mix = Mix(), **params: float) -> Content:  # noqa: B008
@@ -63,11 +63,11 @@ CONTENTS: dict[str, Content] = {
         open_share=0.15,
     ),
 }  # fmt: skip
-"""Row -> what its streets have."""
+"""Row -> content of its streets."""
 
 
 def content_net(data: Path, recipe: Recipe, name: str, seed: int) -> Result:
-    """Trains lite0's head on such streets and tests it on the real images that may steer the engine."""
+    """Train lite0's head on such streets and test it on the real images that may steer the engine."""
     images, labels = rendered(recipe, CONTENTS[name], seed)
     training = RECIPES["lite0-frozen"]
     params = train(seed, images, labels, training, CLASSES)
@@ -77,7 +77,7 @@ def content_net(data: Path, recipe: Recipe, name: str, seed: int) -> Result:
 
 
 def rendered(recipe: Recipe, content: Content, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Images u8[n, h, w, 3] and labels u8[n, h, w]; of one seed all contents have the same streets."""
+    """Images u8[n, h, w, 3] and labels u8[n, h, w]; all contents have the same streets for a seed."""
     engine, settings = (
         renderer("embree"),
         RenderSettings(recipe.width, recipe.height, recipe.samples),

@@ -1,4 +1,4 @@
-"""What a rendered world is made of, and the same world with one ingredient left out."""
+"""The ingredients of a rendered world, and the same world without one of them."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from scene.street.street import Street
 from seg.classes import class_table
 
 CLEAR = 1e9
-"""Metres of haze at which nothing fades."""
+"""A haze in metres with which nothing fades."""
 
 Alteration = Callable[[Street, StreetParams], Street]
 
 
 class World(NamedTuple):
-    """Everything about a rendered dataset but its attributes and its seed."""
+    """Everything that decides a rendered dataset but its attributes and its seed."""
 
     settings: RenderSettings
     pool: AssetPool = AssetPool()
@@ -57,17 +57,17 @@ def _street(alteration: Alteration) -> Change:
 
 
 def clear_air(street: Street, params: StreetParams) -> Street:
-    """The street with nothing fading in the distance."""
+    """The street without fading in the distance."""
     return street._replace(sky=street.sky._replace(haze=CLEAR))
 
 
 def dry_road(street: Street, params: StreetParams) -> Street:
-    """The street after the rain has dried."""
+    """The street with a dry road."""
     return street._replace(sky=street.sky._replace(wetness=0.0))
 
 
 def first_weather(street: Street, params: StreetParams) -> Street:
-    """The street in the first of all weathers, whatever it had."""
+    """The street in the first of all weathers."""
     sky = sample_sky(
         np.random.default_rng(street.seed),
         intensity=params.illumination_intensity,
@@ -91,7 +91,7 @@ def bare_ground(street: Street, params: StreetParams) -> Street:
 
 
 def lines_only(street: Street, params: StreetParams) -> Street:
-    """The street without what closes its horizon, which stands behind the lines."""
+    """The street without the objects behind its lines, which close the horizon."""
     places = np.array([p.pose[:2, 3] for p in street.placements])
     along, away = nearest(street.ground.path, places)
     stay = np.flatnonzero((along < LINES_END) & (away < BEHIND))
@@ -126,12 +126,12 @@ INGREDIENTS: dict[str, Change] = {
 def render_world(
     world: World, units: np.ndarray, seed: int, shots: int, table: str
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Images u8[n, h, w, 3] and labels u8[n, h, w] in the ids of a class table.
+    """Render images u8[n, h, w, 3] and labels u8[n, h, w] in the ids of a class table.
 
     Args:
-        world: what to render.
+        world: the world to render.
         units: f32[streets, 23] attributes.
-        seed: of the streets; worlds rendered with the same seed show the same streets.
+        seed: seed of the streets; worlds with the same seed have the same streets.
         shots: images per street.
         table: name of the class table.
     """

@@ -1,4 +1,4 @@
-"""Which nets the tables need, and on which real images they are trained and tested."""
+"""The nets of the tables, and the real images for their training and tests."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ from seg.data import DataError, LabelledImages, list_split, load
 from shell.target_file import shipped
 
 SEQUENCES = ("0001TP", "0016E5")
-"""Drives of CamVid that may steer the engine; results are reported on the other, which is never read."""
+"""Drives of CamVid that may steer the engine; results use the other drive, which is not read here."""
 BLOCKS = 5
-"""Each drive is cut into so many stretches; a net trained on real images is tested on one of them."""
+"""Number of stretches of each drive; a net trained on real images is tested on one of them."""
 ATTRIBUTES = ("random", "default")
 PARTS = ("transfer", "ingredients", "recognition", "tones", "content")
 REAL = "real"
 WITHOUT = "without "
 REAL_COST = 3.0
-"""What a net trained on real images costs, close-ups included, against one trained on renders."""
+"""Cost of a net trained on real images, with close-ups, relative to a net trained on renders."""
 
 
 class Net(NamedTuple):
     """One net to train."""
 
-    key: dict[str, Any]  # what it is, plain values: nets with the same key are the same
+    key: dict[str, Any]  # plain values that identify it
     cost: float
     task: tuple  # function and arguments
 
 
 def steering_set(root: Path, recipe: Recipe) -> LabelledImages:
-    """The labelled images of the sequences that may steer the engine, in the order they were taken.
+    """The labelled images of the sequences that may steer the engine, in the order of time.
 
     Raises:
         DataError: the folder is not CamVid, or lacks a sequence.
@@ -61,7 +61,7 @@ def held_out(sequences: Sequence[str], block: int) -> np.ndarray:
 
 
 def engine() -> str:
-    """A name for the sources that decide the figures: tables are made while the engine is changed."""
+    """A name for the sources that decide the figures, since the engine may change between runs."""
     folders = (Path(package.__path__[0]) for package in (scene, seg))
     sources = sorted(path for folder in folders for path in folder.rglob("*.py"))
     return hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:16]
@@ -70,7 +70,7 @@ def engine() -> str:
 def nets(
     recipe: Recipe, real: LabelledImages, parts: Sequence[str], seeds: Sequence[int]
 ) -> list[Net]:
-    """Every net that the tables in ``parts`` need, the longest first so that workers end together."""
+    """Every net of the tables in ``parts``, the longest first so that workers end together."""
     same = {"engine": engine(), "recipe": recipe._asdict(), "images": len(real.images)}
     found = []
 

@@ -1,4 +1,4 @@
-"""One net of the transfer benchmark: what it is trained on and what it is tested on.
+"""One net of the transfer benchmark: its training and its tests.
 
 The functions here run in worker processes and are pure in their arguments.
 """
@@ -24,7 +24,7 @@ CLASSES = len(class_table(TABLE).classes)
 
 
 class Recipe(NamedTuple):
-    """The same for every net of a table."""
+    """Settings of all nets of a table."""
 
     width: int = 128
     height: int = 96
@@ -43,23 +43,23 @@ Result = tuple[dict[str, Any], np.ndarray | None]
 
 
 def call(function: Callable[..., Result], *arguments: Any) -> Result:
-    """Calls a function, so that one queue of tasks can hold calls of several functions."""
+    """Call a function, so that one queue of tasks can hold calls of several functions."""
     return function(*arguments)
 
 
 def settings(recipe: Recipe, steps: int) -> TrainSettings:
-    """How a net is trained."""
+    """The settings of a net's training."""
     return TrainSettings(steps=steps, batch=recipe.batch)
 
 
 def world(recipe: Recipe, without: str | None = None) -> World:
-    """The engine as it renders by default, or without one ingredient."""
+    """The default world, or the world without one ingredient."""
     whole = World(RenderSettings(recipe.width, recipe.height, recipe.samples))
     return whole if without is None else INGREDIENTS[without](whole)
 
 
 def units(recipe: Recipe, attributes: str, seed: int) -> np.ndarray:
-    """Attributes f32[streets, 23]: ``random``, or ``default``, relaxed."""
+    """Attributes f32[streets, 23]: ``random``, or relaxed ``default``."""
     proposal = random_proposal() if attributes == "random" else default_proposal(recipe.relaxed)
     return draw(proposal, seed, recipe.streets)
 
@@ -67,7 +67,7 @@ def units(recipe: Recipe, attributes: str, seed: int) -> np.ndarray:
 def rendered_net(
     recipe: Recipe, without: str | None, units: np.ndarray, seed: int, real: LabelledImages
 ) -> Result:
-    """Trains a net on renders and tests it on real images."""
+    """Train a net on renders and test it on real images."""
     images, labels = render_world(world(recipe, without), units, seed, recipe.shots, TABLE)
     training = settings(recipe, recipe.steps)
     params = train(seed, images, labels, training, CLASSES)
@@ -77,10 +77,10 @@ def rendered_net(
 def real_net(
     recipe: Recipe, seen: LabelledImages, unseen: LabelledImages, units: np.ndarray, seed: int
 ) -> Result:
-    """Trains a net on real images and tests it on unseen ones, on default streets and on close-ups.
+    """Train a net on real images and test it on unseen ones, on default streets and on close-ups.
 
-    Of a close-up only the asset's own pixels count: i64[classes], by predicted class. The picture shows
-    all of them, and what the net saw in them.
+    In a close-up only the asset's own pixels count: i64[classes], by predicted class. The picture shows all
+    close-ups with the net's predictions.
     """
     training = settings(recipe, recipe.real_steps)
     params = train(seed, seen.images, seen.labels, training, CLASSES)
@@ -102,7 +102,7 @@ def real_net(
 
 
 def _strip(family: str, images: np.ndarray, masks: np.ndarray, predicted: np.ndarray) -> np.ndarray:
-    """Close-ups side by side; below each the predicted classes, dimmed where the asset is not."""
+    """Close-ups side by side with the predicted classes below, dimmed outside the asset."""
     colors = class_table(TABLE).colors[predicted]
     colors[~masks] //= 3
     strip = np.concatenate([np.concatenate(list(row), axis=1) for row in (images, colors)])

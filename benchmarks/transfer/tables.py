@@ -1,4 +1,4 @@
-"""From confusion matrices to the rows of the transfer benchmark's tables. Shares are in percent."""
+"""Makes the rows of the transfer benchmark's tables from confusion matrices. Shares are in percent."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from seg.classes import class_table
 from seg.metrics import iou, mean_iou
 
 LEAST = 20
-"""The fewest pixels of a class for which an image counts in the class's tone."""
+"""The least number of pixels of a class in an image that counts for the class's tone."""
 Confusions = Sequence[np.ndarray]
 """One confusion matrix i64[classes, classes] per seed, the same seeds everywhere."""
 
 
 def transfer_rows(nets: Mapping[str, Confusions], classes: Sequence[str]) -> list[Row]:
-    """What nets trained on renders reach on real images: mIoU with its spread, and each class's IoU."""
+    """Nets trained on renders, tested on real images: mIoU with its spread, and each class's IoU."""
     return [
         {"attributes": attributes, "mIoU": float(np.mean(_mious(confusions)))}
         | {"spread": _spread(_mious(confusions)), **_by_class(confusions, classes)}
@@ -48,10 +48,10 @@ def _worth(better: Confusions, worse: Confusions) -> Row:
 def tone_rows(
     sets: Mapping[str, tuple[np.ndarray, np.ndarray]], classes: Sequence[str]
 ) -> list[Row]:
-    """How light every class is in each set of images u8[n, h, w, 3] and labels [n, h, w].
+    """The lightness of every class in each set of images u8[n, h, w, 3] and labels [n, h, w].
 
-    The middle grey of the class, and that over the road's: the mean over images of the median over
-    pixels, of images with at least ``LEAST`` pixels of the class.
+    It is the class's median grey, also relative to the road's: the mean over images of the median over
+    pixels, for images with at least ``LEAST`` pixels of the class.
     """
     tones = {name: _tones(*images, len(classes)) for name, images in sets.items()}
     road = list(classes).index("road")
@@ -80,7 +80,7 @@ def _tones(images: np.ndarray, labels: np.ndarray, classes: int) -> np.ndarray:
 
 
 def content_rows(contents: Mapping[str, Confusions], classes: Sequence[str]) -> list[Row]:
-    """mIoU and IoU of each class in percent, and what is gained over the first row, paired by seed."""
+    """mIoU and IoU of each class in percent, and the gain over the first row, paired by seed."""
     first = next(iter(contents.values()))
     return [
         {"streets": name, "mIoU": float(_mious(confusions).mean())}
@@ -92,7 +92,7 @@ def content_rows(contents: Mapping[str, Confusions], classes: Sequence[str]) -> 
 def ingredient_rows(
     whole: Confusions, without: Mapping[str, Confusions], classes: Sequence[str]
 ) -> list[Row]:
-    """What each ingredient is worth: mIoU with everything less mIoU without it, paired by seed.
+    """The gain by each ingredient: mIoU with everything minus mIoU without it, paired by seed.
 
     ``gains`` and ``loses`` name the classes whose IoU the ingredient changes most.
     """
@@ -114,7 +114,7 @@ def ingredient_rows(
 
 
 def recognition_rows(real: Confusions, renders: Confusions, classes: Sequence[str]) -> list[Row]:
-    """How nets trained on real images see unseen real images and renders, class by class."""
+    """The IoU of nets trained on real images on unseen real images and on renders, class by class."""
     seen, rendered = np.sum(real, axis=0), np.sum(renders, axis=0)
     rows: list[Row] = [
         {
@@ -136,11 +136,11 @@ def recognition_rows(real: Confusions, renders: Confusions, classes: Sequence[st
 def close_up_rows(
     families: Mapping[str, np.ndarray], real: Confusions, classes: Sequence[str]
 ) -> list[Row]:
-    """How close-ups of each asset family are seen.
+    """The predictions in close-ups of each asset family.
 
     Args:
         families: name -> i64[classes], its pixels by predicted class.
-        real: the same nets on unseen real images, to compare with.
+        real: the same nets on unseen real images, for comparison.
         classes: names.
     """
     seen, rows = np.sum(real, axis=0), []
@@ -159,7 +159,7 @@ def close_up_rows(
 
 
 def taken_for(predicted: np.ndarray, own: int, classes: Sequence[str], most: int = 3) -> str:
-    """The classes most often seen instead of ``own``, with their share of the pixels."""
+    """The classes most often predicted instead of ``own``, with their share of the pixels."""
     others = [int(k) for k in np.argsort(-predicted, kind="stable") if k != own][:most]
     shares = [(classes[k], _share(predicted, k)) for k in others]
     return ", ".join(f"{name} {share:.0f}" for name, share in shares if share >= 5)
