@@ -23,7 +23,7 @@ from scipy.linalg import cho_solve, cholesky, solve_triangular
 DEGREE = 5
 """Number of cosines of each attribute."""
 PAIR_ORDERS = ((1, 1), (1, 2), (2, 1))
-"""Highest order of the cosines in an interaction."""
+"""Orders of the two cosines in each term of an interaction."""
 STEPS = 30
 """Steps of expectation maximisation, which finds the scale of each effect and the noise."""
 SIGNAL, PAIR_SHARE = 0.5, 0.3
