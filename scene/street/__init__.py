@@ -1,1 +1,1 @@
-"""Lines of objects along a road, and the camera that drives down it."""
+"""Streets: lines of objects along a road, and the camera that drives down it."""

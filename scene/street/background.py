@@ -1,7 +1,7 @@
-"""What closes the horizon: the street going on, rows of houses and trees behind it and across its end.
+"""The background, which closes the horizon: the street's continuation, and rows of houses and trees.
 
-Placed beyond the reach of the lines that attributes control, from a generator of its own, so that it never
-changes them. Streets with few buildings lie among trees and fields, so it thins out with them.
+It lies beyond the lines that attributes control and has its own generator, so that it does not change them.
+Streets with few buildings lie among trees and fields, so the background thins out with them.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from scene.attributes import StreetParams
 from scene.ground.path import Path
 
 LINES_END = 165.0
-"""Lines of objects end before here, metres along the road."""
+"""Metres along the road, before which lines of objects end."""
 BEHIND = 36.0
-"""No line of objects is as far as this from the centre line, metres."""
+"""Metres from the centre line, beyond which there is no line of objects."""
 VISTA_END = 300.0
-"""Where the street stops going on, metres along the road."""
+"""Metres along the road at which the continuation ends."""
 BELT = 11.0
-"""Metres from one to the next outside of a bend."""
+"""Metres between objects outside of a bend."""
 WOODS = 0.55
 """Share of places without a house that have a tree; the others are open."""
 
@@ -49,7 +49,7 @@ def background(params: StreetParams, rng: np.random.Generator) -> list[Backdrop]
 def _vista(
     params: StreetParams, town: float, end: float, rng: np.random.Generator
 ) -> list[Backdrop]:
-    """The street goes on beyond its lines: houses on both sides as far from the road as before."""
+    """The street's continuation: houses on both sides, as far from the road as before."""
     things = []
     for side in (1.0, -1.0):
         for x in np.arange(LINES_END + 6, end - 12, max(params.building_interval, 13.0)):
@@ -63,7 +63,7 @@ def _vista(
 
 
 def _closure(town: float, end: float, rng: np.random.Generator) -> list[Backdrop]:
-    """A row across the end of the road, where it bends or meets another, with trees before it."""
+    """A row across the end of the road, where it bends or meets another road, with trees before it."""
     things = []
     for y in np.arange(-84.0, 84.0, 13.0) + rng.uniform(-6, 6):
         kind = _kind(town, rng, woods=0.9)
@@ -76,7 +76,7 @@ def _closure(town: float, end: float, rng: np.random.Generator) -> list[Backdrop
 
 
 def _back_row(side: float, town: float, rng: np.random.Generator) -> list[Backdrop]:
-    """The next street over: seen through gaps, houses turn their backs or fronts, gardens between."""
+    """The next street, visible through gaps: backs or fronts of houses with gardens between."""
     things = []
     row = float(rng.uniform(BEHIND + 6, BEHIND + 20))
     for x in np.arange(-5.0, 260.0, 15.0):
@@ -84,7 +84,7 @@ def _back_row(side: float, town: float, rng: np.random.Generator) -> list[Backdr
         place = float(x + rng.uniform(-2, 2))
         yaw = 0.0 if rng.random() < 0.5 else math.pi
         if kind == "building":
-            # Turned away, a house reaches towards the road: its wall there is not its origin.
+            # A house that is turned away reaches towards the road from its origin.
             depth = 14.0 if (yaw == 0.0) != (side > 0) else 0.0
             things.append(Backdrop(kind, place, side * (row + depth), yaw))
         elif kind:
@@ -95,7 +95,7 @@ def _back_row(side: float, town: float, rng: np.random.Generator) -> list[Backdr
 
 
 def belt(path: Path, params: StreetParams, rng: np.random.Generator) -> list[Backdrop]:
-    """Houses and trees outside of bends, where rows that follow the road stand wide apart."""
+    """Houses and trees outside of bends, where rows that follow the road have wide gaps."""
     town = 0.06 + 0.84 * params.building_probability
     things = []
     for (start, _), (_, curvature), _, (end, _) in zip(*[iter(path.bends)] * 4, strict=True):
@@ -109,13 +109,13 @@ def belt(path: Path, params: StreetParams, rng: np.random.Generator) -> list[Bac
                     things.append(Backdrop(kind, x, y, 0.0 if out > 0 else math.pi))
                 elif kind:
                     things.append(_tree(x, y, rng))
-                # As far apart in the world, whatever the bend.
+                # The same distance in the world, whatever the bend.
                 x += BELT / (1 + abs(curvature * y))
     return things
 
 
 def _kind(town: float, rng: np.random.Generator, woods: float = WOODS) -> str:
-    """A house in town, else a tree or a bush, else nothing."""
+    """A house in town, otherwise a tree, a bush or nothing."""
     if rng.random() < town:
         return "building"
     if rng.random() < woods:

@@ -13,17 +13,17 @@ from scene.ground.path import Path, heading_at, place_at, slope_at, to_world
 DRIVE = 60.0
 """Metres of road over which the camera takes its shots."""
 SEARCH = 24.0
-"""Metres further along the road within which a shot may be taken again."""
+"""Metres along the road within which a shot may be retaken."""
 AGAIN = 4
-"""Times that it may be."""
+"""The most times that a shot is retaken."""
 VIEW = 4.0
-"""Metres of view that what fills a street leaves free."""
+"""Metres of free view before the camera."""
 SPARE = 1.0
-"""Metres that the camera stands away from all that stands in the street."""
+"""Least distance in metres of the camera from all objects of the street."""
 ASIDE = 8.0
-"""Metres from the centre line within which it looks for such a place."""
+"""Metres from the centre line within which the camera's place must lie."""
 LEAST = 1e-9
-"""Slope to a rectangle's side that is not divided by; metres that rounding may move an end."""
+"""Least slope to a rectangle's side for a division; metres by which rounding may move an end."""
 
 
 class Camera(NamedTuple):
@@ -33,12 +33,12 @@ class Camera(NamedTuple):
     yaw: float
     pitch: float
     roll: float = 0.0
-    field_of_view: float | None = None  # horizontal, radians; None: as the dataset's settings say
-    exposure: float = 1.0  # factor on the light
+    field_of_view: float | None = None  # horizontal, radians; None: that of the dataset's settings
+    exposure: float = 1.0  # factor of the light
     warmth: float = 0.0  # red against blue, stops
-    further: tuple[Camera, ...] = ()  # instead of this one, where its shot shows no street
-    retaken: int = 0  # times that the shot was taken again
-    refused: bool = False  # whether it shows no street all the same
+    further: tuple[Camera, ...] = ()  # replacements if its shot shows no street
+    retaken: int = 0  # number of times that the shot was retaken
+    refused: bool = False  # whether it still shows no street
 
 
 def camera_axes(camera: Camera) -> np.ndarray:
@@ -62,18 +62,17 @@ def camera_path(
     rng: np.random.Generator,
     ground: Ground,
 ) -> tuple[Camera, ...]:
-    """Poses spread over ``DRIVE`` metres, each with those ``further`` along the road that may replace it.
+    """Poses spread over ``DRIVE`` metres, each with replacements ``further`` along the road.
 
-    All stand as far from the centre line as ``first``, or as near to that as ``SPARE`` metres beside all that
-    stands there allow. A place with nothing free within ``ASIDE`` metres is left out, unless a shot has no
-    other.
+    All are as far from the centre line as ``first``, or at the nearest place with ``SPARE`` metres to all
+    objects. A place without free ground within ``ASIDE`` metres is left out, unless a shot has no other.
 
     Args:
-        first: the camera at the start of the road, its height above the ground.
-        shots: how many.
-        taken: f64[n, 6] what stands in the street, rows as ``clearance.Rectangle``.
+        first: the camera at the start of the road, with its height above the ground.
+        shots: number of shots.
+        taken: f64[n, 6] the objects of the street, with rows as ``clearance.Rectangle``.
         rng: consumed.
-        ground: of the street, whose road the camera follows as if it were fixed to a car.
+        ground: the ground, whose road the camera follows as if it were fixed to a car.
     """
     along = np.linspace(0.0, SEARCH, 1 + AGAIN)
     x = np.array([(shot + rng.random()) * DRIVE / shots + along for shot in range(shots)])
@@ -88,10 +87,10 @@ def camera_path(
 
 
 def nearest_free(path: Path, x: np.ndarray, y: float, taken: np.ndarray) -> np.ndarray:
-    """Across the road at each of ``x`` f64[n] the place nearest to ``y`` that is free, f64[n]; NaN: none is.
+    """The free place across the road nearest to ``y`` at each of ``x`` f64[n], f64[n]; NaN for none.
 
     Args:
-        path: of the road.
+        path: path of the road.
         x: metres along it.
         y: metres left of its centre line.
         taken: f64[m, 6], see ``camera_path``.
@@ -131,6 +130,6 @@ def _driven(first: Camera, x: float, y: float, ground: Ground) -> Camera:
         position=(east, north, z),
         yaw=first.yaw - heading,
         pitch=first.pitch - rise * math.cos(first.yaw),
-        # Who looks to the right has the car's nose at the left.
+        # A camera that looks to the right has the car's front at the left.
         roll=first.roll + rise * math.sin(first.yaw),
     )

@@ -1,4 +1,4 @@
-"""What keeps things apart: rectangles on the ground, and whether one more has room between them."""
+"""Keeps objects apart: rectangles on the ground, and whether there is room for another one."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ from scene.compiled import njit
 
 
 class Rectangle(NamedTuple):
-    """What one object takes of the ground, world metres; a row of the arrays below."""
+    """The footprint of one object in world metres; a row of the arrays below."""
 
-    x: float  # its middle
+    x: float  # centre
     y: float
-    cos: float  # its own x axis
+    cos: float  # direction of its x axis
     sin: float
-    long: float  # half its sides, along its x and its y axis
+    long: float  # half its sides along its x and its y axis
     wide: float
 
 
 class Rectangles:
-    """Rectangles that become more."""
+    """A growing set of rectangles."""
 
     def __init__(self) -> None:
-        """None yet."""
+        """An empty set."""
         self._count = 0
         self._rows = np.zeros((128, 6))
 
     def add(self, box: Rectangle) -> None:
-        """Add one."""
+        """Add one rectangle."""
         self._room(1)
         self._rows[self._count] = box
         self._count += 1
@@ -41,18 +41,18 @@ class Rectangles:
         self._count += len(rows)
 
     def meet(self, box: Rectangle, spare: float) -> bool:
-        """Whether one of them comes nearer than ``spare`` metres to ``box``."""
+        """Whether one of them is nearer than ``spare`` metres to ``box``."""
         return _meet(self._rows, self._count, *box, spare)
 
     def admit(self, tries: np.ndarray, spare: float) -> np.ndarray:
-        """Add of each candidate in turn the first try that has room.
+        """Add the first try with room of each candidate in turn.
 
         Args:
             tries: f64[candidates, tries, 6].
-            spare: metres that a candidate stays away from all that is there and all that came before it.
+            spare: least distance in metres of a candidate from all earlier rectangles.
 
         Returns:
-            Which try of each was added, i64[candidates]; -1: none.
+            The index of each candidate's added try, i64[candidates]; -1 for none.
         """
         self._room(len(tries))
         chosen, self._count = _admit(self._rows, self._count, tries, spare)
@@ -65,7 +65,7 @@ class Rectangles:
 
 @njit(cache=True)
 def _apart(one: np.ndarray, other: np.ndarray, spare: float) -> bool:
-    """Whether two rectangles f64[6] are ``spare`` metres apart along one of the four axes of the two."""
+    """Whether two rectangles f64[6] are ``spare`` metres apart along one of their four axes."""
     x, y = other[0] - one[0], other[1] - one[1]
     cos = abs(other[2] * one[2] + other[3] * one[3])
     sin = abs(other[2] * one[3] - other[3] * one[2])
@@ -79,7 +79,7 @@ def _apart(one: np.ndarray, other: np.ndarray, spare: float) -> bool:
 
 @njit(cache=True)
 def _first_met(rows: np.ndarray, count: int, box: np.ndarray, spare: float) -> int:
-    """The first of ``count`` rectangles f64[n, 6] that is nearer than ``spare`` to another one; -1: none."""
+    """The first of ``count`` rectangles f64[n, 6] nearer than ``spare`` to another one; -1 for none."""
     reach = box[4] + box[5] + 2 * max(spare, 0.0)
     for k in range(count):
         far = rows[k, 4] + rows[k, 5] + reach
@@ -120,7 +120,7 @@ def _admit(rows: np.ndarray, count: int, tries: np.ndarray, spare: float) -> tup
 
 @njit(cache=True)
 def pairs(rows: np.ndarray, deep: float) -> np.ndarray:
-    """Which of rectangles f64[n, 6] meet by more than ``deep`` metres along every axis: i64[pairs, 2]."""
+    """Pairs i64[pairs, 2] of rectangles f64[n, 6] that overlap by more than ``deep`` metres on every axis."""
     found = [(0, 0)]
     for k in range(1, len(rows)):
         for j in range(k):
@@ -134,7 +134,7 @@ def pairs(rows: np.ndarray, deep: float) -> np.ndarray:
 
 @njit(cache=True)
 def touched(path: np.ndarray, rows: np.ndarray, spare: float) -> np.ndarray:
-    """First and last of places f64[m, 2] nearer than ``spare`` to each of f64[n, 6]: i64[n, 2], -1: none."""
+    """First and last place of f64[m, 2] nearer than ``spare`` to each of f64[n, 6]: i64[n, 2], -1: none."""
     found = np.full((len(rows), 2), -1)
     for k in range(len(rows)):
         reach = rows[k, 4] + rows[k, 5] + spare

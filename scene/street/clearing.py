@@ -1,4 +1,4 @@
-"""What gives way to a junction: objects of lines and background in its carriageways or its houses."""
+"""Clears a junction of objects of lines and background in its carriageways or its houses."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ WALKING = frozenset({"person"})
 SOLID = frozenset({"building", "train", "fence", "wall"})
 """Families that may not reach over an arm."""
 CLEAR = 1.5
-"""Metres that a house may come nearer to the road than its front, before it is left out."""
+"""Metres by which a house may be nearer to the road than its front before it is left out."""
 
 
 def cleared(ground: Ground, stands: Sequence[Stand], houses: Sequence[Stand]) -> list[Stand]:
-    """Objects but for those that would stand in a junction, or where its own houses do.
+    """Leave out objects that would stand in a junction or in its houses.
 
     Args:
-        ground: of the street.
-        stands: of the lines and the background.
-        houses: of the junction.
+        ground: ground of the street.
+        stands: objects of the lines and the background.
+        houses: houses of the junction.
     """
     junction = ground.junction
     if junction is None or not stands:
@@ -50,18 +50,18 @@ def cleared(ground: Ground, stands: Sequence[Stand], houses: Sequence[Stand]) ->
     bad = beside & np.where(solid, across, np.where(inner, ~walks, paved))
     on_road = vehicle & (away[1] < junction.road_half_width)
     bad = np.where(on_road, away[0] < junction.half_width + 3.5, bad)
-    # But a crown may reach over a roof.
+    # A crown may reach over a roof.
     for begin, end in zip(*spans(ground.path, houses, junction.x), strict=True):
         bad |= ((first < end) & (last > begin)).all(axis=1)
     return _whole(stands, bad)
 
 
 def off_the_road(ground: Ground, stands: Sequence[Stand], front: float) -> list[Stand]:
-    """Objects but for houses that in a bend would reach across the road.
+    """Leave out houses that would reach across the road in a bend.
 
     Args:
-        ground: of the street.
-        stands: houses among others.
+        ground: ground of the street.
+        stands: houses and other objects.
         front: metres from the centre line to the facades.
     """
     houses = [k for k, stand in enumerate(stands) if stand.family == "building"]
@@ -74,7 +74,7 @@ def off_the_road(ground: Ground, stands: Sequence[Stand], front: float) -> list[
 
 
 def _whole(stands: Sequence[Stand], bad: np.ndarray) -> list[Stand]:
-    """Stands without those that are bad bool[n]; parts go with their object."""
+    """Leave out bad objects bool[n] with their parts."""
     found: list[Stand] = []
     stays = True
     for stand, leaves in zip(stands, bad.tolist(), strict=True):

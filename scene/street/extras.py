@@ -1,7 +1,7 @@
-"""What else stands in a street, beside its lines: parked rows, traffic, people, open roadsides.
+"""Adds to the lines of a street: parked rows, traffic, people, open roadsides.
 
-Each ingredient draws from a stream of its own, so none moves another's numbers, and with all shares at 0 a
-street is that of its lines alone.
+Each ingredient has its own stream, so that none changes another's numbers; with all shares at 0 a street has
+its lines alone.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ SIDES = (1.0, -1.0)
 
 
 class Mix(NamedTuple):
-    """How likely each ingredient without an attribute of its own is, in [0, 1]."""
+    """Probabilities in [0, 1] of the ingredients without an attribute."""
 
     turning: float = 0.0  # vehicles across the road's direction: at side streets, drives, elsewhere
-    groups: float = 0.0  # people together on 13 m of a sidewalk
+    groups: float = 0.0  # a group of people on 13 m of a sidewalk
     benches: float = 0.0  # people on a bench on 26 m of a sidewalk
     crossing: float = 0.0  # people on a crossing; half as likely at each of three other places
     riders: float = 0.0  # cyclists in the lane, on 26 m of a roadside
@@ -43,8 +43,8 @@ MIX = Mix(
     turning=0.25, riders=0.2, cycle_stands=0.15, gardens=0.2, shelters=0.15, railings=0.18,
     bollards=0.12, islands=0.12, scaffolds=0.05, stalls=0.08,
 )  # fmt: skip
-"""What streets have where nothing else is said: not the people in groups, on benches and on crossings, who
-taught nets nothing (``python -m benchmarks.transfer --only content``)."""
+"""The default mix, without people in groups, on benches and on crossings, who taught nets nothing
+(``python -m benchmarks.transfer --only content``)."""
 
 
 def open_sides(setting: Setting, seed: int) -> tuple[float, ...]:
@@ -54,12 +54,12 @@ def open_sides(setting: Setting, seed: int) -> tuple[float, ...]:
 
 
 def extras(plot: Plot, seed: int, mix: Mix | None = None) -> None:
-    """Add to what stands on a street's lines.
+    """Add the ingredients to a street's lines.
 
     Args:
         plot: the street.
-        seed: of the street.
-        mix: shares; None: ``MIX``.
+        seed: seed of the street.
+        mix: the probabilities; None: ``MIX``.
     """
     mix = MIX if mix is None else mix
     params = plot.street.params

@@ -1,4 +1,4 @@
-"""What streets are furnished with: islands, bollards, shelters, stalls, scaffolds, gardens, a user's own."""
+"""Street furniture: islands, bollards, shelters, stalls, scaffolds, gardens, and a user's own objects."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from scene.street.plot import LINE_END, LINE_START, TOUCHING, Plot, draw_kind
 from scene.street.rows import facing_road, run
 
 END = 120.0
-"""Furniture stands before here, metres along the road."""
+"""Metres along the road, before which furniture stands."""
 POSTS = tuple(name for name in BOLLARDS if name not in BEACONS)
 ISLANDS = ("slab island", "setts island", "narrow island", "block island")
 GARDEN_FENCES = ("pickets", "spear railings", "boards", "bow top", "rails", "trellis", "wires")
@@ -31,13 +31,13 @@ KERB_RAILINGS = ("pedestrian guard", "bow top", "cross rails", "guard rail", "bo
 BACK_FENCES = ("spear railings", "palisade", "chain link", "heras", "boards", "barrier boards",
                "pedestrian guard")  # fmt: skip
 BOUNDARIES = (("bush", HEDGES, 0.4), ("wall", LOW_WALLS, 0.3), ("fence", GARDEN_FENCES, 0.3))
-"""What closes a front garden: family, kinds, how often."""
+"""Enclosures of a front garden: family, kinds, probability."""
 TRIES = 24
-"""Places that are tried for each object of a user's own class."""
+"""Number of tried places for each object of a user's own class."""
 
 
 def islands(plot: Plot, share: float, rng: np.random.Generator) -> None:
-    """Traffic islands in the middle of the road, a beacon at each end: beside crossings, and elsewhere."""
+    """Traffic islands in the middle of the road with a beacon at each end, at crossings and elsewhere."""
     ground = plot.ground
     places = [x + s * 5.0 for x in ground.crosswalks for s in (-1, 1)]
     for x in [*places, *rng.uniform(8, END, 2).tolist()]:
@@ -48,7 +48,7 @@ def islands(plot: Plot, share: float, rng: np.random.Generator) -> None:
             continue
         if not plot.put("paving", island, x, 0.0, 0.0) or beacon is None:
             continue
-        # What stands on it is not in its own way.
+        # Its own objects may stand on it.
         reach = float(catalogue.bounds("paving", island or 0)[1, 0]) - 0.55
         for end in (-1, 1) if both else (-1,):
             plot.place("bollard", beacon, x + end * reach, 0.0, 0.0, lift=0.13)
@@ -140,7 +140,7 @@ def scaffolds(plot: Plot, side: float, share: float, rng: np.random.Generator) -
         if not wanted or ref is None:
             continue
         front = distance - float(catalogue.bounds("scaffold", ref)[1, 1])
-        for x, away in product(places.tolist(), (0.1, 0.5, 0.9)):  # steps and sills stand out
+        for x, away in product(places.tolist(), (0.1, 0.5, 0.9)):  # steps and sills protrude
             if all(plot.built(x + d, side * (distance + 3.0)) for d in (-3.0, 3.0)) and plot.put(
                 "scaffold", ref, x, side * (front - away), facing_road(side), spare=TOUCHING
             ):
@@ -173,9 +173,9 @@ def gardens(plot: Plot, side: float, share: float, rng: np.random.Generator) -> 
 
 
 def own_class(plot: Plot, own: OwnClass, rng: np.random.Generator) -> None:
-    """Objects of a user's own class, one on every ``OWN_EVERY`` metres where one of ``TRIES`` has room.
+    """Objects of a user's own class, one per ``OWN_EVERY`` metres if one of ``TRIES`` places has room.
 
-    On the sidewalk they look anywhere, on the carriageway where traffic goes; they reach beyond neither.
+    On the sidewalk they face any direction, on the carriageway that of traffic; they do not reach beyond it.
     """
     ground, half = plot.ground, plot.ground.half_width
     _, _, long, wide = footprint((FAMILY, own.file))
@@ -188,7 +188,7 @@ def own_class(plot: Plot, own: OwnClass, rng: np.random.Generator) -> None:
             c, s = abs(math.cos(yaw)), abs(math.sin(yaw))
             reach, end = s * long + c * wide, c * long + s * wide
             low, high = half + KERB_WIDTH + reach, ground.outer - reach
-            if own.place == "carriageway":  # what is wider than a lane may cross the middle
+            if own.place == "carriageway":  # objects wider than a lane may cross the middle
                 low, high = min(reach, half - reach), half - reach
             fits = low <= high and high >= 0 and clear(kept_free(ground, side), x - end, x + end)
             y = side * (low + across * (high - low))

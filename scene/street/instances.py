@@ -1,4 +1,4 @@
-"""Assets by their places on the road, and what these places come to in the world: poses and footprints."""
+"""Assets with their places on the road, and their poses and footprints in the world."""
 
 from __future__ import annotations
 
@@ -20,51 +20,51 @@ from scene.street.camera import DRIVE, SEARCH
 FAR = 35.0
 """Metres from every camera beyond which trees have fewer, larger leaves and twigs."""
 FIRST_INSTANCE = 4
-"""Instances 1-3 are road, sidewalk and terrain (see ``ground/build.py``); 0 is the sky."""
+"""The first instance of objects; 1-3 are road, sidewalk and terrain (``ground/build.py``), 0 is the sky."""
 STEM = 0.3
-"""Half the width, metres, that crowns, lamps and signs take on the ground: one stands below the rest."""
+"""Half the width in metres of the stems of trees, lamps and signs; other objects may stand below the rest."""
 HELD = frozenset({TrainId.VEGETATION, TrainId.POLE, TrainId.TRAFFIC_SIGN, TrainId.TRAFFIC_LIGHT})
-"""Classes of which only a stem is on the ground."""
+"""Classes with only a stem on the ground."""
 TILTED = frozenset(
     {
         *("car", "bus", "truck", "train", "bicycle", "motorcycle", "rider"),
         *("fence", "wall", "slab", "land", "paving", FAMILY),
     }
 )
-"""Families that lean with the slope of the road; all else stands upright."""
+"""Families that lean with the slope of the road; all others stand upright."""
 FLAT = frozenset({"slab", "land", "paving"})
-"""Families that others stand on, and that one may drive over."""
+"""Families of flat tiles, on which others stand, and over which one may drive."""
 
 
 TRAIN_IDS = {name: int(family.train_id) for name, family in FAMILIES.items()} | {FAMILY: OWN}
 
 
 class Stand(NamedTuple):
-    """One asset and its place on the road."""
+    """One asset with its place on the road."""
 
     family: str
-    ref: int | str  # index in its family, or what ``library.scan`` calls a user's own
+    ref: int | str  # index in its family, or the name of a user's own in ``library.scan``
     x: float  # metres along the road
     y: float  # metres left of its centre line
     yaw: float  # radians left of the road's direction there
     lift: float = 0.0  # metres above the ground
-    roll: float = 0.0  # radians about its own x axis, its left side up
-    part: bool = False  # of the object before it, whose place it shares
+    roll: float = 0.0  # radians about its x axis, with its left side up
+    part: bool = False  # whether it is a part of the object before it, whose place it shares
 
 
 class Placement(NamedTuple):
     """One asset standing in the street."""
 
     family: str
-    asset: int | str  # index in its family, or what ``library.scan`` calls a user's own
+    asset: int | str  # index in its family, or the name of a user's own in ``library.scan``
     train_id: int
     instance: int
-    pose: np.ndarray  # f64[4, 4] asset frame -> world; of some buses with a reflection
-    far: bool = False  # no camera comes near: fewer, larger leaves will do
+    pose: np.ndarray  # f64[4, 4] asset frame -> world; some buses are reflected
+    far: bool = False  # whether it is far from all cameras, so that fewer, larger leaves will do
 
 
 def objects(stands: Sequence[Stand]) -> Iterator[list[Stand]]:
-    """Stands in objects: each with its parts behind it."""
+    """Group stands into objects, each followed by its parts."""
     found: list[Stand] = []
     for stand in stands:
         if found and not stand.part:
@@ -76,7 +76,7 @@ def objects(stands: Sequence[Stand]) -> Iterator[list[Stand]]:
 
 
 def placed(ground: Ground, stands: Sequence[Stand]) -> list[Placement]:
-    """Stands in the world, under instance ids from ``FIRST_INSTANCE`` on; parts share their object's pose."""
+    """Place stands in the world, with ids from ``FIRST_INSTANCE`` on; parts share their object's pose."""
     path = ground.path
     world = poses(ground, stands)
     drive = to_world(path, np.arange(0.0, DRIVE + SEARCH, 5.0), 0.0)
@@ -93,8 +93,8 @@ def placed(ground: Ground, stands: Sequence[Stand]) -> list[Placement]:
 def poses(ground: Ground, stands: Sequence[Stand]) -> np.ndarray:
     """Poses f64[n, 4, 4], asset frame -> world.
 
-    What drives or lies leans with the slope; houses go down to the lowest ground below them; the doors of
-    built-in buses are at the kerb.
+    Vehicles and flat objects lean with the slope; houses go down to the lowest ground below them; the doors
+    of built-in buses are at the kerb.
     """
     path = ground.path
     x, y, yaw, lift, roll = _numbers(stands)
@@ -121,7 +121,7 @@ def poses(ground: Ground, stands: Sequence[Stand]) -> np.ndarray:
             reach = _corners([stands[k] for k in houses])[:, :, 0]
             low = height_at(path, reach).min(axis=1) - height_at(path, x[houses])
             found[houses, 2, 3] += np.minimum(low, 0.0)
-    if ground.drive > 0:  # traffic keeps left: what is modelled for the right is turned round
+    if ground.drive > 0:  # traffic keeps left, so assets for right-hand traffic are mirrored
         buses = [k for k, s in enumerate(stands) if s.family == "bus" and isinstance(s.ref, int)]
         found[buses, :, 1] *= -1.0
     return found
@@ -133,10 +133,10 @@ def _numbers(stands: Sequence[Stand]) -> np.ndarray:
 
 
 def _leaning(path: Path, found: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Poses f64[n, 4, 4] turned by the slope of the road ``x`` f64[n] metres along it."""
+    """Poses f64[n, 4, 4] turned by the slope of the road at ``x`` f64[n] metres."""
     rise, heading = np.arctan(slope_at(path, x)), heading_at(path, x)
     cross = np.zeros((len(found), 3, 3))
-    # Rodrigues: by ``rise`` about the axis to the right of the road, so that what lies ahead goes up.
+    # Rodrigues' rotation by ``rise`` about the axis to the right of the road, which lifts the front.
     cross[:, 0, 2], cross[:, 1, 2] = np.cos(heading), np.sin(heading)
     cross[:, 2, :2] = -cross[:, :2, 2]
     s, c = np.sin(rise)[:, None, None], np.cos(rise)[:, None, None]
@@ -145,7 +145,7 @@ def _leaning(path: Path, found: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def _corners(stands: Sequence[Stand]) -> np.ndarray:
-    """Corners f64[n, 4, 2] of what assets lie above, road coordinates as if the road were straight."""
+    """Corners f64[n, 4, 2] of the areas below assets, in road coordinates as on a straight road."""
     if not stands:
         return np.zeros((0, 4, 2))
     x, y, yaw, _, _ = _numbers(stands)
@@ -164,20 +164,20 @@ def _outline(family: str, ref: int | str) -> tuple[float, float, float, float]:
 
 @lru_cache(maxsize=4096)
 def top(family: str, ref: int | str) -> float:
-    """How high an asset reaches, metres."""
+    """The height of an asset's top, metres."""
     return float(catalogue.bounds(family, ref)[1, 2])
 
 
 def length(family: str, ref: int | str) -> float:
-    """Metres from end to end of an asset, along its own x axis."""
+    """The length of an asset along its x axis, metres."""
     left, _, right, _ = _outline(family, ref)
     return right - left
 
 
 def spans(path: Path, stands: Sequence[Stand], at: float) -> tuple[np.ndarray, np.ndarray]:
-    """Low and high corners f64[n, 2] of what assets lie above, on axes along and across the road at ``at``.
+    """Low and high corners f64[n, 2] of the areas below assets, along and across the road at ``at``.
 
-    They begin where the centre line is there.
+    The origin is the centre line there.
     """
     corners = world_corners(path, stands)
     heading = float(heading_at(path, at))
@@ -187,7 +187,7 @@ def spans(path: Path, stands: Sequence[Stand], at: float) -> tuple[np.ndarray, n
 
 
 def world_corners(path: Path, stands: Sequence[Stand]) -> np.ndarray:
-    """Corners f64[n, 4, 2] in the world of what assets lie above."""
+    """Corners f64[n, 4, 2] of the areas below assets in the world."""
     corners = _corners(stands)
     if not path.bends or not stands:
         return corners
@@ -201,9 +201,9 @@ def world_corners(path: Path, stands: Sequence[Stand]) -> np.ndarray:
 
 @lru_cache(maxsize=4096)
 def footprint(*parts: tuple[str, int | str]) -> tuple[float, float, float, float]:
-    """Middle x, y and half length and width, metres, that an object of assets takes of the ground.
+    """Centre x, y and half length and width, metres, of the footprint of an object of assets.
 
-    In its own frame. ``parts`` are families and references.
+    They are in its own frame; ``parts`` are families and references.
     """
     boxes = []
     for family, ref in parts:
@@ -218,7 +218,7 @@ def footprint(*parts: tuple[str, int | str]) -> tuple[float, float, float, float
 
 
 def rectangles(path: Path, stands: Sequence[Stand]) -> np.ndarray:
-    """What objects take of the ground, one row for each: see ``clearance.Rectangle``, f64[objects, 6]."""
+    """Footprints f64[objects, 6] of objects, with rows as ``clearance.Rectangle``."""
     whole = list(objects(stands))
     if not whole:
         return np.zeros((0, 6))
@@ -239,9 +239,9 @@ def turned_out(
 
 
 def standing(placements: Sequence[Placement]) -> tuple[list[Placement], np.ndarray]:
-    """The first part of each object, and what objects take of the ground, f64[objects, 6] as ``rectangles``.
+    """The first part of each object, and the footprints f64[objects, 6] as in ``rectangles``.
 
-    Not tiles, which others stand on.
+    Tiles, on which others stand, are left out.
     """
     whole: list[list[Placement]] = []
     for p in placements:

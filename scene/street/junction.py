@@ -1,6 +1,6 @@
-"""What stands and drives at a junction: houses along its arms, lights, traffic, people, lamps, trees.
+"""Objects of a junction: houses along its arms, lights, traffic, people, lamps, trees.
 
-All of it is placed in a frame of each arm (``Arm``): metres from the road's centre line, and across.
+They are placed in the frame of an arm (``Arm``): metres from the road's centre line, and across the arm.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from scene.street.instances import Stand, length, spans
 from scene.street.plot import Setting
 
 GAP = 0.25
-"""Least room between houses of a row, metres."""
+"""Least gap between houses of a row, metres."""
 SET_BACK = 6.0
-"""Most room between an arm's sidewalk and its houses, metres."""
+"""Largest gap between an arm's sidewalk and its houses, metres."""
 VEHICLE_SHARES = (0.86, 0.08, 0.06)
-"""Of the vehicles in ``VEHICLES``."""
+"""Probabilities of the vehicles in ``VEHICLES``."""
 
 
 class Arm(NamedTuple):
-    """One arm and with what it is filled."""
+    """One arm with the data for its objects."""
 
     street: Setting
     junction: Junction
@@ -36,21 +36,21 @@ class Arm(NamedTuple):
 
     @property
     def ours(self) -> float:
-        """The side of its middle, along the road, on which traffic comes up to the junction."""
+        """The side of its middle, along the road, on which traffic approaches the junction."""
         return self.street.drive * self.side
 
     @property
     def inwards(self) -> float:
-        """Heading of traffic that comes up, radians left of the road's direction."""
+        """Heading of approaching traffic, radians left of the road's direction."""
         return -self.side * math.pi / 2
 
     def stand(self, family: str, along: float, across: float, yaw: float) -> list[Stand]:
-        """One object of a family, with its post or machine; nothing where the pool has none."""
+        """One object of a family with its post or machine; nothing if the pool has none."""
         ref = self.pick(family)
         return [] if ref is None else self.put(family, ref, along, across, yaw)
 
     def pick(self, family: str) -> int | str | None:
-        """An asset of a family, in its season."""
+        """An asset of a family in its season."""
         pool, bare = self.street.pool, self.street.params.bare_tree_share
         return pick_in_season(pool, family, bare, self.rng)
 
@@ -64,7 +64,7 @@ class Arm(NamedTuple):
 
 
 def junction_objects(street: Setting, rng: np.random.Generator) -> list[Stand]:
-    """All that belongs to the junction of a street, room or not; consumes ``rng``."""
+    """All objects of the junction of a street, even without room; consumes ``rng``."""
     junction = street.ground.junction
     if junction is None:
         return []
@@ -77,18 +77,18 @@ def junction_objects(street: Setting, rng: np.random.Generator) -> list[Stand]:
 
 
 def _front(arm: Arm) -> float:
-    """From an arm's middle to its houses."""
+    """Distance from an arm's middle to its houses."""
     room = arm.street.params.building_position - arm.street.ground.outer
     return arm.junction.outer + float(np.clip(room, 0.4, SET_BACK))
 
 
 def _facing(across: float) -> float:
-    """Yaw of a house or lamp beside an arm that looks at its middle."""
+    """Yaw of a house or lamp beside an arm, towards its middle."""
     return -math.copysign(math.pi / 2, across)
 
 
 def _houses(arm: Arm) -> list[Stand]:
-    """A row on either hand, from the house at the corner, which looks at the road, to the end."""
+    """A row on each side, from the house at the corner, which faces the road, to the end."""
     params, front = arm.street.params, _front(arm)
     town = params.building_probability
     found: list[Stand] = []
@@ -133,7 +133,7 @@ def _end(arm: Arm) -> list[Stand]:
 
 
 def _control(arm: Arm) -> list[Stand]:
-    """Lights on both sides of the arm's stop line, or a sign on the near one."""
+    """Lights on both sides of the arm's stop line, or a sign on the near side."""
     edge = arm.junction.half_width + 0.55
     along = arm.junction.stop - 0.2
     if arm.junction.control != "lights":
@@ -145,7 +145,7 @@ def _control(arm: Arm) -> list[Stand]:
 
 
 def _road_lights(arm: Arm) -> list[Stand]:
-    """Lights for the traffic of the road, on both of its sides; ``arm`` lends its frame only."""
+    """Lights for the traffic of the road on both sides; only the frame of ``arm`` is used."""
     junction = arm.junction
     found: list[Stand] = []
     if junction.control != "lights":
@@ -160,14 +160,14 @@ def _road_lights(arm: Arm) -> list[Stand]:
 
 
 def _vehicle(arm: Arm) -> tuple[str, int | str | None, float]:
-    """A vehicle's family, asset and half of its length."""
+    """A vehicle's family, asset and half length."""
     family = str(arm.rng.choice(VEHICLES, p=VEHICLE_SHARES))
     ref = arm.pick(family)
     return family, ref, 0.0 if ref is None else length(family, ref) / 2
 
 
 def _traffic(arm: Arm) -> list[Stand]:
-    """A queue at the stop line, vehicles that drive away, and by chance one that crosses the road."""
+    """A queue at the stop line, vehicles that drive away, and sometimes one that crosses the road."""
     junction, rng = arm.junction, arm.rng
     lane = 0.46 * junction.half_width
     found: list[Stand] = []
@@ -190,7 +190,7 @@ def _traffic(arm: Arm) -> list[Stand]:
         family, ref, _ = _vehicle(arm)
         turn = 0.0
         along = float(rng.uniform(-0.3, 0.7)) * junction.road_half_width
-        if len(junction.arms) == 1:  # it turns, towards its own side of the road
+        if len(junction.arms) == 1:  # it turns towards its own side of the road
             turn = float(rng.uniform(0.3, 0.8)) * arm.ours * arm.side
             along = float(rng.uniform(0.6, 1.0)) * junction.road_half_width
         if ref is not None:
@@ -199,7 +199,7 @@ def _traffic(arm: Arm) -> list[Stand]:
 
 
 def _on_the_road(arm: Arm, vehicles: list[Stand]) -> list[Stand]:
-    """The vehicles of which no corner reaches over a kerb."""
+    """The vehicles without a corner over a kerb."""
     junction, found = arm.junction, []
     low_high = spans(arm.street.ground.path, vehicles, junction.x)
     for vehicle, low, high in zip(vehicles, *low_high, strict=True):
@@ -213,11 +213,11 @@ def _on_the_road(arm: Arm, vehicles: list[Stand]) -> list[Stand]:
 
 
 def _parked(arm: Arm) -> list[Stand]:
-    """Cars along one kerb or both, where the arm is wide enough."""
+    """Cars along one kerb or both, if the arm is wide enough."""
     junction, rng = arm.junction, arm.rng
     found: list[Stand] = []
     for hand in (-1.0, 1.0):
-        # Traffic that waits and parked cars have room beside each other in a wide arm only.
+        # Only a wide arm has room for parked cars beside waiting traffic.
         wide = junction.half_width > (4.6 if hand == arm.ours else 3.6)
         share = float(rng.uniform(0.3, 0.95))
         if rng.random() > 0.55 or not wide:
@@ -231,7 +231,7 @@ def _parked(arm: Arm) -> list[Stand]:
 
 
 def _people(arm: Arm) -> list[Stand]:
-    """At the corners, on the crossing, along the sidewalks, and a rider in the lane."""
+    """People at the corners, on the crossing, along the sidewalks, and a rider in the lane."""
     junction, rng = arm.junction, arm.rng
     found: list[Stand] = []
     for hand in (-1.0, 1.0):

@@ -1,8 +1,8 @@
-"""Lines of objects along both sides of the road, each at a distance and with a spacing of its own.
+"""Lines of objects along both sides of the road, each with its own distance and spacing.
 
-As in the paper (section 3), lines may interpenetrate: finding attributes that keep them apart is the search
-problem. Where streets keep things apart (``AssetPool.overlap``), a line is a row of objects that do not meet,
-and each object that would stand in another is moved a little or left out.
+As in the paper (section 3), lines may interpenetrate: the search has to find attributes that keep them apart.
+If streets avoid overlaps (``AssetPool.overlap``), the objects of a line do not overlap, and an object that
+would stand in another one is moved a little or left out.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from scene.street.instances import Stand, footprint
 from scene.street.plot import LINE_END, LINE_START, Setting
 
 JITTER = 0.25
-"""Objects leave their slot's middle by up to this share of the interval."""
+"""The largest distance of objects from their slot's middle, as a share of the interval."""
 STEP = 0.0437
-"""Metres that neighbouring facades stand apart in depth, or they would lie in one plane where they
-overlap. It is no round number, since walls have relief in whole centimetres."""
+"""Distance in depth of neighbouring facades in metres, since overlapping ones must not lie in one plane. It
+is no round number, since walls have relief in whole centimetres."""
 RUN, LAP = 0.8, 0.04
-"""Share of an interval that a run of panels may fill; metres by which one reaches into the next."""
+"""Share of an interval that a run of panels may fill; metres by which a panel reaches into the next."""
 KERB = {"pole": 0.45, "bicycle": 0.55}
-"""Metres behind the kerb at which the objects of a line stand at least where things are kept apart."""
+"""Least distance in metres of a line's objects from the kerb, if overlaps are avoided."""
 ORDER = ("building", "car", "fence", "tree", "pole", "bicycle", "person")
-"""Which line comes first where things are kept apart."""
+"""Order of the lines, if overlaps are avoided."""
 TOWARDS, ASIDE = 0.7, 0.25
-"""What is in the way of something is moved towards the road by so many metres, once and twice, and along it
-by such a share of its interval, either way."""
+"""An object in the way of another one is moved towards the road by so many metres, once and twice, and along
+it by such a share of its interval, either way."""
 
 LINES: dict[str, dict[str, float]] = {}
 """Line -> family -> its share of the line's objects."""
@@ -48,7 +48,7 @@ def _line(
 ) -> list[Stand]:
     """One line on one side (1 left, -1 right) of the road, slot by slot; consumes ``rng``.
 
-    ``apart`` says whether its objects keep clear of each other.
+    ``apart`` says whether its objects avoid each other.
     """
     params, pool = street.params, street.pool
     distance = getattr(params, f"{line}_position")
@@ -96,11 +96,11 @@ def _line(
 
 
 def lines_of(street: Setting, seed: int, is_open: Sequence[float], apart: bool) -> list[Stand]:
-    """All lines on both sides but for houses on sides that are open; those first that come first."""
+    """All lines on both sides, in their order, without houses on open sides."""
     names, found = list(LINES), []
     for line in ORDER if apart else names:
         for k, side in enumerate((1.0, -1.0)):
-            # A line draws from streams of its own, so moving one line leaves the others as they are.
+            # A line has its own streams, so that moving one line does not change the others.
             rng = stream(seed, "line", 2 * names.index(line) + k)
             if line != "building" or side not in is_open:
                 found += _line(line, side, street, rng, apart)
@@ -108,9 +108,9 @@ def lines_of(street: Setting, seed: int, is_open: Sequence[float], apart: bool) 
 
 
 def moves(street: Setting, stands: Sequence[Stand]) -> np.ndarray:
-    """Where else objects of lines may stand, f64[tries, objects, 2]; see ``Plot.admit``.
+    """Moves to try for objects of lines, f64[tries, objects, 2]; see ``Plot.admit``.
 
-    In their places, nearer to the road, or beside; houses stand in their places only.
+    Objects stand in their places, nearer to the road, or beside; houses only in their places.
     """
     first = [stand for stand in stands if not stand.part]
     lines = [LINE_OF[stand.family] for stand in first]
@@ -130,7 +130,7 @@ def moves(street: Setting, stands: Sequence[Stand]) -> np.ndarray:
 
 
 def _panels(long: float, interval: float) -> list[float]:
-    """Where along the road the copies of a panel stand, from its place: fences and walls run on."""
+    """Places along the road of the copies of a panel, from its own on: fences and walls are continuous."""
     pitch = long - LAP
     count = int(np.clip(RUN * interval / pitch, 1, 3))
     return [(k - (count - 1) / 2) * pitch for k in range(count)]
@@ -141,7 +141,7 @@ def _yaw(
 ) -> float:
     """The heading of an object, radians left of the driving direction; see ``Family.facing``.
 
-    ``turned`` and ``free`` are uniform draws from [0, 1), ``wobble`` one from the standard normal.
+    ``turned`` and ``free`` are uniform draws from [0, 1), ``wobble`` is one from the standard normal.
     """
     anyhow = (2 * free - 1) * math.pi
     if facing == "road":

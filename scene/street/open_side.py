@@ -1,4 +1,4 @@
-"""A roadside without houses: a park, water or a field, as far as the background that closes the horizon."""
+"""A roadside without houses: a park, water or a field up to the background, which closes the horizon."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from scene.street.plot import LINE_END, LINE_START, Plot, draw_kind
 from scene.street.rows import carpet, run
 
 KINDS = {"park": 0.5, "water": 0.22, "field": 0.28}
-"""What lies there."""
+"""Kinds of open sides."""
 STEEP = 2.0
-"""Per cent of slope beyond which no water lies beside the road."""
+"""Slope in per cent above which there is no water beside the road."""
 ROUNDING = 1e-6
-"""Per cent by which a slope may be more: attributes come from unit values in single precision."""
+"""Tolerance of this slope in per cent, since attributes come from unit values in single precision."""
 REACH = BEHIND - 2.0
 """Metres from the centre line at which it ends."""
 RAILINGS = ("spear railings", "rails", "pedestrian guard", "bow top", "cross rails", "chain link",
@@ -66,7 +66,7 @@ def _draw(
 
 
 def _boundary(plot: Plot, side: float, edge: float, share: float, rng: np.random.Generator) -> None:
-    """Railings, a low wall or a hedge along the sidewalk with the probability ``share``, with gates."""
+    """Railings, a low wall or a hedge with gates along the sidewalk, with the probability ``share``."""
     family, kinds = (("fence", RAILINGS), ("wall", LOW_WALLS), ("bush", HEDGES))[
         int(rng.choice(3, p=[0.55, 0.2, 0.25]))
     ]
@@ -77,7 +77,7 @@ def _boundary(plot: Plot, side: float, edge: float, share: float, rng: np.random
 
 
 def _paths(plot: Plot, side: float, rng: np.random.Generator) -> None:
-    """One path beside the road and some that lead away from it."""
+    """One path beside the road, and some that lead away from it."""
     ref = _draw(plot, "paving", ("asphalt path", "gravel path", "slab path", "brick path"), rng)
     along = plot.ground.outer + float(rng.uniform(4, 14))
     if rng.random() < 0.6:
@@ -92,7 +92,7 @@ def _paths(plot: Plot, side: float, rng: np.random.Generator) -> None:
 def _trees(
     plot: Plot, side: float, reach: tuple[float, float], area: float, rng: np.random.Generator
 ) -> None:
-    """Trees and bushes anywhere within ``reach`` metres of the centre line, a few of them in groups."""
+    """Trees and bushes within ``reach`` metres of the centre line, a few of them in groups."""
     pool, bare = plot.street.pool, plot.street.params.bare_tree_share
     count = int((SPAN[1] - SPAN[0]) * (reach[1] - reach[0]) / area * rng.uniform(0.4, 1.4))
     for _ in range(max(count, 0)):

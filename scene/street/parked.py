@@ -16,17 +16,17 @@ from scene.street.instances import footprint, length
 from scene.street.plot import LINE_END, LINE_START, Plot, draw_family, draw_kind
 
 PARKED = {"car": 0.93, "truck": 0.045, "motorcycle": 0.02, "bus": 0.005}
-"""What stands along a kerb."""
+"""Families of vehicles along a kerb."""
 AGAINST = 0.12
-"""Share of cars along the kerb that look against the traffic of their side."""
+"""Share of cars along the kerb that face against the traffic of their side."""
 FREE = 0.12
-"""Share of places in a row that are free."""
+"""Share of free places in a row."""
 LONGEST = 9.0
 """Metres; longer vehicles do not park."""
 PASSAGE = 2.9
 """Metres of carriageway that a row leaves free on its side of the centre line."""
 KERB_ROLL = math.atan2(KERB_HEIGHT, 1.6)
-"""How far a car with two wheels on the sidewalk leans, radians."""
+"""Lean of a car with two wheels on the sidewalk, radians."""
 STYLES = {
     "kerb": 0.6,
     "half on": 0.14,
@@ -35,23 +35,23 @@ STYLES = {
     "bays": 0.3,
     "car park": 0.6,
 }
-"""How often rows are of a style where there is room for it."""
+"""Probabilities of the styles of rows, if there is room."""
 
 
 def kept_free(ground: Ground, side: float) -> list[tuple[float, float]]:
-    """Where nobody stops on a side of the road, from and to, metres along it."""
+    """Stretches of a side where vehicles must not stop, from and to, metres along the road."""
     mouths = [(x - 5.5, x + 5.5) for x, s in ground.side_streets if s == side]
     drives = [(x - 2.2, x + 2.2) for x, s in ground.driveways if s == side]
     return [*mouths, *drives, *((x - 4.5, x + 4.5) for x in ground.crosswalks), *ground.boxes]
 
 
 def clear(places: list[tuple[float, float]], low: float, high: float) -> bool:
-    """Whether none of ``places`` reaches between ``low`` and ``high``."""
+    """Whether none of ``places`` overlaps ``low`` .. ``high``."""
     return all(high < a or low > b for a, b in places)
 
 
 def parked_row(plot: Plot, side: float, is_open: bool, rng: np.random.Generator) -> bool:
-    """Fill one roadside; says whether the row takes room from the lane beside it."""
+    """Fill one roadside; returns whether the row takes room from the lane beside it."""
     half = plot.ground.half_width
     beyond = (BEHIND if is_open else plot.street.params.building_position - 0.8) - half
     fits = {
@@ -80,7 +80,7 @@ def parked_row(plot: Plot, side: float, is_open: bool, rng: np.random.Generator)
 
 
 def _along(plot: Plot, side: float, half_on: bool, rng: np.random.Generator) -> None:
-    """One behind the other, bumper to bumper, with free places now and then."""
+    """Park cars one behind the other, bumper to bumper, with some free places."""
     ground, pool = plot.ground, plot.street.pool
     forward = 0.0 if side == plot.street.drive else math.pi
     closed = kept_free(ground, side)
@@ -98,7 +98,7 @@ def _along(plot: Plot, side: float, half_on: bool, rng: np.random.Generator) -> 
             continue
         width = 2 * footprint((family, ref))[3]
         middle = ground.half_width - (0.15 if half_on else 0.2 + width / 2) + float(drift)
-        middle = min(middle, ground.half_width - 0.02)  # it stands on the road, or it would rise
+        middle = min(middle, ground.half_width - 0.02)  # on the road, or it would be lifted
         yaw = forward + math.pi * turned + float(wobble)
         leans = half_on and width < 2.0
         roll = math.copysign(KERB_ROLL, side * math.cos(yaw)) if leans else 0.0
@@ -110,7 +110,7 @@ def _along(plot: Plot, side: float, half_on: bool, rng: np.random.Generator) -> 
 
 
 def _huddle(plot: Plot, side: float, x: float, rng: np.random.Generator) -> float:
-    """Motorcycles side by side in one place, tails to the kerb; where the place ends."""
+    """Park motorcycles side by side in one place, tails to the kerb; returns the end of the place."""
     for _ in range(int(rng.integers(2, 6))):
         ref = pick(plot.street.pool, "motorcycle", rng)
         yaw = -side * (math.pi / 2 + float(rng.normal(0, 0.12)))
@@ -125,7 +125,7 @@ def _huddle(plot: Plot, side: float, x: float, rng: np.random.Generator) -> floa
 def _across(
     plot: Plot, side: float, edge: float, angle: float, bays: bool, rng: np.random.Generator
 ) -> None:
-    """Side by side at ``angle`` to the road, noses or tails at ``edge`` metres from the centre line."""
+    """Park side by side at ``angle`` to the road, noses or tails at ``edge`` metres from the centre line."""
     pool = plot.street.pool
     start = float(rng.uniform(LINE_START, 25)) if bays else LINE_START
     end = start + float(rng.uniform(25, 80)) if bays else LINE_END
@@ -165,7 +165,7 @@ def _car_park(plot: Plot, side: float, rng: np.random.Generator) -> None:
     rows = [(near + depth / 2, bay, -1.0), (near + 1.5 * depth, aisle, 0.0),
             (near + 2.5 * depth, bay, 1.0)]  # fmt: skip
     for distance, tile, nose in rows:
-        # Where the road bends, what lies beside it is longer or shorter than the road.
+        # In a bend, lines beside the road are longer or shorter than the road.
         pitch = BAY[0] / (1 + distance * plot.street.params.bend / 1000)
         for x in start + pitch * np.arange(math.ceil(places * BAY[0] / pitch)):
             ref = pick(pool, "car", rng)

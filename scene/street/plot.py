@@ -1,4 +1,4 @@
-"""A street's ground and what stands on it so far: what comes later keeps clear of it, and of the camera."""
+"""A street's ground with its objects so far; later ones keep clear of these and of the camera."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ from scene.street.clearance import Rectangle, Rectangles, touched
 from scene.street.instances import TRAIN_IDS, Stand, footprint, objects, rectangles, top, turned_out
 
 LINE_START, LINE_END = -15.0, 150.0
-"""Where every line of objects begins and ends, metres along the road."""
+"""Begin and end of every line of objects, metres along the road."""
 HOUSES = frozenset({TrainId.BUILDING, TrainId.TRAIN, TrainId.WALL, TrainId.FENCE})
 SPARE, TOUCHING = 0.15, -0.05
-"""Metres that objects are apart at least, and those that belong together."""
+"""Least distance in metres of objects, and of objects that belong together."""
 BESIDE, BELOW = 0.35, 0.8
 """Metres beside and below the lens that are kept free."""
 STEP = 0.5
-"""Metres between the places of the camera that are looked at."""
+"""Metres between the checked places of the camera."""
 STEEP_LIFT, BENT_LIFT, MOST_LIFT = 0.006, 0.001, 0.05
 """Metres by which tiles are lifted for each per cent of slope and 1/km of bend, and at most."""
 BLOCK, GAP = 12.0, 14.0
-"""In the way of the camera, objects stand in blocks of at most ``BLOCK`` metres, ``GAP`` metres apart: most
-shots are taken between them, where the camera need not move aside."""
+"""In the way of the camera, objects stand in blocks of at most ``BLOCK`` metres, ``GAP`` metres apart, so
+that the camera need not move aside for most shots."""
 
 
 class Setting(NamedTuple):
-    """What all that stands in a street has in common."""
+    """The common data of all objects of a street."""
 
     params: StreetParams
     ground: Ground
@@ -45,10 +45,10 @@ class Setting(NamedTuple):
 
 
 class Plot:
-    """A street's ground with what stands on it so far, in road coordinates."""
+    """A street's ground with its objects so far, in road coordinates."""
 
     def __init__(self, street: Setting) -> None:
-        """A plot on which nothing stands."""
+        """An empty plot."""
         self.street = street
         self.ground = street.ground
         self.stands: list[Stand] = []
@@ -57,11 +57,11 @@ class Plot:
         self._blocks: list[tuple[float, float]] = []
         self._along = np.arange(-1.0, DRIVE + SEARCH + VIEW, STEP)
         lane = street.drive * street.params.camera_position_x
-        # Where the camera may come along.
+        # Possible places of the camera.
         self._path = to_world(street.ground.path, self._along, lane)
 
     def add(self, stands: Sequence[Stand]) -> None:
-        """Stand objects, with their parts, whatever is there."""
+        """Place objects with their parts, even where there is no room."""
         whole = list(objects(stands))
         if whole:
             rows = rectangles(self.ground.path, stands)
@@ -71,13 +71,13 @@ class Plot:
     def admit(
         self, stands: Sequence[Stand], tries: np.ndarray | None = None, spare: float = 0.0
     ) -> None:
-        """Stand each object, with its parts, at its first try where there is room.
+        """Place each object with its parts at its first try with room.
 
         Args:
-            stands: the objects, in the order in which they come.
+            stands: the objects in order.
             tries: f64[tries, objects, 2] metres by which each is moved along the road and left of it; None:
-                as it is.
-            spare: metres to the next object.
+                without moves.
+            spare: least distance in metres from other objects.
         """
         whole = list(objects(stands))
         if not whole:
@@ -111,16 +111,16 @@ class Plot:
         roll: float = 0.0,
         bare: bool = False,
     ) -> bool:
-        """Stand an object where there is room; says whether there was.
+        """Place an object if there is room; returns whether there was.
 
         Args:
-            family: of the asset.
-            ref: its index, or name of an own one; None, of which a pool has none, never stands.
+            family: family of the asset.
+            ref: its index, or the name of an own one; None for a family without assets places nothing.
             x: metres along the road.
             y: metres left of the centre line.
             yaw: radians left of the driving direction.
-            chance: in [0, 1), for what comes with it, see ``parts_of``.
-            spare: metres to the next object.
+            chance: in [0, 1), for its parts, see ``parts_of``.
+            spare: least distance in metres from other objects.
             lift: metres above the ground.
             roll: radians about its own x axis.
             bare: whether it needs ground without tiles.
@@ -142,10 +142,10 @@ class Plot:
         return True
 
     def lay(self, family: str, ref: int | str | None, x: float, y: float, yaw: float) -> bool:
-        """Lay a flat tile that others may stand on, unless a house, a wall or tiles of others are there."""
+        """Lay a flat tile, on which others may stand, unless a house, a wall or other tiles are there."""
         if ref is None:
             return False
-        # Tiles are flat: where the land is not, they lie on its highest points.
+        # Tiles are flat, so they lie on the highest points of uneven land.
         params = self.street.params
         lift = min(STEEP_LIFT * params.gradient + BENT_LIFT * params.bend, MOST_LIFT)
         box = self._rectangle([(family, ref)], x, y, yaw)
@@ -160,7 +160,7 @@ class Plot:
     def place(
         self, family: str, ref: int | str, x: float, y: float, yaw: float, lift: float = 0.0
     ) -> None:
-        """Stand an object on another that is there already, ``lift`` metres above the ground."""
+        """Place an object on an existing one, ``lift`` metres above the ground."""
         parts = [(family, ref)]
         box = self._rectangle(parts, x, y, yaw)
         self._stand(parts, x, y, yaw, lift, 0.0, box, self._block(parts, box))
@@ -201,7 +201,7 @@ class Plot:
             self._houses.add(box)
 
     def _occupy(self, whole: list[list[Stand]], rows: np.ndarray) -> None:
-        """Note objects that stand on rectangles f64[objects, 6]."""
+        """Record objects with rectangles f64[objects, 6]."""
         for parts in whole:
             self.stands += parts
         lens = self.street.params.camera_position_y - BELOW
@@ -214,7 +214,7 @@ class Plot:
     def _block(
         self, parts: Sequence[tuple[str, int | str]], box: Rectangle
     ) -> tuple[float, float] | None:
-        """From where to where an object is in the way of the camera, metres along the road."""
+        """The stretch where an object is in the way of the camera, metres along the road."""
         lens = self.street.params.camera_position_y
         if max(top(*part) for part in parts) < lens - BELOW:
             return None
@@ -223,7 +223,7 @@ class Plot:
 
 
 def _bearable(block: tuple[float, float], blocks: list[tuple[float, float]]) -> bool:
-    """Whether a further block leaves the camera gaps: it joins a short one or is far from all."""
+    """Whether another block leaves gaps for the camera: it joins a short one or is far from all."""
     low, high = block
     for a, b in blocks:
         if b > low - GAP and a < high + GAP:
@@ -234,13 +234,13 @@ def _bearable(block: tuple[float, float], blocks: list[tuple[float, float]]) -> 
 def draw_kind(
     pool: AssetPool, family: str, kinds: tuple[str, ...], rng: np.random.Generator
 ) -> int | str | None:
-    """One asset of certain kinds, where eight draws find one; otherwise any. Takes eight numbers."""
+    """Draw one asset of certain kinds if eight draws find one, otherwise any. Takes eight numbers."""
     drawn = [chosen(pool, family, share) for share in rng.random(8).tolist()]
     return next((ref for ref in drawn if ref is not None and kind(family, ref) in kinds), drawn[0])
 
 
 def draw_family(shares: dict[str, float], rng: np.random.Generator) -> str:
-    """A family, each with its share: what ``rng.choice`` draws, from the same number, and much sooner."""
+    """Draw a family by the shares; equals ``rng.choice`` with the same number, but much faster."""
     return list(shares)[bisect_right(_upto(tuple(shares.values())), rng.random())]
 
 

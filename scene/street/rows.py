@@ -1,4 +1,4 @@
-"""Things in rows along a roadside: panels end to end, and tiles side by side."""
+"""Rows along a roadside: panels end to end, and tiles side by side."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from scene.street.plot import TOUCHING, Plot
 
 
 def facing_road(side: float) -> float:
-    """The yaw of what looks at the road from a side."""
+    """The yaw of objects on a side that face the road."""
     return 0.0 if side > 0 else math.pi
 
 
@@ -24,15 +24,15 @@ def run(
     span: tuple[float, float],
     closed: list[tuple[float, float]],
 ) -> int:
-    """Panels of one sort end to end along the road, but for gaps where ``closed``; how many stand.
+    """Place panels of one kind end to end along the road, with gaps at ``closed``; returns their number.
 
     Args:
         plot: the street.
-        family: of the panels: fences, walls, hedges.
+        family: family of the panels: fences, walls, hedges.
         ref: the panel.
         y: metres left of the centre line.
         span: from and to, metres along the road.
-        closed: where none stands, each from and to.
+        closed: stretches without panels, each from and to.
     """
     if ref is None:
         return 0
@@ -54,9 +54,9 @@ def carpet(
     y: tuple[float, float],
     side: float,
 ) -> None:
-    """Tiles of one sort over a rectangle: along the road, and in metres from the centre line.
+    """Lay tiles of one kind over a rectangle: along the road, and in metres from the centre line.
 
-    The last ones may reach further; side streets are left free.
+    The last tiles may reach further; side streets are left free.
     """
     if ref is None:
         return
@@ -65,7 +65,7 @@ def carpet(
     long, wide = 0.998 * (high - low)[:2]
     for row in range(math.ceil((y[1] - y[0]) / wide)):
         distance = y[0] + (row + 0.5) * wide
-        # Where the road bends, what lies beside it is longer or shorter than the road.
+        # In a bend, lines beside the road are longer or shorter than the road.
         pitch = long / (1 + distance * plot.street.params.bend / 1000)
         for k in range(math.ceil((x[1] - x[0]) / pitch)):
             place = x[0] + (k + 0.5) * pitch

@@ -1,7 +1,7 @@
 """A street: assets on lines along a road, a ground, a sky, and the camera's path.
 
-Pure in (params, seed). World frame: x along the road where it begins (the driving direction), y left, z up,
-metres; the centre line of a straight, level road is the x axis at z = 0. Everything is placed in road
+It is pure in (params, seed). World frame: x along the road at its begin (the driving direction), y left, z
+up, metres; the centre line of a straight, level road is the x axis at z = 0. All objects are placed in road
 coordinates (``ground/path.py``).
 """
 
@@ -32,7 +32,7 @@ from scene.street.plot import SPARE, Plot, Setting
 
 
 class Street(NamedTuple):
-    """Everything a renderer needs, and nothing about how it renders."""
+    """Everything that a renderer needs, without settings of the rendering."""
 
     placements: tuple[Placement, ...]
     cameras: tuple[Camera, ...]  # one a shot, see ``Camera.further``
@@ -48,17 +48,17 @@ def sample_street(
     pool: AssetPool | None = None,
     mix: Mix | None = None,
 ) -> Street:
-    """One street with ``shots`` camera poses along it; the same arguments give the same street.
+    """Sample one street with ``shots`` camera poses along it; the same arguments give the same street.
 
     Args:
         params: its attributes.
-        seed: of all that is left to chance.
-        shots: how many.
+        seed: seed of all random choices.
+        shots: number of shots.
         pool: assets that it may draw from; None: the whole catalogue.
-        mix: shares of what has no attribute; None: ``extras.MIX``.
+        mix: probabilities of ingredients without an attribute; None: ``extras.MIX``.
     """
     pool = pool or AssetPool()
-    pool = pool.called(snapshot)  # here, for all objects of the street
+    pool = pool.called(snapshot)  # once for all objects of the street
     rng = stream(seed, "street")
     sky = sample_sky(
         rng,
@@ -85,7 +85,7 @@ def sample_street(
 
 
 def _fill(plot: Plot, seed: int, mix: Mix | None, apart: bool) -> None:
-    """Stand all that stands in a street; ``apart`` says whether its lines keep clear of each other."""
+    """Place all objects of a street; ``apart`` says whether its lines avoid each other."""
     setting, ground = plot.street, plot.ground
     front = setting.params.building_position
     is_open = open_sides(setting, seed)
@@ -101,14 +101,14 @@ def _fill(plot: Plot, seed: int, mix: Mix | None, apart: bool) -> None:
     plot.stands[count:] = cleared(ground, plot.stands[count:], houses)
     far = cleared(ground, off_the_road(ground, _background(setting, seed), front), houses)
     plot.admit(far) if apart else plot.add(far)
-    if setting.pool.own_class is not None:  # last, so that all else stands as it would without
+    if setting.pool.own_class is not None:  # last, so that all other objects stay in place
         count = len(plot.stands)
         own_class(plot, setting.pool.own_class, stream(seed, "own class"))
         plot.stands[count:] = cleared(ground, plot.stands[count:], houses)
 
 
 def _background(setting: Setting, seed: int) -> list[Stand]:
-    """What closes the horizon, with assets."""
+    """The background with assets."""
     params, path, pool = setting.params, setting.ground.path, setting.pool
     rng = stream(seed, "background")
     things = background(params, rng)
@@ -128,7 +128,7 @@ def _background(setting: Setting, seed: int) -> list[Stand]:
 
 
 def _shaped(ground: Ground, params: StreetParams, seed: int) -> Ground:
-    """The ground with its course, and by chance a junction."""
+    """The ground with its course, and sometimes a junction."""
     rng = stream(seed, "junction")
     junction = sample_junction(rng, params.junction_share, ground.half_width, ground.footway)
     rng = stream(seed, "course")

@@ -1,4 +1,4 @@
-"""Vehicles in the lanes: queues at lights, and traffic that moves with room between."""
+"""Vehicles in the lanes: queues at lights, and moving traffic with gaps."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from scene.street.parked import clear
 from scene.street.plot import LINE_END, LINE_START, Plot, draw_family, draw_kind
 
 VEHICLES = {"car": 0.88, "truck": 0.05, "bus": 0.035, "rider": 0.035}
-"""What drives; riders on motorcycles."""
+"""Families of the traffic; riders on motorcycles."""
 ROW = 2.1
 """Metres of carriageway that a row of parked cars takes."""
 LANE = 2.8
-"""Least width of a lane where there are two beside each other, metres."""
+"""Least width in metres of one of two lanes side by side."""
 QUEUE_GAP, MOVING_GAP = (1.3, 3.6), (5.0, 20.0)
 """Metres between bumpers."""
 MOVING = 0.4
-"""Share of full lanes whose traffic moves."""
+"""Share of full lanes with moving traffic."""
 PLATOON = (4, 14)
-"""Vehicles in a queue from, to; then comes a gap."""
+"""Least and largest number of vehicles in a queue between gaps."""
 ON_MOTORCYCLES = tuple(name for name, mount in MOUNT.items() if mount == "motorcycle")
 
 
 def lane_centres(plot: Plot, side: float, parked: bool) -> list[float]:
-    """Middles of the lanes of a side, metres from the centre line: one, or two on a wide road."""
+    """Middles of the lanes of a side in metres from the centre line: one, or two on a wide road."""
     width = plot.ground.half_width - (ROW if parked else 0.4)
     count = 2 if width > 2 * LANE else 1
     return [(k + 0.5) * width / count for k in range(count)]
@@ -51,7 +51,7 @@ def lane_rows(plot: Plot, parked: tuple[float, ...], rng: np.random.Generator) -
 
 
 def _fill(plot: Plot, side: float, centre: float, rng: np.random.Generator) -> None:
-    """One lane from end to end, in platoons; a queue keeps off crossings and box junctions."""
+    """Fill one lane in platoons; queues keep crossings and box junctions free."""
     ground, pool = plot.ground, plot.street.pool
     forward = 0.0 if side == plot.street.drive else math.pi
     moving = rng.random() < MOVING

@@ -1,4 +1,4 @@
-"""Vehicles seen from the side: in the mouths of side streets and in drives, turning, pulling out."""
+"""Vehicles seen from the side: in side streets and driveways, turning, pulling out."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from scene.street.plot import Plot, draw_family
 
 VEHICLES = {"car": 0.94, "truck": 0.06}
 BESIDE = 1.6
-"""Metres from the middle of a side street to that of one of its lanes."""
+"""Metres from the middle of a side street to the middle of its lane."""
 START, END = 8.0, 100.0
-"""Where vehicles turn on the road, metres along it."""
+"""Range of turning vehicles in metres along the road."""
 
 
 def turning(plot: Plot, share: float, rng: np.random.Generator) -> None:
     """Vehicles across the road's direction; each place has one or two with the probability ``share``.
 
-    The places are side streets, driveways, and two more where one pulls out of the kerb or turns round.
+    The places are side streets, driveways, and two more where a vehicle pulls out of the kerb or turns round.
     """
     ground = plot.ground
     for x, side in ground.side_streets:
@@ -39,7 +39,7 @@ def turning(plot: Plot, share: float, rng: np.random.Generator) -> None:
 def _vehicle(
     plot: Plot, rng: np.random.Generator, longest: float = 12.0
 ) -> tuple[str, int | str | None, float]:
-    """Family, asset and length of one that is not too long; a car's place is left empty instead."""
+    """Family, asset and length of a vehicle that is not too long, or none."""
     family = draw_family(VEHICLES, rng)
     ref = pick(plot.street.pool, family, rng)
     if ref is None:
@@ -49,11 +49,11 @@ def _vehicle(
 
 
 def _side_street(plot: Plot, x: float, side: float, share: float, rng: np.random.Generator) -> None:
-    """Some wait to come out, some have gone in, and one is on its way round the corner."""
+    """Vehicles that wait to come out, vehicles that have gone in, and one that turns at the corner."""
     ground, drive = plot.ground, plot.street.drive
     if rng.random() >= share:
         return
-    # Who comes out towards the road keeps to the side of the street that traffic keeps to here.
+    # Vehicles that come out towards the road keep to the side of the local traffic.
     out = x + BESIDE * side * drive
     y = ground.half_width + 1.2
     for _ in range(int(rng.integers(0, 4))):
@@ -68,7 +68,7 @@ def _side_street(plot: Plot, x: float, side: float, share: float, rng: np.random
     if rng.random() < 0.5:
         family, ref, long = _vehicle(plot, rng, 5.2)
         angle, near = float(rng.uniform(0.6, 1.3)), rng.random() < 0.5
-        # Along an arc into the lane on this side of the centre line, or over it into the other one.
+        # Along an arc into the lane on this side of the centre line, or across it into the other lane.
         radius = (0.5 if near else 1.5) * ground.half_width
         turn = angle * (drive if near else -drive)
         y = ground.half_width - radius * math.sin(angle)
@@ -77,7 +77,7 @@ def _side_street(plot: Plot, x: float, side: float, share: float, rng: np.random
 
 
 def _pulling_out(plot: Plot, share: float, rng: np.random.Generator) -> None:
-    """One that leaves the kerb at an angle, or stands across the road as it turns round."""
+    """A vehicle that leaves the kerb at an angle, or stands across the road while it turns round."""
     half = plot.ground.half_width
     side = 1.0 if rng.random() < 0.5 else -1.0
     forward = 0.0 if side == plot.street.drive else math.pi
@@ -86,7 +86,7 @@ def _pulling_out(plot: Plot, share: float, rng: np.random.Generator) -> None:
     family, ref, long = _vehicle(plot, rng, 5.5)
     if not wanted:
         return
-    # Towards the middle of the road: clockwise on the left side for who goes forward.
+    # Towards the middle of the road: clockwise on the left side for forward traffic.
     angle = float(rng.uniform(1.1, 1.9) if round_ else rng.uniform(0.25, 0.7))
     reach = 0.5 * long * math.sin(angle) + 0.9 * abs(math.cos(angle))
     y = float(rng.uniform(0, 1)) if round_ else half - 0.4 - reach
