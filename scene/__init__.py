@@ -7,8 +7,8 @@
     dataset = scene.render_dataset(units, 0, shots=2, settings=scene.RenderSettings(160, 120, 2))
     dataset.images, dataset.labels  # u8[8, 120, 160, 3], u8[8, 120, 160] train ids
 
-Names are imported on first use, so that the table of attributes does not load a renderer; ``__init__.pyi``
-lists them.
+Names are imported on first use, so that the table of attributes loads no renderer; ``__init__.pyi`` lists
+them.
 """
 
 from shell.interrupt import while_loading

@@ -1,9 +1,9 @@
-"""Arrays that take long to make, kept on disk between processes: shapes of assets, textures, cloud maps.
+"""Keeps arrays that take long to make on disk between processes: shapes of assets, textures, cloud maps.
 
 They lie in ``$SDR_JAX_CACHE``, by default ``sdr-jax`` in ``$XDG_CACHE_HOME`` or ``~/.cache``; ``off`` keeps
-nothing. Everything there may be deleted at any moment. Each version of the engine, and each state of its
-sources, has a folder of its own. Files are written whole or not at all, so that processes can share them;
-nothing is ever unpickled; what cannot be read or written is made anew, as if there were no cache.
+nothing. All files there may be deleted at any moment. Each version of the engine, and each state of its
+sources, has its own folder. Files are written whole or not at all, so that processes can share them; nothing
+is unpickled; arrays that cannot be read or written are made anew, as without a cache.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from scene.version import ENGINE
 
 VARIABLE = "SDR_JAX_CACHE"
 MOST = 512 * 2**20
-"""Bytes that files may take in all; from there on the oldest go."""
+"""The most bytes of all files; beyond it the oldest are deleted."""
 KEPT = 0.75
-"""Share of them that stays."""
+"""Share of these bytes that stays."""
 LOOK = 100
-"""Files that a process writes before it looks again at how much there is."""
+"""Number of files that a process writes between two checks of the total size."""
 
 Arrays = dict[str, np.ndarray]
 _written = 0
@@ -36,12 +36,12 @@ _written = 0
 def kept(
     name: str, make: Callable[[], Arrays], sound: Callable[[Arrays], bool] = lambda found: True
 ) -> Arrays:
-    """The arrays of ``make()``, from disk where they are there.
+    """The arrays of ``make()``, from disk if they are there.
 
     Args:
-        name: of the file; the same name must always stand for the same arrays.
-        make: makes them.
-        sound: whether what was found can be used.
+        name: name of the file; the same name must always stand for the same arrays.
+        make: makes the arrays.
+        sound: whether arrays from disk can be used.
     """
     folder = _folder(os.environ.get(VARIABLE, ""), os.environ.get("XDG_CACHE_HOME", ""))
     if folder is None:
@@ -56,7 +56,7 @@ def kept(
 
 @cache
 def _folder(wanted: str, caches: str) -> Path | None:
-    """Where this engine's files lie; None where none are kept."""
+    """The folder of this engine's files; None if none are kept."""
     if wanted == "off":
         return None
     try:
@@ -68,7 +68,7 @@ def _folder(wanted: str, caches: str) -> Path | None:
 
 @cache
 def _sources() -> str:
-    """What the code that makes these arrays comes to: arrays of other code are others."""
+    """A digest of the code that makes these arrays."""
     digest = hashlib.sha256(np.__version__.encode())
     package = Path(__file__).parent
     for path in sorted(package.rglob("*.py")):
@@ -77,7 +77,7 @@ def _sources() -> str:
 
 
 def _read(path: Path) -> Arrays | None:
-    """The arrays of a file, or None. The file's checksums tell whether it is whole."""
+    """Read the arrays of a file, or None. The file's checksums tell whether it is whole."""
     try:
         with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
             return {name: file[name] for name in file.files}
@@ -86,7 +86,7 @@ def _read(path: Path) -> Arrays | None:
 
 
 def _write(path: Path, arrays: Arrays) -> None:
-    """Write a file under a name of its own and give it its name when it is whole; or do without."""
+    """Write a file under a temporary name and rename it when it is whole; ignore failures."""
     global _written
     if _written < 0:  # nothing can be written here
         return
@@ -107,7 +107,7 @@ def _write(path: Path, arrays: Arrays) -> None:
 
 
 def _bound(root: Path) -> None:
-    """Delete the oldest files where all take more than ``MOST`` bytes."""
+    """Delete the oldest files if all take more than ``MOST`` bytes."""
     files = []
     for path in root.glob("*/*"):
         try:

@@ -1,7 +1,7 @@
 """The renderer as a JAX function: unit attributes and seeds in, images and labels out.
 
-The only file of the engine that knows JAX. The renderer has no gradient and is pure, so it goes through
-``jax.pure_callback``; it runs on the host, one call per batch.
+This is the only file of the engine that uses JAX. The renderer is pure and has no gradient, so it goes
+through ``jax.pure_callback``; it runs on the host, one call per batch.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ def render_fn(
     renderer_name: str = "embree",
     pool: AssetPool | None = None,
 ) -> RenderFn:
-    """A function ``(unit f32[n, attributes], seeds u32[n]) -> (images, labels)`` for use inside jit.
+    """Make a function ``(unit f32[n, attributes], seeds u32[n]) -> (images, labels)`` for use inside jit.
 
     Values outside [0, 1] are clipped, since raising inside a callback breaks the program around it;
     NaN becomes 0.5.
 
     Raises:
-        ValueError: settings, shots or renderer out of range; now, not inside the callback.
+        ValueError: settings, shots or renderer out of range; raised here, not inside the callback.
     """
     check_settings(settings)
     renderer(renderer_name)

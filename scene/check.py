@@ -1,9 +1,9 @@
-"""Checks an exported dataset: whether its files are whole, and all its labels say the same.
+"""Checks that the files of an exported dataset are whole, and that all its labels agree.
 
     sdr-jax check streets
-    sdr-jax check --overlaps 300   # no dataset: do objects of streets stand in each other?
+    sdr-jax check --overlaps 300   # no dataset: do objects of streets overlap?
 
-One line for each finding. Exit code 0: no fault found; 1: findings; 2: not a dataset.
+It prints one line for each finding. Exit code 0: no fault found; 1: findings; 2: not a dataset.
 """
 
 from __future__ import annotations
@@ -34,22 +34,22 @@ from shell.command import exit_code
 from shell.files import read_bytes, read_json
 
 LEAST_LIFT = 2.2
-"""Depth jumps on id edges, over what chance gives. Ours: 4 to 5; labels off by one pixel: 1.6."""
+"""Least ratio of depth jumps on id edges to chance. Ours: 4 to 5; labels off by one pixel: 1.6."""
 ENOUGH_JUMPS = 1000
-"""Depth jumps on id edges without which their number says nothing."""
+"""Least number of depth jumps on id edges for this check."""
 EVERYWHERE = ("road", "sidewalk", "sky")
-"""Classes that a dataset of ``ENOUGH_IMAGES`` cannot be without."""
+"""Classes that every dataset of ``ENOUGH_IMAGES`` has."""
 ENOUGH_IMAGES = 20
 SLACK = 0.02
-"""By so much of its pixels the outline of an object may miss them."""
+"""Share of its pixels that the outline of an object may miss."""
 DEEP = 0.05
-"""Metres by which footprints of objects that touch may meet."""
+"""Metres by which footprints of touching objects may overlap."""
 ENOUGH_PLACED = 100
-"""Objects of a class placed in the streets of a dataset of which at least one must be seen."""
+"""Number of objects of a class in the streets of a dataset from which at least one must be visible."""
 
 
 def findings(folder: Path) -> Iterator[str]:
-    """Yield one line for everything that is wrong with a dataset.
+    """Yield one line for each fault of a dataset.
 
     Raises:
         ValueError: the folder holds no dataset.
@@ -103,7 +103,7 @@ def findings(folder: Path) -> Iterator[str]:
 
 
 def _stray_files(dataset: Described) -> Iterator[str]:
-    """Files in the folders of images that belong to no image."""
+    """Report files in the folders of images that belong to no image."""
     if dataset.rows is not None:
         for name in sorted(set(dataset.rows) - set(dataset.stems)):
             yield f"{dataset.rows[name].shard}: {name} is no image of dataset.json"
@@ -117,7 +117,7 @@ def _stray_files(dataset: Described) -> Iterator[str]:
 
 
 def _text(dataset: Described, name: str, path: Path) -> Iterator[str]:
-    """The list of classes follows from ``dataset.json``; other texts are there to be edited."""
+    """Compare the list of classes with ``dataset.json``; users may edit other texts."""
     summary = dataset.layout.summaries[name]
     about = About(lambda: (), dataset.split, dataset.size, dataset.labels, dataset.description)
     found = read_bytes(path)
@@ -126,7 +126,7 @@ def _text(dataset: Described, name: str, path: Path) -> Iterator[str]:
 
 
 def _by_stem(dataset: Described, name: str, found: Any) -> dict[str, list[dict[str, Any]]]:
-    """What a file about all images says of each of them."""
+    """The entries of a file about all images, by image."""
     stem_of = {}
     for image in found["images"]:
         file = Path(image["file_name"]).name
@@ -146,7 +146,7 @@ def _by_stem(dataset: Described, name: str, found: Any) -> dict[str, list[dict[s
 
 
 def _enclosed(dataset: Described, found: np.ndarray) -> Iterator[str]:
-    """Compare the pixels f64[classes] inside the outlines of things with those that were rendered."""
+    """Compare the pixels f64[classes] inside the outlines of things with the rendered ones."""
     told = dataset.description.get("class_frequency")
     total = len(dataset.stems) * dataset.size[0] * dataset.size[1]
     for k in dataset.labels.things:
@@ -162,7 +162,7 @@ def _enclosed(dataset: Described, found: np.ndarray) -> Iterator[str]:
 def _statistics(
     dataset: Described, pixels: Counter[int], containing: Counter[int]
 ) -> Iterator[str]:
-    """Compare what was seen with what ``dataset.json`` says, and look for classes that are missing."""
+    """Compare the labels with ``dataset.json``, and look for missing classes."""
     total = len(dataset.stems) * dataset.size[0] * dataset.size[1]
     told = {
         key: value if isinstance(value := dataset.description.get(key), dict) else {}
@@ -187,11 +187,11 @@ def _statistics(
 
 
 def overlaps(units: np.ndarray, pool: AssetPool) -> Counter[str]:
-    """Which families meet by more than ``DEEP`` in streets, and how often.
+    """Count the pairs of families that overlap by more than ``DEEP`` in streets.
 
     Args:
         units: f32[streets, attributes] attributes, in [0, 1].
-        pool: what the streets draw from.
+        pool: the assets of the streets.
     """
     found = Counter[str]()
     for seed, unit in enumerate(units):
@@ -203,7 +203,7 @@ def overlaps(units: np.ndarray, pool: AssetPool) -> Counter[str]:
 
 
 def _report_overlaps(count: int, space: SpaceName, pool: AssetPool) -> int:
-    """Print what meets in hand-set and in random streets; 1 if anything does, else 0."""
+    """Print overlaps in hand-set and in random streets; 1 if there are any, else 0."""
     total = 0
     hand_set = np.tile(default_unit(space), (count, 1))
     for name, units in (("hand-set", hand_set), ("random", draw(random_proposal(space), 0, count))):

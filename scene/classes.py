@@ -39,9 +39,9 @@ class TrainId(IntEnum):
 CLASS_NAMES: tuple[str, ...] = NAMES
 
 OWN = len(CLASS_NAMES)
-"""Train id of a user's own class, where there is one."""
+"""Train id of a user's own class, if there is one."""
 LONGEST = 40
-"""Characters of its name."""
+"""The most characters of its name."""
 
 LABEL_IDS = np.array([own.file_id for own in CLASSES], np.uint8)
 """u8[19]: the value of each train id in ``*_gtFine_labelIds.png``."""
@@ -51,7 +51,7 @@ COLORS = np.array([own.colour for own in CLASSES], np.uint8)
 
 
 def colorize(label: np.ndarray) -> np.ndarray:
-    """Label image u8[..., h, w] of train ids as u8[..., h, w, 3] colours; void is black."""
+    """Colour a label image u8[..., h, w] of train ids, u8[..., h, w, 3]; void is black."""
     table = np.zeros((256, 3), np.uint8)
     table[: len(COLORS)] = COLORS
     table[OWN] = OWN_ROW.colour
@@ -59,10 +59,10 @@ def colorize(label: np.ndarray) -> np.ndarray:
 
 
 def check_class_name(name: str) -> str:
-    """The name itself of a user's own class.
+    """Return the name of a user's own class if it is valid.
 
     Raises:
-        UserError: it is empty, too long or of more than a line, or that of a class that there is.
+        UserError: it is empty, too long or has several lines, or another class has it.
     """
     if not name.strip() or name != " ".join(name.split()) or not name.isprintable():
         raise UserError(

@@ -1,7 +1,7 @@
-"""Workers of a Dask cluster, on any number of machines, as many as there are at the moment.
+"""Workers of a Dask cluster on any number of machines, which may come and go.
 
-A task whose worker dies is done again by another one. Files that tasks name are sent to every worker, also
-to one that comes later, once, so that no disk need be shared; see ``docs/cluster.md``.
+A task whose worker dies goes to another one. Files that tasks name are sent to every worker once, also to
+those that come later, so that no disk need be shared; see ``docs/cluster.md``.
 """
 
 from __future__ import annotations
@@ -25,25 +25,24 @@ from shell.files import files_below, folder_digest, versions
 from shell.sent import received
 
 PATIENCE = 10.0
-"""Seconds in which a scheduler must answer."""
+"""Time limit of a scheduler's answer, in seconds."""
 PIECE = 64 * 2**20
-"""Bytes of a file that are sent at once."""
+"""Bytes of a file in one message."""
 TRIES = 5
-"""How often something is sent while workers die meanwhile."""
+"""Number of attempts to send something while workers die."""
 OURS = {"engine": ENGINE, **versions(MAKERS)}
-"""What decides pictures here."""
+"""The versions that decide pictures on this machine."""
 _ONE_AT_A_TIME = threading.Lock()
 
 
 class Cluster(Workers):
     """The workers of a Dask scheduler.
 
-    Nets ask for ``GPU=1`` and all else for ``CPU=1``, where any worker announced such a resource when
-    the run began.
+    Nets need the resource ``GPU=1`` and other work ``CPU=1``, if any worker announced it when the run began.
 
     Args:
-        address: of the scheduler, such as ``tcp://10.0.0.1:8786``.
-        environment: variables that workers are given before they import JAX.
+        address: address of the scheduler, such as ``tcp://10.0.0.1:8786``.
+        environment: variables that workers get before they import JAX.
 
     Raises:
         UserError: nobody answers at the address.
@@ -53,7 +52,7 @@ class Cluster(Workers):
 
     def __init__(self, address: str, environment: dict[str, str] | None = None) -> None:
         for name in ("distributed", "distributed.client", "distributed.core", "distributed.comm"):
-            logging.getLogger(name).setLevel(logging.CRITICAL)  # errors are one line of ours
+            logging.getLogger(name).setLevel(logging.CRITICAL)  # we report errors in one line
         self._address = address
         self._names: dict[str, str] = {}
         self._plugins: list[str] = []
@@ -81,7 +80,7 @@ class Cluster(Workers):
         self._executor = self._client.get_executor(pure=False)
 
     def close(self) -> None:
-        """Drop the work under way, and leave the cluster as it was but for the copies of files."""
+        """Drop unfinished work, and leave the cluster as it was except for copies of files."""
         with suppress(Exception):  # the scheduler may be gone
             while self._plugins and self._client.status == "running":
                 self._client.unregister_worker_plugin(self._plugins.pop())
@@ -89,7 +88,7 @@ class Cluster(Workers):
             self._client.close(timeout=2)
 
     def share(self, path: str) -> str:
-        """Send a file or folder to all workers, those to come among them; returns what tasks call it.
+        """Send a file or folder to all present and later workers; returns its name for tasks.
 
         Raises:
             UserError: the scheduler is gone.
@@ -99,7 +98,7 @@ class Cluster(Workers):
             name = f"{folder_digest(root)[:16]}/{root.name}"
             if name not in self._names.values():
                 self._send(root, name)
-                received(name, root)  # this process calls it the same
+                received(name, root)  # this process uses the same name
             self._names[path] = name
         return self._names.get(path, path)
 
@@ -115,7 +114,7 @@ class Cluster(Workers):
             try:
                 self._client.register_plugin(plugin, name=name)
                 break
-            except OSError:  # of a worker that died, or of the scheduler
+            except OSError:  # a worker died, or the scheduler
                 if attempt == TRIES - 1 or self._client.status != "running":
                     raise self._lost() from None
         self._plugins.append(name)
@@ -132,7 +131,7 @@ class Cluster(Workers):
         return self._executor.submit(_alone, OURS, *work, resources=wanted, **options)
 
     def result(self, future: Future) -> Any:
-        """The result of what has ended."""
+        """The result of finished work."""
         try:
             return future.result()
         except KilledWorker as error:
@@ -159,7 +158,7 @@ class Cluster(Workers):
 
 
 class _Prepared(WorkerPlugin):
-    """A worker as our own processes are: one thread a library, compiled functions kept."""
+    """Sets up a worker like our own processes: one thread per library, compiled functions kept."""
 
     def __init__(self, environment: dict[str, str]) -> None:
         self._environment = environment
@@ -170,7 +169,7 @@ class _Prepared(WorkerPlugin):
 
 
 class _Piece(WorkerPlugin):
-    """A part of a file, which a worker puts into its own folder."""
+    """A part of a file, which a worker writes into its own folder."""
 
     def __init__(self, name: str, own: str, start: int, piece: bytes) -> None:
         self._name, self._own, self._start, self._piece = name, own, start, piece
@@ -189,7 +188,7 @@ class _Piece(WorkerPlugin):
 
 
 def _alone(theirs: dict[str, Any], function: Callable[..., Any], *task: Any) -> Any:
-    """Work of a task, one at a time; runs in a worker, which must make the same pictures."""
+    """Do the work of a task, one at a time; runs in a worker, which must make the same pictures."""
     for name, value in theirs.items():
         if OURS.get(name) != value:
             raise UserError(
@@ -205,7 +204,7 @@ def _after(ready: Any, function: Callable[..., Any], *task: Any) -> Any:
 
 
 def _pieces(file: Path) -> Iterator[tuple[int, bytes]]:
-    """A file in pieces, with where they start; of an empty one an empty piece."""
+    """The pieces of a file with their offsets; an empty file has one empty piece."""
     with file.open("rb") as opened:
         start, piece = 0, opened.read(PIECE)
         yield start, piece

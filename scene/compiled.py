@@ -1,7 +1,7 @@
-"""Compiled functions, kept on disk between processes.
+"""Keeps compiled functions on disk between processes.
 
-Numba looks at a function's own file to see whether what it keeps is of that function. Ours call functions
-and hold constants of other files, so each state of the sources has a folder of its own.
+Numba checks only a function's own file to see whether its cache is valid. Our functions call functions and
+use constants of other files, so each state of the sources has its own folder.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ import numba
 
 VARIABLE = "NUMBA_CACHE_DIR"
 NAME = "kernels-"
-"""What the folders' names begin with; a digest follows."""
+"""Prefix of the folders' names; a digest follows."""
 WITHOUT = ("assets", "preview")
-"""Folders of ``scene`` that hold no compiled functions, and nothing that these hold."""
+"""Folders of ``scene`` without compiled functions and without constants of these."""
 
 
 def njit(**options: Any) -> Any:
-    """``numba.njit`` with these options, which keeps what it compiles by the state of all sources."""
+    """``numba.njit`` with these options, with a cache for each state of all sources."""
 
     def decorate(function: Callable[..., Any]) -> Any:
         before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, _folder()
@@ -42,7 +42,7 @@ def njit(**options: Any) -> Any:
 
 @cache
 def _folder() -> str:
-    """The first folder that can be written to: the user's choice, beside the sources, in the home."""
+    """The first folder that can be written: the user's choice, beside the sources, in the home."""
     package = Path(__file__).parent
     name = NAME + _sources(package)
     for root in _roots(package):
@@ -52,12 +52,12 @@ def _folder() -> str:
             tempfile.TemporaryFile(dir=folder).close()
         except OSError:
             continue
-        if root.parent == package:  # of earlier states of the same sources
+        if root.parent == package:  # earlier states of the same sources
             for other in root.glob(NAME + "*"):
                 if other != folder:
                     shutil.rmtree(other, ignore_errors=True)
         return str(folder)
-    # No name that others know: what lies there is run. Processes that are started from here find it, too.
+    # An unpredictable name, since files there are run. Child processes find it, too.
     made = os.environ[VARIABLE] = tempfile.mkdtemp(prefix="sdr-jax-")
     atexit.register(shutil.rmtree, made, ignore_errors=True)
     print(
@@ -78,7 +78,7 @@ def _roots(package: Path) -> Iterator[Path]:
 
 
 def _sources(package: Path) -> str:
-    """What all files that compiled functions depend on come to."""
+    """A digest of all files on which compiled functions depend."""
     found = hashlib.sha256()
     for path in sorted(package.rglob("*.py")):
         own = path.relative_to(package)

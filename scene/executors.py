@@ -1,4 +1,4 @@
-"""Who works: processes of this machine, or a Dask cluster."""
+"""The kinds of workers: processes of this machine, or a Dask cluster."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ def workers_of(
     scheduler: str | None = None,
     environment: dict[str, str] | None = None,
 ) -> Workers:
-    """The workers that ``--executor``, ``--workers`` and ``--scheduler`` ask for.
+    """Make the workers of ``--executor``, ``--workers`` and ``--scheduler``.
 
     Raises:
-        UserError: a scheduler for processes, none for a cluster, or one that does not answer; the extra
+        UserError: processes have a scheduler, a cluster has none or one that does not answer, or the extra
             ``dask`` is not installed.
     """
     if executor == "processes":

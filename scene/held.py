@@ -15,15 +15,15 @@ from shell.errors import UserError
 
 
 def read_fixed(words: Iterable[str], space: SpaceName) -> dict[str, float]:
-    """Unit values of the attributes that ``--fix`` holds, by name, in the order of the space.
+    """Read the unit values of the attributes that ``--fix`` holds, by name, in the order of the space.
 
     Args:
-        words: such as ``field_of_view=90``, in degrees, metres and what else the table of attributes has.
-        space: of the streets.
+        words: words such as ``field_of_view=90``, in the units of the table of attributes.
+        space: the space of the streets.
 
     Raises:
-        UserError: no number, a value out of its range, an attribute that is unknown or in none but another
-            space, or one that is named twice; the message begins with the flag.
+        UserError: a value is no number or out of range, or an attribute is unknown, of another space, or
+            named twice; the message begins with the flag.
     """
     found: dict[str, float] = {}
     for word in words:
@@ -62,7 +62,7 @@ def hold(streets: Proposal, held: Mapping[str, float]) -> Proposal: ...
 @overload
 def hold(streets: Streets, held: Mapping[str, float]) -> Streets: ...
 def hold(streets: Streets, held: Mapping[str, float]) -> Streets:
-    """Streets whose attributes ``held`` (unit values by name) stand there, and all else is as it was.
+    """Set the attributes ``held`` (unit values by name) of streets; the others stay as they are.
 
     Proposals may have more axes before that of attributes.
     """
@@ -82,6 +82,6 @@ def _held(own: Component, held: Mapping[str, float]) -> Component:
 
 
 def in_words(held: Mapping[str, float]) -> str:
-    """What is held, in physical units: ``field_of_view 90 deg, ...``; empty for nothing."""
+    """The held attributes in physical units: ``field_of_view 90 deg, ...``; empty without any."""
     values = ((BY_NAME[name], value) for name, value in held.items())
     return ", ".join(f"{a.name} {a.physical(value):.4g} {a.unit}" for a, value in values)

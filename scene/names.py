@@ -1,4 +1,4 @@
-"""Names that command lines offer, apart from what bears them: neither renderers nor assets are loaded."""
+"""Names that command lines offer; importing them loads no renderers or assets."""
 
 RENDERERS: tuple[str, ...] = ("embree", "opengl")
 """Of `scene.renderer`."""
@@ -10,5 +10,5 @@ PLACES = ("sidewalk", "carriageway")
 """Values of ``OwnClass.place``: where the objects of a user's own class stand."""
 OWN_EVERY = 15
 """Metres of a street on which one of them stands, if there is room."""
-HELD = "hold an attribute at a value, in its unit, such as field_of_view=90; once for each"
-"""What ``--fix`` does."""
+HELD = "hold an attribute at a value, in its unit, such as field_of_view=90; may be repeated"
+"""The help of ``--fix``."""

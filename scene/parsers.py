@@ -1,4 +1,4 @@
-"""The command lines of `scene`, apart from what they start: a help text loads no renderer."""
+"""The command lines of `scene` without their work: a help text loads no renderer."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def render() -> Parser:
         type=int,
         default=180,
         metavar="N",
-        help="images in all; each is of a street of its own, unless --shots says otherwise",
+        help="images in all; each shows a different street, unless --shots says otherwise",
     )
     add("--shots", type=int, default=1, metavar="N", help="images along each street")
     add("--size", type=size, default="640x320", metavar="WxH", help="in pixels")
@@ -66,9 +66,7 @@ def render() -> Parser:
         f"{', '.join(SHIPPED)}, or a target's file",
     )
     add("--split", choices=SPLITS, default="train", help="what the dataset calls its images")
-    add("--seed", type=int, default=0, metavar="N", help="of all random choices")
     add("--workers", type=int, default=2, metavar="N", help="processes; no file depends on it")
-    add = options.group("where and how it renders")
     add("--renderer", choices=RENDERERS, default="embree", help="who traces the rays")
     add("--samples", type=int, default=2, metavar="N", help="rays per pixel along each axis")
     add(
@@ -93,7 +91,7 @@ def render() -> Parser:
         help="GLB of a class of your own; about eleven stand in a street, one on every "
         f"{OWN_EVERY} m where there is room",
     )
-    add("--own-class", metavar="NAME", help="what labels call it, beside the 19 classes")
+    add("--own-class", metavar="NAME", help="its name in labels, beside the 19 classes")
     add("--own-place", choices=PLACES, help="where it stands; by default the sidewalk")
     return options
 
@@ -107,7 +105,7 @@ def check() -> Parser:
         "--overlaps",
         type=int,
         metavar="N",
-        help="in place of a dataset: count what meets in N hand-set and N random streets",
+        help="instead of a dataset: count overlaps in N hand-set and N random streets",
     )
     add("--overlap", choices=OVERLAPS, default="", help="whether their objects may; see render")
     add("--space", choices=SPACES, default="extended", help="attributes of these streets")
@@ -145,7 +143,7 @@ def preview() -> Parser:
     what.add_argument("--sweep", metavar="ATTRIBUTE", help="an attribute from 0 to 1; or 'all'")
     what.add_argument("--theme", metavar="THEME", help="more of one thing, such as bends; or 'all'")
     what.add_argument("--asset", metavar="CLASS", help="assets of a class or family; or 'all'")
-    add("--attributes", choices=NAMES, default="default", help="of the streets")
+    add("--attributes", choices=NAMES, default="default", help="attributes of the streets")
     add("--streets", type=int, default=3, metavar="N", help="streets of the page")
     add("--shots", type=int, default=4, metavar="N", help="images per street")
     add("--size", type=size, metavar="WxH", help="of each image; by default what suits the page")

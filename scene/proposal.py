@@ -1,4 +1,4 @@
-"""Which streets a dataset is made from: a distribution over [0, 1] per attribute, and what is drawn from it.
+"""The streets of a dataset: a distribution over [0, 1] per attribute, and draws from it.
 
 The same idea as the search's proposals, in NumPy and drawn street by street, so that any street of a
 dataset can be made again without those before it. An attribute is uniform on an interval (`Proposal`) or on
@@ -25,24 +25,24 @@ NAMES = ("default", "random", "mixed")
 """Of streets that `streets_named` knows."""
 BELOW_ONE = float(np.nextafter(np.float32(1), np.float32(0)))
 ROUNDING = 1e-5
-"""By so much an interval in a file may stick out of [0, 1]: its ends are rounded."""
+"""An interval in a file may stick out of [0, 1] by so much, since its ends are rounded."""
 NORMED = 1e-4
-"""By so much the probabilities of an attribute in a file may miss 1 in all."""
+"""The sum of an attribute's probabilities in a file may differ from 1 by so much."""
 GOLDEN = (math.sqrt(5) - 1) / 2
-"""Its multiples fill [0, 1) evenly: the golden ratio less one."""
+"""The golden ratio minus one, whose multiples fill [0, 1) evenly."""
 
 
 class Proposal(NamedTuple):
-    """A distribution over streets: each attribute uniform on an interval of [0, 1]."""
+    """A distribution over streets: each attribute is uniform on an interval of [0, 1]."""
 
     centre: np.ndarray  # f32[attributes], the middle of the interval
     width: np.ndarray  # f32[attributes], its length
 
 
 class Histogram(NamedTuple):
-    """A distribution over streets: each attribute in one of K equal bins of [0, 1], uniform inside it.
+    """A distribution over streets: each attribute is uniform in one of K equal bins of [0, 1].
 
-    The paper's policy over discretised attributes; all attributes have as many bins.
+    It is the paper's policy over discretised attributes; all attributes have the same number of bins.
     """
 
     probabilities: np.ndarray  # f32[attributes bins], 2 bins or more; rows add up to 1
@@ -57,19 +57,19 @@ Component = Proposal | Histogram
 class Mixture(NamedTuple):
     """Several components of one space, each with its share of the streets; made by `mixture`."""
 
-    shares: tuple[float, ...]  # above 0, in all 1
+    shares: tuple[float, ...]  # above 0, with sum 1
     proposals: tuple[Component, ...]  # no two of them equal
 
 
 Streets = Component | Mixture
-"""What a dataset is drawn from."""
+"""The distribution of a dataset's streets."""
 
 
 def mixture(shares: Sequence[float], proposals: Sequence[Component]) -> Streets:
-    """Streets of several components; equal ones count as one, and one alone is itself.
+    """Mix several components; equal ones are merged, and a single one is returned as it is.
 
     Args:
-        shares: of the streets, above 0, adding up to 1 within a millionth.
+        shares: shares of the streets, above 0, with sum 1 within a millionth.
         proposals: the components, one for each share.
 
     Raises:
@@ -92,21 +92,21 @@ def mixture(shares: Sequence[float], proposals: Sequence[Component]) -> Streets:
 
 
 def components(streets: Streets) -> tuple[tuple[float, Component], ...]:
-    """Shares and components; what is no mixture has one, itself."""
+    """Shares and components; streets that are no mixture are their own component."""
     if isinstance(streets, Mixture):
         return tuple(zip(*streets, strict=True))
     return ((1.0, streets),)
 
 
 def space_in(streets: Streets) -> SpaceName:
-    """The space whose attributes are decided."""
+    """The space of the attributes."""
     return space_of(len(components(streets)[0][1][0]))
 
 
 def slide(centre: np.ndarray, width: np.ndarray | float) -> Proposal:
-    """A proposal whose intervals, where they stick out of [0, 1], are moved inside at full width.
+    """Make a proposal, and move intervals that stick out of [0, 1] inside at full width.
 
-    What was slid once stays as it is.
+    Sliding a second time changes nothing.
     """
     centre = np.asarray(centre, np.float32)
     width = np.clip(np.broadcast_to(np.asarray(width, np.float32), centre.shape), 0, 1)
@@ -135,20 +135,20 @@ def moments(component: Component) -> Proposal:
 
 
 def _ends(histogram: Histogram) -> np.ndarray:
-    """Where the share of each bin begins and ends in [0, 1], f64[attributes, bins + 1]."""
+    """The ends of each bin's share in [0, 1], f64[attributes, bins + 1]."""
     sums = np.cumsum(np.asarray(histogram.probabilities, np.float64), axis=1)
     return np.pad(sums / sums[:, -1:], ((0, 0), (1, 0)))  # begins with 0 and ends with 1 exactly
 
 
 def random_proposal(space: SpaceName = "scenex") -> Proposal:
-    """Every attribute of a space anywhere in its range."""
+    """The whole range of every attribute of a space."""
     return slide(np.full(len(SPACES[space]), 0.5), 1.0)
 
 
 def default_proposal(width: float = RELAXATION, space: SpaceName = "scenex") -> Proposal:
-    """Intervals of one ``width`` around the hand-set street; what it adds to the 23 stands there exactly.
+    """Intervals of one ``width`` around the hand-set street; attributes beyond the 23 have its exact value.
 
-    So both spaces have the same hand-set streets, but for chance.
+    So both spaces have the same hand-set streets up to random choices.
     """
     centre = default_unit(space)
     widths = np.full(len(centre), width)
@@ -162,7 +162,7 @@ def named(name: str, space: SpaceName, width: float = RELAXATION) -> Proposal:
 
 
 def streets_named(name: str, space: SpaceName, width: float = RELAXATION) -> Streets:
-    """Streets as `named` has them, or ``mixed``: half ``default``, half ``random``.
+    """The streets of `named`, or ``mixed``: half ``default``, half ``random``.
 
     Raises:
         ValueError: unknown name.
@@ -175,7 +175,7 @@ def streets_named(name: str, space: SpaceName, width: float = RELAXATION) -> Str
 
 
 def describe(streets: Streets) -> dict[str, list[dict[str, Any]]]:
-    """Streets as ``attributes.json`` holds them: shares, every attribute in unit and physical values."""
+    """Streets in the form of ``attributes.json``: shares, and every attribute in unit and physical values."""
     return {
         "components": [
             {"share": share, "attributes": _rows(own)} for share, own in components(streets)
@@ -185,7 +185,7 @@ def describe(streets: Streets) -> dict[str, list[dict[str, Any]]]:
 
 def _rows(component: Component) -> dict[str, dict[str, Any]]:
     rows: dict[str, dict[str, Any]] = {}
-    # As they are drawn from, lest a file hold intervals that are then refused.
+    # Slid, so that a file holds no intervals that would be refused.
     centres, widths = (part.tolist() for part in moments(component))
     attributes = SPACES[space_of(len(centres))]
     for attribute, centre, width in zip(attributes, centres, widths, strict=True):
@@ -298,10 +298,10 @@ def _unit(entry: Any) -> dict[str, Any]:
 
 
 def _histogram(first: str, units: dict[str, dict[str, Any]], value: dict[str, Any]) -> Histogram:
-    """The histogram of attributes of which ``first`` has probabilities; those without have one value.
+    """The histogram of attributes; ``first`` has probabilities, and attributes without any have one value.
 
-    They stay as they are written, even if they miss 1 by `NORMED`, so that a file is read back exactly;
-    `draw` divides by their sum.
+    Probabilities stay as they are, even if their sum differs from 1 by `NORMED`, so that a file is read back
+    exactly; `draw` divides by their sum.
     """
     bins = len(_probabilities(first, units[first]["probabilities"]))
     rows, held = [], []
@@ -326,7 +326,7 @@ def _histogram(first: str, units: dict[str, dict[str, Any]], value: dict[str, An
 
 
 def _probabilities(name: str, found: Any) -> list[float]:
-    """Of the bins of one attribute."""
+    """Probabilities of the bins of one attribute."""
     if not isinstance(found, list) or len(found) < 2:
         raise ValueError(f"attribute {name}: probabilities must be a list of 2 numbers or more")
     for number in found:
@@ -366,7 +366,7 @@ def _interval(name: str, entry: Any) -> tuple[float, float]:
 
 
 def draw(streets: Streets, seed: int, count: int, start: int = 0) -> np.ndarray:
-    """Attributes f32[count, attributes] in [0, 1) of the streets from ``start`` on.
+    """Draw attributes f32[count, attributes] in [0, 1) of the streets from ``start`` on.
 
     Street ``k`` depends on (streets, seed, k) only.
     """
@@ -380,18 +380,20 @@ def draw(streets: Streets, seed: int, count: int, start: int = 0) -> np.ndarray:
 
 
 def _drawn_from(component: Component) -> Callable[[np.ndarray], np.ndarray]:
-    """The inverse of the distribution function of each attribute: f32[attributes] in [0, 1) to the same."""
+    """The inverse distribution function of the attributes, from f32[attributes] in [0, 1) to the same."""
     if isinstance(component, Proposal):
         centre, width = slide(*component)
         return lambda uniform: centre - width / 2 + width * uniform
     ends = _ends(component)
     bins = ends.shape[1] - 1
     borders = (np.arange(1, bins + 1) / bins).astype(np.float32)
-    last = np.nextafter(borders, np.float32(0))  # of each bin: rounding could reach the next one
+    last = np.nextafter(
+        borders, np.float32(0)
+    )  # of each bin, since rounding could reach the next one
     rows = np.arange(len(ends))
 
     def inverse(uniform: np.ndarray) -> np.ndarray:
-        chosen = (ends[:, 1:] <= uniform[:, None]).sum(axis=1)  # never a bin of no probability
+        chosen = (ends[:, 1:] <= uniform[:, None]).sum(axis=1)  # never a bin with probability 0
         begin, end = ends[rows, chosen], ends[rows, chosen + 1]
         inside = (uniform - begin) / (end - begin)
         drawn = np.minimum(((chosen + inside) / bins).astype(np.float32), last[chosen])
@@ -403,10 +405,10 @@ def _drawn_from(component: Component) -> Callable[[np.ndarray], np.ndarray]:
 
 
 def component_of(streets: Streets, street: int) -> int:
-    """The component that street ``k`` is drawn from.
+    """The component of street ``k``.
 
-    The one in whose part of [0, 1] the fraction of (k + 1) times the golden ratio lies: so all beginnings of
-    a dataset have about the shares, whatever its seed and size.
+    It is the one in whose part of [0, 1] the fraction of (k + 1) times the golden ratio lies, so that every
+    beginning of a dataset has about the shares, whatever its seed and size.
     """
     point = (street + 1) * GOLDEN % 1.0
     ends = np.cumsum([share for share, _ in components(streets)])

@@ -1,11 +1,11 @@
-"""Statistics of a dataset, beside those of the images it is meant to be like.
+"""Prints statistics of a dataset, beside those of the images that it should resemble.
 
     sdr-jax stats streets
     sdr-jax stats streets --against CamVid --only 0016E5 --only 0001TP --json stats.json
 
-For each class its share of the labelled pixels, its mean row (0 at the top, 1 at the bottom) and the share
-of images it is in; of renders, the shares of shots that were taken again further along the road, and that
-show no street all the same. CamVid's 11 classes are those of the table where it is the target.
+For each class it gives the share of the labelled pixels, the mean row (0 at the top, 1 at the bottom) and the
+share of images with it; for renders also the shares of shots that were retaken further along the road, and
+that still show no street. Beside CamVid the table has its 11 classes.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from shell.files import write_json
 
 
 class Statistics(NamedTuple):
-    """What is counted in a set of labelled images."""
+    """The statistics of a set of labelled images."""
 
     images: int
     frequency: np.ndarray  # f64[classes], share of all labelled pixels
-    mean_row: np.ndarray  # f64[classes] in [0, 1] from the top, NaN where a class is nowhere
-    containing: np.ndarray  # i64[classes], images in which a class is
+    mean_row: np.ndarray  # f64[classes] in [0, 1] from the top, NaN for absent classes
+    containing: np.ndarray  # i64[classes], number of images with a class
     void: float  # share of pixels without a label
     mean_rgb: np.ndarray  # f64[3] in 0..255
-    framing: tuple[float, float] | None = None  # of renders: see ``Described.framing``
+    framing: tuple[float, float] | None = None  # for renders, see ``Described.framing``
 
 
 def count(pairs: Iterable[tuple[np.ndarray, np.ndarray]], classes: int) -> Statistics:
@@ -68,7 +68,7 @@ def compare(
     """Names of the classes, and the statistics of ``dataset`` and, if given, of the ``target``.
 
     Raises:
-        ValueError, OSError: a folder holds no images, or a file is damaged, by name.
+        ValueError, OSError: a folder holds no images, or a file is damaged; the message names it.
     """
     ours = open_pictures(dataset)
     theirs = None if against is None else open_pictures(against, prefixes)
@@ -85,7 +85,7 @@ def compare(
 
 
 def report(classes: tuple[str, ...], statistics: Statistics) -> dict[str, Any]:
-    """Statistics as plain values; None for the mean row of a class that is nowhere."""
+    """Statistics as plain values; None for the mean row of an absent class."""
     rows = zip(
         classes,
         statistics.frequency.tolist(),
@@ -111,7 +111,7 @@ def report(classes: tuple[str, ...], statistics: Statistics) -> dict[str, Any]:
 
 
 def table(classes: tuple[str, ...], found: dict[str, Statistics]) -> str:
-    """The statistics side by side, for people."""
+    """The statistics side by side for people."""
     names = list(found)
     lines = [
         " " * 14

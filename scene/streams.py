@@ -1,7 +1,7 @@
-"""All streams of random numbers of a street, by name: no two names share one.
+"""The streams of random numbers of a street by name; no two names share a stream.
 
-``numpy.random.SeedSequence`` fills short keys with zeros: ``[s]``, ``[s, 0]`` and ``[s, 0, 0]`` are one key.
-So all keys of a street have the same length: seed, number of the name, part.
+``numpy.random.SeedSequence`` pads short keys with zeros: ``[s]``, ``[s, 0]`` and ``[s, 0, 0]`` are the same
+key. So all keys of a street have the same length: seed, number of the name, part.
 """
 
 from __future__ import annotations
@@ -35,25 +35,25 @@ def stream(seed: int, name: str, part: int = 0) -> np.random.Generator:
     """The stream of one name.
 
     Args:
-        seed: of the street.
-        name: of ``STREAMS``.
-        part: which of the streams with this name: a side of the road, an ingredient, a shot.
+        seed: seed of the street.
+        name: a name of ``STREAMS``.
+        part: number of the stream with this name: a side of the road, an ingredient, a shot.
     """
     return np.random.default_rng([seed, STREAMS[name], part])
 
 
 def seeded(seed: int) -> np.random.Generator:
-    """The stream of a seed that another stream drew, of 31 or 32 bits."""
+    """The stream of a seed of 31 or 32 bits that another stream drew."""
     return np.random.default_rng(seed)
 
 
 def child(rng: np.random.Generator) -> np.random.Generator:
-    """A stream of its own for one part of what ``rng`` draws, so that it moves no other; takes one number."""
+    """A separate stream for one part, so that its draws change no others; takes one number of ``rng``."""
     return seeded(int(rng.integers(2**32)))
 
 
 def units(seed: int, street: int) -> np.random.Generator:
-    """The stream of the attributes of one street; ``seed`` is the dataset's, not the street's own."""
+    """The stream of the attributes of one street; ``seed`` is the dataset's, not the street's."""
     return np.random.default_rng([seed, street, 1])
 
 

@@ -1,10 +1,10 @@
-"""Which pictures the engine makes.
+"""The version of the engine's pictures.
 
-Raise ``ENGINE`` by hand, by one, whenever the same attributes, seed and settings give other pictures or
-labels than before: new assets, another order of random draws, other shading. ``tests/scene/test_version.py``
-fails until that is done and its golden figures are written anew (its first lines say how). Datasets carry
-the number, and an export that another engine began is refused. Records of evaluations carry it as well: raise
-it, too, where nets learn otherwise from the same recipe (2: nets, not pictures).
+Raise ``ENGINE`` by one whenever the same attributes, seed and settings give other pictures or labels than
+before: new assets, another order of random draws, other shading. ``tests/scene/test_version.py`` fails until
+that is done and its golden figures are written anew (its first lines say how). Datasets record the number,
+and an export that another engine began is refused. Records of evaluations have it, too: also raise it if the
+same recipe gives other nets (2: nets, not pictures).
 """
 
 ENGINE = 5

@@ -1,8 +1,8 @@
-"""Long-lived worker processes, started again once if they die, behind ``concurrent.futures.Executor``.
+"""Long-lived worker processes behind ``concurrent.futures.Executor``, which are restarted once if they die.
 
-Used for rendering, and by the experiments for whole rewards. Results come back as they are ready, with
-the index of their task, so that progress can be shown and answers do not depend on the order. `WorkerPool`
-has processes of this machine, ``scene.cluster.Cluster`` those of a Dask cluster.
+They render, and evaluate whole rewards for the experiments. Results come as they are ready, with the index of
+their task, so that progress can be shown and answers do not depend on the order. `WorkerPool` has processes
+of this machine, ``scene.cluster.Cluster`` those of a Dask cluster.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from shell.memory import refuse_larger
 ExecutorName = Literal["processes", "dask"]
 Self = TypeVar("Self", bound="Workers")
 LEAST_URGENT = 19
-"""How nice processes are that work behind the others, where the system knows such a thing."""
+"""Niceness of processes for work of low priority, if the system has it."""
 AHEAD = 2
-"""Tasks that are worked at ahead of what is taken, per worker."""
+"""Tasks per worker that are begun before their results are taken."""
 PROCESS = 100_000_000
-"""Bytes of a worker that has done nothing yet, at least."""
+"""The least bytes of an idle worker."""
 
 
 class WorkerError(RuntimeError):
@@ -38,17 +38,17 @@ class WorkerError(RuntimeError):
 
 
 class Workers:
-    """Tasks for an executor. With 0 workers they run in this process, which tests and debuggers like.
+    """Tasks for an executor. With 0 workers they run in this process, for tests and debuggers.
 
-    Work is urgent, or *behind* all that is urgent: it fills the time for which others leave a core idle.
+    Work is urgent, or *behind* all urgent work, where it fills the time of idle cores.
     """
 
     workers: int
-    """How many work at once."""
+    """Number of tasks at once."""
     dashboard: str | None = None
-    """A page that shows them at work, if there is one."""
+    """A page that shows the work, if there is one."""
     _patience: float | None = None
-    """Seconds after which a wait looks whether the workers are still there."""
+    """Seconds after which a wait checks that the workers still exist."""
 
     def __enter__(self: Self) -> Self:
         return self
@@ -57,20 +57,20 @@ class Workers:
         self.close()
 
     def close(self) -> None:
-        """Stop at once; work under way is dropped."""
+        """Stop at once; unfinished work is dropped."""
 
     def cpu_share(self) -> float | None:
-        """Stop, and say what share of their cores was used since they opened; None where nobody knows."""
+        """Stop; returns the share of their cores that was used since they opened, or None if unknown."""
         return None
 
     def share(self, path: str) -> str:
-        """What tasks call a file or folder of this machine; its content is not to change any more."""
+        """The name for tasks of a file or folder of this machine, whose content must not change."""
         return str(Path(path).absolute()) if path else path
 
     def begin(
         self, function: Callable[..., Any], *task: Any, first: Any = None, behind: bool = True
     ) -> Future | None:
-        """A net, by default behind all that is urgent, for ``map`` to wait for; None with 0 workers."""
+        """Begin a net, by default behind all urgent work, for a later ``map``; None with 0 workers."""
         return self._submit(function, task, True, first, behind) if self.workers else None
 
     def map(
@@ -83,20 +83,20 @@ class Workers:
         behind: bool = False,
         begun: Mapping[int, Future] | None = None,
     ) -> Iterator[tuple[int, Any]]:
-        """Yield (index, ``function(*tasks[index])``) as results come in.
+        """Yield (index, ``function(*tasks[index])``) as results come.
 
         Args:
-            function: of a module; so is ``first``.
+            function: a function of a module, like ``first``.
             tasks: its arguments.
-            net: whether it trains or applies one, and wants a GPU where there are some.
-            first: what of it wants none. On a cluster with GPUs it is a task of its own, for
+            net: whether it trains or applies a net, and uses a GPU if there is one.
+            first: the part without a GPU. On a cluster with GPUs it is a separate task, for
                 ``function(*task, ready=first(*task))``.
-            behind: whether all that is urgent comes before.
-            begun: tasks by index that `begin` was given.
+            behind: whether all urgent work goes first.
+            begun: tasks by index that `begin` has begun.
 
         Raises:
             WorkerError: a process died, and died again when the work was repeated.
-            Exception: whatever ``function`` raised.
+            Exception: any error of ``function``.
         """
         if self.workers == 0:
             for index, task in enumerate(tasks):
@@ -127,11 +127,11 @@ class Workers:
             raise
 
     def in_order(self, function: Callable[..., Any], tasks: Iterable[tuple]) -> Iterator[Any]:
-        """Yield ``function(*task)`` of tasks in their order, which need not end; a few are worked at ahead.
+        """Yield ``function(*task)`` in the order of tasks, which may be endless; a few are begun ahead.
 
         Raises:
             WorkerError: a process died, and died again when the work was repeated.
-            Exception: whatever ``function`` raised.
+            Exception: any error of ``function``.
         """
         if self.workers == 0:
             yield from (function(*task) for task in tasks)
@@ -167,7 +167,7 @@ class Workers:
                 self._drop(future for _, future in ahead)
 
     def _results(self, futures: dict[int, Future]) -> Iterator[tuple[int, Any]]:
-        """Empties the dictionary: what was taken from here is nowhere else."""
+        """Yield results and empty the dictionary."""
         left = {future: index for index, future in futures.items()}
         while left:
             ready, _ = wait(left, timeout=self._patience, return_when=FIRST_COMPLETED)
@@ -185,40 +185,40 @@ class Workers:
         raise NotImplementedError
 
     def result(self, future: Future) -> Any:
-        """The result of what has ended."""
+        """The result of finished work."""
         return future.result()
 
     def _drop(self, futures: Iterable[Future]) -> None:
-        """Forget work that is under way."""
+        """Drop unfinished work."""
         self.close()
 
     def _refuse_lost(self) -> None:
-        """Raise an error if no answer will ever come."""
+        """Raise an error if no answer can come."""
 
 
 class WorkerPool(Workers):
-    """``workers`` processes of this machine, one thread each, and as many behind them, when needed.
+    """``workers`` processes of this machine with one thread each, and as many of low priority when needed.
 
-    The system chooses their cores, since other jobs may be there, too. Those behind are the least urgent to
-    it: they have a core while nobody else wants it. Where there are GPUs, each process sees one.
+    The system chooses their cores, since other jobs may run, too. Processes of low priority run only on idle
+    cores. If there are GPUs, each process sees one.
     """
 
     def __init__(self, workers: int, environment: dict[str, str] | None = None) -> None:
         if workers < 0:
             raise ValueError(f"workers must be 0 or more, not {workers}")
         self.workers = workers
-        # Threads of OpenBLAS spin: XLA's Cholesky is 300 times slower where cores are shared.
+        # Threads of OpenBLAS spin, which makes XLA's Cholesky 300 times slower on shared cores.
         self._environment = {"OPENBLAS_NUM_THREADS": "1", **(environment or {})}
         self._executors: dict[bool, ProcessPoolExecutor] = {}
         self._cores = Cores()
 
     def cpu_share(self) -> float:
-        """Stop, and say what share of their cores was used since they opened, this process included."""
-        self.close()  # what children have used is known when they have ended
+        """Stop; returns the share of their cores, with this process, that was used since they opened."""
+        self.close()  # the time of children is known when they have ended
         return self._cores.share(self.workers)
 
     def close(self) -> None:
-        """Stop the processes at once; work under way is dropped."""
+        """Stop the processes at once; unfinished work is dropped."""
         for behind in list(self._executors):
             self._stop(behind)
 
@@ -234,7 +234,7 @@ class WorkerPool(Workers):
         with _inherited(self._environment):  # processes start with a task
             try:
                 return self._executor(behind).submit(function, *task)
-            except BrokenProcessPool:  # one has died since; tasks under way say so themselves
+            except BrokenProcessPool:  # one has died since; unfinished tasks report it
                 self._stop(behind)
                 return self._executor(behind).submit(function, *task)
 
@@ -251,13 +251,13 @@ class WorkerPool(Workers):
 
 
 def refuse_many_workers(flag: str, workers: int) -> None:
-    """Raise UserError if so many processes need more memory than there is; names the flag."""
+    """Raise UserError with the flag if so many processes need more memory than there is."""
     refuse_larger(flag, workers, lambda count: count * PROCESS, "processes")
 
 
 @contextmanager
 def opened(workers: int | Workers) -> Iterator[Workers]:
-    """A new pool of so many processes, closed in the end; or the workers themselves, which are left open."""
+    """Open a new pool of processes, which is closed at the end; or pass on workers, which stay open."""
     if isinstance(workers, Workers):
         yield workers
         return
@@ -267,9 +267,9 @@ def opened(workers: int | Workers) -> Iterator[Workers]:
 
 @contextmanager
 def _inherited(environment: dict[str, str]) -> Iterator[None]:
-    """What processes started meanwhile find from their first moment on, before they import anything.
+    """Prepare processes that start meanwhile, before they import anything.
 
-    The variables of ``environment``, and a blocked SIGINT: Ctrl-C is the parent's business.
+    They get the variables of ``environment``, and a blocked SIGINT, since the parent handles Ctrl-C.
     """
     before = {name: os.environ.get(name) for name in environment}
     os.environ.update(environment)
@@ -288,13 +288,13 @@ def _inherited(environment: dict[str, str]) -> Iterator[None]:
 
 
 def _start(counter: Any, nice: int) -> None:
-    """Give each worker one thread and one GPU of its own, leave Ctrl-C to the parent, and end with it."""
+    """Set up a worker: one thread, one GPU, no Ctrl-C, and an end with its parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     with counter.get_lock():
         number = counter.value
         counter.value += 1
-    import cv2  # the main process may have no use for it
+    import cv2  # the main process may not need it
 
     cv2.setNumThreads(1)
     if nice and hasattr(os, "nice"):
@@ -305,7 +305,7 @@ def _start(counter: Any, nice: int) -> None:
 
 
 def _gpus() -> list[str]:
-    """NVIDIA's GPUs that this process may use, as CUDA_VISIBLE_DEVICES names them."""
+    """NVIDIA GPUs for this process, as CUDA_VISIBLE_DEVICES names them."""
     named = os.environ.get("CUDA_VISIBLE_DEVICES")
     if named is not None:
         return [name for name in named.split(",") if name]
@@ -313,7 +313,7 @@ def _gpus() -> list[str]:
 
 
 def _end_with_parent() -> None:
-    """A parent that was killed cannot stop its workers, who would wait for work for ever."""
+    """End this worker with its parent, since a killed parent could not stop it."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()

@@ -1,1 +1,1 @@
-"""Many streets as labelled images: rendered, written, read back, checked."""
+"""Datasets of labelled images of many streets: rendering, writing, reading and checking."""

@@ -1,4 +1,4 @@
-"""``dataset.json``: the plan of a dataset, which decides everything in it, and what came out of it."""
+"""``dataset.json``: the plan of a dataset, which decides everything in it, and its outcome."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ ENCODINGS = {
 
 
 class Plan(NamedTuple):
-    """What every worker needs to know about an export."""
+    """The plan of an export, for every worker."""
 
     folder: Path
     format: str
@@ -47,11 +47,11 @@ class Plan(NamedTuple):
     settings: RenderSettings
     renderer: str
     pool: AssetPool
-    target: dict[str, Any] | None = None  # whose classes labels have, as `dataset.json` says it
+    target: dict[str, Any] | None = None  # the target of the labels' classes, as in `dataset.json`
 
     @property
     def layout(self) -> Layout:
-        """Which files there are."""
+        """The layout of the files."""
         return layout(self.format)
 
     @property
@@ -63,16 +63,16 @@ class Plan(NamedTuple):
 
     @property
     def work(self) -> Path:
-        """The folder inside that is there while the export is under way."""
+        """The inner folder that exists during the export."""
         return self.folder / WORK
 
     @property
     def own(self) -> str:
-        """The folder of own assets, if any of them may appear."""
+        """The folder of own assets, if they may appear."""
         return "" if self.pool.use == "built-in" else self.pool.own
 
     def record(self, street: int) -> Path:
-        """The file that says that a street is finished, and what came out."""
+        """The file that marks a street as finished, with its outcome."""
         return self.work / "streets" / f"{street:06d}.json"
 
     def shots_of(self, street: int) -> int:
@@ -81,7 +81,7 @@ class Plan(NamedTuple):
 
 
 def settings(plan: Plan, units: np.ndarray, streets: Streets | None) -> dict[str, Any]:
-    """All that decides the files, as ``dataset.json`` has it."""
+    """All settings that decide the files, as in ``dataset.json``."""
     of_target = {} if plan.target is None else {"target": plan.target}
     of_own = (
         {} if plan.pool.own_class is None else {"own_class": own_class_entry(plan.pool.own_class)}
@@ -109,7 +109,7 @@ def settings(plan: Plan, units: np.ndarray, streets: Streets | None) -> dict[str
 
 
 def _units(streets: Streets) -> dict[str, Any]:
-    """What `scene.proposal.parse_streets` reads, without physical values; of one proposal its attributes."""
+    """Streets in the form for `scene.proposal.parse_streets`, without physical values."""
     rows = [
         {**row, "attributes": {name: own["unit"] for name, own in row["attributes"].items()}}
         for row in describe(streets)["components"]
@@ -119,7 +119,7 @@ def _units(streets: Streets) -> dict[str, Any]:
 
 
 def own_class_entry(own: OwnClass) -> dict[str, Any]:
-    """What is said of a user's own class: its ids and colour in labels, and its asset."""
+    """The entry of a user's own class: its ids and colour in labels, and its asset."""
     file = Path(own.file)
     return {
         "name": own.name,
@@ -133,12 +133,12 @@ def own_class_entry(own: OwnClass) -> dict[str, Any]:
 
 
 def own_files(folder: str) -> str:
-    """What all files of the folder of own assets come to, textures and manifest among them; empty without."""
+    """A digest of all files of the folder of own assets, with textures and manifest; empty without one."""
     return folder_digest(Path(folder)) if folder else ""
 
 
 def _own_assets(folder: str) -> list[dict[str, Any]]:
-    """What the manifest says of every own asset, and a checksum, since a file may be exchanged."""
+    """The manifest's entry of every own asset with a checksum, since a file may be replaced."""
     rows = library.manifest(folder) if folder else ()
     return [
         {**row._asdict(), "crc32": zlib.crc32((Path(folder) / row.file).read_bytes())}
@@ -147,12 +147,12 @@ def _own_assets(folder: str) -> list[dict[str, Any]]:
 
 
 def outcome(streets: Iterable[dict[str, Any]], pixels: int, labels: Labels) -> dict[str, Any]:
-    """What came out: shares of classes, in how many images, mean colour, what was placed, shots taken again.
+    """The outcome: classes' shares and numbers of images, mean colour, placed objects, retaken shots.
 
     Args:
         streets: the records of all streets.
-        pixels: of one image.
-        labels: the classes that are counted.
+        pixels: pixels of one image.
+        labels: the classes to count.
     """
     of_engine = labels.of_engine[: OWN + 1].tolist()
     count, images = np.zeros(VOID + 1, np.int64), 0
@@ -185,7 +185,7 @@ def _by_class(labels: Labels, values: np.ndarray) -> dict[str, Any]:
 
 
 def versions(more: tuple[str, ...] = ()) -> dict[str, str]:
-    """Versions of all that has a part in the bytes, and the processor that shading is compiled for."""
+    """Versions of everything that affects the bytes, and the processor for which shading is compiled."""
     cpu = llvmlite.binding.get_host_cpu_name()
     found = files.versions((*PACKAGES, *more))
     return {"python": platform.python_version(), "processor": cpu, **found}

@@ -1,7 +1,7 @@
-"""Do labels and depth show the same outlines? A count that needs no tuned thresholds of its own.
+"""Checks that labels and depth show the same outlines, by a count without tuned thresholds.
 
 Where depth jumps, one thing usually ends and another begins, so id edges lie on depth jumps. If labels were
-shifted against depth by a few pixels, no more of them would than by chance.
+shifted against depth by a few pixels, no more edges would lie there than by chance.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 JUMP = float(np.log(1.25))
-"""Neighbouring pixels of which one is a quarter farther away: a jump in depth."""
+"""A jump in depth: one of two neighbouring pixels is a quarter farther away."""
 SHIFT = 4
-"""Pixels by which labels are moved to see what chance would give."""
+"""Pixels by which labels are shifted to measure chance."""
 
 
 class Overlap(NamedTuple):
@@ -23,12 +23,12 @@ class Overlap(NamedTuple):
     shifted: float = 0.0  # mean over labels moved by ``SHIFT`` each way, along rows and columns
 
     def plus(self, other: Overlap) -> Overlap:
-        """Both counts added up."""
+        """The sum of both counts."""
         return Overlap(self.aligned + other.aligned, self.shifted + other.shifted)
 
     @property
     def lift(self) -> float:
-        """How many times more depth jumps lie on id edges than chance would put there."""
+        """The ratio of depth jumps on id edges to their number by chance."""
         return self.aligned / max(self.shifted, 1.0)
 
 
@@ -37,7 +37,7 @@ def overlap(ids: np.ndarray, depth: np.ndarray) -> Overlap:
 
     Args:
         ids: i32[h, w] segment ids.
-        depth: [h, w] in any unit, 0 for the sky, whose outline does not count.
+        depth: [h, w] in any unit, 0 for the sky, whose outline is not counted.
     """
     aligned = shifted = 0.0
     for i, d in ((ids, depth), (ids.T, depth.T)):

@@ -1,7 +1,7 @@
-"""Datasets on disk: rendered by worker processes, file by file, so that a kill loses a street at most.
+"""Exports datasets to disk by worker processes, file by file, so that a kill loses at most a street.
 
-While an export is under way, ``.export/`` in its folder holds the settings and one record per finished
-street. The same call again does what is missing; the files about all images and ``dataset.json`` come last.
+During an export, ``.export/`` in its folder holds the settings and one record per finished street. The same
+call again does the rest; the files about all images and ``dataset.json`` come last.
 """
 
 from __future__ import annotations
@@ -39,17 +39,17 @@ if TYPE_CHECKING:
     from shell.target_file import TargetFile
 
 BLOCK = 4096
-"""Bytes that disks give out at a time."""
+"""Bytes that a disk allocates at a time."""
 MARGIN = 1.2
-"""Room asked for, over what the first image needs."""
+"""Factor of the required room over the need of the first image."""
 
 
 class ExportError(UserError):
-    """A folder cannot take an export; the message names the folder and says what would do."""
+    """A folder cannot take an export; the message names the folder and says what would be right."""
 
 
 Files = list[tuple[str, str, bytes]]
-"""Path in the folder, name while it is being written, content."""
+"""Path in the folder, temporary name, content."""
 
 
 def export_dataset(
@@ -69,36 +69,36 @@ def export_dataset(
     workers: int | Workers = 0,
     progress: Callable[[int, int, int], None] | None = None,
 ) -> dict[str, Any]:
-    """Render streets into a folder, with every label the engine knows.
+    """Render streets into a folder with all of the engine's labels.
 
-    The same arguments continue an export that was cut short; the files do not depend on that, nor on the
+    The same arguments continue an interrupted export; the files do not depend on interruptions or on the
     number of workers.
 
     Args:
         units: f32[streets, attributes] attributes of each street, in [0, 1].
-        seed: with the street's index it decides everything left to chance.
-        folder: new, empty, or the same export to be continued.
+        seed: decides, with the street's index, all random choices.
+        folder: a new or empty folder, or that of the same export.
         shots: images per street.
         settings: size and quality.
-        images: how many; by default all shots of all streets.
+        images: number of images; by default all shots of all streets.
         format: a name of `scene.dataset.formats.layout.LAYOUTS`.
         split: ``train`` or ``val``.
         renderer_name: ``embree`` or ``opengl``.
-        pool: which assets may appear, and a class of the user's own.
-        target: whose classes label pictures have, in its ids or colours, or its name or file; by default
-            the engine's.
-        streets: what ``units`` was drawn from, for the record.
+        pool: the assets that may appear, and the user's own class.
+        target: the target, or its name or file, whose classes label pictures have in its ids or colours; by
+            default the engine's classes.
+        streets: the distribution of ``units``, for the record.
         workers: processes to render in; 0 renders here, ``Workers`` are used and left open.
         progress: called with (images done, images, bytes written by this call).
 
     Returns:
-        What ``dataset.json`` says.
+        The content of ``dataset.json``.
 
     Raises:
         ValueError: attributes, numbers or size out of range, unknown renderer, format or split.
-        ExportError: the folder holds something else, is in use, or the disk has not enough room.
+        ExportError: the folder holds other files or is in use, or the disk has too little room.
         UserError: assets or target cannot be used, or not together.
-        OSError: the disk is full or read-only, with the file's name; what is finished stays.
+        OSError: the disk is full or read-only; the error names the file, and finished streets stay.
         RendererError: this machine lacks what the renderer needs.
         WorkerError: worker processes keep dying.
     """
@@ -133,10 +133,10 @@ def export_dataset(
 
 
 def read_dataset(folder: Path) -> Dataset:
-    """All images and labels of an exported dataset, as ``render_dataset`` would give them.
+    """Read all images and labels of an exported dataset, as ``render_dataset`` would give them.
 
     Raises:
-        ValueError, OSError: not a dataset, or a file is damaged or missing, with its name.
+        ValueError, OSError: it is no dataset, or a file is damaged or missing; the message names it.
     """
     images, labels = zip(*pictures(describe(folder)), strict=True)
     return Dataset(np.stack(images), np.stack(labels))
@@ -149,9 +149,9 @@ def _export(
     workers: int | Workers,
     progress: Callable[[int, int, int], None] | None,
 ) -> None:
-    """The work itself, in a folder that nobody else writes to."""
+    """Do the work in a locked folder."""
     work, scratch = plan.work, plan.work / "parts"
-    shutil.rmtree(scratch, ignore_errors=True)  # what a kill left half-written
+    shutil.rmtree(scratch, ignore_errors=True)  # half-written files of a killed export
     scratch.mkdir(parents=True)
     if not (work / "settings.json").exists():
         write_json(work / "settings.json", wanted)
@@ -189,7 +189,7 @@ def _export(
 
 
 def _changed(plan: Plan, wanted: dict[str, Any]) -> str:
-    """The folder of own assets, or the file of the own class, if it is not what it was; else empty."""
+    """The folder of own assets, or the file of the own class, if it has changed; else empty."""
     if own_files(plan.own) != wanted["own_files"]:
         return plan.own
     own = plan.pool.own_class
@@ -197,7 +197,7 @@ def _changed(plan: Plan, wanted: dict[str, Any]) -> str:
 
 
 def _draw_street(plan: Plan, index: int, unit: np.ndarray) -> tuple[Files, dict[str, Any]]:
-    """The files of one street, and its record; runs in a worker, which need not see the folder."""
+    """Make the files of one street and its record; runs in a worker, which need not see the folder."""
     street = street_of(unit, plan.seed, index, plan.shots, plan.pool)
     frames, labels = renderer(plan.renderer).render(street, plan.settings), plan.labels
     placed = Counter(labels.rendered[p.train_id] for p in street.placements)
@@ -216,17 +216,17 @@ def _draw_street(plan: Plan, index: int, unit: np.ndarray) -> tuple[Files, dict[
 
 
 def _write_street(plan: Plan, index: int, files: Files, record: dict[str, Any]) -> int:
-    """Write a street's files, then its record; the bytes of the files."""
+    """Write a street's files, then its record; returns the bytes of the files."""
     scratch = plan.work / "parts"
     for path, part, content in files:
-        # A power cut may cost what is not synced; what is shorter than its record is rendered again.
+        # A power cut may lose unsynced data; files shorter than in their record are rendered again.
         write(plan.folder / path, content, scratch / part, sync=False)
     write_json(plan.record(index), record)
     return sum(len(content) for _, _, content in files)
 
 
 def _summarize(plan: Plan, streets: int) -> None:
-    """Write the files about all images; ``dataset.json`` says that all is done."""
+    """Write the files about all images, last ``dataset.json``, which marks the export as done."""
     size = (plan.settings.width, plan.settings.height)
 
     def records() -> Iterator[dict[str, Any]]:
@@ -248,17 +248,17 @@ def _summarize(plan: Plan, streets: int) -> None:
     if plan.layout.pack is not None:
         plan.layout.pack(plan.folder, about)
     if plan.own:
-        # Authors and licences go wherever the pictures of their assets go.
+        # Authors and licences accompany the pictures of their assets.
         listing = Path(plan.pool.own) / library.MANIFEST
         write(plan.folder / library.MANIFEST, listing.read_bytes())
     write_json(plan.folder / DESCRIPTION, found)
 
 
 def _complete(folder: Path, wanted: dict[str, Any]) -> bool:
-    """Whether the folder holds the whole export already.
+    """Whether the folder already holds the whole export.
 
     Raises:
-        ExportError: it holds anything else than this export or a part of it.
+        ExportError: it holds other files than this export or a part of it.
     """
     if folder.exists() and not folder.is_dir():
         raise ExportError(f"{folder} is a file; an export needs a folder")
@@ -280,7 +280,7 @@ def _complete(folder: Path, wanted: dict[str, Any]) -> bool:
     wanted = {"target": None, "own_class": None, **wanted}
     for name, ours, other in differences(wanted, {key: theirs.get(key) for key in wanted}):
         if name.startswith("versions.") and name.partition(".")[2] not in MAKERS:
-            continue  # it is for the record
+            continue  # it is only for the record
         nested = isinstance(ours, list | dict) or isinstance(other, list | dict)
         values = "" if nested else f" = {other}, not {ours}"
         raise ExportError(
@@ -298,7 +298,7 @@ def _check_room(plan: Plan, units: np.ndarray) -> None:
     sizes = [*(len(content) for content in files.values()), 2 * len(json.dumps(record, indent=2))]
     image = sum(-(-size // BLOCK) * BLOCK for size in sizes)
     finished = sum(1 for _ in (plan.work / "streets").glob("*.json"))
-    image *= 1 if plan.layout.pack is None else 2  # as pictures, then packed
+    image *= 1 if plan.layout.pack is None else 2  # pictures, then packed ones
     need = MARGIN * image * max(plan.images - finished * plan.shots, 0)
     existing = next(p for p in (plan.folder, *plan.folder.absolute().parents) if p.exists())
     free = shutil.disk_usage(existing).free
@@ -310,7 +310,7 @@ def _check_room(plan: Plan, units: np.ndarray) -> None:
 
 
 def _finished(plan: Plan, streets: range) -> Iterator[int]:
-    """The streets whose record is there and whose files are as long as it says."""
+    """The streets with a record and with files of the recorded lengths."""
     for street in streets:
         path = plan.record(street)
         if not path.exists():
@@ -322,13 +322,13 @@ def _finished(plan: Plan, streets: range) -> Iterator[int]:
                     if (plan.folder / name).stat().st_size != size:
                         raise ValueError(name)
         except (OSError, ValueError, LookupError, TypeError):
-            continue  # a disk lost power, or someone tidied up: it is rendered again
+            continue  # files were lost, so it is rendered again
         yield street
 
 
 @contextmanager
 def _locked(folder: Path) -> Iterator[None]:
-    """Keep a second process out; the system forgets the lock of one that was killed."""
+    """Lock out a second process; the system releases the lock of a killed one."""
     lock = FileLock(folder / WORK / "lock", timeout=0)
     try:
         lock.acquire()

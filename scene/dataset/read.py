@@ -1,4 +1,4 @@
-"""An exported dataset, read back."""
+"""Reads an exported dataset."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from shell.files import read_json
 
 DESCRIPTION = "dataset.json"
 MOST_IMAGES = 10_000_000
-"""More are a slip of the hand."""
+"""The most images; a larger number is taken for a typing error."""
 WORK = ".export"
-"""Folder inside a dataset while it is unfinished."""
+"""Folder inside an unfinished dataset."""
 
 
 class Described(NamedTuple):
-    """An exported dataset: where it is, and what its ``dataset.json`` says."""
+    """An exported dataset: its folder, and its ``dataset.json``."""
 
     folder: Path
     description: dict[str, Any]
@@ -35,18 +35,18 @@ class Described(NamedTuple):
     stems: tuple[str, ...]  # of all images, in order
     size: tuple[int, int]  # width, height in pixels
     labels: Labels  # the classes of label pictures
-    rows: dict[str, parquet.Place] | None = None  # where pictures are packed, of each stem
-    framing: tuple[float, float] | None = None  # shares of shots taken again, and without a street
+    rows: dict[str, parquet.Place] | None = None  # places of packed pictures by stem
+    framing: tuple[float, float] | None = None  # shares of retaken shots, and without a street
 
     def path(self, kind: str, name: str) -> Path:
-        """The file of one kind of the image called ``name``."""
+        """The file of one kind of the image ``name``."""
         return self.folder / self.layout.paths(self.split, name)[kind]
 
     def picture(self, kind: str, name: str) -> np.ndarray:
-        """One picture of the image called ``name``.
+        """Read one picture of the image ``name``.
 
         Raises:
-            ValueError, OSError: it is damaged or missing, with its name.
+            ValueError, OSError: it is damaged or missing; the message names it.
         """
         if self.rows is None:
             return read_png(self.path(kind, name))
@@ -60,7 +60,7 @@ def describe(folder: Path) -> Described:
     """Open an exported dataset.
 
     Raises:
-        ValueError: the folder holds none, or its ``dataset.json`` is not as it was written.
+        ValueError: the folder holds none, or its ``dataset.json`` was changed.
     """
     path = folder / DESCRIPTION
     if not path.is_file():
@@ -83,15 +83,16 @@ def describe(folder: Path) -> Described:
     stems = tuple(stem(k // shots, k % shots) for k in range(images))
     own.check()
     rows = parquet.places(folder, found["split"]) if own.pack is not None else None
-    framing = (again[0], again[1]) if len(again) == 2 else None  # older datasets do not say
+    framing = (again[0], again[1]) if len(again) == 2 else None  # older datasets lack it
     return Described(folder, found, own, found["split"], stems, size, classes, rows, framing)
 
 
 def labels(dataset: Described, name: str) -> np.ndarray:
-    """Classes u8[h, w] of one image, by their numbers in ``dataset.labels``.
+    """Read classes u8[h, w] of one image, as numbers of ``dataset.labels``.
 
     Raises:
-        ValueError, OSError: the file is damaged or missing, with its name; the format has no such labels.
+        ValueError, OSError: the file is damaged or missing (the message names it), or the format has no
+        labels.
     """
     if "panoptic" in dataset.layout.files:
         ids = ids_of(dataset.picture("panoptic", name))
@@ -107,6 +108,6 @@ def labels(dataset: Described, name: str) -> np.ndarray:
 
 
 def pictures(dataset: Described) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Images u8[h, w, 3] and classes u8[h, w] of an exported dataset, one by one; raises as `labels`."""
+    """Yield images u8[h, w, 3] and classes u8[h, w] of an exported dataset; raises as `labels`."""
     for name in dataset.stems:
         yield dataset.picture("image", name), labels(dataset, name)

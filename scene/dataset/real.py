@@ -1,4 +1,4 @@
-"""Real images beside which a dataset is measured, read only to be counted: CamVid, or Cityscapes' layout."""
+"""Reads real images for comparison with a dataset: CamVid, or the layout of Cityscapes."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ from shell.pictures import MOST_BYTES, label_ids, too_large
 from shell.target_file import shipped
 
 CAMVID: tuple[str, ...] = shipped("camvid").class_names
-"""The 11 classes of CamVid as the literature counts them."""
+"""The 11 classes of CamVid that are common in the literature."""
 CAMVID_OF_TRAIN = np.full(256, VOID, np.uint8)
 """u8[256]: train id -> CamVid's class; trains are void there."""
 CAMVID_OF_TRAIN[: len(CLASS_NAMES)] = shipped("camvid").of_engine
 
 
 class Pictures(NamedTuple):
-    """Images u8[h, w, 3] with labels u8[h, w], and what the labels mean; ``VOID`` means nothing."""
+    """Images u8[h, w, 3] with labels u8[h, w], and the names of the classes; ``VOID`` has none."""
 
     classes: tuple[str, ...]
     pairs: Iterator[tuple[np.ndarray, np.ndarray]]
-    framing: tuple[float, float] | None = None  # of a dataset: see ``Described.framing``
+    framing: tuple[float, float] | None = None  # for a dataset, see ``Described.framing``
 
 
 def open_pictures(folder: Path, prefixes: tuple[str, ...] = ()) -> Pictures:
-    """The images of an exported dataset, of CamVid (SegNet's layout) or of a folder like Cityscapes.
+    """Open the images of an exported dataset, of CamVid (SegNet's layout) or of a folder like Cityscapes.
 
     Args:
-        folder: where they are.
-        prefixes: of real images, take those whose file name begins with one of these; all by default.
+        folder: the folder.
+        prefixes: take only real images whose file name begins with one of these; by default all.
 
     Raises:
-        ValueError: none of these, with what was looked for; when read, a damaged file, by name.
+        ValueError: it is none of these (the message names what is expected), or a file is damaged.
     """
     if (folder / DESCRIPTION).is_file():
         dataset = describe(folder)

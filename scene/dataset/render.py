@@ -1,7 +1,7 @@
-"""From attribute vectors to a labelled dataset, in worker processes.
+"""Renders attribute vectors to a labelled dataset in worker processes.
 
-A dataset is always a list of per-street attribute vectors. The bytes depend on the vectors, the seed,
-the size and the renderer, never on the number of workers.
+A dataset is a list of attribute vectors, one per street. The bytes depend on the vectors, the seed, the size
+and the renderer, but not on the number of workers.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from scene.workers import Workers, opened
 
 
 class Dataset(NamedTuple):
-    """Images and labels in street order, shots of one street next to each other."""
+    """Images and labels in the order of streets; shots of one street are consecutive."""
 
     images: np.ndarray  # u8[n, h, w, 3] sRGB
     labels: np.ndarray  # u8[n, h, w] train ids; 19 is a pool's own class
 
 
 def street_of(unit: np.ndarray, seed: int, index: int, shots: int, pool: AssetPool) -> Street:
-    """The ``index``-th street of the dataset with ``seed``, from its unit attributes f32[attributes]."""
+    """Make the ``index``-th street of the dataset with ``seed`` from unit attributes f32[attributes]."""
     return sample_street(street_params(unit), street_seed(seed, index), shots, pool)
 
 
@@ -44,12 +44,12 @@ def render_street(
     renderer_name: str,
     pool: AssetPool,
 ) -> list[Frame]:
-    """All shots of one street of a dataset."""
+    """Render all shots of one street of a dataset."""
     return renderer(renderer_name).render(street_of(unit, seed, index, shots, pool), settings)
 
 
 def images_and_labels(*task: Any) -> tuple[np.ndarray, np.ndarray]:
-    """All shots of a street, with `render_street`'s arguments: u8[shots, h, w, 3] and u8[shots, h, w]."""
+    """Render a street with `render_street`'s arguments: u8[shots, h, w, 3] and u8[shots, h, w]."""
     frames = render_street(*task)
     return np.stack([f.image for f in frames]), np.stack([f.label for f in frames])
 
@@ -57,7 +57,7 @@ def images_and_labels(*task: Any) -> tuple[np.ndarray, np.ndarray]:
 def check_request(
     units: np.ndarray, shots: int, settings: RenderSettings, renderer_name: str
 ) -> np.ndarray:
-    """The attributes f32[streets, attributes] of a dataset that can be rendered here.
+    """Check a request; returns its attributes f32[streets, attributes].
 
     Raises:
         ValueError: attributes, size or shots out of range, unknown renderer.
@@ -90,11 +90,11 @@ def render_dataset(
 
     Args:
         units: f32[streets, attributes] attributes of each street, in [0, 1].
-        seed: with the street's index it decides everything left to chance.
+        seed: decides, with the street's index, all random choices.
         shots: images per street.
         settings: size and quality.
         renderer_name: ``embree`` or ``opengl``.
-        pool: which assets may appear.
+        pool: the assets that may appear.
         workers: processes to render in; 0 renders here, ``Workers`` are used and left open.
         progress: called with (streets done, streets).
 

@@ -1,4 +1,4 @@
-"""Labelled images without files, one after the other, as an export would write them."""
+"""A stream of labelled images without files, the same as those of an export."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Sample(NamedTuple):
     """One image of a stream."""
 
     image: np.ndarray  # u8[h, w, 3] sRGB
-    label: np.ndarray  # u8[h, w] classes by number, 255 is void
+    label: np.ndarray  # u8[h, w] class numbers, 255 is void
     street: np.ndarray  # f32[attributes] of its street, in [0, 1]
 
 
@@ -49,21 +49,21 @@ def stream(
     target: TargetFile | str | Path | None = None,
     workers: int | Workers = 0,
 ) -> Generator[Sample, None, None]:
-    """Render images one by one: the k-th is the k-th of an export with the same settings.
+    """Render images one by one: the k-th equals the k-th of an export with the same settings.
 
     Args:
-        streets: what the attributes of every street are drawn from; or ``default``, ``random``, ``mixed`` or
-            a JSON file, as ``--attributes`` of ``sdr-jax render`` takes them.
-        seed: with the image's number it decides everything.
+        streets: the distribution of the streets' attributes; or ``default``, ``random``, ``mixed`` or a JSON
+            file, as in ``--attributes`` of ``sdr-jax render``.
+        seed: decides, with the image's number, all random choices.
         size: width and height in pixels.
         settings: size and quality; they replace ``size``.
         shots: images per street.
-        start: number of the first image, so that a stream goes on where it was.
-        images: how many; by default there is no end.
-        space: attributes of streets given by name.
+        start: number of the first image, to continue a stream.
+        images: number of images; by default the stream is endless.
+        space: space of streets given by name.
         renderer_name: ``embree`` or ``opengl``.
-        pool: which assets may appear, and a class of the user's own, whose label is 19.
-        target: whose classes the labels have, or its name or file; by default the engine's train ids.
+        pool: the assets that may appear, and the user's own class, whose label is 19.
+        target: the target, or its name or file, of the labels' classes; by default labels are train ids.
         workers: processes to render in, which work a few streets ahead; 0 renders here, ``Workers`` are used
             and left open.
 

@@ -1,4 +1,4 @@
-"""Is one image of a dataset what it claims to be? Every label is checked against every other."""
+"""Verifies one image of a dataset by checks of its labels against each other."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ from shell.files import read_bytes, read_json
 from shell.pictures import MOST_BYTES
 
 ROUNDING = 0.02
-"""How far from 1 the length of a normal may be after it was rounded to bytes."""
+"""Tolerance of the length of a normal, which was rounded to bytes."""
 COLOURED = ("image", "panoptic", "color", "normals")
 """Kinds of pictures with three channels."""
 DEEP = ("instance_ids", "depth", "disparity")
-"""Kinds of pictures with 16 bits a pixel."""
+"""Kinds of pictures with 16 bits per pixel."""
 
 
 def load(dataset: Described, name: str) -> tuple[dict[str, np.ndarray], list[str]]:
-    """The pictures of one image, and what is wrong with those that are missing from it."""
+    """Read the pictures of one image; also return the faults of the others."""
     planes: dict[str, np.ndarray] = {}
     faults: list[str] = []
     width, height = dataset.size
@@ -70,7 +70,7 @@ def load(dataset: Described, name: str) -> tuple[dict[str, np.ndarray], list[str
 
 
 def _check_camera(path: Path) -> None:
-    """Raise ValueError if the camera's file does not hold what it should."""
+    """Raise ValueError if the camera's file lacks a field."""
     camera = read_json(path)
     for part, names in (
         ("extrinsic", "x y z yaw pitch roll baseline"),
@@ -86,10 +86,10 @@ def _check_camera(path: Path) -> None:
 
 
 def _areas(path: Path, dataset: Described) -> np.ndarray:
-    """Pixels f64[classes] that the outlines of objects in a file enclose.
+    """Pixels f64[classes] inside the outlines of objects in a file.
 
     Raises:
-        ValueError: a line is no outline of an object, with the file's name.
+        ValueError: a line is no outline of an object; the message names the file.
     """
     things, found = dataset.labels.things, np.zeros(len(dataset.labels.names))
     for number, line in enumerate(
@@ -114,11 +114,11 @@ def _areas(path: Path, dataset: Described) -> np.ndarray:
 
 
 def verify(planes: dict[str, np.ndarray], known: dict[str, Any], labels: Labels) -> Iterator[str]:
-    """Yield everything in one image that does not agree.
+    """Yield every disagreement in one image.
 
     Args:
-        planes: its pictures by kind, as far as they could be read.
-        known: what the files about all images say of it: ``panoptic``, the segments, ``instances``, the
+        planes: its readable pictures by kind.
+        known: its entries in the files about all images: ``panoptic``, the segments, ``instances``, the
             annotations of things, and ``semantic``, those of classes.
         labels: the classes of label pictures.
     """
@@ -175,7 +175,7 @@ def _illegal(ids: np.ndarray, names: tuple[str, ...]) -> Iterator[str]:
 
 
 def _segments(ids: np.ndarray, listed: list[dict[str, Any]]) -> Iterator[str]:
-    """Compare the segments seen with those listed: ids, classes, areas, boxes."""
+    """Compare segments of the picture with the listed ones: ids, classes, areas, boxes."""
     seen = {s.id: (s.label_id, s.area, list(s.box)) for s in segments(ids)}
     told = {s.get("id"): (s.get("category_id"), s.get("area"), s.get("bbox")) for s in listed}
     for name in sorted(seen.keys() | told.keys(), key=str):
@@ -192,7 +192,7 @@ def _segments(ids: np.ndarray, listed: list[dict[str, Any]]) -> Iterator[str]:
 def _masks(
     ids: np.ndarray, wanted: list[Segment], annotations: list[dict[str, Any]]
 ) -> Iterator[str]:
-    """Compare segments with their annotations: every mask is one whole segment, with its box."""
+    """Compare segments with their annotations: every mask must be one whole segment with its box."""
     left = {s.id: s for s in wanted}
     for annotation in annotations:
         where = f"annotation {annotation.get('id')}"

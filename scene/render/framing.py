@@ -1,7 +1,7 @@
-"""Where a shot is taken: of the places that a street offers along its road, one from which a street is seen.
+"""Chooses the place of a shot along the road, so that it shows a street.
 
-It is decided on a small label image, whatever renderer and size the picture has, so that all show the same
-place. Rays of Embree find what stands in the street, the depth buffer the ground below it.
+The choice uses a small label image, whatever the renderer and the size of the picture, so that all show the
+same place. Rays of Embree find the objects of the street, the depth buffer the ground below them.
 """
 
 from __future__ import annotations
@@ -25,36 +25,36 @@ from scene.street.instances import FIRST_INSTANCE
 from scene.street.street import Street
 
 WIDTH, HEIGHT = 64, 48
-"""Of the label image, pixels."""
+"""Size of the label image in pixels."""
 LEAST_GROUND = 0.08
-"""Share of the image that road, sidewalk and terrain fill together, at least."""
+"""The least share of the image for road, sidewalk and terrain together."""
 MOST_OF_ONE = 0.85
-"""Share of it that one class fills, at most."""
+"""The largest share of the image for one class."""
 MAY_FILL = [TrainId.SKY, TrainId.BUILDING, TrainId.ROAD]
-"""Classes that may fill more."""
+"""Classes that may have a larger share."""
 GROUND = list(GROUND_INSTANCES.values())
 
 FIELDS = RAY_FIELDS + 9
-"""Words per ray of packets that say what was hit: those of a ray, normal, u, v, and four numbers."""
+"""Words per ray in packets of rays and hits: those of a ray, normal, u, v, and four numbers."""
 GEOMETRY, INSTANCE = RAY_FIELDS + 6, RAY_FIELDS + 8
-"""Where in them the numbers of the mesh and, in the street, of its instance stand; all bits of the first are
-set where nothing was hit."""
+"""Words with the numbers of the mesh and of its instance in the street; all bits of the first are set if
+nothing was hit."""
 
 intersect8 = types.ExternalFunction("rtcIntersect8", types.void(*[types.uintp] * 4))
-"""For compiled code: (valid, scene, packet of rays and hits, arguments), all addresses."""
+"""For compiled code: (valid, scene, packet of rays and hits, arguments), all as addresses."""
 
 
 def framed(street: Street, geometry: Geometry, bvh: SceneBVH, settings: RenderSettings) -> Street:
-    """The street with one camera a shot: the first of its places from which a street is seen.
+    """The street with one camera per shot, at the first place that shows a street.
 
-    A shot with too little ground, or too much of one class, is taken again ``further`` along the road; if no
+    A shot with too little ground, or too much of one class, is retaken ``further`` along the road; if no
     place will do, it is the one with the most ground. A camera without such places stays as it is.
 
     Args:
-        street: with all its places.
-        geometry: of the street.
-        bvh: of what stands in it.
-        settings: of the pictures, which say what the field of view is where cameras do not.
+        street: the street with all places.
+        geometry: geometry of the street.
+        bvh: hierarchy of its objects.
+        settings: settings of the pictures, which give the field of view of cameras without one.
     """
     cameras = (_framed(camera, geometry, bvh, settings) for camera in street.cameras)
     return street._replace(cameras=tuple(cameras))
@@ -119,7 +119,7 @@ def _meet(
     reach: np.ndarray,
     instance: np.ndarray,
 ) -> None:
-    """Set ``instance`` to what each ray meets first within its ``reach``, in packets of eight."""
+    """Set ``instance`` to the first hit of each ray within its ``reach``, in packets of eight."""
     packet = aligned(FIELDS * LANES)
     ray = packet.reshape(FIELDS, LANES)
     words = packet.view(np.uint32).reshape(FIELDS, LANES)

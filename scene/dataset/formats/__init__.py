@@ -1,1 +1,1 @@
-"""What a dataset looks like on disk: planes of pixels, segments, and the published layouts."""
+"""The form of datasets on disk: planes of pixels, segments, and the published layouts."""

@@ -1,4 +1,4 @@
-"""What is known of a whole dataset when the files about all its images are written."""
+"""The data of a whole dataset for the files about all its images."""
 
 from __future__ import annotations
 
@@ -8,13 +8,15 @@ from typing import Any, NamedTuple
 from scene.dataset.formats.labels import Labels
 
 CITY = "scenex"
-"""What all images are called after, as those of Cityscapes after their city."""
+"""First part of all images' names, like the city in Cityscapes."""
 
 
 class About(NamedTuple):
-    """A dataset, as the files about all images see it."""
+    """The data of a dataset for the files about all images."""
 
-    records: Callable[[], Iterable[dict[str, Any]]]  # begins anew: what is known of each image
+    records: Callable[
+        [], Iterable[dict[str, Any]]
+    ]  # gives the record of each image, every time anew
     split: str
     size: tuple[int, int]  # width, height in pixels
     labels: Labels
@@ -22,5 +24,5 @@ class About(NamedTuple):
 
 
 def stem(street: int, shot: int) -> str:
-    """The name of one image, as Cityscapes would name a frame of a sequence."""
+    """The name of one image in the form of Cityscapes' frames of a sequence."""
     return f"{CITY}_{street:06d}_{shot:06d}"

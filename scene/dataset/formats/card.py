@@ -1,4 +1,4 @@
-"""A dataset's card: README.md as Hugging Face lays it out, facts for machines first."""
+"""A dataset's card: README.md in the format of Hugging Face, with metadata for machines first."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from scene.dataset.formats.about import About
 
 SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
-"""Images below which a dataset is of a size, and what the size is called."""
+"""Limits of the number of images, and the names of the sizes below them."""
 SPLIT = {"train": "train", "val": "validation"}
-"""What Hugging Face calls a split."""
+"""Hugging Face's names of splits."""
 USES = {
     "cityscapes": """\
 The layout of Cityscapes: images in `leftImg8bit/`, labels in `gtFine/` as ids, train ids, instances and
@@ -38,15 +38,15 @@ dataset = load_dataset("parquet", data_files={"{split}": "data/*.parquet"})
 places in the table below.
 """,
 }
-"""What is where, by layout."""
+"""Description of the files by layout."""
 
 
 def card(about: About, features: str = "") -> Iterator[str]:
-    """The card, in pieces.
+    """Yield the card in pieces.
 
     Args:
         about: the dataset.
-        features: lines of YAML about columns, where there are some.
+        features: lines of YAML about columns, if there are any.
     """
     told = about.description
     size = next((name for most, name in SIZES if told["images"] < most), "n>1M")
@@ -81,7 +81,7 @@ def card(about: About, features: str = "") -> Iterator[str]:
 
 
 def class_list(about: About) -> Iterator[str]:
-    """``classes.txt``: a value of label pictures and the name of its class on each line."""
+    """Yield ``classes.txt``: a value of label pictures and the name of its class on each line."""
     for value, name in about.labels.all_values:
         yield f"{_text(value)} {' '.join(name.split())}\n"
 

@@ -1,4 +1,4 @@
-"""The panoptic file of Cityscapes, as its own ``createPanopticImgs`` would make it."""
+"""The panoptic file of Cityscapes in the form of its ``createPanopticImgs``."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def panoptic(about: About) -> Iterator[str]:
 
 def _images(about: About) -> Iterator[dict[str, Any]]:
     for record in about.records():
-        # The doubled name is that of Cityscapes' own script, and what its readers take apart.
+        # The doubled name is that of Cityscapes' script, which its readers expect.
         name = f"{record['stem']}_gtFine_leftImg8bit.png"
         width, height = about.size
         yield {"id": record["stem"], "width": width, "height": height, "file_name": name}

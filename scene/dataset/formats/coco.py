@@ -20,13 +20,13 @@ SUPERCATEGORIES = (
     *("object", "object", "object", "nature", "nature", "sky", "human", "human"),
     *("vehicle",) * 6,
 )
-"""Category of each train id, as published with Cityscapes."""
+"""Supercategory of each train id, as published with Cityscapes."""
 OWN_SUPERCATEGORY = "object"
-"""Of a user's own class."""
+"""Supercategory of a user's own class."""
 
 
 def categories(labels: Labels, things_only: bool = False) -> list[dict[str, Any]]:
-    """The classes that streets have, with the labelIds of Cityscapes for ids."""
+    """The classes of streets, with the labelIds of Cityscapes as ids."""
     rows = zip(
         labels.rendered, (*CLASSES, OWN), (*SUPERCATEGORIES, OWN_SUPERCATEGORY), strict=False
     )
@@ -67,9 +67,9 @@ def instances(about: About, file_name: str) -> Iterator[str]:
 
 
 def semantic(about: About, file_name: str) -> Iterator[str]:
-    """COCO's stuff segmentation: a mask of each class in every image, of things as well.
+    """COCO's stuff segmentation: a mask of each class in every image, also of things.
 
-    The categories are the classes of the dataset's labels, by their ids in label pictures.
+    The categories are the classes of the dataset's labels, with their ids in label pictures.
 
     Args:
         about: the dataset.
@@ -92,7 +92,7 @@ def semantic(about: About, file_name: str) -> Iterator[str]:
 
 
 def _masks(about: About, kind: str, least: int) -> Iterator[dict[str, Any]]:
-    """The annotations of the records' ``segments`` or ``classes`` with ids from ``least`` on."""
+    """The annotations of the records' ``segments`` or ``classes`` with ids of ``least`` or more."""
     number = 0
     width, height = about.size
     for image, record in enumerate(about.records(), start=1):
@@ -112,7 +112,7 @@ def _masks(about: About, kind: str, least: int) -> Iterator[dict[str, Any]]:
 
 
 def panoptic_segment(segment: dict[str, Any]) -> dict[str, Any]:
-    """A segment as the panoptic format wants it."""
+    """A segment in the panoptic format."""
     keys = ("id", "category_id", "area", "bbox")
     return {**{key: segment[key] for key in keys}, "iscrowd": 0}
 
@@ -137,7 +137,7 @@ def panoptic(about: About) -> Iterator[str]:
 
 
 def json_lines(members: dict[str, Iterable[Any]]) -> Iterator[str]:
-    """A JSON object of lists, one item a line, without holding the lists in memory."""
+    """Yield a JSON object of lists, one item per line, without holding the lists in memory."""
     yield "{"
     for position, (name, items) in enumerate(members.items()):
         yield f"{',' if position else ''}\n{json.dumps(name)}: ["

@@ -17,38 +17,38 @@ if TYPE_CHECKING:
     from shell.target_file import TargetFile
 
 ILLEGAL = 254
-"""Class of values in label pictures that stand for nothing; a target has fewer classes."""
+"""Class of invalid values in label pictures; a target has fewer classes."""
 
 
 class Labels(NamedTuple):
-    """Classes by number, and what label pictures hold for each."""
+    """Classes by number, and their values in label pictures."""
 
     names: tuple[str, ...]
     of_engine: np.ndarray  # u8[256], train id -> class, VOID
     values: np.ndarray  # u8 or u16[256] ids, or u8[256, 3] colours, of each class and of VOID
     colours: np.ndarray  # u8[256, 3] for people, VOID is black
-    things: tuple[int, ...]  # classes whose objects are told apart
+    things: tuple[int, ...]  # classes with instances
 
     @property
     def rendered(self) -> tuple[str, ...]:
-        """The classes that streets have, by train id: the engine's, and a user's own if it is among these."""
+        """The classes of streets by train id: the engine's, and a user's own if it is among these."""
         own = int(self.of_engine[OWN])
         return CLASS_NAMES if own == VOID else (*CLASS_NAMES, self.names[own])
 
     @property
     def category_ids(self) -> list[int]:
-        """Of each class in COCO's files: its id in label pictures, or from 1 if these are coloured."""
+        """The id of each class in COCO's files: that in label pictures, or 1, 2, ... if they have colours."""
         ids = self.values if self.values.ndim == 1 else np.arange(1, 257)
         return ids[: len(self.names)].tolist()
 
     @property
     def all_values(self) -> list[tuple[Any, str]]:
-        """What label pictures may hold, with names: an id, or red, green and blue."""
+        """The values of label pictures with names: an id, or red, green and blue."""
         places = [*range(len(self.names)), VOID]
         return list(zip(self.values[places].tolist(), (*self.names, "void"), strict=True))
 
     def classes_of(self, picture: np.ndarray) -> np.ndarray:
-        """Classes u8[h, w] of a label picture, `ILLEGAL` where its value stands for nothing."""
+        """Classes u8[h, w] of a label picture, `ILLEGAL` for invalid values."""
         coloured = self.values.ndim == 2
         ours = _codes(self.values, coloured).tolist()
         known = {ours[VOID]: VOID, **{ours[k]: k for k in range(len(self.names))}}
@@ -58,14 +58,14 @@ class Labels(NamedTuple):
 
 
 def _codes(values: np.ndarray, coloured: bool) -> np.ndarray:
-    """Ids as they are, and colours [..., 3] as one number each."""
+    """Ids unchanged, and colours [..., 3] as one number each."""
     if not coloured:
         return values.astype(np.int32)
     return values.astype(np.int32) @ np.array([1, 256, 65536], np.int32)
 
 
 def _table(rows: Any, void: Any, dtype: Any) -> np.ndarray:
-    """A value of each class, and ``void`` for all other numbers."""
+    """A table with a value for each class, and ``void`` for all other numbers."""
     found = np.empty((256, *np.shape(void)), dtype)
     found[:] = void
     found[: len(rows)] = rows
@@ -77,11 +77,11 @@ def engine_labels(published: bool, own: str | None = None) -> Labels:
     """The engine's 19 classes, as Cityscapes published them or by train id.
 
     Args:
-        published: label pictures hold labelIds and 0 for void, not train ids and 255.
+        published: whether label pictures hold labelIds and 0 for void, or train ids and 255.
         own: name of a user's own class, which is then the 20th.
 
     Raises:
-        UserError: there can be no class of this name.
+        UserError: the name is not valid.
     """
     rows = CLASSES if own is None else (*CLASSES, OWN_ROW._replace(name=check_class_name(own)))
     ids = np.arange(len(rows))
@@ -97,10 +97,10 @@ def engine_labels(published: bool, own: str | None = None) -> Labels:
 
 
 def target_entry(target: TargetFile | str | Path) -> dict[str, Any]:
-    """What ``dataset.json`` says of a target, as `target_labels` reads it.
+    """The entry of a target in ``dataset.json``, which `target_labels` reads.
 
-    A class has the first of its ids or colours, and void the first of the target's. Where label files hold
-    names, the value is the class's place.
+    A class has the first of its ids or colours, and void the first of the target's. If label files hold
+    names, the value is the class's index.
 
     Raises:
         UserError: there is no such target, or the engine renders none of its classes.
@@ -143,7 +143,7 @@ def target_labels(entry: Any) -> Labels:
     """The classes of a target from its entry in ``dataset.json``.
 
     Raises:
-        ValueError: it is not as `target_entry` writes it.
+        ValueError: it is not in the form of `target_entry`.
     """
     try:
         rows, void = entry["classes"], entry["void"]
@@ -171,7 +171,7 @@ def target_labels(entry: Any) -> Labels:
 
 
 def refuse_with_target(own: str, target: str) -> None:
-    """Raise UserError: a target's labels have no place for a class of one's own."""
+    """Raise UserError, since a target's labels have no place for a user's own class."""
     raise UserError(
         f"own class {own!r} and target {target}: labels are then the target's, which have no place for it; "
         "leave one of them out"
@@ -179,7 +179,7 @@ def refuse_with_target(own: str, target: str) -> None:
 
 
 def labels_of(description: dict[str, Any], published: bool) -> Labels:
-    """The classes of the dataset with this ``dataset.json``; raises as `target_labels`."""
+    """The classes of a dataset with this ``dataset.json``; raises as `target_labels`."""
     if description.get("target") is None:
         own = description.get("own_class")
         return engine_labels(published, None if own is None else str(own["name"]))

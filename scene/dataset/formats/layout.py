@@ -1,4 +1,4 @@
-"""The formats: one table of where each keeps the files of an image, and the files about all images."""
+"""The table of formats, with the paths of an image's files, and the files about all images."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ class Layout(NamedTuple):
     files: dict[str, str]  # kind -> path, with {split} and {stem}
     summaries: dict[str, Summary]
     published: bool = True  # label pictures hold Cityscapes' labelIds; otherwise train ids
-    packages: tuple[str, ...] = ()  # that it needs, of the extra parquet
-    pack: Callable[[Path, About], None] | None = None  # what makes other files of those of images
+    packages: tuple[str, ...] = ()  # required packages of the extra parquet
+    pack: Callable[[Path, About], None] | None = None  # makes other files from the images' files
 
     def check(self) -> None:
-        """Raise UserError where a package is missing."""
+        """Raise UserError if a package is missing."""
         for package in self.packages:
             try:
                 import_module(package)
@@ -46,7 +46,7 @@ class Layout(NamedTuple):
         return {kind: path.format(split=split, stem=stem) for kind, path in self.files.items()}
 
     def summary_paths(self, split: str) -> dict[str, str]:
-        """Name -> path of the files about all images."""
+        """Name -> path of each file about all images."""
         return {name: own.path.format(split=split) for name, own in self.summaries.items()}
 
 
@@ -107,7 +107,7 @@ LAYOUTS: dict[str, Layout] = {
         {"image": "images/{split}/{stem}.png", "objects": "labels/{split}/{stem}.txt"},
         {"names": Summary("data.yaml", yolo.names), "card": CARD},
     ),
-    # Its pictures are packed in the end.
+    # Its pictures are packed at the end.
     "parquet": Layout(
         {"image": ".export/images/{stem}.png", "label_ids": ".export/labels/{stem}.png"},
         {"card": Summary("README.md", parquet.parquet_card)},

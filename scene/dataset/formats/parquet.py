@@ -1,7 +1,7 @@
-"""Parquet files as the library ``datasets`` of Hugging Face reads them: pictures and their classes in rows.
+"""Parquet files for the library ``datasets`` of Hugging Face: pictures and their classes in rows.
 
-Pictures are first written one by one, inside the folder that is there while an export is under way, so that a
-kill loses a street at most; `pack` then makes shards of them.
+Pictures are first written one by one into the folder that exists during an export, so that a kill loses at
+most a street; `pack` then makes shards of them.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ PACKAGES = ("pyarrow",)
 COLUMNS = {"image": "image", "label_ids": "label"}
 """Kind of picture -> column."""
 SHARD = 250_000_000
-"""Bytes of pictures in a shard, at most; it is put together in memory."""
+"""The most bytes of pictures in a shard, which is assembled in memory."""
 GROUP = 100
-"""Rows that are read at once."""
+"""Number of rows read at once."""
 
 
 def shards(folder: Path, split: str) -> list[Path]:
-    """The files of an exported dataset, in order."""
+    """The files of an exported dataset in order."""
     return sorted((folder / "data").glob(f"{SPLIT[split]}-*-of-*.parquet"))
 
 
 def features(about: About) -> dict[str, Any]:
-    """The columns in the words of ``datasets``; `Sequence` is what its old and new versions read."""
+    """The columns in the terms of ``datasets``; old and new versions read `Sequence`."""
     names = {"feature": {"names": list(about.labels.names), "_type": "ClassLabel"}}
     return {
         "image": {"_type": "Image"},
@@ -42,7 +42,7 @@ def features(about: About) -> dict[str, Any]:
 
 
 def parquet_card(about: About) -> Iterator[str]:
-    """The card, with where the rows are."""
+    """Yield the card with the paths of the rows."""
     split = SPLIT[about.split]
     return card(
         about,
@@ -52,7 +52,7 @@ def parquet_card(about: About) -> Iterator[str]:
 
 
 def pack(folder: Path, about: About) -> None:
-    """Put the pictures of all images into shards; called again, it writes the same."""
+    """Pack the pictures of all images into shards; a second call writes the same."""
     import pyarrow
     from pyarrow import parquet
 
@@ -102,7 +102,7 @@ def _row(
 
 
 class Place(NamedTuple):
-    """Where a row is."""
+    """The place of a row."""
 
     shard: Path
     group: int
@@ -113,7 +113,7 @@ def places(folder: Path, split: str) -> dict[str, Place]:
     """Stem -> place of every image.
 
     Raises:
-        ValueError, OSError: a shard is damaged, or no Parquet file of such columns, by name.
+        ValueError, OSError: a shard is damaged or has other columns; the message names it.
     """
     from pyarrow import parquet
 
@@ -131,10 +131,10 @@ def places(folder: Path, split: str) -> dict[str, Place]:
 
 
 def picture(place: Place, kind: str) -> bytes:
-    """The file of one picture.
+    """The bytes of one picture's file.
 
     Raises:
-        ValueError, OSError: the shard is damaged, by name.
+        ValueError, OSError: the shard is damaged; the message names it.
     """
     try:
         found = _group(place.shard, place.shard.stat().st_mtime_ns, place.group)

@@ -1,4 +1,4 @@
-"""The pictures that are written for every shot, as arrays ready for a PNG, and back.
+"""Converts the pictures of every shot to arrays for PNG files, and back.
 
 Encodings that are not Cityscapes' own:
 
@@ -18,37 +18,37 @@ import numpy as np
 
 from scene.dataset.formats.labels import Labels
 
-if TYPE_CHECKING:  # who only reads datasets need not load the engine
+if TYPE_CHECKING:  # reading datasets does not load the engine
     from scene.render.protocol import Frame, RenderSettings
 
 DEPTH_PER_METRE = 100
 BASELINE = 0.209313
-"""Metres between the cameras of Cityscapes, which turn depth into disparity."""
+"""Metres between the cameras of Cityscapes, for disparity from depth."""
 DISPARITY_SCALE = 256
-"""Disparity of Cityscapes: pixels = (value - 1) / 256, and 0 where there is none."""
+"""Disparity of Cityscapes: pixels = (value - 1) / 256, and 0 for none."""
 DEEPEST = 65535
 
 
 def focal_length(settings: RenderSettings) -> float:
-    """Focal length in pixels, alike in x and y."""
+    """Focal length in pixels, the same in x and y."""
     return settings.width / 2 / math.tan(math.radians(settings.fov) / 2)
 
 
 def depth_plane(depth: np.ndarray) -> np.ndarray:
-    """u16[h, w] centimetres of f32[h, w] metres; what is seen is never 0."""
+    """Depth f32[h, w] in metres as u16[h, w] in centimetres; only the sky is 0."""
     values = np.clip(np.rint(depth * DEPTH_PER_METRE), 1, DEEPEST)
     return np.where(depth > 0, values, 0).astype(np.uint16)
 
 
 def disparity_plane(depth: np.ndarray, settings: RenderSettings) -> np.ndarray:
-    """u16[h, w] of f32[h, w] metres, as in Cityscapes; the nearest things are cut at 256 pixels."""
+    """Depth f32[h, w] in metres as disparity u16[h, w] of Cityscapes, at most 256 pixels."""
     product = BASELINE * focal_length(settings) * DISPARITY_SCALE
     pixels = product / np.where(depth > 0, depth, 1)
     return np.where(depth > 0, np.clip(np.rint(pixels) + 1, 1, DEEPEST), 0).astype(np.uint16)
 
 
 def normals_plane(normal: np.ndarray) -> np.ndarray:
-    """u8[h, w, 3] of unit normals f32[h, w, 3], zero for the sky."""
+    """Unit normals f32[h, w, 3] as u8[h, w, 3], zero for the sky."""
     plane = np.rint(127.5 * normal + 127.5).astype(np.uint8)
     x, y, z = np.moveaxis(normal, 2, 0)
     plane[(x == 0) & (y == 0) & (z == 0)] = 0
@@ -56,13 +56,13 @@ def normals_plane(normal: np.ndarray) -> np.ndarray:
 
 
 def normals_of(plane: np.ndarray) -> np.ndarray:
-    """f32[h, w, 3], unit up to rounding, from the picture; zero for the sky."""
+    """Normals f32[h, w, 3] from the picture, unit up to rounding; zero for the sky."""
     seen = plane.any(axis=2, keepdims=True)
     return np.where(seen, plane / np.float32(127.5) - 1, 0).astype(np.float32)
 
 
 def panoptic_plane(ids: np.ndarray) -> np.ndarray:
-    """u8[h, w, 3] of segment ids."""
+    """Segment ids as u8[h, w, 3]."""
     return np.stack([ids & 255, ids >> 8 & 255, ids >> 16 & 255], axis=2).astype(np.uint8)
 
 
@@ -72,7 +72,7 @@ def ids_of(plane: np.ndarray) -> np.ndarray:
 
 
 def label_planes(train_ids: np.ndarray, labels: Labels) -> dict[str, np.ndarray]:
-    """The pictures of classes of train ids u8[h, w]: their values in label files, numbers and colours."""
+    """The pictures of classes from train ids u8[h, w]: values of label files, numbers and colours."""
     classes = labels.of_engine.take(train_ids)
     return {
         "label_ids": labels.values.take(classes, axis=0),
@@ -89,4 +89,4 @@ PLANES: dict[str, Callable[["Frame", np.ndarray, "RenderSettings"], np.ndarray]]
     "disparity": lambda frame, ids, settings: disparity_plane(frame.depth, settings),
     "normals": lambda frame, ids, settings: normals_plane(frame.normal),
 }
-"""Kind -> picture, from (frame, segment ids, settings); those of classes are `label_planes`."""
+"""Kind -> picture from (frame, segment ids, settings); `label_planes` makes those of classes."""

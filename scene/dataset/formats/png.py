@@ -1,4 +1,4 @@
-"""Pictures as PNG files, read with suspicion."""
+"""Writes pictures as PNG files, and reads them with checks."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
 
 def encode(plane: np.ndarray) -> bytes:
-    """A picture, u8 or u16, [h, w] or RGB [h, w, 3], as a PNG file."""
+    """Encode a picture, u8 or u16, [h, w] or RGB [h, w, 3], as a PNG file."""
     done, data = cv2.imencode(".png", plane[..., ::-1] if plane.ndim == 3 else plane)
     if not done:
         raise ValueError(f"cannot encode a picture of shape {plane.shape} and type {plane.dtype}")
@@ -24,9 +24,9 @@ def encode(plane: np.ndarray) -> bytes:
 
 
 def fault_of(data: bytes) -> str | None:
-    """What is wrong with the bytes of a PNG file: not one, cut short, or damaged; None if nothing.
+    """The fault of the bytes of a PNG file (not one, cut short, or damaged), or None.
 
-    Decoders fill up what a cut file lacks and say nothing, so chunks and checksums are walked here.
+    Decoders silently fill up a cut file, so this checks chunks and checksums.
     """
     if not data.startswith(_SIGNATURE):
         return "is no PNG file"
@@ -46,17 +46,17 @@ def fault_of(data: bytes) -> str | None:
 
 
 def read_png(path: Path) -> np.ndarray:
-    """A picture as it was given to ``encode``.
+    """Read a picture as it was given to ``encode``.
 
     Raises:
-        ValueError: not a whole PNG file, with the file's name.
+        ValueError: it is no whole PNG file; the message names it.
         OSError: it cannot be read.
     """
     return decode(read_bytes(path, MOST_BYTES), str(path))
 
 
 def decode(data: bytes, name: str) -> np.ndarray:
-    """A picture as it was given to ``encode``; raises ValueError with its name where it is damaged."""
+    """Decode a picture as it was given to ``encode``; raises ValueError with its name if it is damaged."""
     fault = fault_of(data)
     if fault is not None:
         raise ValueError(f"{name} {fault}")

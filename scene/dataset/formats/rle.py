@@ -1,6 +1,6 @@
-"""COCO's run-length masks: columns from left to right, runs of off and on in turn, as short text.
+"""COCO's run-length masks: columns from left to right as alternating runs of off and on, as short text.
 
-Source: ``rleToString`` and ``rleFrString`` of the COCO API (maskApi.c), whose text ours equals.
+Source: ``rleToString`` and ``rleFrString`` of the COCO API (maskApi.c), which give the same text.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import numpy as np
 
 
 class Runs:
-    """The runs of equal ids of one image, found once for all its segments.
+    """The runs of equal ids in one image, found once for all its segments.
 
     Args:
         ids: i32[h, w] segment ids.
@@ -36,7 +36,7 @@ class Runs:
 
 
 def encode(counts: list[int]) -> str:
-    """Runs as text: each count, less the one two before, in groups of five bits."""
+    """Encode runs as text: each count minus the one two before, in groups of five bits."""
     letters = []
     for i, count in enumerate(counts):
         value = count - counts[i - 2] if i > 2 else count
@@ -75,7 +75,7 @@ def decode(text: str) -> list[int]:
 
 
 def mask(counts: list[int], height: int, width: int) -> np.ndarray:
-    """bool[h, w] of runs.
+    """The mask bool[h, w] of runs.
 
     Raises:
         ValueError: the runs do not fill the image.

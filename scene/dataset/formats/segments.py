@@ -1,4 +1,4 @@
-"""Panoptic segments: one id per pixel, and what is known about the pixels of each id.
+"""Panoptic segments: one id per pixel, and the label, area and box of each id.
 
 Ids follow Cityscapes: ``labelId * 1000 + k`` for the k-th object of a class with instances (person to
 bicycle, and a user's own), ``labelId`` for all pixels of any other class together.
@@ -15,15 +15,15 @@ from scene.compiled import njit
 from shell.classes import OWN as OWN_ROW
 
 FIRST_THING = int(TrainId.PERSON)
-"""Train ids from here on are things: their objects are told apart."""
+"""Train ids from here on are things, which have instances."""
 PER_CLASS = 1000
-"""Ids of one class of things in one image."""
+"""The most ids of one class of things in one image."""
 
 LABEL_OF_TRAIN = np.zeros(256, np.uint8)
 """u8[256]: train id -> Cityscapes labelId, 0 (unlabelled) for void."""
 LABEL_OF_TRAIN[: OWN + 1] = [*LABEL_IDS, OWN_ROW.file_id]
 TRAIN_OF_LABEL = np.full(256, VOID, np.uint8)
-"""u8[256]: Cityscapes labelId -> train id, void for all that is not evaluated."""
+"""u8[256]: Cityscapes labelId -> train id, void for classes that are not evaluated."""
 TRAIN_OF_LABEL[LABEL_OF_TRAIN[: OWN + 1]] = np.arange(OWN + 1)
 for _table in (LABEL_OF_TRAIN, TRAIN_OF_LABEL):
     _table.setflags(write=False)
@@ -39,7 +39,7 @@ class Segment(NamedTuple):
 
 
 def is_thing(train_id: int) -> bool:
-    """Whether objects of the class are told apart."""
+    """Whether the class has instances."""
     return FIRST_THING <= train_id <= OWN
 
 
@@ -77,7 +77,7 @@ def label_ids(ids: np.ndarray) -> np.ndarray:
 
 def segments(ids: np.ndarray) -> list[Segment]:
     """All segments of an image in the order of their ids; pixels without a label (0) have none."""
-    areas = np.bincount(ids.ravel())  # ids are small: far cheaper than sorting the pixels
+    areas = np.bincount(ids.ravel())  # ids are small, so this is far cheaper than sorting
     values = np.flatnonzero(areas)
     rank = np.zeros(len(areas), np.int32)
     rank[values] = np.arange(len(values))
@@ -92,7 +92,7 @@ def segments(ids: np.ndarray) -> list[Segment]:
 
 @njit(cache=True)
 def _boxes(rank: np.ndarray, count: int) -> np.ndarray:
-    """Left, top, width and height i32[count, 4] of the pixels of each rank, all of which occur."""
+    """Left, top, width and height i32[count, 4] of the pixels of each rank; all ranks occur."""
     height, width = rank.shape
     boxes = np.empty((count, 4), np.int32)
     boxes[:, 0], boxes[:, 1], boxes[:, 2:] = width, height, 0

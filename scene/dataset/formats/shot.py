@@ -1,4 +1,4 @@
-"""One shot as files, and the record of it that the summaries of a dataset are made from."""
+"""The files of one shot, and its record, from which the summaries of a dataset are made."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ def shot_files(
     layout: Layout,
     labels: Labels,
 ) -> tuple[dict[str, bytes], dict[str, Any]]:
-    """All files of one shot, and its record.
+    """Make all files of one shot, and its record.
 
     Args:
-        frame: what was rendered.
-        path: of the road.
+        frame: the rendered frame.
+        path: path of the road.
         settings: size and field of view.
-        layout: which files there are.
+        layout: the layout of the files.
         labels: the classes of label pictures.
 
     Returns:
-        Kind -> content of the file; and what is known of the image, as plain values: pixels of each
-        class, sums of red, green and blue, the segments, and what was found of the camera's place.
+        Kind -> content of the file; and the record of the image in plain values: pixels of each class, sums
+        of red, green and blue, the segments, and whether the shot was retaken.
     """
     camera = frame.camera
     settings = seen_through(camera, settings)
@@ -63,7 +63,7 @@ def shot_files(
 
 
 def image_record(image: np.ndarray, label: np.ndarray, ids: np.ndarray) -> dict[str, Any]:
-    """What is known of one image u8[h, w, 3] with train ids u8[h, w] and segment ids i32[h, w]."""
+    """The record of one image u8[h, w, 3] with train ids u8[h, w] and segment ids i32[h, w]."""
     runs = Runs(ids)
     found = []
     for segment in segments(ids):
@@ -98,16 +98,16 @@ def _entry(segment: Segment, category: int) -> dict[str, Any]:
 
 
 def camera_entry(camera: Camera, path: Path, settings: RenderSettings) -> dict[str, Any]:
-    """One camera as in Cityscapes: pixels, metres and radians; pixel centres are whole numbers.
+    """The entry of a camera as in Cityscapes: pixels, metres and radians; pixel centres are integers.
 
-    The extrinsics say where the camera is on its car: x ahead, y left, z up from the road. Its axes in the
-    car's frame are the columns of Rz(yaw) Ry(pitch) Rx(roll): yaw is left positive, pitch down positive,
-    roll clockwise. No car is modelled here: its frame follows the road's direction and slope, with its
-    origin on the road below the camera, so that x and y are 0 (in Cityscapes it is below the rear axle).
+    The extrinsics give the camera's place on its car: x ahead, y left, z up from the road. Its axes in the
+    car's frame are the columns of Rz(yaw) Ry(pitch) Rx(roll): yaw is left positive, pitch down positive, roll
+    clockwise. There is no model of the car: its frame follows the road's direction and slope, with its origin
+    on the road below the camera, so that x and y are 0 (in Cityscapes it is below the rear axle).
 
     Args:
-        camera: of the shot.
-        path: of the road it drives on.
+        camera: camera of the shot.
+        path: path of the road.
         settings: size and field of view.
 
     Source: ``docs/csCalibration.pdf`` and ``helpers/box3dImageTransform.py`` of cityscapesScripts; the
@@ -126,7 +126,7 @@ def camera_entry(camera: Camera, path: Path, settings: RenderSettings) -> dict[s
             "x": 0.0,
             "y": 0.0,
             "yaw": math.atan2(turn[1, 0], turn[0, 0]),
-            "z": float(height * car[2, 2]),  # square to a slope
+            "z": float(height * car[2, 2]),  # perpendicular to the slope
         },
         "intrinsic": {
             "fx": focal_length(settings),

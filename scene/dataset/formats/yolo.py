@@ -1,9 +1,9 @@
-"""Ultralytics' format of segmentation: things only, the outline of each as one polygon.
+"""Ultralytics' format of segmentation: one polygon for the outline of each thing.
 
 A line of ``labels/<split>/<stem>.txt`` is a class and the corners of an outline, x and y as shares of width
 and height. The outline follows the edges of pixels, so that it encloses their area. It lies `INSET` inside
-them: programs that cut corners to whole pixels and fill the polygon, edges included, get the mask. Pieces and
-holes of one object are joined by lines of no width, as in Ultralytics' own converter.
+them, so that programs that truncate corners to whole pixels and fill the polygon with its edges get the mask.
+Lines of no width join pieces and holes of one object, as in Ultralytics' converter.
 Source: docs.ultralytics.com/datasets/segment.
 """
 
@@ -20,9 +20,9 @@ from scene.dataset.formats.labels import Labels
 from scene.dataset.formats.segments import PER_CLASS, TRAIN_OF_LABEL, segments
 
 INSET = 0.004
-"""Pixels. A single pixel loses 1.6 % of its area by it."""
+"""Inset in pixels, by which a single pixel loses 1.6 % of its area."""
 DIGITS = 7
-"""Of the shares: a thousandth of a pixel for all sizes that can be rendered."""
+"""Digits of the shares, for a thousandth of a pixel at all sizes that can be rendered."""
 
 
 def object_lines(ids: np.ndarray, labels: Labels) -> str:
@@ -43,14 +43,14 @@ def object_lines(ids: np.ndarray, labels: Labels) -> str:
 
 def outline(mask: np.ndarray) -> np.ndarray:
     """One closed polygon f64[corners, 2] around all of bool[h, w], in pixels from its upper left corner."""
-    # Twice as large, each corner of a pixel is a pixel of its own, and tells on which side it lies.
+    # At twice the size, each corner of a pixel is a separate pixel, which shows its side.
     double = mask.astype(np.uint8).repeat(2, axis=0).repeat(2, axis=1)
     found, _ = cv2.findContours(double, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
     rings = [ring[:, 0] // 2 + np.where(ring[:, 0] % 2, 1 - INSET, INSET) for ring in found]
     rings.sort(key=lambda ring: abs(area(ring)))
     whole = rings.pop()
     while rings:
-        # The nearest of the others first: its line is the shortest.
+        # The nearest of the others first, since its line is the shortest.
         gaps = [np.linalg.norm(whole[:, None] - ring, axis=2) for ring in rings]
         nearest = int(np.argmin([gap.min() for gap in gaps]))
         ring, gap = rings.pop(nearest), gaps[nearest]
@@ -61,15 +61,15 @@ def outline(mask: np.ndarray) -> np.ndarray:
 
 
 def area(corners: np.ndarray) -> float:
-    """Of a polygon [corners, 2], in square pixels; negative the other way round."""
+    """Area of a polygon [corners, 2] in square pixels; negative for the other orientation."""
     x, y = corners.T
     return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
 
 
 def names(about: About) -> Iterator[str]:
-    """``data.yaml``: where images are, and what the classes are called."""
+    """Yield ``data.yaml``: the folders of images, and the names of the classes."""
     things = [about.labels.names[k] for k in about.labels.things]
-    # Both are wanted; there is one split.
+    # Both keys are required; there is one split.
     yield f"train: images/{about.split}\nval: images/{about.split}\nnc: {len(things)}\nnames:\n"
     for k, name in enumerate(things):
         yield f"  {k}: {json.dumps(name)}\n"
