@@ -66,7 +66,9 @@ def render() -> Parser:
         f"{', '.join(SHIPPED)}, or a target's file",
     )
     add("--split", choices=SPLITS, default="train", help="what the dataset calls its images")
+    add("--seed", type=int, default=0, metavar="N", help="seed of all random choices")
     add("--workers", type=int, default=2, metavar="N", help="processes; no file depends on it")
+    add = options.group("where and how it renders")
     add("--renderer", choices=RENDERERS, default="embree", help="who traces the rays")
     add("--samples", type=int, default=2, metavar="N", help="rays per pixel along each axis")
     add(
@@ -75,7 +77,11 @@ def render() -> Parser:
         default="processes",
         help="who works: processes of this machine, or a Dask cluster, see docs/cluster.md",
     )
-    add("--scheduler", metavar="ADDRESS", help="of the cluster, such as tcp://10.0.0.1:8786")
+    add(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="scheduler of the cluster, such as tcp://10.0.0.1:8786",
+    )
     add = options.group("assets")
     for flag, told in ASSETS.items():
         add(flag, **told)
@@ -146,8 +152,13 @@ def preview() -> Parser:
     add("--attributes", choices=NAMES, default="default", help="attributes of the streets")
     add("--streets", type=int, default=3, metavar="N", help="streets of the page")
     add("--shots", type=int, default=4, metavar="N", help="images per street")
-    add("--size", type=size, metavar="WxH", help="of each image; by default what suits the page")
-    add("--seed", type=int, default=0, metavar="N", help="of all random choices")
+    add(
+        "--size",
+        type=size,
+        metavar="WxH",
+        help="size of each image; by default one that suits the page",
+    )
+    add("--seed", type=int, default=0, metavar="N", help="seed of all random choices")
     add = options.group("what is on the page")
     add("--space", choices=SPACES, default="scenex", help="attributes of the streets")
     add("--renderer", choices=(*RENDERERS, "both"), default="embree", help="who traces the rays")
