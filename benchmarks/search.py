@@ -145,7 +145,7 @@ def evaluate(method_name: str, problem: Problem, evaluations: int, seed: int) ->
             it need not be written in JAX. For tables see `benchmarks.problems.tabular`.
         evaluations: the most data sets that the search may evaluate; a rest that does not fill an update,
             or with SDR all groups equally, is not used.
-        seed: of the search and of the noise.
+        seed: seed of the search and of the noise.
 
     Returns:
         The true value, in the problem's units.

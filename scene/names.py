@@ -1,7 +1,7 @@
 """Names that command lines offer; importing them loads no renderers or assets."""
 
 RENDERERS: tuple[str, ...] = ("embree", "opengl")
-"""Of `scene.renderer`."""
+"""Names for `scene.renderer`."""
 USES = ("both", "own", "built-in")
 """Values of ``AssetPool.use``: which assets a street may draw from."""
 OVERLAPS = ("allow", "avoid")

@@ -22,7 +22,7 @@ from shell.files import read_json
 RELAXATION = 0.15
 """Width of the intervals around the hand-set street, as a share of each range."""
 NAMES = ("default", "random", "mixed")
-"""Of streets that `streets_named` knows."""
+"""Names of streets for `streets_named`."""
 BELOW_ONE = float(np.nextafter(np.float32(1), np.float32(0)))
 ROUNDING = 1e-5
 """An interval in a file may stick out of [0, 1] by so much, since its ends are rounded."""

@@ -15,7 +15,7 @@ STREAMS = {
     "cloud": 9,  # whether it covers the sky
     "course": 20,  # of the road
     "junction": 21,
-    "corners": 22,  # what stands at the junction
+    "corners": 22,  # objects at the junction
     "open": 30,  # which sides have no houses
     "parked": 31,
     "traffic": 32,

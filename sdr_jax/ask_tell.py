@@ -50,9 +50,9 @@ class AskTell:
 
     Args:
         space: the attributes.
-        method: what learns.
+        method: the search method.
         n: data sets per update.
-        seed: of the whole search.
+        seed: seed of the whole search.
         path: the history, JSONL; continued if it exists, None keeps it in memory.
 
     Attributes:
@@ -111,7 +111,7 @@ class AskTell:
         """Saves one reward; with the last of its update, the method learns.
 
         Args:
-            id: of a trial that was asked for.
+            id: id of a trial from `ask`.
             reward: higher is better, from -1e15 to 1e15. None, NaN or an infinite value says that the
                 evaluation failed; it is recorded as failed, not as a low reward.
             notes: JSON values that the trial's record keeps.

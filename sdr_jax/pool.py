@@ -92,7 +92,7 @@ def pool(
 
     Args:
         space: the attributes and their bins; groups play no part.
-        width: of the relaxed bins, see `relax`.
+        width: width of the relaxed bins, see `relax`.
         start: centres and widths of a second component, from which half of the first streets are drawn.
         bound: the largest KL of a step for each attribute, in nats.
 

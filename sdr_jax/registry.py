@@ -118,7 +118,7 @@ def make(name: str, space: Space, width: Width = None, **options: Any) -> Method
     Args:
         name: one of `METHODS`.
         space: the attributes.
-        width: of the relaxed bins, see `relax`.
+        width: width of the relaxed bins, see `relax`.
         options: among those of `options_of`.
 
     Returns:

@@ -154,7 +154,7 @@ def moments(
     Args:
         space: the attributes and their bins.
         probabilities: f32[attributes bins], rows sum to 1, zero for bins an attribute lacks.
-        width: of the relaxed bins, see `relax`.
+        width: width of the relaxed bins, see `relax`.
 
     Returns:
         The proposal, f32[attributes] each.

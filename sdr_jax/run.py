@@ -99,7 +99,7 @@ def run(
         rng_key: consumed.
         method: the search method; it must not be a host adapter.
         reward_fn: the reward.
-        updates: how many updates; by default as many as the method takes.
+        updates: number of updates; by default as many as the method takes.
         n: data sets per update, or subsets; see `make_step`.
 
     Returns:

@@ -83,7 +83,7 @@ def sdr(
             it starts afresh with every group.
         transform: first applied to rewards: `identity` or `squared_percent` (the authors' code).
         normalise: whether to divide advantages by their size.
-        width: of the relaxed bins, see `relax`.
+        width: width of the relaxed bins, see `relax`.
         unoptimised: "random" (the paper) or "half" (the authors' code), see `relax`.
 
     Returns:

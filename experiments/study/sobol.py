@@ -119,7 +119,7 @@ def fit(layout: Layout, x: np.ndarray, rewards: np.ndarray) -> Fit:
     and the noise of the highest evidence.
 
     Args:
-        layout: of the features.
+        layout: layout of the features.
         x: f64[n, features].
         rewards: f64[n], n >= 2.
     """
@@ -212,7 +212,7 @@ def cross_validated(
     """Predict every reward f64[n] by a model that has not seen its fold.
 
     Args:
-        layout: of the features.
+        layout: layout of the features.
         x: f64[n, features].
         rewards: f64[n].
         fold: i[n], the fold of each record.

@@ -272,10 +272,10 @@ def bootstrap(counts: Sequence[int], statistic: Callable[..., float], seed: int)
 
 
 DRAWS = 10_000
-"""Of the parametric bootstrap of a signal over its noise.
+"""Number of samples of the parametric bootstrap of a signal over its noise.
 
-A reward of proposal p with seed s is taken as a_p + b_s + e_ps: what the proposal is worth, what the seed
-does to all proposals alike, and what is left. Common random numbers cancel b.
+A reward of proposal p with seed s is modelled as a_p + b_s + e_ps: the value of the proposal, the common
+effect of the seed on all proposals, and the residual. Common random numbers cancel b.
 """
 
 
@@ -348,7 +348,7 @@ def signal_to_noise(rewards: np.ndarray, table: np.ndarray, seed: int) -> Estima
         return Estimate(None, None)
     spread = float(rewards.var(ddof=1))
     value = math.sqrt(max(spread - left, 0.0) / noise)
-    seeds = p * float(table.mean(axis=0).var(ddof=1))  # of p var(b) + var(e)
+    seeds = p * float(table.mean(axis=0).var(ddof=1))  # estimates p var(b) + var(e)
     rng = np.random.default_rng(seed)
     u, b, e = (
         square * free / rng.chisquare(free, DRAWS)

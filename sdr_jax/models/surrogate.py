@@ -65,7 +65,7 @@ def surrogate(
 
     Args:
         space: the attributes, their bins, and the groups whose members may interact.
-        width: of the relaxed bins, see `relax`.
+        width: width of the relaxed bins, see `relax`.
         temperature: above 0; higher explores longer.
         degree: see `make_effects`.
         pair_degree: see `make_effects`.

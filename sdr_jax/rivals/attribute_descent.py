@@ -51,9 +51,9 @@ def attribute_descent(
 
     Args:
         space: the attributes, their bins, and groups for the order.
-        width: of the relaxed bins, see `relax`.
+        width: width of the relaxed bins, see `relax`.
         repeats: the least number of data sets per bin and sweep.
-        unoptimised: what undecided attributes are, see `relax`.
+        unoptimised: the value of undecided attributes, see `relax`.
 
     Returns:
         The method, for any number of updates; a round of all attributes takes the sum over attributes of

@@ -42,7 +42,7 @@ def cma_es(
 
     Args:
         space: the attributes and their bins.
-        width: of the relaxed bins, see `relax`.
+        width: width of the relaxed bins, see `relax`.
         sigma: standard deviation at the start, as a fraction of [0, 1].
         population: evaluations per generation; by default 4 + floor(3 log(attributes)).
 

@@ -58,8 +58,8 @@ def gaussian(
         optimizer: any optax transformation.
         baseline: `leave_one_out()` needs two or more data sets per update; `ema()` takes one.
         normalise: whether to divide advantages by their size, so that the scale of rewards has no effect.
-        std: of the logits at the start; 1.5 is close to uniform on [0, 1].
-        width: of the proposals, see `relax`.
+        std: initial standard deviation of the logits; 1.5 is close to uniform on [0, 1].
+        width: width of the proposals, see `relax`.
 
     Returns:
         The method, for any number of updates; actions are the logits z, f32.

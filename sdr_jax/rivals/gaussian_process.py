@@ -46,7 +46,7 @@ def gaussian_process(
 
     Args:
         space: the attributes and their bins.
-        width: of the relaxed bins, see `relax`.
+        width: width of the relaxed bins, see `relax`.
         startup: number of random evaluations before the model is used.
         candidates: number of data sets among which the best is chosen.
 

@@ -25,7 +25,7 @@ def random_search(space: Space, width: Width = None) -> Method:
 
     Args:
         space: the attributes and their bins.
-        width: of the relaxed bins, see `relax`.
+        width: width of the relaxed bins, see `relax`.
 
     Returns:
         The method, for any number of updates.

@@ -44,7 +44,7 @@ def tpe(
 
     Args:
         space: the attributes and their bins.
-        width: of the relaxed bins, see `relax`.
+        width: width of the relaxed bins, see `relax`.
         startup: number of random evaluations before the model is used.
         multivariate: whether to model attributes jointly (the library's default from 5.0 on).
 

@@ -57,7 +57,7 @@ def describe(attributes: Sequence[Attribute], proposal: Proposal) -> dict[str, d
     """A proposal in both units by name, as `attributes.json` and `answer.json` hold it.
 
     Args:
-        attributes: in the order of the space.
+        attributes: the attributes in the order of the space.
         proposal: f32[attributes] each.
 
     Returns:
