@@ -154,12 +154,8 @@ def _real_images(data: Path, fidelity: Fidelity) -> LabelledImages:
 def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
     command = parser(__doc__)
-    command.add_argument(
-        "--data", type=Path, help="folder of CamVid; by default nets are tested on noise"
-    )
-    command.add_argument(
-        "--weights", help="VGG16's, from `sdr-jax weights`; by default from scratch"
-    )
+    command.add_argument("--data", type=Path, help="folder of CamVid; by default noise")
+    command.add_argument("--weights", help="of VGG16, from `sdr-jax weights`; by default none")
     command.add_argument("--nets", nargs="+", choices=NETS, help="nets to time")
     command.add_argument("--renderers", nargs="+", default=["opengl", "embree"])
     command.add_argument("--tests", action="store_true", help="also run the tests, with slow ones")

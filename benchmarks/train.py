@@ -386,9 +386,7 @@ def main(arguments: list[str] | None = None) -> int:
     command.add_argument("--holdout", help="for --learn: the sequence to test on")
     command.add_argument("--trunk", choices=get_args(Trunk), default="frozen", help="of --learn")
     command.add_argument("--steps", type=positive, help="for --learn; by default the recipe's")
-    command.add_argument(
-        "--seeds", type=positive, default=3, help="for --learn: number of seeds (3)"
-    )
+    command.add_argument("--seeds", type=positive, default=3, help="for --learn: seeds (3)")
     options = command.parse_args(arguments)
     if options.learn:
         try:

@@ -79,9 +79,7 @@ def make(datasets: Sequence[Path], steps: int = RECIPE.steps, seed: int = 0) -> 
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line; returns the exit code."""
     options = parsers.renders19().parse_args(arguments)
-    os.environ["NPROC"] = (
-        "1"  # XLA's threads, so that sums are the same on machines with more cores
-    )
+    os.environ["NPROC"] = "1"  # XLA's threads, so that more cores give the same sums
 
     def work() -> None:
         make(options.datasets, options.steps, options.seed).save(options.out)

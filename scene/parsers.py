@@ -77,11 +77,7 @@ def render() -> Parser:
         default="processes",
         help="who works: processes of this machine, or a Dask cluster, see docs/cluster.md",
     )
-    add(
-        "--scheduler",
-        metavar="ADDRESS",
-        help="scheduler of the cluster, such as tcp://10.0.0.1:8786",
-    )
+    add("--scheduler", metavar="ADDRESS", help="of the cluster, such as tcp://10.0.0.1:8786")
     add = options.group("assets")
     for flag, told in ASSETS.items():
         add(flag, **told)
@@ -152,12 +148,7 @@ def preview() -> Parser:
     add("--attributes", choices=NAMES, default="default", help="attributes of the streets")
     add("--streets", type=int, default=3, metavar="N", help="streets of the page")
     add("--shots", type=int, default=4, metavar="N", help="images per street")
-    add(
-        "--size",
-        type=size,
-        metavar="WxH",
-        help="size of each image; by default one that suits the page",
-    )
+    add("--size", type=size, metavar="WxH", help="size of images; by default what suits the page")
     add("--seed", type=int, default=0, metavar="N", help="seed of all random choices")
     add = options.group("what is on the page")
     add("--space", choices=SPACES, default="scenex", help="attributes of the streets")

@@ -387,9 +387,7 @@ def _drawn_from(component: Component) -> Callable[[np.ndarray], np.ndarray]:
     ends = _ends(component)
     bins = ends.shape[1] - 1
     borders = (np.arange(1, bins + 1) / bins).astype(np.float32)
-    last = np.nextafter(
-        borders, np.float32(0)
-    )  # of each bin, since rounding could reach the next one
+    last = np.nextafter(borders, np.float32(0))  # of each bin: rounding could reach the next
     rows = np.arange(len(ends))
 
     def inverse(uniform: np.ndarray) -> np.ndarray:

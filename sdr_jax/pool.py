@@ -1,4 +1,4 @@
-"""The default method: rewards of subsets of a pool of streets, and a step of the policy that drew the pool.
+"""Rewards of subsets of a pool of streets, and a step of the policy that drew the pool.
 
 A round draws N streets from the policy and evaluates subsets of them. The regression of the rewards on the
 subsets' statistics is the natural policy gradient (`docs/method.md`), and the policy follows it as far as
@@ -52,12 +52,8 @@ WEYL = np.uint32(2654435769)
 class PoolState(NamedTuple):
     """The policy, and the sums of all rewards so far."""
 
-    logits: Float[
-        Array, "components attributes bins"
-    ]  # of the part of the policy that is not uniform
-    balance: Float[
-        Array, "components"
-    ]  # logits of the components' shares, without the uniform part
+    logits: Float[Array, "components attributes bins"]  # without the uniform part
+    balance: Float[Array, "components"]  # logits of the shares, without the uniform part
     data: Centred  # of the regression, centred within each pool
     drawn: Int[Array, ""]  # number of streets drawn so far
 

@@ -65,9 +65,7 @@ def archive(images: Iterable[tuple[str, np.ndarray]], classes: Sequence[LabelCla
     with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as file:
 
         def add(name: str, content: bytes | str) -> None:
-            file.writestr(
-                zipfile.ZipInfo(name), content
-            )  # with a fixed time the bytes are the same
+            file.writestr(zipfile.ZipInfo(name), content)  # a fixed time fixes the bytes
 
         add("labelmap.txt", label_map(classes))
         for name, labels in images:

@@ -30,9 +30,7 @@ class Form(NamedTuple):
     derive: Callable[[Report], Report]  # adds what follows from the scores; idempotent
     text: Callable[[Report], str]  # the table, in Markdown
     figures: Mapping[str, Callable[[Report], bytes | str]]  # by file name
-    pages: Mapping[
-        str, Callable[[Report, Path], str]
-    ] = {}  # they also use other files of the folder
+    pages: Mapping[str, Callable[[Report, Path], str]] = {}  # from other files, too
 
 
 def write_report(form: Form, scores: Report, folder: Path) -> Report:

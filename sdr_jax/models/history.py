@@ -108,9 +108,7 @@ def learn(
         lambda: regression.with_rewards(grown, features(tried), jnp.maximum(told, floor)),
         lambda: grown,
     )
-    flat = jnp.nanmin(told) == jnp.nanmax(
-        told
-    )  # exact: a mean of equal numbers may differ from them
+    flat = jnp.nanmin(told) == jnp.nanmax(told)  # exact, unlike a comparison with their mean
     statistics = jax.tree.map(
         lambda some, none: jnp.where(flat, none, some), statistics, regression.flat(statistics)
     )

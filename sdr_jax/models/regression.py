@@ -20,9 +20,7 @@ class Statistics(NamedTuple):
     total: Float[Array, ""]  # 1'y
     square: Float[Array, ""]  # y'y
     seen: Float[Array, ""]  # evaluations with a reward
-    offset: Float[
-        Array, ""
-    ]  # mean of the first rewards; a large mean would cost precision in float32
+    offset: Float[Array, ""]  # mean of the first rewards; keeps float32 precise
 
 
 class Centred(NamedTuple):
@@ -38,9 +36,7 @@ class Posterior(NamedTuple):
     """A normal distribution of the weights, `mean + scale L^-T z`."""
 
     mean: Float[Array, "features"]
-    factor: Float[
-        Array, "features features"
-    ]  # L, the lower Cholesky factor of the whitened precision
+    factor: Float[Array, "features features"]  # L, lower, of the whitened precision
     scale: Float[Array, "features"]  # prior standard deviation of each weight
 
 

@@ -14,9 +14,7 @@ CITY = "scenex"
 class About(NamedTuple):
     """The data of a dataset for the files about all images."""
 
-    records: Callable[
-        [], Iterable[dict[str, Any]]
-    ]  # gives the record of each image, every time anew
+    records: Callable[[], Iterable[dict[str, Any]]]  # gives the records of all images anew
     split: str
     size: tuple[int, int]  # width, height in pixels
     labels: Labels
