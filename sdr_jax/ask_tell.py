@@ -124,7 +124,7 @@ class AskTell:
         """
         clash = [name for name in notes if name in RECORD]
         if clash:
-            raise ValueError(f"{clash[0]} is a field of every record; call the note otherwise")
+            raise ValueError(f"{clash[0]} is a field of every record; give the note another name")
         waiting = {trial.id: trial for trial in self.ask()}
         if id not in waiting:
             known = f"waiting are {', '.join(map(str, waiting))}" if waiting else "none is waiting"

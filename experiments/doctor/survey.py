@@ -89,7 +89,7 @@ def survey(target: TargetFile, root: Path) -> Survey:
         faults.append(
             Fault(
                 f"images have {len(shapes)} shapes; those of another than the net's {done[target.fit]}",
-                f"'fit: {other}' in the file if they rather should {done[other].replace('are', 'be')}",
+                f"write 'fit: {other}' in the file if they should {done[other].replace('are', 'be')}",
             )
         )
     return Survey(
@@ -120,7 +120,10 @@ def _sizes(entries: Sequence[Entry], faults: list[Fault]) -> list[tuple[tuple[in
                 found[picture.size] += 1
         except Exception as error:  # Pillow has many errors
             faults.append(
-                Fault(f"{entry.image_path}: not a readable image ({error})", "put it anew")
+                Fault(
+                    f"{entry.image_path}: not a readable image ({error})",
+                    "put an intact file there",
+                )
             )
     return found.most_common()
 
@@ -180,7 +183,7 @@ def _classes(
         faults.append(
             Fault(
                 f"{', '.join(absent)}: in none of {read} label files",
-                "right if it is rare; else look at its ids",
+                "this is right if it is rare; otherwise check its ids",
             )
         )
     return found, pixels[IGNORE_LABEL] / max(int(pixels.sum()), 1), read, right
@@ -194,7 +197,7 @@ def _splits(splits: Mapping[str, Sequence[Entry]], faults: list[Fault]) -> None:
     if len(groups) == 1:
         faults.append(
             Fault(
-                "all images are of one group, so no figure can tell of a new place",
+                "all images are of one group, so no figure holds for a new place",
                 "'group' in the file tells drives apart by their names; label a few images of another drive",
             )
         )
@@ -243,7 +246,7 @@ def _engine(target: TargetFile, faults: list[Fault]) -> None:
         faults.append(
             Fault(
                 f"{', '.join(lost)}: rendered, and void in your classes",
-                "right where you have no such class; else name it in a class's 'renders'",
+                "this is right if you have no such class; otherwise name it in a class's 'renders'",
             )
         )
 
