@@ -120,7 +120,7 @@ def select(scores: Scores, reference: str | None = None) -> Selection:
 
     Args:
         scores: scores of all candidates with the same seeds; a failed net drops its seed for all of them.
-        reference: the candidate than which others must be better. If it has no scores, the highest mean
+        reference: the candidate that others must beat. If it has no scores, the highest mean
             decides, and the first of equal ones.
     """
     values, means = complete(scores), means_of(scores)
