@@ -1,7 +1,8 @@
 """What README and pages show works as it stands there: Python is run, commands are parsed.
 
 One rule for all: a ```python block is run, page by page from top to bottom, in an empty folder; in every
-other block a line that begins with `sdr-jax`, `python -m` or `make` is parsed by the command that it names.
+other block a line that begins with `sdr-jax`, `python -m` or `make` is parsed by the command that it names. A ```py
+block needs what we do not install; tests/test_other_tools.py runs it where it is.
 """
 
 import argparse
@@ -99,7 +100,7 @@ def test_commands_are_real(page, only_parsed, monkeypatch, capsys):
 @pytest.mark.parametrize("page", PAGES)
 def test_nothing_escapes(page):
     text = PAGES[page]
-    assert {kind for kind, _ in FENCE.findall(text)} <= {"", "python", "json", "math", "yaml"}
+    assert {kind for kind, _ in FENCE.findall(text)} <= {"", "py", "python", "json", "math", "yaml"}
     for kind, block in FENCE.findall(text):
         if kind == "yaml":
             parse_target(block, page)
