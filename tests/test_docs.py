@@ -1,8 +1,8 @@
 """What README and pages show works as it stands there: Python is run, commands are parsed.
 
 One rule for all: a ```python block is run, page by page from top to bottom, in an empty folder; in every
-other block a line that begins with `sdr-jax`, `python -m` or `make` is parsed by the command that it names. A ```py
-block needs what we do not install; tests/test_other_tools.py runs it where it is.
+other block a line that begins with `sdr-jax`, `python -m` or `make` is parsed by the command that it names.
+A ```py block needs what we do not install; tests/test_other_tools.py runs it where it is.
 """
 
 import argparse
@@ -109,3 +109,38 @@ def test_nothing_escapes(page):
     for module in re.findall(r"python -m ([a-z_]+\.[a-z_.]+[a-z])\b", text):
         path = ROOT / module.replace(".", "/")
         assert path.with_suffix(".py").exists() or (path / "__main__.py").exists(), module
+
+
+def prose(text: str) -> str:
+    """Text without blocks, code and the targets of links."""
+    return re.sub(r"`[^`]*`|\]\([^)]*\)", "", FENCE.sub("", text))
+
+
+def words(text: str) -> int:
+    return sum(bool(re.search(r"\w", word)) for word in text.split())
+
+
+def test_the_front_page_is_read_in_ten_minutes():
+    text = PAGES["README.md"]
+    assert len(text.splitlines()) <= 120
+    assert len(re.findall(r"(?<![\w.])\d[\d.,]*", prose(text))) <= 25
+
+
+def test_the_pages_are_short_and_the_appendix_is_last():
+    pages = {page: text for page, text in PAGES.items() if page.startswith("docs/")}
+    # `make results` writes this one: tables of what JSON files hold.
+    generated = pages.pop("docs/results.md")
+    assert generated.startswith("# Results on real CamVid\n\nMade by `make results`")
+    assert sum(map(words, pages.values())) <= 20_000
+    appendix = (ROOT / "mkdocs.yml").read_text().split("  - Appendix:\n")[1].split()[1::2]
+    assert "results.md" in appendix
+    assert sum(words(pages[f"docs/{page}"]) for page in appendix if page != "results.md") <= 6_000
+
+
+@pytest.mark.parametrize("page", [
+    page for page in PAGES
+    if page.startswith("docs/") and page != "docs/results.md"
+    and not re.fullmatch(r"docs/reference/(experiments|scene|sdr_jax|seg).md", page)
+])  # fmt: skip
+def test_a_page_begins_with_what_it_is_for(page):
+    assert re.match(r"# .+\n\nAfter this page ", PAGES[page])

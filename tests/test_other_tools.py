@@ -50,7 +50,9 @@ def test_the_pytorch_dataset(folder, monkeypatch):
     np.testing.assert_array_equal(found["labels"].numpy(), wanted.labels[:2])
 
 
-@pytest.mark.parametrize("line", ["class Endless(", "class Streets(torch.utils.data.IterableDataset)"])
+@pytest.mark.parametrize(
+    "line", ["class Endless(", "class Streets(torch.utils.data.IterableDataset)"]
+)
 def test_the_pytorch_stream(line):
     pytest.importorskip("torch", reason="needs PyTorch")
     found = ran(line)
