@@ -1,9 +1,11 @@
-"""Draws the two pictures of the front page, anew for each engine.
+"""Draws the pictures of the front page, anew for each engine.
 
     python -m scripts.pictures --out docs
 
 `strip.jpg` has streets of the twin, their labels, and what a net sees in them that has seen neither the
-twin nor a photograph (`renders19`). `streets.jpg` has the images of `sdr-jax render --images 8`.
+twin nor a photograph (`renders19`). `streets.jpg` has the images of `sdr-jax render --images 8`. The tops
+of `report.png` and `playground.png`, screenshots that lie in the folder, become `report_small.jpg` and
+`playground_small.jpg`.
 """
 
 from __future__ import annotations
@@ -25,14 +27,18 @@ TWIN_STREETS = (2, 6)
 TWIN_SIZE = (304, 424)
 """Height and width of each picture of the strip: three and two gaps are 1280 wide."""
 GAP = 4
+SMALL = (500, 620)
+"""Height and width, at most, of the small screenshots."""
 
 
 def main() -> None:
-    """Write both pictures."""
+    """Write the pictures."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("docs"), help="folder of the pictures")
     out = parser.parse_args().out
     out.mkdir(parents=True, exist_ok=True)
+    for name in ("report", "playground"):
+        save(out / f"{name}_small.jpg", small(out / f"{name}.png"))
     save(out / "strip.jpg", strip())
     save(out / "streets.jpg", streets())
 
@@ -57,6 +63,13 @@ def streets() -> np.ndarray:
     made = scene.stream("default", seed=0, size=(640, 320), images=8, workers=2)
     half = [cv2.resize(image, (320, 160), interpolation=cv2.INTER_AREA) for image, *_ in made]
     return grid([half[:4], half[4:]])
+
+
+def small(screenshot: Path) -> np.ndarray:
+    """The top of a screenshot, no larger than `SMALL`."""
+    whole = cv2.imread(str(screenshot))[:, :, ::-1]
+    height = round(whole.shape[0] * SMALL[1] / whole.shape[1])
+    return cv2.resize(whole, (SMALL[1], height), interpolation=cv2.INTER_AREA)[: SMALL[0]]
 
 
 def grid(rows: Sequence[Sequence[np.ndarray]]) -> np.ndarray:
