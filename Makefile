@@ -20,7 +20,7 @@ help:
 	@echo 'make results   every result of docs/results.md, from this commit; DATA=CAMVID ($$CAMVID_DIR), WEIGHTS=VGG16, STORE=FILE; hours'
 	@echo 'make nightly   all tests but the next'
 	@echo 'make robust    kills, full disks, damaged and hostile files: a table of what is survived; TIMES=N (20)'
-	@echo 'make lint      ruff (rules, format) and mypy'
+	@echo 'make lint      ruff (rules, format), spelling and mypy'
 	@echo 'make docs      the pages, into site/; a warning is an error'
 	@echo 'make format    let ruff rewrite the code'
 	@echo 'make setup     make .venv and install into it (the others do this when needed); PYTHON=...'
@@ -51,6 +51,7 @@ robust: setup
 lint: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/codespell
 	$(BIN)/mypy
 
 docs: setup

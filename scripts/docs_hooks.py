@@ -1,7 +1,8 @@
-"""What MkDocs does beside its own: pages from elsewhere in the repository, links, equations."""
+"""What MkDocs does beside its own: pages from elsewhere in the repository, links, equations, versions."""
 
 import posixpath
 import re
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 from experiments.__main__ import COMMANDS, STUDIES, summary
+from scene.version import ENGINE
 
 ROOT = Path(__file__).resolve().parents[1]
 ELSEWHERE = {
@@ -27,6 +29,13 @@ LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)#:\s]+)(#[^)\s]*)?\)")
 MATH = re.compile(r"^```math\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 
 FETCHED = re.compile(r'<(?:link|script|img|iframe)\b[^>]*?(?:href|src)="(?:https?:)?//[^"]*"')
+
+
+def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    """Puts the versions of program and engine at the foot of each page."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    config.copyright = f"{project['name']} {project['version']}, engine {ENGINE}"
+    return config
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:

@@ -2,6 +2,7 @@
 
 One rule for all: a ```python block is run, page by page from top to bottom, in an empty folder; in every
 other block a line that begins with `sdr-jax`, `python -m` or `make` is parsed by the command that it names.
+A ```py block needs what we do not install; tests/test_other_tools.py runs it where it is.
 """
 
 import argparse
@@ -99,7 +100,7 @@ def test_commands_are_real(page, only_parsed, monkeypatch, capsys):
 @pytest.mark.parametrize("page", PAGES)
 def test_nothing_escapes(page):
     text = PAGES[page]
-    assert {kind for kind, _ in FENCE.findall(text)} <= {"", "python", "json", "math", "yaml"}
+    assert {kind for kind, _ in FENCE.findall(text)} <= {"", "py", "python", "json", "math", "yaml"}
     for kind, block in FENCE.findall(text):
         if kind == "yaml":
             parse_target(block, page)
@@ -108,3 +109,34 @@ def test_nothing_escapes(page):
     for module in re.findall(r"python -m ([a-z_]+\.[a-z_.]+[a-z])\b", text):
         path = ROOT / module.replace(".", "/")
         assert path.with_suffix(".py").exists() or (path / "__main__.py").exists(), module
+
+
+def prose(text: str) -> str:
+    """Text without blocks, code and the targets of links."""
+    return re.sub(r"`[^`]*`|\]\([^)]*\)", "", FENCE.sub("", text))
+
+
+def words(text: str) -> int:
+    return sum(bool(re.search(r"\w", word)) for word in text.split())
+
+
+def test_the_front_page_is_read_in_ten_minutes():
+    text = PAGES["README.md"]
+    assert len(text.splitlines()) <= 120
+    assert len(re.findall(r"(?<![\w.])\d[\d.,]*", prose(text))) <= 25
+
+
+def test_the_pages_are_short_and_the_appendix_is_last():
+    pages = {page: text for page, text in PAGES.items() if page.startswith("docs/")}
+    # `make results` writes this one: tables of what JSON files hold.
+    generated = pages.pop("docs/results.md")
+    assert generated.startswith("# Results on real CamVid\n\nMade by `make results`")
+    assert sum(map(words, pages.values())) <= 20_000
+    appendix = re.findall(r"\w+\.md", (ROOT / "mkdocs.yml").read_text().split("- Appendix:\n")[1])
+    assert "results.md" in appendix
+    assert sum(words(pages[f"docs/{page}"]) for page in appendix if page != "results.md") <= 6_000
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if re.match("docs/(?!results.md)", page)])
+def test_a_page_begins_with_what_it_is_for(page):
+    assert re.match(r"(---\n.*\n---\n)?# .+\n\nAfter this page ", PAGES[page])

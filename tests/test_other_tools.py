@@ -13,7 +13,9 @@ from scene.proposal import draw, parse_streets, random_proposal
 from tests.conftest import ROOT
 from tests.test_docs import FENCE
 
-PAGE = (ROOT / "docs/howto/other_tools.md").read_text(encoding="utf-8")
+PAGE = "".join(
+    (ROOT / page).read_text(encoding="utf-8") for page in ("docs/howto/other_tools.md", "README.md")
+)
 POOL = AssetPool(0, 3)
 
 
@@ -29,7 +31,7 @@ def folder(tmp_path_factory):
 
 
 def example(line: str) -> str:
-    """The one block of the page with such a line."""
+    """The one block of the pages with such a line."""
     [block] = [text for _, text in FENCE.findall(PAGE) if line in text]
     return block
 
@@ -43,14 +45,17 @@ def ran(line: str) -> dict:
 def test_the_pytorch_dataset(folder, monkeypatch):
     pytest.importorskip("torch", reason="needs PyTorch")
     monkeypatch.chdir(folder)
-    found, wanted = ran("class Streets("), read_dataset(folder / "streets")
+    found, wanted = ran("class Streets(torch.utils.data.Dataset)"), read_dataset(folder / "streets")
     assert found["images"].shape == (2, 3, 48, 64) and found["labels"].shape == (2, 48, 64)
     np.testing.assert_array_equal(found["labels"].numpy(), wanted.labels[:2])
 
 
-def test_the_pytorch_stream():
+@pytest.mark.parametrize(
+    "line", ["class Endless(", "class Streets(torch.utils.data.IterableDataset)"]
+)
+def test_the_pytorch_stream(line):
     pytest.importorskip("torch", reason="needs PyTorch")
-    found = ran("class Endless(")
+    found = ran(line)
     assert found["images"].shape == (2, 3, 80, 160) and found["labels"].max() < 19
 
 

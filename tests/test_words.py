@@ -83,7 +83,9 @@ def test_commands_have_one_spelling() -> None:
     texts = [path for path in SOURCES if path.relative_to(ROOT).parts[0] != "tests"]
     texts += [*PAGES, *(ROOT / "docs").glob("results*.md")]
     (once,) = [line for path in texts for line in called(path)]
-    assert once.startswith("docs/tutorial.md") and "python -m experiments.cityscapes" in once
+    assert (
+        once.startswith("docs/reference/commands.md") and "python -m experiments.cityscapes" in once
+    )
 
 
 def test_replaced_names_do_not_come_back() -> None:
