@@ -15,7 +15,14 @@ from inspect import get_annotations
 from pathlib import Path
 from typing import Any
 
-from experiments.config.config import AnyConfig, Config, Preset, TargetName, fidelities
+from experiments.config.config import (
+    AnyConfig,
+    Config,
+    Preset,
+    SearchConfig,
+    TargetName,
+    fidelities,
+)
 from experiments.config.presets import in_space
 from experiments.config.studies import JOBS, defaults_of
 from scene.attributes import SpaceName
@@ -175,4 +182,13 @@ def _with_nets(default: AnyConfig, given: Mapping[str, Any]) -> AnyConfig:
             train = with_net(fidelity.train, **changes)
             own: dict[str, Any] = {name: replace(fidelity, train=train)}
             default = replace(default, **own)
-    return default
+    return _without_pool(default, given)
+
+
+def _without_pool(default: AnyConfig, given: Mapping[str, Any]) -> AnyConfig:
+    """Defaults with the method `intervals`, where rewards are not mIoU of a net on a frozen trunk."""
+    if not isinstance(default, SearchConfig) or default.search.method != "pool":
+        return default
+    if default.reward.train.frozen and given.get("reward_kind", "miou") == "miou":
+        return default
+    return replace(default, search=replace(default.search, method="intervals"))

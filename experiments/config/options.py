@@ -65,13 +65,13 @@ class Bins:
 class PoolOptions:
     """How the method ``pool`` searches: the streets of a round, its rewards, and the length of a step."""
 
-    streets: Annotated[int, at_least(1)] = 1200
+    streets: Annotated[int, at_least(1)] = 600
     """Streets of one shot that each round draws and renders."""
     subset: Annotated[int, at_least(1)] = 200
     """Streets of a round on which one reward's net is trained."""
-    rewards: Annotated[int, at_least(2)] = 120
+    rewards: Annotated[int, at_least(2)] = 100
     """Rewards of each round."""
-    rounds: Annotated[int, at_least(1)] = 4
+    rounds: Annotated[int, at_least(1)] = 5
     """Rounds; each ends with a step of the policy."""
     bound: Annotated[float, POSITIVE] = 0.04
     """The largest change of the policy in a step, in nats for each attribute."""

@@ -79,7 +79,7 @@ _SMOKE: Table = {
 _FROZEN = {"recipe": "lite0-frozen"}
 _BRIEF = {**_FROZEN, "steps": 150, "views": 1}
 _QUICK: Table = {
-    "search": {"method": "intervals", "relaxation": 0.3},
+    "search": {"method": "pool", "relaxation": 0.3},
     "reward": {"samples": 1, "train": _BRIEF},
     "final": {"shots": 1, "samples": 1, "train": _FROZEN},
     # Sizes and steps at which two cores train nets other than the preset's.

@@ -237,7 +237,7 @@ STUDIES: dict[str, Job] = {
             "evaluations": 4,
             "variants": ("full", "no_relaxation", "shuffled_groups", "no_positions"),
         },
-        "quick": _EIGHT,
+        "quick": {**_EIGHT, "search": {"datasets_per_update": 8, "method": "intervals"}},
         "paper": _PAPERS,
     }),
     "assets": _study("assets", AssetsConfig, {
