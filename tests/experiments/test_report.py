@@ -280,7 +280,7 @@ def test_the_page_of_a_run_under_way_has_what_is_known_and_is_read_anew(run):
     for found, sections in (
         (early._replace(evaluations=[]), ["made"]),
         (early, ["search", "cost", "made"]),
-        (early._replace(finals=whole.finals[:3]), ["so_far", "search", "cost", "made"]),
+        (early._replace(finals=whole.finals), ["so_far", "search", "cost", "made"]),
     ):
         (run / "live.html").write_text(
             page.under_way(found, page.Status(0.25, "search: update 2/6"))
@@ -290,7 +290,7 @@ def test_the_page_of_a_run_under_way_has_what_is_known_and_is_read_anew(run):
         assert "This run is under way" in shown.text and "25 %: search: update 2/6." in shown.text
         (again,) = (a for t, a in shown.tags if a.get("http-equiv") == "refresh")
         assert again["content"] == str(page.EVERY)
-    assert ["final nets: random", "1"] in [row[:2] for row in shown.rows]
+    assert ["final nets: random", "2"] in [row[:2] for row in shown.rows]
 
 
 def test_the_page_is_served_to_this_machine_alone_as_it_is_at_the_moment(tmp_path):
