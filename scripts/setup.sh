@@ -77,7 +77,7 @@ if [ "$usable" = no ]; then
 fi
 
 : >"$busy" 2>/dev/null || fail "cannot write to .venv: check its permissions and the free space"
-size="@RUN@ on disk"
+size="1.4 GB on disk"
 [ -z "$extra" ] || size="1.6 GB on disk"
 say "setup: installing the project, ${extra:+with the extra $extra, }into .venv: $size, one to five minutes the first time"
 .venv/bin/python -m pip install --quiet --no-input --disable-pip-version-check \
