@@ -78,8 +78,8 @@ fi
 
 : >"$busy" 2>/dev/null || fail "cannot write to .venv: check its permissions and the free space"
 size="1.4 GB on disk"
-[ -z "$extra" ] || size="1.6 GB on disk"
-say "setup: installing the project, ${extra:+with the extra $extra, }into .venv: $size, one to five minutes the first time"
+[ -z "$extra" ] || size="2.6 GB on disk"
+say "setup: installing the project ${extra:+with the extra $extra }into .venv: $size, one to five minutes the first time"
 .venv/bin/python -m pip install --quiet --no-input --disable-pip-version-check \
     -c constraints.txt -e ".${extra:+[$extra]}" </dev/null ||
     fail "pip could not install the requirements (its message is above); the same command tries again from a clean .venv"

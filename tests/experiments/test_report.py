@@ -147,7 +147,8 @@ def test_a_page_is_made_anew_from_the_folder_and_of_an_older_run_without_what_it
     assert "Candidates for the answer" not in old.text and "Confusion:" not in old.text
     assert "Centres of what the search proposed" in old.text
     titles = [a["id"] for t, a in old.tags if t == "section"]
-    assert titles == ["result", "search", "attributes", "classes", "cost", "made"]  # none is empty
+    known = ["result", "search", "attributes", "classes", "cost", "made"]  # none is empty
+    assert [title for title in titles if title != "importance"] == known
     assert [a["href"] for t, a in old.tags if t == "a"] == [f"#{name}" for name in titles]
     assert not [t for t, _ in old.tags if t == "img"] and len(old.plots) >= 5
 
