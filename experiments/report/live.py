@@ -11,6 +11,7 @@ from experiments.report.folder import NAME, RunFolder
 from experiments.run import few
 from experiments.run.context import Run
 from experiments.study.form import about
+from shell.command import PROGRAM
 from shell.files import write
 from shell.folder import read_config
 from shell.loopback import HOST, check_port, refusal
@@ -27,6 +28,9 @@ def watch(run: Run[Any]) -> None:
         text = page.under_way(found, page.Status(share, said))
         write(out / NAME, text, sync=False)
 
+    run.progress.say(
+        f"Page: {out / NAME}, as the run goes on; {PROGRAM} report {out} --serve shows it"
+    )
     run.progress.tell(page.EVERY, told)
 
 
