@@ -1,4 +1,5 @@
-# `make demo` and `make test` do all the set-up themselves, in .venv, without root.
+# `make demo` and `make test` do all the set-up themselves, in .venv, without root: demo what running needs,
+# test the tests' extras, too.
 OUT ?= runs/demo
 DATA ?= $(CAMVID_DIR)
 WEIGHTS ?=
@@ -12,7 +13,7 @@ TIMES ?= 20
 # Commands run from the root, so that a checkout in a path with spaces works.
 BIN := .venv/bin
 
-.PHONY: help setup demo test results nightly robust lint docs format clean
+.PHONY: help setup setup-run demo test results nightly robust lint docs format clean
 
 help:
 	@echo 'make demo      learn the attributes of the embedded target; OUT=DIR (runs/demo), TWIN=near|far (far), TWIN_SEED=N (0)'
@@ -23,14 +24,17 @@ help:
 	@echo 'make lint      ruff (rules, format), spelling and mypy'
 	@echo 'make docs      the pages, into site/; a warning is an error'
 	@echo 'make format    let ruff rewrite the code'
-	@echo 'make setup     make .venv and install into it (the others do this when needed); PYTHON=...'
+	@echo 'make setup     make .venv and install all into it (the others do what they need); PYTHON=...'
 	@echo 'make clean     remove caches and .venv; runs/ stays'
 
 setup:
+	@PYTHON="$(PYTHON)" sh scripts/setup.sh test
+
+setup-run:
 	@PYTHON="$(PYTHON)" sh scripts/setup.sh
 
 # Run again after a kill, it goes on where it was; run again after the end, it is done at once.
-demo: setup
+demo: setup-run
 	@$(BIN)/python -m experiments.cityscapes --preset quick --out "$(OUT)" --twin "$(TWIN)" --twin-seed "$(TWIN_SEED)"
 	@echo
 	@echo 'The run is in $(OUT): open report.html; figures in summary.json, learnt attributes in attributes.json'

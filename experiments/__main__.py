@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import import_module
 from importlib.metadata import packages_distributions, version
 from runpy import run_module
 from textwrap import wrap
 
-from shell.command import HELP, PROGRAM, USAGE, docstring, meant
+from shell.command import HELP, PROGRAM, USAGE, Parser, docstring, meant
 
 DISTRIBUTION = "sdr-jax"
 PACKAGES = ("sdr_jax", "scene", "seg", "experiments", "shell")
@@ -73,7 +73,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(shown())
         return 0
     if name == "--version":
+        from experiments.doctor.installed import installed
+
         print(DISTRIBUTION, version(DISTRIBUTION))
+        print(installed())
+        return 0
+    if name == "--completion":
+        from shell.completion import script
+
+        parsers = {command: parser_of(command) for command in COMMANDS}
+        print(script(PROGRAM, parsers, STUDY, [*STUDIES]), end="")
         return 0
     if name not in known:
         cure = meant(name, known) or f"; {called} --help lists all"
@@ -88,9 +97,8 @@ def run(name: str, words: Sequence[str]) -> int:
         for line in clashes(packages_distributions()):
             print(f"{PROGRAM}: warning: {line}", file=sys.stderr, flush=True)
     module = COMMANDS[name]
-    parsers = PARSERS.get(module.partition(".")[0])
-    if parsers and (parser := getattr(import_module(parsers), name, None)):
-        parser().parse_args(words)
+    if own := _parser(name):
+        own().parse_args(words)
     elif module.startswith("experiments."):
         from experiments.config.cli import JOBS, command
 
@@ -99,6 +107,24 @@ def run(name: str, words: Sequence[str]) -> int:
     sys.argv[1:] = words
     run_module(module, run_name="__main__", alter_sys=True)  # raises SystemExit
     return 0
+
+
+def _parser(name: str) -> Callable[[], Parser] | None:
+    """What makes the command line of a command that is no job and has it apart from what it starts."""
+    place = PARSERS.get(COMMANDS[name].partition(".")[0])
+    return getattr(import_module(place), name, None) if place else None
+
+
+def parser_of(name: str) -> Parser:
+    """The command line of a command or study; what it starts is not loaded."""
+    if own := _parser(name):
+        return own()
+    from experiments.config import cli
+
+    if name in cli.JOBS:
+        return cli.parser(name)
+    found: Parser = import_module(f"{COMMANDS[name]}.__main__").parser()
+    return found
 
 
 def text() -> str:
@@ -117,7 +143,8 @@ def text() -> str:
             f"Learning to simulate complex scenes. {PROGRAM} COMMAND --help says more.",
             *lines,
             "",
-            f"{PROGRAM} --version prints the version.",
+            f'{PROGRAM} --version says what is installed; eval "$({PROGRAM} --completion)" in',
+            "~/.bashrc completes commands and flags with the tab key.",
         ]
     )
 

@@ -1,5 +1,6 @@
 #!/bin/sh
 # Makes .venv and installs the project into it; returns at once where that is done already.
+# With an argument, such as test, that extra, too; without one, what running needs.
 # PYTHON=... names the interpreter. Needs no root. Every failure is one line on stderr.
 set -eu
 cd "$(dirname "$0")/.."
@@ -20,10 +21,12 @@ fingerprint() {
     .venv/bin/python -c 'import sys; print(sys.version)'
 }
 
-stamp=.venv/.installed-from
+extra=${1:-}
+run=.venv/.installed-from # what running needs is there
+stamp=$run${extra:+-$extra}
 busy=.venv/.installing # there while an install runs; left behind by one that was cut short
 
-done_already() { [ -f "$stamp" ] && [ "$(fingerprint 2>/dev/null)" = "$(cat "$stamp")" ]; }
+done_already() { [ -f "$stamp" ] && [ "$(fingerprint 2>/dev/null)" = "$(cat "$stamp")" ]; } # an extra brings all of it
 
 if done_already; then exit 0; fi
 
@@ -43,7 +46,7 @@ if [ -x .venv/bin/python ] && [ ! -e "$busy" ] && new_enough .venv/bin/python &&
     .venv/bin/python -m pip --version >/dev/null 2>&1 </dev/null; then
     usable=yes
     # Scripts in an environment hold its absolute path.
-    if [ -f "$stamp" ] && [ "$(sed -n 2p "$stamp")" != "$(pwd -P)" ]; then usable=no; fi
+    if [ -f "$run" ] && [ "$(sed -n 2p "$run")" != "$(pwd -P)" ]; then usable=no; fi
 fi
 
 if [ "$usable" = no ]; then
@@ -74,10 +77,13 @@ if [ "$usable" = no ]; then
 fi
 
 : >"$busy" 2>/dev/null || fail "cannot write to .venv: check its permissions and the free space"
-say "setup: installing the project and its requirements into .venv: about 400 MB to fetch and 1.6 GB on disk, one to five minutes the first time"
+size="1.4 GB on disk"
+[ -z "$extra" ] || size="2.6 GB on disk"
+say "setup: installing the project ${extra:+with the extra $extra }into .venv: $size, one to five minutes the first time"
 .venv/bin/python -m pip install --quiet --no-input --disable-pip-version-check \
-    -c constraints.txt -e '.[test]' </dev/null ||
+    -c constraints.txt -e ".${extra:+[$extra]}" </dev/null ||
     fail "pip could not install the requirements (its message is above); the same command tries again from a clean .venv"
-fingerprint >"$stamp"
+fingerprint >"$run"
+[ -z "$extra" ] || fingerprint >"$stamp"
 rm -f "$busy"
 say "setup: done"

@@ -106,6 +106,19 @@ class Parser(argparse.ArgumentParser):
         self._rare.append(self.add_argument_group(title))
         return self._rare[-1].add_argument
 
+    def flags(self) -> dict[str, list[str]]:
+        """All flags but hidden ones, each with the words that may follow it; none where any may."""
+        return {
+            flag: [str(own) for own in action.choices or ()]
+            for flag, action in self._option_string_actions.items()
+            if action.help != argparse.SUPPRESS
+        }
+
+    def first(self) -> list[str]:
+        """The words that the command's first argument may be; none where any may, or there is none."""
+        own = next((a for a in self._actions if not a.option_strings), None)
+        return [] if own is None else [str(word) for word in own.choices or ()]
+
     def format_help(self, everything: bool = False) -> str:
         """The short help, or all of it."""
         formatter = self._get_formatter()

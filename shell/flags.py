@@ -124,6 +124,9 @@ def add_flag(add: Callable[..., Any], field: Field) -> None:
     metavar = _metavar(kind)
     if choices and len("|".join(choices)) > SHORT:
         metavar, said = "NAME", f"{said} One of {', '.join(choices)}."
+    if choices and all(_choices(part) or part is NoneType for part in _parts(kind)):
+        # What is not among them the reader refuses, in words of its own; completion asks for them.
+        options["choices"] = [*choices, *([None] if NoneType in _parts(kind) else [])]
     shown = (
         "" if field.default in (None, ()) else f" (default: {_shown(field.kind, field.default)})"
     )

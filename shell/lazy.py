@@ -32,7 +32,8 @@ class _Lazy(ModuleType):
             super().__setattr__(name, value)
 
     def __dir__(self) -> list[str]:
-        return sorted({*super().__dir__(), *self._homes})
+        special = (name for name in super().__dir__() if name.startswith("__"))
+        return sorted({*special, *self._homes})  # what is public
 
 
 def import_on_use(package: str) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple, TextIO
 
 from rich.console import Console, RenderableType
@@ -79,6 +79,17 @@ class Progress:
         terminal = self._console.is_terminal and not self._console.is_dumb_terminal
         self._live = terminal and self._stream.isatty()
         self._bar: _Board | None = None
+        self._told: Callable[[float, str], None] | None = None
+        self._every = self._due = 0.0
+
+    def tell(self, every: float, told: Callable[[float, str], None]) -> None:
+        """Tell someone else, too, where the job is: at the next update, then once in a while.
+
+        Args:
+            every: seconds.
+            told: given the share of the work that is done, in [0, 1], and a line.
+        """
+        self._every, self._due, self._told = every, 0.0, told
 
     @property
     def elapsed(self) -> float:
@@ -111,6 +122,9 @@ class Progress:
         """Show the state of the job."""
         share = min(self._done / self._total, 1) if self._total > 0 else 1.0
         left = [] if self.left is None else [f"{duration(self.left)} left"]
+        if self._told is not None and time.perf_counter() >= self._due:
+            self._told(share, " | ".join([text, *left]))
+            self._due = time.perf_counter() + self._every
         if not self._live:
             line = self._label + " | ".join([text, *left])
             print(f"[{100 * share:3.0f} %] {line}", file=self._stream, flush=True)

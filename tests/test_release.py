@@ -1,7 +1,9 @@
 """What is released: one version, one command for all others, and a wheel that works by itself."""
 
 import os
+import platform
 import re
+import shlex
 import shutil
 import sys
 import tomllib
@@ -9,10 +11,21 @@ from subprocess import run
 
 import pytest
 
-from experiments.__main__ import COMMANDS, GROUPS, PACKAGES, STUDIES, clashes, main, studies, text
+from experiments.__main__ import (
+    COMMANDS,
+    GROUPS,
+    PACKAGES,
+    STUDIES,
+    clashes,
+    main,
+    parser_of,
+    studies,
+    text,
+)
 from experiments.config import studies as configured
+from experiments.doctor.installed import EXTRAS
 from shell.command import path_of
-from tests.conftest import ROOT
+from tests.conftest import ROOT, printed
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
@@ -62,6 +75,92 @@ def test_the_version_is_the_same_everywhere():
     assert f"\nversion: {PROJECT['version']}\n" in (ROOT / "CITATION.cff").read_text()
     heads = re.findall(r"^## ([\d.]+)", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
     assert heads[0] == PROJECT["version"]
+
+
+def test_what_is_installed_is_told_without_starting_anything(capsys):
+    assert main(["--version"]) == 0
+    first, second, third = capsys.readouterr().out.splitlines()
+    assert first == f"sdr-jax {PROJECT['version']}"
+    assert second.startswith(f"Python {platform.python_version()}, jax ") and "NVIDIA GPU" in second
+    assert third.startswith("extras: ") and "sdr-jax doctor tries the GPU" in third
+    tools = {
+        "docs",
+        "test",
+        "lite1",
+        "lite2",
+    }  # what developers use; weights, which nets ask for by name
+    assert EXTRAS.keys() == PROJECT["optional-dependencies"].keys() - tools
+
+
+@pytest.fixture(scope="module")
+def script() -> str:
+    """What the shell reads; made without what commands work with."""
+    code = (
+        "import sys\nfrom experiments.__main__ import main\nmain(['--completion'])\n"
+        "print('#', *{'jax', 'flax', 'optax', 'trimesh', 'embreex'} & {*sys.modules})"
+    )
+    text = "\n".join(printed(code))
+    assert text.endswith("\n#")
+    return text
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="needs bash")
+@pytest.mark.parametrize(("words", "some"), [
+    (["re"], {"render", "report", "renders19", "results"}),
+    (["study", "ta"], {"table"}),
+    (["render", "--as"], {"--assets", "--asset-use", "--asset-fraction", "--asset-count"}),
+    (["render", "--format", "co"], {"coco"}),
+    (["camvid", "--preset", ""], {"smoke", "quick", "paper"}),
+    (["study", "table", "--hold"], {"--holdout"}),
+    (["store", "me"], {"merge"}),
+    (["render", "--out", ""], set()),  # files, by the shell itself
+])  # fmt: skip
+def test_the_tab_key_completes_commands_flags_and_their_values(words, some, script):
+    line = " ".join(shlex.quote(word) for word in ["sdr-jax", *words])
+    code = (
+        f"{script}\nCOMP_WORDS=({line}); COMP_CWORD={len(words)}; _sdr_jax; echo ${{COMPREPLY[@]}}"
+    )
+    ran = run(["bash", "-c", code], capture_output=True, text=True, check=True)
+    assert set(ran.stdout.split()) == some and ran.stderr == ""
+
+
+def test_an_image_is_made_of_what_there_is_in_few_lines():
+    lines = (ROOT / "Dockerfile").read_text().splitlines()
+    assert len(lines) <= 10 and lines[-1] == 'ENTRYPOINT ["sdr-jax"]'
+    ignored = {line.rstrip("/") for line in (ROOT / ".dockerignore").read_text().splitlines()}
+    needed = {*PACKAGES, "pyproject.toml", "README.md", "LICENSE", "constraints.txt"}
+    assert not ignored & needed and {".git", ".venv", "runs"} <= ignored
+    (extras,) = (line.partition("=")[2] for line in lines if line.startswith("ARG EXTRAS="))
+    assert extras in PROJECT["optional-dependencies"]
+    command = lines[0].partition("sdr-jax render ")[2].split()
+    assert command and parser_of("render").parse_args(command).images == 8
+
+
+@pytest.mark.slow
+def test_a_bare_machine_installs_the_wheel_and_renders(tmp_path):
+    """In an empty environment, from the registry; nothing of ours but the wheel."""
+    own = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "VIRTUAL_ENV")}
+
+    def done(*words: object) -> str:
+        ran = run([*map(str, words)], cwd=tmp_path, env=own, capture_output=True, text=True)
+        assert ran.returncode == 0, ran.stderr
+        return ran.stdout
+
+    tree = tmp_path / "tree"
+    for package in PACKAGES:
+        shutil.copytree(ROOT / package, tree / package)
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, tree)
+    done(sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", tmp_path, tree)
+    shutil.rmtree(tree)
+    (wheel,) = tmp_path.glob("*.whl")
+    done(sys.executable, "-m", "venv", "bare")
+    bare = tmp_path / "bare" / "bin"
+    done(bare / "pip", "install", "--quiet", "-c", ROOT / "constraints.txt", wheel)
+    assert "extras: none" in done(bare / "sdr-jax", "--version")
+    assert re.search(r"^renderer embree +works$", done(bare / "sdr-jax", "doctor"), re.MULTILINE)
+    done(bare / "sdr-jax", "render", *"--images 1 --size 64x48 --workers 1 --out streets".split())
+    assert (tmp_path / "streets" / "dataset.json").is_file()
 
 
 @pytest.mark.slow

@@ -84,6 +84,17 @@ def command(name: str, arguments: Sequence[str] | None = None) -> int:
     )  # fmt: skip
 
 
+def parser(name: str) -> Parser:
+    """The command line of a job, with the defaults of its preset quick.
+
+    Args:
+        name: among `JOBS`.
+    """
+    job = JOBS[name]
+    default = defaults_of(name, job.target or "twin", "quick")
+    return _parser(name, default, docstring(job.module))
+
+
 def main(
     name: str,
     defaults: Callable[[TargetName, Preset], AnyConfig],

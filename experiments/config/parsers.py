@@ -13,8 +13,8 @@ from seg.settings import Trunk, TrunkName
 from shell.command import Parser, docstring, size
 from shell.target_file import SHIPPED, Fit
 
-PORT = 8420
-"""The address of the playground."""
+PORT, REPORT_PORT = 8420, 8421
+"""Ports of the playground and of a served report."""
 STEPS = 3000
 """The training of renders19."""
 WORST = 6
@@ -194,6 +194,14 @@ def report() -> Parser:
     options.add_argument("run", type=Path, nargs="+", metavar="RUN", help="run folder")
     options.add_argument(
         "--out", type=Path, metavar="FILE", help="the page; by default RUN/report.html"
+    )
+    options.add_argument(
+        "--serve",
+        type=int,
+        nargs="?",
+        const=REPORT_PORT,
+        metavar="PORT",
+        help=f"show the page to this machine, also while the run goes on; {REPORT_PORT} unless told",
     )
     options.add_argument("--tensorboard", help=argparse.SUPPRESS)
     return options

@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 import platform
 from importlib.util import find_spec
-from pathlib import Path
 from typing import NamedTuple
 
+from experiments.doctor.installed import DRIVER, EXTRAS
 from scene.render import RENDERERS, RendererError, renderer
 from shell.files import versions
 from shell.memory import in_words, memory
@@ -15,20 +15,6 @@ from shell.memory import in_words, memory
 PACKAGES = (
     "sdr-jax", "jax", "jaxlib", "flax", "optax", "numpy", "numba", "embreex", "opencv-python-headless",
 )  # fmt: skip
-EXTRAS = {
-    "cuda": ("jax_cuda12_plugin", "training on an NVIDIA GPU"),
-    "search": ("optuna", "rival search methods"),
-    "dask": ("distributed", "workers on other machines"),
-    "playground": ("nicegui", "the page with sliders"),
-    "onnx": ("onnx", "models as ONNX files"),
-    "parquet": ("pyarrow", "renders as Parquet files"),
-    "h5": ("h5py", "Keras's files of VGG16"),
-    "torch": ("torch", "the same nets in PyTorch"),
-}
-"""Extra -> a module that it brings, and its use."""
-DRIVER = Path("/proc/driver/nvidia/version")
-"""This file exists on machines with an NVIDIA GPU."""
-
 Facts = list[tuple[str, str]]
 
 

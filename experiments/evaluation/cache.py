@@ -125,13 +125,14 @@ class Cache:
         self._checked: set[Path] = set()
 
     def put(
-        self, images: LabelledImages, train: TrainSettings, *, training: bool = False
+        self, images: LabelledImages, train: TrainSettings, what: str, *, training: bool = False
     ) -> Cached:
         """Give images for tasks; their files are written if they do not exist.
 
         Args:
             images: real images and labels.
             train: settings of the nets; nets with a frozen trunk get features.
+            what: name of the images in progress lines, such as "reward".
             training: whether nets are trained on the images instead of tested.
 
         Raises:
@@ -158,7 +159,7 @@ class Cache:
             starts = range(0, max(count - CHUNK // 2, 1), CHUNK)  # no batch of another size
             tasks = [(held, s, s + CHUNK, train, training) for s in starts]
             tasks[-1] = (held, starts[-1], count, train, training)
-            self._compute(part, count, tasks)
+            self._compute(part, count, tasks, what)
 
         self._keep(folder, told, fill)
         return held._replace(features=self._workers.share(str(folder)))
@@ -221,11 +222,11 @@ class Cache:
             return recipe
         real = target.at(fidelity.height, fidelity.width)["reward"]
         trunk = replace(fidelity.train, trunk="frozen")  # a tuned one begins like this
-        held = self.put(real, trunk)
+        held = self.put(real, trunk, "reward")
         ((_, found),) = self._workers.map(_statistics, [(held,)], net=True)
         return recipe._replace(statistics=found)
 
-    def _compute(self, part: Path, count: int, tasks: list[tuple]) -> None:
+    def _compute(self, part: Path, count: int, tasks: list[tuple], what: str) -> None:
         """Write the features of all tasks into the files of a folder, view after view."""
         done = 0
         with _Arrays(part, count) as arrays:
@@ -233,7 +234,7 @@ class Cache:
                 _, start, stop, *_ = tasks[index]
                 arrays.write(_files(maps), start, stop)
                 done += stop - start
-                self._say(f"features of real images, once per run: {done} of {count}")
+                self._say(f"features of {what} images, once per run: {done} of {count}")
 
     def _keep(self, folder: Path, told: Mapping[str, Any], fill: Callable[[Path], None]) -> None:
         """Write a folder if it does not exist; check once per run that it is right."""

@@ -335,7 +335,7 @@ class Runner:
             subsets = [each.source for each in jobs if isinstance(each.source, LabelledSubset)]
             before = sent(start.recipe, self._workers)
             before = before._replace(statistics=recipe.statistics)  # images of the same size
-            images = self.cache.put(subsets[0].images, train, training=True)
+            images = self.cache.put(subsets[0].images, train, "labelled", training=True)
             chosen = [np.array(own.picked) for own in subsets]
             own = (start._replace(recipe=before), recipe, int(job.seed), images, chosen, real)
             return (transfer, *own)
@@ -355,7 +355,7 @@ class Runner:
                 self._shared[kind] = sent(recipe, self._workers), real._replace(net=net)
             else:
                 recipe = self.cache.normalised(recipe, self._target)
-                held = self.cache.put(real, recipe.fidelity.train)
+                held = self.cache.put(real, recipe.fidelity.train, job.side)
                 self._shared[kind] = sent(recipe, self._workers), held
         return self._shared[kind]
 
@@ -368,9 +368,11 @@ class Runner:
             return source.pool.held.take(source.picked)
         train = recipe.fidelity.train
         if isinstance(source, LabelledSubset):
-            return self.cache.put(source.images, train, training=True).take(source.picked)
+            return self.cache.put(source.images, train, "labelled", training=True).take(
+                source.picked
+            )
         if isinstance(source, LabelledImages):
-            return self.cache.put(source, train, training=True)
+            return self.cache.put(source, train, "labelled", training=True)
         return source
 
     def _rendered_by_all(self, task: tuple) -> tuple[tuple, float]:

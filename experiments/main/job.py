@@ -11,7 +11,8 @@ from experiments.evaluation.cost import training_cost
 from experiments.evaluation.evaluate import render
 from experiments.evaluation.job import Recipe
 from experiments.main import note, pictures, summary
-from experiments.report import page
+from experiments.report import live, page
+from experiments.report.folder import NAME
 from experiments.report.matters import FILE, matters
 from experiments.run.context import Run, Work
 from experiments.run.learn import learn, work_of
@@ -41,6 +42,7 @@ def scores(run: Run[MainConfig], _: Any) -> Report:
     """Do the whole job, or the rest of it."""
     config, target, folder = run.config, run.target, run.config.out
     recipe, seeds = run.recipe(config.final), paired_seeds(run)
+    live.watch(run)
     # Nets without learnt attributes fill gaps of the search, the others gaps of the export.
     run.runner.prefetch(jobs_of("final", training_sets(run, None), recipe, seeds, keeps=True))
     learnt = learn(run)
@@ -99,7 +101,7 @@ def export(run: Run[MainConfig], recipe: Recipe, streets: Streets) -> None:
         write(config.out / "dataset" / note.NOTE, note.text(run))
 
 
-FORM = Form("summary", summary.derive, summary.text, {}, {"report.html": page.html})
+FORM = Form("summary", summary.derive, summary.text, {}, {NAME: page.html})
 MAIN = Study(FORM, plan, scores)
 RUN = partial(do, MAIN)
 """The study of `sdr-jax cityscapes`, `sdr-jax camvid` and `sdr-jax labelmefacade`."""

@@ -8,7 +8,6 @@ sdr-jax playground --attributes runs/main/attributes.json --real DIR
 from __future__ import annotations
 
 import argparse
-import socket
 import sys
 from importlib.util import find_spec
 
@@ -20,18 +19,7 @@ from scene.proposal import read_streets
 from scene.render import RendererError, renderer
 from shell.command import exit_code
 from shell.errors import UserError
-
-
-def check_port(port: int) -> None:
-    """Raise UserError unless the page can be served there."""
-    if not 1 <= port <= 65535:
-        raise UserError(f"--port must lie in 1..65535, not {port}")
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind(("127.0.0.1", port))
-        except OSError as error:
-            raise UserError(f"--port {port}: {error.strerror}; choose another") from None
+from shell.loopback import check_port
 
 
 def first_state(options: argparse.Namespace) -> State:

@@ -4,30 +4,58 @@ from __future__ import annotations
 
 import base64
 import json
+import random
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
 from nicegui import app, ui
-from nicegui.events import UploadEventArguments, ValueChangeEventArguments
+from nicegui.events import (
+    GenericEventArguments,
+    UploadEventArguments,
+    ValueChangeEventArguments,
+)
 
 from experiments.playground import state as states
 from experiments.playground.dataset_panel import DatasetPanel
-from experiments.playground.guard import MOST_BYTES, Guard
+from experiments.playground.guard import Guard
 from experiments.playground.photographs import photograph
-from experiments.playground.rendering import LatestOnly, Pictures, RenderProcess, Request, request
+from experiments.playground.rendering import (
+    FAR,
+    LatestOnly,
+    Pictures,
+    RenderProcess,
+    Request,
+    request,
+)
 from experiments.playground.sliders import Sliders
 from experiments.playground.state import State
 from scene.assets.catalogue import USES
 from scene.assets.families import FAMILIES
+from scene.classes import CLASS_NAMES, COLORS, OWN
 from scene.proposal import describe, named, parse_streets
+from shell.classes import OWN as OWN_ROW
 from shell.command import size
 from shell.files import parse_json
+from shell.loopback import HOST, MOST_BYTES
 
-HOST = "127.0.0.1"
 ACCENT = "#4f7ea3"
 """The colour of what can be moved or pressed."""
 STYLE = Path(__file__).with_name("page.css")
+ENLARGE = """() => {
+    const box = document.querySelector('.picture.image');
+    const leave = e => { if (e.key === 'Escape') box.click_out(); };
+    box.click_out = () => {
+        box.classList.remove('whole');
+        document.removeEventListener('keydown', leave);
+        emit(null);
+    };
+    if (box.classList.contains('whole')) return box.click_out();
+    box.classList.add('whole');
+    document.addEventListener('keydown', leave);
+    emit(window.innerWidth, window.innerHeight);
+}"""
+"""Lets the picture fill the window, or no longer; tells the window's size, or nothing."""
 BLANK = "data:image/gif;base64,R0lGODlhAQABAAAAACH5BAEKAAEALAAAAAABAAEAAAICTAEAOw=="
 
 
@@ -70,6 +98,9 @@ class Page:
 
     def __init__(self, state: State, photographs: Sequence[Path], process: RenderProcess) -> None:
         self._state, self._photographs, self._process = state, photographs, process
+        self._first = state  # what sliders are reset to
+        self._window: tuple[int, int] | None = None  # that the picture fills
+        self._boxes: dict[str, ui.number] = {}  # by field of the view
         self._wanted = LatestOnly(process.make, self._show)
         self._note: ui.notification | None = None
         ui.colors(primary=ACCENT)
@@ -87,11 +118,16 @@ class Page:
         ui.context.client.on_delete(self._dataset.close)
 
     async def begin(self) -> None:
-        """Ask for the first picture when the page stands."""
+        """Ask for the first picture when the page stands, of the first street with a free view."""
         await ui.context.client.connected()
         if not self._process.warm:
             self._time.set_text("warming up: code is compiled, once")
-        await self._ask(quick=False)
+        try:
+            street = await self._process.first_free(self._state)
+        except (ValueError, RuntimeError) as error:
+            self._wrong.set_text(str(error))
+            return
+        await self._look(street=street)
 
     def _bar(self) -> None:
         with ui.element("header").classes("bar"):
@@ -112,6 +148,12 @@ class Page:
                 button = ui.button(text, on_click=self._press(change)).tooltip(hint)
                 button.props("outline dense padding='2px 12px'")
             self._component = ui.select([], on_change=self._choose).props("borderless")
+            for text, hint, turn in (
+                ("next street", "the next of the dataset with this seed", self._next),
+                ("shuffle", "the same street of another seed", self._shuffle),
+            ):
+                button = ui.button(text, on_click=turn).tooltip(hint)
+                button.props("unelevated dense padding='2px 12px'")
             ui.element("div").classes("grow")
             self._time = ui.label().classes("quiet time")
             upload = ui.upload(auto_upload=True, max_file_size=MOST_BYTES, on_upload=self._load)
@@ -119,6 +161,9 @@ class Page:
             upload.on("rejected", lambda: self._say(f"a file has at most {MOST_BYTES:,} bytes"))
             load = ui.button("load", on_click=lambda: upload.run_method("pickFiles"))
             load.props("flat dense padding='2px 10px'").tooltip("an attributes.json")
+            copy = ui.button("copy command", on_click=self._copy)
+            copy.props("flat dense padding='2px 10px'")
+            copy.tooltip("the sdr-jax render that makes this picture")
             save = ui.button("save", on_click=self._save)
             save.props("flat dense padding='2px 10px'").tooltip("as attributes.json")
 
@@ -126,6 +171,9 @@ class Page:
         with ui.element("div").classes("shown beside" if self._photographs else "shown"):
             with ui.element("div"):
                 self._image = _picture("image")
+                assert self._image.parent_slot is not None
+                box = self._image.parent_slot.parent
+                box.on("click", self._enlarge, js_handler=ENLARGE)
                 self._caption = ui.label("warming up").classes("caption")
             if self._photographs:
                 with ui.element("div"):
@@ -135,6 +183,11 @@ class Page:
                     turn.props("borderless").on_value_change(self._turn)
             with ui.element("div").classes("planes"):
                 self._label, self._depth = _picture("label"), _picture("depth")
+            with ui.element("div").classes("legend"):
+                self._legend = ui.html(sanitize=False).classes("classes")
+                ui.html(f"<span>0 m</span><i></i><span>{FAR:.0f} m</span>", sanitize=False).classes(
+                    "metres"
+                )
         if self._photographs:
             self._put_photograph(0)
 
@@ -177,10 +230,10 @@ class Page:
             share.on("change", lambda: self._stock(fraction=float(share.value)))
 
     def _number(self, name: str, value: int) -> None:
-        box = ui.number(name, value=value, min=0, precision=0)
+        box = self._boxes[name] = ui.number(name, value=value, min=0, precision=0)
 
         async def change(event: ValueChangeEventArguments) -> None:
-            if event.value is not None:
+            if event.value is not None and event.value != getattr(self._state.view, name):
                 await self._look(**{name: int(event.value)})
 
         box.on_value_change(change)
@@ -189,7 +242,7 @@ class Page:
         """Build what depends on the space and on the number of components."""
         self._column.clear()
         with self._column:
-            self._sliders = Sliders(self._state, self._moved)
+            self._sliders = Sliders(self._state, self._moved, self._reset)
         self._space.set_value(self._state.space)
         shares = self._state.shares
         options = {k: f"component {k + 1} · {share:.0%}" for k, share in enumerate(shares)}
@@ -200,7 +253,10 @@ class Page:
         try:
             states.check_view(self._state.view)
             self._wrong.set_text("")
-            await self._wanted.ask(request(self._state, quick))
+            wanted = request(self._state, quick)
+            if self._window is not None:
+                wanted = wanted._replace(view=states.enlarged(wanted.view, *self._window))
+            await self._wanted.ask(wanted)
         except (ValueError, RuntimeError) as error:
             self._wrong.set_text(str(error))
 
@@ -208,9 +264,10 @@ class Page:
         for element, kind, data in (
             (self._image, "jpeg", made.image),
             (self._label, "png", made.label),
-            (self._depth, "jpeg", made.depth),
+            (self._depth, "png", made.depth),
         ):
             element.set_source(_source(kind, data))
+        self._legend.set_content(_legend(made.shares))
         self._time.set_text(
             f"{'preview' if wanted.quick else 'picture'} in {seconds * 1000:.0f} ms"
         )
@@ -225,12 +282,47 @@ class Page:
         self._state = state
         if rebuild:
             self._fill()
-        else:
-            self._sliders.show(state)
+        self._sliders.show(state, self._first)
+        for name, box in self._boxes.items():
+            box.set_value(getattr(state.view, name))
         await self._ask(quick)
+
+    async def _begin_with(self, state: State) -> None:
+        """Show a state that is new as a whole: sliders are reset to it from now on."""
+        self._first = state
+        await self._become(state)
 
     async def _moved(self, name: str, low: float, high: float) -> None:
         await self._become(states.moved(self._state, name, low, high), quick=True)
+
+    async def _reset(self, name: str) -> None:
+        await self._become(states.restored(self._state, name, self._first))
+
+    async def _next(self) -> None:
+        await self._look(street=(self._state.view.street + 1) % states.MOST_STREETS)
+
+    async def _shuffle(self) -> None:
+        await self._look(seed=random.randrange(states.SEEDS))
+
+    async def _enlarge(self, event: GenericEventArguments) -> None:
+        """The picture fills the window, or no longer does."""
+        self._window = (int(event.args[0]), int(event.args[1])) if event.args else None
+        if self._window is not None:
+            await self._ask(quick=False)
+
+    def _copy(self) -> None:
+        """Hand over the command that makes the picture, and the file that it reads, if it reads one."""
+        command = states.command(self._state)
+        ui.clipboard.write(command)
+        note = ""
+        if states.name_of(self._state) is None:
+            text = json.dumps(describe(self._state.proposal), indent=2) + "\n"
+            ui.download.content(text, states.FILE, "application/json")
+            note = f". It reads {states.FILE}, which is among your downloads"
+        pool = self._state.view.pool
+        if pool.first or pool.without:
+            note += ". It has no flag for the first asset and for families left out"
+        self._say(f"Copied; the last image is this picture: {command}{note}", "primary")
 
     async def _look(self, **changes: object) -> None:
         await self._become(self._state._replace(view=self._state.view._replace(**changes)))  # type: ignore[arg-type]
@@ -248,14 +340,14 @@ class Page:
 
     async def _respace(self, event: ValueChangeEventArguments) -> None:
         if event.value != self._state.space:
-            await self._become(states.opened(named("default", event.value), self._state.view))
+            await self._begin_with(states.opened(named("default", event.value), self._state.view))
 
     async def _choose(self, event: ValueChangeEventArguments) -> None:
         if event.value is not None and event.value != self._state.component:
             await self._become(self._state._replace(component=event.value))
 
     def _press(self, change: Callable[[State], State]) -> Callable[[], object]:
-        return lambda: self._become(change(self._state))
+        return lambda: self._begin_with(change(self._state))
 
     async def _load(self, event: UploadEventArguments) -> None:
         try:
@@ -263,7 +355,7 @@ class Page:
         except ValueError as error:
             self._say(f"{event.file.name}: {error}")
             return
-        await self._become(states.opened(streets, self._state.view))
+        await self._begin_with(states.opened(streets, self._state.view))
         if states.has_probabilities(streets):
             self._say(f"{event.file.name}: {states.LOSS}")
 
@@ -281,11 +373,13 @@ class Page:
         except ValueError as error:
             self._say(str(error))
 
-    def _say(self, message: str) -> None:
+    def _say(self, message: str, color: str | None = None) -> None:
         """One clear message, in place of the one before, until it is closed."""
         if self._note is not None:
             self._note.dismiss()
-        self._note = ui.notification(message, timeout=None, close_button="close", position="top")
+        self._note = ui.notification(
+            message, timeout=None, close_button="close", position="bottom", color=color
+        )
 
 
 def _picture(kind: str) -> ui.interactive_image:
@@ -295,6 +389,19 @@ def _picture(kind: str) -> ui.interactive_image:
 
 def _source(kind: str, data: bytes) -> str:
     return f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
+
+
+def _legend(shares: Sequence[tuple[int, float]]) -> str:
+    """Colours and names of train ids, with their percent."""
+    parts = []
+    for train_id, percent in shares:
+        name = "own class" if train_id == OWN else CLASS_NAMES[train_id]
+        colour = OWN_ROW.colour if train_id == OWN else COLORS[train_id]
+        told = "under 0.1" if percent < 0.05 else f"{percent:.1f}"
+        red, green, blue = map(int, colour)
+        swatch = f'<i style="background:rgb({red},{green},{blue})"></i>'
+        parts.append(f"<span>{swatch}{name} {told} %</span>")
+    return "".join(parts)
 
 
 def _whole(value: float | None) -> int | None:

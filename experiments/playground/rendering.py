@@ -6,20 +6,29 @@ import asyncio
 import time
 from collections.abc import Awaitable, Callable
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
 
-from experiments.playground.state import State, View
+from experiments.playground.state import MOST_STREETS, State, View
+from scene.classes import VOID, TrainId, colorize
 from scene.dataset.render import street_of
-from scene.preview.layout import tile
 from scene.render import renderer
 from scene.street.street import Street
 from scene.workers import WorkerPool
 
 QUALITY = 90
 """Of JPEG."""
+FAR = 80.0
+"""Metres at which the depth picture ends."""
+NEAR, BLOCKED = 2.5, 0.3
+"""Metres, and the share of things (not ground) nearer than that from which on a view is from inside one."""
+LOOKED_AT = 20
+"""Streets of which the first with a free view is shown."""
+SKETCH = 48
+"""Pixels across the picture that tells whether a view is free."""
+GROUND = (TrainId.ROAD, TrainId.SIDEWALK, TrainId.TERRAIN)
 SETTLED = 0.15
 """Seconds without a newer wish after which a quick picture is refined."""
 
@@ -37,7 +46,10 @@ class Pictures(NamedTuple):
 
     image: bytes  # JPEG
     label: bytes  # PNG
-    depth: bytes  # JPEG, near is bright
+    depth: bytes  # PNG in a colour map, near is yellow; what has no depth is black
+    shares: tuple[
+        tuple[int, float], ...
+    ]  # train ids in the picture with their percent, the largest first
     weather: str
     placed: int  # assets in the street
     seconds: float  # of work
@@ -58,15 +70,51 @@ def pictures(wanted: Request) -> Pictures:
         settings = settings._replace(width=width, height=height, samples=1)
     shot = street._replace(cameras=street.cameras[view.shot : view.shot + 1])
     (frame,) = renderer("embree").render(shot, settings)
-    image, label, depth = np.split(tile(frame), 3)
     return Pictures(
-        _file(".jpg", image),
-        _file(".png", label),
-        _file(".jpg", depth),
+        _file(".jpg", frame.image),
+        _file(".png", colorize(frame.label)),
+        _file(".png", coloured(frame.depth)),
+        shares(frame.label),
         street.sky.weather,
         len(street.placements),
         time.perf_counter() - began,
     )
+
+
+def shares(label: np.ndarray) -> tuple[tuple[int, float], ...]:
+    """Train ids in a label image u8[h, w], each with its percent of all pixels, the largest first."""
+    ids, counts = np.unique(label[label != VOID], return_counts=True)
+    order = np.argsort(-counts, kind="stable")
+    return tuple((int(ids[k]), 100 * float(counts[k]) / label.size) for k in order)
+
+
+def coloured(depth: np.ndarray) -> np.ndarray:
+    """Depth f32[h, w] in metres, 0 where there is none, as colours u8[h, w, 3] that tell near from far."""
+    near = (255 * (1 - np.clip(depth / FAR, 0, 1))).astype(np.uint8)
+    found: np.ndarray = cv2.applyColorMap(near, cv2.COLORMAP_VIRIDIS)[..., ::-1]
+    return np.where(depth[..., None] > 0, found, 0).astype(np.uint8)
+
+
+def free(depth: np.ndarray, label: np.ndarray) -> bool:
+    """Whether a view is not from inside a thing: depth f32[h, w] in metres, label u8[h, w] of its frame."""
+    close = (depth > 0) & (depth < NEAR) & ~np.isin(label, GROUND)
+    return float(close.mean()) <= BLOCKED
+
+
+def first_free(state: State) -> int:
+    """The first street from the state's on with a free view; the state's own where none has one."""
+    view = state.view
+    settings = view.settings._replace(
+        width=SKETCH, height=max(SKETCH * view.height // view.width, 8), samples=1
+    )
+    for k in range(view.street, min(view.street + LOOKED_AT, MOST_STREETS)):
+        wanted = request(state._replace(view=view._replace(street=k)))
+        street = _street(wanted.unit, view.seed, k, view.shots, view.pool)
+        shot = street._replace(cameras=street.cameras[view.shot : view.shot + 1])
+        (frame,) = renderer("embree").render(shot, settings)
+        if free(frame.depth, frame.label):
+            return k
+    return view.street
 
 
 @lru_cache(maxsize=8)
@@ -94,15 +142,21 @@ class RenderProcess:
         Raises:
             WorkerError: the process died, and died again.
         """
-        async with self._turn:
-            made = await asyncio.to_thread(self._make, wanted)
-            self.warm = True
-            return made
+        made: Pictures = await self._call(pictures, wanted)
+        self.warm = True
+        return made
 
-    def _make(self, wanted: Request) -> Pictures:
-        ((_, made),) = self._workers.map(pictures, [(wanted,)])
-        found: Pictures = made
+    async def first_free(self, state: State) -> int:
+        """See `first_free`; raises as `make` does."""
+        found: int = await self._call(first_free, state)
         return found
+
+    async def _call(self, work: Callable[[Any], Any], wanted: Any) -> Any:
+        async with self._turn:
+            ((_, made),) = await asyncio.to_thread(
+                lambda: list(self._workers.map(work, [(wanted,)]))
+            )
+            return made
 
     def close(self) -> None:
         """Stop the process."""

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
+from functools import partial
 
 from nicegui import ui
 from nicegui.events import ValueChangeEventArguments
 
-from experiments.playground.state import State, interval, rows, shown
+from experiments.playground.state import State, as_before, interval, rows, shown
 from scene.attributes import BY_NAME
 
 STEPS = 1000
@@ -22,36 +23,47 @@ class Sliders:
     Args:
         state: what they show at first.
         moved: told a name and its new interval, unit values, when the user moves a thumb.
+        reset: told a name whose interval shall be as it was before anything was moved.
     """
 
-    def __init__(self, state: State, moved: Callable[[str, float, float], Awaitable[None]]) -> None:
-        self._state, self._moved = state, moved
+    def __init__(
+        self,
+        state: State,
+        moved: Callable[[str, float, float], Awaitable[None]],
+        reset: Callable[[str], Awaitable[None]],
+    ) -> None:
+        self._state, self._moved, self._reset = state, moved, reset
+        self._resets: dict[str, ui.button] = {}
         self._ranges: dict[str, ui.range] = {}
         self._texts: dict[str, tuple[ui.label, ui.label]] = {}
         for title, names in rows(state.space).items():
             with ui.expansion(title, value=title in OPEN).classes("knobgroup w-full"):
                 for name in names:
                     self._row(state, name)
-        self.show(state)
+        self.show(state, state)
 
-    def show(self, state: State) -> None:
-        """Put thumbs and texts where the state has them."""
+    def show(self, state: State, first: State) -> None:
+        """Put thumbs and texts where the state has them; what is not as at ``first`` can be reset."""
         self._state, unit = state, state.unit
         for name, thumbs in self._ranges.items():
             if thumbs.value != (wanted := _thumbs(state, name)):
                 thumbs.value = wanted
             for label, text in zip(self._texts[name], shown(state, name, unit), strict=True):
                 label.set_text(text)
+            self._resets[name].set_visibility(not as_before(state, name, first))
 
     def _row(self, state: State, name: str) -> None:
         with ui.element("div").classes("attribute").props(f"data-attribute={name}"):
             with ui.element("div").classes("head"):
                 ui.label(BY_NAME[name].meaning).classes("meaning").tooltip(name)
+                reset = ui.button("reset", on_click=partial(self._reset, name)).classes("reset")
+                reset.props(f'flat dense size=10px padding="0 4px" aria-label="reset {name}"')
                 ends = ui.label().classes("ends")
             thumbs = ui.range(min=0, max=STEPS, value=_thumbs(state, name))
             thumbs.props(f'drag-range dense aria-label="{name}"')
             drawn = ui.label().classes("drawn").tooltip("drawn for the street in view")
         self._ranges[name], self._texts[name] = thumbs, (ends, drawn)
+        self._resets[name] = reset
 
         async def change(event: ValueChangeEventArguments) -> None:
             if event.value != _thumbs(self._state, name):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ from scene.proposal import (
     slide,
 )
 from scene.render import RenderSettings, check_settings
+from shell.command import PROGRAM
 
 GROUPS: dict[str, tuple[str, ...]] = {
     "Light and weather": (
@@ -52,6 +54,8 @@ GROUPS: dict[str, tuple[str, ...]] = {
 """Every attribute once, in the order of the table; a group shows those of the space in use."""
 MOST_STREETS, MOST_SHOTS, MOST_PIXELS = 1000, 60, 2_100_000
 SEEDS = 2**32
+FILE = "street.json"
+"""Where a copied command finds attributes that have no name."""
 LOSS = "the file has probabilities; sliders show, and save, intervals of the same mean and variance"
 """Said where streets that `has_probabilities` are opened."""
 
@@ -144,6 +148,64 @@ def set_to(state: State, name: str) -> State:
 def centred(state: State) -> State:
     """Every interval in the middle of its range, as wide as it was."""
     return replaced(state, slide(np.full_like(state.proposal.centre, 0.5), state.proposal.width))
+
+
+def restored(state: State, name: str, first: State) -> State:
+    """The state with one attribute as another state of the same components has it, bit by bit."""
+    where = list(BY_NAME).index(name)
+    centre, width = (part.copy() for part in state.proposal)
+    centre[where], width[where] = (part[where] for part in first.proposals[state.component])
+    return replaced(state, Proposal(centre, width))
+
+
+def as_before(state: State, name: str, first: State) -> bool:
+    """Whether one attribute is as another state of the same components has it."""
+    where = list(BY_NAME).index(name)
+    own, other = state.proposal, first.proposals[state.component]
+    return all(a[where] == b[where] for a, b in zip(own, other, strict=True))
+
+
+def enlarged(view: View, width: int, height: int) -> View:
+    """The view with a picture of the same shape that fills a window as far as that may be rendered."""
+    most = (MOST_PIXELS / (view.width * view.height)) ** 0.5
+    scale = min(width / view.width, height / view.height, most)
+    if scale <= 1:
+        return view
+    return view._replace(width=int(view.width * scale), height=int(view.height * scale))
+
+
+def name_of(state: State) -> str | None:
+    """By which name `sdr-jax render` knows the component in view; None where it needs a file."""
+    for name in ("default", "random"):
+        known = named(name, state.space)
+        if all(map(np.array_equal, known, state.proposal)):
+            return name
+    return None
+
+
+def command(state: State) -> str:
+    """The command whose last image is the picture in view; attributes that have no name are read from `FILE`.
+
+    Families that are left out, and a first asset, have no flag there.
+    """
+    view, name = state.view, name_of(state)
+    flags: dict[str, object] = {"attributes": name or FILE}
+    if name and state.space != "scenex":
+        flags["space"] = state.space
+    flags |= {"seed": view.seed, "shots": view.shots}
+    flags |= {"images": view.street * view.shots + view.shot + 1}
+    flags |= {"size": f"{view.width}x{view.height}", "samples": view.samples}
+    usual, pool = AssetPool(), view.pool
+    for flag, own, default in (
+        ("assets", pool.own, usual.own),
+        ("asset-use", pool.use, usual.use),
+        ("asset-fraction", pool.fraction, usual.fraction),
+        ("asset-count", pool.size, usual.size),
+    ):
+        if own != default:
+            flags[flag] = own
+    words = [PROGRAM, "render", *(w for k, v in flags.items() for w in (f"--{k}", str(v)))]
+    return shlex.join([*words, "--out", "street"])
 
 
 def shown(state: State, name: str, unit: np.ndarray) -> tuple[str, str]:

@@ -1,9 +1,11 @@
 """Reports of runs: one page of each that needs no network.
 
     sdr-jax report runs/a             # writes runs/a/report.html anew
+    sdr-jax report runs/a --serve     # shows it, also while the run goes on
 
-A run is the folder (--out) of `sdr-jax camvid`, `cityscapes` or `labelmefacade` at its end. Studies have
-reports in a form of their own, which --rederive writes anew.
+A run is the folder (--out) of `sdr-jax camvid`, `cityscapes` or `labelmefacade`. While it goes on it
+writes the page every 15 seconds; this command makes that of a finished run. Studies have reports in a form of
+their own, which --rederive writes anew.
 """
 
 from __future__ import annotations
@@ -14,13 +16,12 @@ from pathlib import Path
 
 from experiments.config import parsers
 from experiments.evaluation.store import LOGS
-from experiments.report import page
-from experiments.report.folder import read
+from experiments.report import live, page
+from experiments.report.folder import NAME, SUMMARY, read
 from shell.command import exit_code
 from shell.errors import UserError
 from shell.files import write
 
-NAME = "report.html"
 INSTEAD = f"{' and '.join(LOGS)} in each run hold every evaluation, an object a line"
 
 
@@ -51,9 +52,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if len(options.run) > 1:
             runs = " ".join(map(str, options.run))
             raise UserError(f"{runs}: a page has one run; to compare several, {INSTEAD}")
-        print(make(options.run[0], options.out))
+        run = options.run[0]
+        if options.serve is None:
+            print(make(run, options.out))
+            return
+        if options.out is not None:
+            raise UserError(f"--serve shows RUN/{NAME}; --out {options.out} has no part in it")
+        if not run.is_dir():
+            raise UserError(f"{run}: no such folder; name the --out of a run")
+        if (run / SUMMARY).is_file() and not (run / NAME).is_file():
+            make(run, None)
+        live.serve(run, options.serve)
 
-    return exit_code(work)
+    return exit_code(work, goes_on=False)
 
 
 if __name__ == "__main__":

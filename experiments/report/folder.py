@@ -12,14 +12,15 @@ from experiments.main import summary
 from experiments.main.pictures import INDEX, PICTURES
 from experiments.report.matters import FILE
 from experiments.study.form import Report
-from scene.attributes import BY_NAME, Attribute
+from scene.attributes import BY_NAME, SPACES, Attribute
 from scene.held import read_fixed
 from shell.errors import UserError
 from shell.files import read_json
 from shell.folder import CONFIG, read_config
 from shell.lines import JsonLines, Record
 
-SUMMARY = "summary.json"
+SUMMARY, NAME = "summary.json", "report.html"
+"""Files of a run folder: what it ends with, and the page."""
 
 
 class RunFolder(NamedTuple):
@@ -40,8 +41,13 @@ class RunFolder(NamedTuple):
     @property
     def attributes(self) -> tuple[Attribute, ...]:
         """Those that were searched, that is, were not held."""
-        names = self.summary["components"][0]["attributes"]
-        return tuple(BY_NAME[name] for name in names if name not in self.held)
+        known = self.summary.get("components")
+        rows = (
+            SPACES[self.config["space"]]
+            if known is None
+            else map(BY_NAME.get, known[0]["attributes"])
+        )
+        return tuple(row for row in rows if row is not None and row.name not in self.held)
 
     @property
     def held(self) -> dict[str, float]:

@@ -48,8 +48,7 @@ function draw(figure) {
   const told = JSON.parse(figure.querySelector("script").textContent);
   const view = told.views ? told.views[Number(figure.dataset.view || 0)] : told;
   const height = parseInt(figure.style.getPropertyValue("--height"), 10);
-  const options = { responsive: true, displaylogo: false, displayModeBar: "hover",
-    modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"] };
+  const options = { responsive: true, displaylogo: false, displayModeBar: false };
   Plotly.react(figure.querySelector(":scope > div:not(.views)"), coloured(view.data),
     dressed(view.layout, height), options);
 }
@@ -87,3 +86,5 @@ button.onclick = () => { kept(root.dataset.theme === "dark" ? "light" : "dark");
 night.addEventListener("change", dress);
 plots.forEach(offer);
 dress();
+const written = document.getElementById("written");  // of a run under way
+if (written) written.textContent = new Date(document.lastModified).toLocaleTimeString();

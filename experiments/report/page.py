@@ -7,16 +7,18 @@ from __future__ import annotations
 
 import json
 import mimetypes
+import shlex
 from base64 import b64encode
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from plotly.offline import get_plotlyjs
 
+from experiments.evaluation.store import each
 from experiments.main.pictures import PICTURES
 from experiments.main.summary import TRAINED_ON
 from experiments.report import figures
-from experiments.report.figures import NAMES
+from experiments.report.figures import NAMES, STAGES
 from experiments.report.folder import RunFolder, read
 from experiments.report.matters import matters
 from experiments.report.templates import templates
@@ -24,6 +26,7 @@ from experiments.run import few
 from experiments.study.form import Report, cells, number, starts, words
 from scene.held import hold
 from scene.proposal import default_proposal, describe
+from shell.command import PROGRAM
 from shell.progress import duration
 
 HERE = Path(__file__).parent
@@ -31,13 +34,44 @@ FIRST = 15
 """Attributes whose importance is drawn."""
 THIN = 0.02
 """As dense as an interval of this width is drawn what is narrower: 3 of 170 pixels."""
-OLD = "This run is older than these pictures, or was cut off; its command writes them."
+CANDIDATES = {
+    "argmax": "the best found, as the method answers",
+    "seen": "the dataset with the best reward",
+    "broad": "as wide as the search is unsure",
+    "last": "the last policy",
+    "previous": "the policy before the last",
+    "mixed": "half the last policy, half the first",
+    "random": "all attributes random",
+    "default": "the hand-set street",
+}
+"""What may be the answer, in words."""
+IMAGES = 1000
+"""Of the command that renders more streets like the answer."""
+EVERY = 15
+"""Seconds after which a page of a run under way is read anew."""
+
+
+class Status(NamedTuple):
+    """How far a run under way is."""
+
+    share: float  # of the work
+    said: str  # the last line of its progress
 
 
 def html(report: Report, folder: Path) -> str:
     """The whole page of a run, from its derived summary and its folder."""
-    run = read(folder, report)
-    order, seen = figures.ordered(report), run.seen
+    return _page(read(folder, report), None)
+
+
+def under_way(run: RunFolder, status: Status) -> str:
+    """The page of a run that is not at its end: what is known so far."""
+    return _page(run, status)
+
+
+def _page(run: RunFolder, status: Status | None) -> str:
+    """The page, of the sections that have something to show."""
+    report, seen, over = run.summary, run.seen, status is None
+    order = figures.ordered(report) if over else []
     trained = [row for row in order if any(report["nets"][row])]
     learnt_first = sorted(trained, key=lambda row: row != "learnt")
 
@@ -55,21 +89,99 @@ def html(report: Report, folder: Path) -> str:
     config = dict(run.config)
     versions = {"engine of scenes": config.get("engine", "?")}
     versions |= config.pop("made_with", {}) | config.pop("versions", {})
+    parts = {
+        "so_far": so_far(run) if status else None,
+        "result": results(report, order) if over else None,
+        "search": search_note(run),
+        "attributes": attributes(run) if over else None,
+        "streets": seen and seen["streets"],
+        "worst": seen and seen["worst"] and seen["worst"]["images"] and seen["worst"],
+        "classes": class_table(report, trained) if trained else None,
+        "importance": importance(run) if over else None,
+        "cost": cost(run),
+        "made": True,
+    }
+    title = report["note"][0].upper() + report["note"][1:]
     page = environment.get_template("page.html").render(
-        run=run, report=report, seen=seen, order=order, trained=trained, figures=figures,
-        NAMES=NAMES, OLD=OLD, FIRST=FIRST,
-        few=len(report.get("few_images", ())), starts=starts(report), asked=asked(run),
-        cards=cards(report), results=results(report, order), result_note=result_note(report),
-        search_note=search_note(run), selection=selection(run),
-        attributes=attributes(run), policy=figures.policy(run),
-        classes=class_table(report, trained),
+        run=run, report=report, seen=seen, order=order, trained=trained, figures=figures, parts=parts,
+        NAMES=NAMES, FIRST=FIRST, EVERY=EVERY, status=status, title=title,
+        verdict=verdict(report) if over else "This run is under way",
+        following=following(run) if over else [], starts=starts(report), asked=asked(run),
+        cards=cards(report) if over else [], result_note=result_note(report) if over else "",
+        selection=selection(run), policy=figures.policy(run),
         confusion=None if seen is None else figures.confusion(seen, learnt_first),
-        importance=importance(run), cost=cost(run),
         versions=versions.items(), settings=json.dumps(config, indent=2),
         style=(HERE / "page.css").read_text(encoding="utf-8"),
         code=(HERE / "page.js").read_text(encoding="utf-8"), plotly=get_plotlyjs(),
     )  # fmt: skip
     return page + "\n"
+
+
+def verdict(report: Report) -> str:
+    """What came out, in one sentence."""
+    rows, beside = report["rows"], report.get("gain_beside_few")
+    where = "" if report["real"] else "On the twin, which is not real data, "
+    own = rows["few+learnt" if beside else "learnt"]["mean"]
+    if own is None:
+        said = "no net on learnt streets could be trained"
+        return where + said if where else said[0].upper() + said[1:]
+    hand_set = report["chosen_candidate"] == "default"
+    what = "the hand-set street, which no candidate surpassed," if hand_set else "learnt streets"
+    what += f" beside {len(report['few_images'])} labelled images" if beside else ""
+    if beside:
+        gains = {
+            "the labels alone": beside["few"],
+            "hand-set streets beside them": beside["few+default"],
+        }
+    else:
+        gains = {
+            "the hand-set street": report["gain_over_default"],
+            "random streets": report["gain"],
+        }
+    told = [
+        _compared(gain, other)
+        for other, gain in gains.items()
+        if not (hand_set and "hand" in other)
+    ]
+    said = f"{where}{what} {'trains' if hand_set else 'train'} nets of {own:.1f} % mIoU: "
+    said += " and ".join(told)
+    return said[0].upper() + said[1:]
+
+
+def _compared(gain: Report, other: str) -> str:
+    """A gain over something else, in words; one whose interval holds zero is not told as a gain."""
+    mean, ci95 = gain["mean"], gain["ci95"]
+    if mean is None:
+        return f"not compared with {other}"
+    apart = f"{abs(mean):.1f} points {'above' if mean >= 0 else 'below'} {other}"
+    if ci95 is None:
+        return f"{apart} (one seed)"
+    return apart if ci95[0] * ci95[1] > 0 else f"not clearly different from {other}"
+
+
+def following(run: RunFolder) -> list[tuple[str, str]]:
+    """The commands that come next, each after what it does."""
+    out = Path(str(run.config.get("out", run.path)))
+    words = [PROGRAM, "render", "--attributes", str(out / "attributes.json")]
+    words += ["--images", str(IMAGES), "--out", str(out / "streets")]
+    more = (f"Next: render {IMAGES:,} images of these streets", shlex.join(words))
+    if run.summary["real"]:
+        return [more]
+    return [more, ("Or ask what your own labelled images need", f"{PROGRAM} doctor DATA")]
+
+
+def so_far(run: RunFolder) -> list[list[str]]:
+    """Of nets that are no rewards: what they are, how many are done, and their mean mIoU or reward."""
+    found: dict[tuple[str, str], list[float | None]] = {}
+    for line in each(run.finals):
+        found.setdefault((line.get("nets", ""), line.get("row", "")), []).append(line["reward"])
+    rows = []
+    for (nets, row), values in found.items():
+        percent = run.percent or nets == "final"
+        known = [value * (100 if percent else 1) for value in values if value is not None]
+        mean = number(sum(known) / len(known), ".1f" if percent else ".4f") if known else ""
+        rows.append([f"{STAGES.get(nets, nets)}: {NAMES.get(row, row)}", str(len(values)), mean])
+    return rows
 
 
 def asked(run: RunFolder) -> list[tuple[str, str]]:
@@ -81,15 +193,17 @@ def asked(run: RunFolder) -> list[tuple[str, str]]:
         f"{count} images, {100 * report['few_share']:.0f} % of every batch" if count else "none"
     )
     net, steps = train.get("net", "?"), train.get("steps", "?")
-    return [
+    told = [
         ("Reward", f"{report['reward_images']} images, {len(run.evaluations)} evaluations"),
         ("Reported on", f"{report['test_images']} other images at {report['scored_at']}"),
         ("Labels beside renders", beside),
         ("Search", f"{options.get('method', '?')}, space {config.get('space', 'scenex')}"),
-        ("Nets", f"{net}, {steps} steps, {_seeds(report)} seeds"),
-        ("Answer", f"candidate “{report['chosen_candidate']}”"),
-        ("Took", f"{duration(report['seconds']['total'])}, preset {report['preset']}"),
+        ("Nets", f"{net}, {steps} steps, {report['seeds']} seeds"),
     ]
+    if "chosen_candidate" in report:
+        told.append(("Answer", f"candidate “{report['chosen_candidate']}”"))
+        told.append(("Took", duration(report["seconds"]["total"])))
+    return [*told, ("Preset", report["preset"])]
 
 
 def _seeds(report: Report) -> int:
@@ -157,33 +271,43 @@ def search_note(run: RunFolder) -> str:
 
 
 def selection(run: RunFolder) -> Report | None:
-    """How the answer was chosen among the candidates; nothing of a run that used another rule."""
+    """How the answer was chosen among the candidates; nothing of a run that used another rule.
+
+    Of each candidate, the best first: its name, what it is, whether it is the answer, and cells for ``head``.
+    """
     report = run.summary
     found = report.get("selection")
     if found is None:
         return None
-    scale, form, unit = (1, ".1f", "%") if run.percent else (0.01, ".4f", "-MMD²")
+    scale, form, unit = (1, ".1f", "mIoU, %") if run.percent else (0.01, ".4f", "-MMD²")
+    means, t, parts = found["means"], found["t"], report["parts"]
+    base = means.get("default")
 
-    def told(values: list[float | None]) -> list[str]:
-        return [number(None if value is None else scale * value, form) for value in values]
+    def told(value: float | None, sign: str = "") -> str:
+        return number(None if value is None else scale * value, sign + form)
 
     rows = []
-    for name, mean in found["means"].items():
-        mark = " ← answer" if name == report["chosen_candidate"] else ""
-        by_part = report["candidate_parts"][name] or [None] * len(report["parts"])
-        t = number(found["t"].get(name), ".2f")
-        rows.append([name + mark, *told([mean]), t, *told(by_part)])
-    critical = found["critical"]
-    bound = "" if critical is None else f" The critical value of t is {critical:.2f}."
+    for name, mean in sorted(means.items(), key=lambda own: (own[1] is None, -(own[1] or 0.0))):
+        by_part = report["candidate_parts"][name] or [None] * len(parts)
+        cells = [told(mean)]
+        if base is not None:
+            known = mean is not None and name != "default"
+            cells.append(told(mean - base if known else None, "+"))
+        if t:
+            cells.append(number(t.get(name), ".2f"))
+        chosen = name == report["chosen_candidate"]
+        cells += map(told, by_part)
+        rows.append(
+            {"name": name, "what": CANDIDATES.get(name, ""), "chosen": chosen, "cells": cells}
+        )
+    over = [] if base is None else ["over hand-set"]
+    tested = [f"t, significant above {found['critical']:.2f}"] if t else []
+    where = "; ".join(f"part {k}, {part}" for k, part in enumerate(parts, 1))
     return {
         "nets": max(map(len, report["candidates"].values())),
-        "verdict": f"{found['verdict'][0].upper()}{found['verdict'][1:]}.{bound}",
-        "head": [
-            "candidate",
-            f"mean, {unit}",
-            "t",
-            *(f"{part}, {unit}" for part in report["parts"]),
-        ],
+        "verdict": f"{found['verdict'][0].upper()}{found['verdict'][1:]}.",
+        "parts": f"Parts of the reward images, which decide nothing: {where}." if parts else "",
+        "head": [unit, *over, *tested, *(f"part {k}" for k in range(1, len(parts) + 1))],
         "rows": rows,
     }
 
@@ -234,11 +358,15 @@ def attributes(run: RunFolder) -> Report:
     kinds = f" The answer is a mixture of {len(components)} kinds of streets." if mixed else ""
     return {
         "note": f"Each street draws its attributes from these {drawn}.{kinds}{_recovered(report)}",
-        "shares": [f"{100 * c['share']:.0f} % of streets" for c in components],
+        "kinds": [
+            f"kind {chr(ord('A') + k)}, {100 * c['share']:.0f} % of streets" if mixed else "learnt"
+            for k, c in enumerate(components)
+        ],
         "hidden": hidden is not None,
         "binned": binned,
-        # Of a mixture of densities the first is filled and the others are lines; of intervals they are pale.
-        "looks": ["area" if binned and mixed else ""] + ["step" if binned else "pale"] * mixed,
+        # Of a mixture of densities the first is filled and the others are lines.
+        "looks": ["area" if binned and mixed else ""]
+        + ["other step" if binned else "other"] * mixed,
         "rows": rows,
     }
 
@@ -291,8 +419,11 @@ def class_table(report: Report, order: list[str]) -> dict[str, Any]:
     }
 
 
-def importance(run: RunFolder) -> dict[str, Any]:
-    """Which attributes matter, by the model of `sdr-jax study sensitivity` on the run's own rewards."""
+def importance(run: RunFolder) -> dict[str, Any] | None:
+    """Which attributes matter, by the model of `sdr-jax study sensitivity` on the run's own rewards.
+
+    None where they say nothing.
+    """
     found = run.matters
     if found is None:
         found = matters(run.evaluations, run.summary["target"], run.config.get("space", "scenex"))
@@ -301,12 +432,14 @@ def importance(run: RunFolder) -> dict[str, Any]:
         f"posterior; the first {FIRST} attributes. {found['said']}"
     )
     shown = found["attributes"][:FIRST]
-    return {"shown": shown, "said": found["said"], "note": note if shown else ""}
+    return {"shown": shown, "note": note} if shown else None
 
 
-def cost(run: RunFolder) -> dict[str, Any]:
-    """Where the time went."""
+def cost(run: RunFolder) -> dict[str, Any] | None:
+    """Where the time went; None before any was spent."""
     stages = figures.costs(run)
+    if not stages:
+        return None
     keys = ("nets", "render", "train")
     total = {key: sum(own[key] for own in stages.values()) for key in keys}
     rows = []
@@ -314,10 +447,11 @@ def cost(run: RunFolder) -> dict[str, Any]:
         each = (own["render"] + own["train"]) / max(own["nets"], 1)
         minutes = [f"{own[key] / 60:.1f}" for key in keys[1:]]
         rows.append([stage, f"{own['nets']:.0f}", *minutes, f"{each:.1f}"])
-    clock, workers = run.summary["seconds"]["total"], run.config.get("workers", "?")
-    spent = duration(total["render"] + total["train"])
+    workers, spent = run.config.get("workers", "?"), duration(total["render"] + total["train"])
+    clock = run.summary.get("seconds", {}).get("total")
+    by_clock = "" if clock is None else f" in {duration(clock)} by the clock"
     return {
         "stages": stages,
         "rows": rows,
-        "note": f"{spent} of work on one core in {duration(clock)} by the clock, {workers} workers.",
+        "note": f"{spent} of work on one core{by_clock}, {workers} workers.",
     }

@@ -43,14 +43,20 @@ class ResultsConfig:
     """Number of searches of each method, and of twins."""
 
 
+def parser() -> Parser:
+    """The command line of `sdr-jax results`."""
+    options = Parser("results", docstring("experiments.results"))
+    for field in flags_of(ResultsConfig()):
+        add_flag(options.add_argument, field)
+    return options
+
+
 def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
-    default, parser = ResultsConfig(), Parser("results", docstring("experiments.results"))
-    for field in flags_of(default):
-        add_flag(parser.add_argument, field)
-    given = vars(parser.parse_args(arguments))
+    default, options = ResultsConfig(), parser()
+    given = vars(options.parse_args(arguments))
     if "data" not in given:
-        parser.error("--data needs the folder of CamVid")
+        options.error("--data needs the folder of CamVid")
     from experiments.results.making import make  # the help needs no job
 
     def work() -> None:

@@ -23,11 +23,12 @@ from sdr_jax.names import MethodName
 from shell.command import Parser, docstring, exit_code
 
 
-def _parser() -> Parser:
-    parser = Parser("tune", docstring("sdr_jax.tune"))
-    parser.usage = "%(prog)s SPACE [options] -- simulator ... {attributes.json} ..."
-    parser.argument_default = argparse.SUPPRESS
-    add = parser.add_argument
+def parser() -> Parser:
+    """The command line of `sdr-jax tune`, as far as the simulator's own."""
+    options = Parser("tune", docstring("sdr_jax.tune"))
+    options.usage = "%(prog)s SPACE [options] -- simulator ... {attributes.json} ..."
+    options.argument_default = argparse.SUPPRESS
+    add = options.add_argument
     add("space", type=Path, metavar="SPACE", help="TOML file: attributes, method, sizes")
     add("--out", type=Path, metavar="DIR", help="run folder; by default runs/ and the file's name")
     add("--evaluations", type=int, metavar="N", help="data sets to evaluate in all")
@@ -47,7 +48,7 @@ def _parser() -> Parser:
     )
     add("--seed", type=int, metavar="N", help="seed of the search")
     add("--method", metavar="NAME", help=f"one of {', '.join(get_args(MethodName))}")
-    return parser
+    return options
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -57,7 +58,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
     split = arguments.index("--") if "--" in arguments else len(arguments)
     command = arguments[split + 1 :]
-    flags = vars(_parser().parse_args(arguments[:split]))
+    flags = vars(parser().parse_args(arguments[:split]))
     debug, path = flags.pop("debug"), flags.pop("space")
     out = flags.pop("out", Path("runs") / path.stem)
     retry_failed = flags.pop("retry_failed", False)

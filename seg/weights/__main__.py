@@ -20,24 +20,29 @@ from seg.names import NORMALISATIONS
 from shell.command import Parser, docstring, exit_code
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """The command line; returns the exit code."""
-    parser = Parser("weights", docstring("seg.weights"))
-    parser.add_argument("convert", choices=["convert"], help="check a file, write it as .npz")
-    parser.add_argument(
+def parser() -> Parser:
+    """The command line of `sdr-jax weights`."""
+    options = Parser("weights", docstring("seg.weights"))
+    options.add_argument("convert", choices=["convert"], help="check a file, write it as .npz")
+    options.add_argument(
         "file", type=Path, metavar="FILE", help=".pth, .safetensors, .npz, .h5 or .whl"
     )
-    parser.add_argument(
+    options.add_argument(
         "--out", type=Path, required=True, metavar="FILE", help="the .npz file to write"
     )
-    parser.add_argument(
+    options.add_argument(
         "--normalisation",
         choices=NORMALISATIONS,
         help="which images the weights expect: torchvision (RGB in [0, 1], minus mean, by deviation; "
         "the default for torchvision's names), caffe (BGR in 0..255, minus mean; the default for Keras's) "
         "or hed (as caffe, with HED's mean; for its own weights)",
     )
-    options = parser.parse_args(arguments)
+    return options
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The command line; returns the exit code."""
+    options = parser().parse_args(arguments)
 
     from seg.weights import convert  # the help needs no nets
 

@@ -105,8 +105,8 @@ def test_results_are_those_of_arrays(workers, tmp_path):
 
 def test_features_are_computed_once_for_all_nets_of_a_run(opened, runner, tmp_path, monkeypatch):
     expected = plain()
-    opened().put(TEST, TRAIN)
-    real = loaded(opened().put(REAL, TRAIN, training=True))
+    opened().put(TEST, TRAIN, "test")
+    real = loaded(opened().put(REAL, TRAIN, "reward", training=True))
     assert same(real.features, pyramid.features(view_images(REAL.images, TRAIN)))
     part = real.take(np.array([3, 17, 24]))
     assert same(part.features, pyramid.features(view_images(part.images, TRAIN)))
@@ -120,23 +120,23 @@ def test_features_are_computed_once_for_all_nets_of_a_run(opened, runner, tmp_pa
 def test_a_killed_run_leaves_nothing_that_is_trusted(opened, tmp_path, full_disk, monkeypatch):
     folder, whole = tmp_path / "run" / FOLDER, pyramid.features(REAL.images)
     with pytest.raises(OSError, match="No space left") as caught:
-        opened().put(REAL, TRAIN)
+        opened().put(REAL, TRAIN, "reward")
     assert Path(caught.value.filename).parent == folder and not list(folder.iterdir())
     monkeypatch.undo()
     with monkeypatch.context() as patch:
         patch.setattr(cache, "_features_of", Counted(cache._features_of, 1))
         with pytest.raises(Killed):
-            opened().put(REAL, TRAIN)
+            opened().put(REAL, TRAIN, "reward")
     (images,) = folder.iterdir()
-    first = opened().put(REAL, TRAIN)
+    first = opened().put(REAL, TRAIN, "reward")
     assert first.images == str(images) and same(first.load().features, whole)
     # Half of a folder after a kill that nothing catches; files that a user has removed.
     shutil.copytree(first.features, first.features + ".part")
     for name in ("images.npy", ABOUT):
         (images / name).unlink()
-        assert opened().put(REAL, TRAIN) == first and (images / name).exists()
+        assert opened().put(REAL, TRAIN, "reward") == first and (images / name).exists()
     (Path(first.features) / "map0.npy").unlink()
-    assert opened().put(REAL, TRAIN) == first and len(list(folder.iterdir())) == 2
+    assert opened().put(REAL, TRAIN, "reward") == first and len(list(folder.iterdir())) == 2
     assert np.array_equal(np.load(Path(first.features) / "map0.npy"), whole[0])
 
 
@@ -148,13 +148,13 @@ def test_a_killed_run_leaves_nothing_that_is_trusted(opened, tmp_path, full_disk
     ("images", "labels.npy", b"", "is damaged"),
 ])  # fmt: skip
 def test_files_of_others_and_damaged_ones_are_refused(part, name, change, complaint, opened):
-    path = Path(getattr(opened().put(TEST, TRAIN), part)) / name
+    path = Path(getattr(opened().put(TEST, TRAIN, "test"), part)) / name
     if name == ABOUT:
         write_json(path, read_json(path) | change)
     else:
         path.write_bytes(path.read_bytes()[:-1] + change)
     with pytest.raises(UserError) as caught:
-        opened().put(TEST, TRAIN)
+        opened().put(TEST, TRAIN, "test")
     said = str(caught.value)
     assert str(path) in said and complaint in said and f"remove {path.parent}" in said
 

@@ -103,6 +103,7 @@ def test_stopped_and_killed_it_ends_as_an_unbroken_run(unbroken, start_job, tmp_
     wait_for_lines(job.process, out / "evaluations.jsonl", 7)
     job.kill()
     job.finish()
+    assert "This run is under way" in (out / "report.html").read_text()
     with open(out / "evaluations.jsonl", "a") as log:
         log.write('{"update": 4, "data')  # as a kill within a write leaves it
 

@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import shlex
 import socket
 import time
 
@@ -14,10 +15,33 @@ from starlette.responses import PlainTextResponse
 from benchmarks.playground import browser, served
 from experiments.playground import __main__ as command
 from experiments.playground import exporting, guard
-from experiments.playground.rendering import LatestOnly, pictures, request
-from experiments.playground.state import GROUPS, View, centred, moved, opened, shown
+from experiments.playground.rendering import (
+    LatestOnly,
+    coloured,
+    first_free,
+    free,
+    pictures,
+    request,
+    shares,
+)
+from experiments.playground.state import (
+    FILE,
+    GROUPS,
+    MOST_PIXELS,
+    View,
+    as_before,
+    centred,
+    enlarged,
+    moved,
+    opened,
+    restored,
+    shown,
+)
+from experiments.playground.state import command as command_of
+from scene.assets.catalogue import AssetPool
 from scene.attributes import BY_NAME
 from scene.classes import TrainId, colorize
+from scene.dataset.export import read_dataset
 from scene.dataset.render import render_street
 from scene.proposal import (
     Histogram,
@@ -29,6 +53,8 @@ from scene.proposal import (
     parse_streets,
     random_proposal,
 )
+from scene.render.__main__ import main as render
+from shell.loopback import MOST_BYTES
 
 VIEW = View(seed=3, street=2, shot=1, shots=2, width=64, height=32, samples=1)
 MIXED = opened(mixture((0.25, 0.75), (default_proposal(), random_proposal())), VIEW)
@@ -67,7 +93,68 @@ def test_the_picture_is_the_one_of_the_dataset_and_a_quick_one_is_half_as_large(
     made, quick = pictures(request(state)), pictures(request(state, quick=True))
     label = cv2.imdecode(np.frombuffer(made.label, np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
     np.testing.assert_array_equal(label, colorize(frame.label))
+    assert made.shares == shares(frame.label)
     assert cv2.imdecode(np.frombuffer(quick.image, np.uint8), 1).shape == (16, 32, 3)
+
+
+def test_an_attribute_is_put_back_and_a_picture_fills_the_window_as_far_as_it_may():
+    state = moved(moved(MIXED, "car_interval", 0.0, 0.5), "tree_interval", 0.0, 0.5)
+    back = restored(state, "car_interval", MIXED)
+    assert as_before(back, "car_interval", MIXED) and not as_before(back, "tree_interval", MIXED)
+    np.testing.assert_array_equal(restored(back, "tree_interval", MIXED).proposals, MIXED.proposals)
+    assert enlarged(VIEW, 1400, 900)[4:6] == (1400, 700)
+    assert enlarged(VIEW, 60, 20) == VIEW
+    width, height = enlarged(VIEW, 8000, 4000)[4:6]
+    assert 0.99 * MOST_PIXELS < width * height <= MOST_PIXELS
+
+
+@pytest.mark.parametrize("change", [None, "car_interval"])
+def test_the_copied_command_makes_the_picture(change, tmp_path, monkeypatch):
+    state = opened(default_proposal(), VIEW)
+    if change:
+        state = moved(state, change, 0.0, 0.5)
+    words = shlex.split(command_of(state))
+    assert words[:2] == ["sdr-jax", "render"] and (FILE in words) == bool(change)
+    (tmp_path / FILE).write_text(json.dumps(describe(state.proposal)))
+    monkeypatch.chdir(tmp_path)
+    assert render([*words[2:], "--workers", "1"]) == 0
+    labels = read_dataset(tmp_path / "street").labels
+    assert len(labels) == 2 * VIEW.shots + VIEW.shot + 1
+    made = cv2.imdecode(np.frombuffer(pictures(request(state)).label, np.uint8), cv2.IMREAD_COLOR)
+    np.testing.assert_array_equal(made[..., ::-1], colorize(labels[-1]))
+
+
+def test_the_command_names_what_is_not_usual():
+    pool = AssetPool(own="/own", use="own", fraction=0.5, size=3)
+    state = opened(random_proposal("extended"), VIEW._replace(pool=pool))
+    assert command_of(state) == (
+        "sdr-jax render --attributes random --space extended --seed 3 --shots 2 --images 6 --size 64x32 "
+        "--samples 1 --assets /own --asset-use own --asset-fraction 0.5 --asset-count 3 --out street"
+    )
+
+
+def test_shares_and_depths_by_hand():
+    assert shares(np.array([[0, 0, 0], [8, 255, 19]], np.uint8)) == (
+        (0, 50), (8, pytest.approx(100 / 6)), (19, pytest.approx(100 / 6)))  # fmt: skip
+    colours = coloured(np.array([[0.01, 40.0, 500.0, 0.0]], np.float32))[0].astype(int)
+    viridis = [[253, 231, 37], [33, 145, 140], [68, 1, 84]]
+    assert np.abs(colours[:3] - viridis).max() < 4 and not colours[3].any()
+
+
+def test_the_first_picture_is_of_the_first_street_with_a_free_view(monkeypatch):
+    near, label = np.full((4, 4), 1.0, np.float32), np.full((4, 4), TrainId.VEGETATION, np.uint8)
+    assert not free(near, label) and free(0 * near, label) and free(near + 2, label)
+    assert free(near, np.full_like(label, TrainId.ROAD))  # it may be near
+    asked = []
+
+    def judged(depth, label):
+        asked.append(depth.shape)
+        return len(asked) == 4
+
+    monkeypatch.setattr("experiments.playground.rendering.free", judged)
+    assert first_free(MIXED) == VIEW.street + 3 and asked == [(24, 48)] * 4
+    asked[:] = [None] * 4
+    assert first_free(MIXED) == VIEW.street  # none is free
 
 
 def test_of_wishes_that_wait_only_the_last_is_made_and_then_refined():
@@ -105,7 +192,7 @@ def test_an_export_can_be_cancelled_and_continued_and_refuses_a_foreign_folder(t
     ({"host": "127.0.0.1.elsewhere.example:80"}, 400),
     ({}, 400),
     ({"host": "localhost:80", "origin": "http://elsewhere.example"}, 403),
-    ({"host": "localhost:80", "content-length": str(guard.MOST_BYTES + 1)}, 413),
+    ({"host": "localhost:80", "content-length": str(MOST_BYTES + 1)}, 413),
     ({"host": "localhost:80", "content-length": "-1"}, 413),
     ({"host": "localhost:80", "transfer-encoding": "chunked"}, 411),
 ])  # fmt: skip
@@ -165,10 +252,30 @@ def test_the_page_needs_no_network_moves_saves_and_refuses_in_one_message(page, 
     row.locator(".q-slider__thumb").nth(1).press("PageUp")  # from 294 to 304 thousandths
     page.wait_for_function("old => document.querySelector('.image img').src != old", arg=before)
     assert row.locator(".ends").inner_text() == "1.26 – 1.77 m"
+    assert [b.get_attribute("aria-label") for b in page.locator(".reset:visible").all()] == [
+        "reset camera_position_y"
+    ]
+    assert page.locator(".classes span").count() > 3
+    with page.expect_download() as saved:
+        page.get_by_role("button", name="copy command").click()
+    assert saved.value.suggested_filename == FILE
+    page.wait_for_selector(f".q-notification:has-text('sdr-jax render --attributes {FILE}')")
     with page.expect_download() as saved:
         page.get_by_role("button", name="save").click()
     found = json.loads(saved.value.path().read_text())["components"][0]["attributes"]
     assert found["camera_position_y"]["physical"]["high"] == 1.7728
+
+    row.locator(".reset").click()
+    page.wait_for_selector("[data-attribute=camera_position_y] .ends:has-text('1.26 – 1.74 m')")
+    caption = page.locator(".caption").first
+    page.get_by_role("button", name="next street").click()
+    page.wait_for_selector(".caption:has-text('street 1, ')")
+    assert page.get_by_label("street", exact=True).input_value() == "1" and caption.is_visible()
+    page.locator(".picture.image").click()
+    page.wait_for_selector(".picture.whole")
+    page.wait_for_function("document.querySelector('.image img').naturalWidth > 1000")
+    page.keyboard.press("Escape")
+    page.wait_for_selector(".picture.image:not(.whole)")
 
     (tmp_path / "bad.json").write_text('{"nonsense": 1}')
     (tmp_path / "good.json").write_text(json.dumps(describe(MIXED.streets)))
@@ -180,4 +287,4 @@ def test_the_page_needs_no_network_moves_saves_and_refuses_in_one_message(page, 
     (tmp_path / "bins.json").write_text(json.dumps(describe(own)))
     page.set_input_files("input[type=file]", tmp_path / "bins.json")
     page.wait_for_selector('.q-notification:has-text("bins.json: the file has probabilities")')
-    assert page.request.post(page.url, data=b"x" * (guard.MOST_BYTES + 1)).status == 413
+    assert page.request.post(page.url, data=b"x" * (MOST_BYTES + 1)).status == 413

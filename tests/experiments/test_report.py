@@ -3,9 +3,14 @@
 import io
 import json
 import re
+import shlex
 import shutil
+import socket
+import subprocess
+import sys
 from base64 import b64decode
 from html.parser import HTMLParser
+from http.client import HTTPConnection
 
 import numpy as np
 import plotly.graph_objects as go
@@ -14,8 +19,11 @@ from PIL import Image
 
 from experiments.evaluation.predictions import file_of, load
 from experiments.main.summary import ROWS
+from experiments.report import page
 from experiments.report.__main__ import main
 from experiments.report.figures import NAMES
+from experiments.report.folder import RunFolder, read
+from scene import parsers
 from scene.attributes import NAMES as ATTRIBUTES
 from scene.proposal import Histogram, describe, mixture, random_proposal
 from seg.metrics import iou
@@ -91,8 +99,9 @@ def test_the_figures_are_those_of_the_summary(run):
         assert means == [[entry["mean"]]]
     (score,) = summary["candidates"]["argmax"]
     by_part = summary["candidate_parts"]["argmax"]
-    told = ["argmax ← answer", f"{score:.1f}", "", *(f"{own:.1f}" for own in by_part)]
-    assert told in page.rows and len(by_part) == len(summary["parts"]) >= 2
+    told = ["argmax ← answerthe best found, as the method answers", f"{score:.1f}"]
+    assert [*told, *(f"{own:.1f}" for own in by_part)] in page.rows
+    assert len(by_part) == len(summary["parts"]) >= 2
     assert summary["selection"]["verdict"][1:] in page.text
     traces = (trace for plot in page.plots for trace in plot.get("data", ()))
     (rewards,) = (trace["y"] for trace in traces if trace.get("name") == "reward")
@@ -135,9 +144,12 @@ def test_a_page_is_made_anew_from_the_folder_and_of_an_older_run_without_what_it
     write_json(run / "summary.json", {**kept, "candidates": {"spread": [[20.0, 30.0]]}})
     assert main([str(run), "--out", str(run / "old.html")]) == 0
     old = Page(run / "old.html")
-    assert "Model selection:" not in old.text
-    assert "left no confusion matrices" in old.text and "No predictions" in old.text
+    assert "Candidates for the answer" not in old.text and "Confusion:" not in old.text
     assert "Centres of what the search proposed" in old.text
+    titles = [a["id"] for t, a in old.tags if t == "section"]
+    known = ["result", "search", "attributes", "classes", "cost", "made"]  # none is empty
+    assert [title for title in titles if title != "importance"] == known
+    assert [a["href"] for t, a in old.tags if t == "a"] == [f"#{name}" for name in titles]
     assert not [t for t, _ in old.tags if t == "img"] and len(old.plots) >= 5
 
 
@@ -151,7 +163,7 @@ def test_a_few_labels_come_first_and_what_it_is_told_is_escaped(run):
     assert main([str(run)]) == 0
     page = Page(run / "report.html")
     assert page.plots[0]["data"][-1]["y"] == ["few labels"]  # the last is drawn at the top
-    assert "beside 2 labelled images" in page.text
+    assert "learnt streets beside 2 labelled images train nets of" in page.text
     assert "<script>alert" not in (run / "report.html").read_text()
 
 
@@ -176,11 +188,10 @@ def test_probabilities_are_shown_as_densities(run):
     write_json(run / "summary.json", summary | describe(mixed))
     assert bars() == [*one, "left:0.0%;width:100.0%;height:50%"] * len(ATTRIBUTES)
     shown = Page(run / "report.html")
-    assert [told for told in shown.texts if told.startswith("learnt, ")] == [
-        "learnt, 50 % of streets"
-    ] * 2
+    kinds = ["kind A, 50 % of streets", "kind B, 50 % of streets"]
+    assert [told for told in shown.texts if told.startswith("kind ")] == kinds * 2  # key and head
     looks = [a.get("class") for name, a in shown.tags if name == "span" and a.get("class")]
-    assert looks == ["track tall", "learnt area", "learnt step"] * len(ATTRIBUTES)
+    assert looks == ["track tall", "learnt area", "learnt other step"] * len(ATTRIBUTES)
 
 
 def test_the_rewards_of_a_search_by_pools_are_of_subsets_of_streets(run):
@@ -195,6 +206,126 @@ def test_the_rewards_of_a_search_by_pools_are_of_subsets_of_streets(run):
         assert (
             f"rewards of {method}, each of a fresh net on {told}." in Page(run / "report.html").text
         )
+
+
+def gain(mean, *ci95):
+    return {"mean": mean, "ci95": [*ci95] or None}
+
+
+@pytest.mark.parametrize(("changes", "wanted"), [
+    ({}, "Learnt streets train nets of 30.0 % mIoU: 3.0 points above the hand-set street and not clearly "
+     "different from random streets"),
+    ({"real": False, "gain": gain(-2.0)}, "On the twin, which is not real data, learnt streets train nets of "
+     "30.0 % mIoU: 3.0 points above the hand-set street and 2.0 points below random streets (one seed)"),
+    ({"chosen_candidate": "default", "gain": gain(2.0, 1.0, 3.0)}, "The hand-set street, which no candidate "
+     "surpassed, trains nets of 30.0 % mIoU: 2.0 points above random streets"),
+    ({"few_images": ["a"] * 14, "gain_beside_few": {"few": gain(1.0, 0.5, 1.5), "few+default": gain(None)}},
+     "Learnt streets beside 14 labelled images train nets of 40.0 % mIoU: 1.0 points above the labels "
+     "alone and not compared with hand-set streets beside them"),
+    ({"rows": {"learnt": {"mean": None}}}, "No net on learnt streets could be trained"),
+])  # fmt: skip
+def test_the_page_begins_with_what_came_out_in_a_sentence(changes, wanted):
+    report = {
+        "real": True, "chosen_candidate": "argmax", "gain_over_default": gain(3.0, 1.0, 5.0),
+        "gain": gain(0.4, -1.0, 1.8), "rows": {"learnt": {"mean": 30.0}, "few+learnt": {"mean": 40.0}},
+    }  # fmt: skip
+    assert page.verdict(report | changes) == wanted
+
+
+def test_the_next_commands_are_ones_that_there_are(run, capsys):
+    summary, config = read_json(run / "summary.json"), read_json(run / "config.json")
+    write_json(run / "config.json", config | {"out": str(run)})
+    assert main([str(run)]) == 0
+    own = shlex.join(["--attributes", str(run / "attributes.json"), "--images", "1000"])
+    texts = Page(run / "report.html").texts
+    (command,) = (text for text in texts if text.startswith("sdr-jax render"))
+    assert command == f"sdr-jax render {own} --out {run / 'streets'}" and not summary["real"]
+    assert parsers.render().parse_args(shlex.split(command)[2:]).images == 1000
+    assert "sdr-jax doctor DATA" in texts
+
+
+def test_candidates_are_compared_with_the_hand_set_street(run):
+    summary = read_json(run / "summary.json")
+    found = {"means": {"argmax": 20.0, "default": 18.5, "broad": None}, "t": {"argmax": 3.0}}
+    summary |= {
+        "selection": {**found, "critical": 2.5, "verdict": "kept"}, "chosen_candidate": "argmax",
+        "candidate_parts": {"argmax": [21.0], "default": [18.0], "broad": []}, "parts": ["8 images of a"],
+        "candidates": {"argmax": [20.0], "default": [18.5], "broad": [None]},
+    }  # fmt: skip
+    table = page.selection(read(run, summary))
+    assert table["head"] == ["mIoU, %", "over hand-set", "t, significant above 2.50", "part 1"]
+    assert [(row["name"], row["chosen"], row["cells"]) for row in table["rows"]] == [
+        ("argmax", True, ["20.0", "+1.5", "3.00", "21.0"]),
+        ("default", False, ["18.5", "", "", "18.0"]),
+        ("broad", False, ["", "", "", ""]),
+    ]
+
+
+def test_the_page_of_a_run_under_way_has_what_is_known_and_is_read_anew(run):
+    whole = read(run)
+    known = {
+        key: whole.summary[key]
+        for key in (
+            "note",
+            "real",
+            "target",
+            "preset",
+            "reward_images",
+            "test_images",
+            "seeds",
+            "scored_at",
+            "starts",
+        )
+    }
+    early = RunFolder(run, known, whole.config, whole.evaluations[:5], [], None, None, None, None)
+    for found, sections in (
+        (early._replace(evaluations=[]), ["made"]),
+        (early, ["search", "cost", "made"]),
+        (early._replace(finals=whole.finals), ["so_far", "search", "cost", "made"]),
+    ):
+        (run / "live.html").write_text(
+            page.under_way(found, page.Status(0.25, "search: update 2/6"))
+        )
+        shown = Page(run / "live.html")
+        assert [a["id"] for t, a in shown.tags if t == "section"] == sections
+        assert "This run is under way" in shown.text and "25 %: search: update 2/6." in shown.text
+        (again,) = (a for t, a in shown.tags if a.get("http-equiv") == "refresh")
+        assert again["content"] == str(page.EVERY)
+    assert ["final nets: random", "2"] in [row[:2] for row in shown.rows]
+
+
+def test_the_page_is_served_to_this_machine_alone_as_it_is_at_the_moment(tmp_path):
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    command = [sys.executable, "-m", "experiments.report", str(tmp_path), "--serve", str(port)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
+        try:
+            assert server.stdout.readline() == f"http://127.0.0.1:{port} (Ctrl-C ends it)\n"
+
+            def asked(path="/", **headers):
+                there = HTTPConnection("127.0.0.1", port)
+                there.request("GET", path, headers=headers)
+                answer = there.getresponse()
+                return answer.status, answer.read().decode()
+
+            assert asked()[0] == 200 and "no report.html yet" in asked()[1]
+            (tmp_path / "report.html").write_text("so far")
+            assert asked() == (200, "so far")
+            assert asked("/config.json")[0] == 404
+            assert asked(host="elsewhere.example")[0] == 400
+            assert asked(origin="http://elsewhere.example")[0] == 403
+        finally:
+            server.terminate()
+
+
+@pytest.mark.parametrize(("flags", "complaint"), [
+    (["RUN", "--serve", "0"], "--serve must lie in 1..65535, not 0"),
+    (["RUN/none", "--serve"], "no such folder; name the --out of a run"),
+    (["RUN", "--serve", "--out", "page.html"], "--out page.html has no part in it"),
+])  # fmt: skip
+def test_what_cannot_be_served_is_refused(flags, complaint, tmp_path, error_line):
+    assert main([flag.replace("RUN", str(tmp_path)) for flag in flags]) == 2
+    assert complaint in error_line() and not [*tmp_path.iterdir()]
 
 
 @pytest.mark.parametrize(("left", "complaint"), [

@@ -133,3 +133,15 @@ def test_on_a_terminal_every_stage_has_a_bar_and_the_pace_is_told(clock, termina
     assert finals.endswith(" 50 % final nets, 1 of 2 nets")
     # Five nets in 20 s; 10 of 9 units, two cores.
     assert pace == "15 nets a minute | about 44 s of CPU in all | best mIoU 20.4"
+
+
+def test_someone_else_is_told_at_once_and_then_not_too_often(clock):
+    heard, told = [], Progress(total=4, stream=io.StringIO())
+    told.tell(10.0, lambda share, said: heard.append((share, said)))
+    for seconds in (0, 9, 1, 5, 5):
+        clock.now += seconds
+        told.advance()
+        told.update(f"at {clock.now:.0f}")
+    assert heard == [
+        (0.25, "at 100 | 0 s left"), (0.75, "at 110 | 3 s left"), (1.0, "at 120 | 0 s left"),
+    ]  # fmt: skip

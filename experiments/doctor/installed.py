@@ -1,0 +1,35 @@
+"""What is installed, as far as that shows without starting JAX or a renderer."""
+
+from __future__ import annotations
+
+import platform
+from importlib.util import find_spec
+from pathlib import Path
+
+from shell.command import PROGRAM
+from shell.files import versions
+
+EXTRAS = {
+    "cuda": ("jax_cuda12_plugin", "training on an NVIDIA GPU"),
+    "search": ("optuna", "rival search methods"),
+    "dask": ("distributed", "workers on other machines"),
+    "playground": ("nicegui", "the page with sliders"),
+    "onnx": ("onnx", "models as ONNX files"),
+    "parquet": ("pyarrow", "renders as Parquet files"),
+    "h5": ("h5py", "Keras's files of VGG16"),
+    "torch": ("torch", "the same nets in PyTorch"),
+}
+"""Extra -> a module that it brings, and what it is for."""
+DRIVER = Path("/proc/driver/nvidia/version")
+"""There is an NVIDIA GPU where this file is."""
+
+
+def installed() -> str:
+    """A line on versions, one on the GPU and extras."""
+    found = {"Python": platform.python_version(), **versions(("jax", "embreex", "pyrender"))}
+    extras = [name for name, (module, _) in EXTRAS.items() if find_spec(module)]
+    gpu = "an NVIDIA GPU" if DRIVER.is_file() else "no NVIDIA GPU"
+    return (
+        f"{', '.join(f'{name} {own}' for name, own in found.items())}; {gpu}\n"
+        f"extras: {', '.join(extras) or 'none'}; {PROGRAM} doctor tries the GPU and the renderers"
+    )

@@ -1,0 +1,77 @@
+"""The page of a run while it goes on: written anew by the run, and served to a browser on this machine."""
+
+from __future__ import annotations
+
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+from experiments.report import page
+from experiments.report.folder import NAME, RunFolder
+from experiments.run import few
+from experiments.run.context import Run
+from experiments.study.form import about
+from shell.command import PROGRAM
+from shell.files import write
+from shell.folder import read_config
+from shell.loopback import HOST, check_port, refusal
+
+
+def watch(run: Run[Any]) -> None:
+    """Have a run write its page anew whenever progress is told, at most every `page.EVERY` seconds."""
+    out, config = run.config.out, read_config(run.config.out)
+    known = {**about(run, run.config.final), **few.about(run)}
+
+    def told(share: float, said: str) -> None:
+        records = run.evaluations.records, run.finals.records
+        found = RunFolder(out, known, config, *records, None, None, None, None)
+        text = page.under_way(found, page.Status(share, said))
+        write(out / NAME, text, sync=False)
+
+    run.progress.say(
+        f"Page: {out / NAME}, as the run goes on; {PROGRAM} report {out} --serve shows it"
+    )
+    run.progress.tell(page.EVERY, told)
+
+
+def serve(folder: Path, port: int) -> None:
+    """Show the page that a run leaves in its folder, until Ctrl-C; a run under way writes it anew.
+
+    Args:
+        folder: of the run.
+        port: of this machine's own address.
+
+    Raises:
+        UserError: nothing can be served there.
+    """
+    check_port(port, "--serve")
+
+    class Answer(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            status = refusal(self.headers) or (200 if self.path == "/" else 404)
+            data = b"refused\n" if status != 200 else _text(folder)
+            self.send_response(status)
+            self.send_header("Content-Type", "text/html; charset=utf-8")
+            self.send_header("Content-Length", str(len(data)))
+            self.send_header("Cache-Control", "no-store")
+            if (folder / NAME).exists():
+                changed = (folder / NAME).stat().st_mtime
+                self.send_header("Last-Modified", self.date_time_string(changed))
+            self.end_headers()
+            self.wfile.write(data)
+
+        def log_message(self, format: str, *args: Any) -> None:
+            """Say nothing of requests."""
+
+    with ThreadingHTTPServer((HOST, port), Answer) as server:
+        print(f"http://{HOST}:{server.server_port} (Ctrl-C ends it)", flush=True)
+        server.serve_forever()
+
+
+def _text(folder: Path) -> bytes:
+    """The page as it is now; before there is one, a page that asks for it again."""
+    try:
+        return (folder / NAME).read_bytes()
+    except FileNotFoundError:
+        wait = f'<meta http-equiv="refresh" content="{page.EVERY}">'
+        return f"{wait}<p>There is no {NAME} yet.</p>".encode()

@@ -1,0 +1,50 @@
+"""What a page that is served on this machine answers: itself alone, neither other sites nor other names."""
+
+from __future__ import annotations
+
+import socket
+from typing import Protocol
+from urllib.parse import urlsplit
+
+from shell.errors import UserError
+
+HOST = "127.0.0.1"
+NAMES = (HOST, "localhost")
+MOST_BYTES = 1_000_000
+"""Of one upload; an attributes.json of ten components has 70,000."""
+
+
+class Headers(Protocol):
+    """Of a request; names in any case."""
+
+    def get(self, key: str, default: str, /) -> str:
+        """A header's value."""
+        ...
+
+
+def refusal(headers: Headers) -> int:
+    """The status with which a request to a page of this machine is refused, 0 where it may pass.
+
+    A page of another site may send requests here, and another name may lead here: both show in the headers.
+    """
+    host, origin = headers.get("host", ""), headers.get("origin", "")
+    if host.partition(":")[0].lower() not in NAMES:
+        return 400
+    if origin and urlsplit(origin).netloc != host:
+        return 403
+    if headers.get("transfer-encoding", ""):
+        return 411
+    length = headers.get("content-length", "0")
+    return 0 if length.isdigit() and int(length) <= MOST_BYTES else 413
+
+
+def check_port(port: int, flag: str = "--port") -> None:
+    """Raise UserError unless a page can be served there."""
+    if not 1 <= port <= 65535:
+        raise UserError(f"{flag} must lie in 1..65535, not {port}")
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((HOST, port))
+        except OSError as error:
+            raise UserError(f"{flag} {port}: {error.strerror}; choose another") from None
