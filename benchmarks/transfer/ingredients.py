@@ -17,7 +17,7 @@ from scene.sky.sky import sample_sky
 from scene.street.background import BEHIND, LINES_END
 from scene.street.instances import FIRST_INSTANCE
 from scene.street.street import Street
-from seg.classes import class_table
+from seg.classes import ClassTable
 
 CLEAR = 1e9
 """Metres of haze at which nothing fades."""
@@ -124,16 +124,16 @@ INGREDIENTS: dict[str, Change] = {
 
 
 def render_world(
-    world: World, units: np.ndarray, seed: int, shots: int, table: str
+    world: World, units: np.ndarray, seed: int, shots: int, table: ClassTable
 ) -> tuple[np.ndarray, np.ndarray]:
     """Images u8[n, h, w, 3] and labels u8[n, h, w] in the ids of a class table.
 
     Args:
         world: what to render.
-        units: f32[streets, 23] attributes.
+        units: f32[streets, attributes].
         seed: of the streets; worlds rendered with the same seed show the same streets.
         shots: images per street.
-        table: name of the class table.
+        table: the classes.
     """
     engine = renderer("embree")
     images, labels = [], []
@@ -144,4 +144,4 @@ def render_world(
         for frame in engine.render(street, world.settings):
             images.append(frame.image)
             labels.append(frame.label)
-    return np.stack(images), class_table(table).from_train_id[np.stack(labels)]
+    return np.stack(images), table.from_train_id[np.stack(labels)]
