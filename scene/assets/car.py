@@ -9,6 +9,7 @@ import numpy as np
 from scene.assets.family import ROAD, Family, Size
 from scene.assets.parts.bodywork import ARCH_GAP, Body, Paint, axles, half, shell, underside
 from scene.assets.parts.fittings import Fittings, fittings
+from scene.assets.parts.glazing import Glazing, glazing
 from scene.assets.parts.palette import BLACK, CHROME, GLASS, STEEL, TRIM, car_paint, darker, pick
 from scene.assets.parts.wheel import STYLES, Wheel, wheels
 from scene.classes import TrainId
@@ -22,6 +23,7 @@ class CarParams(NamedTuple):
     paint: Paint
     fittings: Fittings
     wheel: Wheel
+    glazing: Glazing
 
 
 class _Model(NamedTuple):
@@ -145,6 +147,7 @@ def sample_car(rng: np.random.Generator, kind: str) -> CarParams:
         _sample_wear(rng, kind, color),
         _sample_fittings(rng, kind, color),
         _sample_wheel(rng, kind, body),
+        _sample_glazing(rng, kind),
     )
 
 
@@ -212,8 +215,9 @@ def _sample_wear(rng: np.random.Generator, kind: str, color: Color) -> Paint:
         roof = (0.64, 0.64, 0.62) if max(color) < 0.4 else BLACK
     side = darker(glass, 0.5 + 1.2 * float(tint))
     sealed = kind == "small van" or (kind == "panel van" and rng.random() < 0.5)
+    windows = (True, not (sealed and rng.random() < 0.5))
     return Paint(
-        color, lower, roof, side, glass, (True, not (sealed and rng.random() < 0.5)), rows, cloth
+        color, lower, roof, side, glass, windows, rows, cloth, bool(rng.random() < 0.7)
     )
 
 
@@ -271,6 +275,19 @@ def _sample_wheel(rng: np.random.Generator, kind: str, body: Body) -> Wheel:
     )
 
 
+def _sample_glazing(rng: np.random.Generator, kind: str) -> Glazing:
+    light = float(rng.uniform(0.02, 0.16))
+    seat = float(rng.choice([0.006, 0.006, 0.012, 0.05]))
+    return Glazing(
+        behind=vary(rng, (0.92 * light, light, 1.05 * light), 0.1),
+        dim=0.15 if kind in (*_VANS, "executive") else float(rng.choice([0.15, 0.6, 0.9])),
+        seats=vary(rng, (seat, seat, seat), 0.2),
+        skin=vary(rng, (0.34, 0.2, 0.14), 0.5) if rng.random() < 0.4 else None,
+        clothes=vary(rng, (0.1, 0.1, 0.11), 0.9),
+        side=float(rng.choice([-1.0, 1.0])),
+    )
+
+
 def car(params: CarParams) -> Asset:
     """The car of ``params``, nose towards +x."""
     b = params.body
@@ -279,12 +296,13 @@ def car(params: CarParams) -> Asset:
         shell(b, params.paint),
         underside(b),
         *fittings(b, params.fittings),
+        *glazing(b, params.glazing, params.paint.windows),
         wheels(params.wheel, axles(b), track),
     )
 
 
 FAMILY = Family(
     "car", TrainId.CAR, KINDS, sample_car, car,
-    count=195, size=Size((2.2, 7), (0.9, 3)), tone=0.52, line=("car", 0.9),
+    count=195, size=Size((2.2, 7), (0.9, 3)), tone=0.8, line=("car", 0.9),
     facing="lane", stage=ROAD, again=(175,),
 )  # fmt: skip

@@ -35,8 +35,8 @@ class Material(NamedTuple):
 
 MATERIALS: tuple[Material, ...] = (
     Material("plain", "flat", 1.0, 0.0, 0.0, 0.0),
-    Material("paint", "flat", 1.0, 0.0, 0.08, 0.0),
-    Material("glass", "flat", 1.0, 0.0, 0.16, 0.0),
+    Material("paint", "flat", 1.0, 0.0, 0.05, 0.0),
+    Material("glass", "flat", 1.0, 0.0, 0.08, 0.0),
     Material("metal", "speckle", 2.0, 0.15, 0.04, 0.0),
     Material("rubber", "flat", 1.0, 0.0, 0.0, 0.0),
     Material("cloth", "cloudy", 0.5, 0.35, 0.0, 0.0),

@@ -12,10 +12,8 @@ from scene.assets.parts.palette import (
     AMBER,
     BLACK,
     CHROME,
-    HEADLAMP,
     PLATE,
     PLATE_REAR,
-    TAILLAMP,
     TRIM,
 )
 from scene.assets.parts.skin import pair, sheet, twin_sheets
@@ -23,7 +21,9 @@ from scene.mesh.asset import Asset, Color, Point, merge
 from scene.mesh.solids import block, ellipsoid, tube
 
 Span = tuple[float, float]
-_LENS: Color = (0.30, 0.31, 0.32)
+_LENS: Color = (0.24, 0.25, 0.26)
+_LIT: Color = (0.46, 0.016, 0.014)
+_REFLECTOR: Color = (0.88, 0.88, 0.86)
 
 
 class Fittings(NamedTuple):
@@ -119,7 +119,7 @@ def _front(b: Body, f: Fittings) -> list[Asset]:
         _both(b, 0, (inner, 1.0), (down, up), _LENS),
         on_flank(b, (0.0, f.wrap), (down + 0.05, up), _LENS, "lamp", lift=0.012),
         on_flank(b, (f.wrap, f.wrap + 0.012), (down + 0.08, up - 0.05), AMBER, "lamp", lift=0.012),
-        _both(b, 0, (inner + 0.06, inner + 0.2), (down + 0.05, up - 0.06), HEADLAMP, lift=0.016),
+        _both(b, 0, (inner + 0.06, inner + 0.2), (down + 0.05, up - 0.06), _REFLECTOR, lift=0.016),
         on_nose(b, 0, (-edge, edge), (base, crest), BLACK, lift=0.012),
         on_nose(b, 0, (-0.62, 0.62), (0.07, 0.27), BLACK, lift=0.008),
         on_nose(b, 0, (-1, 1), (0.0, 0.05), TRIM, lift=0.012),
@@ -162,8 +162,8 @@ def plate(b: Body, end: int, color: Color, v: float) -> Asset:
 def _rear(b: Body, f: Fittings) -> list[Asset]:
     inner, down, up = f.rear_lamp
     parts = [
-        _both(b, 1, (inner, 1.0), (down, up), TAILLAMP),
-        on_flank(b, (0.975, 1.0), (down + 0.03, up), TAILLAMP, "lamp", lift=0.012),
+        _both(b, 1, (inner, 1.0), (down, up), _LIT),
+        on_flank(b, (0.975, 1.0), (down + 0.03, up), _LIT, "lamp", lift=0.012),
         _both(
             b,
             1,
