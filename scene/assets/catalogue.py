@@ -1,6 +1,6 @@
 """Every asset family, and the way from (family, index) to a mesh.
 
-The catalogue is open-ended: any index gives an asset, its kind ``index % len(kinds)``, the rest drawn
+The catalogue is open-ended: any index gives an asset, its kind that of ``Family.turns``, the rest drawn
 from a generator seeded by family and index, so the same (family, index) is the same asset anywhere. A
 user's own assets stand beside them, named by their files' content and path (``library.scan``).
 """
@@ -257,8 +257,8 @@ def kind(family: str, ref: int | str) -> str:
     """The kind of a built-in asset, or the file name of an own one."""
     if isinstance(ref, str):
         return PurePath(ref).name
-    kinds = FAMILIES[family].kinds
-    return kinds[ref % len(kinds)]
+    turns = FAMILIES[family].turns
+    return turns[ref % len(turns)]
 
 
 def families_of(name: str) -> tuple[str, ...]:

@@ -123,6 +123,8 @@ def _front(b: Body, f: Fittings) -> list[Asset]:
         on_nose(b, 0, (-edge, edge), (base, crest), BLACK, lift=0.012),
         on_nose(b, 0, (-0.62, 0.62), (0.07, 0.27), BLACK, lift=0.008),
         on_nose(b, 0, (-1, 1), (0.0, 0.05), TRIM, lift=0.012),
+        on_nose(b, 0, (-0.9, 0.9), (0.975, 1.0), BLACK, lift=0.006),
+        _bonnet_gap(b),
         on_nose(b, 0, (-0.06, 0.06), (crest - 0.1, crest - 0.01), CHROME, "metal", lift=0.022),
         plate(b, 0, PLATE, 0.36),
     ]
@@ -134,6 +136,13 @@ def _front(b: Body, f: Fittings) -> list[Asset]:
     if f.fog:
         parts.append(_both(b, 0, (0.62, 0.76), (0.12, 0.22), (0.35, 0.35, 0.34)))
     return parts
+
+
+def _bonnet_gap(b: Body) -> Asset:
+    """The dark lines between bonnet and wings."""
+    s = np.array([0.02, 0.03, 0.08, 0.6 * b.cowl, b.cowl - 0.01])
+    points = roof(b, s[:, None], np.array([[0.86, 0.875]]))
+    return twin_sheets(points + [0, 0, 0.005], BLACK, "plain")
 
 
 def _bumper(b: Body, end: int, color: Color) -> list[Asset]:
@@ -167,9 +176,9 @@ def _rear(b: Body, f: Fittings) -> list[Asset]:
         _both(
             b,
             1,
-            (inner + 0.03, 0.97),
-            (down + 0.3 * (up - down), down + 0.5 * (up - down)),
-            (0.5, 0.35, 0.3),
+            (inner + 0.03, 0.5 * inner + 0.47),
+            (down + 0.1 * (up - down), down + 0.4 * (up - down)),
+            (0.6, 0.52, 0.45),
             lift=0.016,
         ),
         on_nose(b, 1, (-1, 1), (0.0, 0.12), TRIM, lift=0.01),

@@ -23,6 +23,10 @@ NARROW = 0.42
 """Share of these widths that is seen from the side."""
 LEAN = 0.10
 """Metres that the top of a seat lies behind its foot."""
+UPRIGHT = 0.025
+"""Share of the length below which a rear window is the door of a van, with nothing to see behind it."""
+_LIFTS = (0.009, 0.015, 0.02)
+"""Metres by which light, seats and people stand before the pane."""
 _ACROSS = np.array([*-ROOF[:-1], *ROOF[::-1]])
 
 
@@ -40,7 +44,7 @@ class Glazing(NamedTuple):
 def glazing(b: Body, g: Glazing, windows: tuple[bool, bool]) -> list[Asset]:
     """What is laid on the panes of the car ``b``; ``windows`` as in ``Paint``."""
     parts = _screen(b, g, 0)
-    if windows[1]:
+    if windows[1] and b.tail - b.roof_rear > UPRIGHT:
         parts += _screen(b, g, 1)
     return parts + (_sides(b, g) if windows[0] else [])
 
@@ -54,19 +58,19 @@ def _sides(b: Body, g: Glazing) -> list[Asset]:
     """Light and seats in the side windows, and the driver's profile."""
     ends = (max(b.glass[0] + 0.02, b.roof_front - 0.045), *b.pillars, min(b.glass[1], b.roof_rear))
     marks, parts = stations(b), []
-    panes = [(low + 0.016, high - 0.014) for low, high in pairwise(ends) if high - low > 0.05]
+    panes = [(low + 0.016, high - _LIFTS[2]) for low, high in pairwise(ends) if high - low > 0.05]
     for k, (low, high) in enumerate(panes):
         inside = marks[(marks > low + 0.004) & (marks < high - 0.004)]
         s = np.array([low, *inside, high])
         tone = _dimmed(g, g.dim if k else 1.0)
-        parts.append(_laid(b, s[:, None], np.array([[0.24, 0.5, 0.8]]), tone, 0.006))
+        parts.append(_laid(b, s[:, None], np.array([[0.24, 0.5, 0.8]]), tone, _LIFTS[0]))
         if k > 1:
             continue
-        middle = high - 0.22 / b.length
-        parts.append(_outline(b, middle, SEAT, g.seats, 0.011))
+        middle = high - 0.28 / b.length
+        parts.append(_outline(b, middle, SEAT, g.seats, _LIFTS[1]))
         if k == 0 and g.skin is not None:
-            parts.append(_outline(b, middle - 0.14 / b.length, PERSON[:3], g.clothes, 0.014))
-            parts.append(_outline(b, middle - 0.14 / b.length, PERSON[2:], g.skin, 0.014))
+            parts.append(_outline(b, middle - 0.14 / b.length, PERSON[:3], g.clothes, _LIFTS[2]))
+            parts.append(_outline(b, middle - 0.14 / b.length, PERSON[2:], g.skin, _LIFTS[2]))
     return parts
 
 
@@ -90,19 +94,18 @@ def _screen(b: Body, g: Glazing, end: int) -> list[Asset]:
     """Light, seats, driver and mirror behind the windscreen (``end`` 0) or rear window (1)."""
     dim = 1.0 if end == 0 else g.dim
     across = np.array([-0.66, *_ACROSS[np.abs(_ACROSS) < 0.6], 0.66])
-    parts = [
-        _on_screen(b, end, np.array([0.3, 0.55, 0.84])[:, None], across, _dimmed(g, dim), 0.006)
-    ]
+    rows = np.array([[0.3], [0.6 if end else 0.5], [0.84]])
+    parts = [_on_screen(b, end, rows, across, _dimmed(g, dim), _LIFTS[0])]
     wide = b.width / 2 * (1 - b.tumblehome)
     at = 0.37 / wide
     for c in (-at, at):
-        parts.append(_facing(b, end, c, SEAT, g.seats, 0.011))
+        parts.append(_facing(b, end, c, SEAT, g.seats, _LIFTS[1]))
     if g.skin is not None:
-        parts.append(_facing(b, end, g.side * at, PERSON[:3], g.clothes, 0.014))
-        parts.append(_facing(b, end, g.side * at, PERSON[2:], g.skin, 0.014))
+        parts.append(_facing(b, end, g.side * at, PERSON[:3], g.clothes, _LIFTS[2]))
+        parts.append(_facing(b, end, g.side * at, PERSON[2:], g.skin, _LIFTS[2]))
     if end == 0:
         mirror = np.array([-0.09, 0.09]) / wide
-        parts.append(_on_screen(b, 0, np.array([[0.82], [0.92]]), mirror, g.seats, 0.014))
+        parts.append(_on_screen(b, 0, np.array([[0.72], [0.83]]), mirror, g.seats, _LIFTS[2]))
     return parts
 
 
