@@ -38,9 +38,9 @@ TROUSERS: tuple[Color, ...] = (
 )  # fmt: skip
 SHOES: tuple[Color, ...] = ((0.010, 0.009, 0.008), (0.039, 0.023, 0.013), (0.325, 0.325, 0.319),
                             (0.039, 0.046, 0.065), (0.130, 0.072, 0.033))  # fmt: skip
-DARK_SHARE = 0.66
+DARK_SHARE = 0.6
 """How many adults wear black, navy or charcoal over dark trousers, seen in photos of streets."""
-PALE_SHARE, PALE_TROUSERS = 0.4, 0.2
+PALE_SHARE, PALE_TROUSERS = 0.5, 0.25
 """Of the others, how many wear a light top, and light trousers."""
 VEST_SHARE = 0.03
 """How many of those in a jacket or coat wear a reflecting vest over it."""
