@@ -27,7 +27,7 @@ STREAMS = {
     "camera": 2**16,  # how it responds
 }
 """Number of each stream; a new one takes a new number."""
-TABLES = {"grain": 7, "textures": 19, "clouds": 41}
+TABLES = {"grain": 7, "textures": 19, "clouds": 41, "leaves": 43}
 """Number of what is drawn once for all streets."""
 
 
