@@ -22,7 +22,7 @@ MISS = -1
 """Face of a sample that sees the sky."""
 BOUNCE = 0.15
 """Share of the light on the ground that comes back up."""
-OPPOSITE = 1.5
+OPPOSITE = 0.7
 """Radiance of the street's other side, which mirrors show below the sky, by that of the ground."""
 
 Array = np.ndarray
@@ -279,7 +279,7 @@ def shade(
                 blurred = mean * texture[n] * (ONE - clear[n])
                 mirror = mirrored[k, n] if seen[n] == ZERO else min(mirrored[k, n], f32(2.5))
                 mirror = sky_share[n] * (mirror * clear[n] + blurred)
-                mirror += (ONE - sky_share[n]) * f32(OPPOSITE) * below
+                mirror += (ONE - sky_share[n]) * sky_light[n] * f32(OPPOSITE) * below
                 albedo = min(color[k, n] * texture[n], f32(0.95)) * (ONE - f32(0.45) * wet[n])
                 received = sun_k * light[n] + sky_light[n] * (above * up[n] + below * (ONE - up[n]))
                 radiance = albedo * received * (ONE - gloss[n]) + gloss[n] * mirror
