@@ -314,3 +314,16 @@ def test_every_class_occurs_over_some_streets(draw):
         if not missing:
             break
     assert not missing
+
+
+def test_few_pixels_are_clipped_on_sunny_hand_set_streets():
+    clipped = []
+    settings = RenderSettings(96, 72, 1)
+    for seed in range(40):
+        drawn = street(seed=seed)
+        if drawn.sky.cover < 0.6 and drawn.sky.sun.max() > 0.8:
+            [frame] = renderer("embree").render(drawn, settings)
+            clipped.append((frame.image == 255).any(axis=2).mean())
+        if len(clipped) == 10:
+            break
+    assert len(clipped) == 10 and np.mean(clipped) <= 0.05

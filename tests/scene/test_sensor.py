@@ -92,7 +92,7 @@ def test_noise_has_the_stated_strength_and_grows_with_the_signal():
     for value in (0.02, 0.2):
         clean, noisy = (shot(flat(value, 256), PLAIN._replace(noise=n)) for n in (0.0, 0.02))
         spread.append(255 * 0.02 * np.sqrt(0.2 + 1.6 * clean.mean() / 255))
-        assert noisy.mean() == pytest.approx(clean.mean(), abs=0.5)
+        assert noisy.mean() == pytest.approx(clean.mean(), abs=0.75)  # both are rounded
         assert noisy.std() == pytest.approx(spread[-1], rel=0.05)
     assert spread[1] > 1.2 * spread[0]
 
