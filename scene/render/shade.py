@@ -13,7 +13,9 @@ import numpy as np
 from numba import carray
 
 from scene.cache import kept
+from scene.classes import TrainId
 from scene.compiled import njit
+from scene.ground.build import GROUND_INSTANCES
 from scene.look.materials import MATERIALS, textures
 from scene.render.address import float_pointer
 from scene.render.geometry import ROW
@@ -25,8 +27,12 @@ BOUNCE = 0.15
 OPPOSITE = 0.7
 """Radiance of the street's other side, which mirrors show below the sky, by that of the ground."""
 
+WHITE = (0.80, 0.83, 0.88)
+"""Linear RGB of snow."""
+
 Array = np.ndarray
 f32 = np.float32
+ROAD = next(k for k, train_id in GROUND_INSTANCES.items() if train_id == TrainId.ROAD)
 BATCH, WORK = 256, 38
 """Spots that are shaded together, and the numbers that are kept of each meanwhile."""
 ZERO, HALF, ONE = f32(0), f32(0.5), f32(1)
@@ -146,6 +152,7 @@ def shade(
     horizon: Array,
     haze: np.float32,
     wetness: np.float32,
+    snow: np.float32,
     panorama: Array,
 ) -> Array:
     """Linear radiance f32[pixels, 3] towards the camera: of each pixel the mean over its samples.
@@ -272,6 +279,20 @@ def shade(
                 if material[n] >= 0:
                     at = min(int(level[n]), len(size) - 1)
                     texture[n] = _texture(material[n], u[n], v[n], at, texels, start, size)
+        if snow > ZERO:
+            # It lies on what is level, thin and torn where wheels run and where the ground is uneven.
+            for n in range(count):
+                if material[n] >= 0 and flat_z[n] > f32(0.3):
+                    lies = min((min(nz[n], flat_z[n]) - f32(0.3)) * f32(2.5), ONE)
+                    lies *= snow + f32(1.5) * (texture[n] - ONE)
+                    if instance[sample[begin + n]] == ROAD:
+                        track = HALF + HALF * f32(math.cos(abs(y[n]) * f32(math.tau / 1.75)))
+                        lies *= f32(0.9) - f32(0.75) * track
+                    lies = min(max(lies, ZERO), ONE)
+                    gloss[n] *= ONE - lies
+                    texture[n] = texture[n] * (ONE - lies) + lies
+                    for k in range(3):
+                        color[k, n] = color[k, n] * (ONE - lies) + lies * f32(WHITE[k])
         for k in range(3):
             sun_k, above, below, hazy = sun[k], ambient[k], ground_light[k], horizon[k]
             mean = HALF * (hazy + above)

@@ -211,7 +211,7 @@ def radiance(
         np.float32(brightest), settings.textures,
         geometry.surfaces, shade.material_rows(), *shade.texture_levels(),
         sky.sun_direction, sky.sun, sky.ambient, sky.horizon,
-        np.float32(sky.haze), np.float32(sky.wetness), around.panorama,
+        np.float32(sky.haze), np.float32(sky.wetness), np.float32(sky.snow), around.panorama,
     )  # fmt: skip
     return image.reshape(settings.height, settings.width, 3)
 

@@ -34,6 +34,7 @@ class Sky(NamedTuple):
     cloud_offset: np.ndarray  # f32[2] where in the cloud map this sky lies
     haze: float  # metres over which all but 1/e of the light is lost
     wetness: float  # of the road, 0 dry .. 1 standing water
+    snow: float  # share of level ground that it covers, 0 none .. 1 all
     weather: str  # name of its row in ``SKIES``
     clouds: str  # kind of cloud map
     scale: float  # size of that map, in heights of the cloud base
@@ -62,14 +63,15 @@ def sample_sky(
     azimuth: float,
     share: float = 1.0,
     closed: bool | None = None,
+    asked: str = "",
 ) -> Sky:
     """Draw weather for a sun at the given angles (radians) and overall ``intensity`` (1 is nominal).
 
     The sun reddens and weakens towards the horizon; clouds take its light and give back grey. All
     light is proportional to ``intensity``; ``share`` below 1 draws from the first of ``SKIES`` only,
-    ``closed`` from those under closed cloud, or from the others.
+    ``closed`` from those under closed cloud, or from the others; ``asked`` from those of ``ASKED`` only.
     """
-    weather = sample_weather(rng, elevation, share, closed)
+    weather = sample_weather(rng, elevation, share, closed, asked)
     height = math.sin(elevation)
     air = math.exp(-0.12 / max(height, 0.05))
     warm = np.array([1.0, 0.55 + 0.45 * air, 0.25 + 0.75 * air])
@@ -92,6 +94,7 @@ def sample_sky(
         cloud_offset=rng.random(2).astype(np.float32),
         haze=_log_uniform(rng, weather.haze),
         wetness=rng.uniform(*weather.wetness),
+        snow=weather.snow,
         weather=weather.name,
         clouds=weather.clouds,
         scale=rng.uniform(*weather.scale),

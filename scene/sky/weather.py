@@ -33,6 +33,7 @@ class Weather(NamedTuple):
     wetness: Range
     below: float  # only under a sun lower than this, degrees
     weight: float = 1.0  # how often it is drawn, against the others
+    snow: float = 0.0  # share of level ground that it covers
 
 
 # fmt: off
@@ -55,7 +56,16 @@ SKIES: tuple[Weather, ...] = (
     Weather("mackerel",         "ripples", (.45, .70), (2.6, 3.8), .22, (4, 8),   .85, .25, (.15, .26, .45), (.41, .54, .69), (.98, 1.00, 1.03), .75, (900, 3000), (0, 0), 90),
     Weather("after rain",       "fleece",  (.55, .75), (2.4, 3.6), .34, (9, 18),  1.0, .60, (.12, .22, .41), (.37, .49, .64), (.64, .69, .77), .80, (1500, 5000), (.5, .9), 90, 0.4),
 )
+FOG = Weather("fog",            "sheet",   (.97, .99), (3.0, 5.0), .40, (1, 2),   1.0, .02, (.82, .84, .86), (.60, .61, .62), (.90, .92, .94), .03, (35, 130), (.1, .5), 90)
+SNOW = Weather("snow",          "sheet",   (.96, .99), (3.0, 5.0), .25, (1, 2),   1.0, .06, (.86, .90, .95), (.62, .65, .68), (.95, .98, 1.02), .06, (150, 900), (0, 0), 90, snow=.9)
 # fmt: on
+ASKED: dict[str, tuple[Weather, ...]] = {
+    "clear": tuple(w for w in SKIES if w.name in ("clear", "fair cumulus", "cirrus")),
+    "fog": (FOG,),
+    "rain": tuple(w for w in SKIES if w.name == "rain"),
+    "snow": (SNOW,),
+}
+"""Weathers that can be asked for; fog and snow come in no other way."""
 
 
 CLOSED = 0.1
@@ -63,16 +73,23 @@ CLOSED = 0.1
 
 
 def sample_weather(
-    rng: np.random.Generator, elevation: float, share: float = 1.0, closed: bool | None = None
+    rng: np.random.Generator,
+    elevation: float,
+    share: float = 1.0,
+    closed: bool | None = None,
+    asked: str = "",
 ) -> Weather:
     """Draw one of the first ``share`` of ``SKIES`` that suits a sun at ``elevation`` radians.
 
-    Only of those under closed cloud, or only of the others, where ``closed`` says so and there are any.
+    Only of those under closed cloud, or only of the others, where ``closed`` says so and there are any. One
+    that is ``asked`` for is of ``ASKED``; the same numbers are drawn, so that all else stays as it is.
 
     A sky of the low sun is kept with a probability that falls from 1 at the horizon to 0 at its own
     limit; otherwise one of the others takes its place.
     """
     known = SKIES[: max(1, round(share * len(SKIES)))]
+    if asked:
+        known, closed = ASKED[asked], None
     if closed is not None:
         known = tuple(w for w in known if (w.sun <= CLOSED) == closed) or known
     drawn = _weighted(known, rng.random())

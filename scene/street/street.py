@@ -67,6 +67,7 @@ def sample_street(
         azimuth=params.illumination_angle_y,
         share=pool.fraction,
         closed=_closed(params, seed),
+        asked=pool.weather,
     )
     drive = -1.0 if rng.random() < params.camera_position_probability else 1.0
     widths = params.road_width, params.sidewalk_width
