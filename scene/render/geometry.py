@@ -286,9 +286,9 @@ def leafed(shape: Shape) -> Shape:
     wood = np.ascontiguousarray(shape.faces[whole])
     leaves = np.repeat(shape.surface[cards][card], 2, axis=0)
     leaves[:, 12:15] = np.minimum(leaves[:, 12:15] * np.repeat(tone, 2)[:, None], 1.0)
-    flat = np.cross(
-        places[:, (1, 2)] - places[:, :1], places[:, (2, 3)] - places[:, :1]
-    ).reshape(-1, 3)
+    flat = np.cross(places[:, (1, 2)] - places[:, :1], places[:, (2, 3)] - places[:, :1]).reshape(
+        -1, 3
+    )
     flat /= np.linalg.norm(flat, axis=1, keepdims=True).clip(1e-12)
     leaves[:, 0:12] = np.tile(flat, 4)
     return Shape.of(

@@ -44,9 +44,7 @@ def _seen_from(street: Street) -> list[str]:
     places = np.array([c.position[:2] for c in eyes]).reshape(-1, 1, 2)
     found = ["far" if p.far else "" for p in street.placements]
     green = [
-        k
-        for k, p in enumerate(street.placements)
-        if p.train_id == TrainId.VEGETATION and not p.far
+        k for k, p in enumerate(street.placements) if p.train_id == TrainId.VEGETATION and not p.far
     ]
     if green and len(eyes):
         feet = np.array([street.placements[k].pose[:2, 3] for k in green])

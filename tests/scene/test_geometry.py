@@ -120,7 +120,10 @@ def test_leaves_seen_from_near_are_small_and_cover_as_much_as_their_cards():
     for index in (1, 5):
         whole, near = asset_shape("tree", index), asset_shape("tree", index, "near")
         leafy = [s.material == MATERIAL_ID["foliage"] for s in (whole, near)]
-        areas = [twice_areas(s.vertices, s.faces)[m] / 2 for s, m in zip((whole, near), leafy, strict=True)]
+        areas = [
+            twice_areas(s.vertices, s.faces)[m] / 2
+            for s, m in zip((whole, near), leafy, strict=True)
+        ]
         assert areas[1].sum() == pytest.approx(areas[0].sum(), rel=0.1)
         assert np.median(areas[1]) < 0.3 * np.median(areas[0])
         assert (~leafy[0]).sum() == (~leafy[1]).sum()

@@ -100,7 +100,10 @@ def test_noise_has_the_stated_strength_and_grows_with_the_signal():
 def test_noise_grows_with_what_the_meter_makes_of_the_light():
     response = PLAIN._replace(meter=1.0, noise=0.02)
     dim, bright = (
-        (shot(flat(v, 256), response) - shot(flat(v, 256), response._replace(noise=0.0)).astype(float))
+        (
+            shot(flat(v, 256), response)
+            - shot(flat(v, 256), response._replace(noise=0.0)).astype(float)
+        )
         for v in (KEY / 9, KEY)
     )
     assert dim.std() == pytest.approx(3 * bright.std(), rel=0.05)

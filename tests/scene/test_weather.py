@@ -1,0 +1,53 @@
+"""Weathers that are asked for: they change the light and what lies on the ground, and no label."""
+
+import pytest
+
+from scene import AssetPool, TrainId
+from scene.assets.catalogue import check_pool
+from scene.names import WEATHERS
+from scene.render import RenderSettings, renderer
+from scene.sky.weather import ASKED
+from tests.scene.conftest import POOL, refused, street
+
+
+@pytest.mark.parametrize("weather", WEATHERS)
+def test_a_weather_that_is_asked_for_changes_the_sky_and_nothing_else(weather):
+    by_chance, asked = (
+        street(seed=4, shots=2, pool=p) for p in (POOL, POOL._replace(weather=weather))
+    )
+    assert asked.sky.weather in {row.name for row in ASKED[weather]}
+    assert (asked.sky.snow > 0.5) == (weather == "snow") and (asked.sky.haze < 150) == (
+        weather == "fog"
+    )
+    assert (asked.sky.wetness >= 0.7) == (weather == "rain")
+    assert asked.cameras == by_chance.cameras
+    assert asked.ground == by_chance.ground
+    for one, other in zip(asked.placements, by_chance.placements, strict=True):
+        assert one[:4] == other[:4] and (one.pose == other.pose).all()
+    frames = [renderer("embree").render(s, RenderSettings(64, 48, 1)) for s in (asked, by_chance)]
+    for one, other in zip(*frames, strict=True):
+        assert (one.label == other.label).all() and (one.image != other.image).any()
+
+
+def test_snow_whitens_what_is_level_and_is_torn_on_the_road():
+    without, snowy = (
+        renderer("embree").render(
+            street(seed=4, pool=POOL._replace(weather=w)), RenderSettings(96, 72, 1)
+        )[0]
+        for w in ("rain", "snow")
+    )
+    label = snowy.label
+    road, walk = (snowy.image[label == c].astype(float) for c in (TrainId.ROAD, TrainId.SIDEWALK))
+    bare = without.image[label == TrainId.SIDEWALK].astype(float)
+    assert walk.mean() > bare.mean() + 30 and walk.mean() > road.mean() + 10
+    assert road.std() > 1.3 * without.image[label == TrainId.ROAD].std()
+
+
+def test_an_unknown_weather_is_refused_and_only_one_that_is_asked_for_is_recorded():
+    refused(
+        ValueError,
+        "weather 'hail' is unknown; known: clear, fog, rain, snow",
+        check_pool,
+        AssetPool(weather="hail"),
+    )
+    assert AssetPool(weather="fog").decides == AssetPool().decides | {"weather": "fog"}
