@@ -23,6 +23,7 @@ STREAMS = {
     "land": 34,  # beside the road
     "furniture": 35,
     "own class": 36,
+    "verge": 37,  # what lies along the sidewalks
     "noise": 40,  # of one shot's image
     "camera": 2**16,  # how it responds
 }

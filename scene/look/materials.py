@@ -73,6 +73,9 @@ MATERIALS: tuple[Material, ...] = (
     Material("iron", "grating", 0.5, 0.7, 0.0, 0.0),
     # The exception: it mirrors the sky where it is seen along its surface.
     Material("water", "flat", 1.0, 0.0, 0.03, 0.0),
+    Material("mended asphalt", "mended", 7.0, 0.3, 0.0, 0.0),
+    Material("fine chippings", "gravel", 1.5, 0.3, 0.0, 0.0),
+    Material("bare patches", "bare", 6.0, 0.75, 0.0, 0.0),
 )
 MATERIAL_ID: dict[str, int] = {m.name: i for i, m in enumerate(MATERIALS)}
 
