@@ -28,7 +28,7 @@ RAMP = 0.5
 """Metres over which the sidewalk falls to a dropped kerb."""
 WALKED = 1.8
 """Metres to each side of a crossing without a verge."""
-DRIVE_LIFT = 0.01
+DRIVE_LIFT = 0.006
 """Driveways lie this far above the land before a house."""
 FLAT_SIDE, FLAT_END = 100.0, 330.0
 """Beyond these the land may rise, metres to each side and along the road."""

@@ -1,4 +1,4 @@
-"""What roads, sidewalks and the land beside them are made of: eight surfaces each."""
+"""What roads, sidewalks and the land beside them are made of."""
 
 from __future__ import annotations
 
@@ -44,7 +44,6 @@ ROADS: tuple[Surface, ...] = (
 
 SIDEWALKS: tuple[Surface, ...] = (
     Surface("large slabs", "paving", (0.13, 0.128, 0.12), (0.26, 0.25, 0.232), 4),
-    Surface("asphalt", "fresh asphalt", (0.06, 0.06, 0.062), (0.12, 0.12, 0.12), 3),
     Surface("flagstones", "flagstones", (0.14, 0.128, 0.105), (0.26, 0.235, 0.19), 2),
     Surface("brick pavers", "pavers", (0.13, 0.085, 0.065), (0.24, 0.15, 0.115), 1.5),
     Surface("grey pavers", "pavers", (0.12, 0.12, 0.118), (0.22, 0.22, 0.215), 2),
@@ -52,7 +51,7 @@ SIDEWALKS: tuple[Surface, ...] = (
     Surface("concrete", "concrete", (0.16, 0.155, 0.145), (0.28, 0.27, 0.25), 2),
     Surface("cobbles", "cobbles", (0.09, 0.088, 0.084), (0.18, 0.172, 0.16), 0.7),
 )
-"""Footways."""
+"""Footways, but for those of asphalt."""
 
 ASPHALT: tuple[Surface, ...] = (
     Surface("even asphalt", "fresh asphalt", (0.8, 0.76, 0.7), (1.35, 1.28, 1.18), 3),
@@ -67,7 +66,7 @@ VERGES: tuple[Surface, ...] = (
     Surface("dry grass", "grass", (0.11, 0.10, 0.045), (0.19, 0.165, 0.085), 1.5),
     Surface("worn grass", "bare patches", (0.075, 0.085, 0.032), (0.13, 0.125, 0.055), 2),
     Surface("earth", "earth", (0.08, 0.058, 0.042), (0.17, 0.125, 0.09), 1),
-    Surface("gravel", "gravel", (0.12, 0.11, 0.095), (0.22, 0.205, 0.175), 1),
+    Surface("gravel", "gravel", (0.13, 0.112, 0.085), (0.23, 0.20, 0.155), 0.5),
     Surface("leaves on grass", "fallen leaves", (0.085, 0.065, 0.025), (0.15, 0.105, 0.045), 1),
 )
 """Strips along a sidewalk."""
@@ -99,9 +98,8 @@ TERRAINS: tuple[Surface, ...] = (
     Surface("earth", "earth", (0.09, 0.062, 0.042), (0.18, 0.13, 0.09), 1),
     Surface("dry grass", "grass", (0.12, 0.11, 0.045), (0.20, 0.175, 0.085), 2),
     Surface("fallen leaves", "fallen leaves", (0.09, 0.055, 0.022), (0.17, 0.10, 0.04), 1),
-    Surface("gravel", "gravel", (0.16, 0.148, 0.125), (0.28, 0.26, 0.22), 1),
+    Surface("gravel", "gravel", (0.17, 0.148, 0.112), (0.29, 0.255, 0.20), 0.5),
     Surface("meadow", "long grass", (0.09, 0.105, 0.03), (0.15, 0.16, 0.055), 2),
-    Surface("plaza", "pavers", (0.15, 0.14, 0.125), (0.26, 0.245, 0.215), 1),
 )
 """What lies beyond the sidewalk."""
 

@@ -61,7 +61,7 @@ def test_the_default_street_has_the_default_values_and_angles_in_radians():
     assert street_params(np.ones(23)).camera_rotation_x == pytest.approx(math.radians(20))
     assert street_params(np.zeros(23)).illumination_angle_y == pytest.approx(-math.pi)
     for shape in ((), (22,), (24,), (23, 2), (0,)):
-        refused(ValueError, r"must have 23 \(scenex\) or 37", check_unit, np.zeros(shape))
+        refused(ValueError, r"must have 23 \(scenex\) or 40", check_unit, np.zeros(shape))
 
 
 @given(st.sampled_from(NAMES), st.sampled_from([-0.1, 1.001, math.nan, math.inf, -math.inf]))
