@@ -120,7 +120,7 @@ def sample_coat(
     With ``wear``, the age of a road in [0, 1], those met at such an age are likelier.
     """
     known = surfaces[: max(1, round(share * len(surfaces)))]
-    weights = np.array([s.weight for s in known])
+    weights = np.array([s.weight for s in known], float)
     if wear is not None:
         weights *= np.exp(-0.5 * (np.array([s.wear - wear for s in known]) / AGES) ** 2)
     surface = known[int(rng.choice(len(known), p=weights / weights.sum()))]
