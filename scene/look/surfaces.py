@@ -54,9 +54,9 @@ SIDEWALKS: tuple[Surface, ...] = (
 """Footways, but for those of asphalt."""
 
 ASPHALT: tuple[Surface, ...] = (
-    Surface("even asphalt", "fresh asphalt", (0.8, 0.76, 0.7), (1.35, 1.28, 1.18), 3),
-    Surface("patched asphalt", "mended asphalt", (0.75, 0.72, 0.66), (1.3, 1.24, 1.14), 3),
-    Surface("chippings", "fine chippings", (0.9, 0.86, 0.78), (1.45, 1.37, 1.24), 1),
+    Surface("even asphalt", "fresh asphalt", (0.82, 0.76, 0.67), (1.38, 1.28, 1.13), 3),
+    Surface("patched asphalt", "mended asphalt", (0.77, 0.72, 0.63), (1.33, 1.24, 1.09), 3),
+    Surface("chippings", "fine chippings", (0.92, 0.86, 0.75), (1.47, 1.37, 1.2), 1),
 )
 """Footways of asphalt; their colours are factors on the road's grey."""
 
