@@ -40,8 +40,8 @@ from scene.streams import child
 
 KERB_STONE = (0.21, 0.205, 0.195)
 """Linear colour of kerb stones, before weather and dirt."""
-TRAMS = 0.05
-"""Share of roads with tram tracks."""
+TRAMS, LITTERED, PUDDLED = 0.05, 0.3, 0.12
+"""Shares of roads with tram tracks, with fallen leaves and with puddles."""
 
 
 class Ground(NamedTuple):
@@ -75,6 +75,8 @@ class Ground(NamedTuple):
     seed: int  # of wear and shades
     wear: float = 0.45  # age of the road, 0 .. 1
     dust: float = 0.0  # how much of the colour along kerbs is dust, 0 .. 1
+    leaves: int = 0  # fallen ones on road, and on sidewalks
+    puddles: int = 0
     rails: float = 0.0  # the middle of tram tracks from the centre line, m; 0: none
     sides: tuple[Side, Side] = NO_SIDES  # what lies along the sidewalks, right and left
     path: Path = STRAIGHT
@@ -135,7 +137,7 @@ def plain(ground: Ground) -> Ground:
     return ground._replace(
         centre="none", edge_lines=0, crosswalks=(), parking=("none", "none"), cycle_lane="none",
         legends=(), boxes=(), side_streets=(), driveways=(), patches=0, covers=0, hills=0.0,
-        dust=0.0, rails=0.0, sides=NO_SIDES,
+        dust=0.0, leaves=0, puddles=0, rails=0.0, sides=NO_SIDES,
     )  # fmt: skip
 
 
@@ -233,7 +235,7 @@ def sample_ground(
 
 
 def _aged(ground: Ground, asphalt: float, rng: np.random.Generator) -> Ground:
-    """The ground with dust, perhaps tram tracks, and by chance sidewalks of asphalt."""
+    """The ground with dust, and by chance tram tracks, leaves, puddles and sidewalks of asphalt."""
     tram, off = rng.random() < TRAMS, float(rng.uniform(1.4, 1.9))
     dust = float(rng.uniform(0, 0.8)) * ground.wear
     paved, stone = rng.random() < asphalt, float(rng.uniform(0.35, 1.0))
@@ -243,7 +245,13 @@ def _aged(ground: Ground, asphalt: float, rng: np.random.Generator) -> Ground:
         kerb = tuple(stone * k + (1 - stone) * grey for k in ground.kerb)
         ground = ground._replace(sidewalk=beside, kerb=kerb)
     wide = ground.half_width > off + 1.6 and ground.centre != "hatched"
-    return ground._replace(dust=dust, rails=off if tram and wide else 0.0)
+    autumn, rain = rng.random(2) < (LITTERED, PUDDLED)
+    return ground._replace(
+        dust=dust,
+        rails=off if tram and wide else 0.0,
+        leaves=int(rng.integers(60, 500)) if autumn else 0,
+        puddles=int(rng.integers(2, 9)) if rain else 0,
+    )
 
 
 def with_sides(

@@ -19,6 +19,7 @@ from scene.ground.extent import (
 from scene.ground.ground import Ground, along
 from scene.ground.junction import REACH, Junction
 from scene.ground.land import land_height, open_lines, rise
+from scene.ground.litter import leaves
 from scene.ground.verge import NO_SIDES
 from scene.mesh.quads import Quads, flat, grid, quads, rectangles
 
@@ -37,8 +38,9 @@ FIELDS = ((0.05, 0.085, 0.025), (0.10, 0.105, 0.04), (0.03, 0.05, 0.018), (0.13,
 
 
 def sidewalk_quads(ground: Ground, rng: np.random.Generator) -> list[Quads]:
-    """Kerb stones and paving on both sides."""
-    return [part for side in (-1.0, 1.0) for part in _one_side(ground, side, rng)]
+    """Kerb stones and paving on both sides, and what lies on it."""
+    parts = [part for side in (-1.0, 1.0) for part in _one_side(ground, side, rng)]
+    return parts + leaves(ground, rng, road=False)
 
 
 def _drops(ground: Ground, side: float) -> list[tuple[float, float]]:

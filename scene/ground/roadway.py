@@ -20,11 +20,12 @@ from scene.ground.extent import (
     wavy,
 )
 from scene.ground.ground import Ground, along
+from scene.ground.litter import leaves, puddles
 from scene.look.surfaces import DUST
 from scene.mesh.quads import Quads, discs, flat, grid, joined, quads, rectangles
 
 WHITE, YELLOW = (0.56, 0.56, 0.53), (0.50, 0.34, 0.05)
-IRON, STEEL = (0.07, 0.065, 0.06), (0.17, 0.17, 0.175)
+IRON, STEEL = (0.07, 0.065, 0.06), (0.12, 0.12, 0.124)
 TINTS = {"green": (0.055, 0.10, 0.07), "red": (0.14, 0.065, 0.052)}
 """Colours of a tinted cycle lane."""
 FADED = 0.75
@@ -47,7 +48,7 @@ def road_quads(ground: Ground, rng: np.random.Generator) -> list[Quads]:
     parts += [_side_street(ground, x, side) for x, side in ground.side_streets]
     if ground.rails:
         parts.append(_rails(ground))
-    return parts + _paint(ground, rng)
+    return parts + _paint(ground, rng) + puddles(ground, rng) + leaves(ground, rng, road=True)
 
 
 def _carriageway(ground: Ground, rng: np.random.Generator) -> Quads:
@@ -113,7 +114,7 @@ def _rails(ground: Ground) -> Quads:
     x, parts = stations(8.0), []
     for track, rail in product((-1, 1), (-1, 1)):
         y = track * ground.rails + rail * GAUGE / 2
-        for left, wide, color in ((0.0, 0.06, STEEL), (0.06 * rail, 0.06, IRON)):
+        for left, wide, color in ((0.0, 0.055, STEEL), (0.05 * rail, 0.045, IRON)):
             low, high = y - left - wide / 2, y - left + wide / 2
             outlines = rectangles(x[:-1], x[1:], np.array(low), np.array(high))
             parts.append(flat(outlines, PATCH_LIFT, np.array(color), "metal"))

@@ -11,6 +11,7 @@ from scene import default_unit, sample_street, street_params
 from scene.ground.build import ground_surfaces
 from scene.ground.extent import KERB_HEIGHT, KERB_WIDTH
 from scene.ground.ground import plain, sample_ground, with_sides
+from scene.ground.litter import leaves, puddles
 from scene.ground.relief import DRIVE_LIFT
 from scene.ground.verge import LEAST_FOOTWAY, UNDER
 from scene.look.materials import material_id
@@ -130,6 +131,31 @@ def test_the_share_of_terrain_in_labels_grows_with_the_share_of_verges(shaped):
         found.append(np.mean([seen_from_above(g, k) for k, g in enumerate(grounds)], axis=0))
     sidewalk, terrain = np.transpose(found)
     assert (np.diff(terrain) > 0.01).all() and (np.diff(sidewalk) < -0.01).all()
+
+
+@given(SEEDS, st.booleans())
+def test_leaves_lie_on_paving_and_water_on_the_road(seed, green):
+    drawn = sided(seed, float(green))._replace(leaves=300, puddles=5)
+    drawn = plain(drawn)._replace(leaves=300, puddles=5, sides=drawn.sides)
+    rng = np.random.default_rng(seed)
+    half, outer = drawn.half_width, drawn.outer
+    (water,), (wet,) = puddles(drawn, rng), leaves(drawn, rng, road=True)
+    for part in (water, wet):
+        assert np.abs(part.corners[..., 1]).max() < half and part.corners[..., 2].max() < 0.02
+    assert areas(water.corners).min() > 1e-4 and 3 < areas(water.corners).sum() < 40
+    (dry,) = leaves(drawn, rng, road=False)
+    y = dry.corners[..., 1]
+    assert (np.abs(y) > half + KERB_WIDTH).all() and (np.abs(y) < outer).all()
+    for side in (-1.0, 1.0):
+        low, high = drawn.side(side).verge
+        here = side * y[side * y[:, 0] > 0]
+        assert not ((here > low) & (here < high)).any()
+
+
+def areas(corners):
+    """Areas of level four-cornered faces [n, 4, 3]."""
+    x, y = corners[..., 0], corners[..., 1]
+    return np.abs((x * np.roll(y, -1, 1) - y * np.roll(x, -1, 1)).sum(axis=1)) / 2
 
 
 def test_drives_lie_on_what_they_cross_and_reach_the_house():
