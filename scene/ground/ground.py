@@ -242,8 +242,8 @@ def _aged(ground: Ground, asphalt: float, rng: np.random.Generator) -> Ground:
     beside = asphalt_beside(rng, ground.road)
     if paved:  # stones of a footway of asphalt are little lighter than it
         grey = float(np.dot(beside.color, (0.3, 0.59, 0.11)))
-        kerb = tuple(stone * k + (1 - stone) * grey for k in ground.kerb)
-        ground = ground._replace(sidewalk=beside, kerb=kerb)
+        red, green, blue = (stone * k + (1 - stone) * grey for k in ground.kerb)
+        ground = ground._replace(sidewalk=beside, kerb=(red, green, blue))
     wide = ground.half_width > off + 1.6 and ground.centre != "hatched"
     autumn, rain = rng.random(2) < (LITTERED, PUDDLED)
     return ground._replace(

@@ -10,11 +10,11 @@ from scene.look.surfaces import DRIVES, FORECOURTS, SIDEWALK_TONE, VERGES, Coat,
 
 LEAST, LEAST_FOOTWAY = 0.55, 1.2
 """Of a verge's width, and of the paving that stays beside it, metres."""
-DEEPEST = 7.0
+DEEPEST = 10.0
 """Houses farther behind the sidewalk than this have land before them, metres."""
 UNDER = 1.5
 """Paving reaches below houses so far, since they stand a little back, metres."""
-PLACES = {"kerb": 0.6, "rear": 0.25, "whole": 0.15}
+PLACES = {"kerb": 0.65, "rear": 0.27, "whole": 0.08}
 """Where a verge lies: between kerb and sidewalk, behind the sidewalk, or there is no sidewalk beside it."""
 
 

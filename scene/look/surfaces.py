@@ -65,9 +65,9 @@ VERGES: tuple[Surface, ...] = (
     Surface("rank grass", "long grass", (0.05, 0.08, 0.02), (0.12, 0.135, 0.045), 3),
     Surface("dry grass", "grass", (0.11, 0.10, 0.045), (0.19, 0.165, 0.085), 1.5),
     Surface("worn grass", "bare patches", (0.075, 0.085, 0.032), (0.13, 0.125, 0.055), 2),
-    Surface("earth", "earth", (0.08, 0.058, 0.042), (0.17, 0.125, 0.09), 1),
-    Surface("gravel", "gravel", (0.13, 0.112, 0.085), (0.23, 0.20, 0.155), 0.5),
-    Surface("leaves on grass", "fallen leaves", (0.085, 0.065, 0.025), (0.15, 0.105, 0.045), 1),
+    Surface("earth", "earth", (0.08, 0.058, 0.042), (0.17, 0.125, 0.09), 0.5),
+    Surface("gravel", "gravel", (0.13, 0.112, 0.085), (0.23, 0.20, 0.155), 0.3),
+    Surface("leaves on grass", "fallen leaves", (0.085, 0.065, 0.025), (0.15, 0.105, 0.045), 0.5),
 )
 """Strips along a sidewalk."""
 

@@ -13,7 +13,7 @@ from scene.ground.extent import KERB_HEIGHT, KERB_WIDTH
 from scene.ground.ground import plain, sample_ground, with_sides
 from scene.ground.litter import leaves, puddles
 from scene.ground.relief import DRIVE_LIFT
-from scene.ground.verge import LEAST_FOOTWAY, UNDER
+from scene.ground.verge import DEEPEST, LEAST_FOOTWAY, UNDER
 from scene.look.materials import material_id
 from scene.look.surfaces import ASPHALT, SIDEWALKS, VERGES
 from scene.render import RenderSettings, renderer
@@ -71,7 +71,7 @@ def test_without_a_verge_paving_reaches_below_houses_that_are_near(seed, front):
     drawn = sided(seed, 0.0, front)
     open_side, built = drawn.sides
     assert open_side.green is None and built.green is None and open_side.rear == 0.0
-    near = front - drawn.outer < 7.0
+    near = front - drawn.outer < DEEPEST
     assert built.rear == (front + UNDER if near else 0.0)
     level = plain(drawn)._replace(sides=drawn.sides)
     for side in (1.0, -1.0):
