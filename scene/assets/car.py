@@ -12,6 +12,7 @@ from scene.assets.parts.fittings import Fittings, fittings
 from scene.assets.parts.glazing import Glazing, glazing
 from scene.assets.parts.palette import BLACK, CHROME, GLASS, STEEL, TRIM, car_paint, darker, pick
 from scene.assets.parts.rickshaw import Rickshaw, rickshaw, sample_rickshaw
+from scene.assets.parts.van import VanSides, van_sides
 from scene.assets.parts.wheel import STYLES, Wheel, wheels
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, merge, vary
@@ -25,6 +26,7 @@ class CarParams(NamedTuple):
     fittings: Fittings
     wheel: Wheel
     glazing: Glazing
+    van: VanSides | None = None
 
 
 class _Model(NamedTuple):
@@ -156,12 +158,14 @@ def sample_car(rng: np.random.Generator, kind: str) -> CarParams | Rickshaw:
         return sample_rickshaw(rng)
     body = _sample_body(rng, kind, _MODELS[kind])
     color = _sample_paint(rng, kind)
+    wear = _sample_wear(rng, kind, color)
     return CarParams(
         body,
-        _sample_wear(rng, kind, color),
+        wear,
         _sample_fittings(rng, kind, color),
         _sample_wheel(rng, kind, body),
         _sample_glazing(rng, kind),
+        _sample_van(rng, wear) if kind in _VANS else None,
     )
 
 
@@ -306,6 +310,16 @@ def _sample_glazing(rng: np.random.Generator, kind: str) -> Glazing:
     )
 
 
+def _sample_van(rng: np.random.Generator, wear: Paint) -> VanSides:
+    letters = pick(rng, ((0.3, 0.02, 0.02), (0.02, 0.06, 0.25), (0.02, 0.15, 0.05), BLACK))
+    if max(wear.body) < 0.4:
+        letters = pick(rng, ((0.6, 0.6, 0.58), (0.55, 0.4, 0.03)))
+    named = rng.random() < 0.6
+    return VanSides(
+        wear.body, letters if named else None, int(rng.integers(2**31)), not wear.windows[1]
+    )
+
+
 def car(params: CarParams | Rickshaw) -> Asset:
     """The car of ``params``, nose towards +x."""
     if isinstance(params, Rickshaw):
@@ -317,6 +331,7 @@ def car(params: CarParams | Rickshaw) -> Asset:
         underside(b),
         *fittings(b, params.fittings),
         *glazing(b, params.glazing, params.paint.windows),
+        *([] if params.van is None else van_sides(b, params.van)),
         wheels(params.wheel, axles(b), track),
     )
 

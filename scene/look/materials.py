@@ -35,7 +35,7 @@ class Material(NamedTuple):
 
 MATERIALS: tuple[Material, ...] = (
     Material("plain", "flat", 1.0, 0.0, 0.0, 0.0),
-    Material("paint", "flat", 1.0, 0.0, 0.05, 0.0),
+    Material("paint", "cloudy", 3.0, 0.06, 0.05, 0.0),
     Material("glass", "flat", 1.0, 0.0, 0.08, 0.0),
     Material("metal", "speckle", 2.0, 0.15, 0.04, 0.0),
     Material("rubber", "flat", 1.0, 0.0, 0.0, 0.0),

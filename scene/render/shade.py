@@ -33,6 +33,8 @@ WHITE = (0.80, 0.83, 0.88)
 Array = np.ndarray
 f32 = np.float32
 ROAD = next(k for k, train_id in GROUND_INSTANCES.items() if train_id == TrainId.ROAD)
+HOUSES = 34
+"""Around a mirror, of different heights, between which it shows the sky."""
 BATCH, WORK = 256, 38
 """Spots that are shaded together, and the numbers that are kept of each meanwhile."""
 ZERO, HALF, ONE = f32(0), f32(0.5), f32(1)
@@ -253,12 +255,15 @@ def shade(
             gloss[n] = grown if seen[n] > ZERO else ONE
             bounce = f32(2) * toward * seen[n]
             mx, my, mz = dx[n] - bounce * nx[n], dy[n] - bounce * ny[n], dz[n] - bounce * nz[n]
-            # Low rays meet the street's other side rather than the sky.
-            part = min(max(mz * f32(3) + f32(0.1), f32(0.12)), ONE)
+            # Low rays meet the street's other side, houses of several heights, rather than the sky.
+            turn = _angle(my, mx) * f32(1 / math.tau) + HALF
+            house = int(turn * f32(HOUSES))
+            eaves = f32(house * (house + 5) % 11) * f32(0.03)
+            part = min(max((mz - eaves) * f32(8) + f32(0.1), f32(0.12)), ONE)
             part *= f32(0.3) + f32(0.7) * sky_light[n]
             sky_share[n] = part if seen[n] > ZERO else ONE
             mz = min(max(mz, -mz * seen[n]), ONE)
-            column[n] = (_angle(my, mx) * f32(1 / math.tau) + HALF) * wide - HALF
+            column[n] = turn * wide - HALF
             mz = max(mz, ZERO)
             rise = _angle(mz, f32(math.sqrt(max(ONE - mz * mz, ZERO)))) * f32(2 / math.pi)
             row[n] = min(max(high * f32(math.sqrt(rise)) - HALF, ZERO), high - f32(1.001))
