@@ -1,4 +1,4 @@
-"""What breaks up the closed sides and doors of vans: pressed panels, a sliding door's rail, seams, lettering."""
+"""What breaks up the closed sides and doors of vans: panels, a sliding door's rail, seams, lettering."""
 
 from __future__ import annotations
 
