@@ -98,7 +98,7 @@ def sample_outfit(
         legs=legs,
         shoes=pick(rng, SHOES),
         sole=pale,
-        width=float(rng.choice([1.0, 1.12, 1.25])) if not woman else float(rng.choice([0.95, 1.1])),
+        width=float(rng.choice([1.0, 1.15, 1.25] if woman else [1.12, 1.25, 1.4])),
         hairdo=str(rng.choice(dos)),
         beard=bool(not woman and not child and rng.random() < 0.25),
         collar=pick(rng, BRIGHT + CLOTHES, 0.2) if rng.random() < 0.2 and not child else None,
