@@ -14,6 +14,7 @@ from scene.assets.parts.bodywork import ARCH_GAP, Paint, at, axles, low, share, 
 from scene.assets.parts.glazing import glazing
 from scene.assets.parts.human import FOREARM, HAND, UPPER_ARM, Body, bend
 from scene.assets.parts.skin import mirrored, revolve, sheet, slab, twin_sheets, weld
+from scene.assets.parts.van import van_sides
 from scene.look.materials import MATERIALS
 from scene.mesh.asset import merge
 from scene.mesh.mesh import Mesh
@@ -214,20 +215,38 @@ def test_shells_are_as_long_and_high_as_they_say_and_alike_on_both_sides(kind):
     assert points == {tuple(p) for p in np.round(mesh.vertices * [1, -1, 1], 6) + 0.0}
 
 
+def laid_on(b, parts, glass_only):
+    """Whether all faces of parts are seen from outside, and lie before the shell."""
+    whole = shell(b, Paint(RED, RED, RED, RED, RED))
+    glass = whole.material == [m.name for m in MATERIALS].index("glass")
+    under = Mesh(whole.mesh.vertices, whole.mesh.faces[glass | (not glass_only)])
+    laid = solid(merge(*parts).mesh)
+    middle, normal = laid.triangles_center, laid.face_normals
+    turn = np.sign(np.sum(normal * (middle - [0, 0, 0.5]), axis=1))
+    out = turn[:, None] * normal
+    starts = middle + 0.05 * out
+    near = hits(solid(under), starts, -out)
+    return not hits(solid(whole.mesh), middle, out).any() and near.all()
+
+
 @pytest.mark.parametrize("kind", BODIES)
 def test_seats_and_drivers_are_seen_just_outside_the_glass_they_are_laid_on(kind):
     for seed in range(4):
         params = car.sample_car(np.random.default_rng(seed), kind)
-        b, g = params.body, params.glazing._replace(skin=RED)
-        whole = shell(b, Paint(RED, RED, RED, RED, RED))
-        glass = whole.material == [m.name for m in MATERIALS].index("glass")
-        pane = Mesh(whole.mesh.vertices, whole.mesh.faces[glass])
-        laid = solid(merge(*glazing(b, g, (True, True))).mesh)
-        middle, normal = laid.triangles_center, laid.face_normals
-        turn = np.sign(np.sum(normal * (middle - [0, 0, 0.5]), axis=1))
-        out = turn[:, None] * normal
-        assert not hits(solid(whole.mesh), middle, out).any()
-        assert hits(solid(pane), middle + 0.05 * out, -out).all()
+        g = params.glazing._replace(skin=RED)
+        assert laid_on(params.body, glazing(params.body, g, (True, True)), glass_only=True), seed
+
+
+@pytest.mark.parametrize("kind", car._VANS)
+def test_panels_seams_and_names_are_seen_just_outside_the_sides_of_vans(kind):
+    for seed in range(4):
+        params = car.sample_car(np.random.default_rng(seed), kind)
+        plain, named = (
+            van_sides(params.body, params.van._replace(letters=letters, sealed=True))
+            for letters in (None, RED)
+        )
+        assert len(named) > len(plain) + 10
+        assert laid_on(params.body, named, glass_only=False), seed
 
 
 def test_a_rickshaw_has_one_wheel_ahead_in_the_middle_and_two_behind():

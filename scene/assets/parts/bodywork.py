@@ -248,8 +248,12 @@ def stations(b: Body) -> np.ndarray:
     marks += [b.roof_rear + d * (b.tail - b.roof_rear) for d in (0.4, 0.7)]
     if b.bed:
         marks += [b.bed[0], b.bed[1]]
-    line = np.sort(np.clip(np.concatenate([marks, _arch_marks(b)]), 0, 1))
-    return line[np.concatenate([[True], np.diff(line) > 3.5e-3])]
+    line = np.sort(np.clip(np.concatenate([marks, _arch_marks(b)]), 0, 1)).tolist()
+    kept = line[:1]
+    for mark in line[1:]:
+        if mark - kept[-1] > _APART:
+            kept.append(mark)
+    return np.array(kept)
 
 
 def _arch_marks(b: Body) -> np.ndarray:
@@ -261,6 +265,8 @@ def _arch_marks(b: Body) -> np.ndarray:
 _ARCH = np.array([-1.03, -0.99, -0.9, -0.63, -0.22, 0.22, 0.63, 0.9, 0.99, 1.03])
 
 
+_APART = 3.5e-3
+"""Share of the length that sections are apart, at least."""
 _POST = 0.009
 """Half the width of a window post, as a share of the length."""
 

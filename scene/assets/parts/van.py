@@ -30,7 +30,7 @@ def van_sides(b: Body, v: VanSides) -> list[Asset]:
     front, rear = b.glass[1] + 0.035, 0.955
     middle, line = (front + rear) / 2, _LINE / b.length
     shade = darker(v.body, 0.35)
-    parts = [on_flank(b, (front, rear), (0.955, 0.98), BLACK, lift=0.012)]
+    parts = [on_flank(b, (front, rear), (0.955, 0.98), BLACK, lift=0.02, steps=6)]
     for low, high in ((front, middle - 0.012), (middle + 0.012, rear)):
         for s in ((low, low + line), (high - line, high)):
             parts.append(_upon(b, s, (0.12, 0.8), shade))
@@ -43,7 +43,7 @@ def van_sides(b: Body, v: VanSides) -> list[Asset]:
             up, across = np.meshgrid([0.05, 0.5, 0.9], [c, c + 0.02], indexing="ij")
             points = roof(b, b.tail + up * fall, np.abs(across))
             points[..., 1] *= np.sign(across)
-            parts.append(sheet(points - [0.012, 0, 0], shade, "plain"))
+            parts.append(sheet(points - [0.02, 0, 0], shade, "plain"))
     if v.letters is not None:
         parts += _letters(b, (front + 0.04, rear - 0.06), v.letters, v.seed)
     return parts
