@@ -234,7 +234,7 @@ def _sample_wear(rng: np.random.Generator, kind: str, color: Color) -> Paint:
         roof = (0.64, 0.64, 0.62) if max(color) < 0.4 else BLACK
     side = darker(glass, 0.5 + 1.2 * float(tint))
     sealed = kind == "small van" or (kind == "panel van" and rng.random() < 0.5)
-    windows = (True, not (sealed and rng.random() < 0.5))
+    windows = (True, not (sealed and rng.random() < 0.3))
     return Paint(color, lower, roof, side, glass, windows, rows, cloth, bool(rng.random() < 0.7))
 
 
@@ -338,6 +338,6 @@ def car(params: CarParams | Rickshaw) -> Asset:
 
 FAMILY = Family(
     "car", TrainId.CAR, KINDS, sample_car, car,
-    count=195, size=Size((2.2, 7), (0.9, 3)), tone=0.8, line=("car", 0.9),
+    count=195, size=Size((2.2, 7), (0.9, 3)), tone=0.95, line=("car", 0.9),
     facing="lane", stage=ROAD, again=(175,), more=_MORE,
 )  # fmt: skip

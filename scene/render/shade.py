@@ -258,8 +258,11 @@ def shade(
             # Low rays meet the street's other side, houses of several heights, rather than the sky.
             turn = _angle(my, mx) * f32(1 / math.tau) + HALF
             house = int(turn * f32(HOUSES))
-            eaves = f32(house * (house + 5) % 11) * f32(0.03)
-            part = min(max((mz - eaves) * f32(8) + f32(0.1), f32(0.12)), ONE)
+            eaves = f32(house * (house + 5) % 11) * f32(0.02)
+            wall = min(max((mz - eaves) * f32(8) + f32(0.1), f32(0.12)), ONE)
+            # What is wet is level and rough: it blurs them.
+            part = min(max(mz * f32(3) + f32(0.1), f32(0.12)), ONE)
+            part = part if damp > ZERO else wall
             part *= f32(0.3) + f32(0.7) * sky_light[n]
             sky_share[n] = part if seen[n] > ZERO else ONE
             mz = min(max(mz, -mz * seen[n]), ONE)
