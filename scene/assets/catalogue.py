@@ -43,7 +43,7 @@ class AssetPool(NamedTuple):
         ""  # whether they may stand in each other: "allow", "avoid", "" as the space has it
     )
     own_class: OwnClass | None = None  # a class beside the engine's, and its asset
-    weather: str = ""  # of all streets: "clear", "fog", "rain", "snow"; "" leaves it to chance
+    weather: str = ""  # of all streets: one of ``WEATHERS``; "" leaves it to chance
 
     @property
     def decides(self) -> dict[str, Any]:

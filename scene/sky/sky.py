@@ -35,6 +35,7 @@ class Sky(NamedTuple):
     haze: float  # metres over which all but 1/e of the light is lost
     wetness: float  # of the road, 0 dry .. 1 standing water
     snow: float  # share of level ground that it covers, 0 none .. 1 all
+    lamps: float  # how bright they are, 0 by day
     weather: str  # name of its row in ``SKIES``
     clouds: str  # kind of cloud map
     scale: float  # size of that map, in heights of the cloud base
@@ -95,6 +96,7 @@ def sample_sky(
         haze=_log_uniform(rng, weather.haze),
         wetness=rng.uniform(*weather.wetness),
         snow=weather.snow,
+        lamps=weather.lamps,
         weather=weather.name,
         clouds=weather.clouds,
         scale=rng.uniform(*weather.scale),

@@ -34,6 +34,7 @@ class Weather(NamedTuple):
     below: float  # only under a sun lower than this, degrees
     weight: float = 1.0  # how often it is drawn, against the others
     snow: float = 0.0  # share of level ground that it covers
+    lamps: float = 0.0  # how bright street lamps and windows are
 
 
 # fmt: off
@@ -58,14 +59,16 @@ SKIES: tuple[Weather, ...] = (
 )
 FOG = Weather("fog",            "sheet",   (.97, .99), (3.0, 5.0), .40, (1, 2),   1.0, .02, (.82, .84, .86), (.60, .61, .62), (.90, .92, .94), .03, (35, 130), (.1, .5), 90)
 SNOW = Weather("snow",          "sheet",   (.96, .99), (3.0, 5.0), .25, (1, 2),   1.0, .06, (.86, .90, .95), (.62, .65, .68), (.95, .98, 1.02), .06, (150, 900), (0, 0), 90, snow=.9)
+NIGHT = Weather("night",        "fleece",  (.30, .80), (2.6, 4.2), .25, (5, 12),  1.0, .30, (.006, .008, .013), (.024, .019, .016), (.018, .015, .013), .002, (800, 3000), (0, .4), 90, lamps=1.0)
 # fmt: on
 ASKED: dict[str, tuple[Weather, ...]] = {
     "clear": tuple(w for w in SKIES if w.name in ("clear", "fair cumulus", "cirrus")),
     "fog": (FOG,),
     "rain": tuple(w for w in SKIES if w.name == "rain"),
     "snow": (SNOW,),
+    "night": (NIGHT,),
 }
-"""Weathers that can be asked for; fog and snow come in no other way."""
+"""Weathers that can be asked for; fog, snow and night come in no other way."""
 
 
 CLOSED = 0.1

@@ -1,11 +1,13 @@
 """Weathers that are asked for: they change the light and what lies on the ground, and no label."""
 
+import numpy as np
 import pytest
 
 from scene import AssetPool, TrainId
 from scene.assets.catalogue import check_pool
 from scene.names import WEATHERS
 from scene.render import RenderSettings, renderer
+from scene.render.shade import LAMP_POWER, lamplight
 from scene.sky.weather import ASKED
 from tests.scene.conftest import POOL, refused, street
 
@@ -43,10 +45,32 @@ def test_snow_whitens_what_is_level_and_is_torn_on_the_road():
     assert road.std() > 1.3 * without.image[label == TrainId.ROAD].std()
 
 
+def test_a_lamp_lights_what_lies_below_it_by_the_square_of_the_distance():
+    places = np.float32([(0, 0, 0), (0, 0, -5), (0, 0, 0), (100, 0, 0)])
+    normals = np.float32([(0, 0, 1), (0, 0, 1), (0, 0, -1), (0, 0, 1)])
+    light = np.zeros(4, np.float32)
+    lamplight(places, normals, np.float32([(0, 0, 5)]), np.float32(1), light)
+    assert light[0] == pytest.approx(LAMP_POWER / 25, rel=0.03)
+    assert light[1] == pytest.approx(light[0] / 4, rel=0.03) and (light[2:] == 0).all()
+
+
+def test_the_night_is_dark_but_for_lamps():
+    drawn = street(seed=4, pool=POOL._replace(weather="night"))
+    settings = RenderSettings(96, 72, 1)
+    [night] = renderer("embree").render(drawn, settings)
+    [unlit] = renderer("embree").render(drawn._replace(sky=drawn.sky._replace(lamps=0.0)), settings)
+    # The meter makes up for some of it: what counts is the sky against the road.
+    below, above = (night.label == TrainId.ROAD), (night.label == TrainId.SKY)
+    assert night.image[below].mean() / night.image[above].mean() > 1.5 * (
+        unlit.image[below].mean() / unlit.image[above].mean()
+    )
+    assert (night.label == unlit.label).all() and night.image.mean() < 90
+
+
 def test_an_unknown_weather_is_refused_and_only_one_that_is_asked_for_is_recorded():
     refused(
         ValueError,
-        "weather 'hail' is unknown; known: clear, fog, rain, snow",
+        "weather 'hail' is unknown; known: clear, fog, rain, snow, night",
         check_pool,
         AssetPool(weather="hail"),
     )
