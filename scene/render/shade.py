@@ -185,8 +185,8 @@ def shade(
     """Linear radiance f32[pixels, 3] towards the camera: of each pixel the mean over its samples.
 
     ``lit`` is 1 where the sun is seen, ``opened`` the share of the sky that is seen, ``glow`` the light of
-    lamps (see ``lamplight``; empty by day), ``pixel_angle`` the radians between samples, ``brightest`` what no sample goes beyond; the rest as in ``Spots``,
-    ``Hits``, ``Visible``, ``Geometry`` and ``Sky``.
+    lamps (see ``lamplight``; empty by day), ``pixel_angle`` the radians between samples, ``brightest`` what
+    no sample goes beyond; the rest as in ``Spots``, ``Hits``, ``Visible``, ``Geometry`` and ``Sky``.
 
     Spots are taken some at a time: what looks things up one by one, then the sums of all, which
     processors do many at a time.
