@@ -37,7 +37,7 @@ LAMPLIGHT = (1.0, 0.72, 0.42)
 """Linear RGB of the light of street lamps and of windows."""
 SHINE = 1.8
 """Radiance of a white lamp."""
-LAMP_POWER = 13.0
+LAMP_POWER = 16.0
 """Light of a lamp on what is one metre away."""
 LAMP_REACH = 45.0
 """Metres beyond which a lamp lights nothing."""

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from scene import AssetPool, TrainId
+from scene import AssetPool, CameraResponse, TrainId
 from scene.assets.catalogue import check_pool
 from scene.names import WEATHERS
 from scene.render import RenderSettings, renderer
 from scene.render.shade import LAMP_POWER, lamplight
 from scene.sky.weather import ASKED
+from scene.street.instances import FIRST_INSTANCE, Placement
 from tests.scene.conftest import POOL, refused, street
 
 
@@ -54,17 +55,24 @@ def test_a_lamp_lights_what_lies_below_it_by_the_square_of_the_distance():
     assert light[1] == pytest.approx(light[0] / 4, rel=0.03) and (light[2:] == 0).all()
 
 
-def test_the_night_is_dark_but_for_lamps():
+def test_at_night_the_road_is_dark_but_below_a_lamp():
     drawn = street(seed=4, pool=POOL._replace(weather="night"))
-    settings = RenderSettings(96, 72, 1)
-    [night] = renderer("embree").render(drawn, settings)
-    [unlit] = renderer("embree").render(drawn._replace(sky=drawn.sky._replace(lamps=0.0)), settings)
-    # The meter makes up for some of it: what counts is the sky against the road.
-    below, above = (night.label == TrainId.ROAD), (night.label == TrainId.SKY)
-    assert night.image[below].mean() / night.image[above].mean() > 1.5 * (
-        unlit.image[below].mean() / unlit.image[above].mean()
+    pose = np.eye(4)
+    pose[:3, 3] = drawn.cameras[0].position[0] + 12, 3.0, 0.0
+    lamp = Placement("lamp", 0, int(TrainId.POLE), FIRST_INSTANCE, pose)
+    drawn = drawn._replace(placements=(lamp,))
+    response = CameraResponse(exposure=10.0, meter=0.0, noise=0.0, variation=0.0)
+    settings = RenderSettings(96, 72, 1, response=response)
+    lit, unlit = (
+        renderer("embree").render(drawn._replace(sky=drawn.sky._replace(lamps=power)), settings)[0]
+        for power in (drawn.sky.lamps, 0.0)
     )
-    assert (night.label == unlit.label).all() and night.image.mean() < 90
+    assert drawn.sky.lamps > 0 and (lit.label == unlit.label).all()
+    road = lit.label == TrainId.ROAD
+    change = lit.image[road].astype(float).mean(axis=1) - unlit.image[road].mean(axis=1)
+    assert change.max() > 40 and change.min() > -1
+    near = np.abs(lit.depth[road] - 12) < 4
+    assert change[near].mean() > 2 * change[lit.depth[road] > 30].mean()
 
 
 def test_an_unknown_weather_is_refused_and_only_one_that_is_asked_for_is_recorded():
