@@ -1,7 +1,8 @@
 """The global attributes of a street: names, ranges, units, defaults. The only place with ranges.
 
 Two spaces: ``scenex`` has the paper's 23; ``extended`` has those and then what else real streets and
-cameras differ in. In ``scenex`` the others stand at their defaults, so a hand-set street is the same in
+cameras differ in. It grows at its end: what was written without the last ones has those at their defaults.
+In ``scenex`` the others stand at their defaults, so a hand-set street is the same in
 both. Everything outside this file handles attributes as unit values in [0, 1]; ``street_params`` turns
 them into metres, radians and probabilities. Source: section 3 of the paper for the 23; the ranges are ours.
 """
@@ -81,6 +82,11 @@ ADDED: tuple[Attribute, ...] = (
     Attribute("bare_tree_share", 0, 1, "linear", 0.33, "share", "trees without leaves"),
     Attribute("overcast_share", 0, 1, "linear", 0.27, "share", "streets under closed cloud"),
 )
+LATER: tuple[Attribute, ...] = (
+    Attribute("asphalt_sidewalk_share", 0, 1, "linear", 0.35, "share", "streets with sidewalks of asphalt, as dark as the road"),
+    Attribute("green_verge_share", 0, 1, "linear", 0.25, "share", "roadsides with grass, earth or gravel along the sidewalk"),
+    Attribute("road_wear", 0, 1, "linear", 0.45, "of the most", "age of the road: cracks, repairs, dust, faded paint"),
+)
 # fmt: on
 
 NAMES: tuple[str, ...] = tuple(a.name for a in ATTRIBUTES)
@@ -88,8 +94,10 @@ NAMES: tuple[str, ...] = tuple(a.name for a in ATTRIBUTES)
 SpaceName = Literal["scenex", "extended"]
 SPACES: dict[SpaceName, tuple[Attribute, ...]] = {
     "scenex": ATTRIBUTES,
-    "extended": (*ATTRIBUTES, *ADDED),
+    "extended": (*ATTRIBUTES, *ADDED, *LATER),
 }
+FORMER = (len(ATTRIBUTES) + len(ADDED),)
+"""How many attributes ``extended`` had before."""
 BY_NAME: dict[str, Attribute] = {a.name: a for a in SPACES["extended"]}
 
 
@@ -133,6 +141,9 @@ class StreetParams(NamedTuple):
     open_share: float = BY_NAME["open_share"].default
     bare_tree_share: float | None = None  # None: as the catalogue has it
     overcast_share: float | None = None  # None: as the table of skies has it
+    asphalt_sidewalk_share: float = BY_NAME["asphalt_sidewalk_share"].default
+    green_verge_share: float = BY_NAME["green_verge_share"].default
+    road_wear: float = BY_NAME["road_wear"].default
 
 
 def names(space: SpaceName) -> tuple[str, ...]:
@@ -141,13 +152,13 @@ def names(space: SpaceName) -> tuple[str, ...]:
 
 
 def space_of(count: int) -> SpaceName:
-    """The space with ``count`` attributes.
+    """The space of arrays with ``count`` attributes; as many as ``extended`` had before are its first.
 
     Raises:
         ValueError: there is none.
     """
     for space in get_args(SpaceName):
-        if len(SPACES[space]) == count:
+        if len(SPACES[space]) == count or (space == "extended" and count in FORMER):
             return space
     known = " or ".join(f"{len(rows)} ({space})" for space, rows in SPACES.items())
     raise ValueError(f"attributes must have {known} values, not {count}")
@@ -159,7 +170,7 @@ def default_unit(space: SpaceName = "scenex") -> np.ndarray:
 
 
 def check_unit(unit: np.ndarray) -> np.ndarray:
-    """``unit`` as f32[..., attributes] of one of the spaces.
+    """``unit`` as f32[..., attributes] of one of the spaces, see `space_of`.
 
     Raises:
         ValueError: wrong number of attributes, or a value that is NaN or outside [0, 1], by name.

@@ -6,6 +6,8 @@ USES = ("both", "own", "built-in")
 """Values of ``AssetPool.use``: which assets a street may draw from."""
 OVERLAPS = ("allow", "avoid")
 """Values of ``AssetPool.overlap``, beside none: whether objects may stand in each other."""
+WEATHERS = ("clear", "fog", "rain", "snow", "night")
+"""Values of ``AssetPool.weather``, beside none: the weather of all streets."""
 PLACES = ("sidewalk", "carriageway")
 """Values of ``OwnClass.place``: where the objects of a user's own class stand."""
 OWN_EVERY = 15

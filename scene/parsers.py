@@ -7,7 +7,7 @@ from typing import Any, get_args
 
 from scene.attributes import SPACES
 from scene.dataset.formats.layout import FORMATS, SPLITS
-from scene.names import HELD, OVERLAPS, OWN_EVERY, PLACES, RENDERERS, USES
+from scene.names import HELD, OVERLAPS, OWN_EVERY, PLACES, RENDERERS, USES, WEATHERS
 from scene.proposal import NAMES
 from scene.workers import ExecutorName
 from shell.command import Parser, docstring, size
@@ -24,6 +24,11 @@ ASSETS: dict[str, dict[str, Any]] = {
         "choices": OVERLAPS,
         "default": "",
         "help": "whether objects may stand in each other; by default they may in space scenex only",
+    },
+    "--weather": {
+        "choices": WEATHERS,
+        "default": "",
+        "help": "of all streets; by default each has its own",
     },
     "--asset-fraction": {
         "type": float,

@@ -8,6 +8,7 @@ writes, ``parse_streets`` reads, and ``draw`` makes the same streets of.
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -16,9 +17,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from scene import streams
-from scene.attributes import SPACES, SpaceName, check_unit, default_unit, names, space_of
+from scene.attributes import (
+    BY_NAME,
+    LATER,
+    SPACES,
+    SpaceName,
+    check_unit,
+    default_unit,
+    names,
+    space_of,
+)
 from shell.files import read_json
 
+log = logging.getLogger(__name__)
 RELAXATION = 0.15
 """Width of the intervals around the hand-set street, as a share of each range."""
 NAMES = ("default", "random", "mixed")
@@ -187,7 +198,7 @@ def _rows(component: Component) -> dict[str, dict[str, Any]]:
     rows: dict[str, dict[str, Any]] = {}
     # Slid, so that a file holds no intervals that would be refused.
     centres, widths = (part.tolist() for part in moments(component))
-    attributes = SPACES[space_of(len(centres))]
+    attributes = SPACES[space_of(len(centres))][: len(centres)]
     for attribute, centre, width in zip(attributes, centres, widths, strict=True):
         low, high = max(centre - width / 2, 0.0), min(centre + width / 2, 1.0)
         rows[attribute.name] = {
@@ -218,10 +229,11 @@ def shortest(value: float) -> float:
 def parse_streets(value: Any) -> Streets:
     """The streets in a file: ``components``, each with ``share`` and ``attributes``, or one's attributes.
 
-    Attributes are those of a space by name, with a unit value or an interval. A number is the value of all
-    streets. An interval is ``{"centre": c, "width": w}``, or that below ``"unit"``, as in the
-    ``attributes.json`` of a run. Where ``probabilities`` of equal bins of [0, 1] stand there, they decide,
-    and centre and width are not read; beside attributes that have them, others must have one value.
+    Attributes are those of a space by name, with a unit value or an interval; those of ``LATER`` that are
+    not there have their defaults. A number is the value of all streets. An interval is
+    ``{"centre": c, "width": w}``, or that below ``"unit"``, as in the ``attributes.json`` of a run. Where
+    ``probabilities`` of equal bins of [0, 1] stand there, they decide, and centre and width are not read;
+    beside attributes that have them, others must have one value.
 
     Raises:
         ValueError: not an object, shares or probabilities that do not add up, an unknown or missing
@@ -252,14 +264,19 @@ def parse_streets(value: Any) -> Streets:
 
 
 def streets_in(path: Path) -> Streets:
-    """The streets that a JSON file describes.
+    """The streets that a JSON file describes; attributes that it is too old to have are named in a log line.
 
     Raises:
         ValueError: the file is no JSON, or not of attributes, by name.
         OSError: it cannot be read.
     """
     try:
-        return parse_streets(read_json(path))
+        value = read_json(path)
+        found = parse_streets(value)
+        rows = [row["attributes"] for row in value.get("components", [{"attributes": value}])]
+        if lacking := dict.fromkeys(name for row in rows for name in _left_out(row)):
+            log.warning("%s: no %s; taken at their defaults", path, ", ".join(lacking))
+        return found
     except ValueError as error:
         where = "" if str(error).startswith(str(path)) else f"{path}: "
         raise ValueError(f"{where}{error}") from None
@@ -278,6 +295,9 @@ def _parsed(value: Any) -> Component:
     for name in value:
         if name not in known:
             raise ValueError(f"unknown attribute {name!r}; known: {', '.join(known)}")
+    value = {
+        name: BY_NAME[name].to_unit(BY_NAME[name].default) for name in _left_out(value)
+    } | value
     wanted = names("scenex") if set(value) <= set(names("scenex")) else known
     for name in wanted:
         if name not in value:
@@ -289,6 +309,13 @@ def _parsed(value: Any) -> Component:
     rows = [_interval(name, value[name]) for name in wanted]
     centre, width = np.array(rows, np.float32).T
     return slide(check_unit(centre), width)  # by a rounding at most
+
+
+def _left_out(value: dict[str, Any]) -> list[str]:
+    """What an object of the extended space's attributes lacks of those that it did not always have."""
+    if set(value) <= set(names("scenex")):
+        return []
+    return [attribute.name for attribute in LATER if attribute.name not in value]
 
 
 def _unit(entry: Any) -> dict[str, Any]:

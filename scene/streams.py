@@ -23,11 +23,12 @@ STREAMS = {
     "land": 34,  # beside the road
     "furniture": 35,
     "own class": 36,
+    "verge": 37,  # what lies along the sidewalks
     "noise": 40,  # of one shot's image
     "camera": 2**16,  # how it responds
 }
 """Number of each stream; a new one takes a new number."""
-TABLES = {"grain": 7, "textures": 19, "clouds": 41}
+TABLES = {"grain": 7, "textures": 19, "clouds": 41, "leaves": 43}
 """Number of what is drawn once for all streets."""
 
 

@@ -1,63 +1,50 @@
-"""Measures how renders transfer to real images, and how real they look to a net that knows real ones.
+"""Do renders transfer to real images, and do they look real to a net that knows real ones?
 
-    python -m benchmarks.transfer --data CAMVID --json transfer.json
+    python -m benchmarks.transfer --target camvid --data DIR --holdout 0006R0 --json transfer.json
+    python -m benchmarks.transfer --target labelmefacade --data DIR --only transfer --seeds 5
+    python -m benchmarks.transfer --data DIR --only transfer --seeds 5 --against runs/before/nets.jsonl
 
-On CamVid's sequences 0016E5 and 0001TP (0006R0 is never read) it makes four tables: nets trained on renders
-with random and with default attributes, tested on real images; the same on default streets without one
-ingredient, paired by seed; nets trained on real images, tested on renders and on close-ups of single assets,
-shown in ``close-ups-*.png`` in ``--out``; and the lightness of each class in both. ``--out`` keeps finished
-nets: the same command continues, and begins anew if the engine has changed. These nets are compact.
-
-    python -m benchmarks.transfer --data CAMVID --only content --width 480 --height 360 --streets 66
-
-These nets are lite0, trained on hand-set streets and on the same with more content; the table has each class.
+Nets trained on renders with random and with hand-set attributes, tested on a target's labelled images; the
+same on hand-set streets without one ingredient, paired by seed; nets trained on real images, tested on
+others, on renders and on close-ups of single assets, which ``close-ups-*.png`` in ``--out`` shows; and how
+light each class is in both. The split that is reported on, and what ``--holdout`` names, are never read.
+``--out`` remembers finished nets: the same command goes on, and begins anew where the engine has changed.
+``--against`` is such a memory of another engine's: what has been gained since, class by class.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import cv2
 import numpy as np
 
 from benchmarks.report import Row, count, parser, table, write
 from benchmarks.transfer import tables
-from benchmarks.transfer.content import CONTENTS, content_net
-from benchmarks.transfer.ingredients import render_world
-from benchmarks.transfer.nets import (
-    ATTRIBUTES,
-    PARTS,
-    REAL,
-    SEQUENCES,
-    WITHOUT,
-    Net,
-    engine,
-    nets,
-    steering_set,
-)
-from benchmarks.transfer.recipe import TABLE, Recipe, call, units, world
+from benchmarks.transfer.nets import ATTRIBUTES, PARTS, REAL, WITHOUT, Net, nets
+from benchmarks.transfer.recipe import Recipe, call, real_images, rendered
 from experiments.evaluation.evaluate import worker_environment
+from scene.attributes import SpaceName
 from scene.workers import WorkerError, WorkerPool
-from seg.classes import class_table
+from seg.classes import ClassTable
 from seg.data import DataError
+from seg.recipes import RECIPES
 from seg.train import TrainingError
 from shell import files
 from shell.command import exit_code
 from shell.errors import UserError
 from shell.lines import CURE, JsonLines
 from shell.progress import Progress
-
-WITH = "with "
+from shell.target_file import SHIPPED
 
 Scores = dict[str, list[dict[str, Any]]]
-"""Row -> results of its nets in the order of their seeds."""
+"""Row -> results of its nets, in the order of their seeds."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -76,84 +63,84 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     command = parser(__doc__)
     command.prog = "python -m benchmarks.transfer"
-    found, default = os.environ.get("CAMVID_DIR"), Recipe()
+    command.add_argument("--data", required=True, help="folder of labelled images")
     command.add_argument(
-        "--data", type=Path, default=found and Path(found), help="CamVid; by default CAMVID_DIR"
+        "--target", help=f"{', '.join(SHIPPED)}, or a target's file; by default the folder's"
     )
+    command.add_argument("--holdout", help="a group of images that is not read, such as 0006R0")
     command.add_argument(
         "--out", type=Path, default=Path("runs/transfer"), help="folder of finished nets"
     )
-    command.add_argument(
-        "--only", choices=PARTS, nargs="+", default=PARTS[:4], help="these tables; all but content"
-    )
-    for flag, value, least, meaning in (
-        ("--seeds", 3, 1, "nets of each row"),
-        ("--width", default.width, 8, "pixels across, of renders and real images alike"),
-        ("--height", default.height, 8, "pixels down"),
-        ("--streets", default.streets, 1, f"of each dataset, {default.shots} images each"),
-        ("--steps", default.steps, 1, "of a net trained on renders"),
-        ("--real-steps", default.real_steps, 1, "of a net trained on real images"),
-        ("--close-ups", default.close_ups, 1, "of each asset family, for each net"),
-        ("--workers", 2, 0, "processes, one core each; 0 works in this one"),
+    command.add_argument("--only", choices=PARTS, nargs="+", default=PARTS, help="these tables")
+    command.add_argument("--against", type=Path, help="nets.jsonl in the --out of another engine")
+    choices = {"space": get_args(SpaceName), "training": tuple(RECIPES)}
+    for name, known in choices.items():
+        default = Recipe._field_defaults[name]
+        command.add_argument(f"--{name}", choices=known, default=default, help=f"({default})")
+    for name, least, meaning in (
+        ("width", 32, "pixels across, of renders and real images alike"),
+        ("height", 32, "pixels down"),
+        ("streets", 1, "of each dataset"),
+        ("steps", 1, "of a net, by default the recipe's"),
+        ("close-ups", 1, "of each asset family, for each net"),
     ):
-        command.add_argument(
-            flag, type=partial(count, least), default=value, help=f"{meaning} ({value})"
-        )
-    options = command.parse_args(arguments)
-    if options.data is None:
-        command.error("CamVid needs its folder: --data DIR (or the variable CAMVID_DIR)")
-    return options
+        default = Recipe._field_defaults[name.replace("-", "_")]
+        told = meaning if default is None else f"{meaning} ({default})"
+        command.add_argument(f"--{name}", type=partial(count, least), default=default, help=told)
+    command.add_argument("--seeds", type=partial(count, 1), default=3, help="nets of each row (3)")
+    workers = "processes, one core each; 0 works in this one (2)"
+    command.add_argument("--workers", type=partial(count, 0), default=2, help=workers)
+    return command.parse_args(arguments)
 
 
 def _run(options: argparse.Namespace) -> None:
-    recipe = Recipe(
-        width=options.width,
-        height=options.height,
-        streets=options.streets,
-        steps=options.steps,
-        real_steps=options.real_steps,
-        close_ups=options.close_ups,
-    )
-    real = steering_set(options.data, recipe)
-    wanted = nets(recipe, real, options.only, range(options.seeds))
-    if "content" in options.only:
-        wanted += content_nets(options.data, recipe, range(options.seeds))
+    given = vars(options)
+    recipe = Recipe(**{name: given[name] for name in Recipe._fields if name in given})
+    real, known, seeds = real_images(recipe), recipe.classes, range(options.seeds)
+    before = None if options.against is None else _before(options, recipe)
     with files.naming(options.out):
         options.out.mkdir(parents=True, exist_ok=True)
-    scores = _train(wanted, JsonLines(options.out / "nets.jsonl"), options)
-    classes = class_table(TABLE).classes
-    found = summary(scores, classes)
+    scores = _train(
+        nets(recipe, options.only, seeds), JsonLines(options.out / "nets.jsonl"), options
+    )
+    found = summary(scores, known)
+    if before is not None:
+        now = {n: [np.array(one["real"]) for one in scores[n]] for n in ATTRIBUTES}
+        found["gains"] = tables.gain_rows(now, before, known.classes)
     if "tones" in options.only:
-        renders = render_world(world(recipe), units(recipe, "default", 0), 0, recipe.shots, TABLE)
-        chosen = {s: np.asarray(real.sequences) == s for s in SEQUENCES}
-        sets = {s: (real.images[c], real.labels[c]) for s, c in chosen.items()}
-        found["tones"] = tables.tone_rows({**sets, "renders": renders}, classes)
+        sets = {name: rendered(recipe, name, 0) for name in ATTRIBUTES}
+        sets = {"real": real, **sets}
+        pairs = {name: (own.images, own.labels) for name, own in sets.items()}
+        found["tones"] = tables.tone_rows(pairs, known.classes)
     for title, rows in found.items():
         print(f"\n{title}\n{table(rows)}")
     write(options.json, recipe=recipe._asdict(), seeds=options.seeds, **found)
 
 
-def content_nets(data: Path, recipe: Recipe, seeds: Sequence[int]) -> list[Net]:
-    """Nets on streets with more content, seed after seed; all are lite0."""
-    same = {"engine": engine(), "recipe": recipe._asdict()}
-    return [
-        Net(
-            {**same, "net": WITH + name, "seed": seed},
-            1.0,
-            (content_net, data, recipe, name, seed),
-        )
-        for seed in seeds
-        for name in CONTENTS
-    ]
+def _before(options: argparse.Namespace, recipe: Recipe) -> dict[str, list[np.ndarray]]:
+    """Confusion matrices of the same nets with another engine, the last one in the file, by row."""
+    if "transfer" not in options.only:
+        raise UserError("--against needs the table transfer")
+    if not options.against.is_file():
+        raise UserError(f"--against {options.against}: no such file")
+    done = _done(JsonLines(options.against))
+    engine = next((json.loads(key)["engine"] for key in reversed(done)), "")
+    same = {"engine": engine, "recipe": recipe._asdict()}
+    try:
+        return {
+            name: [
+                np.array(done[_name({**same, "net": name, "seed": seed})]["real"])
+                for seed in range(options.seeds)
+            ]
+            for name in ATTRIBUTES
+        }
+    except KeyError as error:
+        raise UserError(f"--against {options.against}: it lacks the net {error.args[0]}") from None
 
 
 def _train(wanted: Sequence[Net], log: JsonLines, options: argparse.Namespace) -> Scores:
-    """Train or read the results of every net; confusion matrices are lists."""
-    done: dict[str, dict[str, Any]] = {}
-    for k, line in enumerate(log.lines):
-        if not isinstance(line.get("key"), dict) or not isinstance(line.get("scores"), dict):
-            raise UserError(f"{log.where(k)} has no key and scores; {CURE}")
-        done[_name(line["key"])] = line["scores"]
+    """The results of every net, trained now or stored; confusion matrices as lists."""
+    done = _done(log)
     missing = [net for net in wanted if _name(net.key) not in done]
     progress = Progress(sum(net.cost for net in wanted))
     progress.advance(sum(n.cost for n in wanted) - sum(n.cost for n in missing), replayed=True)
@@ -174,12 +161,23 @@ def _train(wanted: Sequence[Net], log: JsonLines, options: argparse.Namespace) -
     return found
 
 
+def _done(log: JsonLines) -> dict[str, dict[str, Any]]:
+    """The scores of every net in a file, by its key."""
+    done: dict[str, dict[str, Any]] = {}
+    for k, line in enumerate(log.lines):
+        if not isinstance(line.get("key"), dict) or not isinstance(line.get("scores"), dict):
+            raise UserError(f"{log.where(k)} has no key and scores; {CURE}")
+        done[_name(line["key"])] = line["scores"]
+    return done
+
+
 def _name(key: dict[str, Any]) -> str:
     return json.dumps(key, sort_keys=True)
 
 
-def summary(scores: Scores, classes: Sequence[str]) -> dict[str, list[Row]]:
-    """The tables whose nets exist."""
+def summary(scores: Scores, known: ClassTable) -> dict[str, list[Row]]:
+    """The tables for which there are nets."""
+    classes = known.classes
     real = {name: [np.array(one["real"]) for one in every] for name, every in scores.items()}
     found = {}
     if ATTRIBUTES[0] in real:
@@ -189,9 +187,6 @@ def summary(scores: Scores, classes: Sequence[str]) -> dict[str, list[Row]]:
     }
     if without:
         found["ingredients"] = tables.ingredient_rows(real["default"], without, classes)
-    contents = {name: real[WITH + name] for name in CONTENTS if WITH + name in real}
-    if contents:
-        found["content"] = tables.content_rows(contents, classes)
     if REAL in real:
         renders = [np.array(one["renders"]) for one in scores[REAL]]
         families = {
@@ -199,7 +194,7 @@ def summary(scores: Scores, classes: Sequence[str]) -> dict[str, list[Row]]:
             for family in scores[REAL][0]["close-ups"]
         }
         found["recognition"] = tables.recognition_rows(real[REAL], renders, classes)
-        found["close-ups"] = tables.close_up_rows(families, real[REAL], classes)
+        found["close-ups"] = tables.close_up_rows(families, real[REAL], known)
     return found
 
 

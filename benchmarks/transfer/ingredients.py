@@ -1,4 +1,4 @@
-"""The ingredients of a rendered world, and the same world without one of them."""
+"""What a rendered world is made of, and the same world with one ingredient left out."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from scene.sky.sky import sample_sky
 from scene.street.background import BEHIND, LINES_END
 from scene.street.instances import FIRST_INSTANCE
 from scene.street.street import Street
-from seg.classes import class_table
+from seg.classes import ClassTable
 
 CLEAR = 1e9
-"""A haze in metres with which nothing fades."""
+"""Metres of haze at which nothing fades."""
 
 Alteration = Callable[[Street, StreetParams], Street]
 
 
 class World(NamedTuple):
-    """Everything that decides a rendered dataset but its attributes and its seed."""
+    """Everything about a rendered dataset but its attributes and its seed."""
 
     settings: RenderSettings
     pool: AssetPool = AssetPool()
@@ -57,17 +57,17 @@ def _street(alteration: Alteration) -> Change:
 
 
 def clear_air(street: Street, params: StreetParams) -> Street:
-    """The street without fading in the distance."""
+    """The street with nothing fading in the distance."""
     return street._replace(sky=street.sky._replace(haze=CLEAR))
 
 
 def dry_road(street: Street, params: StreetParams) -> Street:
-    """The street with a dry road."""
+    """The street after the rain has dried."""
     return street._replace(sky=street.sky._replace(wetness=0.0))
 
 
 def first_weather(street: Street, params: StreetParams) -> Street:
-    """The street in the first of all weathers."""
+    """The street in the first of all weathers, whatever it had."""
     sky = sample_sky(
         np.random.default_rng(street.seed),
         intensity=params.illumination_intensity,
@@ -91,7 +91,7 @@ def bare_ground(street: Street, params: StreetParams) -> Street:
 
 
 def lines_only(street: Street, params: StreetParams) -> Street:
-    """The street without the objects behind its lines, which close the horizon."""
+    """The street without what closes its horizon, which stands behind the lines."""
     places = np.array([p.pose[:2, 3] for p in street.placements])
     along, away = nearest(street.ground.path, places)
     stay = np.flatnonzero((along < LINES_END) & (away < BEHIND))
@@ -124,16 +124,16 @@ INGREDIENTS: dict[str, Change] = {
 
 
 def render_world(
-    world: World, units: np.ndarray, seed: int, shots: int, table: str
+    world: World, units: np.ndarray, seed: int, shots: int, table: ClassTable
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Render images u8[n, h, w, 3] and labels u8[n, h, w] in the ids of a class table.
+    """Images u8[n, h, w, 3] and labels u8[n, h, w] in the ids of a class table.
 
     Args:
-        world: the world to render.
-        units: f32[streets, 23] attributes.
-        seed: seed of the streets; worlds with the same seed have the same streets.
+        world: what to render.
+        units: f32[streets, attributes].
+        seed: of the streets; worlds rendered with the same seed show the same streets.
         shots: images per street.
-        table: name of the class table.
+        table: the classes.
     """
     engine = renderer("embree")
     images, labels = [], []
@@ -144,4 +144,4 @@ def render_world(
         for frame in engine.render(street, world.settings):
             images.append(frame.image)
             labels.append(frame.label)
-    return np.stack(images), class_table(table).from_train_id[np.stack(labels)]
+    return np.stack(images), table.from_train_id[np.stack(labels)]

@@ -1,4 +1,4 @@
-"""One net of the transfer benchmark: its training and its tests.
+"""One net of the transfer benchmark: what it is trained on and what it is tested on.
 
 The functions here run in worker processes and are pure in their arguments.
 """
@@ -6,6 +6,9 @@ The functions here run in worker processes and are pure in their arguments.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import cv2
@@ -13,29 +16,48 @@ import numpy as np
 
 from benchmarks.transfer.closeups import DISTANCE, close_ups
 from benchmarks.transfer.ingredients import INGREDIENTS, World, render_world
-from scene.proposal import default_proposal, draw, random_proposal
+from experiments.target.folder import parts_of
+from scene.attributes import SpaceName
+from scene.proposal import draw, streets_named
 from scene.render import RenderSettings
-from seg.classes import class_table
-from seg.data import LabelledImages
+from seg.classes import ClassTable, table_of
+from seg.data import LabelledImages, load
+from seg.pyramid import features
+from seg.recipes import RECIPES
 from seg.train import TrainSettings, predict, score, train
+from seg.views import view_images
+from shell.target_file import find_target
 
-TABLE = "camvid"
-CLASSES = len(class_table(TABLE).classes)
+BLOCKS = 5
+"""Each group of images is cut into so many stretches; a net trained on real images is tested on one."""
 
 
 class Recipe(NamedTuple):
-    """Settings of all nets of a table."""
+    """The same for every net of a table."""
 
-    width: int = 128
-    height: int = 96
-    samples: int = 2  # rays per pixel along each axis
-    streets: int = 30
-    shots: int = 6  # images per street
-    steps: int = 600  # of a net trained on renders
-    real_steps: int = 1000  # of a net trained on real images
-    relaxed: float = 0.15  # width of the intervals around the hand-set street
+    data: str  # folder of the real images
+    target: str | None = None  # as `find_target` takes it
+    holdout: str | None = None  # the group of images that is left out
+    space: SpaceName = "extended"
+    width: int = 240
+    height: int = 176
+    samples: int = 1  # rays per pixel along each axis
+    streets: int = 400
+    shots: int = 1  # images per street
     close_ups: int = 8  # of each family, for each net
-    batch: int = 8
+    training: str = "lite0-frozen"  # of `seg.recipes`
+    steps: int | None = None  # by default the recipe's
+
+    @property
+    def train(self) -> TrainSettings:
+        """How a net is trained."""
+        own = RECIPES[self.training]
+        return own if self.steps is None else replace(own, steps=self.steps)
+
+    @property
+    def classes(self) -> ClassTable:
+        """The target's classes."""
+        return table_of(find_target(self.target, Path(self.data)))
 
 
 Result = tuple[dict[str, Any], np.ndarray | None]
@@ -43,68 +65,109 @@ Result = tuple[dict[str, Any], np.ndarray | None]
 
 
 def call(function: Callable[..., Result], *arguments: Any) -> Result:
-    """Call a function, so that one queue of tasks can hold calls of several functions."""
+    """Calls a function, so that one queue of tasks can hold calls of several functions."""
     return function(*arguments)
 
 
-def settings(recipe: Recipe, steps: int) -> TrainSettings:
-    """The settings of a net's training."""
-    return TrainSettings(steps=steps, batch=recipe.batch)
+@lru_cache(maxsize=1)
+def real_images(recipe: Recipe) -> LabelledImages:
+    """The labelled images that figures come from: all but those of the split that is reported on or held out.
+
+    Raises:
+        UserError: there are none, or the folder is not as its target says.
+        DataError: an image or a label cannot be read.
+    """
+    data = Path(recipe.data)
+    target = find_target(recipe.target, data)
+    entries = parts_of(target, data, recipe.holdout).entries
+    return load(entries, target, (recipe.height, recipe.width))
+
+
+@lru_cache(maxsize=2)
+def _seen(recipe: Recipe, views: bool) -> tuple[np.ndarray, ...] | None:
+    """What a frozen trunk sees in the real images, or in all their views."""
+    images, settings = real_images(recipe).images, recipe.train
+    if not settings.frozen:
+        return None
+    return features(view_images(images, settings) if views else images, settings)
+
+
+def _sides(recipe: Recipe, block: int) -> tuple[LabelledImages, LabelledImages]:
+    """The real images but for a block, with features of all views; and the block, with its own."""
+    real = real_images(recipe)
+    held = held_out(real.sequences, block)
+    return (
+        real._replace(features=_seen(recipe, True)).take(np.flatnonzero(~held)),
+        real._replace(features=_seen(recipe, False)).take(np.flatnonzero(held)),
+    )
+
+
+def held_out(sequences: tuple[str, ...], block: int) -> np.ndarray:
+    """bool[n]: the images of the ``block``-th stretch of every group; small groups are cut as one."""
+    names = np.asarray(sequences)
+    groups, which, counts = np.unique(names, return_inverse=True, return_counts=True)
+    which = np.where(counts[which] < BLOCKS, len(groups), which)
+    chosen = np.zeros(len(names), bool)
+    for group in np.unique(which):
+        chosen[np.array_split(np.flatnonzero(which == group), BLOCKS)[block % BLOCKS]] = True
+    return chosen
 
 
 def world(recipe: Recipe, without: str | None = None) -> World:
-    """The default world, or the world without one ingredient."""
+    """The engine as it renders by default, or without one ingredient."""
     whole = World(RenderSettings(recipe.width, recipe.height, recipe.samples))
     return whole if without is None else INGREDIENTS[without](whole)
 
 
-def units(recipe: Recipe, attributes: str, seed: int) -> np.ndarray:
-    """Attributes f32[streets, 23]: ``random``, or relaxed ``default``."""
-    proposal = random_proposal() if attributes == "random" else default_proposal(recipe.relaxed)
-    return draw(proposal, seed, recipe.streets)
+def rendered(
+    recipe: Recipe, attributes: str, seed: int, without: str | None = None
+) -> LabelledImages:
+    """Renders of ``random`` or ``default`` attributes, whole or without one ingredient."""
+    units = draw(streets_named(attributes, recipe.space), seed, recipe.streets)
+    whole = world(recipe, without)
+    return LabelledImages(*render_world(whole, units, seed, recipe.shots, recipe.classes))
 
 
-def rendered_net(
-    recipe: Recipe, without: str | None, units: np.ndarray, seed: int, real: LabelledImages
-) -> Result:
-    """Train a net on renders and test it on real images."""
-    images, labels = render_world(world(recipe, without), units, seed, recipe.shots, TABLE)
-    training = settings(recipe, recipe.steps)
-    params = train(seed, images, labels, training, CLASSES)
-    return {"real": score(params, real.images, real.labels, training, CLASSES).tolist()}, None
+def rendered_net(recipe: Recipe, attributes: str, without: str | None, seed: int) -> Result:
+    """Trains a net on renders and tests it on real images."""
+    own, real, settings = (
+        rendered(recipe, attributes, seed, without),
+        real_images(recipe),
+        recipe.train,
+    )
+    count, seen = len(recipe.classes.classes), _seen(recipe, False)
+    params = train(seed, own.images, own.labels, settings, count)
+    return {
+        "real": score(params, real.images, real.labels, settings, count, features=seen).tolist()
+    }, None
 
 
-def real_net(
-    recipe: Recipe, seen: LabelledImages, unseen: LabelledImages, units: np.ndarray, seed: int
-) -> Result:
-    """Train a net on real images and test it on unseen ones, on default streets and on close-ups.
+def real_net(recipe: Recipe, seed: int) -> Result:
+    """Trains a net on real images and tests it on unseen ones, on hand-set streets and on close-ups.
 
-    In a close-up only the asset's own pixels count: i64[classes], by predicted class. The picture shows all
-    close-ups with the net's predictions.
+    Of a close-up only the asset's own pixels count: i64[classes], by predicted class. The picture shows
+    all of them, and what the net saw in them.
     """
-    training = settings(recipe, recipe.real_steps)
-    params = train(seed, seen.images, seen.labels, training, CLASSES)
-    whole = world(recipe)
+    settings, table = recipe.train, recipe.classes
+    (seen, unseen), count = _sides(recipe, seed), len(table.classes)
+    params = train(seed, seen.images, seen.labels, settings, count, features=seen.features)
     families, strips = {}, []
     for family in DISTANCE:
-        views = close_ups(family, seed, recipe.close_ups, whole.settings)
+        views = close_ups(family, seed, recipe.close_ups, world(recipe).settings)
         images, masks = np.stack([v.image for v in views]), np.stack([v.mask for v in views])
-        predicted = predict(params, images, training, CLASSES)
-        families[family] = np.bincount(predicted[masks], minlength=CLASSES).tolist()
-        strips.append(_strip(family, images, masks, predicted))
-    streets = render_world(whole, units, seed, recipe.shots, TABLE)
-    scores = {
-        "real": score(params, unseen.images, unseen.labels, training, CLASSES).tolist(),
-        "renders": score(params, *streets, training, CLASSES).tolist(),
-        "close-ups": families,
-    }
+        predicted = predict(params, images, settings, count)
+        families[family] = np.bincount(predicted[masks], minlength=count).tolist()
+        strips.append(_strip(family, images, masks, table.colors[predicted]))
+    scores: dict[str, Any] = {"close-ups": families}
+    for name, own in (("real", unseen), ("renders", rendered(recipe, "default", seed))):
+        found = score(params, own.images, own.labels, settings, count, features=own.features)
+        scores[name] = found.tolist()
     return scores, np.concatenate(strips)
 
 
-def _strip(family: str, images: np.ndarray, masks: np.ndarray, predicted: np.ndarray) -> np.ndarray:
-    """Close-ups side by side with the predicted classes below, dimmed outside the asset."""
-    colors = class_table(TABLE).colors[predicted]
-    colors[~masks] //= 3
+def _strip(family: str, images: np.ndarray, masks: np.ndarray, colors: np.ndarray) -> np.ndarray:
+    """Close-ups side by side; below each the predicted classes, dimmed where the asset is not."""
+    colors = np.where(masks[..., None], colors, colors // 3)
     strip = np.concatenate([np.concatenate(list(row), axis=1) for row in (images, colors)])
     white = (255, 255, 255)
     cv2.putText(strip, family, (3, 11), cv2.FONT_HERSHEY_SIMPLEX, 0.4, white, 1, cv2.LINE_AA)

@@ -1,4 +1,4 @@
-"""Makes the rows of the transfer benchmark's tables from confusion matrices. Shares are in percent."""
+"""From confusion matrices to the rows of the transfer benchmark's tables. Shares are in percent."""
 
 from __future__ import annotations
 
@@ -8,23 +8,46 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from benchmarks.report import Row
+from experiments.study.stats import paired_gain
 from scene.assets.families import FAMILIES
-from seg.classes import class_table
+from seg.classes import IGNORE_LABEL, ClassTable
 from seg.metrics import iou, mean_iou
 
 LEAST = 20
-"""The least number of pixels of a class in an image that counts for the class's tone."""
+"""The fewest pixels of a class for which an image counts in the class's tone."""
 Confusions = Sequence[np.ndarray]
 """One confusion matrix i64[classes, classes] per seed, the same seeds everywhere."""
 
 
 def transfer_rows(nets: Mapping[str, Confusions], classes: Sequence[str]) -> list[Row]:
-    """Nets trained on renders, tested on real images: mIoU with its spread, and each class's IoU."""
+    """What nets trained on renders reach on real images: mIoU with its spread, and each class's IoU."""
     return [
         {"attributes": attributes, "mIoU": float(np.mean(_mious(confusions)))}
         | {"spread": _spread(_mious(confusions)), **_by_class(confusions, classes)}
         for attributes, confusions in nets.items()
     ]
+
+
+def gain_rows(
+    nets: Mapping[str, Confusions], before: Mapping[str, Confusions], classes: Sequence[str]
+) -> list[Row]:
+    """What another engine gains, paired by seed: of each class and of mIoU, with its 95 % interval."""
+    rows: list[Row] = []
+    for k, name in enumerate((*classes, "mIoU")):
+        row: Row = {"class": name}
+        for attributes, confusions in nets.items():
+            ours, theirs = _of(confusions, k), _of(before[attributes], k)
+            gain, ci95 = paired_gain(ours, theirs)
+            row |= {attributes: float(np.mean(ours)), f"{attributes}, gain": gain}
+            row[f"{attributes}, 95 %"] = ci95 and "{:.1f} to {:.1f}".format(*ci95)
+        rows.append(row)
+    return rows
+
+
+def _of(confusions: Confusions, k: int) -> list[float]:
+    """The IoU of a class with each seed; of the one behind the last, mIoU. 0 where the class is nowhere."""
+    values = (np.append(np.nan_to_num(iou(c)), mean_iou(c)) for c in confusions)
+    return [100 * float(own[k]) for own in values]
 
 
 def _mious(confusions: Confusions) -> np.ndarray:
@@ -48,19 +71,20 @@ def _worth(better: Confusions, worse: Confusions) -> Row:
 def tone_rows(
     sets: Mapping[str, tuple[np.ndarray, np.ndarray]], classes: Sequence[str]
 ) -> list[Row]:
-    """The lightness of every class in each set of images u8[n, h, w, 3] and labels [n, h, w].
+    """How light every class is in each set of images u8[n, h, w, 3] and labels [n, h, w].
 
-    It is the class's median grey, also relative to the road's: the mean over images of the median over
-    pixels, for images with at least ``LEAST`` pixels of the class.
+    The middle grey of the class, and that over the road's, if there is a road: the mean over images of the
+    median over pixels, of images with at least ``LEAST`` pixels of the class.
     """
     tones = {name: _tones(*images, len(classes)) for name, images in sets.items()}
-    road = list(classes).index("road")
+    road = classes.index("road") if "road" in classes else None
     rows: list[Row] = []
     for k, name in enumerate(classes):
         row: Row = {"class": name}
         for title, tone in tones.items():
             row[title] = float(tone[k])
-            row[f"{title} / road"] = float(tone[k] / tone[road])
+            if road is not None:
+                row[f"{title} / road"] = float(tone[k] / tone[road])
         rows.append(row)
     return rows
 
@@ -79,20 +103,10 @@ def _tones(images: np.ndarray, labels: np.ndarray, classes: int) -> np.ndarray:
     return tones
 
 
-def content_rows(contents: Mapping[str, Confusions], classes: Sequence[str]) -> list[Row]:
-    """mIoU and IoU of each class in percent, and the gain over the first row, paired by seed."""
-    first = next(iter(contents.values()))
-    return [
-        {"streets": name, "mIoU": float(_mious(confusions).mean())}
-        | {**_worth(confusions, first), **_by_class(confusions, classes)}
-        for name, confusions in contents.items()
-    ]
-
-
 def ingredient_rows(
     whole: Confusions, without: Mapping[str, Confusions], classes: Sequence[str]
 ) -> list[Row]:
-    """The gain by each ingredient: mIoU with everything minus mIoU without it, paired by seed.
+    """What each ingredient is worth: mIoU with everything less mIoU without it, paired by seed.
 
     ``gains`` and ``loses`` name the classes whose IoU the ingredient changes most.
     """
@@ -114,7 +128,7 @@ def ingredient_rows(
 
 
 def recognition_rows(real: Confusions, renders: Confusions, classes: Sequence[str]) -> list[Row]:
-    """The IoU of nets trained on real images on unseen real images and on renders, class by class."""
+    """How nets trained on real images see unseen real images and renders, class by class."""
     seen, rendered = np.sum(real, axis=0), np.sum(renders, axis=0)
     rows: list[Row] = [
         {
@@ -134,18 +148,20 @@ def recognition_rows(real: Confusions, renders: Confusions, classes: Sequence[st
 
 
 def close_up_rows(
-    families: Mapping[str, np.ndarray], real: Confusions, classes: Sequence[str]
+    families: Mapping[str, np.ndarray], real: Confusions, table: ClassTable
 ) -> list[Row]:
-    """The predictions in close-ups of each asset family.
+    """How close-ups of each asset family are seen.
 
     Args:
         families: name -> i64[classes], its pixels by predicted class.
-        real: the same nets on unseen real images, for comparison.
-        classes: names.
+        real: the same nets on unseen real images, to compare with.
+        table: the classes; a family of none of them is left out.
     """
-    seen, rows = np.sum(real, axis=0), []
+    seen, classes, rows = np.sum(real, axis=0), table.classes, []
     for family, predicted in families.items():
-        k = int(class_table("camvid").from_train_id[FAMILIES[family].train_id])
+        k = int(table.from_train_id[FAMILIES[family].train_id])
+        if k == IGNORE_LABEL:
+            continue
         rows.append(
             {
                 "family": family,
@@ -159,7 +175,7 @@ def close_up_rows(
 
 
 def taken_for(predicted: np.ndarray, own: int, classes: Sequence[str], most: int = 3) -> str:
-    """The classes most often predicted instead of ``own``, with their share of the pixels."""
+    """The classes most often seen instead of ``own``, with their share of the pixels."""
     others = [int(k) for k in np.argsort(-predicted, kind="stable") if k != own][:most]
     shares = [(classes[k], _share(predicted, k)) for k in others]
     return ", ".join(f"{name} {share:.0f}" for name, share in shares if share >= 5)

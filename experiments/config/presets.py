@@ -47,8 +47,9 @@ ADDED_GROUPS: tuple[tuple[str, ...], ...] = (
     ("field_of_view", "camera_roll", "exposure", "white_balance"),
     ("road_width", "sidewalk_width", "bend", "gradient", "junction_share"),
     ("parked_share", "queue_share", "open_share", "bare_tree_share", "overcast_share"),
+    ("asphalt_sidewalk_share", "green_verge_share", "road_wear"),
 )
-"""Our groups of the attributes that the extended space adds: camera, road, and what stands beside it."""
+"""Our groups of the attributes that the extended space adds: camera, road, what stands beside it, ground."""
 
 Table = dict[str, Any]
 """Values by field; a group of fields is a table, too. In the table of a net's training, ``recipe`` names the

@@ -50,6 +50,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     ),
     "Road": ("road_width", "sidewalk_width", "bend", "gradient", "junction_share"),
     "Roadside": ("parked_share", "queue_share", "open_share", "bare_tree_share"),
+    "Ground": ("asphalt_sidewalk_share", "green_verge_share", "road_wear"),
 }
 """Every attribute once, in the order of the table; a group shows those of the space in use."""
 MOST_STREETS, MOST_SHOTS, MOST_PIXELS = 1000, 60, 2_100_000

@@ -370,6 +370,6 @@ def _bonnet(p: BusParams) -> list[Asset]:
 
 FAMILY = Family(
     "bus", TrainId.BUS, KINDS, sample_bus, bus,
-    count=28, size=Size((4.5, 26), (2, 5)), tone=0.55, line=("car", 0.05),
+    count=28, size=Size((4.5, 26), (2, 5)), tone=0.85, line=("car", 0.05),
     facing="lane", stage=ROAD,
 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Cars: a curved shell with wheel arches and glazing, its fittings, and four wheels."""
+"""Cars: a curved shell with wheel arches and glazing, its fittings, and four wheels; and auto-rickshaws."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ import numpy as np
 from scene.assets.family import ROAD, Family, Size
 from scene.assets.parts.bodywork import ARCH_GAP, Body, Paint, axles, half, shell, underside
 from scene.assets.parts.fittings import Fittings, fittings
+from scene.assets.parts.glazing import Glazing, glazing
 from scene.assets.parts.palette import BLACK, CHROME, GLASS, STEEL, TRIM, car_paint, darker, pick
+from scene.assets.parts.rickshaw import Rickshaw, rickshaw, sample_rickshaw
+from scene.assets.parts.van import VanSides, van_sides
 from scene.assets.parts.wheel import STYLES, Wheel, wheels
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, merge, vary
@@ -22,6 +25,8 @@ class CarParams(NamedTuple):
     paint: Paint
     fittings: Fittings
     wheel: Wheel
+    glazing: Glazing
+    van: VanSides | None = None
 
 
 class _Model(NamedTuple):
@@ -123,28 +128,44 @@ _MODELS: dict[str, _Model] = {
         plastic=0.0, nose=0.34,
     ),
 }  # fmt: skip
-KINDS: tuple[str, ...] = tuple(_MODELS)
+_TUK_TUK = "tuk-tuk"
+KINDS: tuple[str, ...] = (*_MODELS, _TUK_TUK)
 """Body styles."""
+_MORE = tuple(
+    name
+    for name, times in {
+        "hatchback": 4, "supermini": 3, "saloon": 3, "crossover": 3, "estate": 2, "people carrier": 1
+    }.items()
+    for _ in range(times)
+)  # fmt: skip
+"""What roads have most of; the rest about as often as these are left."""
 
 _VANS = ("panel van", "small van")
 _VAN_PAINTS: tuple[Color, ...] = (
     (0.64, 0.64, 0.62), (0.64, 0.64, 0.62), (0.64, 0.64, 0.62), (0.35, 0.015, 0.018), (0.42, 0.43, 0.44),
     (0.02, 0.05, 0.16), (0.50, 0.32, 0.02), (0.03, 0.12, 0.06), (0.08, 0.085, 0.09),
 )  # fmt: skip
+_DUST: Color = (0.085, 0.078, 0.068)
+"""Of the road, on the sills."""
 _OLD_PAINTS: tuple[Color, ...] = (
     (0.30, 0.34, 0.27), (0.45, 0.40, 0.28), (0.15, 0.27, 0.36), (0.25, 0.02, 0.02), (0.02, 0.06, 0.04),
 )  # fmt: skip
 
 
-def sample_car(rng: np.random.Generator, kind: str) -> CarParams:
+def sample_car(rng: np.random.Generator, kind: str) -> CarParams | Rickshaw:
     """Draw a car of one body style: proportions, paint, wheels, lamps and fittings."""
+    if kind == _TUK_TUK:
+        return sample_rickshaw(rng)
     body = _sample_body(rng, kind, _MODELS[kind])
     color = _sample_paint(rng, kind)
+    wear = _sample_wear(rng, kind, color)
     return CarParams(
         body,
-        _sample_wear(rng, kind, color),
+        wear,
         _sample_fittings(rng, kind, color),
         _sample_wheel(rng, kind, body),
+        _sample_glazing(rng, kind),
+        _sample_van(rng, wear) if kind in _VANS else None,
     )
 
 
@@ -196,7 +217,8 @@ def _sample_paint(rng: np.random.Generator, kind: str) -> Color:
 def _sample_wear(rng: np.random.Generator, kind: str, color: Color) -> Paint:
     glass = vary(rng, GLASS, 0.5)
     tint = rng.random()
-    lower, rows = color, 0
+    k = float(rng.uniform(0.0, 0.7))
+    lower, rows = _mixed(color, _DUST, k), 1
     if (
         kind in ("crossover", "off-roader", "pickup", "panel van", "small van")
         and rng.random() < 0.6
@@ -212,9 +234,13 @@ def _sample_wear(rng: np.random.Generator, kind: str, color: Color) -> Paint:
         roof = (0.64, 0.64, 0.62) if max(color) < 0.4 else BLACK
     side = darker(glass, 0.5 + 1.2 * float(tint))
     sealed = kind == "small van" or (kind == "panel van" and rng.random() < 0.5)
-    return Paint(
-        color, lower, roof, side, glass, (True, not (sealed and rng.random() < 0.5)), rows, cloth
-    )
+    windows = (True, not (sealed and rng.random() < 0.3))
+    return Paint(color, lower, roof, side, glass, windows, rows, cloth, bool(rng.random() < 0.7))
+
+
+def _mixed(one: Color, other: Color, share: float) -> Color:
+    a, b, c = ((1 - share) * x + share * y for x, y in zip(one, other, strict=True))
+    return a, b, c
 
 
 def _sample_fittings(rng: np.random.Generator, kind: str, color: Color) -> Fittings:
@@ -271,20 +297,47 @@ def _sample_wheel(rng: np.random.Generator, kind: str, body: Body) -> Wheel:
     )
 
 
-def car(params: CarParams) -> Asset:
+def _sample_glazing(rng: np.random.Generator, kind: str) -> Glazing:
+    light = float(rng.uniform(0.02, 0.16))
+    seat = float(rng.choice([0.006, 0.006, 0.012, 0.05]))
+    return Glazing(
+        behind=vary(rng, (0.92 * light, light, 1.05 * light), 0.1),
+        dim=0.15 if kind in (*_VANS, "executive") else float(rng.choice([0.15, 0.6, 0.9])),
+        seats=vary(rng, (seat, seat, seat), 0.2),
+        skin=vary(rng, (0.2, 0.12, 0.085), 0.5) if rng.random() < 0.4 else None,
+        clothes=vary(rng, (0.1, 0.1, 0.11), 0.9),
+        side=float(rng.choice([-1.0, 1.0])),
+    )
+
+
+def _sample_van(rng: np.random.Generator, wear: Paint) -> VanSides:
+    letters = pick(rng, ((0.3, 0.02, 0.02), (0.02, 0.06, 0.25), (0.02, 0.15, 0.05), BLACK))
+    if max(wear.body) < 0.4:
+        letters = pick(rng, ((0.6, 0.6, 0.58), (0.55, 0.4, 0.03)))
+    named = rng.random() < 0.6
+    return VanSides(
+        wear.body, letters if named else None, int(rng.integers(2**31)), not wear.windows[1]
+    )
+
+
+def car(params: CarParams | Rickshaw) -> Asset:
     """The car of ``params``, nose towards +x."""
+    if isinstance(params, Rickshaw):
+        return rickshaw(params)
     b = params.body
     track = float(half(b, np.array([0.5]))[0]) - 0.025
     return merge(
         shell(b, params.paint),
         underside(b),
         *fittings(b, params.fittings),
+        *glazing(b, params.glazing, params.paint.windows),
+        *([] if params.van is None else van_sides(b, params.van)),
         wheels(params.wheel, axles(b), track),
     )
 
 
 FAMILY = Family(
     "car", TrainId.CAR, KINDS, sample_car, car,
-    count=195, size=Size((2.2, 7), (0.9, 3)), tone=0.52, line=("car", 0.9),
-    facing="lane", stage=ROAD, again=(175,),
+    count=195, size=Size((2.2, 7), (0.9, 3)), tone=0.95, line=("car", 0.9),
+    facing="lane", stage=ROAD, again=(175,), more=_MORE,
 )  # fmt: skip

@@ -1,6 +1,6 @@
 """Every asset family, and the way from (family, index) to a mesh.
 
-The catalogue is open-ended: any index gives an asset, its kind ``index % len(kinds)``, the rest drawn
+The catalogue is open-ended: any index gives an asset, its kind that of ``Family.turns``, the rest drawn
 from a generator seeded by family and index, so the same (family, index) is the same asset anywhere. A
 user's own assets stand beside them, named by their files' content and path (``library.scan``).
 """
@@ -23,12 +23,12 @@ from scene.cache import Arrays, kept
 from scene.classes import CLASS_NAMES
 from scene.look.surfaces import ROADS, SIDEWALKS, TERRAINS
 from scene.mesh.asset import Asset
-from scene.names import OVERLAPS, USES
+from scene.names import OVERLAPS, USES, WEATHERS
 from scene.sky.weather import SKIES
 
 
 class AssetPool(NamedTuple):
-    """The assets a street may draw from, and whether they may stand in each other.
+    """The assets a street may draw from, whether they may stand in each other, and in which weather.
 
     Consecutive indices of every family, and a user's own.
     """
@@ -43,15 +43,15 @@ class AssetPool(NamedTuple):
         ""  # whether they may stand in each other: "allow", "avoid", "" as the space has it
     )
     own_class: OwnClass | None = None  # a class beside the engine's, and its asset
+    weather: str = ""  # of all streets: one of ``WEATHERS``; "" leaves it to chance
 
     @property
     def decides(self) -> dict[str, Any]:
-        """Its fields as plain values; the last three where they say anything, so that older records hold."""
+        """Its fields as plain values; the last four where they say anything, so that older records hold."""
         own = self.own_class and self.own_class._asdict()
         fields = {**self._asdict(), "without": list(self.without), "own_class": own}
-        return {
-            k: v for k, v in fields.items() if v or k not in ("without", "overlap", "own_class")
-        }
+        added = ("without", "overlap", "own_class", "weather")
+        return {k: v for k, v in fields.items() if v or k not in added}
 
     def called(self, naming: Callable[[str], str]) -> AssetPool:
         """The same pool, its folder and the file of its own class by the names that ``naming`` gives them."""
@@ -83,6 +83,8 @@ def check_pool(pool: AssetPool, named: str = "asset ") -> AssetPool:
         raise ValueError(f"{named}use {pool.use!r} is unknown; known: {', '.join(USES)}")
     if pool.overlap not in ("", *OVERLAPS):
         raise ValueError(f"overlap {pool.overlap!r} is unknown; known: {', '.join(OVERLAPS)}")
+    if pool.weather not in ("", *WEATHERS):
+        raise ValueError(f"weather {pool.weather!r} is unknown; known: {', '.join(WEATHERS)}")
     if not 0 < pool.fraction <= 1:
         raise ValueError(f"{named}fraction must lie in (0, 1], not {pool.fraction}")
     if pool.first < 0:
@@ -257,8 +259,8 @@ def kind(family: str, ref: int | str) -> str:
     """The kind of a built-in asset, or the file name of an own one."""
     if isinstance(ref, str):
         return PurePath(ref).name
-    kinds = FAMILIES[family].kinds
-    return kinds[ref % len(kinds)]
+    turns = FAMILIES[family].turns
+    return turns[ref % len(turns)]
 
 
 def families_of(name: str) -> tuple[str, ...]:

@@ -48,7 +48,7 @@ class Family:
 
     name: str
     train_id: TrainId
-    kinds: tuple[str, ...]  # index k is of kind k % len(kinds)
+    kinds: tuple[str, ...]  # index k is of kind turns[k % len(turns)]
     sample: Callable[[np.random.Generator, str], Any]  # (rng, kind) -> params
     build: Callable[[Any], Asset]  # params -> asset, pure
     count: int  # assets that streets draw from by default; any larger index works, too
@@ -60,7 +60,13 @@ class Family:
     stage: Stage = FOOTWAY
     on: str | Mapping[str, str] = ""  # family of the post or machine it comes on, or that by kind
     runs: bool = False  # one asset is a panel; up to three stand in a row
+    more: tuple[str, ...] = ()  # kinds that are met more often, each once for every time more
     again: tuple[int, ...] = ()  # whose first draw looked like an earlier one: the second is taken
+
+    @property
+    def turns(self) -> tuple[str, ...]:
+        """The kinds in the order in which indices take them, over and over."""
+        return self.kinds + self.more
 
     def draw(self, rng: np.random.Generator, kind: str) -> Asset:
         """An asset of one of the kinds; raises ValueError naming them."""

@@ -84,8 +84,8 @@ _KINDS: dict[str, Kind] = {
     "headscarf": Kind(("robe",), "any", ("hang", "hang"), ("handbag",)),
     "arms folded": Kind(("jumper", "jacket", "suit"), "stand", ("folded", "folded")),
     "coffee": Kind(("suit", "short coat", "hoodie"), "any", ("pocket", "cup"), ("cup",)),
-    "carrying a box": Kind(("t-shirt", "work", "jumper"), "walk", ("lift", "lift"), ("box",)),
-    "hands on hips": Kind(("t-shirt", "sports", "work"), "stand", ("hip", "hip")),
+    "carrying a box": Kind(("t-shirt", "hoodie", "jumper"), "walk", ("lift", "lift"), ("box",)),
+    "hands on hips": Kind(("t-shirt", "sports", "jacket"), "stand", ("hip", "hip")),
 }
 KINDS: tuple[str, ...] = tuple(_KINDS)
 """What sets a person apart at a glance."""
@@ -118,7 +118,7 @@ def sample_person(rng: np.random.Generator, kind: str) -> PersonParams:
     child, old = kind in ("child", "schoolchild"), kind == "elderly with stick"
     curves = float(rng.choice([0.0, 0.2, 0.85, 1.0]))
     tall = float(np.clip(rng.normal(1.77 - 0.13 * curves, 0.07), 1.52, 1.95))
-    build = float(np.clip(rng.normal(1.0, 0.13), 0.82, 1.35))
+    build = float(np.clip(rng.normal(1.06, 0.13), 0.85, 1.38))
     young = float(rng.uniform(0.95, 1.4))
     outfit, curves = sample_outfit(rng, str(rng.choice(entry.wear)), curves, old=old, child=child)
     if kind == "schoolchild":

@@ -13,7 +13,7 @@ from scene.assets.parts.carried import backpack
 from scene.assets.parts.head import head
 from scene.assets.parts.human import ANKLE, Body, Outfit, Pose
 from scene.assets.parts.palette import pick
-from scene.assets.parts.wardrobe import BRIGHT, CLOTHES, HI_VIS, REFLECTING, sample_outfit
+from scene.assets.parts.wardrobe import BRIGHT, CLOTHES, HI_VIS, REFLECTING, TROUSERS, sample_outfit
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, Point, merge
 
@@ -41,15 +41,15 @@ class Kind(NamedTuple):
 
 
 _KINDS: dict[str, Kind] = {
-    "cyclist upright": Kind("bicycle", "jacket", (0.25, 0.42), ("", "", "beanie", "cap")),
-    "cyclist racing": Kind("bicycle", "sports", (0.80, 0.98), ("cycle helmet",)),
-    "cyclist in hi-vis": Kind("bicycle", "work", (0.38, 0.55), ("cycle helmet",)),
-    "cyclist with backpack": Kind("bicycle", "hoodie", (0.40, 0.60), ("cycle helmet", ""), 1.0),
-    "cyclist in a skirt": Kind("bicycle", "skirt", (0.22, 0.36), ("", "cycle helmet")),
-    "cyclist in shorts": Kind("bicycle", "t-shirt and shorts", (0.45, 0.65), ("cycle helmet", "")),
-    "courier": Kind("bicycle", "puffer", (0.40, 0.58), ("cycle helmet", "hood"), 1.7),
+    "cyclist upright": Kind("bicycle", "jacket", (0.34, 0.58), ("", "", "beanie", "cap")),
+    "cyclist racing": Kind("bicycle", "sports", (0.88, 1.08), ("cycle helmet",)),
+    "cyclist in hi-vis": Kind("bicycle", "work", (0.48, 0.72), ("cycle helmet",)),
+    "cyclist with backpack": Kind("bicycle", "hoodie", (0.5, 0.76), ("cycle helmet", ""), 1.0),
+    "cyclist in a skirt": Kind("bicycle", "skirt", (0.28, 0.46), ("", "cycle helmet")),
+    "cyclist in shorts": Kind("bicycle", "t-shirt and shorts", (0.58, 0.84), ("cycle helmet", "")),
+    "courier": Kind("bicycle", "puffer", (0.46, 0.7), ("cycle helmet", "hood"), 1.7),
     "motorcyclist upright": Kind("motorcycle", "jacket", (0.15, 0.28), ("full helmet",)),
-    "motorcyclist sports": Kind("motorcycle", "jacket", (0.62, 0.80), ("full helmet",)),
+    "motorcyclist sports": Kind("motorcycle", "jacket", (0.7, 0.9), ("full helmet",)),
     "motorcyclist in hi-vis": Kind("motorcycle", "work", (0.18, 0.34), ("full helmet",)),
     "scooter rider": Kind("motorcycle", "short coat", (0.08, 0.20), ("open helmet",)),
     "scooter courier": Kind("motorcycle", "puffer", (0.08, 0.2), ("open helmet",), 1.6),
@@ -85,6 +85,8 @@ def sample_rider(rng: np.random.Generator, kind: str) -> RiderParams:
             )
     if entry.style == "work":
         outfit = outfit._replace(top=HI_VIS[int(rng.random() < 0.2)], bands=REFLECTING)
+        if rng.random() < 0.8:
+            outfit = outfit._replace(legs=pick(rng, TROUSERS, 0.3))
     return RiderParams(
         mount=entry.mount,
         body=Body(

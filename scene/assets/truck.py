@@ -282,6 +282,6 @@ def _tail(p: TruckParams) -> list[Asset]:
 
 FAMILY = Family(
     "truck", TrainId.TRUCK, KINDS, sample_truck, truck,
-    count=39, size=Size((3.5, 30), (1.6, 5)), tone=0.55, line=("car", 0.05),
+    count=39, size=Size((3.5, 30), (1.6, 5)), tone=0.85, line=("car", 0.05),
     facing="lane", stage=ROAD,
 )  # fmt: skip

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-HALF_WIDTHS, FOOTWAYS = (4.1, 5.7), (1.7, 4.4)
+HALF_WIDTHS, FOOTWAYS = (3.7, 5.4), (1.8, 4.8)
 """Between which lie half the width of a carriageway, and the width of the sidewalks beside it."""
 KERB_HEIGHT = 0.12
 KERB_WIDTH = 0.18

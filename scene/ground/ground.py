@@ -15,6 +15,7 @@ from scene.ground.extent import (
     GROUND_END,
     HALF_WIDTHS,
     KERB_HEIGHT,
+    KERB_WIDTH,
     STRIP,
     STRIP_END,
     stations,
@@ -23,6 +24,7 @@ from scene.ground.junction import Junction
 from scene.ground.land import land_height
 from scene.ground.markings import ARROWS, WORDS, Legend
 from scene.ground.path import STRAIGHT, Path, height_at, to_world
+from scene.ground.verge import NO_SIDES, Side, sample_side
 from scene.look.surfaces import (
     ROAD_TONE,
     ROADS,
@@ -31,11 +33,15 @@ from scene.look.surfaces import (
     TERRAINS,
     Coat,
     Color,
+    asphalt_beside,
     sample_coat,
 )
+from scene.streams import child
 
 KERB_STONE = (0.21, 0.205, 0.195)
 """Linear colour of kerb stones, before weather and dirt."""
+TRAMS, LITTERED, PUDDLED = 0.05, 0.3, 0.12
+"""Shares of roads with tram tracks, with fallen leaves and with puddles."""
 
 
 class Ground(NamedTuple):
@@ -67,6 +73,12 @@ class Ground(NamedTuple):
     covers: int  # manholes; 0 leaves the gratings out, too
     hills: float  # m
     seed: int  # of wear and shades
+    wear: float = 0.45  # age of the road, 0 .. 1
+    dust: float = 0.0  # how much of the colour along kerbs is dust, 0 .. 1
+    leaves: int = 0  # fallen ones on road, and on sidewalks
+    puddles: int = 0
+    rails: float = 0.0  # the middle of tram tracks from the centre line, m; 0: none
+    sides: tuple[Side, Side] = NO_SIDES  # what lies along the sidewalks, right and left
     path: Path = STRAIGHT
     junction: Junction | None = None
 
@@ -79,6 +91,14 @@ class Ground(NamedTuple):
     def outer(self) -> float:
         """Where the sidewalks end, metres from the centre line."""
         return self.half_width + self.footway
+
+    def side(self, side: float) -> Side:
+        """What lies along the sidewalk of one side, 1 left and -1 right."""
+        return self.sides[int(side > 0)]
+
+    def rear(self, side: float) -> float:
+        """Where paving ends on one side, metres from the centre line."""
+        return max(self.outer, self.side(side).rear)
 
 
 def ground_height(ground: Ground, y: float, x: float = 0.0) -> float:
@@ -117,6 +137,7 @@ def plain(ground: Ground) -> Ground:
     return ground._replace(
         centre="none", edge_lines=0, crosswalks=(), parking=("none", "none"), cycle_lane="none",
         legends=(), boxes=(), side_streets=(), driveways=(), patches=0, covers=0, hills=0.0,
+        dust=0.0, leaves=0, puddles=0, rails=0.0, sides=NO_SIDES,
     )  # fmt: skip
 
 
@@ -152,6 +173,8 @@ def sample_ground(
     share: float = 1.0,
     drive: float = 1.0,
     widths: tuple[float, float] = (1.0, 1.0),
+    wear: float = 0.45,
+    asphalt: float = 0.35,
 ) -> Ground:
     """Draw a ground: surfaces, markings, crossings every 40-90 m, repairs, driveways.
 
@@ -160,6 +183,8 @@ def sample_ground(
         share: of the surfaces of each table that may be drawn (the half-asset study).
         drive: the side, 1 left or -1 right, whose traffic goes forward.
         widths: of carriageway and sidewalks, as factors on the usual ones.
+        wear: age of the road, 0 new .. 1 worn out.
+        asphalt: probability that the sidewalks are of asphalt, as dark as the road.
     """
     half_width = float(rng.uniform(*HALF_WIDTHS)) * widths[0]
     crosswalks = _places(rng, (5, 60), (40, 90)) if rng.random() < 0.65 else []
@@ -168,11 +193,12 @@ def sample_ground(
     driveways = _places(rng, (4, 25), (9, 40), 100) if rng.random() < 0.6 else []
     beside = str(rng.choice(["none", "edge", "parking", "cycle"], p=[0.22, 0.4, 0.23, 0.15]))
     styles = rng.choice(["none", "boxes", "ticks"], 2, p=[0.2, 0.5, 0.3])
-    stone = rng.uniform(0.75, 1.25)
-    return Ground(
+    stone = rng.uniform(0.5, 1.2)
+    no_line = 0.04 + 0.2 * wear
+    found = Ground(
         half_width=half_width,
         footway=float(rng.uniform(*FOOTWAYS)) * widths[1],
-        road=sample_coat(rng, ROADS, share, ROAD_TONE),
+        road=sample_coat(rng, ROADS, share, ROAD_TONE, wear),
         sidewalk=sample_coat(rng, SIDEWALKS, share, SIDEWALK_TONE),
         terrain=sample_coat(rng, TERRAINS, share),
         kerb=(KERB_STONE[0] * stone, KERB_STONE[1] * stone, KERB_STONE[2] * stone),
@@ -181,7 +207,8 @@ def sample_ground(
         dash=(float(rng.uniform(1.5, 4)), float(rng.uniform(2, 6))),
         centre=str(
             rng.choice(
-                ["dashed", "double", "one side", "hatched", "none"], p=[0.66, 0.1, 0.07, 0.05, 0.12]
+                ["dashed", "double", "one side", "hatched", "none"],
+                p=[0.78 - no_line, 0.1, 0.07, 0.05, no_line],
             )
         ),
         edge_lines=int(rng.integers(1, 3)) if beside == "edge" else 0,
@@ -198,8 +225,52 @@ def sample_ground(
         boxes=tuple((x, x + 9.0) for x in boxes),
         side_streets=_either_side(rng, side_streets),
         driveways=_either_side(rng, driveways),
-        patches=int(rng.integers(0, 12)),
+        patches=int(rng.integers(0, 1 + round(25 * wear))),
         covers=int(rng.integers(2, 9)),
         hills=float(rng.uniform(4, 32)),
         seed=int(rng.integers(2**32)),
+        wear=wear,
     )
+    return _aged(found, asphalt, child(rng))
+
+
+def _aged(ground: Ground, asphalt: float, rng: np.random.Generator) -> Ground:
+    """The ground with dust, and by chance tram tracks, leaves, puddles and sidewalks of asphalt."""
+    tram, off = rng.random() < TRAMS, float(rng.uniform(1.4, 1.9))
+    dust = float(rng.uniform(0, 0.8)) * ground.wear
+    paved, stone = rng.random() < asphalt, float(rng.uniform(0.35, 1.0))
+    beside = asphalt_beside(rng, ground.road)
+    if paved:  # stones of a footway of asphalt are little lighter than it
+        grey = float(np.dot(beside.color, (0.3, 0.59, 0.11)))
+        red, green, blue = (stone * k + (1 - stone) * grey for k in ground.kerb)
+        ground = ground._replace(sidewalk=beside, kerb=(red, green, blue))
+    wide = ground.half_width > off + 1.6 and ground.centre != "hatched"
+    autumn, rain = rng.random(2) < (LITTERED, PUDDLED)
+    return ground._replace(
+        dust=dust,
+        rails=off if tram and wide else 0.0,
+        leaves=int(rng.integers(60, 500)) if autumn else 0,
+        puddles=int(rng.integers(2, 9)) if rain else 0,
+    )
+
+
+def with_sides(
+    ground: Ground,
+    share: float,
+    fronts: tuple[float | None, float | None],
+    rngs: tuple[np.random.Generator, np.random.Generator],
+) -> Ground:
+    """The ground with what lies along its sidewalks.
+
+    Args:
+        ground: without.
+        share: probability of a verge on each side.
+        fronts: where houses begin right and left, metres from the centre line; None: open.
+        rngs: of the two sides, consumed.
+    """
+    inner = ground.half_width + KERB_WIDTH
+    right, left = (
+        sample_side(rng, share, inner, ground.outer, front, ground.sidewalk)
+        for front, rng in zip(fronts, rngs, strict=True)
+    )
+    return ground._replace(sides=(right, left))

@@ -19,12 +19,18 @@ from scene.ground.extent import (
 from scene.ground.ground import Ground, along
 from scene.ground.junction import REACH, Junction
 from scene.ground.land import land_height, open_lines, rise
+from scene.ground.litter import leaves
+from scene.ground.verge import NO_SIDES
 from scene.mesh.quads import Quads, flat, grid, quads, rectangles
 
 DROPPED = 0.025
 """Height of a dropped kerb, metres."""
 RAMP = 0.5
 """Metres over which the sidewalk falls to a dropped kerb."""
+WALKED = 1.8
+"""Metres to each side of a crossing without a verge."""
+DRIVE_LIFT = 0.006
+"""Driveways lie this far above the land before a house."""
 FLAT_SIDE, FLAT_END = 100.0, 330.0
 """Beyond these the land may rise, metres to each side and along the road."""
 FIELDS = ((0.05, 0.085, 0.025), (0.10, 0.105, 0.04), (0.03, 0.05, 0.018), (0.13, 0.11, 0.06))
@@ -32,8 +38,9 @@ FIELDS = ((0.05, 0.085, 0.025), (0.10, 0.105, 0.04), (0.03, 0.05, 0.018), (0.13,
 
 
 def sidewalk_quads(ground: Ground, rng: np.random.Generator) -> list[Quads]:
-    """Kerb stones and paving on both sides."""
-    return [part for side in (-1.0, 1.0) for part in _one_side(ground, side, rng)]
+    """Kerb stones and paving on both sides, and what lies on it."""
+    parts = [part for side in (-1.0, 1.0) for part in _one_side(ground, side, rng)]
+    return parts + leaves(ground, rng, road=False)
 
 
 def _drops(ground: Ground, side: float) -> list[tuple[float, float]]:
@@ -46,7 +53,7 @@ def _drops(ground: Ground, side: float) -> list[tuple[float, float]]:
 def _one_side(ground: Ground, side: float, rng: np.random.Generator) -> list[Quads]:
     stones, drops = along(ground, 1.8), _drops(ground, side)
     # In a bend, paving meets the ramp corner by corner.
-    bays = None if ground.shaped else stations(4.5)
+    bays = None if ground.shaped or ground.side(side).green else stations(4.5)
     parts = _footway(ground, side, stones, bays, drops, rng)
     inner = ground.half_width + KERB_WIDTH
     places = list(ground.crosswalks)
@@ -60,7 +67,7 @@ def _one_side(ground: Ground, side: float, rng: np.random.Generator) -> list[Qua
 
 def arm_sides(ground: Ground, junction: Junction, rng: np.random.Generator) -> list[Quads]:
     """Kerb stones and paving along the arms of a junction; the kerb drops at their crossings."""
-    arm = ground._replace(half_width=junction.half_width, footway=junction.footway)
+    arm = ground._replace(half_width=junction.half_width, footway=junction.footway, sides=NO_SIDES)
     stones = np.append(np.arange(junction.mouth - LAP, REACH - 1, 1.8), REACH)
     crossing = junction.crossings[0] != "none"
     drops = [(junction.arm_crossing - 0.9, junction.arm_crossing + 0.9)] if crossing else []
@@ -93,10 +100,10 @@ def _footway(
         drops: where the kerb is dropped, from and to.
         rng: consumed.
     """
-    breaks = [b + d for drop in drops for b, d in zip(drop, (-0.6, 0.6), strict=True)]
-    x = np.unique(np.concatenate([stones, np.ravel(drops), breaks]))
+    x = np.unique(np.concatenate([stones, np.ravel(drops), _breaks(drops)]))
     if bays is None:
         bays = x
+    free = ~_green_cells(ground, side, bays, drops)
     top = np.full(len(x), KERB_HEIGHT + 0.005)
     for start, end in drops:
         top[(x >= start - 1e-9) & (x <= end + 1e-9)] = DROPPED
@@ -109,21 +116,64 @@ def _footway(
 
     ramp = grid(x, side * np.array([inner, inner + RAMP]),
                 np.stack([np.minimum(top, KERB_HEIGHT), np.full(len(x), KERB_HEIGHT)], axis=1))  # fmt: skip
-    base = np.asarray(ground.sidewalk.color)
-    edge = (1 + 0.05 * wavy(rng, x[:-1], 9.0))[:, None]
-    parts.append(quads(ramp, edge * base * ground.strip, ground.sidewalk.material))
+    coat, base, own = ground.sidewalk, np.asarray(ground.sidewalk.color), ground.side(side)
+    edge = (1 + 0.05 * wavy(rng, x[:-1], 9.0))[:, None] * base * ground.strip
+    at_kerb = own.green is not None and own.verge[0] <= inner  # the verge takes the ramp's place
+    paved = free if at_kerb else np.ones(len(edge), bool)
+    parts.append(quads(ramp[paved], edge[paved], coat.material))
 
-    across = side * np.array([inner + RAMP, (inner + RAMP + ground.outer) / 2, ground.outer])
-    shade = (
-        1 + 0.05 * wavy(rng, bays[:-1], 9.0)[:, None] + rng.uniform(-0.02, 0.02, (len(bays) - 1, 2))
-    )
-    shade = (shade * [1.0, 0.93]).reshape(-1, 1)
-    level = np.full((len(bays), 3), KERB_HEIGHT)
-    parts.append(quads(grid(bays, across, level), shade * base, ground.sidewalk.material))
+    ends = {inner + RAMP, (inner + RAMP + ground.outer) / 2, ground.outer, *own.verge}
+    across = np.array(sorted(y for y in ends if y >= inner + RAMP))
+    columns = len(across) - 1
+    shade = 1 + 0.05 * wavy(rng, bays[:-1], 9.0)[:, None]
+    shade = shade + rng.uniform(-0.02, 0.02, (len(bays) - 1, columns))
+    shade = (shade * np.linspace(1.0, 0.93, columns))[..., None] * base
+    level = np.full((len(bays), columns + 1), KERB_HEIGHT)
+    cells = grid(bays, side * across, level)
+    middle = (across[1:] + across[:-1]) / 2
+    green = (middle > own.verge[0]) & (middle < own.verge[1])
+    paved = (free[:, None] | ~green).ravel()
+    parts.append(quads(cells[paved], shade.reshape(-1, 3)[paved], coat.material))
+    rear = ground.rear(side)
+    if own.court:
+        court = grid(bays, side * np.array([ground.outer, rear]), level[:, :2])
+        color = rng.uniform(0.95, 1.03, (len(court), 1)) * np.asarray(own.court.color)
+        parts.append(quads(court, color, own.court.material))
     if ground.shaped:  # the land begins a little lower
-        lip = grid(bays, across[[2, 2]], level[:, :2] - [0, LIP])
-        parts.append(quads(lip, 0.93 * base, ground.sidewalk.material))
+        lip = grid(bays, side * np.array([rear, rear]), level[:, :2] - [0, LIP])
+        parts.append(quads(lip, 0.93 * base, coat.material))
     return parts
+
+
+def _breaks(drops: list[tuple[float, float]]) -> list[float]:
+    """Where the kerb begins to fall to a dropped one, and has risen again."""
+    return [b + d for drop in drops for b, d in zip(drop, (-0.6, 0.6), strict=True)]
+
+
+def _green_cells(
+    ground: Ground, side: float, x: np.ndarray, drops: list[tuple[float, float]]
+) -> np.ndarray:
+    """bool[n - 1]: where a verge lies between places ``x`` f64[n]; not where one walks or drives over it."""
+    middle = (x[1:] + x[:-1]) / 2
+    found = np.full(len(middle), ground.side(side).green is not None)
+    walked = [(place - WALKED, place + WALKED) for place in ground.crosswalks]
+    for start, end in [*((a - 0.6, b + 0.6) for a, b in drops), *walked]:
+        found &= (middle < start) | (middle > end)
+    return found
+
+
+def _verge(ground: Ground, side: float, rng: np.random.Generator) -> list[Quads]:
+    """The strip of grass or earth along the sidewalk of one side."""
+    own = ground.side(side)
+    if own.green is None:
+        return []
+    drops = _drops(ground, side)
+    x = np.unique(np.concatenate([along(ground, 1.8), np.ravel(drops), _breaks(drops)]))
+    cells = grid(x, side * np.array(own.verge), np.full((len(x), 2), KERB_HEIGHT))
+    shade = 1 + 0.12 * wavy(rng, x[:-1], 5.0) + rng.uniform(-0.05, 0.05, len(x) - 1)
+    keep = _green_cells(ground, side, x, drops)
+    color = shade[keep, None] * np.asarray(own.green.color)
+    return [quads(cells[keep], color, own.green.material)]
 
 
 def _blisters(x: float, side: float, inner: float) -> Quads:
@@ -134,23 +184,26 @@ def _blisters(x: float, side: float, inner: float) -> Quads:
 
 
 def _drive(ground: Ground, x: float, side: float) -> Quads:
-    """A driveway over the sidewalk, in asphalt."""
-    y0, y1 = sorted((side * (ground.half_width + KERB_WIDTH + RAMP), side * ground.outer))
+    """A driveway over the sidewalk to the house."""
+    own = ground.side(side)
+    begin = ground.half_width + KERB_WIDTH + RAMP
+    y0, y1 = sorted((side * begin, side * max(own.drive_end, ground.outer)))
     outline = rectangles(*np.array([x - 1.6, x + 1.6, y0, y1]))
-    color = 0.85 * np.asarray(ground.sidewalk.color)
-    return flat(outline, KERB_HEIGHT + 0.002, color, "concrete")
+    coat = own.drive or ground.sidewalk._replace(material="concrete")
+    return flat(outline, KERB_HEIGHT + DRIVE_LIFT, 0.85 * np.asarray(coat.color), coat.material)
 
 
 def terrain_quads(ground: Ground, rng: np.random.Generator) -> list[Quads]:
     """Land on both sides in patches of near shades, and hills of fields and woods far away."""
     if ground.shaped:
-        return [_strip(ground, side, rng) for side in (-1.0, 1.0)]
+        strips = [_strip(ground, side, rng) for side in (-1.0, 1.0)]
+        return strips + [part for side in (-1.0, 1.0) for part in _verge(ground, side, rng)]
     base = np.asarray(ground.terrain.color)
     x = stations(8.0)
     parts = []
     for side in (-1.0, 1.0):
         # Wide streets leave out what they cover.
-        y = side * np.array([ground.outer, *_beyond(ground), 26.0, 50.0, FLAT_SIDE])
+        y = side * np.array([ground.rear(side), *_beyond(ground, side), 26.0, 50.0, FLAT_SIDE])
         shape = (len(x) - 1, len(y) - 1)
         shade = 1 + 0.12 * wavy(rng, x[:-1], 20.0)[:, None] + rng.uniform(-0.06, 0.06, shape)
         land = grid(x, y, np.full((len(x), len(y)), KERB_HEIGHT))
@@ -159,21 +212,22 @@ def terrain_quads(ground: Ground, rng: np.random.Generator) -> list[Quads]:
         along = np.linspace(GROUND_START, GROUND_END, 17)
         rise = np.array([0.0, 0.15, 0.45, 0.8, 1.0])
         parts.append(_hills(ground, along, outer, rise[None, :], rng))
+        parts += _verge(ground, side, rng)
     ahead = np.array([FLAT_END, 380.0, 440.0, 520.0, GROUND_END])
     across = np.linspace(-FLAT_SIDE, FLAT_SIDE, 9)
     parts.append(_hills(ground, ahead, across, np.array([[0.0, 0.2, 0.5, 0.85, 1.0]]).T, rng))
     return parts
 
 
-def _beyond(ground: Ground) -> list[float]:
-    """Of 11 and 16 metres from the centre line those that lie clear of the sidewalk."""
-    return [y for y in (11.0, 16.0) if y > ground.outer + 0.4]
+def _beyond(ground: Ground, side: float) -> list[float]:
+    """Of 11 and 16 metres from the centre line those that lie clear of paving."""
+    return [y for y in (11.0, 16.0) if y > ground.rear(side) + 0.4]
 
 
 def _strip(ground: Ground, side: float, rng: np.random.Generator) -> Quads:
     """The land along a road that bends or slopes, to where it steps down to the open land."""
     x = along(ground, 8.0)
-    y = np.array([ground.outer - TUCK, *_beyond(ground), STRIP, STRIP + 0.5])
+    y = np.array([ground.rear(side) - TUCK, *_beyond(ground, side), STRIP, STRIP + 0.5])
     z = np.full((len(x), len(y)), KERB_HEIGHT)
     z[:, 0] -= 0.01  # it begins below the sidewalk
     z[:, -1] -= 3.0

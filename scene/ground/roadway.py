@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 
 from scene.ground import markings
@@ -18,14 +20,20 @@ from scene.ground.extent import (
     wavy,
 )
 from scene.ground.ground import Ground, along
-from scene.mesh.quads import Quads, discs, flat, grid, quads, rectangles
+from scene.ground.litter import leaves, puddles
+from scene.look.surfaces import DUST
+from scene.mesh.quads import Quads, discs, flat, grid, joined, quads, rectangles
 
 WHITE, YELLOW = (0.56, 0.56, 0.53), (0.50, 0.34, 0.05)
-IRON = (0.07, 0.065, 0.06)
+IRON, STEEL = (0.07, 0.065, 0.06), (0.12, 0.12, 0.124)
 TINTS = {"green": (0.055, 0.10, 0.07), "red": (0.14, 0.065, 0.052)}
 """Colours of a tinted cycle lane."""
+FADED = 0.75
+"""Share of the paint that the worst lines of the oldest road have lost."""
 CYCLE_LANE = 1.5
 """Width of a cycle lane along the kerb, metres."""
+GAUGE = 1.435
+"""Between the rails of a tram track, metres."""
 SIDE_STREET = 6.0
 """Width of a side street, metres."""
 
@@ -38,7 +46,9 @@ def road_quads(ground: Ground, rng: np.random.Generator) -> list[Quads]:
     if ground.covers:
         parts += _covers(ground, rng)
     parts += [_side_street(ground, x, side) for x, side in ground.side_streets]
-    return parts + _paint(ground, rng)
+    if ground.rails:
+        parts.append(_rails(ground))
+    return parts + _paint(ground, rng) + puddles(ground, rng) + leaves(ground, rng, road=True)
 
 
 def _carriageway(ground: Ground, rng: np.random.Generator) -> Quads:
@@ -57,8 +67,11 @@ def _carriageway(ground: Ground, rng: np.random.Generator) -> Quads:
         mouth = np.abs((x[1:] + x[:-1]) / 2 - ground.junction.x) < ground.junction.corner
         for side in ground.junction.arms:
             cells[mouth, 5 if side > 0 else 0] /= 0.72
-    color = cells.reshape(-1, 1) * np.asarray(ground.road.color)
-    return quads(grid(x, y, np.zeros((len(x), len(y)))), color, ground.road.material)
+    color = cells[..., None] * np.asarray(ground.road.color)
+    ragged = ground.dust * (0.75 + 0.25 * wavy(rng, x[:-1], 11.0))[:, None]
+    for column in (0, 5):
+        color[:, column] += ragged * (np.array(DUST) - color[:, column])
+    return quads(grid(x, y, np.zeros((len(x), len(y)))), color.reshape(-1, 3), ground.road.material)
 
 
 def _patches(ground: Ground, rng: np.random.Generator) -> Quads:
@@ -94,6 +107,18 @@ def _covers(ground: Ground, rng: np.random.Generator) -> list[Quads]:
         flat(discs(centre, 0.32), COVER_LIFT, np.array(IRON), "iron"),
         flat(gratings, COVER_LIFT, np.array(IRON), "iron"),
     ]
+
+
+def _rails(ground: Ground) -> Quads:
+    """Two tram tracks, each rail a line of steel beside a dark groove."""
+    x, parts = stations(8.0), []
+    for track, rail in product((-1, 1), (-1, 1)):
+        y = track * ground.rails + rail * GAUGE / 2
+        for left, wide, color in ((0.0, 0.055, STEEL), (0.05 * rail, 0.045, IRON)):
+            low, high = y - left - wide / 2, y - left + wide / 2
+            outlines = rectangles(x[:-1], x[1:], np.array(low), np.array(high))
+            parts.append(flat(outlines, PATCH_LIFT, np.array(color), "metal"))
+    return joined(parts)
 
 
 def _side_street(ground: Ground, x: float, side: float) -> Quads:
@@ -144,7 +169,7 @@ def _paint(ground: Ground, rng: np.random.Generator) -> list[Quads]:
         for outlines, more in zip((white, yellow), paint(ground, junction), strict=True):
             outlines += more
     parts = [
-        flat(outline, PAINT_LIFT, _worn(rng, outline, color), "marking")
+        flat(outline, PAINT_LIFT, _worn(ground, rng, outline, color), "marking")
         for outlines, color in ((white, WHITE), (yellow, YELLOW))
         for outline in [np.concatenate(outlines) if outlines else np.zeros((0, 4, 2))]
     ]
@@ -153,8 +178,12 @@ def _paint(ground: Ground, rng: np.random.Generator) -> list[Quads]:
     return [p for p in parts if len(p.corners)]
 
 
-def _worn(rng: np.random.Generator, outlines: np.ndarray, color: tuple) -> np.ndarray:
-    return rng.uniform(0.72, 1.0, (len(outlines), 1)) * np.asarray(color)
+def _worn(
+    ground: Ground, rng: np.random.Generator, outlines: np.ndarray, color: tuple
+) -> np.ndarray:
+    """Colours f64[n, 3] of paint through which the road is seen, the more the older it is."""
+    left = rng.uniform(1 - FADED * ground.wear, 1.0, (len(outlines), 1))
+    return left * np.asarray(color) + (1 - left) * np.asarray(ground.road.color)
 
 
 def _centre(ground: Ground) -> list[np.ndarray]:

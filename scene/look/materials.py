@@ -35,8 +35,8 @@ class Material(NamedTuple):
 
 MATERIALS: tuple[Material, ...] = (
     Material("plain", "flat", 1.0, 0.0, 0.0, 0.0),
-    Material("paint", "flat", 1.0, 0.0, 0.08, 0.0),
-    Material("glass", "flat", 1.0, 0.0, 0.16, 0.0),
+    Material("paint", "cloudy", 3.0, 0.06, 0.05, 0.0),
+    Material("glass", "flat", 1.0, 0.0, 0.08, 0.0),
     Material("metal", "speckle", 2.0, 0.15, 0.04, 0.0),
     Material("rubber", "flat", 1.0, 0.0, 0.0, 0.0),
     Material("cloth", "cloudy", 0.5, 0.35, 0.0, 0.0),
@@ -73,6 +73,9 @@ MATERIALS: tuple[Material, ...] = (
     Material("iron", "grating", 0.5, 0.7, 0.0, 0.0),
     # The exception: it mirrors the sky where it is seen along its surface.
     Material("water", "flat", 1.0, 0.0, 0.03, 0.0),
+    Material("mended asphalt", "mended", 7.0, 0.3, 0.0, 0.0),
+    Material("fine chippings", "gravel", 1.5, 0.3, 0.0, 0.0),
+    Material("bare patches", "bare", 6.0, 0.75, 0.0, 0.0),
 )
 MATERIAL_ID: dict[str, int] = {m.name: i for i, m in enumerate(MATERIALS)}
 

@@ -205,6 +205,11 @@ def _fresh(rng: np.random.Generator, size: int) -> np.ndarray:
     return 0.35 * _grain(rng, size) + 0.15 * fractal_noise(rng, size, 3, 3)
 
 
+def _mended(rng: np.random.Generator, size: int) -> np.ndarray:
+    """A footway that has been opened and closed: trenches of other mixes, and cracks; no wheel tracks."""
+    return _with_patches(rng, _fresh(rng, size), 9) - 0.25 * _cracks(rng, size)
+
+
 def _asphalt(rng: np.random.Generator, size: int) -> np.ndarray:
     wear = 0.5 * fractal_noise(rng, size, 5, 5) + 0.12 * value_noise(rng, size, (24, 3))
     ground = 0.5 * wear + 0.32 * _grain(rng, size) + 0.8 * _tracks(rng, size)
@@ -212,14 +217,18 @@ def _asphalt(rng: np.random.Generator, size: int) -> np.ndarray:
 
 
 def _patched(rng: np.random.Generator, size: int) -> np.ndarray:
-    """Worn asphalt with rectangles of other mixes, each within a seam of tar.
+    """Worn asphalt with rectangles of other mixes."""
+    return _with_patches(rng, _asphalt(rng, size), 7)
+
+
+def _with_patches(rng: np.random.Generator, ground: np.ndarray, count: int) -> np.ndarray:
+    """Rectangles of other mixes, each within a seam of tar.
 
     They stand out little, since they come again with every tile.
     """
-    ground = _asphalt(rng, size)
-    mix = np.zeros_like(ground)
+    size, mix = len(ground), np.zeros_like(ground)
     y, x = np.mgrid[0:size, 0:size]
-    for _ in range(7):
+    for _ in range(count):
         top, left = rng.integers(0, size, 2)
         height, width = rng.integers(size // 24, size // 6), rng.integers(size // 16, size // 3)
         r, c = (y - top) % size, (x - left) % size
@@ -286,6 +295,12 @@ def _long_grass(rng: np.random.Generator, size: int) -> np.ndarray:
     return 0.7 * tufts + 0.5 * blades + 0.2 * _speckle(rng, size)
 
 
+def _bare(rng: np.random.Generator, size: int) -> np.ndarray:
+    """Grass that feet and wheels have worn through to pale earth."""
+    worn = np.clip(5 * (fractal_noise(rng, size, 5, 4) - 0.55), 0, 1)
+    return (1 - worn) * _grass(rng, size) + worn * (0.85 + 0.15 * _speckle(rng, size))
+
+
 def _litter(rng: np.random.Generator, size: int) -> np.ndarray:
     """Fallen leaves, a few pale ones among the dark."""
     tone, relief = _stones(rng, size, 40)
@@ -313,7 +328,7 @@ PATTERNS: dict[str, Pattern] = {
         _flat, _speckle, _cloudy, _blotchy, _plaster, _brick, _slabs, _flags, _pavers,
         _herringbone, _tiles, _planks, _streaks, _bark, _leaves, _fresh, _asphalt, _patched,
         _seams, _chippings, _slab_road, _setts, _cobbles, _gravel, _tactile, _grass,
-        _long_grass, _litter, _earth, _worn, _grating,
+        _long_grass, _bare, _mended, _litter, _earth, _worn, _grating,
     )
 }  # fmt: skip
 """Patterns by name."""

@@ -64,6 +64,7 @@ def page(options: argparse.Namespace) -> np.ndarray:
             own=options.assets,
             use=options.asset_use,
             overlap=options.overlap,
+            weather=options.weather,
         )
     )
     modes = {name: getattr(options, name) for name in ("sweep", "theme", "asset")}

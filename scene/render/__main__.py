@@ -109,6 +109,7 @@ def export(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
                 own=options.assets,
                 use=options.asset_use,
                 overlap=options.overlap,
+                weather=options.weather,
                 own_class=own_class,
             ),
             target=options.target,

@@ -7,8 +7,8 @@ and ``world`` merges them for one that does not.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from functools import lru_cache
+from collections.abc import Callable, Sequence
+from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,9 +18,10 @@ from scene.cache import Arrays, kept
 from scene.classes import TrainId
 from scene.compiled import njit
 from scene.ground.build import GROUND_INSTANCES, ground_surfaces
-from scene.look.materials import MATERIALS
+from scene.look.materials import MATERIAL_ID, MATERIALS
 from scene.mesh.asset import Asset
 from scene.render.instances import AssetKey, instances
+from scene.streams import table_row
 from scene.street.street import Street
 
 f32 = np.float32
@@ -33,6 +34,10 @@ SMALL = 0.12
 """Square metres below which a triangle may be left out far away."""
 THIN = 0.25
 """Share of its small triangles that a far tree keeps."""
+LEAF = 0.008
+"""Square metres of each of the leaves that take the place of a card seen from near."""
+MOST = 12
+"""Leaves that do so."""
 ROW = 16
 """Floats in a row of a surface: 64 bytes, one line of a processor's cache."""
 
@@ -247,23 +252,76 @@ def thinned(shape: Shape, share: float) -> Shape:
     return Shape.of(grown, faces, np.ascontiguousarray(shape.surface[keep]))
 
 
+def leafed(shape: Shape) -> Shape:
+    """The shape with leaves in the place of its cards: folded rhombs, which cover as much.
+
+    A card of foliage is a triangle, and from near one sees that. Its leaves lie about it, each turned, tilted
+    and toned by chance.
+    """
+    cards = np.flatnonzero(shape.material == MATERIAL_ID["foliage"])
+    corners = shape.vertices[shape.faces[cards]].astype(np.float64)
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    area = np.linalg.norm(np.cross(first, second), axis=1) / 2
+    number = np.clip(np.ceil(area / LEAF), 1, MOST).astype(int)
+    card = np.repeat(np.arange(len(cards)), number)
+    rng = table_row("leaves")
+    share = rng.random((len(card), 2))
+    share = np.where(share.sum(axis=1, keepdims=True) > 1, 1 - share, share)
+    middle = corners[card, 0] + share[:, :1] * first[card] + share[:, 1:] * second[card]
+    long = rng.normal(size=(len(card), 3)) + shape.normal[cards][card]
+    long = np.cross(long, shape.normal[cards][card]) + 0.35 * rng.normal(size=long.shape)
+    long /= np.linalg.norm(long, axis=1, keepdims=True).clip(1e-9)
+    across = np.cross(long, shape.normal[cards][card] + 0.35 * rng.normal(size=long.shape))
+    across /= np.linalg.norm(across, axis=1, keepdims=True).clip(1e-9)
+    # A rhomb 1 by 0.6 of its length; its halves are folded up along the middle.
+    length = np.sqrt(area / number / 0.3)[card, None]
+    half, wide = 0.5 * length * long, 0.3 * length * across
+    fold = 0.12 * length * np.cross(long, across)
+    places = np.stack([middle - half, middle + wide + fold - 0.15 * half, middle + half,
+                       middle - wide + fold - 0.15 * half], axis=1)  # fmt: skip
+    start = 4 * np.arange(len(card))[:, None, None]
+    faces = (start + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
+    tone = rng.uniform(0.75, 1.3, len(card))
+    whole = np.delete(np.arange(len(shape.faces)), cards)
+    wood = np.ascontiguousarray(shape.faces[whole])
+    leaves = np.repeat(shape.surface[cards][card], 2, axis=0)
+    leaves[:, 12:15] = np.minimum(leaves[:, 12:15] * np.repeat(tone, 2)[:, None], 1.0)
+    flat = np.cross(places[:, (1, 2)] - places[:, :1], places[:, (2, 3)] - places[:, :1]).reshape(
+        -1, 3
+    )
+    flat /= np.linalg.norm(flat, axis=1, keepdims=True).clip(1e-12)
+    leaves[:, 0:12] = np.tile(flat, 4)
+    return Shape.of(
+        np.concatenate([shape.vertices, places.reshape(-1, 3).astype(np.float32)]),
+        np.concatenate([wood, len(shape.vertices) + faces]).astype(np.int32),
+        np.concatenate([shape.surface[whole], leaves]),
+    )
+
+
+SEEN: dict[str, Callable[[Shape], Shape]] = {
+    "far": partial(thinned, share=THIN),
+    "near": leafed,
+}
+"""What becomes of greenery by where it is seen from."""
+
+
 @lru_cache(maxsize=2048)
-def asset_shape(family: str, asset: int | str, far: bool = False) -> Shape:
-    """The shape of a catalogue asset, whole or, for one that stays ``far``, thinned."""
+def asset_shape(family: str, asset: int | str, seen: str = "") -> Shape:
+    """The shape of a catalogue asset, whole or as it is ``seen`` from "near" or "far"."""
     if isinstance(asset, str):  # a user's own: what is in its file may change
-        return _made(family, asset, far)
+        return _made(family, asset, seen)
 
     def make() -> Arrays:
-        shape = _made(family, asset, far)
+        shape = _made(family, asset, seen)
         return {"vertices": shape.vertices, "faces": shape.faces, "surface": shape.surface}
 
-    name = f"shape-{family}-{asset}{'-far' if far else ''}".replace(" ", "_")
+    name = "-".join(["shape", family, str(asset), *([seen] if seen else [])]).replace(" ", "_")
     return Shape.of(**kept(name, make, _sound))
 
 
-def _made(family: str, asset: int | str, far: bool) -> Shape:
-    if far:
-        return thinned(asset_shape(family, asset), THIN)
+def _made(family: str, asset: int | str, seen: str) -> Shape:
+    if seen:
+        return SEEN[seen](asset_shape(family, asset))
     tone = catalogue.FAMILIES[family].tone if isinstance(asset, int) else 1.0
     return shape_of(catalogue.asset(family, asset), tone)
 

@@ -6,10 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from scene.classes import TrainId
 from scene.street.street import Street
 
-AssetKey = tuple[str, int | str, bool]
-"""Family, index or name, and whether it stays far: see ``geometry.asset_shape``."""
+AssetKey = tuple[str, int | str, str]
+"""Family, index or name, and where it is seen from: see ``geometry.asset_shape``."""
+CLOSE = 10.0
+"""Metres from a camera to the foot of greenery within which its leaves have outlines."""
 
 
 class Instances(NamedTuple):
@@ -25,7 +28,27 @@ def instances(street: Street) -> Instances:
     """The placements of a street."""
     placements = street.placements
     index: dict[AssetKey, int] = {}
-    asset = [index.setdefault((p.family, p.asset, p.far), len(index)) for p in placements]
+    seen = _seen_from(street)
+    asset = [
+        index.setdefault((p.family, p.asset, where), len(index))
+        for p, where in zip(placements, seen, strict=True)
+    ]
     pose = np.array([p.pose for p in placements], np.float32).reshape(-1, 4, 4)[:, :3]
     train_id = np.array([p.train_id for p in placements], np.uint8)
     return Instances(tuple(index), np.array(asset, np.int64), train_id, pose)
+
+
+def _seen_from(street: Street) -> list[str]:
+    """Of each placement, whether it is greenery that is seen from ``near`` or stays ``far``."""
+    eyes = [c for camera in street.cameras for c in (camera, *camera.further)]
+    places = np.array([c.position[:2] for c in eyes]).reshape(-1, 1, 2)
+    found = ["far" if p.far else "" for p in street.placements]
+    green = [
+        k for k, p in enumerate(street.placements) if p.train_id == TrainId.VEGETATION and not p.far
+    ]
+    if green and len(eyes):
+        feet = np.array([street.placements[k].pose[:2, 3] for k in green])
+        near = (((feet - places) ** 2).sum(axis=2) < CLOSE**2).any(axis=0)
+        for k in np.array(green)[near].tolist():
+            found[k] = "near"
+    return found

@@ -13,19 +13,38 @@ import numpy as np
 from numba import carray
 
 from scene.cache import kept
+from scene.classes import TrainId
 from scene.compiled import njit
-from scene.look.materials import MATERIALS, textures
+from scene.ground.build import GROUND_INSTANCES
+from scene.look.materials import MATERIALS, material_id, textures
 from scene.render.address import float_pointer
 from scene.render.geometry import ROW
 
 MISS = -1
 """Face of a sample that sees the sky."""
-BOUNCE = 0.12
+BOUNCE = 0.15
 """Share of the light on the ground that comes back up."""
+OPPOSITE = 0.7
+"""Radiance of the street's other side, which mirrors show below the sky, by that of the ground."""
+
+WHITE = (0.80, 0.83, 0.88)
+"""Linear RGB of snow."""
 
 Array = np.ndarray
 f32 = np.float32
-BATCH, WORK = 256, 38
+GLASS, LAMP = material_id("glass"), material_id("lamp")
+LAMPLIGHT = (1.0, 0.72, 0.42)
+"""Linear RGB of the light of street lamps and of windows."""
+SHINE = 1.8
+"""Radiance of a white lamp."""
+LAMP_POWER = 16.0
+"""Light of a lamp on what is one metre away."""
+LAMP_REACH = 45.0
+"""Metres beyond which a lamp lights nothing."""
+ROAD = next(k for k, train_id in GROUND_INSTANCES.items() if train_id == TrainId.ROAD)
+HOUSES = 34
+"""Around a mirror, of different heights, between which it shows the sky."""
+BATCH, WORK = 256, 40
 """Spots that are shaded together, and the numbers that are kept of each meanwhile."""
 ZERO, HALF, ONE = f32(0), f32(0.5), f32(1)
 """Compiled code computes in doubles as soon as a plain number comes near; these keep it single."""
@@ -117,6 +136,21 @@ def _texture(
 
 
 @njit(cache=True, fastmath=True, error_model="numpy")
+def lamplight(points: Array, smooth: Array, lamps: Array, power: np.float32, out: Array) -> None:
+    """Light ``out`` f32[spots] of all lamps at ``points``, without shadows: most of it goes down."""
+    for i in range(points.shape[0]):
+        for j in range(lamps.shape[0]):
+            x, y = lamps[j, 0] - points[i, 0], lamps[j, 1] - points[i, 1]
+            z = lamps[j, 2] - points[i, 2]
+            away = x * x + y * y + z * z + f32(0.25)
+            if away < f32(LAMP_REACH * LAMP_REACH):
+                near = ONE / f32(math.sqrt(away))
+                facing = (x * smooth[i, 0] + y * smooth[i, 1] + z * smooth[i, 2]) * near
+                down = f32(0.15) + f32(0.85) * max(z * near, ZERO)
+                out[i] += power * f32(LAMP_POWER) * max(facing, ZERO) * down * near * near
+
+
+@njit(cache=True, fastmath=True, error_model="numpy")
 def shade(
     first: Array,
     sample: Array,
@@ -130,6 +164,7 @@ def shade(
     smooth: Array,
     lit: Array,
     opened: Array,
+    glow: Array,
     pixel_angle: np.float32,
     brightest: np.float32,
     textured: bool,
@@ -144,13 +179,14 @@ def shade(
     horizon: Array,
     haze: np.float32,
     wetness: np.float32,
+    snow: np.float32,
     panorama: Array,
 ) -> Array:
     """Linear radiance f32[pixels, 3] towards the camera: of each pixel the mean over its samples.
 
-    ``lit`` is 1 where the sun is seen, ``opened`` the share of the sky that is seen, ``pixel_angle``
-    the radians between samples, ``brightest`` what no sample goes beyond; the rest as in ``Spots``,
-    ``Hits``, ``Visible``, ``Geometry`` and ``Sky``.
+    ``lit`` is 1 where the sun is seen, ``opened`` the share of the sky that is seen, ``glow`` the light of
+    lamps (see ``lamplight``; empty by day), ``pixel_angle`` the radians between samples, ``brightest`` what
+    no sample goes beyond; the rest as in ``Spots``, ``Hits``, ``Visible``, ``Geometry`` and ``Sky``.
 
     Spots are taken some at a time: what looks things up one by one, then the sums of all, which
     processors do many at a time.
@@ -179,7 +215,7 @@ def shade(
         work[25], work[26],
     )  # fmt: skip
     sky_share, texture, column, row, size_of = work[27], work[28], work[29], work[30], work[31]
-    color, mirrored = work[32:35], work[35:38]
+    color, mirrored, shone, shines = work[32:35], work[35:38], work[38], work[39]
     material = np.empty(BATCH, np.int32)
     pixel = 0
     for begin in range(0, sample.shape[0], BATCH):
@@ -244,12 +280,18 @@ def shade(
             gloss[n] = grown if seen[n] > ZERO else ONE
             bounce = f32(2) * toward * seen[n]
             mx, my, mz = dx[n] - bounce * nx[n], dy[n] - bounce * ny[n], dz[n] - bounce * nz[n]
-            # Low rays meet the street's other side rather than the sky.
+            # Low rays meet the street's other side, houses of several heights, rather than the sky.
+            turn = _angle(my, mx) * f32(1 / math.tau) + HALF
+            house = int(turn * f32(HOUSES))
+            eaves = f32(house * (house + 5) % 11) * f32(0.02)
+            wall = min(max((mz - eaves) * f32(8) + f32(0.1), f32(0.12)), ONE)
+            # What is wet is level and rough: it blurs them.
             part = min(max(mz * f32(3) + f32(0.1), f32(0.12)), ONE)
+            part = part if damp > ZERO else wall
             part *= f32(0.3) + f32(0.7) * sky_light[n]
             sky_share[n] = part if seen[n] > ZERO else ONE
             mz = min(max(mz, -mz * seen[n]), ONE)
-            column[n] = (_angle(my, mx) * f32(1 / math.tau) + HALF) * wide - HALF
+            column[n] = turn * wide - HALF
             mz = max(mz, ZERO)
             rise = _angle(mz, f32(math.sqrt(max(ONE - mz * mz, ZERO)))) * f32(2 / math.pi)
             row[n] = min(max(high * f32(math.sqrt(rise)) - HALF, ZERO), high - f32(1.001))
@@ -270,6 +312,26 @@ def shade(
                 if material[n] >= 0:
                     at = min(int(level[n]), len(size) - 1)
                     texture[n] = _texture(material[n], u[n], v[n], at, texels, start, size)
+        if glow.shape[0] > 0:
+            # Lamps shine by themselves, and so do drawn curtains.
+            for n in range(count):
+                shone[n] = glow[begin + n] * sky_light[n]
+                drawn = (material[n] == GLASS) & (color[0, n] > f32(0.2))
+                shines[n] = f32(SHINE) if material[n] == LAMP else (f32(0.35) if drawn else ZERO)
+        if snow > ZERO:
+            # It lies on what is level, thin and torn where wheels run and where the ground is uneven.
+            for n in range(count):
+                if material[n] >= 0 and flat_z[n] > f32(0.3):
+                    lies = min((min(nz[n], flat_z[n]) - f32(0.3)) * f32(2.5), ONE)
+                    lies *= snow + f32(1.5) * (texture[n] - ONE)
+                    if instance[sample[begin + n]] == ROAD:
+                        track = HALF + HALF * f32(math.cos(abs(y[n]) * f32(math.tau / 1.75)))
+                        lies *= f32(0.9) - f32(0.75) * track
+                    lies = min(max(lies, ZERO), ONE)
+                    gloss[n] *= ONE - lies
+                    texture[n] = texture[n] * (ONE - lies) + lies
+                    for k in range(3):
+                        color[k, n] = color[k, n] * (ONE - lies) + lies * f32(WHITE[k])
         for k in range(3):
             sun_k, above, below, hazy = sun[k], ambient[k], ground_light[k], horizon[k]
             mean = HALF * (hazy + above)
@@ -277,9 +339,12 @@ def shade(
                 blurred = mean * texture[n] * (ONE - clear[n])
                 mirror = mirrored[k, n] if seen[n] == ZERO else min(mirrored[k, n], f32(2.5))
                 mirror = sky_share[n] * (mirror * clear[n] + blurred)
+                mirror += (ONE - sky_share[n]) * sky_light[n] * f32(OPPOSITE) * below
                 albedo = min(color[k, n] * texture[n], f32(0.95)) * (ONE - f32(0.45) * wet[n])
                 received = sun_k * light[n] + sky_light[n] * (above * up[n] + below * (ONE - up[n]))
+                received += shone[n] * f32(LAMPLIGHT[k])
                 radiance = albedo * received * (ONE - gloss[n]) + gloss[n] * mirror
+                radiance += shines[n] * f32(LAMPLIGHT[k]) * color[k, n]
                 color[k, n] = min(radiance * (ONE - air[n]) + hazy * air[n], brightest)
         for n in range(count):
             i = begin + n

@@ -204,16 +204,34 @@ def radiance(
         geometry, around.street.ground.path, hits.instance[spots.sample],
         hits.face[spots.sample], seen.points, seen.flat,
     )  # fmt: skip
+    glow = np.zeros(len(seen.points) if sky.lamps else 0, np.float32)
+    if sky.lamps:
+        shade.lamplight(seen.points, seen.smooth, lamps(around), np.float32(sky.lamps), glow)
     image = shade.shade(
         spots.first, spots.sample, spots.share / np.float32(settings.samples**2), hits.face,
         hits.instance, spots.distance, spots.directions, places, flat, seen.smooth,
-        light.lit, light.opened, np.float32(seen.rays.spacing * settings.samples),
+        light.lit, light.opened, glow, np.float32(seen.rays.spacing * settings.samples),
         np.float32(brightest), settings.textures,
         geometry.surfaces, shade.material_rows(), *shade.texture_levels(),
         sky.sun_direction, sky.sun, sky.ambient, sky.horizon,
-        np.float32(sky.haze), np.float32(sky.wetness), around.panorama,
+        np.float32(sky.haze), np.float32(sky.wetness), np.float32(sky.snow), around.panorama,
     )  # fmt: skip
     return image.reshape(settings.height, settings.width, 3)
+
+
+def lamps(around: Surroundings) -> np.ndarray:
+    """Places f32[n, 3] of what shines on the street: the middles of the heads of its lamps."""
+    geometry, found = around.geometry, [np.zeros((0, 3))]
+    for placement in around.street.placements:
+        if placement.family != "lamp":
+            continue
+        shape = geometry.shapes[geometry.shape[placement.instance]]
+        head = shape.faces[shape.material == shade.LAMP]
+        if len(head):
+            ends = shape.vertices[head].reshape(-1, 3)
+            middle = (ends.min(axis=0) + ends.max(axis=0)) / 2
+            found.append(placement.pose[:3, :3] @ middle[:, None] + placement.pose[:3, 3:])
+    return np.concatenate([place.reshape(-1, 3) for place in found]).astype(np.float32)
 
 
 def expose(

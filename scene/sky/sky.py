@@ -14,6 +14,8 @@ from scene.sky.weather import Range, sample_weather
 
 SUN = 1.9
 """Irradiance of a nominal sun outside the air."""
+SURROUNDINGS = 0.05
+"""Share of the sun's light that comes back from sunlit walls and cars, so that shade is not blue."""
 BRIGHTEST = 4.0
 """No radiance of a sky goes beyond this, the sun's disc included."""
 DISC = math.cos(math.radians(0.9))
@@ -32,6 +34,8 @@ class Sky(NamedTuple):
     cloud_offset: np.ndarray  # f32[2] where in the cloud map this sky lies
     haze: float  # metres over which all but 1/e of the light is lost
     wetness: float  # of the road, 0 dry .. 1 standing water
+    snow: float  # share of level ground that it covers, 0 none .. 1 all
+    lamps: float  # how bright they are, 0 by day
     weather: str  # name of its row in ``SKIES``
     clouds: str  # kind of cloud map
     scale: float  # size of that map, in heights of the cloud base
@@ -43,12 +47,13 @@ class Sky(NamedTuple):
 
     @property
     def ambient(self) -> np.ndarray:
-        """Light f32[3] that a surface in a street gets from the sky.
+        """Light f32[3] that a surface in a street gets from the sky, and from what the sun shines on.
 
         A clear sky is brightest at the horizon, where houses hide it; a grey one overhead.
         """
-        clear = 0.5 * self.zenith + 0.5 * self.horizon
-        return ((1 - self.cover) * 0.55 * clear + self.cover * 0.75 * self.cloud).astype(np.float32)
+        clear = 0.55 * (0.5 * self.zenith + 0.5 * self.horizon)
+        sky = (1 - self.cover) * clear + self.cover * 0.75 * self.cloud
+        return (sky + SURROUNDINGS * self.sun).astype(np.float32)
 
 
 def sample_sky(
@@ -59,14 +64,15 @@ def sample_sky(
     azimuth: float,
     share: float = 1.0,
     closed: bool | None = None,
+    asked: str = "",
 ) -> Sky:
     """Draw weather for a sun at the given angles (radians) and overall ``intensity`` (1 is nominal).
 
     The sun reddens and weakens towards the horizon; clouds take its light and give back grey. All
     light is proportional to ``intensity``; ``share`` below 1 draws from the first of ``SKIES`` only,
-    ``closed`` from those under closed cloud, or from the others.
+    ``closed`` from those under closed cloud, or from the others; ``asked`` from those of ``ASKED`` only.
     """
-    weather = sample_weather(rng, elevation, share, closed)
+    weather = sample_weather(rng, elevation, share, closed, asked)
     height = math.sin(elevation)
     air = math.exp(-0.12 / max(height, 0.05))
     warm = np.array([1.0, 0.55 + 0.45 * air, 0.25 + 0.75 * air])
@@ -89,6 +95,8 @@ def sample_sky(
         cloud_offset=rng.random(2).astype(np.float32),
         haze=_log_uniform(rng, weather.haze),
         wetness=rng.uniform(*weather.wetness),
+        snow=weather.snow,
+        lamps=weather.lamps,
         weather=weather.name,
         clouds=weather.clouds,
         scale=rng.uniform(*weather.scale),
@@ -147,6 +155,7 @@ def _panorama(
     )  # fmt: skip
     opaque, bright, glow, disc = work[10], work[11], work[12], work[13]
     cosine, sine = np.float32(math.cos(wind)), np.float32(math.sin(wind))
+    closed = max(cover, zero) ** 4
     sun0, sun1, sun2 = sun_direction[0], sun_direction[1], sun_direction[2]
     for c in range(columns):
         azimuth = -math.pi + 2 * math.pi * (c + 0.5) / columns
@@ -160,6 +169,8 @@ def _panorama(
         elevation = math.pi / 2 * ((r + 0.5) / rows) ** 2
         up, level = np.float32(math.sin(elevation)), np.float32(math.cos(elevation))
         fade = np.float32((one - up) ** 6)
+        # Under closed cloud the sky is three times as bright overhead as at the horizon.
+        graded = one - closed + closed * (three + two * three * up) / np.float32(7)
         mist = np.float32(math.exp(-elevation / 0.05))  # the last three degrees are haze
         reach = np.float32(level * (1 + lift) / (up + lift) * size / scale)
         for c in range(columns):
@@ -215,7 +226,7 @@ def _panorama(
             base = zenith[k] * (one - fade) + horizon[k] * fade
             cloud_k, hazy, sun_k = cloud[k], horizon[k] * mist, sun[k]
             for c in range(columns):
-                value = base * (one - opaque[c]) + cloud_k * bright[c]
+                value = base * (one - opaque[c]) + graded * cloud_k * bright[c]
                 value = value * (one - mist) + hazy + sun_k * (glow[c] + disc[c])
                 out[r, c, k] = min(value, np.float32(BRIGHTEST))
     return out

@@ -33,29 +33,42 @@ class Weather(NamedTuple):
     wetness: Range
     below: float  # only under a sun lower than this, degrees
     weight: float = 1.0  # how often it is drawn, against the others
+    snow: float = 0.0  # share of level ground that it covers
+    lamps: float = 0.0  # how bright street lamps and windows are
 
 
 # fmt: off
 # ruff: noqa: E501
 SKIES: tuple[Weather, ...] = (
-    Weather("fair cumulus",     "heaps",   (.16, .34), (3.2, 4.6), .42, (14, 40), 1.0, .42, (.34, .60, 1.05), (.95, 1.10, 1.28), (1.45, 1.47, 1.50), .95, (1200, 4000), (0, 0), 90),
-    Weather("bright overcast",  "sheet",   (.96, .99), (3.0, 5.0), .22, (2, 4),   1.0, .10, (1.1, 1.15, 1.2), (1.50, 1.53, 1.56), (1.50, 1.52, 1.56), .10, (900, 3000), (0, .1), 90),
-    Weather("clear",            "streaks", (.02, .08), (3.0, 5.0), .20, (2, 4),   .35, .05, (.30, .56, 1.05), (.98, 1.12, 1.28), (1.30, 1.33, 1.38), 1.0, (1500, 5000), (0, 0), 90),
-    Weather("dark stratocumulus", "fleece", (.80, .93), (3.0, 4.6), .20, (5, 9),  1.0, .55, (.22, .30, .38), (.62, .68, .66), (.34, .38, .42), .05, (1200, 4000), (0, .3), 90),
-    Weather("veiled sun",       "streaks", (.75, .95), (3.0, 5.0), .22, (1, 2),   .75, .08, (.55, .75, 1.05), (1.35, 1.40, 1.46), (1.35, 1.38, 1.42), .55, (900, 3000), (0, 0), 90),
-    Weather("rain",             "rags",    (.96, .99), (2.6, 4.0), .18, (3, 5),   1.0, .40, (.30, .33, .36), (.46, .49, .51), (.40, .43, .46), .02, (300, 900), (.7, 1), 90, 0.5),
-    Weather("broken cloud",     "fleece",  (.42, .68), (2.6, 4.2), .30, (7, 16),  1.0, .45, (.33, .58, 1.0), (1.05, 1.16, 1.26), (1.20, 1.24, 1.30), .70, (900, 3500), (0, .2), 90),
-    Weather("low gold",         "streaks", (.15, .45), (3.0, 5.0), .20, (2, 5),   .65, .15, (.36, .50, .78), (1.30, 1.02, .70), (1.25, 1.00, .80), .95, (800, 3000), (0, 0), 22),
-    Weather("mist",             "sheet",   (.97, .99), (3.0, 5.0), .40, (1, 2),   1.0, .03, (.85, .88, .90), (.95, .97, .99), (.92, .95, .97), .06, (150, 450), (.2, .6), 90, 0.25),
-    Weather("cirrus",           "streaks", (.25, .55), (2.6, 4.6), .20, (2, 5),   .70, .10, (.32, .58, 1.05), (1.00, 1.12, 1.26), (1.40, 1.42, 1.46), .90, (1200, 4000), (0, 0), 90),
-    Weather("dull overcast",    "sheet",   (.95, .99), (2.6, 4.2), .18, (3, 5),   1.0, .28, (.55, .60, .66), (.82, .86, .88), (.70, .74, .79), .04, (700, 2500), (0, .4), 90),
-    Weather("towering cumulus", "heaps",   (.36, .54), (2.0, 2.8), .60, (20, 45), 1.0, .55, (.30, .54, .98), (.95, 1.08, 1.22), (1.40, 1.43, 1.48), .85, (1200, 4000), (0, .2), 90),
+    Weather("fair cumulus",     "heaps",   (.16, .34), (3.2, 4.6), .42, (14, 40), 1.0, .42, (.15, .27, .47), (.38, .52, .70), (1.09, 1.10, 1.12), .95, (1200, 4000), (0, 0), 90),
+    Weather("bright overcast",  "sheet",   (.96, .99), (3.0, 5.0), .22, (2, 4),   1.0, .10, (1.10, 1.15, 1.20), (.75, .77, .78), (1.50, 1.52, 1.56), .10, (900, 3000), (0, .1), 90),
+    Weather("clear",            "streaks", (.02, .08), (3.0, 5.0), .20, (2, 4),   .35, .05, (.14, .25, .47), (.39, .53, .70), (.98, 1.00, 1.03), 1.0, (1500, 5000), (0, 0), 90),
+    Weather("dark stratocumulus", "fleece", (.80, .93), (3.0, 4.6), .20, (5, 9),  1.0, .55, (.22, .30, .38), (.31, .34, .33), (.34, .38, .42), .05, (1200, 4000), (0, .3), 90),
+    Weather("veiled sun",       "streaks", (.75, .95), (3.0, 5.0), .22, (1, 2),   .75, .08, (.33, .45, .63), (.62, .70, .80), (.81, .83, .88), .55, (900, 3000), (0, 0), 90),
+    Weather("rain",             "rags",    (.96, .99), (2.6, 4.0), .18, (3, 5),   1.0, .40, (.30, .33, .36), (.23, .24, .26), (.40, .43, .46), .02, (300, 900), (.7, 1), 90, 0.5),
+    Weather("broken cloud",     "fleece",  (.42, .68), (2.6, 4.2), .30, (7, 16),  1.0, .45, (.15, .26, .45), (.42, .55, .69), (.90, .93, .98), .70, (900, 3500), (0, .2), 90),
+    Weather("low gold",         "streaks", (.15, .45), (3.0, 5.0), .20, (2, 5),   .65, .15, (.18, .25, .39), (.78, .59, .43), (.88, .70, .56), .95, (800, 3000), (0, 0), 22),
+    Weather("mist",             "sheet",   (.97, .99), (3.0, 5.0), .40, (1, 2),   1.0, .03, (.85, .88, .90), (.59, .60, .61), (.92, .95, .97), .06, (150, 450), (.2, .6), 90, 0.25),
+    Weather("cirrus",           "streaks", (.25, .55), (2.6, 4.6), .20, (2, 5),   .70, .10, (.14, .26, .47), (.40, .53, .69), (1.05, 1.06, 1.09), .90, (1200, 4000), (0, 0), 90),
+    Weather("dull overcast",    "sheet",   (.95, .99), (2.6, 4.2), .18, (3, 5),   1.0, .28, (.55, .60, .66), (.41, .43, .44), (.70, .74, .79), .04, (700, 2500), (0, .4), 90),
+    Weather("towering cumulus", "heaps",   (.36, .54), (2.0, 2.8), .60, (20, 45), 1.0, .55, (.14, .24, .44), (.38, .51, .67), (1.05, 1.07, 1.11), .85, (1200, 4000), (0, .2), 90),
     Weather("dusk",             "fleece",  (.35, .80), (2.8, 4.6), .20, (4, 8),   .95, .40, (.10, .15, .27), (.52, .40, .34), (.20, .20, .25), .18, (800, 3000), (0, .4), 16),
-    Weather("hazy",             "sheet",   (.10, .30), (3.0, 5.0), .25, (1, 2),   .40, .05, (.52, .72, 1.0), (1.25, 1.30, 1.34), (1.25, 1.30, 1.36), .80, (350, 900), (0, 0), 90, 0.7),
-    Weather("mackerel",         "ripples", (.45, .70), (2.6, 3.8), .22, (4, 8),   .85, .25, (.34, .58, 1.0), (1.02, 1.14, 1.26), (1.30, 1.33, 1.38), .75, (900, 3000), (0, 0), 90),
-    Weather("after rain",       "fleece",  (.55, .75), (2.4, 3.6), .34, (9, 18),  1.0, .60, (.26, .48, .92), (.92, 1.04, 1.16), (.85, .92, 1.02), .80, (1500, 5000), (.5, .9), 90, 0.4),
+    Weather("hazy",             "sheet",   (.10, .30), (3.0, 5.0), .25, (1, 2),   .40, .05, (.31, .43, .60), (.58, .65, .74), (.75, .78, .84), .80, (350, 900), (0, 0), 90, 0.7),
+    Weather("mackerel",         "ripples", (.45, .70), (2.6, 3.8), .22, (4, 8),   .85, .25, (.15, .26, .45), (.41, .54, .69), (.98, 1.00, 1.03), .75, (900, 3000), (0, 0), 90),
+    Weather("after rain",       "fleece",  (.55, .75), (2.4, 3.6), .34, (9, 18),  1.0, .60, (.12, .22, .41), (.37, .49, .64), (.64, .69, .77), .80, (1500, 5000), (.5, .9), 90, 0.4),
 )
+FOG = Weather("fog",            "sheet",   (.97, .99), (3.0, 5.0), .40, (1, 2),   1.0, .02, (.82, .84, .86), (.60, .61, .62), (.90, .92, .94), .03, (35, 130), (.1, .5), 90)
+SNOW = Weather("snow",          "sheet",   (.96, .99), (3.0, 5.0), .25, (1, 2),   1.0, .06, (.86, .90, .95), (.62, .65, .68), (.95, .98, 1.02), .06, (150, 900), (0, 0), 90, snow=.9)
+NIGHT = Weather("night",        "fleece",  (.30, .80), (2.6, 4.2), .25, (5, 12),  1.0, .30, (.003, .004, .007), (.012, .010, .009), (.010, .008, .007), .001, (800, 3000), (0, .4), 90, lamps=1.0)
 # fmt: on
+ASKED: dict[str, tuple[Weather, ...]] = {
+    "clear": tuple(w for w in SKIES if w.name in ("clear", "fair cumulus", "cirrus")),
+    "fog": (FOG,),
+    "rain": tuple(w for w in SKIES if w.name == "rain"),
+    "snow": (SNOW,),
+    "night": (NIGHT,),
+}
+"""Weathers that can be asked for; fog, snow and night come in no other way."""
 
 
 CLOSED = 0.1
@@ -63,16 +76,23 @@ CLOSED = 0.1
 
 
 def sample_weather(
-    rng: np.random.Generator, elevation: float, share: float = 1.0, closed: bool | None = None
+    rng: np.random.Generator,
+    elevation: float,
+    share: float = 1.0,
+    closed: bool | None = None,
+    asked: str = "",
 ) -> Weather:
     """Draw one of the first ``share`` of ``SKIES`` that suits a sun at ``elevation`` radians.
 
-    Only of those under closed cloud, or only of the others, where ``closed`` says so and there are any.
+    Only of those under closed cloud, or only of the others, where ``closed`` says so and there are any. One
+    that is ``asked`` for is of ``ASKED``; the same numbers are drawn, so that all else stays as it is.
 
     A sky of the low sun is kept with a probability that falls from 1 at the horizon to 0 at its own
     limit; otherwise one of the others takes its place.
     """
     known = SKIES[: max(1, round(share * len(SKIES)))]
+    if asked:
+        known, closed = ASKED[asked], None
     if closed is not None:
         known = tuple(w for w in known if (w.sun <= CLOSED) == closed) or known
     drawn = _weighted(known, rng.random())

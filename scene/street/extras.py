@@ -13,7 +13,7 @@ from scene import streams
 from scene.street import furniture, people
 from scene.street.open_side import open_side
 from scene.street.parked import parked_row
-from scene.street.plot import Plot, Setting
+from scene.street.plot import Plot
 from scene.street.traffic import lane_rows
 from scene.street.turning import turning
 
@@ -47,10 +47,10 @@ MIX = Mix(
 (``python -m benchmarks.transfer --only content``)."""
 
 
-def open_sides(setting: Setting, seed: int) -> tuple[float, ...]:
-    """The sides of the road without a row of houses."""
+def open_sides(share: float, seed: int) -> tuple[float, ...]:
+    """The sides of the road without a row of houses, each with the probability ``share``."""
     shares = streams.stream(seed, "open").random(2)
-    return tuple(s for s, u in zip(SIDES, shares, strict=True) if u < setting.params.open_share)
+    return tuple(s for s, u in zip(SIDES, shares, strict=True) if u < share)
 
 
 def extras(plot: Plot, seed: int, mix: Mix | None = None) -> None:
@@ -63,7 +63,7 @@ def extras(plot: Plot, seed: int, mix: Mix | None = None) -> None:
     """
     mix = MIX if mix is None else mix
     params = plot.street.params
-    is_open = open_sides(plot.street, seed)
+    is_open = open_sides(params.open_share, seed)
 
     stream = partial(streams.stream, seed)
     furniture.islands(plot, mix.islands, stream("furniture", 0))

@@ -15,7 +15,7 @@ from scene.assets.catalogue import AssetPool, chosen, in_season
 from scene.assets.library import snapshot
 from scene.attributes import StreetParams
 from scene.ground.arms import with_junction
-from scene.ground.ground import Ground, sample_ground
+from scene.ground.ground import Ground, sample_ground, with_sides
 from scene.ground.junction import sample_junction
 from scene.ground.path import folded, sample_path
 from scene.sky.sky import Sky, sample_sky
@@ -67,10 +67,17 @@ def sample_street(
         azimuth=params.illumination_angle_y,
         share=pool.fraction,
         closed=_closed(params, seed),
+        asked=pool.weather,
     )
     drive = -1.0 if rng.random() < params.camera_position_probability else 1.0
     widths = params.road_width, params.sidewalk_width
-    ground = sample_ground(rng, pool.fraction, drive, widths)
+    ground = sample_ground(
+        rng, pool.fraction, drive, widths, params.road_wear, params.asphalt_sidewalk_share
+    )
+    is_open = open_sides(params.open_share, seed)
+    fronts = [None if side in is_open else params.building_position for side in (-1.0, 1.0)]
+    verges = stream(seed, "verge", 0), stream(seed, "verge", 1)
+    ground = with_sides(ground, params.green_verge_share, (fronts[0], fronts[1]), verges)
     ground = _shaped(ground, params, seed)
     plot = Plot(Setting(params, ground, pool, drive))
     _fill(plot, seed, mix, apart=pool.overlap_of(params) == "avoid")
@@ -88,7 +95,7 @@ def _fill(plot: Plot, seed: int, mix: Mix | None, apart: bool) -> None:
     """Place all objects of a street; ``apart`` says whether its lines avoid each other."""
     setting, ground = plot.street, plot.ground
     front = setting.params.building_position
-    is_open = open_sides(setting, seed)
+    is_open = open_sides(setting.params.open_share, seed)
     corners = off_the_road(ground, junction_objects(setting, stream(seed, "corners")), front)
     houses = [stand for stand in corners if stand.family == "building"]
     plot.admit(houses) if apart else plot.add(houses)

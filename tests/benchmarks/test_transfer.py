@@ -9,16 +9,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks.transfer import closeups, content, ingredients, nets, tables
+from benchmarks.transfer import closeups, ingredients, tables
 from benchmarks.transfer.__main__ import main
-from benchmarks.transfer.recipe import TABLE, Recipe, units, world
+from benchmarks.transfer.recipe import BLOCKS, Recipe, held_out, real_images, world
 from scene import AssetPool, RenderSettings
+from scene.proposal import default_proposal, draw
 from scene.street.instances import FIRST_INSTANCE
-from seg.data import DataError
+from seg.classes import CAMVID_11
+from shell.errors import UserError
 from tests.experiments.conftest import write_pair
 
 CLASSES = ("sky", "road", "car")
-TINY = Recipe(width=32, height=24, samples=2, streets=1, shots=2)
+TINY = Recipe("", width=32, height=32, samples=2, streets=1, shots=2)
 
 
 def write_image(root, split, name):
@@ -38,48 +40,51 @@ def camvid(tmp_path):
     return root
 
 
-def test_the_drive_that_results_are_reported_on_is_never_read_and_the_others_must_be_there(camvid):
-    found = nets.steering_set(camvid, TINY)
-    assert found.names == ("0001TP_1", "0001TP_2", "0016E5_0", "0016E5_1")
-    assert found.images.shape == (4, 24, 32, 3)
-    for path in camvid.rglob("0016E5_*"):
-        path.unlink()
-    write_image(camvid, "val", "0001TP_9")
-    with pytest.raises(DataError, match="no image of sequence 0016E5"):
-        nets.steering_set(camvid, TINY)
+def test_the_drive_that_results_are_reported_on_is_never_read(camvid):
+    recipe = TINY._replace(data=str(camvid), target="camvid", holdout="0006R0")
+    found = real_images(recipe)
+    assert found.names == ("0001TP_1", "0001TP_2", "0016E5_1", "0016E5_0")
+    assert found.images.shape == (4, 32, 32, 3)
+    with pytest.raises(UserError, match="--holdout 0005VD must leave images on both sides"):
+        real_images(recipe._replace(holdout="0005VD"))
 
 
-@given(st.lists(st.integers(nets.BLOCKS, 30), min_size=1, max_size=3))
+@given(st.lists(st.integers(BLOCKS, 30), min_size=1, max_size=3))
 def test_every_image_is_held_out_once_and_in_one_piece(lengths):
     sequences = [str(k) for k, length in enumerate(lengths) for _ in range(length)]
-    chosen = np.stack([nets.held_out(sequences, block) for block in range(nets.BLOCKS)])
+    chosen = np.stack([held_out(tuple(sequences), block) for block in range(BLOCKS)])
     assert (chosen.sum(axis=0) == 1).all() and chosen.any(axis=1).all()
     ends = np.abs(np.diff(chosen.astype(int), axis=1, prepend=0, append=0)).sum(axis=1)
     assert (ends <= 2 * len(lengths)).all()
+    alone = tuple(map(str, range(len(sequences))))  # groups of one image are cut together
+    assert [held_out(alone, block).sum() for block in range(BLOCKS)] == [
+        len(part) for part in np.array_split(alone, BLOCKS)
+    ]
 
 
 def test_every_ingredient_shows_in_the_picture_and_most_leave_the_street_standing():
     recipe = TINY._replace(streets=5, shots=1)
-    drawn = units(recipe, "default", 0)
+    drawn = draw(default_proposal(), 0, recipe.streets)
     whole = world(recipe)._replace(pool=AssetPool(size=10))
-    complete, labels = ingredients.render_world(whole, drawn, 0, recipe.shots, TABLE)
+    complete, labels = ingredients.render_world(whole, drawn, 0, recipe.shots, CAMVID_11)
     for name, leave_out in ingredients.INGREDIENTS.items():
-        images, found = ingredients.render_world(leave_out(whole), drawn, 0, recipe.shots, TABLE)
+        images, found = ingredients.render_world(
+            leave_out(whole), drawn, 0, recipe.shots, CAMVID_11
+        )
         assert images.shape == complete.shape
         assert (images != complete).any(), name
         reshaping = ("markings", "background", "of the assets")
         assert np.array_equal(found, labels) != any(word in name for word in reshaping), name
 
 
-def test_streets_with_more_in_them_are_the_same_streets_but_for_that():
-    before, lines = content.rendered(TINY, content.CONTENTS["as it was"], 3)
-    for name in ("people", "view of 80 degrees", "a little of all"):
-        images, labels = content.rendered(TINY, content.CONTENTS[name], 3)
-        assert images.shape == before.shape and not np.array_equal(labels, lines), name
+def test_gains_are_paired_by_seed_and_told_of_each_class():
     one, other = np.diag([8, 8]), np.array([[4, 4], [0, 8]])  # IoU 1 and 1; 4/8 and 8/12
-    rows = tables.content_rows({"a": [other, other], "b": [one, other]}, ("sky", "road"))
-    assert rows[1]["worth"] == pytest.approx(100 * (1 - 7 / 12) / 2) == rows[1]["error"]
-    assert rows[0]["sky"] == pytest.approx(50) and rows[0]["worth"] == 0
+    now, before = {"random": [other, one]}, {"random": [other, other]}
+    rows = {row["class"]: row for row in tables.gain_rows(now, before, ("sky", "road"))}
+    assert rows["sky"]["random"] == pytest.approx(75)
+    assert rows["sky"]["random, gain"] == pytest.approx(25)
+    assert rows["mIoU"]["random, gain"] == pytest.approx(100 * (1 - 7 / 12) / 2)
+    assert rows["sky"]["random, 95 %"] == "-292.7 to 342.7"  # 25 +- 12.706 * 25
 
 
 @pytest.mark.parametrize("family", ["person", "rider", "bus"])
@@ -131,35 +136,50 @@ def test_tones_are_medians_beside_the_road_s_and_few_pixels_do_not_count():
     assert rows[0]["renders / road"] == pytest.approx(0.5) and math.isnan(rows[2]["renders"])
 
 
-def test_only_another_engine_trains_again(camvid, tmp_path, capsys, monkeypatch):
-    command = [
-        "--data", str(camvid), "--out", str(tmp_path / "out"), "--json", str(tmp_path / "t.json"),
-        "--only", "transfer", "--seeds", "1", "--streets", "1", "--steps", "2", "--workers", "0",
-        "--width", "32", "--height", "24",
-    ]  # fmt: skip
+FLAGS = (
+    "--only transfer --seeds 1 --streets 1 --steps 2 --training compact --workers 0 --width 32 "
+    "--height 32 --target camvid --holdout 0006R0 --data"
+)
+
+
+def test_only_another_engine_trains_again_and_gains_over_the_one_before_are_told(
+    camvid, tmp_path, capsys, monkeypatch
+):
+    command = [*FLAGS.split(), str(camvid), "--json", str(tmp_path / "t.json"), "--out"]
     log, said = tmp_path / "out" / "nets.jsonl", []
     # The same engine twice, and another: two nets each, printed alike.
     for engine, count in (("one", 2), ("one", 2), ("another", 4)):
         monkeypatch.setattr("benchmarks.transfer.nets.engine", lambda engine=engine: engine)
-        assert main(command) == 0
+        assert main([*command, str(tmp_path / "out")]) == 0
         said.append(capsys.readouterr().out.splitlines()[-3:])
         assert len(log.read_bytes().splitlines()) == count
     assert said[0] == said[1]
     rows = json.loads((tmp_path / "t.json").read_text())["transfer"]
     assert [row["attributes"] for row in rows] == ["random", "default"]
+    monkeypatch.setattr("benchmarks.transfer.nets.engine", lambda: "a third")
+    again = [*command, str(tmp_path / "again"), "--against", str(log)]
+    assert main(again) == 0
+    gains = json.loads((tmp_path / "t.json").read_text())["gains"]
+    # The same sources under another name: the same nets.
+    assert {row["default, gain"] for row in gains} == {0.0} and gains[-1]["class"] == "mIoU"
+    capsys.readouterr()
+    assert main([*again, "--seeds", "2"]) == 2
+    assert "it lacks the net" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("change", "complaint"), [
     (["--data", "nowhere"], "nowhere: no such folder"),
     (["--seeds", "0"], "from 1 on, not '0'"), (["--steps", "many"], "from 1 on, not 'many'"),
-    (["--only", "looks"], "invalid choice"),
+    (["--only", "looks"], "invalid choice"), (["--target", "moon"], "--target moon: no such file"),
     (["--json", "nowhere/t.json"], "no place for a file"),
+    (["--against", "nowhere"], "--against nowhere: no such file"),
+    (["--against", "nowhere", "--only", "tones"], "--against needs the table transfer"),
     (["--out", "{data}/train.txt"], "train.txt"),
 ])  # fmt: skip
 def test_bad_input_is_one_error_and_exit_code_2(camvid, capsys, change, complaint):
     (camvid / "train.txt").write_text("train/0001TP_1.png trainannot/0001TP_1.png\n")
     (camvid / "val.txt").write_text("val/0016E5_0.png valannot/0016E5_0.png\n")
-    command = ["--data", str(camvid), "--workers", "0"]
+    command = ["--data", str(camvid), "--target", "camvid", "--workers", "0"]
     command += [word.format(data=camvid) for word in change]
     with pytest.raises(SystemExit, match=r"^2$"):
         sys.exit(main(command))

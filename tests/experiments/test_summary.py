@@ -96,8 +96,8 @@ def test_figures_by_hand():
     assert "one seed" in text(one)
 
 
-@pytest.mark.parametrize("learnt", [23, 37])
-@pytest.mark.parametrize(("twin", "hidden"), [("near", 23), ("far", 37)])
+@pytest.mark.parametrize("learnt", [23, 40])
+@pytest.mark.parametrize(("twin", "hidden"), [("near", 23), ("far", 40)])
 def test_recovery_is_about_the_attributes_that_twin_and_search_share(twin, hidden, learnt):
     found = made(twin=twin, learnt=learnt)["recovery"]
     both = min(learnt, hidden)

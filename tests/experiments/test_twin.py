@@ -64,7 +64,7 @@ def test_near_twins_are_those_of_earlier_results(renders):
 def test_far_twins_lie_anywhere_but_see_a_street(seed):
     world, near = twin.twin_world(seed, "far"), twin.twin_world(seed)
     unit = dict(zip(names("extended"), world.centre.tolist(), strict=True))
-    assert world.width.tolist() == pytest.approx([twin.HIDDEN_WIDTH] * 37)
+    assert world.width.tolist() == pytest.approx([twin.HIDDEN_WIDTH] * 40)
     assert (np.abs(world.centre - 0.5) <= 0.5 - twin.HIDDEN_WIDTH / 2 + 1e-6).all()
     # The ranges in words that people can check.
     height, pitch = (
@@ -137,7 +137,7 @@ def test_streets_of_a_far_twin_lie_in_the_hidden_intervals(renders):
     ((units, _), options) = renders[0]
     world = twin.twin_world(0, "far")
     assert (np.abs(units - world.centre) <= world.width / 2 + 1e-6).all()
-    assert units.shape == (twin.IMAGES, 37)
+    assert units.shape == (twin.IMAGES, 40)
     assert options["pool"].first == twin.FIRST_ASSET
     assert options["settings"].response == world.response
     target = named_target(defaults(MainConfig, "twin", "smoke", twin_seed=3, twin="far"), POOL)
@@ -146,7 +146,7 @@ def test_streets_of_a_far_twin_lie_in_the_hidden_intervals(renders):
     np.testing.assert_array_equal(target.twin.centre, twin.twin_world(3, "far").centre)
 
 
-@pytest.mark.parametrize(("flags", "count"), [((), 37), (("--space", "scenex"), 23)])
+@pytest.mark.parametrize(("flags", "count"), [((), 40), (("--space", "scenex"), 23)])
 def test_a_job_on_a_far_twin_ends_in_either_space(flags, count, counted, out, capsys):
     brief = ("--method", "random_search", "--candidates", "argmax", "--out", str(out))
     assert main_job("twin", "--twin", "far", *brief, *flags) == 0
@@ -156,7 +156,7 @@ def test_a_job_on_a_far_twin_ends_in_either_space(flags, count, counted, out, ca
     assert (config["twin"], summary["target"]) == ("far", "far twin")
     (answer,) = summary["components"]
     assert len(answer["attributes"]) == count
-    assert len(summary["hidden_centres"]) == 37
+    assert len(summary["hidden_centres"]) == 40
     assert list(summary["recovery"]["by_attribute"]) == list(names("extended"))[:count]
     assert (out / "report.html").read_text().count('class="hidden"') == count
 

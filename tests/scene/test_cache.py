@@ -60,7 +60,7 @@ def test_shapes_and_bounds_from_disk_are_those_that_are_made(folder, monkeypatch
     def both():
         asset_shape.cache_clear()
         catalogue.bounds.cache_clear()
-        shape = asset_shape("tree", 1, far=True)
+        shape = asset_shape("tree", 1, "far")
         return [a.tobytes() for a in (*shape[:4], catalogue.bounds("tree", 1))]
 
     made, path = both(), next(folder.glob("*/shape-tree-1-far.npz"))

@@ -2,6 +2,7 @@
 
 import json
 import zlib
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -72,13 +73,21 @@ def test_a_street_asks_once_a_family_how_many_assets_there_are():
 @pytest.mark.parametrize("family", FAMILIES)
 def test_no_two_assets_of_a_family_are_alike_and_any_index_gives_one_of_its_kind(family):
     far = 1_000_003
-    assert kind(family, far) == FAMILIES[family].kinds[far % len(FAMILIES[family].kinds)]
+    assert kind(family, far) == FAMILIES[family].turns[far % len(FAMILIES[family].turns)]
     low, high = bounds(family, far)
     assert (low < high).all() and np.isfinite([low, high]).all()
     row = FAMILIES[family]
     assert 4 <= len(set(row.kinds)) == len(row.kinds) <= row.count >= WANTED.get(family, 8)
     ((apart, *_),) = closest([looks(asset(family, index)) for index in range(row.count)], 1)
     assert apart > 0.05  # copies are 0 apart, the same in two shades of grey 0.1
+
+
+def test_the_first_cars_are_one_of_each_kind_and_of_all_most_are_hatchbacks():
+    kinds = FAMILIES["car"].kinds
+    assert tuple(kind("car", index) for index in range(len(kinds))) == kinds
+    count = Counter(kind("car", index) for index in range(10 * len(FAMILIES["car"].turns)))
+    assert set(count) == set(kinds) and count.most_common(1) == [("hatchback", 50)]
+    assert count["tuk-tuk"] == count["pickup"] == 10
 
 
 def test_likeness_by_hand():

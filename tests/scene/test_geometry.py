@@ -10,11 +10,12 @@ from hypothesis import strategies as st
 
 from scene.assets.families import FAMILIES
 from scene.classes import TrainId
-from scene.look.materials import MATERIALS, material_id
+from scene.look.materials import MATERIAL_ID, MATERIALS, material_id
 from scene.mesh.asset import merge, rotate
 from scene.mesh.mesh import Mesh, cross, twice_areas
 from scene.mesh.solids import box, ellipsoid, quads
 from scene.render.geometry import SKY_INSTANCE, asset_shape, build, shape_of, world
+from scene.render.instances import CLOSE
 from tests.scene.conftest import SEEDS, solid, street
 
 BALL = ellipsoid((0, 0, 0), (1, 1, 1), (0.5, 0.5, 0.5), subdivisions=2)
@@ -37,7 +38,8 @@ def test_arrays_fit_together_the_same_each_time(seed):
     assert g.triangles == sum(len(shape.faces) for shape in stands)
     assert len(set(g.assets)) == len(g.assets) == len(g.shapes) - 3
     for p in drawn.placements:
-        assert g.assets[g.shape[p.instance] - 3] == (p.family, p.asset, p.far)
+        assert g.assets[g.shape[p.instance] - 3][:2] == (p.family, p.asset)
+        assert (g.assets[g.shape[p.instance] - 3][2] == "far") == p.far
         assert (g.pose[p.instance] == p.pose[:3].astype(np.float32)).all()
     assert (SKY_INSTANCE, g.train_id[0]) == (0, TrainId.SKY)
     assert g.train_id[1:4].tolist() == [TrainId.ROAD, TrainId.SIDEWALK, TrainId.TERRAIN]
@@ -105,13 +107,41 @@ def test_merging_names_the_face_that_each_triangle_comes_from():
 
 def test_a_far_tree_covers_as_much_with_a_fraction_of_its_triangles():
     for index in range(8):
-        near, far = asset_shape("tree", index), asset_shape("tree", index, far=True)
+        near, far = asset_shape("tree", index), asset_shape("tree", index, "far")
         assert len(far.surface) == len(far.faces) < 0.5 * len(near.faces)
         one, other = (twice_areas(shape.vertices, shape.faces).sum() for shape in (far, near))
         assert one == pytest.approx(other, rel=0.15)
         low, high = near.vertices.min(axis=0), near.vertices.max(axis=0)
         outside = np.maximum(low - far.vertices, far.vertices - high).max(axis=1)
         assert np.quantile(outside, 0.99) < 0.5
+
+
+def test_leaves_seen_from_near_are_small_and_cover_as_much_as_their_cards():
+    for index in (1, 5):
+        whole, near = asset_shape("tree", index), asset_shape("tree", index, "near")
+        leafy = [s.material == MATERIAL_ID["foliage"] for s in (whole, near)]
+        areas = [
+            twice_areas(s.vertices, s.faces)[m] / 2
+            for s, m in zip((whole, near), leafy, strict=True)
+        ]
+        assert areas[1].sum() == pytest.approx(areas[0].sum(), rel=0.1)
+        assert np.median(areas[1]) < 0.3 * np.median(areas[0])
+        assert (~leafy[0]).sum() == (~leafy[1]).sum()
+        assert np.linalg.norm(near.normal, axis=1) == pytest.approx(1, abs=1e-3)
+
+
+def test_greenery_beside_a_camera_is_seen_from_near():
+    drawn = street(seed=3, shots=4)
+    g = build(drawn)
+    eyes = np.array([e.position[:2] for c in drawn.cameras for e in (c, *c.further)])
+    kinds = set()
+    for p in drawn.placements:
+        seen = g.assets[g.shape[p.instance] - 3][2]
+        least = np.hypot(*(eyes - p.pose[:2, 3]).T).min()
+        green = p.train_id == TrainId.VEGETATION
+        assert (seen == "near") == (green and least < CLOSE)
+        kinds.add(seen)
+    assert kinds == {"", "near", "far"}
 
 
 def test_quads_are_merged_ones_a_ball_is_trimesh_s_and_a_mesh_asks_for_what_it_does_not_hold():

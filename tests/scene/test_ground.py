@@ -170,8 +170,8 @@ def test_outlines_have_the_area_of_their_shape_and_become_two_triangles_each():
 
 
 def test_grounds_vary_and_are_pure_and_a_share_of_the_surfaces_is_the_first_of_them():
-    grounds = [ground(seed) for seed in range(120)]
-    assert grounds == [ground(seed) for seed in range(120)]
+    grounds = [ground(seed, asphalt=0.0) for seed in range(120)]
+    assert grounds == [ground(seed, asphalt=0.0) for seed in range(120)]
     for name, rows in (("road", ROADS), ("sidewalk", SIDEWALKS), ("terrain", TERRAINS)):
         assert {getattr(g, name).name for g in grounds} == {row.name for row in rows}
     assert {g.edge_lines for g in grounds} == {0, 1, 2}

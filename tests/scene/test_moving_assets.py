@@ -11,10 +11,14 @@ from scene.assets import bicycle, bus, car, motorcycle, person, rider
 from scene.assets.families import FAMILIES
 from scene.assets.parts import carried, head, vehicle, wardrobe, wheel
 from scene.assets.parts.bodywork import ARCH_GAP, Paint, at, axles, low, share, shell
+from scene.assets.parts.glazing import glazing
 from scene.assets.parts.human import FOREARM, HAND, UPPER_ARM, Body, bend
 from scene.assets.parts.skin import mirrored, revolve, sheet, slab, twin_sheets, weld
+from scene.assets.parts.van import van_sides
 from scene.look.materials import MATERIALS
-from tests.scene.conftest import SEEDS, cast, make, mirror, solid
+from scene.mesh.asset import merge
+from scene.mesh.mesh import Mesh
+from tests.scene.conftest import SEEDS, cast, hits, make, mirror, solid
 
 RED = (0.5, 0.0, 0.0)
 BONE = st.floats(0.2, 0.5)
@@ -186,7 +190,11 @@ def test_wheels_stand_on_the_ground_behind_their_outer_face(style, radius):
     assert top - foot == pytest.approx(2 * radius, rel=0.05) and right <= 1e-9 and left >= -0.2
 
 
-@pytest.mark.parametrize("kind", car.KINDS)
+BODIES = tuple(car._MODELS)
+"""Kinds of cars with a shell."""
+
+
+@pytest.mark.parametrize("kind", BODIES)
 @given(seed=SEEDS)
 def test_arches_are_circles_over_the_axles_and_shares_of_the_length_are_told_both_ways(kind, seed):
     b = car.sample_car(np.random.default_rng(seed), kind).body
@@ -205,3 +213,50 @@ def test_shells_are_as_long_and_high_as_they_say_and_alike_on_both_sides(kind):
     assert mesh.bounds[1, 2] == pytest.approx(b.height, abs=0.02)
     points = {tuple(p) for p in np.round(mesh.vertices, 6) + 0.0}
     assert points == {tuple(p) for p in np.round(mesh.vertices * [1, -1, 1], 6) + 0.0}
+
+
+def laid_on(b, parts, glass_only):
+    """Whether all faces of parts are seen from outside, and lie before the shell."""
+    whole = shell(b, Paint(RED, RED, RED, RED, RED))
+    glass = whole.material == [m.name for m in MATERIALS].index("glass")
+    under = Mesh(whole.mesh.vertices, whole.mesh.faces[glass | (not glass_only)])
+    laid = solid(merge(*parts).mesh)
+    middle, normal = laid.triangles_center, laid.face_normals
+    turn = np.sign(np.sum(normal * (middle - [0, 0, 0.5]), axis=1))
+    out = turn[:, None] * normal
+    starts = middle + 0.05 * out
+    near = hits(solid(under), starts, -out)
+    return not hits(solid(whole.mesh), middle, out).any() and near.all()
+
+
+@pytest.mark.parametrize("kind", BODIES)
+def test_seats_and_drivers_are_seen_just_outside_the_glass_they_are_laid_on(kind):
+    for seed in range(4):
+        params = car.sample_car(np.random.default_rng(seed), kind)
+        g = params.glazing._replace(skin=RED)
+        assert laid_on(params.body, glazing(params.body, g, (True, True)), glass_only=True), seed
+
+
+@pytest.mark.parametrize("kind", car._VANS)
+def test_panels_seams_and_names_are_seen_just_outside_the_sides_of_vans(kind):
+    for seed in range(4):
+        params = car.sample_car(np.random.default_rng(seed), kind)
+        plain, named = (
+            van_sides(params.body, params.van._replace(letters=letters, sealed=True))
+            for letters in (None, RED)
+        )
+        assert len(named) > len(plain) + 10
+        assert laid_on(params.body, named, glass_only=False), seed
+
+
+def test_a_rickshaw_has_one_wheel_ahead_in_the_middle_and_two_behind():
+    names = [material.name for material in MATERIALS]
+    for seed in range(5):
+        asset = make("car", "tuk-tuk", seed)
+        tyres = asset.mesh.vertices[
+            np.unique(asset.mesh.faces[asset.material == names.index("rubber")])
+        ]
+        ground = tyres[tyres[:, 2] < 0.02]
+        front, rear = ground[ground[:, 0] > 0], ground[ground[:, 0] < 0]
+        assert np.abs(front[:, 1]).max() < 0.08 and np.abs(rear[:, 1]).min() > 0.4
+        assert front[:, 1].mean() == pytest.approx(0) == rear[:, 1].mean()

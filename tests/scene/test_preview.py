@@ -148,6 +148,7 @@ def test_own_assets_are_shown_and_what_is_left_out_is_said(folder, tmp_path, pri
     ("--seed -1", "--seed must be 0 or more, not -1"),
     ("--asset-fraction 0", "asset fraction must lie in (0, 1], not 0"),
     ("--asset-use own", "needs a folder of own assets"),
+    ("--weather hail", "'hail'"),
     ("--asset car --assets own --asset-use own", "the asset pool has no car"),
     ("--assets /no/such", "/no/such is not there"),
     ("--renderer blender", "invalid choice: 'blender'"),

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import sdr_jax
 from scene import proposal as module
-from scene.attributes import BY_NAME, NAMES, default_unit
+from scene.attributes import BY_NAME, LATER, NAMES, default_unit
 from scene.proposal import (
     Histogram,
     Proposal,
@@ -80,6 +80,35 @@ def test_a_file_gives_values_or_intervals_and_a_description_says_where_they_lie_
     row = attributes["camera_position_y"]  # 0.8 to 4 m, by default 1.5
     assert row["unit"] == {"centre": 0.21875, "width": 0.2} and row["meaning"]
     assert row["physical"] == {"centre": 1.5, "low": 1.18, "high": 1.82, "unit": "m"}
+
+
+OLD = tuple(name for name in BOTH if name not in {row.name for row in LATER})
+AGED = {
+    "one": dict.fromkeys(OLD, 0.25),
+    "mixture": {
+        "components": [
+            {"share": 0.5, "attributes": dict.fromkeys(OLD, value)} for value in (0.25, 0.75)
+        ]
+    },
+    "binned": {name: {"probabilities": [0.5, 0.5]} for name in OLD},
+}
+
+
+@pytest.mark.parametrize("kind", AGED)
+def test_a_file_older_than_some_attributes_has_their_defaults_and_one_line_says_so(
+    kind, tmp_path, caplog
+):
+    path = tmp_path / "attributes.json"
+    path.write_text(json.dumps(AGED[kind]))
+    units = draw(module.streets_in(path), 0, 6)
+    np.testing.assert_array_equal(units[:, -3:], [default_unit("extended")[-3:]] * 6)
+    (line,) = caplog.messages
+    assert line == f"{path}: no {', '.join(row.name for row in LATER)}; taken at their defaults"
+    caplog.clear()
+    for value in (VALUES, dict.fromkeys(BOTH, 0.25)):
+        path.write_text(json.dumps(value))
+        module.streets_in(path)
+    assert not caplog.messages
 
 
 @given(LISTS, SEEDS)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scene.sky.clouds import KINDS, SIZE, cloud_relief
-from scene.sky.sky import BRIGHTEST, panorama, sample_sky
+from scene.sky.sky import BRIGHTEST, SURROUNDINGS, panorama, sample_sky
 from scene.sky.weather import SKIES
 from tests.scene.conftest import SEEDS
 
@@ -41,8 +41,10 @@ def test_the_sun_stands_where_its_angles_say_weak_and_red_if_low_and_clouds_hide
     light = [s.sun.mean() for s in sorted(skies(HIGH), key=lambda s: s.cover)]
     assert np.mean(light[:80]) > 5 * np.mean(light[-80:])
     clear, grey = (sky()._replace(cover=c) for c in (0.0, 1.0))
-    np.testing.assert_allclose(clear.ambient, 0.55 * (clear.zenith + clear.horizon) / 2, rtol=1e-5)
-    np.testing.assert_allclose(grey.ambient, 0.75 * grey.cloud, rtol=1e-5)
+    around = SURROUNDINGS * clear.sun  # what sunlit walls give back
+    expected = 0.55 * (clear.zenith + clear.horizon) / 2 + around
+    np.testing.assert_allclose(clear.ambient, expected, rtol=1e-5)
+    np.testing.assert_allclose(grey.ambient, 0.75 * grey.cloud + around, rtol=1e-5)
 
 
 @given(SEEDS, st.floats(0.3, 1.7), ELEVATION, AZIMUTH)
@@ -93,6 +95,24 @@ def test_the_horizon_has_the_colour_of_haze_and_straight_up_that_of_the_zenith(s
     np.testing.assert_allclose(edge, np.broadcast_to(drawn.horizon, edge.shape), rtol=0.02)
     top = panorama(drawn._replace(cover=-1.0), COLUMNS)[-1]
     np.testing.assert_allclose(top, np.broadcast_to(drawn.zenith, top.shape), rtol=1e-3)
+
+
+@pytest.mark.parametrize("name", ["clear", "fair cumulus", "cirrus"])
+def test_a_clear_sky_has_colour_down_to_the_horizon_and_is_no_brighter_than_a_sunlit_wall(name):
+    drawn = one_of(name, HIGH)._replace(cover=-1.0)
+    image = panorama(drawn, COLUMNS)
+    away = image[:, :: COLUMNS // 8].min(axis=1)  # not towards the sun
+    red, _, blue = away.T
+    assert (blue > 1.4 * red).all() and (away[-1] < away[0]).all()
+    assert away.max() < 0.6 * drawn.sun.max()
+
+
+def test_closed_cloud_is_three_times_as_bright_overhead_as_at_the_horizon():
+    drawn = one_of("bright overcast")._replace(cover=1.0, relief=0.0, sun=np.zeros(3, np.float32))
+    image = panorama(drawn, COLUMNS).mean(axis=(1, 2))
+    low = image[np.searchsorted(np.linspace(0, 1, len(image)) ** 2 * 90, 10)]  # 10 degrees up
+    up = (3 + 6 * np.sin(np.radians([10, 90]))) / 7
+    assert image[-1] / low == pytest.approx(up[1] / up[0], rel=0.1)
 
 
 @pytest.mark.parametrize(("elevation", "azimuth"), [(0.3, 0.0), (0.9, 1.2), (0.6, -2.5)])

@@ -102,7 +102,10 @@ def shoulder(b: Body, s: np.ndarray) -> np.ndarray:
 
 
 _HALF = np.array([[0, 0.06, 0.16, 0.3, 0.75, 0.9, 1], [0.90, 0.955, 0.99, 1, 1, 0.975, 0.93]])
-_SIDE = np.array([[0, 0.12, 0.3, 0.6, 0.8, 1], [0.955, 0.975, 0.99, 1.0, 0.985, 0.94]])
+# Under the waist the flank looks at the road, above it at the sky: a dark half and a light one.
+_SIDE = np.array([[0, 0.2, 0.45, 0.78, 1], [0.945, 0.975, 0.984, 1.0, 0.95]])
+SHELF = 0.03
+"""Metres that windows stand behind the flank below them; what is between looks up and catches the sky."""
 
 
 def half(b: Body, s: np.ndarray) -> np.ndarray:
@@ -204,9 +207,10 @@ def cabin(b: Body, s: np.ndarray, w: np.ndarray) -> np.ndarray:
     grown = ((edge - foot) / (b.height - b.crown - b.belt)).clip(0, 1)
     inset = wide * (0.12 * (1 - grown) + b.tumblehome * grown)
     x = at(b, s) + _ends(b, s, np.ones_like(s))
-    lateral = 1 - inset * w**1.2 / y
+    inset = inset * w**1.2 + SHELF * grown * np.minimum(w / CABIN[0], 1)
+    lateral = 1 - inset / y
     x = x + _bulge(b, s) * (1 - lateral**_POWER)
-    return _points(x, y - inset * w**1.2, foot + w * (edge - foot))
+    return _points(x, y - inset, foot + w * (edge - foot))
 
 
 def roof(b: Body, s: np.ndarray, c: np.ndarray) -> np.ndarray:
@@ -244,8 +248,12 @@ def stations(b: Body) -> np.ndarray:
     marks += [b.roof_rear + d * (b.tail - b.roof_rear) for d in (0.4, 0.7)]
     if b.bed:
         marks += [b.bed[0], b.bed[1]]
-    line = np.sort(np.clip(np.concatenate([marks, _arch_marks(b)]), 0, 1))
-    return line[np.concatenate([[True], np.diff(line) > 3.5e-3])]
+    line = np.sort(np.clip(np.concatenate([marks, _arch_marks(b)]), 0, 1)).tolist()
+    kept = line[:1]
+    for mark in line[1:]:
+        if mark - kept[-1] > _APART:
+            kept.append(mark)
+    return np.array(kept)
 
 
 def _arch_marks(b: Body) -> np.ndarray:
@@ -257,6 +265,8 @@ def _arch_marks(b: Body) -> np.ndarray:
 _ARCH = np.array([-1.03, -0.99, -0.9, -0.63, -0.22, 0.22, 0.63, 0.9, 0.99, 1.03])
 
 
+_APART = 3.5e-3
+"""Share of the length that sections are apart, at least."""
 _POST = 0.009
 """Half the width of a window post, as a share of the length."""
 
@@ -272,6 +282,7 @@ class Paint(NamedTuple):
     windows: tuple[bool, bool] = (True, True)  # whether there are side windows, and a rear one
     lower_rows: int = 0  # rows of the flank that wear ``lower``
     roof_material: str = "paint"
+    trim: bool = True  # whether the foot of the side windows is black
 
 
 def shell(b: Body, paint: Paint) -> Asset:
@@ -313,6 +324,8 @@ def _cells(b: Body, paint: Paint, s: np.ndarray) -> np.ndarray:
     if paint.windows[0]:
         cells[panes & ~post, _GLASS_ROWS] = 3
         cells[panes & post, _GLASS_ROWS] = 5
+        if paint.trim:
+            cells[panes, _GLASS_ROWS.start - 1] = 5
     screen = (middle > b.cowl + 0.011) & (middle < b.roof_front - 0.011)
     cells[screen, _SCREEN_ROWS] = 4
     cells[(middle > b.cowl) & (middle < b.cowl + 0.011), _SCREEN_ROWS] = 5

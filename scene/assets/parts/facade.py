@@ -23,7 +23,7 @@ BAR = 0.06
 """Width of the bars between panes (metres)."""
 GLASS: Color = (0.012, 0.014, 0.016)
 LOOKS: tuple[tuple[str, float], ...] = (
-    ("dark", 0.62), ("curtains", 0.17), ("blind", 0.13), ("sky", 0.08),
+    ("dark", 0.50), ("curtains", 0.18), ("blind", 0.12), ("sky", 0.08), ("nets", 0.12),
 )  # fmt: skip
 """What one sees in a window, and how often."""
 _UP_TO = np.cumsum([share for _, share in LOOKS])
@@ -154,26 +154,35 @@ def arch(opening: Opening, color: Color, material: str, *, pointed: bool) -> lis
 def window(
     rng: np.random.Generator, opening: Opening, panes: tuple[int, int], curtain: Color
 ) -> list[Part]:
-    """Panes of glass, so many across and up; behind some of them a curtain or a blind."""
+    """Panes of glass, so many across and up; behind some of them curtains, nets or a blind.
+
+    Rooms are more or less dark, and blinds are drawn as far as somebody cared to.
+    """
     left, right, low, high, _ = opening
     look, _ = LOOKS[np.searchsorted(_UP_TO, rng.random(), side="right")]
-    glass = (0.15, 0.18, 0.21) if look == "sky" else GLASS
+    room, drawn_to = float(np.exp(rng.normal(0, 0.8))), float(rng.uniform(0.25, 0.95))
+    glass = (0.15, 0.18, 0.21) if look == "sky" else (
+        room * GLASS[0], room * GLASS[1], room * GLASS[2]
+    )  # fmt: skip
+    split = {"blind": high - drawn_to * (high - low), "nets": low + drawn_to * (high - low)}
+    cut = split.get(look, high)
     across, up = np.linspace(left, right, panes[0] + 1), np.linspace(low, high, panes[1] + 1)
     half, drawn = BAR / 2, 0.22 * (right - left)
     parts: list[Part] = []
-    for row, (z0, z1) in enumerate(pairwise(up)):
+    for z0, z1 in pairwise(up):
         for column, (x0, x1) in enumerate(pairwise(across)):
-            edges = [(x0 + half, x1 - half, glass)]
-            if look == "blind" and row == panes[1] - 1:
-                edges = [(x0 + half, x1 - half, curtain)]
-            elif look == "curtains":
-                a = x0 + half + drawn * (column == 0)
-                b = x1 - half - drawn * (column == panes[0] - 1)
-                edges = [(x0 + half, a, curtain), (a, b, glass), (b, x1 - half, curtain)]
+            x, z = (x0 + half, x1 - half), (z0 + half, z1 - half)
+            if look == "curtains":
+                a, b = x[0] + drawn * (column == 0), x[1] - drawn * (column == panes[0] - 1)
+                areas = [(x[0], a, *z, curtain), (a, b, *z, glass), (b, x[1], *z, curtain)]
+            else:
+                at = min(max(cut, z[0]), z[1])
+                below, above = (curtain, glass) if look == "nets" else (glass, curtain)
+                areas = [(*x, z[0], at, below), (*x, at, z[1], above)]
             parts += [
-                patch(upright(a, b, z0 + half, z1 - half, PANE), color, "glass")
-                for a, b, color in edges
-                if b > a + 1e-6
+                patch(upright(a, b, c, d, PANE), color, "glass")
+                for a, b, c, d, color in areas
+                if b > a + 1e-6 and d > c + 1e-6
             ]
     return parts
 

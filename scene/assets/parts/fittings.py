@@ -12,10 +12,8 @@ from scene.assets.parts.palette import (
     AMBER,
     BLACK,
     CHROME,
-    HEADLAMP,
     PLATE,
     PLATE_REAR,
-    TAILLAMP,
     TRIM,
 )
 from scene.assets.parts.skin import pair, sheet, twin_sheets
@@ -23,7 +21,9 @@ from scene.mesh.asset import Asset, Color, Point, merge
 from scene.mesh.solids import block, ellipsoid, tube
 
 Span = tuple[float, float]
-_LENS: Color = (0.30, 0.31, 0.32)
+_LENS: Color = (0.24, 0.25, 0.26)
+_LIT: Color = (0.46, 0.016, 0.014)
+_REFLECTOR: Color = (0.88, 0.88, 0.86)
 
 
 class Fittings(NamedTuple):
@@ -119,10 +119,12 @@ def _front(b: Body, f: Fittings) -> list[Asset]:
         _both(b, 0, (inner, 1.0), (down, up), _LENS),
         on_flank(b, (0.0, f.wrap), (down + 0.05, up), _LENS, "lamp", lift=0.012),
         on_flank(b, (f.wrap, f.wrap + 0.012), (down + 0.08, up - 0.05), AMBER, "lamp", lift=0.012),
-        _both(b, 0, (inner + 0.06, inner + 0.2), (down + 0.05, up - 0.06), HEADLAMP, lift=0.016),
+        _both(b, 0, (inner + 0.06, inner + 0.2), (down + 0.05, up - 0.06), _REFLECTOR, lift=0.016),
         on_nose(b, 0, (-edge, edge), (base, crest), BLACK, lift=0.012),
         on_nose(b, 0, (-0.62, 0.62), (0.07, 0.27), BLACK, lift=0.008),
         on_nose(b, 0, (-1, 1), (0.0, 0.05), TRIM, lift=0.012),
+        on_nose(b, 0, (-0.9, 0.9), (0.975, 1.0), BLACK, lift=0.006),
+        _bonnet_gap(b),
         on_nose(b, 0, (-0.06, 0.06), (crest - 0.1, crest - 0.01), CHROME, "metal", lift=0.022),
         plate(b, 0, PLATE, 0.36),
     ]
@@ -134,6 +136,13 @@ def _front(b: Body, f: Fittings) -> list[Asset]:
     if f.fog:
         parts.append(_both(b, 0, (0.62, 0.76), (0.12, 0.22), (0.35, 0.35, 0.34)))
     return parts
+
+
+def _bonnet_gap(b: Body) -> Asset:
+    """The dark lines between bonnet and wings."""
+    s = np.array([0.02, 0.03, 0.08, 0.6 * b.cowl, b.cowl - 0.01])
+    points = roof(b, s[:, None], np.array([[0.86, 0.875]]))
+    return twin_sheets(points + [0, 0, 0.005], BLACK, "plain")
 
 
 def _bumper(b: Body, end: int, color: Color) -> list[Asset]:
@@ -162,14 +171,14 @@ def plate(b: Body, end: int, color: Color, v: float) -> Asset:
 def _rear(b: Body, f: Fittings) -> list[Asset]:
     inner, down, up = f.rear_lamp
     parts = [
-        _both(b, 1, (inner, 1.0), (down, up), TAILLAMP),
-        on_flank(b, (0.975, 1.0), (down + 0.03, up), TAILLAMP, "lamp", lift=0.012),
+        _both(b, 1, (inner, 1.0), (down, up), _LIT),
+        on_flank(b, (0.975, 1.0), (down + 0.03, up), _LIT, "lamp", lift=0.012),
         _both(
             b,
             1,
-            (inner + 0.03, 0.97),
-            (down + 0.3 * (up - down), down + 0.5 * (up - down)),
-            (0.5, 0.35, 0.3),
+            (inner + 0.03, 0.5 * inner + 0.47),
+            (down + 0.1 * (up - down), down + 0.4 * (up - down)),
+            (0.6, 0.52, 0.45),
             lift=0.016,
         ),
         on_nose(b, 1, (-1, 1), (0.0, 0.12), TRIM, lift=0.01),

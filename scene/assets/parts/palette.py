@@ -18,18 +18,21 @@ PLATE_REAR: Color = (0.62, 0.42, 0.03)
 CHROME: Color = (0.42, 0.43, 0.44)
 AMBER: Color = (0.65, 0.22, 0.02)
 
-# Share of new cars by colour in Europe, and its linear albedo.
+# Share of cars by colour, and its linear albedo: between the new ones of the 2020s (BASF and Axalta report
+# half of them black, white or grey) and those on the roads twenty years before, of which more were silver,
+# blue, red or green.
 _CAR_PAINTS: tuple[tuple[float, Color], ...] = (
-    (0.20, (0.018, 0.018, 0.020)),  # black
-    (0.16, (0.075, 0.078, 0.083)),  # dark grey
-    (0.10, (0.19, 0.195, 0.20)),  # grey
-    (0.15, (0.40, 0.41, 0.42)),  # silver
-    (0.18, (0.64, 0.64, 0.62)),  # white
-    (0.07, (0.020, 0.040, 0.12)),  # dark blue
-    (0.04, (0.045, 0.14, 0.34)),  # light blue
+    (0.19, (0.010, 0.010, 0.012)),  # black
+    (0.13, (0.055, 0.058, 0.062)),  # dark grey
+    (0.09, (0.17, 0.175, 0.18)),  # grey
+    (0.18, (0.40, 0.41, 0.42)),  # silver
+    (0.17, (0.72, 0.72, 0.70)),  # white
+    (0.08, (0.014, 0.028, 0.085)),  # dark blue
+    (0.03, (0.045, 0.12, 0.28)),  # light blue
     (0.05, (0.27, 0.018, 0.018)),  # red
-    (0.02, (0.020, 0.065, 0.035)),  # green
-    (0.02, (0.34, 0.29, 0.21)),  # beige
+    (0.02, (0.085, 0.012, 0.014)),  # dark red
+    (0.02, (0.014, 0.050, 0.030)),  # green
+    (0.03, (0.30, 0.26, 0.19)),  # beige
     (0.01, (0.50, 0.32, 0.025)),  # yellow
 )
 

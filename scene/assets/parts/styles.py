@@ -81,7 +81,7 @@ def sample_building(rng: np.random.Generator, kind: str) -> BuildingParams:
     def between(low: float, high: float) -> float:
         return float(rng.uniform(low, high))
 
-    def one_of(colors: tuple[Color, ...], spread: float = 0.2) -> Color:
+    def one_of(colors: tuple[Color, ...], spread: float = 0.3) -> Color:
         return vary(rng, colors[rng.integers(len(colors))], spread)
 
     brick, paint, stone = one_of(BRICKS), one_of(PAINTS), one_of(STONES)

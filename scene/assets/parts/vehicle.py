@@ -126,8 +126,8 @@ def _laid(
     return low * (1 - t) + high * t + outside
 
 
-_TONES = (1.0, 1.5, 0.8, 1.9, 1.1, 0.7, 1.3)
-"""Panes of a row differ in tone, since what is behind them differs."""
+_TONES = (1.0, 3.0, 0.8, 4.5, 1.6, 0.7, 2.4)
+"""Panes of a row differ in tone, since what is behind them differs: through some the other side is seen."""
 
 
 def window_row(
@@ -145,7 +145,7 @@ def window_row(
     up = [(sill, v[1]), (v[0], sill), (vent, vent + 0.008)] * count
     lift = np.tile([0.012, 0.012, 0.018], count)[:, None, None]
     panes = [darker(GLASS, _TONES[k % len(_TONES)]) for k in range(count)]
-    colors = [c for pane in panes for c in (pane, darker(pane, 0.6), TRIM)]
+    colors = [c for pane in panes for c in (pane, darker(pane, 0.4), TRIM)]
     return quads(_laid(wall, along, up, lift), colors, ["glass", "glass", "plain"] * count)
 
 

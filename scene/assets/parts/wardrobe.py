@@ -9,8 +9,8 @@ from scene.assets.parts.palette import pick
 from scene.mesh.asset import Color
 
 SKINS: tuple[Color, ...] = (
-    (0.476, 0.303, 0.221), (0.426, 0.262, 0.180), (0.361, 0.213, 0.139), (0.271, 0.148, 0.090),
-    (0.164, 0.086, 0.049), (0.082, 0.041, 0.025),
+    (0.62, 0.40, 0.30), (0.56, 0.35, 0.25), (0.47, 0.28, 0.19), (0.36, 0.20, 0.125),
+    (0.20, 0.105, 0.062), (0.095, 0.049, 0.031),
 )  # fmt: skip
 HAIRS: tuple[Color, ...] = (
     (0.008, 0.007, 0.006), (0.019, 0.011, 0.007), (0.049, 0.026, 0.013), (0.111, 0.049, 0.016),
@@ -38,9 +38,9 @@ TROUSERS: tuple[Color, ...] = (
 )  # fmt: skip
 SHOES: tuple[Color, ...] = ((0.010, 0.009, 0.008), (0.039, 0.023, 0.013), (0.325, 0.325, 0.319),
                             (0.039, 0.046, 0.065), (0.130, 0.072, 0.033))  # fmt: skip
-DARK_SHARE = 0.66
+DARK_SHARE = 0.6
 """How many adults wear black, navy or charcoal over dark trousers, seen in photos of streets."""
-PALE_SHARE, PALE_TROUSERS = 0.4, 0.2
+PALE_SHARE, PALE_TROUSERS = 0.5, 0.25
 """Of the others, how many wear a light top, and light trousers."""
 VEST_SHARE = 0.03
 """How many of those in a jacket or coat wear a reflecting vest over it."""
@@ -98,7 +98,7 @@ def sample_outfit(
         legs=legs,
         shoes=pick(rng, SHOES),
         sole=pale,
-        width=float(rng.choice([1.0, 1.12, 1.25])) if not woman else float(rng.choice([0.95, 1.1])),
+        width=float(rng.choice([1.0, 1.15, 1.25] if woman else [1.12, 1.25, 1.4])),
         hairdo=str(rng.choice(dos)),
         beard=bool(not woman and not child and rng.random() < 0.25),
         collar=pick(rng, BRIGHT + CLOTHES, 0.2) if rng.random() < 0.2 and not child else None,

@@ -89,8 +89,8 @@ def _look(around: Surroundings, camera: Camera, settings: RenderSettings) -> Vis
 
 
 @lru_cache(maxsize=2048)
-def _asset_bvh(family: str, asset: int | str, far: bool) -> MeshBVH:
-    shape = asset_shape(family, asset, far)
+def _asset_bvh(family: str, asset: int | str, seen: str) -> MeshBVH:
+    shape = asset_shape(family, asset, seen)
     return MeshBVH(shape.vertices, shape.faces)
 
 

@@ -1,0 +1,164 @@
+"""Auto-rickshaws: a tub on three wheels below a hood of canvas, open at the sides."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from scene.assets.parts.palette import (
+    AMBER,
+    BLACK,
+    CHROME,
+    GLASS,
+    HEADLAMP,
+    PLATE,
+    STEEL,
+    TAILLAMP,
+    TRIM,
+    pick,
+)
+from scene.assets.parts.skin import moved, pair, twin_sheets
+from scene.assets.parts.vehicle import card
+from scene.assets.parts.wheel import Wheel, wheel
+from scene.mesh.asset import Asset, Color, merge
+from scene.mesh.solids import block, ellipsoid, loft, polygon, tube
+
+_PAINTS: tuple[tuple[Color, Color], ...] = (
+    ((0.02, 0.12, 0.04), (0.55, 0.36, 0.03)), ((0.012, 0.012, 0.012), (0.55, 0.36, 0.03)),
+    ((0.55, 0.36, 0.03), (0.015, 0.015, 0.015)), ((0.02, 0.11, 0.04), (0.015, 0.015, 0.015)),
+    ((0.03, 0.08, 0.3), (0.015, 0.015, 0.015)), ((0.3, 0.02, 0.02), (0.03, 0.03, 0.032)),
+)  # fmt: skip
+"""Tub and hood."""
+
+
+class Rickshaw(NamedTuple):
+    """One of them; metres."""
+
+    length: float
+    width: float
+    height: float
+    tub: Color
+    hood: Color
+    skin: Color | None  # of the driver; None: nobody is there
+    clothes: Color
+
+
+def sample_rickshaw(rng: np.random.Generator) -> Rickshaw:
+    """Draw one: size, paint, and whether somebody drives it."""
+    tub, hood = _PAINTS[rng.integers(len(_PAINTS))]
+    long, wide, tall = rng.uniform([2.55, 1.28, 1.66], [2.75, 1.36, 1.76])
+    return Rickshaw(
+        long, wide, tall, pick(rng, (tub,), 0.2), pick(rng, (hood,), 0.2),
+        pick(rng, ((0.16, 0.08, 0.05),), 0.3) if rng.random() < 0.7 else None,
+        pick(rng, ((0.3, 0.26, 0.2), (0.35, 0.36, 0.38), (0.05, 0.07, 0.14))),
+    )  # fmt: skip
+
+
+def rickshaw(r: Rickshaw) -> Asset:
+    """The rickshaw, its single wheel towards +x."""
+    nose, tail, half = r.length / 2, -r.length / 2, r.width / 2
+    front, rear = nose - 0.3, tail + 0.45
+    one = Wheel(0.22, 0.1, "steel", 8, 0.55, STEEL, 0.3)
+    beside = moved(wheel(one), x=rear, y=half - 0.03)
+    middle = moved(wheel(one), x=front, y=0.05)
+    parts = [pair(beside), pair(middle), *_tub(r), *_hood(r), *_front(r), *_driver(r)]
+    for y in (half - 0.16, 0.16 - half):
+        parts.append(card((tail - 0.012, y, 0.62), 0.12, 0.1, TAILLAMP, "lamp"))
+    parts.append(card((tail - 0.012, 0.0, 0.5), 0.34, 0.1, PLATE))
+    parts.append(card((tail + 0.035, 0.0, r.height - 0.42), 0.55, 0.2, GLASS, "glass"))
+    return merge(*parts)
+
+
+def _section(half: float, low: float, high: float, top: float) -> np.ndarray:
+    """A loop (y, z) of a tub's cross-section, narrower by ``top`` above."""
+    right = [(0.86 * half, low), (half, low + 0.1), (half, high - 0.06), (top * half, high)]
+    return np.array(right + [(-y, z) for y, z in right[::-1]])
+
+
+def _at(x: float, section: np.ndarray) -> np.ndarray:
+    return np.column_stack([np.full(len(section), x), section])
+
+
+def _tub(r: Rickshaw) -> list[Asset]:
+    """Floor, the closed rear with its seat, and what keeps light from passing between the sides."""
+    nose, tail, half = r.length / 2, -r.length / 2, r.width / 2
+    behind = loft(
+        [
+            _at(tail, _section(0.9 * half, 0.34, 0.86, 0.92)),
+            _at(tail + 0.14, _section(half, 0.28, 0.9, 0.96)),
+            _at(tail + 0.85, _section(half, 0.28, 0.72, 0.96)),
+        ],
+        r.tub, "paint",
+    )  # fmt: skip
+    floor = block(
+        (tail + 0.8, -0.92 * half, 0.26), (nose - 0.55, 0.92 * half, 0.36), r.tub, "paint"
+    )
+    seats = [
+        block((tail + 0.2, -0.84 * half, 0.7), (tail + 0.75, 0.84 * half, 0.8), TRIM, "cloth"),
+        block((tail + 0.12, -0.84 * half, 0.75), (tail + 0.24, 0.84 * half, 1.2), TRIM, "cloth"),
+        block((0.16, -0.3, 0.36), (0.5, 0.3, 0.72), TRIM, "cloth"),
+    ]
+    inside = [(tail + 0.1, 0, 0.4), (nose - 0.6, 0, 0.4), (nose - 0.72, 0, r.height - 0.1)]
+    dark = polygon([*inside, (tail + 0.1, 0, r.height - 0.1)], BLACK)
+    return [behind, floor, *seats, dark]
+
+
+def _hood(r: Rickshaw) -> list[Asset]:
+    """The canvas: roof, rear, and the quarters beside the seat."""
+    tail, half, top = -r.length / 2, r.width / 2, r.height
+    front = r.length / 2 - 0.72
+    roof = loft(
+        [_at(x, _section(0.97 * half, top - 0.16, top - drop, 0.8))
+         for x, drop in ((tail + 0.02, 0.06), (tail + 0.3, 0.0), (front - 0.2, 0.01), (front + 0.08, 0.08))],
+        r.hood, "cloth",
+    )  # fmt: skip
+    back = block(
+        (tail + 0.02, -0.9 * half, 0.85), (tail + 0.06, 0.9 * half, top - 0.1), r.hood, "cloth"
+    )
+    quarter = np.array(
+        [[(tail + 0.04, 0.93 * half, 0.85), (tail + 0.55, 0.95 * half, 0.85)],
+         [(tail + 0.04, 0.95 * half, top - 0.12), (tail + 0.75, 0.96 * half, top - 0.12)]]
+    )  # fmt: skip
+    posts = [
+        tube(
+            (x, 0.93 * half, 0.3), (x - 0.06, 0.95 * half, top - 0.1), 0.02, BLACK, "metal", sides=5
+        )
+        for x in (0.1, front + 0.06)
+    ]
+    return [roof, back, twin_sheets(quarter, r.hood, "cloth"), *map(pair, posts)]
+
+
+def _front(r: Rickshaw) -> list[Asset]:
+    """The shield, rounded in plan, with windscreen, lamp, mudguard and mirrors."""
+    nose, half, top = r.length / 2, r.width / 2, r.height
+    turn = np.linspace(0, np.pi / 2, 5)
+    rows = []
+    for z, back, wide in ((0.38, 0.5, 0.9), (0.62, 0.42, 0.98), (0.98, 0.5, 0.96)):
+        x = nose - back + 0.16 * np.cos(turn)
+        rows.append(np.column_stack([x, wide * half * np.sin(turn), np.full(5, z)]))
+    screen = [
+        np.column_stack(
+            [nose - back + 0.15 * np.cos(turn[:4]), wide * half * np.sin(turn[:4]), np.full(4, z)]
+        )
+        for z, back, wide in ((1.0, 0.5, 0.95), (top - 0.14, 0.68, 0.93))
+    ]
+    mirror = ellipsoid((nose - 0.5, half + 0.05, 1.12), (0.02, 0.07, 0.05), BLACK)
+    signal = ellipsoid((nose - 0.42, 0.55 * half, 0.66), (0.03, 0.04, 0.03), AMBER, "lamp")
+    guard = ellipsoid((nose - 0.3, 0, 0.4), (0.3, 0.1, 0.12), r.tub, "paint")
+    lamp = tube((nose - 0.36, 0, 0.72), (nose - 0.18, 0, 0.72), 0.09, HEADLAMP, "lamp", sides=10)
+    trim = block((nose - 0.3, -0.2, 0.9), (nose - 0.25, 0.2, 0.94), CHROME, "metal")
+    return [
+        twin_sheets(np.array(rows), r.tub), twin_sheets(np.array(screen), GLASS, "glass"),
+        pair(mirror), pair(signal), guard, lamp, trim,
+    ]  # fmt: skip
+
+
+def _driver(r: Rickshaw) -> list[Asset]:
+    if r.skin is None:
+        return []
+    return [
+        ellipsoid((0.3, 0, 0.98), (0.15, 0.22, 0.3), r.clothes, "cloth"),
+        ellipsoid((0.36, 0, 1.37), (0.1, 0.08, 0.12), r.skin, "skin"),
+        pair(tube((0.34, 0.2, 1.12), (0.66, 0.24, 0.98), 0.05, r.clothes, "cloth")),
+    ]

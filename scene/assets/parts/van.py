@@ -1,0 +1,71 @@
+"""What breaks up the closed sides and doors of vans: panels, a sliding door's rail, seams, lettering."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from scene.assets.parts.bodywork import Body, cabin, roof
+from scene.assets.parts.fittings import on_flank, on_nose
+from scene.assets.parts.palette import BLACK, darker
+from scene.assets.parts.skin import sheet, twin_sheets
+from scene.mesh.asset import Asset, Color
+
+_LINE = 0.012
+"""Width of a seam, metres."""
+
+
+class VanSides(NamedTuple):
+    """The choices of one van."""
+
+    body: Color
+    letters: Color | None  # a firm's name; None: no name
+    seed: int  # of the lettering
+    sealed: bool  # whether its rear doors have no windows
+
+
+def van_sides(b: Body, v: VanSides) -> list[Asset]:
+    """What is laid on the shell ``b`` of a van, behind the doors of its cab."""
+    front, rear = b.glass[1] + 0.035, 0.955
+    middle, line = (front + rear) / 2, _LINE / b.length
+    shade = darker(v.body, 0.35)
+    parts = [on_flank(b, (front, rear), (0.955, 0.98), BLACK, lift=0.02, steps=6)]
+    for low, high in ((front, middle - 0.012), (middle + 0.012, rear)):
+        for s in ((low, low + line), (high - line, high)):
+            parts.append(_upon(b, s, (0.12, 0.8), shade))
+        for w in ((0.12, 0.125), (0.79, 0.8)):
+            parts.append(_upon(b, (low, high), w, shade))
+    parts += [on_nose(b, 1, (-0.006, 0.006), (0.1, 1.0), BLACK, lift=0.014)]
+    if v.sealed:
+        fall = b.roof_rear - b.tail
+        for c in (-0.01, -0.7, 0.68):
+            up, across = np.meshgrid([0.05, 0.5, 0.9], [c, c + 0.02], indexing="ij")
+            points = roof(b, b.tail + up * fall, np.abs(across))
+            points[..., 1] *= np.sign(across)
+            parts.append(sheet(points - [0.02, 0, 0], shade, "plain"))
+    if v.letters is not None:
+        parts += _letters(b, (front + 0.04, rear - 0.06), v.letters, v.seed)
+    return parts
+
+
+def _upon(
+    b: Body, s: tuple[float, float], w: tuple[float, float], color: Color, lift: float = 0.008
+) -> Asset:
+    """A patch on both sides above the shoulder."""
+    points = cabin(b, np.linspace(*s, 3)[:, None], np.linspace(*w, 2)[None])
+    points[..., 1] += lift
+    return twin_sheets(points, color, "plain")
+
+
+def _letters(b: Body, s: tuple[float, float], color: Color, seed: int) -> list[Asset]:
+    """A line of large letters over one of small ones; legible as text, not as words."""
+    rng = np.random.default_rng(seed)
+    parts = []
+    for low, high, letters in ((0.42, 0.68, 7), (0.25, 0.34, 13)):
+        edges = np.linspace(*s, letters + 1)
+        for a in edges[:-1][rng.random(letters) < 0.85]:
+            wide = (edges[1] - edges[0]) * rng.uniform(0.45, 0.75)
+            top = high - 0.05 * float(rng.integers(2))
+            parts.append(_upon(b, (a, a + wide), (low, top), color, 0.013))
+    return parts
