@@ -80,7 +80,7 @@ _SMOKE: Table = {
 _FROZEN = {"recipe": "lite0-frozen"}
 _BRIEF = {**_FROZEN, "steps": 150, "views": 1}
 _QUICK: Table = {
-    "search": {"method": "pool", "relaxation": 0.3},
+    "search": {"method": "intervals", "relaxation": 0.3},
     "reward": {"samples": 1, "train": _BRIEF},
     "final": {"shots": 1, "samples": 1, "train": _FROZEN},
     # Sizes and steps at which two cores train nets other than the preset's.
@@ -88,13 +88,13 @@ _QUICK: Table = {
     "vgg": {"streets": 100, "shots": 4, "train": {"recipe": "scratch", "steps": 150}},
 }
 _QUICK_TWIN: Table = {
-    "search": {"updates_per_group": 5, "pool": {"subset": 100, "rewards": 300, "rounds": 3}},
+    "search": {"updates_per_group": 5, "pool": {"subset": 100}},
     "reward": {"streets": 12, "shots": 6},
     "final": {"streets": 120},
     "seeds": 6,
 }
 _QUICK_REAL: Table = {
-    "search": {"updates_per_group": 4, "datasets_per_update": 8},
+    "search": {"method": "pool", "updates_per_group": 4, "datasets_per_update": 8},
     # For methods without a pool; 12 streets with 8 images have more noise (`sdr-jax study fidelity`).
     "reward": {"streets": 24, "shots": 4},
     "final": {"streets": 400},
