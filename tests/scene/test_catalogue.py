@@ -57,7 +57,7 @@ def test_every_class_with_a_shape_has_a_family_and_a_tone_brightens_its_assets()
     assert catalogue.families_of("vegetation") == ("tree", "bush")
     assert catalogue.families_of("lamp") == ("lamp",)
     for name, rows in catalogue.surfaces().items():
-        assert len(set(rows)) == len(rows) >= (14 if name == "sky" else 8) and all(rows)
+        assert len(set(rows)) == len(rows) >= (14 if name == "sky" else 7) and all(rows)
     for family in ("tree", "person"):
         expected = np.minimum(FAMILIES[family].tone * asset(family, 3).color, 1)
         np.testing.assert_allclose(asset_shape(family, 3).color, expected, rtol=1e-6)
