@@ -68,7 +68,7 @@ def test_another_space_has_groups_of_its_own_and_every_job_searches_it(target):
     config = in_space(defaults(MainConfig, target, "smoke"), "extended")
     assert in_space(config, "extended") is config
     assert plan_of(config).subset == names("extended") == make_space(config).names
-    assert config.groups[:-3] == defaults(MainConfig, target, "smoke").groups
+    assert config.groups[:-4] == defaults(MainConfig, target, "smoke").groups
 
 
 @pytest.mark.parametrize("target", TARGETS)
