@@ -41,7 +41,7 @@ class CameraResponse(NamedTuple):
     gamma: float = 1.0  # on top of sRGB; above 1 darkens the middle tones
     blur: float = 0.0  # sigma of the lens blur in pixels
     noise: float = (
-        0.006  # standard deviation of sensor noise at mid grey, of full scale; see ``develop``
+        0.003  # standard deviation of sensor noise at mid grey, of full scale; see ``develop``
     )
     meter: float = 0.6  # share (in stops) of a scene's brightness that automatic exposure evens out
     contrast: float = 1.3  # slope of the tone curve in the middle; 1 is plain sRGB
