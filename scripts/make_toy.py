@@ -11,10 +11,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import cv2
-import numpy as np
 
 from scene.assets.catalogue import AssetPool
-from scene.classes import LABEL_IDS
+from scene.dataset.formats.segments import LABEL_OF_TRAIN
 from scene.dataset.render import render_dataset
 from scene.proposal import default_proposal, draw, slide
 from scene.render import RenderSettings
@@ -40,15 +39,13 @@ def main() -> None:
     made = render_dataset(
         draw(wide, SEED, count), SEED, shots=1, settings=settings, pool=POOL, workers=2
     )
-    ids = np.zeros(256, np.uint8)
-    ids[: len(LABEL_IDS)] = LABEL_IDS
     for folder in ("images", "labels"):
         (OUT / folder).mkdir(parents=True, exist_ok=True)
     names = [f"street{k:02d}" for k in range(count)]
     for name, image, label in zip(names, made.images, made.labels, strict=True):
         quality = [cv2.IMWRITE_JPEG_QUALITY, QUALITY]
         cv2.imwrite(str(OUT / "images" / f"{name}.jpg"), image[..., ::-1], quality)
-        cv2.imwrite(str(OUT / "labels" / f"{name}.png"), ids[label])
+        cv2.imwrite(str(OUT / "labels" / f"{name}.png"), LABEL_OF_TRAIN[label])
     first = 0
     for split, own in SPLITS.items():
         (OUT / f"{split}.txt").write_text("\n".join(names[first : first + own]) + "\n")

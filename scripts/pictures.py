@@ -19,6 +19,7 @@ import numpy as np
 
 import scene
 from experiments.target.twin import twin_split, twin_world
+from scene.preview import layout
 from scene.workers import WorkerPool
 from seg.model import load_model
 
@@ -74,15 +75,9 @@ def small(screenshot: Path) -> np.ndarray:
 
 def grid(rows: Sequence[Sequence[np.ndarray]]) -> np.ndarray:
     """Pictures of one size beside and below each other, white between them."""
-    height, width = rows[0][0].shape[:2]
-    lines, columns = len(rows), len(rows[0])
-    size = lines * (height + GAP) - GAP, columns * (width + GAP) - GAP, 3
-    page = np.full(size, 255, np.uint8)
-    for y, row in enumerate(rows):
-        for x, picture in enumerate(row):
-            top, left = y * (height + GAP), x * (width + GAP)
-            page[top : top + height, left : left + width] = picture
-    return page
+    gap = ((0, GAP), (0, GAP), (0, 0))
+    framed = [np.pad(picture, gap, constant_values=255) for row in rows for picture in row]
+    return layout.grid(framed, len(rows[0]))[:-GAP, :-GAP]
 
 
 def save(path: Path, picture: np.ndarray) -> None:

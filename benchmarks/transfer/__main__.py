@@ -17,7 +17,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, get_args
@@ -103,13 +103,9 @@ def _run(options: argparse.Namespace) -> None:
     scores = _train(
         nets(recipe, options.only, seeds), JsonLines(options.out / "nets.jsonl"), options
     )
-    found = summary(scores, known)
-    if before is not None:
-        now = {n: [np.array(one["real"]) for one in scores[n]] for n in ATTRIBUTES}
-        found["gains"] = tables.gain_rows(now, before, known.classes)
+    found = summary(scores, known, before)
     if "tones" in options.only:
-        sets = {name: rendered(recipe, name, 0) for name in ATTRIBUTES}
-        sets = {"real": real, **sets}
+        sets = {"real": real, **{name: rendered(recipe, name, 0) for name in ATTRIBUTES}}
         pairs = {name: (own.images, own.labels) for name, own in sets.items()}
         found["tones"] = tables.tone_rows(pairs, known.classes)
     for title, rows in found.items():
@@ -175,8 +171,10 @@ def _name(key: dict[str, Any]) -> str:
     return json.dumps(key, sort_keys=True)
 
 
-def summary(scores: Scores, known: ClassTable) -> dict[str, list[Row]]:
-    """The tables for which there are nets."""
+def summary(
+    scores: Scores, known: ClassTable, before: Mapping[str, tables.Confusions] | None
+) -> dict[str, list[Row]]:
+    """The tables for which there are nets; gains over those of another engine, if ``before`` has any."""
     classes = known.classes
     real = {name: [np.array(one["real"]) for one in every] for name, every in scores.items()}
     found = {}
@@ -195,6 +193,8 @@ def summary(scores: Scores, known: ClassTable) -> dict[str, list[Row]]:
         }
         found["recognition"] = tables.recognition_rows(real[REAL], renders, classes)
         found["close-ups"] = tables.close_up_rows(families, real[REAL], known)
+    if before is not None:
+        found["gains"] = tables.gain_rows({n: real[n] for n in ATTRIBUTES}, before, classes)
     return found
 
 

@@ -21,7 +21,6 @@ from experiments.playground.dataset_panel import DatasetPanel
 from experiments.playground.guard import Guard
 from experiments.playground.photographs import photograph
 from experiments.playground.rendering import (
-    FAR,
     LatestOnly,
     Pictures,
     RenderProcess,
@@ -33,6 +32,7 @@ from experiments.playground.state import State
 from scene.assets.catalogue import USES
 from scene.assets.families import FAMILIES
 from scene.classes import CLASS_NAMES, COLORS, OWN
+from scene.preview.layout import FAR
 from scene.proposal import describe, named, parse_streets
 from shell.classes import OWN as OWN_ROW
 from shell.command import size

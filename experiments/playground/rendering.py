@@ -14,14 +14,13 @@ import numpy as np
 from experiments.playground.state import MOST_STREETS, State, View
 from scene.classes import VOID, TrainId, colorize
 from scene.dataset.render import street_of
+from scene.preview.layout import FAR
 from scene.render import renderer
 from scene.street.street import Street
 from scene.workers import WorkerPool
 
 QUALITY = 90
 """Of JPEG."""
-FAR = 80.0
-"""Metres at which the depth picture ends."""
 NEAR, BLOCKED = 2.5, 0.3
 """Metres, and the share of things (not ground) nearer than that from which on a view is from inside one."""
 LOOKED_AT = 20

@@ -149,6 +149,7 @@ def selection_seeds(config: SearchConfig) -> list[int]:
     They depend on the search alone: another search has others, and the same search the same in every job.
     """
     search = [config.search.method, config.seed, config.space]
+    # The 0 keeps the seeds of earlier runs, whose stores know these nets.
     names = [["selection", *search, 0, net] for net in range(config.candidate_seeds)]
     return [int(digest(name), 16) % SEED_END for name in names]
 

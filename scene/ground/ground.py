@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from scene.attributes import BY_NAME
 from scene.ground.extent import (
     FOOTWAYS,
     GROUND_END,
@@ -34,6 +35,7 @@ from scene.look.surfaces import (
     Coat,
     Color,
     asphalt_beside,
+    grey,
     sample_coat,
 )
 from scene.streams import child
@@ -73,7 +75,7 @@ class Ground(NamedTuple):
     covers: int  # manholes; 0 leaves the gratings out, too
     hills: float  # m
     seed: int  # of wear and shades
-    wear: float = 0.45  # age of the road, 0 .. 1
+    wear: float = BY_NAME["road_wear"].default  # age of the road, 0 .. 1
     dust: float = 0.0  # how much of the colour along kerbs is dust, 0 .. 1
     leaves: int = 0  # fallen ones on road, and on sidewalks
     puddles: int = 0
@@ -173,8 +175,8 @@ def sample_ground(
     share: float = 1.0,
     drive: float = 1.0,
     widths: tuple[float, float] = (1.0, 1.0),
-    wear: float = 0.45,
-    asphalt: float = 0.35,
+    wear: float = BY_NAME["road_wear"].default,
+    asphalt: float = BY_NAME["asphalt_sidewalk_share"].default,
 ) -> Ground:
     """Draw a ground: surfaces, markings, crossings every 40-90 m, repairs, driveways.
 
@@ -241,8 +243,8 @@ def _aged(ground: Ground, asphalt: float, rng: np.random.Generator) -> Ground:
     paved, stone = rng.random() < asphalt, float(rng.uniform(0.35, 1.0))
     beside = asphalt_beside(rng, ground.road)
     if paved:  # stones of a footway of asphalt are little lighter than it
-        grey = float(np.dot(beside.color, (0.3, 0.59, 0.11)))
-        red, green, blue = (stone * k + (1 - stone) * grey for k in ground.kerb)
+        tone = grey(beside.color)
+        red, green, blue = (stone * k + (1 - stone) * tone for k in ground.kerb)
         ground = ground._replace(sidewalk=beside, kerb=(red, green, blue))
     wide = ground.half_width > off + 1.6 and ground.centre != "hatched"
     autumn, rain = rng.random(2) < (LITTERED, PUDDLED)

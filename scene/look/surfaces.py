@@ -129,6 +129,11 @@ def sample_coat(
     return Coat(surface.name, surface.material, (float(red), float(green), float(blue)))
 
 
+def grey(color: tuple[float, float, float]) -> float:
+    """How light a linear colour is."""
+    return float(np.dot(color, (0.3, 0.59, 0.11)))
+
+
 def asphalt_beside(rng: np.random.Generator, road: Coat) -> Coat:
     """Draw a sidewalk of asphalt about as dark as a road."""
-    return sample_coat(rng, ASPHALT, tone=float(np.dot(road.color, (0.3, 0.59, 0.11))))
+    return sample_coat(rng, ASPHALT, tone=grey(road.color))

@@ -265,13 +265,13 @@ def leafed(shape: Shape) -> Shape:
     number = np.clip(np.ceil(area / LEAF), 1, MOST).astype(int)
     card = np.repeat(np.arange(len(cards)), number)
     rng = table_row("leaves")
-    share = rng.random((len(card), 2))
+    normal, share = shape.normal[cards][card], rng.random((len(card), 2))
     share = np.where(share.sum(axis=1, keepdims=True) > 1, 1 - share, share)
     middle = corners[card, 0] + share[:, :1] * first[card] + share[:, 1:] * second[card]
-    long = rng.normal(size=(len(card), 3)) + shape.normal[cards][card]
-    long = np.cross(long, shape.normal[cards][card]) + 0.35 * rng.normal(size=long.shape)
+    long = rng.normal(size=(len(card), 3)) + normal
+    long = np.cross(long, normal) + 0.35 * rng.normal(size=long.shape)
     long /= np.linalg.norm(long, axis=1, keepdims=True).clip(1e-9)
-    across = np.cross(long, shape.normal[cards][card] + 0.35 * rng.normal(size=long.shape))
+    across = np.cross(long, normal + 0.35 * rng.normal(size=long.shape))
     across /= np.linalg.norm(across, axis=1, keepdims=True).clip(1e-9)
     # A rhomb 1 by 0.6 of its length; its halves are folded up along the middle.
     length = np.sqrt(area / number / 0.3)[card, None]

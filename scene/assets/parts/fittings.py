@@ -101,6 +101,15 @@ def on_flank(
     return twin_sheets(points, color, material)
 
 
+def on_cabin(
+    b: Body, s: np.ndarray, w: np.ndarray, color: Color, material: str = "plain", *, lift: float
+) -> Asset:
+    """A patch on both sides above the shoulder, its corners at shares ``s`` along and ``w`` up."""
+    points = cabin(b, *np.broadcast_arrays(s, w))
+    points[..., 1] += lift
+    return twin_sheets(points, color, material)
+
+
 def fittings(b: Body, f: Fittings) -> list[Asset]:
     """All that is laid on the shell ``b``."""
     return [*_front(b, f), *_rear(b, f), *_sides(b, f), *_over(b, f)]

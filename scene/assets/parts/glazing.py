@@ -11,8 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.assets.parts.bodywork import ROOF, Body, cabin, roof, stations
-from scene.assets.parts.skin import sheet, twin_sheets
+from scene.assets.parts.bodywork import ROOF, Body, roof, stations
+from scene.assets.parts.fittings import on_cabin
+from scene.assets.parts.skin import sheet
 from scene.mesh.asset import Asset, Color
 
 SEAT = ((0.1, 0.30), (0.40, 0.27), (0.47, 0.11), (0.52, 0.15), (0.68, 0.13), (0.72, 0.08))
@@ -49,6 +50,11 @@ def glazing(b: Body, g: Glazing, windows: tuple[bool, bool]) -> list[Asset]:
     return parts + (_sides(b, g) if windows[0] else [])
 
 
+def _driver(g: Glazing) -> list[tuple[tuple[tuple[float, float], ...], Color]]:
+    """Outlines and colours of whoever drives, body and head."""
+    return [] if g.skin is None else [(PERSON[:3], g.clothes), (PERSON[2:], g.skin)]
+
+
 def _dimmed(g: Glazing, share: float) -> Color:
     a, b, c = (share * x + (1 - share) * y for x, y in zip(g.behind, g.seats, strict=True))
     return a, b, c
@@ -63,14 +69,15 @@ def _sides(b: Body, g: Glazing) -> list[Asset]:
         inside = marks[(marks > low + 0.004) & (marks < high - 0.004)]
         s = np.array([low, *inside, high])
         tone = _dimmed(g, g.dim if k else 1.0)
-        parts.append(_laid(b, s[:, None], np.array([[0.24, 0.5, 0.8]]), tone, _LIFTS[0]))
+        rows = np.array([[0.24, 0.5, 0.8]])
+        parts.append(on_cabin(b, s[:, None], rows, tone, "glass", lift=_LIFTS[0]))
         if k > 1:
             continue
         middle = high - 0.28 / b.length
         parts.append(_outline(b, middle, SEAT, g.seats, _LIFTS[1]))
-        if k == 0 and g.skin is not None:
-            parts.append(_outline(b, middle - 0.14 / b.length, PERSON[:3], g.clothes, _LIFTS[2]))
-            parts.append(_outline(b, middle - 0.14 / b.length, PERSON[2:], g.skin, _LIFTS[2]))
+        if k == 0:
+            for outline, color in _driver(g):
+                parts.append(_outline(b, middle - 0.14 / b.length, outline, color, _LIFTS[2]))
     return parts
 
 
@@ -79,15 +86,7 @@ def _outline(
 ) -> Asset:
     up, half = np.array(rows).T[:, :, None]
     along = s + (LEAN * (up - 0.1) + NARROW * half * [-1, 1]) / b.length
-    return _laid(b, along, up, color, lift)
-
-
-def _laid(b: Body, s: np.ndarray, w: np.ndarray, color: Color, lift: float) -> Asset:
-    """A sheet on both window bands, its corners at shares ``s`` along and ``w`` up."""
-    s, w = np.broadcast_arrays(s, w)
-    points = cabin(b, s, w)
-    points[..., 1] += lift
-    return twin_sheets(points, color, "glass")
+    return on_cabin(b, along, up, color, "glass", lift=lift)
 
 
 def _screen(b: Body, g: Glazing, end: int) -> list[Asset]:
@@ -100,9 +99,8 @@ def _screen(b: Body, g: Glazing, end: int) -> list[Asset]:
     at = 0.37 / wide
     for c in (-at, at):
         parts.append(_facing(b, end, c, SEAT, g.seats, _LIFTS[1]))
-    if g.skin is not None:
-        parts.append(_facing(b, end, g.side * at, PERSON[:3], g.clothes, _LIFTS[2]))
-        parts.append(_facing(b, end, g.side * at, PERSON[2:], g.skin, _LIFTS[2]))
+    for outline, color in _driver(g):
+        parts.append(_facing(b, end, g.side * at, outline, color, _LIFTS[2]))
     if end == 0:
         mirror = np.array([-0.09, 0.09]) / wide
         parts.append(_on_screen(b, 0, np.array([[0.72], [0.83]]), mirror, g.seats, _LIFTS[2]))

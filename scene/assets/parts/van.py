@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.assets.parts.bodywork import Body, cabin, roof
-from scene.assets.parts.fittings import on_flank, on_nose
+from scene.assets.parts.bodywork import Body, roof
+from scene.assets.parts.fittings import on_cabin, on_flank, on_nose
 from scene.assets.parts.palette import BLACK, darker
-from scene.assets.parts.skin import sheet, twin_sheets
+from scene.assets.parts.skin import sheet
 from scene.mesh.asset import Asset, Color
 
 _LINE = 0.012
@@ -52,10 +52,8 @@ def van_sides(b: Body, v: VanSides) -> list[Asset]:
 def _upon(
     b: Body, s: tuple[float, float], w: tuple[float, float], color: Color, lift: float = 0.008
 ) -> Asset:
-    """A patch on both sides above the shoulder."""
-    points = cabin(b, np.linspace(*s, 3)[:, None], np.linspace(*w, 2)[None])
-    points[..., 1] += lift
-    return twin_sheets(points, color, "plain")
+    """A patch on both sides between shares ``s`` of the length and ``w`` of the height."""
+    return on_cabin(b, np.linspace(*s, 3)[:, None], np.linspace(*w, 2)[None], color, lift=lift)
 
 
 def _letters(b: Body, s: tuple[float, float], color: Color, seed: int) -> list[Asset]:
