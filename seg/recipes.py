@@ -45,7 +45,7 @@ RECIPES = {
         net="lite0",
         trunk="frozen",
         lr=1e-2,
-        steps=300,
+        steps=1000,
         batch=4,
         head_dropout=0.2,
         loss_stride=2,
@@ -73,7 +73,7 @@ from 150 such steps than from 200 of `paper` (`docs/findings.md`).
 `scratch`: ours, for a start without ImageNet weights: Adam, GroupNorm after every convolution, the compact
 net's augmentation and class weights.
 
-`lite0-frozen`: ours, for all nets on a frozen trunk: Adam, 300 steps of 4, class weights, on features of
+`lite0-frozen`: ours, for all nets on a frozen trunk: Adam, 1000 steps of 4, class weights, on features of
 EfficientNet-Lite0 with ImageNet's weights (Tan and Le, 2019), or of another trunk, of each image and of one
 mirrored, coloured and blurred view of it.
 
@@ -95,8 +95,8 @@ def recipe_for(settings: TrainSettings) -> str:
 def with_net(settings: TrainSettings, **changes: Any) -> TrainSettings:
     """Change net, trunk or weights of settings, and take the recipe that suits them.
 
-    If the recipe stays the same, so do all other fields. Otherwise the steps are the same share of the new
-    recipe's steps as they were of the old one's.
+    If the recipe stays the same, so do all other fields. Otherwise all but the steps are the new recipe's, and
+    so are the steps if they were the old recipe's.
 
     Args:
         settings: settings of the old net.
@@ -112,7 +112,7 @@ def with_net(settings: TrainSettings, **changes: Any) -> TrainSettings:
     if before == after:
         return wanted
     own = RECIPES[after]
-    steps = max(round(own.steps * settings.steps / RECIPES[before].steps), 1)
+    steps = own.steps if settings.steps == RECIPES[before].steps else settings.steps
     names = ("net", "trunk", "weights", "dtype")
     kept = {name: getattr(wanted, name) for name in names}
     return replace(own, **kept, steps=steps)

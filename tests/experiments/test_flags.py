@@ -373,7 +373,7 @@ def test_a_folder_with_the_twins_sizes_is_not_continued_with_others(
     (["--final.train.net=fcn8s"], "scratch", 1000),
     (["--final.train.net", "fcn8s", "--final.train.weights", "w.npz"], "vgg-adam", 1000),
     (["--final.train.trunk", "tuned", "--final.train.steps", "7"], "lite0-tuned", 7),
-    (["--preset", "smoke", "--final.train.net", "lite0"], "lite0-frozen", 6),
+    (["--preset", "smoke", "--final.train.net", "lite0"], "lite0-frozen", 20),
 ])  # fmt: skip
 def test_the_net_decides_how_it_is_trained(arguments, recipe, steps):
     seen = []

@@ -167,9 +167,9 @@ def test_errors_of_both_kinds():
 def test_the_middle_by_hand():
     config = defaults(MainConfig, "camvid", "quick")
     between = fidelities.middle(config.reward, config.final)
-    # sqrt(24 400), sqrt(4 1), sqrt(150 300).
+    # sqrt(24 400), sqrt(4 1), sqrt(150 1000).
     assert (between.size, between.streets, between.shots) == ("240x176", 98, 2)
-    assert (between.train.steps, between.train.net) == (212, config.final.train.net)
+    assert (between.train.steps, between.train.net) == (387, config.final.train.net)
     large = replace(config.final, width=480, height=360)
     # sqrt(240 480) = 339.4 and sqrt(176 360) = 251.7, in multiples of 8.
     assert fidelities.middle(config.reward, large).size == "336x248"

@@ -49,7 +49,7 @@ def test_subsets_and_the_fine_tuning_by_hand():
         pretrain.subsets(100, [0.1], 0)[0], pretrain.subsets(100, [0.1], 1)[0]
     )
     config = defaults("camvid", "quick")
-    assert fine_fidelity(config).train == replace(config.final.train, steps=100, lr=0.01 / 3)
+    assert fine_fidelity(config).train == replace(config.final.train, steps=333, lr=0.01 / 3)
     told = fine_fidelity(replace(config, finetune_steps=7, finetune_lr=0.5)).train
     assert (told.steps, told.lr, told.warmup) == (7, 0.5, 3)
     assert config.seeds >= 4 and config.fractions == (0.05, 0.1, 0.25, 1.0)
