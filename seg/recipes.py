@@ -95,8 +95,8 @@ def recipe_for(settings: TrainSettings) -> str:
 def with_net(settings: TrainSettings, **changes: Any) -> TrainSettings:
     """Change net, trunk or weights of settings, and take the recipe that suits them.
 
-    If the recipe stays the same, so do all other fields. Otherwise all but the steps are the new recipe's, and
-    so are the steps if they were the old recipe's.
+    If the recipe stays the same, so do all other fields. Otherwise the new recipe decides them. A number of
+    steps that was not the old recipe's own stays.
 
     Args:
         settings: settings of the old net.
