@@ -19,19 +19,18 @@ import shutil
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import IO, Any
 from zipfile import BadZipFile
 
 import numpy as np
 
+from experiments.evaluation.cached import Cached, map_names, removable
 from experiments.evaluation.job import Recipe
 from experiments.evaluation.store import digest_of
 from experiments.target.base import Target
 from scene.dataset.render import render_street
 from scene.workers import Workers
-from seg.beside import TrainingSet
 from seg.data import LabelledImages
 from seg.nets.head import Maps
 from seg.nets.trunks import trunk_of
@@ -40,72 +39,15 @@ from seg.settings import TrainSettings
 from seg.views import LOOKS, view_images
 from shell.errors import UserError
 from shell.files import digest, file_digest, read_json, whole_folder, write, write_json
-from shell.sent import here
 
 FOLDER, ABOUT = "shared", "about.json"
 CHUNK = 16
 """Images per task of a worker, in whole batches of the trunk."""
 
 
-class Cached(NamedTuple):
-    """Labelled images in folders of a cache; a task carries this instead of arrays."""
-
-    images: str  # folder of images and labels
-    features: str | None = None  # folder of their features
-    picked: tuple[int, ...] | None = None  # of the images, by index; by default all
-
-    def take(self, indices: Sequence[int] | np.ndarray) -> Cached:
-        """Some of the images by index."""
-        return self._replace(picked=tuple(np.asarray(indices).tolist()))
-
-    def load(self) -> LabelledImages:
-        """Load the images once per process as memory maps; picked images are copied.
-
-        Raises:
-            UserError: a file is missing or cut off.
-        """
-        whole = _load(self._replace(picked=None))
-        return whole if self.picked is None else whole.take(self.picked)
-
-
-def loaded(value: Any) -> Any:
-    """Load cached images as arrays, also within a training set; other values stay as they are."""
-    if isinstance(value, TrainingSet):
-        return value._replace(parts=tuple(map(loaded, value.parts)))
-    return value.load() if isinstance(value, Cached) else value
-
-
-@lru_cache(maxsize=8)
-def _load(cached: Cached) -> LabelledImages:
-    images, labels = (_mapped(cached.images, name) for name in ("images", "labels"))
-    if cached.features is None:
-        return LabelledImages(images, labels)
-    count = len(list(here(cached.features).glob("map*.npy")))
-    maps = tuple(_mapped(cached.features, name) for name in _names(count))
-    return LabelledImages(images, labels, features=maps)
-
-
-def _names(maps: int) -> list[str]:
-    """Names of the files of so many feature maps."""
-    return [f"map{k}" for k in range(max(maps, 1))]
-
-
 def _files(maps: Maps) -> dict[str, np.ndarray]:
     """Feature maps by the names of their files."""
-    return dict(zip(_names(len(maps)), maps, strict=False))
-
-
-def _mapped(folder: str, name: str) -> np.ndarray:
-    path = here(folder) / f"{name}.npy"
-    try:
-        return np.asarray(np.load(path, mmap_mode="r"))
-    except (OSError, ValueError, EOFError) as error:
-        raise UserError(f"{path} cannot be read ({error}); {removable(folder)}") from None
-
-
-def removable(folder: str | Path) -> str:
-    """The end of errors about a file of a cache."""
-    return f"remove {folder}, and the same command writes it anew"
+    return dict(zip(map_names(len(maps)), maps, strict=False))
 
 
 class Cache:

@@ -18,7 +18,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from experiments.evaluation.cache import Cached, loaded
+from experiments.evaluation.cached import Cached, loaded
 from experiments.evaluation.job import Keeps, Parts, Recipe, Result, Source, rendered_of
 from experiments.evaluation.made_with import refuse_other
 from experiments.evaluation.predictions import Predictions, compared, picked

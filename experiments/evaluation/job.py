@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from experiments.config import Fidelity, RewardKind
+from experiments.evaluation.cached import Cached
 from experiments.evaluation.made_with import MadeWith
 from experiments.evaluation.predictions import Predictions
 from experiments.target.base import Side
@@ -14,9 +15,6 @@ from seg.beside import TrainingSet
 from seg.classes import ClassTable, class_table
 from seg.data import LabelledImages
 from seg.pyramid import Statistics
-
-if TYPE_CHECKING:
-    from experiments.evaluation.cache import Cached
 
 Parts = tuple[tuple[int, int], ...]
 """First image of each part of the tested images, and the first image after it."""

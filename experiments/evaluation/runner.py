@@ -20,7 +20,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from experiments.config import RewardKind
-from experiments.evaluation.cache import Cache, Cached, by_target, sent
+from experiments.evaluation.cache import Cache, by_target, sent
+from experiments.evaluation.cached import Cached
 from experiments.evaluation.cost import job_cost
 from experiments.evaluation.evaluate import (
     attempt,

@@ -10,7 +10,8 @@ import pytest
 
 from experiments.config import Fidelity
 from experiments.evaluation import cache
-from experiments.evaluation.cache import ABOUT, FOLDER, Cache, loaded
+from experiments.evaluation.cache import ABOUT, FOLDER, Cache
+from experiments.evaluation.cached import loaded
 from experiments.evaluation.evaluate import evaluate_miou, worker_environment
 from experiments.evaluation.job import Job, Recipe
 from experiments.evaluation.runner import Runner, about

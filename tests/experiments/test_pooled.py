@@ -10,7 +10,7 @@ import pytest
 import sdr_jax
 from experiments.config import MainConfig, check
 from experiments.config.presets import defaults
-from experiments.evaluation.cache import Cached, loaded
+from experiments.evaluation.cached import Cached, loaded
 from experiments.evaluation.job import Result, StreetPool, Subset
 from experiments.evaluation.store import identity
 from experiments.run import pooled

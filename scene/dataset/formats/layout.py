@@ -107,9 +107,8 @@ LAYOUTS: dict[str, Layout] = {
         {"image": "images/{split}/{stem}.png", "objects": "labels/{split}/{stem}.txt"},
         {"names": Summary("data.yaml", yolo.names), "card": CARD},
     ),
-    # Its pictures are packed at the end.
     "parquet": Layout(
-        {"image": ".export/images/{stem}.png", "label_ids": ".export/labels/{stem}.png"},
+        parquet.FILES,
         {"card": Summary("README.md", parquet.parquet_card)},
         published=False,
         packages=parquet.PACKAGES,

@@ -18,6 +18,8 @@ from scene.dataset.formats.card import SPLIT, card
 from shell.files import write
 
 PACKAGES = ("pyarrow",)
+FILES = {"image": ".export/images/{stem}.png", "label_ids": ".export/labels/{stem}.png"}
+"""Kind of picture -> its file until all are packed."""
 COLUMNS = {"image": "image", "label_ids": "label"}
 """Kind of picture -> column."""
 SHARD = 250_000_000
@@ -56,9 +58,6 @@ def pack(folder: Path, about: About) -> None:
     import pyarrow
     from pyarrow import parquet
 
-    from scene.dataset.formats.layout import layout
-
-    files = layout("parquet").files
     picture = pyarrow.struct({"bytes": pyarrow.binary(), "path": pyarrow.string()})
     schema = pyarrow.schema(
         {**dict.fromkeys(COLUMNS.values(), picture), "classes": pyarrow.list_(pyarrow.int64())},
@@ -78,7 +77,7 @@ def pack(folder: Path, about: About) -> None:
         with parquet.ParquetWriter(held, schema) as writer:
             for first in range(start, end, GROUP):
                 rows = [
-                    _row(folder, files, next(records), about)
+                    _row(folder, next(records), about)
                     for _ in range(first, min(first + GROUP, end))
                 ]
                 writer.write_table(pyarrow.Table.from_pylist(rows, schema))
@@ -86,13 +85,11 @@ def pack(folder: Path, about: About) -> None:
         write(folder / "data" / name, held.getvalue(), folder / ".export" / "parts" / name)
 
 
-def _row(
-    folder: Path, files: dict[str, str], record: dict[str, Any], about: About
-) -> dict[str, Any]:
+def _row(folder: Path, record: dict[str, Any], about: About) -> dict[str, Any]:
     stem = record["stem"]
     row: dict[str, Any] = {
         column: {
-            "bytes": (folder / files[kind].format(stem=stem)).read_bytes(),
+            "bytes": (folder / FILES[kind].format(stem=stem)).read_bytes(),
             "path": f"{stem}.png",
         }
         for kind, column in COLUMNS.items()
