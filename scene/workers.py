@@ -25,8 +25,9 @@ from shell.memory import refuse_larger
 
 ExecutorName = Literal["processes", "dask"]
 Self = TypeVar("Self", bound="Workers")
-LEAST_URGENT = 19
-"""Niceness of processes for work of low priority, if the system has it."""
+LESS_URGENT = 10
+"""Niceness of processes for work of low priority, if the system has it. With the greatest, 19, a net that was
+begun would wait for hours beside programs of others."""
 AHEAD = 2
 """Tasks per worker that are begun before their results are taken."""
 PROCESS = 100_000_000
@@ -80,7 +81,6 @@ class Workers:
         *,
         net: bool = False,
         first: Callable[..., Any] | None = None,
-        behind: bool = False,
         begun: Mapping[int, Future] | None = None,
     ) -> Iterator[tuple[int, Any]]:
         """Yield (index, ``function(*tasks[index])``) as results come.
@@ -91,8 +91,7 @@ class Workers:
             net: whether it trains or applies a net, and uses a GPU if there is one.
             first: the part without a GPU. On a cluster with GPUs it is a separate task, for
                 ``function(*task, ready=first(*task))``.
-            behind: whether all urgent work goes first.
-            begun: tasks by index that `begin` has begun.
+            begun: tasks by index that were given to `begin`; those that still wait are urgent now.
 
         Raises:
             WorkerError: a process died, and died again when the work was repeated.
@@ -103,13 +102,14 @@ class Workers:
                 yield index, function(*task)
             return
         done: set[int] = set()
-        futures = dict(begun or {})
+        given = (begun or {}).items()
+        futures = {index: future for index, future in given if not self._taken_back(future)}
         try:
             for attempt in range(2):
                 try:
                     for index, task in enumerate(tasks):
                         if index not in done and index not in futures:
-                            futures[index] = self._submit(function, task, net, first, behind)
+                            futures[index] = self._submit(function, task, net, first, False)
                     for index, result in self._results(futures):
                         done.add(index)
                         yield index, result
@@ -188,6 +188,10 @@ class Workers:
         """The result of finished work."""
         return future.result()
 
+    def _taken_back(self, future: Future) -> bool:
+        """Take back work of low priority that still waits; returns whether it did."""
+        return False
+
     def _drop(self, futures: Iterable[Future]) -> None:
         """Drop unfinished work."""
         self.close()
@@ -199,8 +203,8 @@ class Workers:
 class WorkerPool(Workers):
     """``workers`` processes of this machine with one thread each, and as many of low priority when needed.
 
-    The system chooses their cores, since other jobs may run, too. Processes of low priority run only on idle
-    cores. If there are GPUs, each process sees one.
+    The system chooses their cores, since other jobs may run, too. Processes of low priority run mostly on
+    idle cores. If there are GPUs, each process sees one.
     """
 
     def __init__(self, workers: int, environment: dict[str, str] | None = None) -> None:
@@ -238,6 +242,9 @@ class WorkerPool(Workers):
                 self._stop(behind)
                 return self._executor(behind).submit(function, *task)
 
+    def _taken_back(self, future: Future) -> bool:
+        return future.cancel()
+
     def _executor(self, behind: bool) -> Executor:
         if behind not in self._executors:
             context = multiprocessing.get_context("spawn")
@@ -245,7 +252,7 @@ class WorkerPool(Workers):
                 self.workers,
                 mp_context=context,
                 initializer=_start,
-                initargs=(context.Value("i", 0), LEAST_URGENT if behind else 0),
+                initargs=(context.Value("i", 0), LESS_URGENT if behind else 0),
             )
         return self._executors[behind]
 

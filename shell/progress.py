@@ -72,7 +72,7 @@ class Progress:
         self.standing = ""
         self._done = self._worked = 0.0
         self._nets = 0
-        self._started = time.perf_counter()
+        self._started = self._paced = self._latest = time.perf_counter()
         self._stream = stream or sys.stdout
         self._console = Console(file=self._stream)
         # Rich draws nothing on terminals without a cursor; when forced, it would draw into files.
@@ -101,15 +101,19 @@ class Progress:
         """Seconds left at the pace of this session, None before any work is done."""
         if self._worked <= 0:
             return None
-        pace = (time.perf_counter() - self._started) / self._worked
+        pace = (time.perf_counter() - self._paced) / self._worked
         return max(self._total - self._done, 0.0) * pace
 
     def advance(self, units: float = 1.0, *, replayed: bool = False) -> None:
-        """Count work as done; replayed work does not enter the estimate."""
+        """Count work as done; replayed work and its time do not enter the estimate."""
+        now = time.perf_counter()
         self._done += units
-        if not replayed:
+        if replayed:
+            self._paced += now - self._latest
+        else:
             self._worked += units
             self._nets += 1
+        self._latest = now
 
     def say(self, text: str) -> None:
         """Print a line that stays."""

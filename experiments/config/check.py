@@ -104,7 +104,7 @@ def _check_answer(config: SearchConfig) -> None:
         own = OF_POOL if config.search.method == "pool" else OF_OTHERS
         raise UserError(
             f"--candidates {' '.join(config.candidates)}: --method {config.search.method} has "
-            f"argmax, {', '.join(own)}, random and default"
+            f"{', '.join(own)}, random and default"
         )
     if config.search.method == "pool":
         _check_pool(config)

@@ -98,6 +98,8 @@ _QUICK_REAL: Table = {
     # For methods without a pool; 12 streets with 8 images have more noise (`sdr-jax study fidelity`).
     "reward": {"streets": 24, "shots": 4},
     "final": {"streets": 400},
+    # Ten, as on the twin, would take longer than the search and the final nets together.
+    "candidate_seeds": 6,
 }
 
 _PAPER_NET = {"recipe": "paper"}

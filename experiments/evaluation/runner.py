@@ -245,9 +245,7 @@ class Runner:
         if len(tasks) < self._workers.workers and not begun:  # otherwise some workers would be idle
             tasks, rendered = zip(*map(self._rendered_by_all, tasks), strict=True)
         own = {n: begun[keys[work[n][0]]] for n in range(len(work)) if keys[work[n][0]] in begun}
-        made = self._workers.map(
-            attempt, tasks, net=True, first=prepared, behind=bool(begun), begun=own
-        )
+        made = self._workers.map(attempt, tasks, net=True, first=prepared, begun=own)
         for number, results in made:
             several = results if isinstance(results, list) else [results]
             for index, result in zip(work[number], several, strict=True):

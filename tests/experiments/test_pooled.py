@@ -223,7 +223,7 @@ def test_the_whole_choice_is_written_and_read(config, scored_by):
     ({"pool": {"bound": 0.0}}, "--search.pool.bound must be positive"),
     ({"trunk": "tuned"}, "--method pool keeps the features of a frozen trunk"),
     ({"net": "compact"}, "has the net compact"),
-    ({"candidates": ("seen", "broad")}, "--candidates seen broad: --method pool has argmax, last"),
+    ({"candidates": ("seen", "broad")}, "--candidates seen broad: --method pool has last"),
     ({"reward_kind": "mmd"}, "--method pool needs --reward-kind miou"),
 ])  # fmt: skip
 def test_what_it_cannot_do(config, change, says):

@@ -37,6 +37,11 @@ def surroundings():
     return cores, threads, cv2.getNumThreads(), gpu, os.environ.get("SCENE_TEST"), os.getpid()
 
 
+def wait_for(path: str) -> None:
+    while not os.path.exists(path):
+        time.sleep(0.01)
+
+
 @pytest.mark.parametrize("workers", [0, 1, 2])
 def test_every_task_is_answered_with_its_index_and_errors_are_passed_on(workers):
     with WorkerPool(workers) as pool:
@@ -61,14 +66,25 @@ def test_work_of_a_killed_worker_is_done_again_but_of_one_killed_twice_is_an_err
 def test_a_worker_that_dies_between_two_tasks_is_replaced():
     with WorkerPool(1) as pool:
         for behind in (False, True):
-            [(_, (*_, pid))] = pool.map(surroundings, [()], behind=behind)
+            pid = pool.begin(os.getpid, behind=behind).result()
             os.kill(pid, signal.SIGKILL)
             executor = pool._executors[behind]
             while not executor._broken:
                 time.sleep(0.01)
             begun = {0: pool.begin(square, 2)} if behind else {}
-            answers = pool.map(square, [(2,), (3,)], behind=behind, begun=begun)
+            answers = pool.map(square, [(2,), (3,)], begun=begun)
             assert sorted(answers) == [(0, 4), (1, 9)]
+
+
+def test_requested_work_that_still_waits_behind_other_work_is_urgent(tmp_path):
+    with WorkerPool(1) as pool:
+        gate = tmp_path / "gate"
+        blocked = [pool.begin(wait_for, str(gate)) for _ in range(3)]  # one waits for its process
+        asked = pool.begin(os.getpriority, os.PRIO_PROCESS, 0)
+        assert list(pool.map(os.getpriority, [(os.PRIO_PROCESS, 0)], begun={0: asked})) == [(0, 0)]
+        assert asked.cancelled() and not blocked[0].done()
+        gate.touch()
+        assert list(pool.map(wait_for, [(str(gate),)], begun={0: blocked[0]})) == [(0, None)]
 
 
 def test_workers_have_one_thread_one_gpu_their_environment_and_leaving_early_drops_the_work():
@@ -79,8 +95,7 @@ def test_workers_have_one_thread_one_gpu_their_environment_and_leaving_early_dro
         assert own[0] is None or own[0] == os.sched_getaffinity(0)
         assert pid != os.getpid()
         assert list(pool.map(surroundings, [()])) == [(0, (*own, pid))]  # long-lived
-        behind = pool.begin(os.getpriority, os.PRIO_PROCESS, 0)
-        assert list(pool.map(square, [(3,)], begun={0: behind})) == [(0, 19)]
+        assert pool.begin(os.getpriority, os.PRIO_PROCESS, 0).result() == 10
         assert 0 < pool.cpu_share() < 2
     assert "SCENE_TEST" not in os.environ
     started = time.monotonic()

@@ -48,11 +48,12 @@ def test_time_left_by_hand_and_replayed_work_does_not_set_the_pace(clock):
     told.advance(8)
     assert told.left == 0  # more than was planned is no negative time
     told = Progress(total=10, elapsed=500, stream=io.StringIO())
+    clock.now += 20  # to read what is known
     told.advance(6, replayed=True)
     assert told.left is None
     clock.now += 8
     told.advance(1)
-    assert told.left == pytest.approx(3 * 8) and told.elapsed == 508
+    assert told.left == pytest.approx(3 * 8) and told.elapsed == 528
     told = [duration(seconds) for seconds in (0.2, 75, 99.4, 120, 3600, 9000)]
     assert told == ["0 s", "75 s", "99 s", "2 min", "60 min", "2.5 h"]
 
