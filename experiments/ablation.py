@@ -130,7 +130,13 @@ def planned(config: AblationConfig) -> dict[Variant, SearchPlan]:
     """
     method = config.search.method
     return {
-        variant: plans.plan(without(config, variant), variant, method, subset_of(variant, config))
+        variant: plans.plan(
+            without(config, variant),
+            variant,
+            method,
+            subset_of(variant, config),
+            config.evaluations,
+        )
         for variant in config.variants
         if variant != RANDOM
     }

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -27,7 +26,7 @@ from experiments.evaluation.job import Source
 from experiments.run import plans
 from experiments.run.context import Run, Work
 from experiments.run.fidelities import fidelities
-from experiments.run.pooled import affordable, work_of
+from experiments.run.pooled import work_of
 from experiments.run.rewards import SearchPlan
 from experiments.run.search import Found, search
 from experiments.study.figure import plt, png
@@ -114,17 +113,13 @@ def planned(config: CompareConfig) -> list[SearchPlan]:
     """
     found = []
     for row in compared(config):
+        own = row.name, row.method, row.subset
         if row.method == RANDOM:
             continue
-        own = config
-        if config.core_minutes is not None:
-            count = affordable(config, row.method, config.core_minutes)
-            if not count:
-                raise UserError(
-                    f"--core-minutes {config.core_minutes:g} are too few for one update of {row.method}"
-                )
-            own = replace(config, evaluations=count)
-        found.append(plans.plan(own, row.name, row.method, row.subset))
+        if config.core_minutes is None:
+            found.append(plans.plan(config, *own, config.evaluations))
+        else:
+            found.append(plans.within(config, *own, config.core_minutes))
     return found
 
 
@@ -157,7 +152,7 @@ def rows(config: CompareConfig, _: Target) -> list[Row]:
         if own.method == RANDOM:
             return config.streets("random")
         found: Found = made[own.name]
-        return found.answers.get("last", found.solution)
+        return found.answer
 
     return [
         Row(

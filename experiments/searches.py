@@ -18,12 +18,14 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+from experiments.config import check as check_flags
 from experiments.config.cli import command
 from experiments.config.studies import ManyConfig
 from experiments.evaluation.job import Source
-from experiments.run import few
+from experiments.run import few, learn, plans
 from experiments.run.context import Run, Work
-from experiments.run.learn import Learnt, learn, plan_of, work_of
+from experiments.run.learn import Learnt
+from experiments.run.rewards import SearchPlan
 from experiments.study.figure import plt, png
 from experiments.study.form import (
     Column,
@@ -65,12 +67,15 @@ def check(config: ManyConfig) -> None:
     """Raise UserError with the flag for a field out of range."""
     if "random_attributes" in config.methods:
         raise UserError("--methods random_attributes searches for nothing: it is the row random")
-    for own in configured(config).values():
-        plan_of(own)
+    for name, own in configured(config).items():
+        check_flags(own)
+        plan_of(own, name)
 
 
 def configured(config: ManyConfig) -> dict[str, ManyConfig]:
-    """The configuration of every search by name."""
+    """The configuration of every search by name; with equal core minutes its own answer is the candidate."""
+    if config.core_minutes is not None:
+        config = replace(config, candidates=("argmax", "last"), candidate_seeds=1)
     return {
         f"{method}-{seed}": replace(config, seed=seed, search=replace(config.search, method=method))
         for seed in range(config.seed, config.seed + config.searches)
@@ -78,19 +83,35 @@ def configured(config: ManyConfig) -> dict[str, ManyConfig]:
     }
 
 
+def plan_of(config: ManyConfig, name: str) -> SearchPlan:
+    """Plan one of the searches.
+
+    Raises:
+        UserError: an option out of range, or too few core minutes.
+    """
+    if config.core_minutes is None:
+        return learn.plan_of(config, name)
+    method = config.search.method
+    return plans.within(config, name, method, config.varied, config.core_minutes)
+
+
 def searches(config: ManyConfig) -> dict[str, Search]:
     """Every search, with its own model selection."""
-    return {name: partial(learn, config=own, name=name) for name, own in configured(config).items()}
+    return {
+        name: partial(learn.learn, config=own, name=name, plan=plan_of(own, name))
+        for name, own in configured(config).items()
+    }
 
 
 def work(config: ManyConfig) -> list[Work]:
     """Plan rewards and candidates of all searches."""
-    own = configured(config)
+    found: dict[str, list[Work]] = {}
+    for name, own in configured(config).items():
+        for kind in learn.work_of(own, plan_of(own, name)):
+            found.setdefault(kind.what, []).append(kind)
     return [
-        kind[0]._replace(
-            what=f"{kind[0].what}, {len(own)} searches", nets=sum(each.nets for each in kind)
-        )
-        for kind in zip(*(work_of(each) for each in own.values()), strict=True)
+        kind[0]._replace(what=f"{what}, {len(kind)} searches", nets=sum(each.nets for each in kind))
+        for what, kind in found.items()
     ]
 
 
@@ -105,7 +126,7 @@ def rows(config: ManyConfig, target: Target) -> list[Row]:
 
     def answer(name: str, own: bool, run: Run[ManyConfig], made: Made, seed: int) -> Source:
         found: Learnt = made[name]
-        return few.beside(run, config.final, found.found.solution if own else found.streets)
+        return few.beside(run, config.final, found.found.answer if own else found.streets)
 
     def row(name: str, source: Any, after: str = "", real: bool = False) -> Row:
         return Row({"name": name}, source, config.final, "searches", name, after, real)
@@ -129,7 +150,7 @@ def report(run: Run[ManyConfig], made: Made, rows: list[Report]) -> Report:
     return {
         **few.about(run),
         "rewards_at": config.reward.size,
-        "evaluations": plan_of(config).evaluations,
+        "core_minutes": config.core_minutes,
         "space": config.space,
         "baselines": {name: own for name, own in scored.items() if name in BASELINES},
         "searches": [
@@ -210,6 +231,7 @@ EACH: list[Column] = [
     estimate("over random", lambda search: search["over_random"], "+.1f")[0],
     estimate("over hand-set", lambda search: search["over_default"], "+.1f")[0],
     ("its method's own answer, mIoU", lambda search: number(search.get("own_answer"))),
+    ("rewards", lambda search: str(len(search["rewards"]))),
     ("reward, first third", lambda search: number(thirds(search["rewards"])[0])),
     ("last third", lambda search: number(thirds(search["rewards"])[1])),
     ("best", lambda search: number(_best(search))),
@@ -224,9 +246,8 @@ def text(report: Report) -> str:
     lines = [
         introduction(report),
         "",
-        f"Every search had {report['evaluations']} rewards at {report['rewards_at']} in the space "
-        f"{report['space']}; its answer was chosen on the reward images, among its method's in several "
-        "readings and the hand-set street. Intervals of methods are over searches and seeds of nets, "
+        f"{_spent(report)} at {report['rewards_at']} in the space {report['space']}; {_chosen(report)}. "
+        "Intervals of methods are over searches and seeds of nets, "
         "both drawn at random: a two-way analysis of variance with "
         "Satterthwaite's degrees of freedom.",
         *([f"All rendered sets stand beside {beside} labelled images."] if beside else []),
@@ -241,6 +262,24 @@ def text(report: Report) -> str:
         *failed_evaluations(search["rewards"] for search in searches),
     ]
     return "\n".join(lines)
+
+
+def _spent(report: Report) -> str:
+    """What every search had, in words."""
+    if report.get("core_minutes"):
+        return f"Every search had rewards for {report['core_minutes']:g} minutes of a core"
+    counts = sorted({len(search["rewards"]) for search in report["searches"]})
+    return f"Every search had {' or '.join(map(str, counts))} rewards"
+
+
+def _chosen(report: Report) -> str:
+    """How answers were chosen, in words."""
+    if report.get("core_minutes"):
+        return "its answer is its method's own"
+    return (
+        "its answer was chosen on the reward images, among its method's in several readings and the "
+        "hand-set street"
+    )
 
 
 def _hand_set(searches: list[Report]) -> list[str]:

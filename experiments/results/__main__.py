@@ -1,21 +1,24 @@
 """Makes every recorded result and their page from one commit: `make results`.
 
-    sdr-jax results --data CAMVID                    # all; hours on two cores
-    sdr-jax results --data CAMVID --only labels-0006R0 --docs docs
-    sdr-jax results --data CAMVID --preset smoke     # all of it, tiny: only a trial
+    sdr-jax results --data CAMVID --facades LABELMEFACADE      # all; hours on two cores
+    sdr-jax results --data CAMVID --only camvid --docs docs
+    sdr-jax results --data CAMVID --preset smoke               # all of it, tiny: only a trial
 
 Each part is a command with its own folder, in the order of the page; all share a store, so that nothing is
-evaluated twice. The same command continues a killed run. A folder from another commit is refused.
+evaluated twice. Parts on data that is not given are left out. The same command continues a killed run. A
+folder from another commit is refused.
 """
 
 from __future__ import annotations
 
+import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
-from experiments.results.parts import NAMES, parts
+from experiments.config.config import TargetName
+from experiments.config.presets import VARIABLES
+from experiments.results.parts import Data, Size, parts
 from shell.command import Parser, docstring, exit_code
 from shell.errors import UserError, refuse_repeats
 from shell.flags import add_flag, filled, flags_of
@@ -26,21 +29,25 @@ class ResultsConfig:
     """The parts to make, and their folders."""
 
     data: Path | None = None
-    """CamVid in the SegNet distribution."""
+    """CamVid in the SegNet distribution; by default the variable CAMVID_DIR."""
+    facades: Path | None = None
+    """LabelMeFacade; by default the variable LABELMEFACADE_DIR."""
     out: Path = Path("runs/results")
     """Folder of all runs."""
     store: Path | None = None
     """File of evaluations that runs share, instead of OUT/store.jsonl; known ones are not made again."""
     docs: Path | None = None
     """Also write results.md, with pictures and reports in results/, into this folder."""
-    only: tuple[str, ...] = NAMES
-    """The parts to make."""
-    preset: Literal["smoke", "quick"] = "quick"
+    only: tuple[str, ...] = ()
+    """The parts to make; by default all of them."""
+    preset: Size = "quick"
     """How much is spent."""
     weights: Path | None = None
     """VGG16's weights from `sdr-jax weights convert`, which add FCN8s and DeepLabv2 (two hours)."""
-    searches: int = 5
-    """Number of searches of each method, and of twins."""
+    searches: int = 3
+    """Number of searches of each method."""
+    twins: int = 5
+    """Number of twins, far and near ones each."""
 
 
 def parser() -> Parser:
@@ -51,30 +58,38 @@ def parser() -> Parser:
     return options
 
 
+def _folder(target: TargetName) -> Path | None:
+    """The folder of a target's data that its variable names."""
+    named = os.environ.get(VARIABLES[target])
+    return Path(named) if named else None
+
+
 def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
     default, options = ResultsConfig(), parser()
     given = vars(options.parse_args(arguments))
-    if "data" not in given:
-        options.error("--data needs the folder of CamVid")
     from experiments.results.making import make  # the help needs no job
 
     def work() -> None:
         config = filled(default, given)
         refuse_repeats("--only", config.only)
-        for name in config.only:
-            if name not in NAMES:
-                raise UserError(f"--only {name} is none of the parts: {', '.join(NAMES)}")
-        if config.searches < 1:
-            raise UserError(f"--searches must be 1 or more, not {config.searches}")
-        assert config.data is not None
-        wanted = parts(config.data, config.out, config.preset, config.searches, config.weights)
-        make(
-            [part for part in wanted if part.name in config.only],
-            config.out,
-            config.docs,
-            config.store,
+        for name in ("searches", "twins"):
+            if given.get(name, 1) < 1:
+                raise UserError(f"--{name} must be 1 or more, not {given[name]}")
+        data = Data(
+            config.data or _folder("camvid"),
+            config.facades or _folder("labelmefacade"),
+            config.weights,
         )
+        every = parts(data, config.out, config.preset, config.searches, config.twins)
+        names = [part.name for part in every]
+        for name in config.only:
+            if name not in names:
+                raise UserError(
+                    f"--only {name} is none of the parts that this data makes: {', '.join(names)}"
+                )
+        wanted = [part for part in every if part.name in (config.only or names)]
+        make(wanted, config.out, config.docs, config.store)
 
     return exit_code(work, debug=given["debug"])
 

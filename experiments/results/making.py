@@ -108,7 +108,7 @@ def make(
 
         for number, part in enumerate(wanted, 1):
             if not known.get(part.name, {}).get("done"):
-                print(f"\n== {number} of {len(wanted)}: {part.title} ==", flush=True)
+                print(f"\n== {number} of {len(wanted)}: {part.name} ==", flush=True)
                 if (code := attempt(part)) != 0:
                     raise UserError(
                         f"{part.name} ended with exit code {code}; once that is put right, the same "

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from experiments.results.parts import Part
+from experiments.results.parts import GROUPS, Part
+from experiments.study.form import Column, Report, estimate, table
+from experiments.study.stats import estimated
 from scene.version import ENGINE
 from shell import files
 from shell.progress import duration
 
 NAME = "results.md"
+OTHERS = ("random", "default", "few", "real")
+"""Rows of a report of searches that are no search."""
 
 
 def write(
@@ -33,7 +37,7 @@ def write(
     shown.mkdir(parents=True, exist_ok=True)
     for part in parts:
         if part.name in times:
-            for suffix in ("json", "png"):
+            for suffix in ("json",) if GROUPS[part.group].summed else ("json", "png"):
                 source = out / part.name / f"{part.study}.{suffix}"
                 shutil.copyfile(source, shown / f"{part.name}.{suffix}")
     files.write(docs / NAME, text(parts, times, origin, out, "results"))
@@ -49,19 +53,77 @@ def text(
     """The page, in Markdown; pictures from the runs' folders, or from another."""
     missing = [part.name for part in parts if part.name not in times]
     lines = [
-        "# Results on real CamVid",
+        "# All results",
         "",
         f"Made by `make results` with engine {ENGINE}, at commit {origin}",
         *([f"Not made yet: {', '.join(missing)}."] if missing else []),
     ]
-    for part in parts:
-        if part.name in times:
-            table = (out / part.name / f"{part.study}.md").read_text().strip()
-            own = f"{part.name}/{part.study}.png"
-            where = f"{shown}/{part.name}.png" if shown else own
-            lines += [
-                "", f"## {part.title}", part.asks, "",
-                f"`{part.shown}`, {duration(times[part.name])}", "",
-                table, "", f"![{part.title}]({where})",
-            ]  # fmt: skip
+    for name, group in GROUPS.items():
+        own = [part for part in parts if part.group == name and part.name in times]
+        if not own:
+            continue
+        lines += ["", f"## {group.title}", group.asks]
+        if group.summed:
+            lines += ["", *_summary(own, out)]
+        for part in own:
+            said = f"`{part.shown}`, {duration(times[part.name])}"
+            lines += ["", said] if not group.summed else [f"- {part.name}: {said}"]
+            if not group.summed:
+                picture = f"{part.name}/{part.study}.png"
+                where = f"{shown}/{part.name}.png" if shown else picture
+                own_table = (out / part.name / f"{part.study}.md").read_text().strip()
+                lines += ["", own_table, "", f"![{part.name}]({where})"]
     return "\n".join([*lines, ""])
+
+
+def _summary(parts: Sequence[Part], out: Path) -> list[str]:
+    """A table with a row for each part's search, and the means of all of one kind."""
+    rows = [_row(part, out) for part in parts]
+    means = list(_means(rows))
+    return [*table(COLUMNS, [*rows, *means]), ""]
+
+
+def _row(part: Part, out: Path) -> Report:
+    """The rows of a report of searches, side by side."""
+    report = files.read_json(out / part.name / f"{part.study}.json")
+    found = {row["name"]: row for row in report["rows"] if row["judged"]}
+    (learnt,) = (row for name, row in found.items() if name not in OTHERS)
+    return {
+        "name": part.name,
+        **{name: found[name] for name in OTHERS if name in found},
+        "learnt": learnt,
+        "over_random": learnt["gain_over_random"],
+        "over_default": learnt["gain_over_default"],
+    }
+
+
+def _means(rows: Sequence[Report]) -> Iterator[Report]:
+    """The means over parts whose names differ in the number at their end, with intervals over these."""
+    kinds: dict[str, list[Report]] = {}
+    for row in rows:
+        kind, _, number = row["name"].rpartition("-")
+        if number.isdigit() and len(number) == 1:
+            kinds.setdefault(kind, []).append(row)
+    for kind, own in kinds.items():
+        names = [name for name in own[0] if name != "name"]
+        yield {
+            "name": f"mean of {len(own)} {kind}",
+            **{name: estimated([row[name]["mean"] for row in own]) for name in names},
+        }
+
+
+def _mean(head: str, name: str) -> Column:
+    return estimate(head, lambda row: row.get(name))[0]
+
+
+COLUMNS: list[Column] = [
+    ("target", lambda row: row["name"]),
+    _mean("labels alone", "few"),
+    _mean("random", "random"),
+    _mean("hand-set", "default"),
+    _mean("learnt", "learnt"),
+    _mean("real", "real"),
+    *estimate("learnt over random", lambda row: row["over_random"], "+.1f"),
+    *estimate("over hand-set", lambda row: row["over_default"], "+.1f"),
+]
+"""mIoU in percent; intervals of a part are over its nets, those of means over its parts."""

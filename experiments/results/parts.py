@@ -1,21 +1,63 @@
-"""The parts of the results, each of which is a command."""
+"""The parts of the results, each of which is a command, in groups of the page."""
 
 from __future__ import annotations
 
 import shlex
+from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
-HOLDOUT, OTHER = "0006R0", "0001TP"
-"""The held-out sequence, and another one that replaces it once."""
+from experiments.config.config import TargetName
+
+HOLDOUT = "0006R0"
+"""The held-out sequence of CamVid."""
+
+
+class Group(NamedTuple):
+    """Parts that answer one question."""
+
+    title: str
+    asks: str  # its question in a sentence
+    summed: bool = False  # whether one table has a row for each part, in place of the parts' own
+
+
+GROUPS = {
+    "main": Group(
+        "Learnt streets",
+        "What nets gain that are trained on learnt streets: CamVid by the paper's protocol, CamVid without "
+        f"the sequence {HOLDOUT}, and LabelMeFacade.",
+    ),
+    "twins": Group(
+        "Twins (not real data)",
+        "The same on targets that our own engine renders with hidden attributes, far from the hand-set "
+        "street and near it.",
+        summed=True,
+    ),
+    "labels": Group("Labels beside renders", "What renders add to a few labelled images."),
+    "few": Group(
+        "Searches that know the labels",
+        "Do learnt streets add more to a labelled subset than random ones? Every row is a training set "
+        "beside the subset, and rewards are of nets that have it, too.",
+        summed=True,
+    ),
+    "rivals": Group(
+        "Rivals", "Search methods at equal minutes of a core, without model selection."
+    ),
+    "paper": Group(
+        "The paper's tables",
+        "Training sets, ablation, assets, pre-training and sensitivity, on a far twin and on CamVid.",
+    ),
+    "scale": Group("Scale", "What larger pools of streets are worth in the search.", summed=True),
+    "images": Group("More images", "What larger sets of learnt and of random streets are worth."),
+}
+"""The sections of the page in their order."""
 
 
 class Part(NamedTuple):
     """One command."""
 
     name: str  # of its folder
-    title: str
-    asks: str  # its question in a sentence
+    group: str  # among `GROUPS`
     module: str
     flags: tuple[str, ...]
 
@@ -39,118 +81,123 @@ class Part(NamedTuple):
         return shlex.join(words)
 
 
-SEARCH = (
-    "--search.updates-per-group",
-    "5",
-    "--search.datasets-per-update",
-    "2",
-)
-"""Flags of every search: 90 rewards instead of the preset's 288."""
-LARGE = (
-    "--final.width", "480", "--final.height", "360", "--final.streets", "100", "--final.shots", "4",
-    "--final.samples", "2",
-)  # fmt: skip
-"""Flags of final nets; in studies that compare searches, nets have the size of rewards, as in the preset."""
+class Data(NamedTuple):
+    """Where real data is; parts on what is None are left out."""
 
-METHODS = (
-    "random_attributes", "random_search", "attribute_descent", "sdr", "surrogate", "intervals",
-)  # fmt: skip
-"""The compared methods."""
-NAMES = (
-    "searches", f"labels-{HOLDOUT}", f"labels-{OTHER}", "table", "pretrain", "ablation", "assets",
-    "compare", "fidelity", "sensitivity", "twins",
-)  # fmt: skip
-"""Names of all parts."""
+    camvid: Path | None = None
+    labelmefacade: Path | None = None
+    weights: Path | None = None  # VGG16's, which add FCN8s and DeepLabv2 to the tables
+
+    def flags(self, target: TargetName) -> tuple[str, ...] | None:
+        """Flags of a target, or None without its data."""
+        if target == "twin":
+            return ("--target", target)
+        folder = self.camvid if target == "camvid" else self.labelmefacade
+        return None if folder is None else ("--target", target, "--data", str(folder))
 
 
-def parts(
-    data: Path, out: Path, preset: str, searches: int, weights: Path | None = None
-) -> list[Part]:
-    """Make every part in the order of the page.
+Size = Literal["smoke", "quick"]
+LARGE = ("--final.width", "480", "--final.height", "360")
+MINUTES, TWIN_MINUTES = "15", "6"
+"""Minutes of a core of each rival."""
+RIVALS = ("pool", "intervals", "surrogate", "sdr", "random_search", "tpe", "gaussian_process")
+COUNTS = ("7", "14", "27", "67")
+"""Numbers of labelled images with a search of their own."""
+POOLS = ("300", "1200", "4800")
+"""Streets of a pool; a third of them make a subset."""
+
+
+def parts(data: Data, out: Path, preset: Size, searches: int, twins: int) -> list[Part]:
+    """Make every part for which there is data, in the order of the page.
 
     Args:
-        data: the folder of CamVid.
-        out: folder of all runs; parts take learnt attributes from the first search in it.
+        data: folders of real data, and weights.
+        out: folder of all runs; some parts take what another has learnt.
         preset: preset of all commands.
-        searches: number of searches of each method, and of twins.
-        weights: VGG16's weights, which add FCN8s and DeepLabv2 to the table.
+        searches: number of searches of each method.
+        twins: number of twins of each kind.
     """
-    size = ("--preset", preset)
-    extended = (*size, "--space", "extended")
-    camvid = ("--target", "camvid", "--data", str(data), "--holdout")
-    learnt = ("--learnt", str(out / "searches/attributes/intervals-0.json"))
-
-    def study(name: str, module: str, title: str, asks: str, *flags: str) -> Part:
-        return Part(name, title, asks, f"experiments.{module}", flags)
-
-    # The plans take 18 hours on two cores; the smoke preset is small already.
+    # The smoke preset is small already, and its nets are not for pools.
     quick = preset == "quick"
-    budget = SEARCH if quick else ()
-    large = LARGE if quick else ()
+    size = ("--preset", preset, "--space", "extended")
+    pool = ("--methods", "pool") if quick else ("--methods", "random_search")
+    one, many = ("--searches", "1"), ("--searches", str(searches))
+    own = ("--candidates", "last", "default") if quick else ()
     three = ("--seeds", "3") if quick else ()
-    fractions = ("--fractions", "0.05", "0.25", "1") if quick else ()
-    images = ("--images", "90", "180", "450", "900") if quick else ()
-    # The smoke preset's four evaluations are too few for sdr's groups.
-    evaluations = ("--evaluations", "48" if quick else "12")
-    vgg = ("fcn8s", "deeplabv2", "--weights", str(weights)) if weights else ()
-    nets = ("lite0", "compact", *vgg)
-    curve = "What labelled images are worth alone and beside renders"
-    renders = ("--renders", "random", "default", "learnt")
-    return [
-        study(
-            "searches", "searches", "Learnt attributes",
-            f"What nets gain that are trained on learnt attributes, on a drive ({HOLDOUT}) that neither the "
-            "search nor anybody else has seen.",
-            *camvid, HOLDOUT, *extended, *large, *budget, "--searches", str(searches),
-        ),
-        study(
-            f"labels-{HOLDOUT}", "labels", "Labels and renders", f"{curve}.",
-            *camvid, HOLDOUT, *extended, *large, *renders, *learnt,
-        ),
-        study(
-            f"labels-{OTHER}", "labels", f"Labels and renders, {OTHER} left out",
-            f"{curve}, scored on another drive; a search of its own has not seen it.",
-            *camvid, OTHER, *extended, *large, *budget, *renders, *three,
-        ),
-        study(
-            "table", "table", "Training sets beside each other", "The paper's table 2, for several nets.",
-            *camvid, HOLDOUT, *extended, *large, *learnt, *three, "--nets", *nets,
-        ),
-        study(
-            "pretrain", "pretrain", "Pre-training",
-            "The paper's table 3: nets trained on renders, then on a part of the labelled images; the "
-            "search for attributes has seen that part alone.",
-            *camvid, HOLDOUT, *extended, *budget, *three,
-            "--learn-on", "share", "--rows", "scratch", "random", "learnt", "longer", *fractions,
-        ),
-        study(
-            "ablation", "ablation", "Ablation", "What each part of the method is worth.",
-            *camvid, HOLDOUT, *size, *evaluations,
-        ),
-        study(
-            "assets", "assets", "Assets and images", "What more assets and more images are worth.",
-            *camvid, HOLDOUT, *size, *images,
-        ),
-        study(
-            "compare", "compare", "Search methods on all 23 attributes",
-            "Methods with the same number of rewards; intervals begins at the hand-set street, the others "
-            "anywhere.",
-            *camvid, HOLDOUT, *size, "--subsets", "all", *evaluations, "--methods", *METHODS,
-        ),
-        study(
-            "fidelity", "fidelity", "How good is the reward?",
-            "Its signal, its noise, and whether it ranks as larger nets do.",
-            *camvid, HOLDOUT, *size, *large, "--rungs", "2",
-        ),
-        study(
-            "sensitivity", "sensitivity", "Which attributes matter",
-            "A model of the rewards of all searches above.",
-            "--target", "camvid", *extended,
-            "--records", str(out / "searches"),
-        ),
-        study(
-            "twins", "searches", "The twin (not real data)",
-            "The same on a target that our own engine renders with hidden attributes.",
-            "--target", "twin", *size, "--methods", "intervals", "--searches", str(searches),
-        ),
-    ]  # fmt: skip
+    real: tuple[tuple[str, TargetName, tuple[str, ...]], ...] = (
+        (f"camvid-{HOLDOUT}", "camvid", ("--holdout", HOLDOUT)),
+        ("labelmefacade", "labelmefacade", ()),
+    )
+
+    def study(
+        name: str, group: str, module: str, target: TargetName, *flags: str
+    ) -> Iterator[Part]:
+        where = data.flags(target)
+        if where is not None:
+            yield Part(name, group, f"experiments.{module}", (*where, *size, *flags))
+
+    def learnt(main: str) -> tuple[str, ...]:
+        return ("--learnt", str(out / f"{main}/attributes/{pool[1]}-0.json"))
+
+    def all_parts() -> Iterator[Part]:
+        large = LARGE if quick else ()
+        for name, target, flags in (("camvid", "camvid", ()), *real):
+            yield from study(name, "main", "searches", target, *flags, *large, *pool, *many, *own)
+        for kind in ("far", "near"):
+            for seed in map(str, range(twins)):
+                flags = ("--twin", kind, "--twin-seed", seed, *pool, *one)
+                yield from study(f"{kind}-{seed}", "twins", "searches", "twin", *flags)
+        for name, target, flags in real:
+            counts = ("--counts", *COUNTS, "266" if target == "camvid" else "100") if quick else ()
+            rows = ("--renders", "random", "default", "learnt", *learnt(name))
+            yield from study(f"labels-{name}", "labels", "labels", target, *flags, *counts, *rows)
+        for name, target, flags in real:
+            for count in COUNTS if quick else ("2",):
+                brief = ("--few", count, "--core-minutes", MINUTES, *pool, *one)
+                yield from study(f"few-{count}-{name}", "few", "searches", target, *flags, *brief)
+        rivals = ("--methods", *(RIVALS if quick else ("intervals", "random_search")), *many)
+        facades = (*rivals, "--core-minutes", MINUTES)
+        yield from study("rivals-labelmefacade", "rivals", "searches", "labelmefacade", *facades)
+        yield from study(
+            "rivals-far", "rivals", "searches", "twin", "--twin", "far", *rivals,
+            "--core-minutes", TWIN_MINUTES,
+        )  # fmt: skip
+        yield from papers()
+        for streets in POOLS if quick else ():
+            subset = str(int(streets) // 3)
+            sizes = ("--search.pool.streets", streets, "--search.pool.subset", subset)
+            yield from study(
+                f"pool-{streets}", "scale", "searches", "labelmefacade", *sizes, *pool, *one,
+                "--candidates", "last", "--candidate-seeds", "1",
+            )  # fmt: skip
+        images = ("--images", "100", "400", "1600", "6400") if quick else ()
+        for name in ("random", "learnt"):
+            drawn = (*images, "--final.shots", "1", "--fractions", "1", "--attributes", name)
+            known = learnt("labelmefacade") if name == "learnt" else ()
+            yield from study(
+                f"images-{name}", "images", "assets", "labelmefacade", *drawn, *known, *three
+            )
+
+    def papers() -> Iterator[Part]:
+        vgg = ("fcn8s", "deeplabv2", "--weights", str(data.weights)) if data.weights else ()
+        nets = ("--nets", "lite0", *(("lite2",) if quick else ()), "compact", *vgg)
+        fractions = ("--fractions", "0.05", "0.25", "1") if quick else ()
+        starts = ("--rows", "scratch", "random", "learnt", "longer", *fractions)
+        # The smoke preset's four evaluations are too few for sdr's groups.
+        evaluations = ("--evaluations", "48" if quick else "20")
+        images = ("--images", "90", "180", "450", "900") if quick else ()
+        main, far = f"camvid-{HOLDOUT}", ("--twin", "far")
+        for name, target, flags, source in (
+            (main, "camvid", ("--holdout", HOLDOUT), learnt(main)),
+            ("far", "twin", far, learnt("far-0")),
+        ):
+            for kind, more in (("table", (*source, *nets)), ("pretrain", (*source, *starts))):
+                own = (*flags, *more, *three)
+                yield from study(f"{kind}-{name}", "paper", kind, target, *own)  # type: ignore[arg-type]
+        yield from study("ablation", "paper", "ablation", "twin", *far, *evaluations)
+        yield from study("assets", "paper", "assets", "twin", *far, *images)
+        # Rewards of the method pool are of no single proposal.
+        records = ("--records", str(out / "rivals-labelmefacade"))
+        yield from study("sensitivity", "paper", "sensitivity", "labelmefacade", *records)
+
+    return list(all_parts())

@@ -78,14 +78,19 @@ def plan_of(config: SearchConfig, name: str = "search") -> SearchPlan:
     )
 
 
-def work_of(config: SearchConfig) -> list[Work]:
+def work_of(config: SearchConfig, plan: SearchPlan | None = None) -> list[Work]:
     """The nets that `learn` trains."""
     nets = len(offered(config)) * config.candidate_seeds
-    own = pooled.work_of(config, [plan_of(config)])
+    own = pooled.work_of(config, [plan or plan_of(config)])
     return [*own, Work.at("nets of candidates", nets, config.final)]
 
 
-def learn(run: Run[Any], config: SearchConfig | None = None, name: str = "") -> Learnt:
+def learn(
+    run: Run[Any],
+    config: SearchConfig | None = None,
+    name: str = "",
+    plan: SearchPlan | None = None,
+) -> Learnt:
     """Search, choose a candidate, and write it into the run folder.
 
     Args:
@@ -93,13 +98,14 @@ def learn(run: Run[Any], config: SearchConfig | None = None, name: str = "") -> 
         config: configuration of the search; by default the job's.
         name: name of the search in a job with several; its file is ``attributes/NAME.json`` instead of
             ``attributes.json``.
+        plan: the plan of the search; by default `plan_of` the configuration.
 
     Raises:
         UserError: more than a tenth of the evaluations failed.
     """
     config = config or run.config
     parts, words = reward_parts(run.target, config)
-    found = search(run, plan_of(config, name or "search"), config.reward_kind)
+    found = search(run, plan or plan_of(config, name or "search"), config.reward_kind)
     candidates = {each: candidate(each, found, config) for each in offered(config)}
     selection, by_part = _selected(run, config, candidates, parts, f"{name}, " if name else "")
     streets = candidates[cast(Candidate, selection.chosen)]

@@ -3,28 +3,40 @@
 from __future__ import annotations
 
 import sdr_jax
-from experiments.config import SearchesConfig, make_method, make_space
+from experiments.config import GroupsConfig, make_method, make_space
+from experiments.run.pooled import affordable
 from experiments.run.rewards import SearchPlan
 from sdr_jax.names import MethodName
 from shell.errors import UserError
 
 
+def within(
+    config: GroupsConfig, name: str, method: MethodName, subset: tuple[str, ...], minutes: float
+) -> SearchPlan:
+    """Plan a search of as many rewards as take about so many minutes of a core; the rest as `plan`."""
+    count = affordable(config, method, minutes)
+    if not count:
+        raise UserError(f"--core-minutes {minutes:g} are too few for one update of {method}")
+    return plan(config, name, method, subset, count)
+
+
 def plan(
-    config: SearchesConfig, name: str, method: MethodName, subset: tuple[str, ...]
+    config: GroupsConfig, name: str, method: MethodName, subset: tuple[str, ...], evaluations: int
 ) -> SearchPlan:
     """Plan a search whose updates take exactly the evaluations.
 
     Args:
-        config: the configuration with options, groups and evaluations of the search.
+        config: the configuration with options and groups of the search.
         name: unique name in the run's log.
         method: the search method.
         subset: the attributes to optimise; groups keep their order and lose the others.
+        evaluations: the number of rewards.
 
     Raises:
         UserError: too few evaluations, or an option that the method lacks.
     """
     make_space(config)  # checks the groups
-    options, evaluations = config.search, config.evaluations
+    options = config.search
     pools = method == "pool"
     datasets = options.pool.rewards if pools else options.datasets_per_update
     if evaluations < datasets or evaluations % datasets:

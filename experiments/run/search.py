@@ -39,6 +39,11 @@ class Found(NamedTuple):
     answers: Mapping[Candidate, Streets] = MappingProxyType({})
     """Candidates of a search that learns a distribution of streets."""
 
+    @property
+    def answer(self) -> Streets:
+        """The method's own answer: its last distribution of streets if it learns one, else its solution."""
+        return self.answers.get("last", self.solution)
+
 
 def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
     """Run a whole search, or the rest of it.

@@ -358,8 +358,9 @@ def test_a_folder_with_the_twins_sizes_is_not_continued_with_others(
 ):
     scored_by(never)
     old = replace(
-        defaults(MainConfig, "twin", "quick"), target="cityscapes", data=cityscapes, out=out
-    )
+        defaults(MainConfig, "twin", "quick", candidate_seeds=6),
+        target="cityscapes", data=cityscapes, out=out,
+    )  # fmt: skip
     out.mkdir()
     write_json(out / "config.json", plain({"engine": ENGINE, **asdict(old)}))
     flags = ("--data", str(cityscapes), "--out", str(out), "--workers", "0")

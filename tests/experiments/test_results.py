@@ -17,39 +17,44 @@ from shell.files import read_json, write, write_json
 from .conftest import job_of, parsed
 
 SOME = [
-    results.Part(
-        name, name.title(), "What?", "experiments.some", ("--data", "/mine", "--weights", "/mine")
-    )
+    results.Part(name, "main", "experiments.some", ("--data", "/mine", "--weights", "/mine"))
     for name in ("one", "two")
 ]
+EVERYTHING = results.Data(Path("CAMVID"), Path("FACADES"), Path("/a.npz"))
 
 
-@pytest.mark.parametrize(
-    ("preset", "weights"), [("smoke", None), ("quick", None), ("quick", Path("/a.npz"))]
-)
-def test_every_part_is_a_sound_command(preset, weights, learnt_file, tmp_path):
-    wanted = results.parts(Path("DIR"), tmp_path, preset, 2, weights)
-    assert tuple(part.name for part in wanted) == results.NAMES
+@pytest.mark.parametrize("preset", ["smoke", "quick"])
+def test_every_part_is_a_sound_command(preset, learnt_file, tmp_path):
+    wanted = results.parts(EVERYTHING, tmp_path, preset, 2, 2)
+    names = [part.name for part in wanted]
+    assert len(set(names)) == len(names) and {part.group for part in wanted} <= set(results.GROUPS)
     for part in wanted:
         job = job_of(part.study)
         flags = [str(learnt_file) if flag.endswith("-0.json") else flag for flag in part.flags]
         target = flags[flags.index("--target") + 1]
-        space = "extended" if "extended" in flags else "scenex"
-        default = presets.in_space(defaults_of(part.study, target, preset), space)
+        default = presets.in_space(defaults_of(part.study, target, preset), "extended")
         config = parsed(default, flags)
-        assert config.target == target and config.preset == preset and config.space == space
+        assert config.target == target and config.preset == preset and config.space == "extended"
         if not hasattr(config, "learnt"):
             check(job.STUDY, config)
+
+
+def test_parts_without_their_data_are_left_out(tmp_path):
+    twins = results.parts(results.Data(), tmp_path, "quick", 1, 1)
+    assert {part.flags[1] for part in twins} == {"twin"}
+    some = results.parts(results.Data(camvid=Path("DIR")), tmp_path, "quick", 1, 1)
+    assert {part.flags[1] for part in some} == {"twin", "camvid"}
 
 
 @pytest.mark.slow
 def test_what_parts_leave_to_others_is_what_these_read(camvid_dir, tmp_path, monkeypatch):
     monkeypatch.setattr(making, "commit", lambda: "abc")
-    wanted = results.parts(camvid_dir, tmp_path / "out", "smoke", 1)
-    some = [part for part in wanted if part.name in ("searches", "table", "sensitivity")]
-    assert making.make(some, tmp_path / "out") == ["searches", "table", "sensitivity"]
+    wanted = results.parts(results.Data(camvid_dir), tmp_path / "out", "smoke", 1, 2)
+    names = ["camvid-0006R0", "far-0", "far-1", "table-camvid-0006R0", "table-far"]
+    some = [part for part in wanted if part.name in names]
+    assert making.make(some, tmp_path / "out") == names
     page = (tmp_path / "out" / "results.md").read_text()
-    assert "recorded in" in page and "Not made yet" not in page
+    assert "mean of 2 far" in page and "Not made yet" not in page
 
 
 NET = {
@@ -114,7 +119,7 @@ def test_a_command_that_runs_on_is_noted_as_it_goes(monkeypatch):
 
 @pytest.mark.parametrize(("flags", "complaint"), [
     (("--only", "table", "table"), "names one of them twice"),
-    (("--only", "tables"), "--only tables is none of the parts: searches, labels-0006R0"),
+    (("--only", "tables"), "--only tables is none of the parts that this data makes: camvid, camvid-0006R0"),
     (("--searches", "0"), "--searches must be 1 or more"),
 ])  # fmt: skip
 def test_bad_flags_are_one_line(flags, complaint, error_line):
