@@ -90,7 +90,9 @@ def inside(
     lean: float = 0.0,
 ) -> list[Asset]:
     """Seats at ``seats`` metres across a window and whoever drives at ``driver``, as ``lay`` lays them."""
-    shapes = [(SEAT, at, g.seats, _LIFTS[1]) for at in seats]
+    shapes: list[tuple[tuple[tuple[float, float], ...], float, Color, float]] = [
+        (SEAT, at, g.seats, _LIFTS[1]) for at in seats
+    ]
     if driver is not None and g.skin is not None:
         shapes += [
             (PERSON[:3], driver, g.clothes, _LIFTS[2]),
