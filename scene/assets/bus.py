@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.family import ROAD, Family, Size
+from scene.assets.parts.glazing import EMPTY, Glazing, sample_glazing
 from scene.assets.parts.palette import (
     AMBER,
     BLACK,
@@ -28,6 +29,7 @@ from scene.assets.parts.vehicle import (
     lamps,
     lettering,
     panel,
+    panes,
     walls,
     window_row,
     wrap,
@@ -63,6 +65,7 @@ class BusParams(NamedTuple):
     pods: int = 0  # boxes on the roof (cooling, gas)
     rim: Color = STEEL
     seed: int = 0  # of the lettering
+    glazing: Glazing = EMPTY
 
 
 _MODELS: dict[str, BusParams] = {
@@ -125,6 +128,7 @@ def sample_bus(rng: np.random.Generator, kind: str) -> BusParams:
         pods=int(rng.integers(0, 4)) if model.decks == 1 else 0,
         rim=pick(rng, (STEEL, (0.6, 0.6, 0.58), (0.12, 0.12, 0.12), color)),
         seed=int(rng.integers(2**31)),
+        glazing=sample_glazing(rng, (0.6,), 0.8),
     )
 
 
@@ -147,9 +151,9 @@ def bus(params: BusParams) -> Asset:
     for deck in range(p.decks - p.open_top):
         low, high = _glass(p, deck)
         start, end = 0.03, 0.98 - 1.2 * p.rake / p.length
-        parts.append(window_row(side.left, p.bays, (1 - end, 1 - start), (low, high), 0.09))
+        parts += window_row(side.left, p.bays, (1 - end, 1 - start), (low, high), p.glazing, 0.09)
         if deck:
-            parts.append(window_row(side.right, p.bays, (start, end), (low, high), 0.09))
+            parts += window_row(side.right, p.bays, (start, end), (low, high), p.glazing, 0.09)
     if p.joint:
         x = -0.06 * p.length
         for k in range(7):  # folds of the bellows
@@ -255,14 +259,12 @@ def _doors(p: BusParams, shape: Hull, side: Walls) -> list[Asset]:
     for start in starts:
         leaf = (start, start + width / 2 - 0.03 / p.length), (start + width / 2, start + width)
         parts.append(panel(side.right, (start - 0.004, start + width + 0.004), (0.03, high), TRIM))
-        parts += [
-            panel(side.right, u, (0.07, high - 0.02), GLASS, "glass", lift=0.02) for u in leaf
-        ]
+        parts += panes(side.right, leaf, (0.07, high - 0.02), p.glazing, lift=0.02)
     edges = [0.98 - 1.2 * p.rake / p.length, *(e for s in starts for e in (s + width, s)), 0.03]
     for end, start in zip(edges[::2], edges[1::2], strict=True):
         if end - start > 0.05:
             count = max(1, round((end - start) * p.bays))
-            parts.append(window_row(side.right, count, (start, end), (low, high), 0.09))
+            parts += window_row(side.right, count, (start, end), (low, high), p.glazing, 0.09)
     return parts
 
 
@@ -276,7 +278,13 @@ def _ends(p: BusParams, shape: Hull, side: Walls) -> list[Asset]:
         low, high = _glass(p, deck)
         parts.append(wrap(shape, 1, (low - 0.07 / p.decks, high), 0.1, GLASS, "glass"))
         parts.append(panel(front, (0.495, 0.505), (low - 0.06 / p.decks, high), BLACK, lift=0.02))
-        parts.append(panel(rear, (0.13, 0.87), (low + 0.03, high), GLASS, "glass"))
+        screen = [(0.12, 0.49), (0.51, 0.88)]
+        parts += panes(front, screen, (low, high), p.glazing, (-0.2, 0.2))
+        if not deck:
+            parts += panes(front, screen[1:], (low, high), p.glazing, (), 0.15)
+        parts += panes(
+            rear, [(0.13, 0.87)], (low + 0.03, high), p.glazing, (-0.7, -0.25, 0.25, 0.7)
+        )
     low, high = _glass(p, 0)
     if p.board:
         height = min(0.13, 0.97 - high) if p.decks == 1 else 0.09

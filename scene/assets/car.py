@@ -9,7 +9,7 @@ import numpy as np
 from scene.assets.family import ROAD, Family, Size
 from scene.assets.parts.bodywork import ARCH_GAP, Body, Paint, axles, half, shell, underside
 from scene.assets.parts.fittings import Fittings, fittings
-from scene.assets.parts.glazing import Glazing, glazing
+from scene.assets.parts.glazing import Glazing, glazing, sample_glazing
 from scene.assets.parts.palette import BLACK, CHROME, GLASS, STEEL, TRIM, car_paint, darker, pick
 from scene.assets.parts.rickshaw import Rickshaw, rickshaw, sample_rickshaw
 from scene.assets.parts.van import VanSides, van_sides
@@ -164,7 +164,7 @@ def sample_car(rng: np.random.Generator, kind: str) -> CarParams | Rickshaw:
         wear,
         _sample_fittings(rng, kind, color),
         _sample_wheel(rng, kind, body),
-        _sample_glazing(rng, kind),
+        sample_glazing(rng, (0.15,) if kind in (*_VANS, "executive") else (0.15, 0.6, 0.9), 0.4),
         _sample_van(rng, wear) if kind in _VANS else None,
     )
 
@@ -294,19 +294,6 @@ def _sample_wheel(rng: np.random.Generator, kind: str, body: Body) -> Wheel:
         int(rng.integers(5, 11)) if style != "steel" else 8,
         rng.uniform(0.60, 0.74),
         vary(rng, (0.05, 0.05, 0.05) if dark or style == "steel" else STEEL, 0.35),
-    )
-
-
-def _sample_glazing(rng: np.random.Generator, kind: str) -> Glazing:
-    light = float(rng.uniform(0.02, 0.16))
-    seat = float(rng.choice([0.006, 0.006, 0.012, 0.05]))
-    return Glazing(
-        behind=vary(rng, (0.92 * light, light, 1.05 * light), 0.1),
-        dim=0.15 if kind in (*_VANS, "executive") else float(rng.choice([0.15, 0.6, 0.9])),
-        seats=vary(rng, (seat, seat, seat), 0.2),
-        skin=vary(rng, (0.2, 0.12, 0.085), 0.5) if rng.random() < 0.4 else None,
-        clothes=vary(rng, (0.1, 0.1, 0.11), 0.9),
-        side=float(rng.choice([-1.0, 1.0])),
     )
 
 

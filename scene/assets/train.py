@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.family import FRONTAGE, Family, Size
+from scene.assets.parts.glazing import EMPTY, Glazing, sample_glazing
 from scene.assets.parts.palette import (
     AMBER,
     BLACK,
@@ -31,6 +32,7 @@ from scene.assets.parts.vehicle import (
     lamps,
     lettering,
     panel,
+    panes,
     rod,
     walls,
     window_row,
@@ -58,6 +60,7 @@ class TrainParams(NamedTuple):
     face: Color | None = None  # of the ends
     round: float = 0.3  # radius of the corners
     seed: int = 0  # of the lettering
+    glazing: Glazing = EMPTY
 
 
 _MODELS: dict[str, TrainParams] = {
@@ -106,6 +109,7 @@ def sample_train(rng: np.random.Generator, kind: str) -> TrainParams:
         round=rng.uniform(0.2, 0.5),
         rake=model.rake * rng.uniform(0.8, 1.2),
         seed=int(rng.integers(2**31)),
+        glazing=sample_glazing(rng, (0.6,), 0.6),
     )
 
 
@@ -173,7 +177,7 @@ def _cab_ends(p: TrainParams, side: Walls, glass: tuple[float, float]) -> list[A
         parts += [
             wrap(shape, end, glass, 0.15, GLASS, "glass"),
             wrap(shape, end, (0, 0.1), 0.3, TRIM),
-            panel(face, (0.495, 0.505), glass, BLACK, lift=0.02),
+            *panes(face, [(0.16, 0.49), (0.51, 0.84)], glass, p.glazing, (0.0,), 0.0),
             lamps(face, (0.15, 0.26), (0.18, 0.25), lamp, lift=0.03),
             panel(face, (0.25, 0.75), (glass[1] + 0.015, glass[1] + 0.08), BLACK, lift=0.02),
             lettering(face, (0.3, 0.7), (glass[1] + 0.025, glass[1] + 0.07), AMBER, p.seed),
@@ -197,15 +201,15 @@ def _passenger(p: TrainParams, bays: int, doors: int, glass: tuple[float, float]
         * np.array((-0.3, 0.35) if p.seed % 2 else (-0.12, 0.3, -0.38))
     ]
     for wall in side[:2]:
-        parts.append(window_row(wall, bays, (inset, 1 - inset), glass, 0.1))
+        parts += window_row(wall, bays, (inset, 1 - inset), glass, p.glazing, 0.1)
         low = (0.05, 0.2) if p.seed % 3 else (glass[1] + 0.02, glass[1] + 0.09)
         parts.append(panel(wall, (inset, 1 - inset), low, p.band, "paint"))
         parts.append(lettering(wall, (0.6, 0.75), (0.22, glass[0] - 0.03), p.band, p.seed))
         for share in inset + (1 - 2 * inset) * (np.arange(doors) + 0.5) / doors:
             u = share - 0.7 / p.length, share + 0.7 / p.length
             parts.append(panel(wall, u, (0.02, glass[1] + 0.03), p.band, "paint", lift=0.025))
-            for leaf in ((u[0] + 0.008, share - 0.003), (share + 0.003, u[1] - 0.008)):
-                parts.append(panel(wall, leaf, (0.3, glass[1]), GLASS, "glass", lift=0.035))
+            leaves = ((u[0] + 0.008, share - 0.003), (share + 0.003, u[1] - 0.008))
+            parts += panes(wall, leaves, (0.3, glass[1]), p.glazing, lift=0.035)
     for joint in np.linspace(-0.5, 0.5, p.sections + 1)[1:-1] * p.length:
         half = p.width / 2 + 0.03
         bellows = (joint - 0.3, -half, p.floor), (joint + 0.3, half, p.height - 0.2)
@@ -227,8 +231,7 @@ def _locomotive(p: TrainParams) -> list[Asset]:
     for wall in side[:2]:
         parts.append(panel(wall, (0.04, 0.96), (0.06, 0.22), p.band))
         parts.append(lettering(wall, (0.35, 0.65), (0.28, 0.46), p.band, p.seed))
-        for u in ((0.06, 0.11), (0.89, 0.94)):
-            parts.append(panel(wall, u, (0.52, 0.84), GLASS, "glass"))
+        parts += panes(wall, ((0.06, 0.11), (0.89, 0.94)), (0.52, 0.84), p.glazing)
         for start in (0.2, 0.36, 0.52, 0.68):  # ventilation grilles
             parts.append(panel(wall, (start, start + 0.12), (0.55, 0.82), TRIM, "metal"))
             for v in (0.6, 0.66, 0.72, 0.78):

@@ -9,6 +9,7 @@ import numpy as np
 
 from scene.assets.family import ROAD, Family, Size
 from scene.assets.parts import cargo, lorry
+from scene.assets.parts.glazing import NARROW, sample_glazing
 from scene.assets.parts.lorry import TruckParams, floor
 from scene.assets.parts.palette import (
     AMBER,
@@ -25,7 +26,7 @@ from scene.assets.parts.palette import (
     pick,
 )
 from scene.assets.parts.skin import pair
-from scene.assets.parts.vehicle import Hull, arch, axle, hull, lamps, panel, walls, wrap
+from scene.assets.parts.vehicle import Hull, arch, axle, hull, lamps, panel, panes, walls, wrap
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, merge
 from scene.mesh.solids import block, tube
@@ -135,6 +136,7 @@ def sample_truck(rng: np.random.Generator, kind: str) -> TruckParams:
         grille=(grille, grille + rng.uniform(0.1, 0.24)),
         fill=rng.uniform(0.45, 0.95),
         seed=int(rng.integers(2**31)),
+        glazing=sample_glazing(rng, (0.6,), 0.7),
     )
 
 
@@ -166,6 +168,9 @@ def _cab(p: TruckParams) -> list[Asset]:
     parts = [
         hull(h, p.cab),
         wrap(h, 1, (foot, top), 0.02, GLASS, "glass"),
+        *panes(
+            front, [(0.13, 0.87)], p.windscreen, p.glazing, (-0.55, 0.55), 0.55 * p.glazing.side
+        ),
         wrap(h, 1, (0.0, 0.13), 0.12, TRIM, lift=0.03),
         panel(front, (0.2, 0.8), p.grille, BLACK, lift=0.015),
         panel(front, (0.38, 0.62), (0.03, 0.09), PLATE, lift=0.05),
@@ -183,7 +188,7 @@ def _cab(p: TruckParams) -> list[Asset]:
     for v in np.linspace(*p.grille, 5)[1:-1]:
         parts.append(panel(front, (0.21, 0.79), (v - 0.006, v + 0.006), STEEL, "metal", lift=0.025))
     for wall, u in ((side.right, door), (side.left, (1 - door[1], 1 - door[0]))):
-        parts.append(panel(wall, u, (foot, top - 0.03), darker(GLASS, 1.5), "glass"))
+        parts += panes(wall, [u], (foot, top - 0.03), p.glazing, (), 0.0, narrow=NARROW)
         ends = (u[0] - 0.01, u[0] - 0.002), (u[1] + 0.002, u[1] + 0.01)
         parts += [panel(wall, seam, (0.14, top), BLACK) for seam in ends]
         handle = (u[0] + 0.02, u[0] + 0.1) if wall is side.right else (u[1] - 0.1, u[1] - 0.02)

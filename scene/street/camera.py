@@ -17,7 +17,7 @@ SEARCH = 24.0
 AGAIN = 4
 """The most times that a shot is retaken."""
 VIEW = 4.0
-"""Metres of free view before the camera."""
+"""Metres before the camera along which it keeps ``SPARE``, too: the length of a bonnet and a gap."""
 SPARE = 1.0
 """Least distance in metres of the camera from all objects of the street."""
 ASIDE = 8.0
@@ -96,14 +96,16 @@ def nearest_free(path: Path, x: np.ndarray, y: float, taken: np.ndarray) -> np.n
         taken: f64[m, 6], see ``camera_path``.
     """
     heading = heading_at(path, x)[:, None]
-    left = -np.sin(heading), np.cos(heading)
-    away = np.moveaxis(to_world(path, x, 0.0)[:, None] - taken[:, :2], -1, 0)
+    ahead, left = (np.cos(heading), np.sin(heading)), (-np.sin(heading), np.cos(heading))
+    middle = to_world(path, x, 0.0) + VIEW / 2 * np.hstack(ahead)
+    away = np.moveaxis(middle[:, None] - taken[:, :2], -1, 0)
     cos, sin, long, wide = taken[:, 2:].T
     spans = []  # along the line across the road, between a rectangle's sides
     for (east, north), reach in (((cos, sin), long), ((-sin, cos), wide)):
-        begin, turn = (line[0] * east + line[1] * north for line in (away, left))
+        begin, turn, view = (line[0] * east + line[1] * north for line in (away, left, ahead))
         turn = np.where(np.abs(turn) < LEAST, LEAST, turn)
-        sides = np.stack([-SPARE - reach, SPARE + reach])[:, None]
+        far = SPARE + reach + VIEW / 2 * np.abs(view)
+        sides = np.stack([-far, far])
         spans.append(np.sort((sides - begin) / turn, axis=0))
     (low, high), other = spans
     low, high = np.maximum(low, other[0]), np.minimum(high, other[1])

@@ -1,4 +1,4 @@
-"""What is seen in a car's windows: seats and a driver, dark before the light that comes through from behind.
+"""What is seen in a vehicle's windows: seats and people, dark before the light from behind.
 
 Windows are opaque to renderers, so that what stands behind a car is not labelled in its place. Their inside
 is laid on them as thin sheets of glass of other tones, which mirror the sky as the panes do.
@@ -6,6 +6,8 @@ is laid on them as thin sheets of glass of other tones, which mirror the sky as 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -14,10 +16,12 @@ import numpy as np
 from scene.assets.parts.bodywork import ROOF, Body, roof, stations
 from scene.assets.parts.fittings import on_cabin
 from scene.assets.parts.skin import sheet
-from scene.mesh.asset import Asset, Color
+from scene.mesh.asset import Asset, Color, vary
+from scene.mesh.mesh import cross
+from scene.mesh.solids import quads
 
 SEAT = ((0.1, 0.30), (0.40, 0.27), (0.47, 0.11), (0.52, 0.15), (0.68, 0.13), (0.72, 0.08))
-"""Outline of a seat from behind or ahead: heights as shares of the window, half widths in metres."""
+"""Outline of a seat from behind or ahead: heights as shares of a car's window, half widths in metres."""
 PERSON = ((0.1, 0.27), (0.38, 0.23), (0.46, 0.07), (0.54, 0.09), (0.68, 0.10), (0.78, 0.06))
 """That of somebody at the wheel; the head begins in the third row."""
 NARROW = 0.42
@@ -26,13 +30,21 @@ LEAN = 0.10
 """Metres that the top of a seat lies behind its foot."""
 UPRIGHT = 0.025
 """Share of the length below which a rear window is the door of a van, with nothing to see behind it."""
+_SEAT = 0.4
+"""Metres from the middle of a car to a seat's."""
+TALL = 0.55
+"""Height of a car's window, metres."""
 _LIFTS = (0.009, 0.015, 0.02)
 """Metres by which light, seats and people stand before the pane."""
 _ACROSS = np.array([*-ROOF[:-1], *ROOF[::-1]])
 
 
+Lay = Callable[[np.ndarray, np.ndarray, Color, float], Asset]
+"""Lays a sheet on glass: shares of a window's height f64[n, 1], metres across f64[n, m], colour, lift."""
+
+
 class Glazing(NamedTuple):
-    """What the windows of one car show."""
+    """What the windows of one vehicle show."""
 
     behind: Color  # light from the other side
     dim: float  # share of it that passes the rear windows
@@ -40,6 +52,24 @@ class Glazing(NamedTuple):
     skin: Color | None  # of the driver; None: nobody is there
     clothes: Color
     side: float  # of the driver, 1 left or -1 right, as a share of half the seats' distance
+
+
+EMPTY = Glazing((0.05, 0.055, 0.06), 0.6, (0.01, 0.01, 0.01), None, (0.05, 0.05, 0.05), 1.0)
+"""Of vehicles of which nothing has been drawn yet."""
+
+
+def sample_glazing(rng: np.random.Generator, dims: Sequence[float], driven: float) -> Glazing:
+    """Draw light, seats and, with probability ``driven``, a driver; ``dims`` has values of ``dim``."""
+    light = float(rng.uniform(0.02, 0.16))
+    seat = float(rng.choice([0.006, 0.006, 0.012, 0.05]))
+    return Glazing(
+        behind=vary(rng, (0.92 * light, light, 1.05 * light), 0.1),
+        dim=float(rng.choice(dims)),
+        seats=vary(rng, (seat, seat, seat), 0.2),
+        skin=vary(rng, (0.2, 0.12, 0.085), 0.5) if rng.random() < driven else None,
+        clothes=vary(rng, (0.1, 0.1, 0.11), 0.9),
+        side=float(rng.choice([-1.0, 1.0])),
+    )
 
 
 def glazing(b: Body, g: Glazing, windows: tuple[bool, bool]) -> list[Asset]:
@@ -50,12 +80,33 @@ def glazing(b: Body, g: Glazing, windows: tuple[bool, bool]) -> list[Asset]:
     return parts + (_sides(b, g) if windows[0] else [])
 
 
-def _driver(g: Glazing) -> list[tuple[tuple[tuple[float, float], ...], Color]]:
-    """Outlines and colours of whoever drives, body and head."""
-    return [] if g.skin is None else [(PERSON[:3], g.clothes), (PERSON[2:], g.skin)]
+def inside(
+    lay: Lay,
+    g: Glazing,
+    seats: Sequence[float],
+    driver: float | None = None,
+    *,
+    narrow: float = 1.0,
+    lean: float = 0.0,
+) -> list[Asset]:
+    """Seats at ``seats`` metres across a window and whoever drives at ``driver``, as ``lay`` lays them."""
+    shapes: list[tuple[tuple[tuple[float, float], ...], float, Color, float]] = [
+        (SEAT, at, g.seats, _LIFTS[1]) for at in seats
+    ]
+    if driver is not None and g.skin is not None:
+        shapes += [
+            (PERSON[:3], driver, g.clothes, _LIFTS[2]),
+            (PERSON[2:], driver, g.skin, _LIFTS[2]),
+        ]
+    parts = []
+    for rows, at, color, lift in shapes:
+        up, half = np.array(rows).T[:, :, None]
+        parts.append(lay(up, at + lean * (up - 0.1) + narrow * half * [-1, 1], color, lift))
+    return parts
 
 
-def _dimmed(g: Glazing, share: float) -> Color:
+def dimmed(g: Glazing, share: float) -> Color:
+    """The tone of glass that ``share`` of the light from behind passes."""
     a, b, c = (share * x + (1 - share) * y for x, y in zip(g.behind, g.seats, strict=True))
     return a, b, c
 
@@ -66,62 +117,73 @@ def _sides(b: Body, g: Glazing) -> list[Asset]:
     marks, parts = stations(b), []
     panes = [(low + 0.016, high - _LIFTS[2]) for low, high in pairwise(ends) if high - low > 0.05]
     for k, (low, high) in enumerate(panes):
-        inside = marks[(marks > low + 0.004) & (marks < high - 0.004)]
-        s = np.array([low, *inside, high])
-        tone = _dimmed(g, g.dim if k else 1.0)
+        cuts = marks[(marks > low + 0.004) & (marks < high - 0.004)]
+        s = np.array([low, *cuts, high])
+        tone = dimmed(g, g.dim if k else 1.0)
         rows = np.array([[0.24, 0.5, 0.8]])
         parts.append(on_cabin(b, s[:, None], rows, tone, "glass", lift=_LIFTS[0]))
-        if k > 1:
-            continue
-        middle = high - 0.28 / b.length
-        parts.append(_outline(b, middle, SEAT, g.seats, _LIFTS[1]))
-        if k == 0:
-            for outline, color in _driver(g):
-                parts.append(_outline(b, middle - 0.14 / b.length, outline, color, _LIFTS[2]))
+        if k < 2:
+            lay = partial(_on_side, b, high - 0.28 / b.length)
+            parts += inside(lay, g, (0.0,), None if k else -0.14, narrow=NARROW, lean=LEAN)
     return parts
 
 
-def _outline(
-    b: Body, s: float, rows: tuple[tuple[float, float], ...], color: Color, lift: float
+def _on_side(
+    b: Body, s: float, up: np.ndarray, across: np.ndarray, color: Color, lift: float
 ) -> Asset:
-    up, half = np.array(rows).T[:, :, None]
-    along = s + (LEAN * (up - 0.1) + NARROW * half * [-1, 1]) / b.length
-    return on_cabin(b, along, up, color, "glass", lift=lift)
+    """A sheet on the side windows, ``across`` from the share ``s`` of the length."""
+    return on_cabin(b, s + across / b.length, up, color, "glass", lift=lift)
 
 
 def _screen(b: Body, g: Glazing, end: int) -> list[Asset]:
     """Light, seats, driver and mirror behind the windscreen (``end`` 0) or rear window (1)."""
-    dim = 1.0 if end == 0 else g.dim
-    across = np.array([-0.66, *_ACROSS[np.abs(_ACROSS) < 0.6], 0.66])
+    wide = 0.45 * b.width
+    lay = partial(on_screen, b, end)
+    light = np.array([-0.66, *_ACROSS[np.abs(_ACROSS) < 0.6], 0.66])[None] * wide
     rows = np.array([[0.3], [0.6 if end else 0.5], [0.84]])
-    parts = [_on_screen(b, end, rows, across, _dimmed(g, dim), _LIFTS[0])]
-    wide = b.width / 2 * (1 - b.tumblehome)
-    at = 0.37 / wide
-    for c in (-at, at):
-        parts.append(_facing(b, end, c, SEAT, g.seats, _LIFTS[1]))
-    for outline, color in _driver(g):
-        parts.append(_facing(b, end, g.side * at, outline, color, _LIFTS[2]))
+    parts = [lay(rows, light, dimmed(g, g.dim if end else 1.0), _LIFTS[0])]
+    parts += inside(lay, g, (-_SEAT, _SEAT), g.side * _SEAT)
     if end == 0:
-        mirror = np.array([-0.09, 0.09]) / wide
-        parts.append(_on_screen(b, 0, np.array([[0.72], [0.83]]), mirror, g.seats, _LIFTS[2]))
+        parts.append(lay(np.array([[0.72], [0.83]]), np.array([[-0.1, 0.1]]), g.seats, _LIFTS[2]))
     return parts
 
 
-def _facing(
-    b: Body, end: int, c: float, rows: tuple[tuple[float, float], ...], color: Color, lift: float
+def on_screen(
+    b: Body,
+    end: int,
+    up: np.ndarray,
+    across: np.ndarray,
+    color: Color,
+    lift: float,
+    material: str = "glass",
 ) -> Asset:
-    up, half = np.array(rows).T[:, :, None]
-    return _on_screen(b, end, up, c + half * [-1, 1] / (0.45 * b.width), color, lift)
-
-
-def _on_screen(
-    b: Body, end: int, up: np.ndarray, c: np.ndarray, color: Color, lift: float
-) -> Asset:
-    """A sheet on windscreen or rear window: ``up`` from its foot, ``c`` -1 right .. 1 left."""
+    """A sheet on windscreen (``end`` 0) or rear window (1), ``up`` from its foot, ``across`` to the left."""
     foot, ridge = (b.cowl, b.roof_front) if end == 0 else (b.tail, b.roof_rear)
-    up, c = np.broadcast_arrays(up, c)
-    points = roof(b, foot + up * (ridge - foot), np.abs(c)) * np.stack(
-        [np.ones_like(c), np.sign(c), np.ones_like(c)], -1
-    )
+    up, c = np.broadcast_arrays(up, across / (0.45 * b.width))
+    points = roof(b, foot + up * (ridge - foot), np.abs(c))
+    points[..., 1] *= np.sign(c)
     points += np.array([lift if end == 0 else -lift, 0, lift])
-    return sheet(points, color, "glass")
+    return sheet(points, color, material)
+
+
+def on_panes(
+    panes: np.ndarray, up: np.ndarray, across: np.ndarray, color: Color, lift: float
+) -> Asset:
+    """A sheet on each of the flat panes f64[k, 4, 3], ``across`` from its middle, cut off at its edges.
+
+    ``up`` is of a car's window, ``TALL`` metres: a bus has larger windows, not larger people.
+    """
+    foot, right, _, left = np.moveaxis(panes, 1, 0)[:, :, None, None]
+    wide, tall = (
+        np.linalg.norm(side, axis=-1, keepdims=True) for side in (right - foot, left - foot)
+    )
+    up, across = np.broadcast_arrays(up, across)
+    u = (0.5 + across[..., None] / wide).clip(0.02, 0.98)
+    v = (up[..., None] * TALL / tall).clip(0, 0.98)
+    points = foot + u * (right - foot) + v * (left - foot)
+    normal = cross(right - foot, left - foot)
+    points = points + lift * normal / np.linalg.norm(normal, axis=-1, keepdims=True)
+    corners = np.stack(
+        [points[:, :-1, :-1], points[:, :-1, 1:], points[:, 1:, 1:], points[:, 1:, :-1]], axis=3
+    ).reshape(-1, 4, 3)
+    return quads(corners, [color] * len(corners), ["glass"] * len(corners))

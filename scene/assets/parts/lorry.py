@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from scene.assets.parts.glazing import EMPTY, Glazing
 from scene.assets.parts.palette import BLACK, STEEL, TRIM, darker
 from scene.assets.parts.vehicle import Walls, lettering, panel, walls
 from scene.mesh.asset import Asset, Color
@@ -37,6 +38,7 @@ class TruckParams(NamedTuple):
     grille: tuple[float, float] = (0.2, 0.42)  # shares of the cab's height
     fill: float = 0.7  # how full a load bed is
     seed: int = 0  # of lettering and cargo
+    glazing: Glazing = EMPTY
 
 
 WHITE: Color = (0.62, 0.62, 0.60)

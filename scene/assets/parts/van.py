@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.assets.parts.bodywork import Body, roof
+from scene.assets.parts.bodywork import Body
 from scene.assets.parts.fittings import on_cabin, on_flank, on_nose
+from scene.assets.parts.glazing import on_screen
 from scene.assets.parts.palette import BLACK, darker
-from scene.assets.parts.skin import sheet
 from scene.mesh.asset import Asset, Color
 
 _LINE = 0.012
@@ -38,12 +38,10 @@ def van_sides(b: Body, v: VanSides) -> list[Asset]:
             parts.append(_upon(b, (low, high), w, shade))
     parts += [on_nose(b, 1, (-0.006, 0.006), (0.1, 1.0), BLACK, lift=0.014)]
     if v.sealed:
-        fall = b.roof_rear - b.tail
-        for c in (-0.01, -0.7, 0.68):
-            up, across = np.meshgrid([0.05, 0.5, 0.9], [c, c + 0.02], indexing="ij")
-            points = roof(b, b.tail + up * fall, np.abs(across))
-            points[..., 1] *= np.sign(across)
-            parts.append(sheet(points - [0.02, 0, 0], shade, "plain"))
+        up = np.array([[0.05], [0.5], [0.9]])
+        for y in (0.0, -0.6, 0.6):
+            seam = np.array([[y - _LINE, y + _LINE]])
+            parts.append(on_screen(b, 1, up, seam, shade, 0.014, "plain"))
     if v.letters is not None:
         parts += _letters(b, (front + 0.04, rear - 0.06), v.letters, v.seed)
     return parts

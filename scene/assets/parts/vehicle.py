@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from scene.assets.parts.palette import BLACK, GLASS, STEEL, TRIM, TYRE, darker
+from scene.assets.parts.glazing import NARROW, Glazing, dimmed, inside, on_panes
+from scene.assets.parts.palette import BLACK, GLASS, STEEL, TRIM, TYRE
 from scene.assets.parts.skin import sheet
 from scene.assets.parts.wheel import Wheel, wheels
 from scene.mesh.asset import Asset, Color, Point, merge
@@ -126,27 +128,52 @@ def _laid(
     return low * (1 - t) + high * t + outside
 
 
-_TONES = (1.0, 3.0, 0.8, 4.5, 1.6, 0.7, 2.4)
-"""Panes of a row differ in tone, since what is behind them differs: through some the other side is seen."""
+_TONES = (1.0, 0.4, 0.8, 0.1, 0.6, 1.0, 0.2)
+"""Share of the light from behind that each pane of a row passes: through some the other side is seen."""
+
+
+def panes(
+    wall: Corners,
+    u: Sequence[Span],
+    v: Span,
+    g: Glazing,
+    seats: Sequence[float] = (),
+    driver: float | None = None,
+    *,
+    narrow: float = 1.0,
+    lift: float = 0.012,
+) -> list[Asset]:
+    """Windows on ``wall``, light from behind in them, and what ``inside`` tells of ``g`` in each."""
+    count, tall = len(u), v[1] - v[0]
+    sill, head = v[0] + 0.16 * tall, v[1] - 0.05 * tall
+    bright = [(a + 0.06 * (b - a), b - 0.06 * (b - a)) for a, b in u]
+    whole = _laid(wall, u, [v], lift)
+    light = _laid(wall, bright, [(sill, head)], lift + 0.006)
+    tones = [dimmed(g, _TONES[k % len(_TONES)]) for k in range(count)]
+    corners = np.concatenate([whole, light])
+    return [
+        quads(corners, [GLASS] * count + tones, ["glass"] * len(corners)),
+        *inside(partial(on_panes, whole), g, seats, driver, narrow=narrow),
+    ]
 
 
 def window_row(
-    wall: Corners, count: int, u: tuple[float, float], v: tuple[float, float], pillar: float = 0.12
-) -> Asset:
+    wall: Corners, count: int, u: Span, v: Span, g: Glazing, pillar: float = 0.12
+) -> list[Asset]:
     """``count`` panes side by side in the rectangle ``u``, ``v``; ``pillar`` of a bay apart.
 
-    Each has a darker lower part, where seat backs are behind it, and a vent's bar near its top.
+    Behind each are two seats, behind every third somebody, and near its top is a vent's bar.
     """
     edges = np.linspace(*u, count + 1)
     gap = (edges[1] - edges[0]) * pillar / 2
-    sill = v[0] + 0.34 * (v[1] - v[0])
+    spans = [(a + gap, b - gap) for a, b in pairwise(edges)]
     vent = v[0] + 0.74 * (v[1] - v[0])
-    along = [(a + gap, b - gap) for a, b in pairwise(edges) for _ in range(3)]
-    up = [(sill, v[1]), (v[0], sill), (vent, vent + 0.008)] * count
-    lift = np.tile([0.012, 0.012, 0.018], count)[:, None, None]
-    panes = [darker(GLASS, _TONES[k % len(_TONES)]) for k in range(count)]
-    colors = [c for pane in panes for c in (pane, darker(pane, 0.4), TRIM)]
-    return quads(_laid(wall, along, up, lift), colors, ["glass", "glass", "plain"] * count)
+    bars = _laid(wall, spans, [(vent, vent + 0.008)], 0.036)
+    return [
+        *panes(wall, spans, v, g, (-0.35, 0.35), narrow=NARROW),
+        *inside(partial(on_panes, _laid(wall, spans[::3], [v], 0.012)), g, (), 0.25, narrow=NARROW),
+        quads(bars, [TRIM] * count, ["plain"] * count),
+    ]
 
 
 class Hull(NamedTuple):
