@@ -10,7 +10,7 @@ them into metres, radians and probabilities. Source: section 3 of the paper for 
 from __future__ import annotations
 
 import math
-from typing import Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -96,8 +96,6 @@ SPACES: dict[SpaceName, tuple[Attribute, ...]] = {
     "scenex": ATTRIBUTES,
     "extended": (*ATTRIBUTES, *ADDED, *LATER),
 }
-FORMER = (len(ATTRIBUTES) + len(ADDED),)
-"""How many attributes ``extended`` had before."""
 BY_NAME: dict[str, Attribute] = {a.name: a for a in SPACES["extended"]}
 
 
@@ -152,13 +150,13 @@ def names(space: SpaceName) -> tuple[str, ...]:
 
 
 def space_of(count: int) -> SpaceName:
-    """The space of arrays with ``count`` attributes; as many as ``extended`` had before are its first.
+    """The space of arrays with ``count`` attributes.
 
     Raises:
         ValueError: there is none.
     """
-    for space in get_args(SpaceName):
-        if len(SPACES[space]) == count or (space == "extended" and count in FORMER):
+    for space, rows in SPACES.items():
+        if len(rows) == count:
             return space
     known = " or ".join(f"{len(rows)} ({space})" for space, rows in SPACES.items())
     raise ValueError(f"attributes must have {known} values, not {count}")

@@ -39,6 +39,7 @@ ROUNDING = 1e-5
 """An interval in a file may stick out of [0, 1] by so much, since its ends are rounded."""
 NORMED = 1e-4
 """The sum of an attribute's probabilities in a file may differ from 1 by so much."""
+NO_ATTRIBUTES = "expected a JSON object of attribute names and unit values"
 GOLDEN = (math.sqrt(5) - 1) / 2
 """The golden ratio minus one, whose multiples fill [0, 1) evenly."""
 
@@ -185,21 +186,18 @@ def streets_named(name: str, space: SpaceName, width: float = RELAXATION) -> Str
     return mixture((0.5, 0.5), (default_proposal(width, space), random_proposal(space)))
 
 
-def describe(streets: Streets) -> dict[str, list[dict[str, Any]]]:
-    """Streets in the form of ``attributes.json``: shares, and every attribute in unit and physical values."""
-    return {
-        "components": [
-            {"share": share, "attributes": _rows(own)} for share, own in components(streets)
-        ]
-    }
+def describe(streets: Streets) -> dict[str, Any]:
+    """Streets in the form of ``attributes.json``: the space, and each component's share and attributes."""
+    space = space_in(streets)
+    rows = [{"share": share, "attributes": _rows(own, space)} for share, own in components(streets)]
+    return {"space": space, "components": rows}
 
 
-def _rows(component: Component) -> dict[str, dict[str, Any]]:
+def _rows(component: Component, space: SpaceName) -> dict[str, dict[str, Any]]:
     rows: dict[str, dict[str, Any]] = {}
     # Slid, so that a file holds no intervals that would be refused.
     centres, widths = (part.tolist() for part in moments(component))
-    attributes = SPACES[space_of(len(centres))][: len(centres)]
-    for attribute, centre, width in zip(attributes, centres, widths, strict=True):
+    for attribute, centre, width in zip(SPACES[space], centres, widths, strict=True):
         low, high = max(centre - width / 2, 0.0), min(centre + width / 2, 1.0)
         rows[attribute.name] = {
             "unit": {"centre": shortest(centre), "width": shortest(width)},
@@ -226,22 +224,37 @@ def shortest(value: float) -> float:
     return short if np.float32(short) == exact else float(exact)
 
 
-def parse_streets(value: Any) -> Streets:
+def parse_streets(value: Any, where: str = "attributes") -> Streets:
     """The streets in a file: ``components``, each with ``share`` and ``attributes``, or one's attributes.
 
-    Attributes are those of a space by name, with a unit value or an interval; those of ``LATER`` that are
-    not there have their defaults. A number is the value of all streets. An interval is
-    ``{"centre": c, "width": w}``, or that below ``"unit"``, as in the ``attributes.json`` of a run. Where
-    ``probabilities`` of equal bins of [0, 1] stand there, they decide, and centre and width are not read;
-    beside attributes that have them, others must have one value.
+    ``space`` beside them names their space; without, they are of the smallest that has them all. Attributes
+    stand by name, with a unit value or an interval; those of ``LATER`` that are not there have their
+    defaults, and a log line that begins with ``where`` names them. A number is the value of all streets. An
+    interval is ``{"centre": c, "width": w}``, or that below ``"unit"``, as in the ``attributes.json`` of a
+    run. Where ``probabilities`` of equal bins of [0, 1] stand there, they decide, and centre and width are
+    not read; beside attributes that have them, others must have one value.
 
     Raises:
-        ValueError: not an object, shares or probabilities that do not add up, an unknown or missing
-            attribute, or an interval outside [0, 1], by name.
+        ValueError: not an object, shares or probabilities that do not add up, an unknown space, an unknown
+            or missing attribute, or an interval outside [0, 1], by name.
     """
-    if not isinstance(value, dict) or "components" not in value:
-        return _parsed(value)
-    rows = value["components"]
+    if not isinstance(value, dict):
+        raise ValueError(NO_ATTRIBUTES)
+    space = value.get("space")
+    if space not in (None, *SPACES):
+        raise ValueError(f"unknown space {space!r}; known: {', '.join(SPACES)}")
+    lacking: dict[str, None] = {}
+    if "components" in value:
+        found = _mixed(value["components"], space, lacking)
+    else:
+        found = _parsed({k: v for k, v in value.items() if k != "space"}, space, lacking)
+    if lacking:
+        log.warning("%s: no %s; taken at their defaults", where, ", ".join(lacking))
+    return found
+
+
+def _mixed(rows: Any, space: SpaceName | None, lacking: dict[str, None]) -> Streets:
+    """The streets of a list of components; see `_parsed`."""
     if not isinstance(rows, list) or not rows:
         raise ValueError("components: expected a list of objects with share and attributes")
     shares, proposals = [], []
@@ -253,7 +266,7 @@ def parse_streets(value: Any) -> Streets:
         if isinstance(share, bool) or not isinstance(share, int | float):
             raise ValueError(f"{where}: share is {share!r}, but must be a number in (0, 1]")
         try:
-            proposals.append(_parsed(row["attributes"]))
+            proposals.append(_parsed(row["attributes"], space, lacking))
         except ValueError as error:
             raise ValueError(f"{where}: {error}") from None
         shares.append(float(share))
@@ -264,19 +277,14 @@ def parse_streets(value: Any) -> Streets:
 
 
 def streets_in(path: Path) -> Streets:
-    """The streets that a JSON file describes; attributes that it is too old to have are named in a log line.
+    """The streets that a JSON file describes, see `parse_streets`.
 
     Raises:
         ValueError: the file is no JSON, or not of attributes, by name.
         OSError: it cannot be read.
     """
     try:
-        value = read_json(path)
-        found = parse_streets(value)
-        rows = [row["attributes"] for row in value.get("components", [{"attributes": value}])]
-        if lacking := dict.fromkeys(name for row in rows for name in _left_out(row)):
-            log.warning("%s: no %s; taken at their defaults", path, ", ".join(lacking))
-        return found
+        return parse_streets(read_json(path), str(path))
     except ValueError as error:
         where = "" if str(error).startswith(str(path)) else f"{path}: "
         raise ValueError(f"{where}{error}") from None
@@ -287,21 +295,22 @@ def read_streets(source: str, space: SpaceName) -> Streets:
     return streets_named(source, space) if source in NAMES else streets_in(Path(source))
 
 
-def _parsed(value: Any) -> Component:
-    """The component of an object of attributes."""
+def _parsed(value: Any, space: SpaceName | None, lacking: dict[str, None]) -> Component:
+    """The component of an object of attributes; those that it is too old to have go to ``lacking``."""
     if not isinstance(value, dict):
-        raise ValueError("expected a JSON object of attribute names and unit values")
-    known = names("extended")
+        raise ValueError(NO_ATTRIBUTES)
+    known = names(space or "extended")
     for name in value:
         if name not in known:
             raise ValueError(f"unknown attribute {name!r}; known: {', '.join(known)}")
-    value = {
-        name: BY_NAME[name].to_unit(BY_NAME[name].default) for name in _left_out(value)
-    } | value
-    wanted = names("scenex") if set(value) <= set(names("scenex")) else known
+    wanted = names("scenex") if not space and set(value) <= set(names("scenex")) else known
     for name in wanted:
-        if name not in value:
+        if name in value:
+            continue
+        if BY_NAME[name] not in LATER:
             raise ValueError(f"attribute {name} is missing; all {len(wanted)} must be given")
+        lacking[name] = None
+        value = {**value, name: BY_NAME[name].to_unit(BY_NAME[name].default)}
     units = {name: _unit(value[name]) for name in wanted}
     binned = [name for name, unit in units.items() if "probabilities" in unit]
     if binned:
@@ -309,13 +318,6 @@ def _parsed(value: Any) -> Component:
     rows = [_interval(name, value[name]) for name in wanted]
     centre, width = np.array(rows, np.float32).T
     return slide(check_unit(centre), width)  # by a rounding at most
-
-
-def _left_out(value: dict[str, Any]) -> list[str]:
-    """What an object of the extended space's attributes lacks of those that it did not always have."""
-    if set(value) <= set(names("scenex")):
-        return []
-    return [attribute.name for attribute in LATER if attribute.name not in value]
 
 
 def _unit(entry: Any) -> dict[str, Any]:

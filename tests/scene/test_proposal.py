@@ -91,6 +91,7 @@ AGED = {
         ]
     },
     "binned": {name: {"probabilities": [0.5, 0.5]} for name in OLD},
+    "named": {"space": "extended", **dict.fromkeys(OLD, 0.25)},
 }
 
 
@@ -105,7 +106,7 @@ def test_a_file_older_than_some_attributes_has_their_defaults_and_one_line_says_
     (line,) = caplog.messages
     assert line == f"{path}: no {', '.join(row.name for row in LATER)}; taken at their defaults"
     caplog.clear()
-    for value in (VALUES, dict.fromkeys(BOTH, 0.25)):
+    for value in (VALUES, {"space": "scenex", **VALUES}, dict.fromkeys(BOTH, 0.25)):
         path.write_text(json.dumps(value))
         module.streets_in(path)
     assert not caplog.messages
@@ -129,6 +130,10 @@ def test_what_is_described_is_read_back_to_the_same_streets(lists, seed):
     ({**VALUES, "car_postion": 0.5}, "unknown attribute 'car_postion'; known: illum"),
     ({NAMES[0]: 0.25, **dict.fromkeys(NAMES[1:14], 0.5)}, "attribute car_position is missing; all 23"),
     ({**VALUES, "bend": 0.5}, f"attribute field_of_view is missing; all {len(BOTH)}"),
+    ({"space": "extended", **VALUES}, f"attribute field_of_view is missing; all {len(BOTH)}"),
+    ({"space": "scenex", **VALUES, "bend": 0.5}, "unknown attribute 'bend'; known: illum"),
+    ({"space": "narrow", **VALUES}, "unknown space 'narrow'; known: scenex, extended"),
+    ({"space": ["extended"], **VALUES}, r"unknown space \['extended'\]; known"),
     *(({**VALUES, "car_position": value}, f"car_position{message}") for value, message in (
         (1.5, r" is 1.5; .* \[0, 1\]"),
         *((value, f" is {value!r}") for value in (-0.1, np.nan, "0.5", True, None)),
