@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from functools import cache
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numba import carray
@@ -19,6 +19,10 @@ from scene.ground.build import GROUND_INSTANCES
 from scene.look.materials import MATERIALS, material_id, textures
 from scene.render.address import float_pointer
 from scene.render.geometry import ROW
+
+if TYPE_CHECKING:
+    from scene.render.shot import Light, Visible
+    from scene.sky.sky import Sky
 
 MISS = -1
 """Face of a sample that sees the sky."""
@@ -152,45 +156,35 @@ def lamplight(points: Array, smooth: Array, lamps: Array, power: np.float32, out
 
 @njit(cache=True, fastmath=True, error_model="numpy")
 def shade(
-    first: Array,
-    sample: Array,
-    share: Array,
-    face: Array,
-    instance: Array,
-    distance: Array,
-    directions: Array,
-    points: Array,
-    flat: Array,
-    smooth: Array,
-    lit: Array,
-    opened: Array,
-    glow: Array,
+    visible: Visible,
+    lighting: Light,
     pixel_angle: np.float32,
     brightest: np.float32,
     textured: bool,
     surfaces: Array,
     rows: Array,
-    texels: Array,
-    start: Array,
-    size: Array,
-    sun_direction: Array,
-    sun: Array,
+    textures: Textures,
+    sky: Sky,
     ambient: Array,
-    horizon: Array,
-    haze: np.float32,
-    wetness: np.float32,
-    snow: np.float32,
     panorama: Array,
 ) -> Array:
     """Linear radiance f32[pixels, 3] towards the camera: of each pixel the mean over its samples.
 
-    ``lit`` is 1 where the sun is seen, ``opened`` the share of the sky that is seen, ``glow`` the light of
-    lamps (see ``lamplight``; empty by day), ``pixel_angle`` the radians between samples, ``brightest`` what
-    no sample goes beyond; the rest as in ``Spots``, ``Hits``, ``Visible``, ``Geometry`` and ``Sky``.
+    ``visible`` holds places and normals on the road (see ``on_road``) and shares of a pixel; ``pixel_angle``
+    is the radians between pixels, ``brightest`` what no sample goes beyond; ``surfaces`` are those of
+    ``Geometry``, ``rows`` those of materials, ``sky`` is in single precision (see ``Sky.single``).
 
     Spots are taken some at a time: what looks things up one by one, then the sums of all, which
     processors do many at a time.
     """
+    first, sample, share = visible.spots.first, visible.spots.sample, visible.spots.share
+    distance, directions = visible.spots.distance, visible.spots.directions
+    face, instance = visible.hits.face, visible.hits.instance
+    points, flat, smooth = visible.points, visible.flat, visible.smooth
+    lit, opened, glow = lighting.lit, lighting.opened, lighting.glow
+    texels, start, size = textures.texels, textures.start, textures.size
+    sun_direction, sun, horizon = sky.sun_direction, sky.sun, sky.horizon
+    haze, wetness, snow = sky.haze, sky.wetness, sky.snow
     pixels = first.shape[0] - 1
     out = np.zeros((pixels, 3), np.float32)
     ground_light = np.empty(3, np.float32)

@@ -83,6 +83,9 @@ class Light(NamedTuple):
 
     lit: np.ndarray  # f32[m], 1 where the sun is seen, 0 in shadow
     opened: np.ndarray  # f32[m], share of the sky that is seen
+    glow: np.ndarray = np.zeros(
+        0, np.float32
+    )  # f32[m] from lamps, see `shade.lamplight`; empty by day
 
 
 class Surroundings(NamedTuple):
@@ -142,20 +145,13 @@ def _fill_rays(
 
 def visible(around: Surroundings, rays: Rays, hits: Hits, settings: RenderSettings) -> Visible:
     """Tell the spots of each pixel apart and say what they are."""
-    geometry, samples = around.geometry, settings.samples
-    surfaces = geometry.surfaces
-    spots = group(
-        hits.face, hits.instance, hits.distance, rays.directions, surfaces, geometry.pose,
-        rays.columns, samples,
-    )  # fmt: skip
-    flat, smooth, points = (np.empty((len(spots.sample), 3), np.float32) for _ in range(3))
-    side = np.empty(len(spots.sample), np.int8)
-    visibility.look(
-        rays.origin, spots.directions, spots.distance, spots.sample, hits.instance, hits.face,
-        hits.u, hits.v, surfaces, geometry.pose, shade.material_rows(),
-        around.street.sky.sun_direction, flat, smooth, points, side,
-    )  # fmt: skip
-    return Visible(rays, hits, spots, flat, smooth, points, side)
+    surfaces, pose = around.geometry.surfaces, around.geometry.pose
+    spots = group(hits, rays.directions, surfaces, pose, rays.columns, settings.samples)
+    n = len(spots.sample)
+    flat, smooth, points = (np.empty((n, 3), np.float32) for _ in range(3))
+    seen = Visible(rays, hits, spots, flat, smooth, points, np.empty(n, np.int8))
+    visibility.look(seen, surfaces, pose, shade.material_rows(), around.street.sky.sun_direction)
+    return seen
 
 
 def sky_grid(settings: RenderSettings) -> tuple[int, int]:
@@ -165,32 +161,26 @@ def sky_grid(settings: RenderSettings) -> tuple[int, int]:
 
 def sky_segments(seen: Visible, around: Surroundings, settings: RenderSettings) -> Segments:
     """A ray into the open for every ``SKY_STEP``-th pixel each way, see ``spread``."""
-    path, points = around.street.ground.path, seen.points
+    path = around.street.ground.path
     if path.slopes:  # rays that fall onto the street are found as if it were level
         pixels = seen.spots.first[:-1].reshape(settings.height, settings.width)
         begin = pixels[::SKY_STEP, ::SKY_STEP].ravel()
-        below = road_height(path, points[begin])
-        points = points.copy()
-        points[begin, 2] -= below
+        below = road_height(path, seen.points[begin])
+        seen = seen._replace(points=seen.points.copy())
+        seen.points[begin, 2] -= below
     width, height = sky_grid(settings)
     starts, directions = (np.empty((height * width, 3), np.float32) for _ in range(2))
-    wanted = np.empty(height * width, np.uint8)
-    visibility.sky_rays(
-        seen.spots.first, seen.spots.sample, seen.hits.face, seen.flat, points,
-        settings.width, SKY_STEP, height, width, starts, directions, wanted,
-    )  # fmt: skip
+    found = Segments(starts, directions, np.empty(height * width, np.uint8))
+    visibility.sky_rays(seen, settings.width, SKY_STEP, height, width, found)
     if path.slopes:
         starts[:, 2] += below
-    return Segments(starts, directions, wanted)
+    return found
 
 
 def spread(free: np.ndarray, seen: Visible, settings: RenderSettings) -> np.ndarray:
     """Share f32[m] of open sky from ``free`` f32, 1 for each ray of ``sky_segments`` that gets away."""
     opened = np.empty(len(seen.points), np.float32)
-    visibility.spread_open(
-        free, seen.spots.first, seen.spots.sample, seen.hits.face, seen.smooth,
-        seen.spots.distance, settings.height, settings.width, SKY_STEP, opened,
-    )  # fmt: skip
+    visibility.spread_open(free, seen, settings.height, settings.width, SKY_STEP, opened)
     return opened
 
 
@@ -204,17 +194,15 @@ def radiance(
         geometry, around.street.ground.path, hits.instance[spots.sample],
         hits.face[spots.sample], seen.points, seen.flat,
     )  # fmt: skip
-    glow = np.zeros(len(seen.points) if sky.lamps else 0, np.float32)
     if sky.lamps:
-        shade.lamplight(seen.points, seen.smooth, lamps(around), np.float32(sky.lamps), glow)
+        light = light._replace(glow=np.zeros(len(seen.points), np.float32))
+        shade.lamplight(seen.points, seen.smooth, lamps(around), np.float32(sky.lamps), light.glow)
+    share = spots.share / np.float32(settings.samples**2)
     image = shade.shade(
-        spots.first, spots.sample, spots.share / np.float32(settings.samples**2), hits.face,
-        hits.instance, spots.distance, spots.directions, places, flat, seen.smooth,
-        light.lit, light.opened, glow, np.float32(seen.rays.spacing * settings.samples),
-        np.float32(brightest), settings.textures,
-        geometry.surfaces, shade.material_rows(), *shade.texture_levels(),
-        sky.sun_direction, sky.sun, sky.ambient, sky.horizon,
-        np.float32(sky.haze), np.float32(sky.wetness), np.float32(sky.snow), around.panorama,
+        seen._replace(spots=spots._replace(share=share), points=places, flat=flat), light,
+        np.float32(seen.rays.spacing * settings.samples), np.float32(brightest), settings.textures,
+        geometry.surfaces, shade.material_rows(), shade.texture_levels(), sky.single,
+        sky.ambient, around.panorama,
     )  # fmt: skip
     return image.reshape(settings.height, settings.width, 3)
 

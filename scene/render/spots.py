@@ -7,7 +7,7 @@ middle, they look as they would shaded one by one.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numba import carray
@@ -15,6 +15,9 @@ from numba import carray
 from scene.compiled import njit
 from scene.render.address import float_pointer
 from scene.render.geometry import ROW
+
+if TYPE_CHECKING:
+    from scene.render.shot import Hits
 
 f32 = np.float32
 ALIKE = f32(0.97)
@@ -37,9 +40,7 @@ class Spots(NamedTuple):
 
 
 def group(
-    face: np.ndarray,
-    instance: np.ndarray,
-    distance: np.ndarray,
+    hits: Hits,
     directions: np.ndarray,
     surfaces: np.ndarray,
     pose: np.ndarray,
@@ -49,47 +50,40 @@ def group(
     """Spots of ``samples`` x ``samples`` a pixel; with one sample, each is a spot.
 
     Args:
-        face: i32[n], see ``Hits``.
-        instance: i32[n], see ``Hits``.
-        distance: f32[n], see ``Hits``.
+        hits: what the samples see.
         directions: f32[n, 3], see ``Rays``.
         surfaces: u64[instances], see ``Geometry``.
         pose: f32[instances, 3, 4], see ``Geometry``.
         columns: samples in a row.
         samples: of a pixel, along each axis.
     """
-    n = len(face)
+    n = len(hits.face)
     if samples == 1:
         every = np.arange(n + 1, dtype=np.int32)
-        return Spots(every, every[:-1], np.ones(n, f32), directions, distance, every[:-1])
-    first = np.empty(n // samples**2 + 1, np.int32)
-    sample, share, middle = np.empty(n, np.int32), np.empty(n, f32), np.empty((n, 3), f32)
-    away, owner = np.empty(n, f32), np.empty(n, np.int32)
+        return Spots(every, every[:-1], np.ones(n, f32), directions, hits.distance, every[:-1])
+    first, sample, owner = (np.empty(k, np.int32) for k in (n // samples**2 + 1, n, n))
+    share, middle, away = np.empty(n, f32), np.empty((n, 3), f32), np.empty(n, f32)
     m = _group(
-        face, instance, distance, directions, surfaces, pose, columns, samples,
-        first, sample, share, middle, away, owner,
+        hits, directions, surfaces, pose, columns, samples,
+        Spots(first, sample, share, middle, away, owner),
     )  # fmt: skip
     return Spots(first, sample[:m], share[:m], middle[:m], away[:m], owner)
 
 
 @njit(cache=True, fastmath=True, error_model="numpy")
 def _group(
-    face: np.ndarray,
-    instance: np.ndarray,
-    distance: np.ndarray,
+    hits: Hits,
     directions: np.ndarray,
     surfaces: np.ndarray,
     pose: np.ndarray,
     columns: int,
     samples: int,
-    first: np.ndarray,
-    sample: np.ndarray,
-    share: np.ndarray,
-    middle: np.ndarray,
-    away: np.ndarray,
-    owner: np.ndarray,
+    out: Spots,
 ) -> int:
     """Fill the spots, see ``group``; returns how many there are."""
+    face, instance, distance = hits.face, hits.instance, hits.distance
+    first, sample, share, owner = out.first, out.sample, out.share, out.owner
+    middle, away = out.directions, out.distance
     wide, each = columns // samples, samples * samples
     left = np.empty(each, np.int64)
     count = 0

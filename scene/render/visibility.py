@@ -6,6 +6,7 @@ Everything here is compiled and alike for all renderers; they only answer the ra
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import carray
@@ -13,6 +14,9 @@ from numba import carray
 from scene.compiled import njit
 from scene.render.address import float_pointer
 from scene.render.geometry import ROW
+
+if TYPE_CHECKING:
+    from scene.render.shot import Segments, Visible
 
 OFFSET = 1e-2
 """Metres along the normal from a surface to the start of its next ray."""
@@ -38,30 +42,17 @@ FAR_OFF = f32(1e9)
 
 
 @njit(cache=True, fastmath=True, error_model="numpy")
-def look(
-    origin: Array,
-    directions: Array,
-    distance: Array,
-    sample: Array,
-    instance: Array,
-    face: Array,
-    u: Array,
-    v: Array,
-    surfaces: Array,
-    pose: Array,
-    rows: Array,
-    sun_direction: Array,
-    flat: Array,
-    smooth: Array,
-    points: Array,
-    side: Array,
-) -> None:
-    """What each spot is: the face's own normal, the smoothed one, both towards the viewer, the point.
+def look(seen: Visible, surfaces: Array, pose: Array, rows: Array, sun_direction: Array) -> None:
+    """Fill in what each spot is: the face's normal, the smoothed one, both towards the viewer, the point.
 
     Misses get an upward normal and the ray's origin. ``side`` says on which side of the face a ray to the
     sun begins: 1 the viewer's, -1 the other (leaves, which the sun shines through), 0 where none is
     needed: in the sky, and where a surface faces away from the sun.
     """
+    origin, spots, hits = seen.rays.origin, seen.spots, seen.hits
+    directions, distance, sample = spots.directions, spots.distance, spots.sample
+    instance, face, u, v = hits.instance, hits.face, hits.u, hits.v
+    flat, smooth, points, side = seen.flat, seen.smooth, seen.points, seen.side
     sun0, sun1, sun2 = sun_direction[0], sun_direction[1], sun_direction[2]
     # What looks things up apart from what computes, which processors do many at a time. One array for all:
     # of several the compiler would not know that they are not the same.
@@ -125,23 +116,15 @@ def look(
 
 @njit(cache=True, fastmath=True, error_model="numpy")
 def sky_rays(
-    first: Array,
-    sample: Array,
-    face: Array,
-    flat: Array,
-    points: Array,
-    columns: int,
-    step: int,
-    height: int,
-    width: int,
-    starts: Array,
-    directions: Array,
-    wanted: Array,
+    seen: Visible, columns: int, step: int, height: int, width: int, out: Segments
 ) -> None:
     """One cosine-distributed ray for every ``step``-th pixel each way, stratified over 4 x 4 of them.
 
     Rays that soon fall on the street are not wanted: no sky is there.
     """
+    first, sample, face = seen.spots.first, seen.spots.sample, seen.hits.face
+    flat, points = seen.flat, seen.points
+    starts, directions, wanted = out.starts, out.directions, out.wanted
     local = np.empty((16, 3), np.float32)
     for cell in range(16):
         # Low-discrepancy pair over the 16 cells of a block.
@@ -176,22 +159,15 @@ def sky_rays(
 
 @njit(cache=True, fastmath=True, error_model="numpy")
 def spread_open(
-    seen_open: Array,
-    first: Array,
-    sample: Array,
-    face: Array,
-    smooth: Array,
-    distance: Array,
-    rows: int,
-    columns: int,
-    step: int,
-    out: Array,
+    seen_open: Array, seen: Visible, rows: int, columns: int, step: int, out: Array
 ) -> None:
     """From one yes or no at every ``step``-th pixel to the share of open sky at each spot.
 
     First the mean over 4 x 4 rays that lie on about the same surface, then between the four nearest
     means, again only across the same surface.
     """
+    first, sample, face = seen.spots.first, seen.spots.sample, seen.hits.face
+    smooth, distance = seen.smooth, seen.spots.distance
     height, width = (rows + step - 1) // step, (columns + step - 1) // step
     grid = np.empty((4, height, width), np.float32)  # normal and distance of these pixels
     for y in range(height):

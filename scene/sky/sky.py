@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -54,6 +54,12 @@ class Sky(NamedTuple):
         clear = 0.55 * (0.5 * self.zenith + 0.5 * self.horizon)
         sky = (1 - self.cover) * clear + self.cover * 0.75 * self.cloud
         return (sky + SURROUNDINGS * self.sun).astype(np.float32)
+
+    @property
+    def single(self) -> Sky:
+        """The same for compiled code: all in single precision, which is one type, and 0 for names."""
+        single: list[Any] = [np.float32(0 if isinstance(own, str) else own) for own in self]
+        return Sky(*single)
 
 
 def sample_sky(
@@ -120,26 +126,20 @@ def panorama(sky: Sky, columns: int, relief: np.ndarray | None = None) -> np.nda
     ``relief`` is ``cloud_relief(sky.clouds)``, for those who have it.
     """
     relief = cloud_relief(sky.clouds) if relief is None else relief
-    return _panorama(
-        columns, sky.sun_direction, sky.sun, sky.zenith, sky.horizon, sky.cloud,
-        np.float32(sky.cover), sky.cloud_offset, np.float32(sky.scale), np.float32(sky.wind),
-        np.float32(sky.lift), np.float32(sky.crisp), np.float32(sky.opacity),
-        np.float32(sky.relief), relief,
-    )  # fmt: skip
+    return _panorama(columns, sky.single, relief)
 
 
 @njit(cache=True, fastmath=True, error_model="numpy")
-def _panorama(
-    columns: int, sun_direction: np.ndarray, sun: np.ndarray, zenith: np.ndarray,
-    horizon: np.ndarray, cloud: np.ndarray, cover: np.float32, offset: np.ndarray,
-    scale: np.float32, wind: np.float32, lift: np.float32, crisp: np.float32,
-    opacity: np.float32, relief: np.float32, clouds: np.ndarray,
-) -> np.ndarray:  # fmt: skip
+def _panorama(columns: int, sky: Sky, clouds: np.ndarray) -> np.ndarray:
     """Clouds lie on a plane overhead that bends down by ``lift``, so that far ones still have flanks.
 
     A cloud's bright side is the one that slopes up (seen from the street) or to the sun. Thin cloud
     lets the sun's glow through, which gives it its silver lining.
     """
+    sun_direction, sun, zenith, horizon = sky.sun_direction, sky.sun, sky.zenith, sky.horizon
+    cloud, cover, offset = sky.cloud, np.float32(sky.cover), sky.cloud_offset
+    scale, wind, lift, crisp = sky.scale, sky.wind, sky.lift, sky.crisp
+    opacity, relief = sky.opacity, sky.relief
     rows = columns // 4
     half, one, two, three = np.float32(0.5), np.float32(1), np.float32(2), np.float32(3)
     zero = np.float32(0)

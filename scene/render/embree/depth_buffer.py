@@ -58,7 +58,7 @@ def nearest(geometry: Geometry, camera: Camera, settings: RenderSettings, rays: 
     )
     _draw(
         _in_view(geometry, rotation, shift, x, y), geometry.tables, geometry.boxes, rotation,
-        shift, x, y, closeness, hits.face, hits.instance, hits.u, hits.v,
+        shift, x, y, closeness, hits,
     )  # fmt: skip
     _finish(closeness, rays.along, hits.distance, hits.u, hits.v)
     return hits
@@ -89,12 +89,10 @@ def _draw(
     x: np.ndarray,
     y: np.ndarray,
     near: np.ndarray,
-    face: np.ndarray,
-    instance: np.ndarray,
-    u: np.ndarray,
-    v: np.ndarray,
+    hits: Hits,
 ) -> None:
     """Draw the chosen instances one after another, see ``nearest``; ``u`` and ``v`` still times ``near``."""
+    face, instance, u, v = hits.face, hits.instance, hits.u, hits.v
     columns, rows = x.shape[0], y.shape[0]
     per_column, per_row = (columns - 1) / (x[-1] - x[0]), (rows - 1) / (y[-1] - y[0])
     most = np.uint64(0)

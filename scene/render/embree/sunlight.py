@@ -42,10 +42,7 @@ def sunlight(bvh: SceneBVH, seen: Visible, sun: np.ndarray, settings: RenderSett
         lit[spot] = free(bvh, starts, direction, np.arange(len(spot)))
     if settings.samples > 1:
         edge = _edges(spots.first, spots.share, lit, *where)
-        spot, starts = _every_sample(
-            edge, spots.first, spots.owner, seen.rays.origin, seen.rays.directions, seen.hits.distance,
-            seen.flat, seen.side, settings.samples, settings.width,
-        )  # fmt: skip
+        spot, starts = _every_sample(edge, seen, settings.samples, settings.width)
         found = free(bvh, starts, direction, np.arange(len(spot)))
         _average(edge, spot, found, lit)
     return lit
@@ -166,11 +163,11 @@ def _edges(
 
 @njit(cache=True)
 def _every_sample(
-    edge: np.ndarray, first: np.ndarray, owner: np.ndarray, origin: np.ndarray,
-    directions: np.ndarray, distance: np.ndarray, flat: np.ndarray, side: np.ndarray,
-    samples: int, columns: int,
-) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    edge: np.ndarray, seen: Visible, samples: int, columns: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Of each sample of the spots: which of them i32[k] it belongs to, and where its ray begins."""
+    first, owner, flat, side = seen.spots.first, seen.spots.owner, seen.flat, seen.side
+    origin, directions, distance = seen.rays.origin, seen.rays.directions, seen.hits.distance
     most = len(edge) * samples * samples
     which, starts = np.empty(most, np.int32), np.empty((most, 3), np.float32)
     count, pixel = 0, 0

@@ -160,29 +160,16 @@ def _hits(picture: np.ndarray, rays: Rays, merged: World) -> Hits:
     hits = Hits(
         np.empty(n, np.int32), np.empty(n, np.int32), *(np.empty(n, np.float32) for _ in range(3))
     )
-    _read(
-        picture.reshape(n, 2), rays.origin, rays.directions, rays.along,
-        merged.vertices, merged.instance, merged.face, *hits,
-    )  # fmt: skip
+    _read(picture.reshape(n, 2), rays, merged, hits)
     return hits
 
 
 @njit(cache=True, fastmath=True)
-def _read(
-    picture: np.ndarray,
-    origin: np.ndarray,
-    directions: np.ndarray,
-    along: np.ndarray,
-    vertices: np.ndarray,
-    instances: np.ndarray,
-    faces: np.ndarray,
-    face: np.ndarray,
-    instance: np.ndarray,
-    distance: np.ndarray,
-    u: np.ndarray,
-    v: np.ndarray,
-) -> None:
+def _read(picture: np.ndarray, rays: Rays, merged: World, hits: Hits) -> None:
     """Faces, distances and places within the faces from a picture of face numbers and depths."""
+    origin, directions, along = rays.origin, rays.directions, rays.along
+    vertices, instances, faces = merged.vertices, merged.instance, merged.face
+    face, instance, distance, u, v = hits.face, hits.instance, hits.distance, hits.u, hits.v
     for i in range(face.shape[0]):
         drawn = int(picture[i, 0])
         if drawn < 0:
