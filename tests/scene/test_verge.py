@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from scene import default_unit, sample_street, street_params
 from scene.ground.build import ground_surfaces
-from scene.ground.extent import KERB_HEIGHT, KERB_WIDTH
+from scene.ground.extent import KERB_WIDTH
 from scene.ground.ground import plain, sample_ground, with_sides
 from scene.ground.litter import leaves, puddles
 from scene.ground.relief import DRIVE_LIFT
@@ -161,6 +161,6 @@ def areas(corners):
 def test_drives_lie_on_what_they_cross_and_reach_the_house():
     drawn = plain(sided(3, 0.0))._replace(driveways=((20.0, 1.0),), sides=sided(3, 0.0).sides)
     mesh = ground_surfaces(drawn)[SIDEWALK].asset.mesh.vertices
-    drive = mesh[np.isclose(mesh[:, 2], KERB_HEIGHT + DRIVE_LIFT)]
+    drive = mesh[np.isclose(mesh[:, 2], drawn.kerb_height + DRIVE_LIFT)]
     assert drive[:, 1].max() == pytest.approx(9.0 - 0.3)
     assert (np.abs(drive[:, 0] - 20) < 1.7).all()
