@@ -84,7 +84,7 @@ ADDED: tuple[Attribute, ...] = (
 )
 LATER: tuple[Attribute, ...] = (
     Attribute("asphalt_sidewalk_share", 0, 1, "linear", 0.35, "share", "streets with sidewalks of asphalt, as dark as the road"),
-    Attribute("green_verge_share", 0, 1, "linear", 0.25, "share", "roadsides with grass, earth or gravel along the sidewalk"),
+    Attribute("green_verge_share", 0, 1, "linear", 0.25, "share", "roadsides with grass, earth, gravel or plants along the sidewalk"),
     Attribute("road_wear", 0, 1, "linear", 0.45, "of the most", "age of the road: cracks, repairs, dust, faded paint"),
 )
 # fmt: on

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from scene.ground import markings
-from scene.ground.extent import KERB_HEIGHT, KERB_WIDTH, STRIP, TUCK, wavy
+from scene.ground.extent import KERB_WIDTH, STRIP, TUCK, wavy
 from scene.ground.ground import Ground
 from scene.ground.junction import ARM_END, ARM_STRIP, REACH, Junction
 from scene.mesh.quads import Quads, grid, quads, rectangles
@@ -116,7 +116,8 @@ def corners(ground: Ground, junction: Junction) -> list[Quads]:
     stone = np.array([0.76, 0.95]).repeat(whole.sum())[:, None] * np.asarray(ground.kerb)
     base = np.asarray(ground.sidewalk.color)
     rear = np.array([(tip[0], rim[0, 1]), tip, (rim[-1, 0], tip[1])])
-    heights = (0.0, KERB_HEIGHT + 0.005, KERB_HEIGHT)  # of the kerb's face and of its top
+    high = ground.kerb_height
+    heights = (0.0, high + 0.005, high)  # of the kerb's face and of its top
     parts = []
     for side in junction.arms:
         for hand in (-1.0, 1.0):
@@ -129,16 +130,16 @@ def corners(ground: Ground, junction: Junction) -> list[Quads]:
             ]
             found = [
                 quads(np.concatenate(faces), stone, "concrete"),
-                _level(_handed(paved, hand), KERB_HEIGHT, base, ground.sidewalk.material),
-                _lip(_handed(rear, hand), base, ground.sidewalk.material),
+                _level(_handed(paved, hand), high, base, ground.sidewalk.material),
+                _lip(_handed(rear, hand), high, base, ground.sidewalk.material),
             ]
             parts += [turned(part, junction, side) for part in found]
     return parts
 
 
-def _lip(line: Array, color: Array, material: str) -> Quads:
-    """The edge below a line [n, 2] at the height of sidewalks."""
-    top, low = (np.column_stack([line, np.full(len(line), KERB_HEIGHT - d)]) for d in (0, LIP))
+def _lip(line: Array, height: float, color: Array, material: str) -> Quads:
+    """The edge below a line [n, 2] ``height`` metres high."""
+    top, low = (np.column_stack([line, np.full(len(line), height - d)]) for d in (0, LIP))
     return quads(np.stack([top[:-1], top[1:], low[1:], low[:-1]], axis=1), color, material)
 
 
@@ -162,7 +163,7 @@ def _whole(outline: Array) -> Array:
 def arm_land(ground: Ground, junction: Junction, rng: np.random.Generator) -> list[Quads]:
     """Land beside the arms and behind their ends."""
     base = np.asarray(ground.terrain.color)
-    low = KERB_HEIGHT - 0.01
+    low = ground.kerb_height - 0.01
     parts = []
     for side in junction.arms:
         pieces = []

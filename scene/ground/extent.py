@@ -7,6 +7,8 @@ import numpy as np
 HALF_WIDTHS, FOOTWAYS = (3.7, 5.4), (1.8, 4.8)
 """Between which lie half the width of a carriageway, and the width of the sidewalks beside it."""
 KERB_HEIGHT = 0.12
+"""The usual one."""
+KERB_HEIGHTS = (0.03, 0.16)
 KERB_WIDTH = 0.18
 GROUND_START, GROUND_END, GROUND_SIDE = -40.0, 600.0, 400.0
 """Extent of the ground: along the road from, to, and to each side."""

@@ -16,6 +16,7 @@ from scene.ground.extent import (
     GROUND_END,
     HALF_WIDTHS,
     KERB_HEIGHT,
+    KERB_HEIGHTS,
     KERB_WIDTH,
     STRIP,
     STRIP_END,
@@ -79,6 +80,7 @@ class Ground(NamedTuple):
     dust: float = 0.0  # how much of the colour along kerbs is dust, 0 .. 1
     leaves: int = 0  # fallen ones on road, and on sidewalks
     puddles: int = 0
+    kerb_height: float = KERB_HEIGHT  # of the sidewalks and the land above the road, m
     rails: float = 0.0  # the middle of tram tracks from the centre line, m; 0: none
     sides: tuple[Side, Side] = NO_SIDES  # what lies along the sidewalks, right and left
     path: Path = STRAIGHT
@@ -110,7 +112,7 @@ def ground_height(ground: Ground, y: float, x: float = 0.0) -> float:
 
 def ground_heights(ground: Ground, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Heights f64[n] of the ground at places ``x``, ``y`` f64[n] of the road, metres."""
-    above = np.where(np.abs(y) < ground.half_width, 0.0, KERB_HEIGHT)
+    above = np.where(np.abs(y) < ground.half_width, 0.0, ground.kerb_height)
     if not ground.shaped:
         return above
     junction = ground.junction
@@ -237,7 +239,7 @@ def sample_ground(
 
 
 def _aged(ground: Ground, asphalt: float, rng: np.random.Generator) -> Ground:
-    """The ground with dust, and by chance tram tracks, leaves, puddles and sidewalks of asphalt."""
+    """The ground with dust and kerbs; by chance tram tracks, leaves, puddles, asphalt sidewalks."""
     tram, off = rng.random() < TRAMS, float(rng.uniform(1.4, 1.9))
     dust = float(rng.uniform(0, 0.8)) * ground.wear
     paved, stone = rng.random() < asphalt, float(rng.uniform(0.35, 1.0))
@@ -248,12 +250,14 @@ def _aged(ground: Ground, asphalt: float, rng: np.random.Generator) -> Ground:
         ground = ground._replace(sidewalk=beside, kerb=(red, green, blue))
     wide = ground.half_width > off + 1.6 and ground.centre != "hatched"
     autumn, rain = rng.random(2) < (LITTERED, PUDDLED)
-    return ground._replace(
+    ground = ground._replace(
         dust=dust,
         rails=off if tram and wide else 0.0,
         leaves=int(rng.integers(60, 500)) if autumn else 0,
         puddles=int(rng.integers(2, 9)) if rain else 0,
     )
+    low, high = KERB_HEIGHTS
+    return ground._replace(kerb_height=float(rng.triangular(low, KERB_HEIGHT, high)))
 
 
 def with_sides(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scene.ground.extent import KERB_HEIGHT, KERB_WIDTH, PAINT_LIFT
+from scene.ground.extent import KERB_WIDTH, PAINT_LIFT
 from scene.ground.ground import Ground
 from scene.mesh.quads import Quads, discs, flat, strokes
 
@@ -33,7 +33,7 @@ def leaves(ground: Ground, rng: np.random.Generator, road: bool) -> list[Quads]:
     middle = np.stack([x, side * y], axis=1)[lies]
     reach = (size[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1))[lies]
     outlines = strokes(middle - reach / 2, middle + reach / 2, 0.06)
-    height = PAINT_LIFT + 0.002 if road else KERB_HEIGHT + PAINT_LIFT
+    height = PAINT_LIFT + 0.002 if road else ground.kerb_height + PAINT_LIFT
     return [flat(outlines, height, color[lies], "plain")]
 
 

@@ -9,7 +9,6 @@ from scene.ground.extent import (
     GROUND_END,
     GROUND_SIDE,
     GROUND_START,
-    KERB_HEIGHT,
     KERB_WIDTH,
     STRIP,
     TUCK,
@@ -55,12 +54,11 @@ def _one_side(ground: Ground, side: float, rng: np.random.Generator) -> list[Qua
     # In a bend, paving meets the ramp corner by corner.
     bays = None if ground.shaped or ground.side(side).green else stations(4.5)
     parts = _footway(ground, side, stones, bays, drops, rng)
-    inner = ground.half_width + KERB_WIDTH
     places = list(ground.crosswalks)
     if ground.junction and ground.junction.crossings[1] != "none":
         away = ground.junction.road_crossing
         places += [ground.junction.x - away, ground.junction.x + away]
-    parts += [_blisters(x, side, inner) for x in places]
+    parts += [_blisters(ground, x, side) for x in places]
     parts += [_drive(ground, x, side) for x, s in ground.driveways if s == side]
     return parts
 
@@ -76,8 +74,7 @@ def arm_sides(ground: Ground, junction: Junction, rng: np.random.Generator) -> l
         for hand in (-1.0, 1.0):
             found = _footway(arm, hand, stones, None, drops, rng)
             if crossing:
-                inner = junction.half_width + KERB_WIDTH
-                found.append(_blisters(junction.arm_crossing, hand, inner))
+                found.append(_blisters(arm, junction.arm_crossing, hand))
             parts += [turned(part, junction, side) for part in found]
     return parts
 
@@ -103,19 +100,20 @@ def _footway(
     x = np.unique(np.concatenate([stones, np.ravel(drops), _breaks(drops)]))
     if bays is None:
         bays = x
+    high = ground.kerb_height
     free = ~_green_cells(ground, side, bays, drops)
-    top = np.full(len(x), KERB_HEIGHT + 0.005)
+    top = np.full(len(x), high + 0.005)
     for start, end in drops:
         top[(x >= start - 1e-9) & (x <= end + 1e-9)] = DROPPED
     inner = ground.half_width + KERB_WIDTH
     y = side * np.array([ground.half_width, ground.half_width + 0.02, inner])
-    back = np.minimum(top, KERB_HEIGHT) if ground.shaped else top
+    back = np.minimum(top, high) if ground.shaped else top
     kerb = grid(x, y, np.stack([np.zeros_like(top), top, back], axis=1))
     stone = (rng.uniform(0.82, 1.1, len(x) - 1)[:, None] * [0.8, 1.0]).reshape(-1, 1)
     parts = [quads(kerb, stone * np.asarray(ground.kerb), "concrete")]
 
     ramp = grid(x, side * np.array([inner, inner + RAMP]),
-                np.stack([np.minimum(top, KERB_HEIGHT), np.full(len(x), KERB_HEIGHT)], axis=1))  # fmt: skip
+                np.stack([np.minimum(top, high), np.full(len(x), high)], axis=1))  # fmt: skip
     coat, base, own = ground.sidewalk, np.asarray(ground.sidewalk.color), ground.side(side)
     edge = (1 + 0.05 * wavy(rng, x[:-1], 9.0))[:, None] * base * ground.strip
     at_kerb = own.green is not None and own.verge[0] <= inner  # the verge takes the ramp's place
@@ -128,7 +126,7 @@ def _footway(
     shade = 1 + 0.05 * wavy(rng, bays[:-1], 9.0)[:, None]
     shade = shade + rng.uniform(-0.02, 0.02, (len(bays) - 1, columns))
     shade = (shade * np.linspace(1.0, 0.93, columns))[..., None] * base
-    level = np.full((len(bays), columns + 1), KERB_HEIGHT)
+    level = np.full((len(bays), columns + 1), high)
     cells = grid(bays, side * across, level)
     middle = (across[1:] + across[:-1]) / 2
     green = (middle > own.verge[0]) & (middle < own.verge[1])
@@ -169,18 +167,19 @@ def _verge(ground: Ground, side: float, rng: np.random.Generator) -> list[Quads]
         return []
     drops = _drops(ground, side)
     x = np.unique(np.concatenate([along(ground, 1.8), np.ravel(drops), _breaks(drops)]))
-    cells = grid(x, side * np.array(own.verge), np.full((len(x), 2), KERB_HEIGHT))
+    cells = grid(x, side * np.array(own.verge), np.full((len(x), 2), ground.kerb_height))
     shade = 1 + 0.12 * wavy(rng, x[:-1], 5.0) + rng.uniform(-0.05, 0.05, len(x) - 1)
     keep = _green_cells(ground, side, x, drops)
     color = shade[keep, None] * np.asarray(own.green.color)
     return [quads(cells[keep], color, own.green.material)]
 
 
-def _blisters(x: float, side: float, inner: float) -> Quads:
+def _blisters(ground: Ground, x: float, side: float) -> Quads:
     """Tactile paving beside a crossing."""
+    inner = ground.half_width + KERB_WIDTH
     y0, y1 = sorted((side * inner, side * (inner + 0.8)))
     outline = rectangles(*np.array([x - 1.2, x + 1.2, y0, y1]))
-    return flat(outline, KERB_HEIGHT + 0.003, np.array([0.24, 0.17, 0.11]), "tactile")
+    return flat(outline, ground.kerb_height + 0.003, np.array([0.24, 0.17, 0.11]), "tactile")
 
 
 def _drive(ground: Ground, x: float, side: float) -> Quads:
@@ -190,7 +189,9 @@ def _drive(ground: Ground, x: float, side: float) -> Quads:
     y0, y1 = sorted((side * begin, side * max(own.drive_end, ground.outer)))
     outline = rectangles(*np.array([x - 1.6, x + 1.6, y0, y1]))
     coat = own.drive or ground.sidewalk._replace(material="concrete")
-    return flat(outline, KERB_HEIGHT + DRIVE_LIFT, 0.85 * np.asarray(coat.color), coat.material)
+    return flat(
+        outline, ground.kerb_height + DRIVE_LIFT, 0.85 * np.asarray(coat.color), coat.material
+    )
 
 
 def terrain_quads(ground: Ground, rng: np.random.Generator) -> list[Quads]:
@@ -206,7 +207,7 @@ def terrain_quads(ground: Ground, rng: np.random.Generator) -> list[Quads]:
         y = side * np.array([ground.rear(side), *_beyond(ground, side), 26.0, 50.0, FLAT_SIDE])
         shape = (len(x) - 1, len(y) - 1)
         shade = 1 + 0.12 * wavy(rng, x[:-1], 20.0)[:, None] + rng.uniform(-0.06, 0.06, shape)
-        land = grid(x, y, np.full((len(x), len(y)), KERB_HEIGHT))
+        land = grid(x, y, np.full((len(x), len(y)), ground.kerb_height))
         parts.append(quads(land, shade.reshape(-1, 1) * base, ground.terrain.material))
         outer = side * np.array([FLAT_SIDE, 150.0, 220.0, 310.0, GROUND_SIDE])
         along = np.linspace(GROUND_START, GROUND_END, 17)
@@ -228,7 +229,7 @@ def _strip(ground: Ground, side: float, rng: np.random.Generator) -> Quads:
     """The land along a road that bends or slopes, to where it steps down to the open land."""
     x = along(ground, 8.0)
     y = np.array([ground.rear(side) - TUCK, *_beyond(ground, side), STRIP, STRIP + 0.5])
-    z = np.full((len(x), len(y)), KERB_HEIGHT)
+    z = np.full((len(x), len(y)), ground.kerb_height)
     z[:, 0] -= 0.01  # it begins below the sidewalk
     z[:, -1] -= 3.0
     shape = (len(x) - 1, len(y) - 1)
@@ -262,4 +263,4 @@ def _hills(
     height = ground.hills * rise * rng.uniform(0.6, 1.0, (len(x), len(y)))
     cells = (len(x) - 1) * (len(y) - 1)
     field = np.array(FIELDS)[rng.integers(len(FIELDS), size=cells)]
-    return quads(grid(x, y, KERB_HEIGHT + 0.01 + height), field, "long grass")
+    return quads(grid(x, y, ground.kerb_height + 0.01 + height), field, "long grass")

@@ -10,7 +10,6 @@ from scene.ground import markings
 from scene.ground.arms import kept_free, paint
 from scene.ground.extent import (
     COVER_LIFT,
-    KERB_HEIGHT,
     NEAR_END,
     PAINT_LIFT,
     PATCH_LIFT,
@@ -127,7 +126,7 @@ def _side_street(ground: Ground, x: float, side: float) -> Quads:
     y = side * np.array(
         [ground.half_width, ground.half_width + 0.5, ground.outer, ground.outer + 4, end]
     )
-    z = np.array([0, KERB_HEIGHT, KERB_HEIGHT, KERB_HEIGHT, KERB_HEIGHT]) + lift
+    z = np.array([0.0, *[ground.kerb_height] * 4]) + lift
     # Its corners are rounded off.
     half = SIDE_STREET / 2 + np.array([2.5, 1.3, 0.4, 0.0, 0.0])
     left, right = (np.stack([x + s * half, y, z], axis=1) for s in (-1, 1))

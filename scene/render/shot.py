@@ -16,6 +16,7 @@ from scene.cache import kept
 from scene.compiled import njit
 from scene.ground.land import road_height
 from scene.render import shade, visibility
+from scene.render.contact import darken, standing_boxes
 from scene.render.geometry import Geometry
 from scene.render.protocol import Frame, RenderSettings, pixel_rays, through_middles
 from scene.render.road import on_road
@@ -94,13 +95,15 @@ class Surroundings(NamedTuple):
     street: Street
     geometry: Geometry
     panorama: np.ndarray  # f32[rows, columns, 3]
+    boxes: np.ndarray  # f32[n, 16] that darken the ground, see ``standing_boxes``
 
 
 def surroundings(street: Street, geometry: Geometry, settings: RenderSettings) -> Surroundings:
     """Paint the street's sky, about as fine as the image will show it."""
     wide = settings.width * settings.samples * 360 / settings.fov
     columns = int(2 ** np.clip(round(math.log2(wide / 2)), 8, 10))
-    return Surroundings(street, geometry, panorama(street.sky, columns, _relief(street.sky.clouds)))
+    painted = panorama(street.sky, columns, _relief(street.sky.clouds))
+    return Surroundings(street, geometry, painted, standing_boxes(geometry))
 
 
 @cache
@@ -194,6 +197,12 @@ def radiance(
         geometry, around.street.ground.path, hits.instance[spots.sample],
         hits.face[spots.sample], seen.points, seen.flat,
     )  # fmt: skip
+    if settings.occlusion:
+        opened = darken(
+            light.opened, seen.points, hits.instance[spots.sample], geometry.train_id, around.boxes,
+            seen.rays.origin,
+        )  # fmt: skip
+        light = light._replace(opened=opened)
     if sky.lamps:
         light = light._replace(glow=np.zeros(len(seen.points), np.float32))
         shade.lamplight(seen.points, seen.smooth, lamps(around), np.float32(sky.lamps), light.glow)

@@ -37,11 +37,12 @@ class Mix(NamedTuple):
     islands: float = 0.0  # a traffic island at each end of a crossing and at two other places
     scaffolds: float = 0.0  # scaffolding on 30 m of houses
     stalls: float = 0.0  # a row of stalls on a side
+    plantings: float = 0.0  # shrubs, flowers or a hedge on 15 m of a green verge
 
 
 MIX = Mix(
     turning=0.25, riders=0.2, cycle_stands=0.15, gardens=0.2, shelters=0.15, railings=0.18,
-    bollards=0.12, islands=0.12, scaffolds=0.05, stalls=0.08,
+    bollards=0.12, islands=0.12, scaffolds=0.05, stalls=0.08, plantings=0.35,
 )  # fmt: skip
 """The default mix, without people in groups, on benches and on crossings, who taught nets nothing
 (``python -m benchmarks.transfer --only content``)."""
@@ -86,6 +87,7 @@ def extras(plot: Plot, seed: int, mix: Mix | None = None) -> None:
             furniture.gardens(plot, side, mix.gardens, stream("furniture", 7 + k))
         furniture.railings(plot, side, mix.railings, stream("furniture", 11 + k))
         furniture.bollards(plot, side, mix.bollards, stream("furniture", 9 + k))
+        furniture.plantings(plot, side, mix.plantings, stream("furniture", 13 + k))
     people.crossing(plot, mix.crossing, stream("people", 0))
     for k, side in enumerate(SIDES):
         people.riders(plot, side, mix.riders, stream("people", 1 + k))

@@ -32,6 +32,8 @@ BACK_FENCES = ("spear railings", "palisade", "chain link", "heras", "boards", "b
                "pedestrian guard")  # fmt: skip
 BOUNDARIES = (("bush", HEDGES, 0.4), ("wall", LOW_WALLS, 0.3), ("fence", GARDEN_FENCES, 0.3))
 """Enclosures of a front garden: family, kinds, probability."""
+PLANTS, OVERHANG = ("flowers", "box balls", "grass", "hedge", "round"), 0.3
+"""What is planted on verges, and metres by which it may be wider than they are."""
 TRIES = 24
 """Number of tried places for each object of a user's own class."""
 
@@ -170,6 +172,25 @@ def gardens(plot: Plot, side: float, share: float, rng: np.random.Generator) -> 
             plot.put(
                 "bush", bush, start + float(rng.uniform(0, width)), side * y, turn, spare=TOUCHING
             )
+
+
+def plantings(plot: Plot, side: float, share: float, rng: np.random.Generator) -> None:
+    """Beds of flowers, shrubs and low hedges on a green verge, each of one plant."""
+    ground, end = plot.ground, LINE_START
+    low, high = ground.side(side).verge
+    while high > low and end < END:
+        start, end = end, end + float(rng.uniform(5, 25))
+        ref = draw_kind(plot.street.pool, "bush", PLANTS, rng)
+        wanted, loose, across = rng.random() < share, float(rng.uniform(0.9, 1.5)), rng.random()
+        if not wanted or ref is None:
+            continue
+        _, _, long, wide = footprint(("bush", ref))
+        room = high - low - 2 * wide
+        y = low + wide + max(room, 0.0) * across + min(room, 0.0) / 2
+        for x in np.arange(start + long, end - long, 2 * long * loose).tolist():
+            if room > -OVERHANG and clear(kept_free(ground, side), x - long, x + long):
+                yaw = math.pi * int(rng.integers(2))
+                plot.put("bush", ref, x, side * y, yaw, spare=TOUCHING)
 
 
 def own_class(plot: Plot, own: OwnClass, rng: np.random.Generator) -> None:

@@ -9,7 +9,7 @@ from hypothesis import given
 from scene.classes import TrainId
 from scene.ground import markings
 from scene.ground.build import GROUND_INSTANCES, ground_surfaces
-from scene.ground.extent import FOOTWAYS, HALF_WIDTHS, KERB_HEIGHT, KERB_WIDTH
+from scene.ground.extent import FOOTWAYS, HALF_WIDTHS, KERB_HEIGHTS, KERB_WIDTH
 from scene.ground.ground import ground_height, plain, sample_ground
 from scene.look.materials import material_id
 from scene.look.surfaces import ROADS, SIDEWALKS, TERRAINS
@@ -39,10 +39,11 @@ def areas(outlines):
 
 
 def test_the_ground_is_flat_but_for_the_kerb_and_of_many_widths():
-    for y, height in ((0, 0), (4.9, 0), (-4.9, 0), (5.5, 0.12), (-30, 0.12)):
-        assert ground_height(ground(0)._replace(half_width=5.0), y) == height
+    for y, height in ((0, 0), (4.9, 0), (-4.9, 0), (5.5, 0.1), (-30, 0.1)):
+        assert ground_height(ground(0)._replace(half_width=5.0, kerb_height=0.1), y) == height
     drawn = [ground(seed) for seed in range(200)]
-    for name, (low, high) in (("half_width", HALF_WIDTHS), ("footway", FOOTWAYS)):
+    for name, (low, high) in (("half_width", HALF_WIDTHS), ("footway", FOOTWAYS),
+                              ("kerb_height", KERB_HEIGHTS)):  # fmt: skip
         widths = [(getattr(g, name) - low) / (high - low) for g in drawn]
         assert 0 <= min(widths) < 0.1 and 0.9 < max(widths) <= 1
 
@@ -57,10 +58,10 @@ def test_road_sidewalk_and_terrain_keep_to_their_strips_and_have_no_degenerate_f
     reach = np.abs(sidewalk[:, 1])
     assert np.abs(road[:, 1]).max() == half == reach.min() and reach.max() == outer
     assert road[:, 2].max() < 0.02  # paint
-    assert sidewalk[:, 2].max() < KERB_HEIGHT + 0.01
+    assert sidewalk[:, 2].max() < drawn.kerb_height + 0.01
     terrain = terrain[terrain[:, 0] < 300]
     assert np.abs(terrain[:, 1]).min() == outer
-    assert terrain[np.abs(terrain[:, 1]) < 90, 2] == pytest.approx(KERB_HEIGHT)
+    assert terrain[np.abs(terrain[:, 1]) < 90, 2] == pytest.approx(drawn.kerb_height)
     assets = ground_assets(ground(seed)).values()
     for asset in assets:
         assert np.isfinite(asset.mesh.vertices).all() and solid(asset.mesh).area_faces.min() > 1e-6
@@ -73,10 +74,12 @@ def test_a_plain_ground_is_level_asphalt_without_paint(seed):
     drawn = plain(ground(seed))
     road, sidewalk, terrain = ground_assets(drawn).values()
     assert (road.mesh.vertices[:, 2] == 0).all() and len(set(road.material.tolist())) == 1
-    assert np.unique(np.abs(terrain.mesh.vertices[:, 2] - KERB_HEIGHT).round(3)).max() <= 0.01
+    assert np.unique(np.abs(terrain.mesh.vertices[:, 2] - drawn.kerb_height).round(3)).max() <= 0.01
     assert solid(road.mesh).area == pytest.approx(640 * 2 * drawn.half_width)
     footways = solid(sidewalk.mesh)
-    paved = footways.area_faces[footways.triangles[..., 2].min(axis=1) > 0.1].sum()
+    paved = footways.area_faces[
+        footways.triangles[..., 2].min(axis=1) > drawn.kerb_height - 0.02
+    ].sum()
     assert paved == pytest.approx(640 * 2 * (drawn.footway - 0.02), rel=1e-3)
 
 
@@ -92,7 +95,7 @@ def test_markings_lie_on_the_asphalt_and_the_kerb_drops_at_driveways_only(seed):
     assert (away.min(axis=1) < 3.9).sum() == (away.max(axis=1) < 3.7).sum() > 10
     sidewalk = ground_assets(drawn)[2].mesh.vertices
     kerb = sidewalk[np.isclose(np.abs(sidewalk[:, 1]), drawn.half_width + KERB_WIDTH)]
-    low = kerb[kerb[:, 2] < KERB_HEIGHT - 0.01]
+    low = kerb[kerb[:, 2] < drawn.kerb_height - 0.001]
     gaps = [(*gap, 1.8) for gap in drawn.driveways] + [(*gap, 5.0) for gap in drawn.side_streets]
     for x, y, _ in low:
         assert min(abs(x - p) - half for p, side, half in gaps if side * y > 0) < 1e-6

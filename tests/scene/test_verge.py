@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scene import default_unit, sample_street, street_params
+from scene import AssetPool, default_unit, sample_street, street_params
 from scene.ground.build import ground_surfaces
-from scene.ground.extent import KERB_HEIGHT, KERB_WIDTH
+from scene.ground.extent import KERB_WIDTH
 from scene.ground.ground import plain, sample_ground, with_sides
 from scene.ground.litter import leaves, puddles
 from scene.ground.relief import DRIVE_LIFT
@@ -18,6 +18,9 @@ from scene.look.materials import material_id
 from scene.look.surfaces import ASPHALT, SIDEWALKS, VERGES
 from scene.render import RenderSettings, renderer
 from scene.street.camera import Camera
+from scene.street.furniture import OVERHANG, plantings
+from scene.street.instances import footprint
+from scene.street.plot import Plot, Setting
 from scene.street.street import Street
 from tests.scene.conftest import POOL, SEEDS, solid
 
@@ -152,6 +155,32 @@ def test_leaves_lie_on_paving_and_water_on_the_road(seed, green):
         assert not ((here > low) & (here < high)).any()
 
 
+@given(SEEDS)
+def test_plants_stand_on_green_verges_alone(seed):
+    for share in (0.0, 1.0):
+        drawn = sided(seed, share)
+        plot = Plot(Setting(EXTENDED, drawn, POOL, 1.0))
+        for side in (-1.0, 1.0):
+            plantings(plot, side, 1.0, np.random.default_rng(seed))
+        assert share or not plot.stands
+        for stand in plot.stands:
+            low, high = drawn.side(math.copysign(1, stand.y)).verge
+            _, _, _, wide = footprint((stand.family, stand.ref))
+            assert stand.family == "bush"
+            assert low - OVERHANG / 2 < abs(stand.y) - wide + 1e-9
+            assert abs(stand.y) + wide - 1e-9 < high + OVERHANG / 2
+            assert all(abs(stand.x - x) > 2 for x, s in drawn.driveways if s * stand.y > 0)
+
+
+def test_some_verges_are_planted():
+    ground, counts = sided(3, 1.0), []
+    for share in (0.0, 0.5, 1.0):
+        plot = Plot(Setting(EXTENDED, ground, AssetPool(), 1.0))
+        plantings(plot, 1.0, share, np.random.default_rng(0))
+        counts.append(len(plot.stands))
+    assert counts[0] == 0 < counts[1] < counts[2]
+
+
 def areas(corners):
     """Areas of level four-cornered faces [n, 4, 3]."""
     x, y = corners[..., 0], corners[..., 1]
@@ -161,6 +190,6 @@ def areas(corners):
 def test_drives_lie_on_what_they_cross_and_reach_the_house():
     drawn = plain(sided(3, 0.0))._replace(driveways=((20.0, 1.0),), sides=sided(3, 0.0).sides)
     mesh = ground_surfaces(drawn)[SIDEWALK].asset.mesh.vertices
-    drive = mesh[np.isclose(mesh[:, 2], KERB_HEIGHT + DRIVE_LIFT)]
+    drive = mesh[np.isclose(mesh[:, 2], drawn.kerb_height + DRIVE_LIFT)]
     assert drive[:, 1].max() == pytest.approx(9.0 - 0.3)
     assert (np.abs(drive[:, 0] - 20) < 1.7).all()
