@@ -3,9 +3,9 @@
     sdr-jax report runs/a             # writes runs/a/report.html anew
     sdr-jax report runs/a --serve     # shows it, also while the run goes on
 
-A run is the folder (--out) of `sdr-jax camvid`, `cityscapes` or `labelmefacade`. While it goes on it
-writes the page every 15 seconds; this command makes that of a finished run. Studies have reports in a form of
-their own, which --rederive writes anew.
+A run is the folder (--out) of `sdr-jax fit`, `camvid`, `cityscapes` or `labelmefacade`. While it goes on, it
+writes the page every 15 seconds; this command writes the page of a finished run. Studies have reports in a
+form of their own, which --rederive writes anew.
 """
 
 from __future__ import annotations

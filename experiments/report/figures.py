@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,10 @@ NAMES = {
     "few+default": "few + hand-set",
     "few+learnt": "few + learnt",
     "real": "target images",
+    "labels": "your labels",
+    "labels+renders": "labels + renders",
+    "labels+learnt": "labels + learnt",
+    "renders": "renders",
 }
 """Short names of rows."""
 STAGES = {"candidate": "model selection", "final": "final nets"}
@@ -82,10 +86,9 @@ def rows(report: Report, order: Sequence[str]) -> Figure:
     return {"data": data, "layout": layout}
 
 
-def classes(report: Report, order: Sequence[str]) -> Figure:
-    """IoU of each class with its interval over seeds; a column of points for each class."""
-    names = report["classes"]
-    found = {row: _by_class(report["nets"][row], len(names)) for row in order}
+def classes(names: Sequence[str], found: Mapping[str, Sequence[Report]]) -> Figure:
+    """IoU of each class with its interval, by row; a column of points for each class."""
+    order = list(found)
     there = [k for k in range(len(names)) if found[order[0]][k]["mean"] is not None]
     there.sort(key=lambda k: -(found[order[-1]][k]["mean"] or 0.0))
     shifts = np.linspace(-0.27, 0.27, len(order)) if len(order) > 1 else [0.0]
@@ -376,10 +379,10 @@ def _around(entries: Sequence[Report], hue: str, thick: float) -> Figure:
     return {"type": "data", "array": half, "color": hue, "thickness": thick, "width": 0}
 
 
-def _by_class(nets: Sequence[Report | None], count: int) -> list[Report]:
+def by_class(nets: Sequence[Report | None], names: Sequence[str]) -> list[Report]:
     """Mean and interval of each class over nets; those that failed are left out."""
     known = [net for net in nets if net is not None]
-    return [statistics([net["class_iou"][k] for net in known]) for k in range(count)]
+    return [statistics([net["class_iou"][k] for net in known]) for k in range(len(names))]
 
 
 def _colour(row: str) -> str:

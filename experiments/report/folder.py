@@ -10,6 +10,7 @@ import numpy as np
 from experiments.evaluation.store import LOGS
 from experiments.main import summary
 from experiments.main.pictures import INDEX, PICTURES
+from experiments.report import fit
 from experiments.report.matters import FILE
 from experiments.study.form import Report
 from scene.attributes import BY_NAME, SPACES, Attribute
@@ -111,13 +112,14 @@ def _summary(path: Path, config: dict[str, Any]) -> Report:
             if study:
                 raise UserError(
                     f"{path} is a run of the study {study}, whose report is {study}.md; name one of "
-                    "sdr-jax camvid, cityscapes or labelmefacade"
+                    "sdr-jax fit, camvid, cityscapes or labelmefacade"
                 )
         raise UserError(
             f"{path} holds no {SUMMARY}: that run is not at its end; its command goes on with it"
         )
     try:
-        return summary.derive({"seed": config.get("seed"), **_object(file)})
+        report = {"seed": config.get("seed"), **_object(file)}
+        return (fit if fit.is_fit(report) else summary).derive(report)
     except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
         raise UserError(f"{file} does not hold what a run writes ({error!r})") from None
 

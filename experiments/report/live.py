@@ -8,19 +8,22 @@ from typing import Any
 
 from experiments.report import page
 from experiments.report.folder import NAME, RunFolder
-from experiments.run import few
 from experiments.run.context import Run
-from experiments.study.form import about
+from experiments.study.form import Report
 from shell.command import PROGRAM
 from shell.files import write
 from shell.folder import read_config
 from shell.loopback import HOST, check_port, refusal
 
 
-def watch(run: Run[Any]) -> None:
-    """Have a run write its page anew whenever progress is told, at most every `page.EVERY` seconds."""
+def watch(run: Run[Any], known: Report) -> None:
+    """Have a run write its page anew whenever progress is told, at most every `page.EVERY` seconds.
+
+    Args:
+        run: the run.
+        known: what its report holds before anything is made.
+    """
     out, config = run.config.out, read_config(run.config.out)
-    known = {**about(run, run.config.final), **few.about(run)}
 
     def told(share: float, said: str) -> None:
         records = run.evaluations.records, run.finals.records

@@ -9,6 +9,7 @@ import json
 import mimetypes
 import shlex
 from base64 import b64encode
+from collections import defaultdict
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,7 +18,7 @@ from plotly.offline import get_plotlyjs
 from experiments.evaluation.store import each
 from experiments.main.pictures import PICTURES
 from experiments.main.summary import TRAINED_ON
-from experiments.report import figures
+from experiments.report import figures, fit
 from experiments.report.figures import NAMES, STAGES
 from experiments.report.folder import RunFolder, read
 from experiments.report.matters import matters
@@ -70,15 +71,14 @@ def under_way(run: RunFolder, status: Status) -> str:
 
 def _page(run: RunFolder, status: Status | None) -> str:
     """The page, of the sections that have something to show."""
-    report, seen, over = run.summary, run.seen, status is None
+    report, over = run.summary, status is None
     order = figures.ordered(report) if over else []
-    trained = [row for row in order if any(report["nets"][row])]
-    learnt_first = sorted(trained, key=lambda row: row != "learnt")
+    trained = [row for row in order if report["rows"][row]["mean"] is not None]
 
-    def inline(name: str) -> str | None:
+    def inline(name: str, folder: Path = run.path / PICTURES) -> str | None:
         """A picture as text; None where its file is gone."""
         try:
-            data = b64encode((run.path / PICTURES / name).read_bytes()).decode()
+            data = b64encode((folder / name).read_bytes()).decode()
         except OSError:
             return None
         return f"data:{mimetypes.guess_type(name)[0]};base64,{data}"
@@ -89,32 +89,69 @@ def _page(run: RunFolder, status: Status | None) -> str:
     config = dict(run.config)
     versions = {"engine of scenes": config.get("engine", "?")}
     versions |= config.pop("made_with", {}) | config.pop("versions", {})
+    if fit.is_fit(report):
+        content = fit.content(report, run.path, run.config, over)
+    else:
+        content = _content(run, order, trained, over)
     parts = {
         "so_far": so_far(run) if status else None,
-        "result": results(report, order) if over else None,
         "search": search_note(run),
-        "attributes": attributes(run) if over else None,
-        "streets": seen and seen["streets"],
-        "worst": seen and seen["worst"] and seen["worst"]["images"] and seen["worst"],
         "classes": class_table(report, trained) if trained else None,
-        "importance": importance(run) if over else None,
         "cost": cost(run),
         "made": True,
+        **content.pop("parts"),
     }
     title = report["note"][0].upper() + report["note"][1:]
+    usual: dict[str, Any] = {
+        "verdict": "This run is under way",
+        "following": [],
+        "cards": [],
+        "notes": [],
+        "confusion": None,
+    }
     page = environment.get_template("page.html").render(
-        run=run, report=report, seen=seen, order=order, trained=trained, figures=figures, parts=parts,
-        NAMES=NAMES, FIRST=FIRST, EVERY=EVERY, status=status, title=title,
-        verdict=verdict(report) if over else "This run is under way",
-        following=following(run) if over else [], starts=starts(report), asked=asked(run),
-        cards=cards(report) if over else [], result_note=result_note(report) if over else "",
-        selection=selection(run), policy=figures.policy(run),
-        confusion=None if seen is None else figures.confusion(seen, learnt_first),
+        run=run, report=report, seen=run.seen, order=order, trained=trained, figures=figures,
+        parts=defaultdict(lambda: None, parts), NAMES=NAMES, FIRST=FIRST, EVERY=EVERY, status=status,
+        title=title, starts=starts(report), selection=selection(run), policy=figures.policy(run),
         versions=versions.items(), settings=json.dumps(config, indent=2),
         style=(HERE / "page.css").read_text(encoding="utf-8"),
         code=(HERE / "page.js").read_text(encoding="utf-8"), plotly=get_plotlyjs(),
+        **usual | content,
     )  # fmt: skip
     return page + "\n"
+
+
+def _content(run: RunFolder, order: list[str], trained: list[str], over: bool) -> dict[str, Any]:
+    """What the page of the main job has beside the parts that all pages share."""
+    report, seen = run.summary, run.seen
+    shown: dict[str, Any] = {
+        "asked": asked(run),
+        "parts": {
+            "streets": seen and seen["streets"],
+            "worst": seen and seen["worst"] and seen["worst"]["images"] and seen["worst"],
+        },
+    }
+    if not over:
+        return shown
+    learnt_first = sorted(trained, key=lambda row: row != "learnt")
+    return {
+        **shown,
+        "verdict": verdict(report),
+        "following": following(run),
+        "cards": cards(report),
+        "result_note": result_note(report),
+        "class_note": "Mean IoU of each class with 95 % intervals over seeds.",
+        "by_class": {
+            row: figures.by_class(report["nets"][row], report["classes"]) for row in trained
+        },
+        "confusion": None if seen is None else figures.confusion(seen, learnt_first),
+        "parts": {
+            **shown["parts"],
+            "result": results(report, order),
+            "attributes": attributes(run),
+            "importance": importance(run),
+        },
+    }
 
 
 def verdict(report: Report) -> str:
@@ -453,5 +490,5 @@ def cost(run: RunFolder) -> dict[str, Any] | None:
     return {
         "stages": stages,
         "rows": rows,
-        "note": f"{spent} of work on one core{by_clock}, {workers} workers.",
+        "note": f"{spent} of work on one core{by_clock}, {workers} worker{'' if workers == 1 else 's'}.",
     }

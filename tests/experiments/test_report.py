@@ -9,7 +9,6 @@ import socket
 import subprocess
 import sys
 from base64 import b64decode
-from html.parser import HTMLParser
 from http.client import HTTPConnection
 
 import numpy as np
@@ -29,43 +28,7 @@ from scene.proposal import Histogram, describe, mixture, random_proposal
 from seg.metrics import iou
 from shell.files import read_json, write_json
 
-from .conftest import lines
-
-
-class Page(HTMLParser):
-    """What a browser would find in a page."""
-
-    def __init__(self, path) -> None:
-        super().__init__()
-        self.tags, self.texts, self.rows, self.plots = [("", {})], [], [], []
-        self.cell = False
-        self.feed(path.read_text(encoding="utf-8"))
-
-    def handle_starttag(self, tag, attributes):
-        self.tags.append((tag, dict(attributes)))
-        if tag == "tr":
-            self.rows.append([])
-        elif tag in ("td", "th"):
-            self.rows[-1].append("")
-            self.cell = True
-
-    def handle_endtag(self, tag):
-        self.cell = self.cell and tag not in ("td", "th")
-
-    def handle_data(self, data):
-        tag, attributes = self.tags[-1]
-        if not data.strip():
-            return
-        if attributes.get("type") == "application/json":
-            self.plots.append(json.loads(data))
-        elif tag not in ("script", "style"):
-            self.texts.append(data)
-            if self.cell:
-                self.rows[-1][-1] += data
-
-    @property
-    def text(self) -> str:
-        return " ".join(self.texts)
+from .conftest import Page, lines
 
 
 @pytest.fixture
