@@ -1,4 +1,4 @@
-"""Reports of runs: one page of each that needs no network.
+"""Writes or serves the report of a run, a page that needs no network.
 
     sdr-jax report runs/a             # writes runs/a/report.html anew
     sdr-jax report runs/a --serve     # shows it, also while the run goes on
@@ -26,14 +26,14 @@ INSTEAD = f"{' and '.join(LOGS)} in each run hold every evaluation, an object a 
 
 
 def make(path: Path, out: Path | None) -> Path:
-    """Write the page of a run; returns where it is.
+    """Write the page of a run; return its path.
 
     Args:
         path: the run's folder.
         out: the page; by default in that folder.
 
     Raises:
-        UserError: a folder that is no finished run, or a place where nothing can be written.
+        UserError: the folder is not a finished run, or the page cannot be written.
     """
     out = out or path / NAME
     if out.is_dir():

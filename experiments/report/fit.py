@@ -138,7 +138,7 @@ def _tested_on(report: Report) -> str:
 
 
 def _rendered_share(report: Report) -> float:
-    """The percent of every batch that is renders where there are labels, too."""
+    """The percent of renders in a batch of labels and renders."""
     return float(100 * (1 - report["few_share"]))
 
 
@@ -168,13 +168,13 @@ def is_fit(report: Report) -> bool:
 
 
 def content(report: Report, folder: Path, config: Mapping[str, Any], over: bool) -> dict[str, Any]:
-    """What the page of a fit has beside the parts that all pages share; see `experiments.report.page`.
+    """The parts of the page that only `sdr-jax fit` has; see `experiments.report.page`.
 
     Args:
         report: the derived report, or what is known of it while the run goes on.
-        folder: of the run.
+        folder: the run's folder.
         config: its configuration.
-        over: whether the run is at its end.
+        over: whether the run is finished.
     """
     out, strip = Path(str(config["out"])), "colors" in report and (folder / STRIP).exists()
     steps = config["final"]["train"]["steps"]
