@@ -143,13 +143,13 @@ class Page:
                     "every attribute anywhere in its range",
                     partial(states.set_to, name="random"),
                 ),
-                ("centre all", "every interval in the middle, as wide as it is", states.centred),
+                ("centre all", "every interval in the middle of its range", states.centred),
             ):
                 button = ui.button(text, on_click=self._press(change)).tooltip(hint)
                 button.props("outline dense padding='2px 12px'")
             self._component = ui.select([], on_change=self._choose).props("borderless")
             for text, hint, turn in (
-                ("next street", "the next of the dataset with this seed", self._next),
+                ("next street", "the next street of the dataset with this seed", self._next),
                 ("shuffle", "the same street of another seed", self._shuffle),
             ):
                 button = ui.button(text, on_click=turn).tooltip(hint)
@@ -318,10 +318,10 @@ class Page:
         if states.name_of(self._state) is None:
             text = json.dumps(describe(self._state.proposal), indent=2) + "\n"
             ui.download.content(text, states.FILE, "application/json")
-            note = f". It reads {states.FILE}, which is among your downloads"
+            note = f". It reads {states.FILE}, which was downloaded"
         pool = self._state.view.pool
         if pool.first or pool.without:
-            note += ". It has no flag for the first asset and for families left out"
+            note += ". It has no flags for the first asset and for families left out"
         self._say(f"Copied; the last image is this picture: {command}{note}", "primary")
 
     async def _look(self, **changes: object) -> None:

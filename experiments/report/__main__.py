@@ -22,7 +22,7 @@ from shell.command import exit_code
 from shell.errors import UserError
 from shell.files import write
 
-INSTEAD = f"{' and '.join(LOGS)} in each run hold every evaluation, an object a line"
+INSTEAD = f"{' and '.join(LOGS)} in each run hold every evaluation, one JSON object a line"
 
 
 def make(path: Path, out: Path | None) -> Path:
@@ -51,13 +51,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise UserError(f"--tensorboard: there are no TensorBoard events any more; {INSTEAD}")
         if len(options.run) > 1:
             runs = " ".join(map(str, options.run))
-            raise UserError(f"{runs}: a page has one run; to compare several, {INSTEAD}")
+            raise UserError(f"{runs}: a page shows one run; to compare several, {INSTEAD}")
         run = options.run[0]
         if options.serve is None:
             print(make(run, options.out))
             return
         if options.out is not None:
-            raise UserError(f"--serve shows RUN/{NAME}; --out {options.out} has no part in it")
+            raise UserError(f"--serve shows RUN/{NAME} and cannot be used with --out {options.out}")
         if not run.is_dir():
             raise UserError(f"{run}: no such folder; name the --out of a run")
         if (run / SUMMARY).is_file() and not (run / NAME).is_file():

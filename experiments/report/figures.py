@@ -135,7 +135,12 @@ def confusion(seen: Report, order: Sequence[str]) -> Figure | None:
             "hovertemplate": "%{z:.1f} % of %{y} taken for %{x}<extra></extra>",
         }  # fmt: skip
         layout = {
-            "xaxis": {"side": "top", "tickangle": -40, "showgrid": False, "title": "taken for"},
+            "xaxis": {
+                "side": "top",
+                "tickangle": -40,
+                "showgrid": False,
+                "title": "predicted class",
+            },
             "yaxis": {"showgrid": False, "title": "true class", "ticksuffix": " "},
         }
         label = f"{NAMES[row]}, {seen['confusion'][row]['nets']} nets"

@@ -113,7 +113,7 @@ def _summary(path: Path, config: dict[str, Any]) -> Report:
                     "sdr-jax fit, camvid, cityscapes or labelmefacade"
                 )
         raise UserError(
-            f"{path} holds no {SUMMARY}: that run is not at its end; its command goes on with it"
+            f"{path} holds no {SUMMARY}: that run is not finished; its command continues it"
         )
     try:
         report = {"seed": config.get("seed"), **_object(file)}

@@ -26,7 +26,7 @@ def matters(records: Sequence[Record], target: str, space: SpaceName) -> Report:
     try:
         chosen = enough(choose(records, target, space, None, "the search"), "the search")
     except UserError as error:
-        return {"said": f"Not told: {error}.", "rewards": 0, "attributes": []}
+        return {"said": f"Not known: {error}.", "rewards": 0, "attributes": []}
     found = summarize(chosen)
     r2 = found["r2"]
     known = r2["value"] is not None and r2["value"] >= NOTHING

@@ -36,9 +36,9 @@ FIRST = 15
 THIN = 0.02
 """The least width for the density of an interval, 3 of 170 pixels; a narrower one is drawn like this."""
 CANDIDATES = {
-    "argmax": "the best found, as the method answers",
+    "argmax": "the method's answer: the best found",
     "seen": "the dataset with the best reward",
-    "broad": "as wide as the search is unsure",
+    "broad": "as wide as the search is uncertain",
     "last": "the last policy",
     "previous": "the policy before the last",
     "mixed": "half the last policy, half the first",
@@ -204,7 +204,7 @@ def following(run: RunFolder) -> list[tuple[str, str]]:
     more = (f"Next: render {IMAGES:,} images of these streets", shlex.join(words))
     if run.summary["real"]:
         return [more]
-    return [more, ("Or ask what your own labelled images need", f"{PROGRAM} doctor DATA")]
+    return [more, ("Or find out what your own labelled images need", f"{PROGRAM} doctor DATA")]
 
 
 def so_far(run: RunFolder) -> list[list[str]]:
@@ -285,7 +285,7 @@ def results(report: Report, order: list[str]) -> list[list[str]]:
 def result_note(report: Report) -> str:
     """A sentence on the rows."""
     absent = ", ".join(report["classes_absent_from_truth"])
-    also = f" Left out of the mean, for they never occur in the truth: {absent}." if absent else ""
+    also = f" Left out of the mean, since no test image has them: {absent}." if absent else ""
     return (
         f"Mean IoU in percent on {report['test_images']} test images, {_seeds(report)} paired seeds. Thick "
         f"lines are 95 % intervals over seeds, small marks single nets.{also}"
@@ -299,8 +299,8 @@ def search_note(run: RunFolder) -> str:
     method = run.config.get("search", {}).get("method", "?")
     data = "a subset of its round's streets" if method == "pool" else "a dataset of its own"
     model = (
-        " The line is what the method's model expected of each evaluation before it was made, its band one "
-        "standard deviation."
+        " The line is what the method's model expected of each evaluation before it was made; the band is "
+        "one standard deviation."
         if run.expected is not None
         else ""
     )

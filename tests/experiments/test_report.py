@@ -62,7 +62,7 @@ def test_the_figures_are_those_of_the_summary(run):
         assert means == [[entry["mean"]]]
     (score,) = summary["candidates"]["argmax"]
     by_part = summary["candidate_parts"]["argmax"]
-    told = ["argmax ← answerthe best found, as the method answers", f"{score:.1f}"]
+    told = ["argmax ← answerthe method's answer: the best found", f"{score:.1f}"]
     assert [*told, *(f"{own:.1f}" for own in by_part)] in page.rows
     assert len(by_part) == len(summary["parts"]) >= 2
     assert summary["selection"]["verdict"][1:] in page.text
@@ -284,7 +284,7 @@ def test_the_page_is_served_to_this_machine_alone_as_it_is_at_the_moment(tmp_pat
 @pytest.mark.parametrize(("flags", "complaint"), [
     (["RUN", "--serve", "0"], "--serve must lie in 1..65535, not 0"),
     (["RUN/none", "--serve"], "no such folder; name the --out of a run"),
-    (["RUN", "--serve", "--out", "page.html"], "--out page.html has no part in it"),
+    (["RUN", "--serve", "--out", "page.html"], "cannot be used with --out page.html"),
 ])  # fmt: skip
 def test_what_cannot_be_served_is_refused(flags, complaint, tmp_path, error_line):
     assert main([flag.replace("RUN", str(tmp_path)) for flag in flags]) == 2
@@ -294,7 +294,7 @@ def test_what_cannot_be_served_is_refused(flags, complaint, tmp_path, error_line
 @pytest.mark.parametrize(("left", "complaint"), [
     (None, "no such folder; name the --out of a run"),
     ({}, "it holds no config.json"),
-    ({"config.json": {}}, "that run is not at its end"),
+    ({"config.json": {}}, "that run is not finished"),
     ({"config.json": {}, "labels.json": {"study": "labels"}}, "a run of the study labels, whose report"),
     ({"config.json": [], "summary.json": {}}, "config.json is no JSON object"),
     ({"config.json": {"version": 2}, "summary.json": {}}, "config.json has version 2, and this program"),
