@@ -6,18 +6,17 @@
 
 It saves the net in OUT/model (see `sdr-jax predict`) and a report in OUT/report.html on nets that are trained
 on your labels alone, with renders beside them, and on renders alone, and tested on images that they have not
-seen. If the data have no split, these are the folds of your images, by group, in turn. The same command
-continues a stopped run.
+seen. If the data have no split, these are the folds of your images, by group, in turn. While the run goes on,
+`sdr-jax report OUT --serve` shows the report so far. The same command continues a stopped run.
 """
 
 from __future__ import annotations
 
 import sys
-from base64 import b64encode
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, cast, get_args
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -26,23 +25,14 @@ from experiments.config.presets import defaults, in_space
 from experiments.evaluation.cost import head_cost, street_cost
 from experiments.evaluation.job import Job, Keeps, LabelledSubset, Source, StreetPool, Subset
 from experiments.evaluation.predictions import file_of, load
-from experiments.report.templates import templates
+from experiments.report import live, page
+from experiments.report.fit import MODEL, STRIP, Row, derive, rows_of, text
+from experiments.report.folder import NAME
 from experiments.run.context import Run, Work
 from experiments.run.learn import learn, work_of
 from experiments.run.nets import paired_seeds
-from experiments.study.form import (
-    Form,
-    Report,
-    about,
-    cells,
-    class_means,
-    estimate,
-    nets,
-    starts,
-    table,
-)
+from experiments.study.form import Form, Report, about, nets
 from experiments.study.skeleton import Study, do
-from experiments.study.stats import crossed
 from experiments.target.base import Target
 from experiments.target.folder import (
     SMALLEST,
@@ -68,25 +58,13 @@ from seg.recipes import with_net
 from seg.settings import FILELESS_NETS, Trunk, TrunkName, check_settings
 from seg.train import Params, outline
 from seg.weights import check as check_weights
-from shell.command import exit_code
+from shell.command import exit_code, given
 from shell.errors import UserError, flagged
 from shell.files import digest, write
 from shell.target_file import Fit, find_target
 
-Row = Literal["labels", "labels+renders", "renders", "labels+learnt"]
-WORDS: dict[Row, str] = {
-    "labels": "your labels alone",
-    "labels+renders": "your labels and renders",
-    "renders": "renders alone",
-    "labels+learnt": "your labels and renders of learnt streets",
-}
-"""The training sets of the rows."""
-MODEL, STRIP = "model", "predictions.png"
-"""Files of the run folder: the net; images with their labels and predictions."""
 SHOWN = 4
 """Number of images in the strip."""
-FEWEST = 3
-"""The least number of folds for an interval over folds."""
 SPACE: SpaceName = "extended"
 """The renderer of the streets."""
 STREETS = "streets"
@@ -269,7 +247,7 @@ def planned(config: FitConfig, folds: int) -> list[Work]:
     final = config.final
     kinds = 1 + config.learnt * folds
     searches = [work._replace(nets=work.nets * folds) for work in work_of(config)]
-    count = len(_rows(config)) * folds * config.seeds
+    count = len(rows_of(config.learnt)) * folds * config.seeds
     return [
         Work(STREETS, kinds * config.seeds * final.streets, final, street_cost(final)),
         *(searches if config.learnt else []),
@@ -278,24 +256,34 @@ def planned(config: FitConfig, folds: int) -> list[Work]:
     ]
 
 
-def _rows(config: FitConfig) -> tuple[Row, ...]:
-    rows: tuple[Row, ...] = get_args(Row)
-    return rows if config.learnt else rows[:-1]
-
-
 def scores(run: Run[FitConfig], known: Prepared) -> Report:
     """Do the whole job, or the rest of it."""
     config, seeds = run.config, paired_seeds(run)
     recipe = run.recipe(config.final)
     folds = [replace(run, target=target) for target in known.folds]
+    target = known.parts.target
+    facts = {
+        **about(run, config.final),
+        "command": given(),
+        "colors": class_table(run.target.table).colors.tolist(),
+        "labels": len(known.parts.entries),
+        "folds": len(folds),
+        "where": known.parts.where,
+        "notes": list(known.parts.notes),
+        "tested": sum(len(fold.test_names) for fold in known.folds),
+        "not_rendered": [name for name, own in target.classes.items() if not own.renders],
+        "rendered_images": config.final.images,
+        "few_share": config.few_share,
+        "net": config.final.train.net,
+    }
+    live.watch(run, facts)
     random = {seed: rendered(run, config.streets("random"), seed) for seed in seeds}
     learnt: list[dict[int, Subset]] = []
     for number, fold in enumerate(folds, 1):
         if config.learnt:
             streets = learn(fold, name=f"fold-{number}").streets
             learnt.append({seed: rendered(run, streets, seed) for seed in seeds})
-    found: dict[Row, list[Any]] = {row: [] for row in _rows(config)}
-    jobs: list[Job] = []
+    found: dict[Row, list[Any]] = {row: [] for row in rows_of(config.learnt)}
     for number, fold in enumerate(folds):
         labels = fold.images(config.final, "labelled")
         own: list[Job] = []
@@ -315,22 +303,10 @@ def scores(run: Run[FitConfig], known: Prepared) -> Report:
         for row, values in found.items():
             chosen = [r for job, r in zip(own, results, strict=True) if job.notes["row"] == row]
             values.append(nets(chosen))
-        jobs += own
-    _show(run, folds[0], [job for job in jobs if job.keeps])
-    report = {
-        **about(run, config.final),
-        "labels": len(known.parts.entries),
-        "where": known.parts.where,
-        "notes": list(known.parts.notes),
-        "tested": sum(len(target.test_names) for target in known.folds),
-        "not_rendered": [
-            name for name, own in known.parts.target.classes.items() if not own.renders
-        ],
-        "rendered_images": config.final.images,
-        "few_share": config.few_share,
-        "net": config.final.train.net,
-        "nets": found,
-    }
+        if number == 0:
+            _show(run, fold, [job for job in own if job.keeps])
+    seconds = {"total": round(run.progress.elapsed, 1)}
+    report = {**facts, "seconds": seconds, "nets": found}
     _leave(run, known, random[seeds[0]], derive(report))
     for made in (random, *learnt):
         for subset in made.values():
@@ -408,129 +384,7 @@ def _show(run: Run[FitConfig], fold: Run[FitConfig], jobs: Sequence[Job]) -> Non
     write(run.config.out / STRIP, encode(np.vstack(lines)))
 
 
-def derive(report: Report) -> Report:
-    """Add means, intervals over folds and seeds, the gain by renders and the verdict to the report."""
-    values = {row: _miou(own) for row, own in report["nets"].items()}
-    rows = {
-        row: {
-            **_estimate(values[row]),
-            "per_class": class_means([net for fold in own for net in fold], report["classes"]),
-        }
-        for row, own in report["nets"].items()
-    }
-    gains = {
-        row: _estimate(values[row] - values["labels"]) for row in rows if row.startswith("labels+")
-    }
-    best = max(
-        (row for row in ("labels", "labels+renders") if rows[row]["mean"] is not None),
-        key=lambda row: rows[row]["mean"],
-        default="labels+renders",
-    )
-    return {
-        **report,
-        "rows": rows,
-        "gains": gains,
-        "recipe": best,
-        "verdict": verdict(gains["labels+renders"], report["labels"]),
-    }
-
-
-def _miou(folds: Sequence[Sequence[Report | None]]) -> np.ndarray:
-    """MIoU f64[folds, seeds] in percent, NaN if a net failed."""
-    return np.array([[np.nan if net is None else net["miou"] for net in fold] for fold in folds])
-
-
-def _estimate(values: np.ndarray) -> Report:
-    """Mean and 95 % interval, and the mean of each fold; seeds with a failed net are left out.
-
-    The interval is over folds and nets if there are at least `FEWEST` folds, otherwise over nets alone.
-    """
-    known = values[:, np.isfinite(values).all(axis=0)]
-    if not known.size:
-        return {"mean": None, "ci95": None, "folds": []}
-    drawn = known if len(known) >= FEWEST else known.mean(axis=0, keepdims=True)
-    mean, ci95 = crossed(drawn.tolist())
-    return {"mean": mean, "ci95": ci95, "folds": known.mean(axis=1).tolist()}
-
-
-def verdict(gain: Mapping[str, Any], labels: int) -> str:
-    """A sentence on the gain by renders."""
-    mean, ci95 = gain["mean"], gain["ci95"]
-    own = f"your {labels} labels"
-    if mean is None:
-        return "Nets failed in training, so it is not known what renders add."
-    if ci95 is None:
-        return f"Renders add {mean:.1f} points to {own}, by one net each: --seeds 3 says how sure that is."
-    low, high = ci95
-    between = f"({low:.1f} to {high:.1f})"
-    if low > 0:
-        return f"Renders add {mean:.1f} points {between} to {own}."
-    if high < 0:
-        return f"Renders cost {-mean:.1f} points {between}: {own} alone are better."
-    return f"Renders add {mean:.1f} points {between} to {own}, which may be chance."
-
-
-def text(report: Report) -> str:
-    """The table and the verdict, in Markdown."""
-    folds = len(report["nets"]["labels"])
-    over = "folds and nets" if folds >= FEWEST else "nets"
-    share = 100 * (1 - report["few_share"])
-    lines = [
-        report["verdict"],
-        "",
-        f"mIoU in percent at {report['scored_at']} on {report['tested']} images that a net has not seen "
-        f"({report['where']}), {report['seeds']} nets each; 95 % intervals over {over}. Beside labels "
-        f"{report['rendered_images']} renders are {share:g} % of all batches.{starts(report)}",
-        "",
-        *table(
-            [
-                ("nets trained on", lambda row: WORDS[row["name"]]),
-                *estimate("mIoU"),
-                *estimate("over labels alone", lambda row: row["gain"], "+.1f"),
-            ],
-            [
-                {"name": name, **own, "gain": report["gains"].get(name)}
-                for name, own in report["rows"].items()
-            ],
-        ),
-    ]
-    if folds > 1:
-        each = ", ".join(f"{gain:+.1f}" for gain in report["gains"]["labels+renders"]["folds"])
-        lines += ["", f"By fold, renders add {each}."]
-    if report["not_rendered"]:
-        lines += ["", f"Learnt from labels alone: {', '.join(report['not_rendered'])}."]
-    lines += [f"\nNote: {note}." for note in report["notes"]]
-    lines += ["", f"The net in {MODEL}/ was trained on {WORDS[report['recipe']]}."]
-    return "\n".join(lines)
-
-
-def html(report: Report, folder: Path) -> str:
-    """The report as a page that needs no network."""
-    strip = folder / STRIP
-    shown = b64encode(strip.read_bytes()).decode() if strip.exists() else None
-    rows = [
-        [WORDS[cast(Row, name)], *cells(own), *cells(report["gains"].get(name), "+.1f")]
-        for name, own in report["rows"].items()
-    ]
-    classes = [
-        [
-            name,
-            *(
-                "" if (v := own["per_class"][name]) is None else f"{v:.1f}"
-                for own in report["rows"].values()
-            ),
-        ]
-        for name in report["classes"]
-    ]
-    return templates().get_template("fit.html").render(
-        report=report, rows=rows, classes=classes, strip=shown, folder=folder, WORDS=WORDS,
-        starts=starts(report),
-        columns=[WORDS[cast(Row, name)] for name in report["rows"]],
-        style=(Path(__file__).parent / "report" / "page.css").read_text(encoding="utf-8"),
-    )  # fmt: skip
-
-
-FORM = Form("summary", derive, text, {}, {"report.html": html})
+FORM = Form("summary", derive, text, {}, {NAME: page.html})
 
 
 def fit(config: FitConfig) -> Report:
@@ -556,7 +410,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         config = config_of(given.pop("data"), given.pop("out"), **given)
         fit(config)
         print(f"Use the net: sdr-jax predict {config.out / MODEL} IMAGES --out DIR")
-        print(f"Look at {config.out / 'report.html'}")
+        print(f"Look at {config.out / NAME}")
 
     return exit_code(work, debug=options.debug)
 

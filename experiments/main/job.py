@@ -14,10 +14,11 @@ from experiments.main import note, pictures, summary
 from experiments.report import live, page
 from experiments.report.folder import NAME
 from experiments.report.matters import FILE, matters
+from experiments.run import few
 from experiments.run.context import Run, Work
 from experiments.run.learn import learn, work_of
 from experiments.run.nets import by_row, jobs_of, paired_seeds, training_sets
-from experiments.study.form import Form, Report
+from experiments.study.form import Form, Report, about
 from experiments.study.skeleton import Study, do
 from scene.dataset.export import export_dataset, read_dataset
 from scene.proposal import Streets, draw
@@ -42,7 +43,7 @@ def scores(run: Run[MainConfig], _: Any) -> Report:
     """Do the whole job, or the rest of it."""
     config, target, folder = run.config, run.target, run.config.out
     recipe, seeds = run.recipe(config.final), paired_seeds(run)
-    live.watch(run)
+    live.watch(run, {**about(run, config.final), **few.about(run)})
     # Nets without learnt attributes fill gaps of the search, the others gaps of the export.
     run.runner.prefetch(jobs_of("final", training_sets(run, None), recipe, seeds, keeps=True))
     learnt = learn(run)

@@ -23,11 +23,11 @@ from shell.loopback import check_port
 
 
 def first_state(options: argparse.Namespace) -> State:
-    """What a page shows at first.
+    """The first state of a page.
 
     Raises:
-        ValueError: an option out of range, or a file that holds no attributes, by name.
-        OSError: it cannot be read.
+        ValueError: an option is out of range, or a file holds no attributes; the message names it.
+        OSError: the file cannot be read.
     """
     width, height = options.size
     pool = AssetPool(own=options.assets)

@@ -1,4 +1,4 @@
-"""The panel that renders a dataset into a folder, with its progress and a way to end it."""
+"""The panel that renders a dataset into a folder, with its progress and a button to cancel it."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from experiments.playground.state import State
 from scene.dataset.formats.layout import FORMATS
 
 LISTEN = 0.4
-"""Seconds between looks at how far an export is."""
+"""Seconds between checks of an export's progress."""
 
 
 class DatasetPanel:
-    """One export at a time, of the state that the page shows when it is ordered.
+    """Exports one dataset at a time, from the state that the page shows when the button is pressed.
 
     Args:
-        state: gives it.
+        state: gives the state of the page.
     """
 
     def __init__(self, state: Callable[[], State]) -> None:
@@ -41,7 +41,7 @@ class DatasetPanel:
         self._timer = ui.timer(LISTEN, self._listen, active=False)
 
     def close(self) -> None:
-        """End what is under way, as when the page is closed."""
+        """Cancel the export, if one is running, when the page is closed."""
         if self._export is not None:
             self._export.cancel()
 

@@ -1,4 +1,4 @@
-"""A dataset rendered in a process of its own, which tells how far it is and can be ended at any moment."""
+"""Renders a dataset in its own process, which reports its progress and can be cancelled at any time."""
 
 from __future__ import annotations
 
@@ -17,29 +17,29 @@ MOST_IMAGES = 100_000
 
 
 class News(NamedTuple):
-    """How far an export is."""
+    """The progress of an export."""
 
     done: int  # images
     images: int
-    error: str = ""  # why it ended before all were done
+    error: str = ""  # why it ended early
 
     @property
     def over(self) -> bool:
-        """Whether nothing more will come."""
+        """Whether the export has ended."""
         return bool(self.error) or self.done == self.images
 
 
 class Export:
-    """One export under way; what is finished stays when it is cancelled, and the same order goes on.
+    """One running export; finished images stay when it is cancelled, and the same export continues it.
 
     Args:
-        state: its streets, with seed, shots, size, rays and assets of its view.
-        images: how many.
+        state: gives the streets; its view gives seed, shots, size, rays and assets.
+        images: their number.
         format: a layout, as `scene.dataset.formats.layout` names it.
-        folder: new, empty, or the same export to be continued.
+        folder: a new or empty folder, or that of the same export, which is continued.
 
     Raises:
-        ValueError: no folder, or a number of images out of range.
+        ValueError: no folder is named, or the number of images is out of range.
     """
 
     def __init__(self, state: State, images: int, format: str, folder: str) -> None:
@@ -56,7 +56,7 @@ class Export:
         mouth.close()
 
     def news(self) -> News:
-        """The latest; never waits."""
+        """The latest progress; never waits."""
         try:
             while not self._last.over and self._ear.poll():
                 self._last = self._ear.recv()
@@ -65,7 +65,7 @@ class Export:
         return self._last
 
     def cancel(self) -> None:
-        """End it now; an image that is half-written is made again when the export is continued."""
+        """End the process now; a half-written image is made again when the export is continued."""
         self._process.terminate()
         self._process.join()
         if not self._last.over:
@@ -75,11 +75,11 @@ class Export:
 
 
 def _work(state: State, images: int, format: str, folder: Path, mouth: Connection) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's business
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C
     view = state.view
 
     def tell(done: int, wanted: int, _: int) -> None:
-        if done < wanted:  # all rendered is not yet all written
+        if done < wanted:  # the last images may not be written yet
             mouth.send(News(done, wanted))
 
     try:

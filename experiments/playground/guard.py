@@ -1,4 +1,4 @@
-"""Keeps other sites' pages, other names of this machine, and large uploads away from the page."""
+"""Refuses requests from other sites, under other host names, and with large uploads."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from shell.loopback import refusal
 
 
 class Guard:
-    """Refuses what did not come from the page itself: it can write folders in the user's name."""
+    """Refuses requests that do not come from the page, which can write folders in the user's name."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app

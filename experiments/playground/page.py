@@ -1,4 +1,4 @@
-"""The page: sliders on the left; pictures of one street, and what else can be told, on the right."""
+"""The page: sliders on the left, pictures of one street and panels on the right."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from shell.files import parse_json
 from shell.loopback import HOST, MOST_BYTES
 
 ACCENT = "#4f7ea3"
-"""The colour of what can be moved or pressed."""
+"""The colour of sliders and buttons."""
 STYLE = Path(__file__).with_name("page.css")
 ENLARGE = """() => {
     const box = document.querySelector('.picture.image');
@@ -55,7 +55,7 @@ ENLARGE = """() => {
     document.addEventListener('keydown', leave);
     emit(window.innerWidth, window.innerHeight);
 }"""
-"""Lets the picture fill the window, or no longer; tells the window's size, or nothing."""
+"""Makes the picture fill the window, or ends that; emits the window's size, or nothing."""
 BLANK = "data:image/gif;base64,R0lGODlhAQABAAAAACH5BAEKAAEALAAAAAABAAEAAAICTAEAOw=="
 
 
@@ -67,10 +67,10 @@ def serve(state: State, photographs: Sequence[Path], port: int, browser: bool) -
     """Serve the page on this machine's own address until Ctrl-C.
 
     Args:
-        state: what every page begins with.
-        photographs: real images to look at beside it.
-        port: of the address.
-        browser: whether to open one.
+        state: the first state of every page.
+        photographs: real images to show beside the street.
+        port: the port on this address.
+        browser: whether to open a browser.
     """
     process = RenderProcess()
 
@@ -94,12 +94,12 @@ def serve(state: State, photographs: Sequence[Path], port: int, browser: bool) -
 
 
 class Page:
-    """One tab: what it shows, and its elements."""
+    """One tab: its state and its elements."""
 
     def __init__(self, state: State, photographs: Sequence[Path], process: RenderProcess) -> None:
         self._state, self._photographs, self._process = state, photographs, process
         self._first = state  # what sliders are reset to
-        self._window: tuple[int, int] | None = None  # that the picture fills
+        self._window: tuple[int, int] | None = None  # size of the window that the picture fills
         self._boxes: dict[str, ui.number] = {}  # by field of the view
         self._wanted = LatestOnly(process.make, self._show)
         self._note: ui.notification | None = None
@@ -118,7 +118,7 @@ class Page:
         ui.context.client.on_delete(self._dataset.close)
 
     async def begin(self) -> None:
-        """Ask for the first picture when the page stands, of the first street with a free view."""
+        """Ask for the first picture once the page is loaded: of the first street with a free view."""
         await ui.context.client.connected()
         if not self._process.warm:
             self._time.set_text("warming up: code is compiled, once")
@@ -143,13 +143,13 @@ class Page:
                     "every attribute anywhere in its range",
                     partial(states.set_to, name="random"),
                 ),
-                ("centre all", "every interval in the middle, as wide as it is", states.centred),
+                ("centre all", "every interval in the middle of its range", states.centred),
             ):
                 button = ui.button(text, on_click=self._press(change)).tooltip(hint)
                 button.props("outline dense padding='2px 12px'")
             self._component = ui.select([], on_change=self._choose).props("borderless")
             for text, hint, turn in (
-                ("next street", "the next of the dataset with this seed", self._next),
+                ("next street", "the next street of the dataset with this seed", self._next),
                 ("shuffle", "the same street of another seed", self._shuffle),
             ):
                 button = ui.button(text, on_click=turn).tooltip(hint)
@@ -239,7 +239,7 @@ class Page:
         box.on_value_change(change)
 
     def _fill(self) -> None:
-        """Build what depends on the space and on the number of components."""
+        """Build the elements that depend on the space and on the number of components."""
         self._column.clear()
         with self._column:
             self._sliders = Sliders(self._state, self._moved, self._reset)
@@ -288,7 +288,7 @@ class Page:
         await self._ask(quick)
 
     async def _begin_with(self, state: State) -> None:
-        """Show a state that is new as a whole: sliders are reset to it from now on."""
+        """Show a new state; from now on, sliders are reset to it."""
         self._first = state
         await self._become(state)
 
@@ -305,23 +305,23 @@ class Page:
         await self._look(seed=random.randrange(states.SEEDS))
 
     async def _enlarge(self, event: GenericEventArguments) -> None:
-        """The picture fills the window, or no longer does."""
+        """Fill the window with the picture, or end that."""
         self._window = (int(event.args[0]), int(event.args[1])) if event.args else None
         if self._window is not None:
             await self._ask(quick=False)
 
     def _copy(self) -> None:
-        """Hand over the command that makes the picture, and the file that it reads, if it reads one."""
+        """Copy the command that makes the picture, and download the file that it reads, if any."""
         command = states.command(self._state)
         ui.clipboard.write(command)
         note = ""
         if states.name_of(self._state) is None:
             text = json.dumps(describe(self._state.proposal), indent=2) + "\n"
             ui.download.content(text, states.FILE, "application/json")
-            note = f". It reads {states.FILE}, which is among your downloads"
+            note = f". It reads {states.FILE}, which was downloaded"
         pool = self._state.view.pool
         if pool.first or pool.without:
-            note += ". It has no flag for the first asset and for families left out"
+            note += ". It has no flags for the first asset and for families left out"
         self._say(f"Copied; the last image is this picture: {command}{note}", "primary")
 
     async def _look(self, **changes: object) -> None:
@@ -374,7 +374,7 @@ class Page:
             self._say(str(error))
 
     def _say(self, message: str, color: str | None = None) -> None:
-        """One clear message, in place of the one before, until it is closed."""
+        """Show a message in place of the one before, until it is closed."""
         if self._note is not None:
             self._note.dismiss()
         self._note = ui.notification(
@@ -392,7 +392,7 @@ def _source(kind: str, data: bytes) -> str:
 
 
 def _legend(shares: Sequence[tuple[int, float]]) -> str:
-    """Colours and names of train ids, with their percent."""
+    """The legend: colours, names and percent of train ids."""
     parts = []
     for train_id, percent in shares:
         name = "own class" if train_id == OWN else CLASS_NAMES[train_id]

@@ -1,4 +1,4 @@
-"""Real images to look at beside the street."""
+"""Real images to show beside the street."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ import cv2
 import numpy as np
 
 WIDEST = 960
-"""Pixels; wider photographs are shrunk before they are sent to the page."""
+"""Pixels of width; wider photographs are reduced before they are sent to the page."""
 
 
 def listed(folder: Path | None) -> tuple[Path, ...]:
-    """Images in a folder and those below it, sorted; none where there is no folder.
+    """The images in a folder and its subfolders, sorted; none without a folder.
 
     Raises:
-        DataError: no such folder, or no image in it.
+        DataError: there is no such folder, or no image in it.
     """
     if folder is None:
         return ()
-    from seg.data.unlabelled import list_unlabelled  # brings JAX
+    from seg.data.unlabelled import list_unlabelled  # imports JAX
 
     return list_unlabelled(folder)
 
@@ -28,7 +28,7 @@ def photograph(path: Path) -> bytes:
     """One image as JPEG, at most ``WIDEST`` pixels wide.
 
     Raises:
-        DataError: it is missing or broken.
+        DataError: the file is missing or broken.
     """
     from seg.data.images import read_image
     from seg.data.labelled import resize_image

@@ -1,4 +1,4 @@
-"""From a state to pictures, in one warm process; of what is asked for meanwhile, only the last is made."""
+"""Makes the pictures of a state in one warm process; of the requests that wait, it answers only the last."""
 
 from __future__ import annotations
 
@@ -20,20 +20,21 @@ from scene.street.street import Street
 from scene.workers import WorkerPool
 
 QUALITY = 90
-"""Of JPEG."""
+"""The quality of JPEG files."""
 NEAR, BLOCKED = 2.5, 0.3
-"""Metres, and the share of things (not ground) nearer than that from which on a view is from inside one."""
+"""A view is from inside a thing if things, but not ground, that are nearer than `NEAR` metres cover a larger
+share of it than `BLOCKED`."""
 LOOKED_AT = 20
-"""Streets of which the first with a free view is shown."""
+"""The number of streets among which the first with a free view is shown."""
 SKETCH = 48
-"""Pixels across the picture that tells whether a view is free."""
+"""The width in pixels of the picture that shows whether a view is free."""
 GROUND = (TrainId.ROAD, TrainId.SIDEWALK, TrainId.TERRAIN)
 SETTLED = 0.15
-"""Seconds without a newer wish after which a quick picture is refined."""
+"""Seconds without a newer request after which a quick picture is refined."""
 
 
 class Request(NamedTuple):
-    """One picture to be made."""
+    """A request for one picture."""
 
     unit: tuple[float, ...]  # attributes, exact single precision
     view: View
@@ -41,11 +42,11 @@ class Request(NamedTuple):
 
 
 class Pictures(NamedTuple):
-    """What a request gives, as files."""
+    """The pictures of a request, as files."""
 
     image: bytes  # JPEG
     label: bytes  # PNG
-    depth: bytes  # PNG in a colour map, near is yellow; what has no depth is black
+    depth: bytes  # PNG in a colour map, near is yellow; pixels without depth are black
     shares: tuple[
         tuple[int, float], ...
     ]  # train ids in the picture with their percent, the largest first
@@ -55,12 +56,12 @@ class Pictures(NamedTuple):
 
 
 def request(state: State, quick: bool = False) -> Request:
-    """What a state shows."""
+    """The request for the picture of a state."""
     return Request(tuple(state.unit.tolist()), state.view, quick)
 
 
 def pictures(wanted: Request) -> Pictures:
-    """Make one request's pictures; the street of the last few is kept."""
+    """Make the pictures of a request; the last few streets are kept."""
     began, view = time.perf_counter(), wanted.view
     street = _street(wanted.unit, view.seed, view.street, view.shots, view.pool)
     settings = view.settings
@@ -88,20 +89,20 @@ def shares(label: np.ndarray) -> tuple[tuple[int, float], ...]:
 
 
 def coloured(depth: np.ndarray) -> np.ndarray:
-    """Depth f32[h, w] in metres, 0 where there is none, as colours u8[h, w, 3] that tell near from far."""
+    """The colours u8[h, w, 3] of depth f32[h, w] in metres, where 0 is no depth."""
     near = (255 * (1 - np.clip(depth / FAR, 0, 1))).astype(np.uint8)
     found: np.ndarray = cv2.applyColorMap(near, cv2.COLORMAP_VIRIDIS)[..., ::-1]
     return np.where(depth[..., None] > 0, found, 0).astype(np.uint8)
 
 
 def free(depth: np.ndarray, label: np.ndarray) -> bool:
-    """Whether a view is not from inside a thing: depth f32[h, w] in metres, label u8[h, w] of its frame."""
+    """Whether a view with depth f32[h, w] in metres and label u8[h, w] is not from inside a thing."""
     close = (depth > 0) & (depth < NEAR) & ~np.isin(label, GROUND)
     return float(close.mean()) <= BLOCKED
 
 
 def first_free(state: State) -> int:
-    """The first street from the state's on with a free view; the state's own where none has one."""
+    """The first street with a free view, beginning at the state's; the state's own if there is none."""
     view = state.view
     settings = view.settings._replace(
         width=SKETCH, height=max(SKETCH * view.height // view.width, 8), samples=1
@@ -128,7 +129,7 @@ def _file(suffix: str, picture: np.ndarray) -> bytes:
 
 
 class RenderProcess:
-    """One process that makes pictures, shared by all pages; what it compiled and built is kept."""
+    """One process that makes pictures, shared by all pages; it keeps what it has compiled and built."""
 
     def __init__(self) -> None:
         self._workers = WorkerPool(1)
@@ -136,17 +137,17 @@ class RenderProcess:
         self.warm = False
 
     async def make(self, wanted: Request) -> Pictures:
-        """Pictures of one request, off the event loop.
+        """Make the pictures of a request without blocking the event loop.
 
         Raises:
-            WorkerError: the process died, and died again.
+            WorkerError: the process died twice.
         """
         made: Pictures = await self._call(pictures, wanted)
         self.warm = True
         return made
 
     async def first_free(self, state: State) -> int:
-        """See `first_free`; raises as `make` does."""
+        """Find the street of `first_free`; raises as `make` does."""
         found: int = await self._call(first_free, state)
         return found
 
@@ -163,11 +164,11 @@ class RenderProcess:
 
 
 class LatestOnly:
-    """Makes what one page asks for: of pictures that wait only the last, and quick ones again in full.
+    """Answers the requests of one page: of those that wait only the last, and quick ones again in full.
 
     Args:
         make: gives a request's pictures.
-        show: is told the request, its pictures, and the seconds since it was asked for.
+        show: receives the request, its pictures, and the seconds since the request.
     """
 
     def __init__(
@@ -180,7 +181,7 @@ class LatestOnly:
         self._busy = False
 
     async def ask(self, wanted: Request) -> None:
-        """Want a picture in place of all that wait; the first to ask also serves those after it."""
+        """Replace the waiting request; the first caller also answers the requests that come meanwhile."""
         self._next = wanted, time.perf_counter()
         if self._busy:
             return

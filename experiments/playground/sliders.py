@@ -12,18 +12,18 @@ from experiments.playground.state import State, as_before, interval, rows, shown
 from scene.attributes import BY_NAME
 
 STEPS = 1000
-"""Places of a slider's thumb; an interval that nobody touches stays between them."""
+"""The steps of a slider; an interval that is not moved keeps its exact value between them."""
 OPEN = ("Light and weather", "Camera")
-"""Groups that are unfolded at first."""
+"""Groups that are open at first."""
 
 
 class Sliders:
     """Sliders over the attributes of one space.
 
     Args:
-        state: what they show at first.
-        moved: told a name and its new interval, unit values, when the user moves a thumb.
-        reset: told a name whose interval shall be as it was before anything was moved.
+        state: the first state.
+        moved: receives a name and the ends of its new interval, in unit values, when the user moves a thumb.
+        reset: receives the name of an attribute whose interval is to be reset.
     """
 
     def __init__(
@@ -43,7 +43,7 @@ class Sliders:
         self.show(state, state)
 
     def show(self, state: State, first: State) -> None:
-        """Put thumbs and texts where the state has them; what is not as at ``first`` can be reset."""
+        """Show a state; attributes that differ from those of ``first`` can be reset."""
         self._state, unit = state, state.unit
         for name, thumbs in self._ranges.items():
             if thumbs.value != (wanted := _thumbs(state, name)):

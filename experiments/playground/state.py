@@ -1,4 +1,4 @@
-"""What one page shows: intervals of attributes, and which picture of which street. Pure."""
+"""The state of a page: intervals of attributes, and which picture of which street. All here is pure."""
 
 from __future__ import annotations
 
@@ -56,9 +56,9 @@ GROUPS: dict[str, tuple[str, ...]] = {
 MOST_STREETS, MOST_SHOTS, MOST_PIXELS = 1000, 60, 2_100_000
 SEEDS = 2**32
 FILE = "street.json"
-"""Where a copied command finds attributes that have no name."""
+"""The file from which a copied command reads attributes that have no name."""
 LOSS = "the file has probabilities; sliders show, and save, intervals of the same mean and variance"
-"""Said where streets that `has_probabilities` are opened."""
+"""The message when streets with probabilities are opened."""
 
 
 class View(NamedTuple):
@@ -75,7 +75,7 @@ class View(NamedTuple):
 
     @property
     def settings(self) -> RenderSettings:
-        """Size and quality of the picture, and of a dataset."""
+        """The size and quality of pictures and datasets."""
         return RenderSettings(self.width, self.height, self.samples)
 
 
@@ -99,35 +99,35 @@ class State(NamedTuple):
 
     @property
     def streets(self) -> Streets:
-        """What is saved, and what datasets are drawn from."""
+        """The streets that are saved, and from which datasets are drawn."""
         return mixture(self.shares, self.proposals)
 
     @property
     def unit(self) -> np.ndarray:
-        """Attributes f32[attributes] of the street in view, of the component that is shown."""
+        """The attributes f32[attributes] of the street in view, drawn from the component that is shown."""
         return draw(self.proposal, self.view.seed, self.view.street + 1)[-1]
 
 
 def opened(streets: Streets, view: View) -> State:
-    """A state that shows the first component of ``streets``; sliders take a histogram's moments."""
+    """The state that shows the first component of ``streets``; moments replace a histogram."""
     shares, found = zip(*components(streets), strict=True)
     return State(shares, tuple(map(moments, found)), 0, view)
 
 
 def has_probabilities(streets: Streets) -> bool:
-    """Whether sliders show something else than ``streets``."""
+    """Whether ``streets`` has histograms, which sliders cannot show."""
     return any(isinstance(own, Histogram) for _, own in components(streets))
 
 
 def interval(state: State, name: str) -> tuple[float, float]:
-    """Low and high end of an attribute, unit values."""
+    """The ends of an attribute's interval, in unit values."""
     where = list(BY_NAME).index(name)
     centre, width = (float(part[where]) for part in state.proposal)
     return max(centre - width / 2, 0.0), min(centre + width / 2, 1.0)
 
 
 def moved(state: State, name: str, low: float, high: float) -> State:
-    """The state with one attribute between two unit values; all others stay bit by bit."""
+    """The state with one attribute between two unit values; the others keep every bit."""
     where = list(BY_NAME).index(name)
     centre, width = (part.copy() for part in state.proposal)
     centre[where], width[where] = (low + high) / 2, high - low
@@ -142,17 +142,17 @@ def replaced(state: State, proposal: Proposal) -> State:
 
 
 def set_to(state: State, name: str) -> State:
-    """The component in view as ``random`` or ``default``; see ``scene.proposal.named``."""
+    """The state with ``random`` or ``default`` as the component in view; see ``scene.proposal.named``."""
     return replaced(state, named(name, state.space))
 
 
 def centred(state: State) -> State:
-    """Every interval in the middle of its range, as wide as it was."""
+    """The state with every interval in the middle of its range, as wide as before."""
     return replaced(state, slide(np.full_like(state.proposal.centre, 0.5), state.proposal.width))
 
 
 def restored(state: State, name: str, first: State) -> State:
-    """The state with one attribute as another state of the same components has it, bit by bit."""
+    """The state with one attribute copied from another state of the same components."""
     where = list(BY_NAME).index(name)
     centre, width = (part.copy() for part in state.proposal)
     centre[where], width[where] = (part[where] for part in first.proposals[state.component])
@@ -160,14 +160,14 @@ def restored(state: State, name: str, first: State) -> State:
 
 
 def as_before(state: State, name: str, first: State) -> bool:
-    """Whether one attribute is as another state of the same components has it."""
+    """Whether one attribute equals that of another state of the same components."""
     where = list(BY_NAME).index(name)
     own, other = state.proposal, first.proposals[state.component]
     return all(a[where] == b[where] for a, b in zip(own, other, strict=True))
 
 
 def enlarged(view: View, width: int, height: int) -> View:
-    """The view with a picture of the same shape that fills a window as far as that may be rendered."""
+    """The view with a larger picture of the same shape that fills a window, with at most `MOST_PIXELS`."""
     most = (MOST_PIXELS / (view.width * view.height)) ** 0.5
     scale = min(width / view.width, height / view.height, most)
     if scale <= 1:
@@ -176,7 +176,7 @@ def enlarged(view: View, width: int, height: int) -> View:
 
 
 def name_of(state: State) -> str | None:
-    """By which name `sdr-jax render` knows the component in view; None where it needs a file."""
+    """The name of the component in view for `sdr-jax render`; None if it needs a file."""
     for name in ("default", "random"):
         known = named(name, state.space)
         if all(map(np.array_equal, known, state.proposal)):
@@ -187,7 +187,7 @@ def name_of(state: State) -> str | None:
 def command(state: State) -> str:
     """The command whose last image is the picture in view; attributes that have no name are read from `FILE`.
 
-    Families that are left out, and a first asset, have no flag there.
+    It has no flags for families that are left out and for a first asset.
     """
     view, name = state.view, name_of(state)
     flags: dict[str, object] = {"attributes": name or FILE}
@@ -226,11 +226,11 @@ def rows(space: SpaceName) -> dict[str, tuple[str, ...]]:
 
 
 def check_view(view: View) -> View:
-    """The view itself.
+    """Check a view, and return it.
 
     Raises:
-        ValueError: a field out of range, by name.
-        LibraryError: own assets that cannot be used; see ``scene.assets.library``.
+        ValueError: a field is out of range; the message names it.
+        LibraryError: own assets cannot be used; see ``scene.assets.library``.
     """
     limits = {
         "seed": (0, SEEDS - 1),

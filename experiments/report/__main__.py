@@ -1,11 +1,11 @@
-"""Reports of runs: one page of each that needs no network.
+"""Writes or serves the report of a run, a page that needs no network.
 
     sdr-jax report runs/a             # writes runs/a/report.html anew
     sdr-jax report runs/a --serve     # shows it, also while the run goes on
 
-A run is the folder (--out) of `sdr-jax camvid`, `cityscapes` or `labelmefacade`. While it goes on it
-writes the page every 15 seconds; this command makes that of a finished run. Studies have reports in a form of
-their own, which --rederive writes anew.
+A run is the folder (--out) of `sdr-jax fit`, `camvid`, `cityscapes` or `labelmefacade`. While it goes on, it
+writes the page every 15 seconds; this command writes the page of a finished run. Studies have reports in a
+form of their own, which --rederive writes anew.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ from shell.command import exit_code
 from shell.errors import UserError
 from shell.files import write
 
-INSTEAD = f"{' and '.join(LOGS)} in each run hold every evaluation, an object a line"
+INSTEAD = f"{' and '.join(LOGS)} in each run hold every evaluation, one JSON object a line"
 
 
 def make(path: Path, out: Path | None) -> Path:
-    """Write the page of a run; returns where it is.
+    """Write the page of a run; return its path.
 
     Args:
         path: the run's folder.
         out: the page; by default in that folder.
 
     Raises:
-        UserError: a folder that is no finished run, or a place where nothing can be written.
+        UserError: the folder is not a finished run, or the page cannot be written.
     """
     out = out or path / NAME
     if out.is_dir():
@@ -51,13 +51,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise UserError(f"--tensorboard: there are no TensorBoard events any more; {INSTEAD}")
         if len(options.run) > 1:
             runs = " ".join(map(str, options.run))
-            raise UserError(f"{runs}: a page has one run; to compare several, {INSTEAD}")
+            raise UserError(f"{runs}: a page shows one run; to compare several, {INSTEAD}")
         run = options.run[0]
         if options.serve is None:
             print(make(run, options.out))
             return
         if options.out is not None:
-            raise UserError(f"--serve shows RUN/{NAME}; --out {options.out} has no part in it")
+            raise UserError(f"--serve shows RUN/{NAME} and cannot be used with --out {options.out}")
         if not run.is_dir():
             raise UserError(f"{run}: no such folder; name the --out of a run")
         if (run / SUMMARY).is_file() and not (run / NAME).is_file():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,9 +15,9 @@ from experiments.study.stats import statistics
 from scene.attributes import BY_NAME, Attribute
 
 Figure = dict[str, Any]
-"""A plot: ``data`` and ``layout`` as plotly has them, or ``views``, each such with a ``label``, of which one
-shows. A colour ``@name`` is the style sheet's ``--name``, ``@name/0.2`` the same let through. ``page.js``
-fills in what all axes share."""
+"""A plot: ``data`` and ``layout`` as in plotly, or ``views``, a list of such plots with a ``label`` each, of
+which one is shown. A colour ``@name`` is the style sheet's ``--name``; ``@name/0.2`` is the same at opacity
+0.2. ``page.js`` adds what all axes share."""
 
 NAMES = {
     "random": "random",
@@ -28,22 +28,26 @@ NAMES = {
     "few+default": "few + hand-set",
     "few+learnt": "few + learnt",
     "real": "target images",
+    "labels": "your labels",
+    "labels+renders": "labels + renders",
+    "labels+learnt": "labels + learnt",
+    "renders": "renders",
 }
 """Short names of rows."""
 STAGES = {"candidate": "model selection", "final": "final nets"}
-"""What logs call nets, for people."""
+"""The kinds of nets in logs, in words."""
 LEAST = 0.01
-"""Percent of the pixels below which a class is drawn at the edge."""
+"""The least percent of the pixels that is drawn; a class with less is drawn at the edge."""
 COLUMNS, SMALL = 5, 128
-"""Of the policy's small plots: columns, and pixels from one row to the next."""
+"""The columns of the policy's small plots, and the pixels from one row of them to the next."""
 NARROW = 1 / 3
-"""An interval this wide or less is drawn as strongly as a single value."""
+"""The width up to which an interval is drawn as strongly as a single value."""
 LISTED = {"showgrid": False, "ticksuffix": "  "}
 """An axis of names."""
 
 
 def ordered(report: Report) -> list[str]:
-    """The rows as they are told: those beside few labels first, where there are any."""
+    """The rows in the order of the page: rows with few labels first, if there are any."""
     found = [row for row in NAMES if row in report["rows"]]
     return sorted(found, key=lambda row: not row.startswith("few"))
 
@@ -82,10 +86,9 @@ def rows(report: Report, order: Sequence[str]) -> Figure:
     return {"data": data, "layout": layout}
 
 
-def classes(report: Report, order: Sequence[str]) -> Figure:
-    """IoU of each class with its interval over seeds; a column of points for each class."""
-    names = report["classes"]
-    found = {row: _by_class(report["nets"][row], len(names)) for row in order}
+def classes(names: Sequence[str], found: Mapping[str, Sequence[Report]]) -> Figure:
+    """IoU of each class with its interval, by row; a column of points for each class."""
+    order = list(found)
     there = [k for k in range(len(names)) if found[order[0]][k]["mean"] is not None]
     there.sort(key=lambda k: -(found[order[-1]][k]["mean"] or 0.0))
     shifts = np.linspace(-0.27, 0.27, len(order)) if len(order) > 1 else [0.0]
@@ -115,13 +118,13 @@ def classes(report: Report, order: Sequence[str]) -> Figure:
 
 
 def confusion(seen: Report, order: Sequence[str]) -> Figure | None:
-    """For each row, how much of each true class was taken for which, in percent of that class."""
+    """For each row, the percent of each true class that is predicted as each class."""
     views = []
     for row in (row for row in order if row in seen["confusion"]):
         counts = np.asarray(seen["confusion"][row]["pixels"], float)
         there = np.flatnonzero((counts.sum(axis=1) > 0) | (counts.sum(axis=0) > 0))
         percent = 100 * counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
-        percent = percent[np.ix_(there, there)][::-1]  # the first class stands at the top
+        percent = percent[np.ix_(there, there)][::-1]  # the first class is at the top
         names = [seen["classes"][k] for k in there]
         trace = {
             "type": "heatmap", "x": names, "y": names[::-1], "z": np.round(percent, 2).tolist(),
@@ -132,7 +135,12 @@ def confusion(seen: Report, order: Sequence[str]) -> Figure | None:
             "hovertemplate": "%{z:.1f} % of %{y} taken for %{x}<extra></extra>",
         }  # fmt: skip
         layout = {
-            "xaxis": {"side": "top", "tickangle": -40, "showgrid": False, "title": "taken for"},
+            "xaxis": {
+                "side": "top",
+                "tickangle": -40,
+                "showgrid": False,
+                "title": "predicted class",
+            },
             "yaxis": {"showgrid": False, "title": "true class", "ticksuffix": " "},
         }
         label = f"{NAMES[row]}, {seen['confusion'][row]['nets']} nets"
@@ -141,9 +149,9 @@ def confusion(seen: Report, order: Sequence[str]) -> Figure | None:
 
 
 def shares(seen: Report) -> Figure:
-    """How much of the images each class is, and how far down it lies, by set."""
+    """The share of the pixels of each class, and its mean row, for each set of images."""
     sets = [row for row in NAMES if row in seen["shares"]]
-    last = seen["shares"][sets[-1]]["pixels"]  # of real images, where there are any
+    last = seen["shares"][sets[-1]]["pixels"]  # of real images, if there are any
     order = sorted(range(len(seen["classes"])), key=lambda k: last[k])
     names = [seen["classes"][k] for k in order]
     data = []
@@ -177,7 +185,7 @@ def shares(seen: Report) -> Figure:
 
 
 def curve(run: RunFolder) -> Figure:
-    """Every reward, the best so far, and what the method's model held of each update before it was made."""
+    """Every reward, the best so far, and what the method's model expected of each before it was made."""
     rewards = run.rewards
     known = np.flatnonzero(np.isfinite(rewards))
     place, values = (known + 1).tolist(), rewards[known]
@@ -218,7 +226,7 @@ def _expected(run: RunFolder, form: str) -> list[Figure]:
 
 
 def policy(run: RunFolder) -> tuple[Figure, int] | None:
-    """How likely each bin of each attribute was after every update, or where proposals lay; its height."""
+    """The probability of each bin of each attribute by update, or the proposed centres; the plot's height."""
     attributes, recorded = run.attributes, run.probabilities
     if recorded is None and not run.evaluations:
         return None
@@ -253,13 +261,13 @@ def policy(run: RunFolder) -> tuple[Figure, int] | None:
 
 
 def _titled(attribute: Attribute) -> str:
-    """Name and unit; names of shares and probabilities say that themselves."""
+    """Name and unit; shares and probabilities need no unit."""
     name = words(attribute.name)
     return name if attribute.unit in ("share", "probability") else f"{name}, {attribute.unit}"
 
 
 def _bins(attribute: Attribute, probabilities: np.ndarray) -> Figure:
-    """Probabilities f32[updates, bins] as a picture."""
+    """Probabilities f32[updates, bins] as a heat map."""
     bins = probabilities.shape[1]
     ends = [f"{attribute.physical(k / bins):.3g}" for k in range(bins + 1)]
     names = [f"{ends[k]} to {ends[k + 1]} {attribute.unit}" for k in range(bins)]
@@ -273,7 +281,7 @@ def _bins(attribute: Attribute, probabilities: np.ndarray) -> Figure:
 
 
 def _proposed(run: RunFolder, index: int) -> Figure:
-    """Centres of what was proposed, one after the other; wide intervals are pale."""
+    """The centres of proposals in order; wide intervals are pale."""
     lines = [(n, r) for n, r in enumerate(run.evaluations, 1) if r["centre"] is not None]
     attribute = run.attributes[index]
     where = list(BY_NAME).index(attribute.name)
@@ -289,7 +297,7 @@ def _proposed(run: RunFolder, index: int) -> Figure:
 
 
 def importance(found: Sequence[Report]) -> Figure:
-    """How much of the reward's variance attributes are, alone and with others, the first at the top."""
+    """The share of the reward's variance that each attribute explains, alone and with others."""
     rows, data = found[::-1], []
     for key, hue, name in (
         ("total", "@learnt/0.3", "with interactions"),
@@ -357,7 +365,7 @@ def cost(found: dict[str, dict[str, float]]) -> Figure:
 
 
 def _points(x: list, y: list, hover: str, marker: Figure, **more: Any) -> Figure:
-    """Points with what shows when the pointer is over one; ``more`` may make lines of them."""
+    """Points, each with a text for the pointer; ``more`` may turn them into lines."""
     told = {"hovertemplate": f"{hover}<extra></extra>"} if hover else {}
     return {"type": "scatter", "mode": "markers", "x": x, "y": y, "marker": marker} | told | more
 
@@ -376,14 +384,14 @@ def _around(entries: Sequence[Report], hue: str, thick: float) -> Figure:
     return {"type": "data", "array": half, "color": hue, "thickness": thick, "width": 0}
 
 
-def _by_class(nets: Sequence[Report | None], count: int) -> list[Report]:
+def by_class(nets: Sequence[Report | None], names: Sequence[str]) -> list[Report]:
     """Mean and interval of each class over nets; those that failed are left out."""
     known = [net for net in nets if net is not None]
-    return [statistics([net["class_iou"][k] for net in known]) for k in range(count)]
+    return [statistics([net["class_iou"][k] for net in known]) for k in range(len(names))]
 
 
 def _colour(row: str) -> str:
-    """Of a row; with few labels beside it it has another symbol, not another colour."""
+    """The colour of a row; labels beside the renders change its symbol, not its colour."""
     return "@" + row.rpartition("+")[2]
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from experiments.evaluation.store import LOGS
 from experiments.main import summary
 from experiments.main.pictures import INDEX, PICTURES
+from experiments.report import fit
 from experiments.report.matters import FILE
 from experiments.study.form import Report
 from scene.attributes import BY_NAME, SPACES, Attribute
@@ -24,7 +25,7 @@ SUMMARY, NAME = "summary.json", "report.html"
 
 
 class RunFolder(NamedTuple):
-    """The files of a run; what an older one did not leave is None."""
+    """The files of a run; files that an older run did not write are None."""
 
     path: Path
     summary: Report  # derived
@@ -33,14 +34,12 @@ class RunFolder(NamedTuple):
     finals: list[Record]  # all other nets
     seen: dict[str, Any] | None  # what `experiments.main.pictures` shows
     probabilities: np.ndarray | None  # f32[updates, attributes, bins]
-    expected: (
-        np.ndarray | None
-    )  # f32[updates, datasets, 2], what the model held of each reward before it
+    expected: np.ndarray | None  # f32[updates, datasets, 2], what the model expected of each reward
     matters: Report | None  # see `experiments.report.matters`
 
     @property
     def attributes(self) -> tuple[Attribute, ...]:
-        """Those that were searched, that is, were not held."""
+        """The attributes that were searched: all that were not held."""
         known = self.summary.get("components")
         rows = (
             SPACES[self.config["space"]]
@@ -51,31 +50,31 @@ class RunFolder(NamedTuple):
 
     @property
     def held(self) -> dict[str, float]:
-        """Unit values of the others."""
+        """The unit values of the held attributes, by name."""
         return read_fixed(self.config.get("fix", ()), self.config.get("space", "scenex"))
 
     @property
     def percent(self) -> bool:
-        """Whether rewards are mIoU, told in percent."""
+        """Whether rewards are mIoU, which is shown in percent."""
         return bool(self.config.get("reward_kind", "miou") == "miou")
 
     @property
     def rewards(self) -> np.ndarray:
-        """Of the search, f64[n] as they were made, in percent if they are mIoU; NaN where they failed."""
+        """The rewards of the search, f64[n] in order, in percent if they are mIoU; NaN if one failed."""
         found = [line["reward"] for line in self.evaluations]
         values = np.array([np.nan if v is None else v for v in found], float)
         return values * (100 if self.percent else 1)
 
 
 def read(path: Path, report: Report | None = None) -> RunFolder:
-    """What a run folder holds.
+    """Read a run folder.
 
     Args:
         path: the folder.
-        report: in place of its ``summary.json``, which a run writes last.
+        report: the derived report of a run that has not written its ``summary.json``, the last file.
 
     Raises:
-        UserError: it is no folder of a finished run of the main job, with what it is instead.
+        UserError: it is not the folder of a finished run; the message says what it is.
     """
     config = read_config(path) if (path / CONFIG).is_file() else None
     if config is None:
@@ -98,12 +97,12 @@ def read(path: Path, report: Report | None = None) -> RunFolder:
     )
     shares = run.probabilities
     if shares is not None and shares.shape[1] != len(run.attributes):
-        run = run._replace(probabilities=None)  # of a search of some attributes only
+        run = run._replace(probabilities=None)  # from a search of some attributes only
     return run
 
 
 def _summary(path: Path, config: dict[str, Any]) -> Report:
-    """The run's scores, and all that follows from them; older runs tell their seed in the configuration."""
+    """The derived report of a run; older runs have their seed in the configuration."""
     file = path / SUMMARY
     if not file.exists():
         for other in sorted(path.glob("*.json")):
@@ -111,13 +110,14 @@ def _summary(path: Path, config: dict[str, Any]) -> Report:
             if study:
                 raise UserError(
                     f"{path} is a run of the study {study}, whose report is {study}.md; name one of "
-                    "sdr-jax camvid, cityscapes or labelmefacade"
+                    "sdr-jax fit, camvid, cityscapes or labelmefacade"
                 )
         raise UserError(
-            f"{path} holds no {SUMMARY}: that run is not at its end; its command goes on with it"
+            f"{path} holds no {SUMMARY}: that run is not finished; its command continues it"
         )
     try:
-        return summary.derive({"seed": config.get("seed"), **_object(file)})
+        report = {"seed": config.get("seed"), **_object(file)}
+        return (fit if fit.is_fit(report) else summary).derive(report)
     except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
         raise UserError(f"{file} does not hold what a run writes ({error!r})") from None
 
@@ -130,7 +130,7 @@ def _object(path: Path) -> dict[str, Any]:
 
 
 def _array(path: Path, axes: int) -> np.ndarray | None:
-    """Numbers in a file; None where there is none, or another's."""
+    """The array in a file; None if the file is missing or holds something else."""
     try:
         found = np.load(path)
     except (OSError, ValueError, EOFError):

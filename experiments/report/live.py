@@ -1,4 +1,4 @@
-"""The page of a run while it goes on: written anew by the run, and served to a browser on this machine."""
+"""The page of a run while it goes on: the run writes it anew, and a browser on this machine can show it."""
 
 from __future__ import annotations
 
@@ -8,19 +8,22 @@ from typing import Any
 
 from experiments.report import page
 from experiments.report.folder import NAME, RunFolder
-from experiments.run import few
 from experiments.run.context import Run
-from experiments.study.form import about
+from experiments.study.form import Report
 from shell.command import PROGRAM
 from shell.files import write
 from shell.folder import read_config
 from shell.loopback import HOST, check_port, refusal
 
 
-def watch(run: Run[Any]) -> None:
-    """Have a run write its page anew whenever progress is told, at most every `page.EVERY` seconds."""
+def watch(run: Run[Any], known: Report) -> None:
+    """Make a run write its page anew as it makes progress, at most every `page.EVERY` seconds.
+
+    Args:
+        run: the run.
+        known: the fields of its report that are known at the start.
+    """
     out, config = run.config.out, read_config(run.config.out)
-    known = {**about(run, run.config.final), **few.about(run)}
 
     def told(share: float, said: str) -> None:
         records = run.evaluations.records, run.finals.records
@@ -35,14 +38,14 @@ def watch(run: Run[Any]) -> None:
 
 
 def serve(folder: Path, port: int) -> None:
-    """Show the page that a run leaves in its folder, until Ctrl-C; a run under way writes it anew.
+    """Serve the page in a run's folder until Ctrl-C; an unfinished run writes it anew.
 
     Args:
-        folder: of the run.
-        port: of this machine's own address.
+        folder: the run's folder.
+        port: the port on this machine's own address.
 
     Raises:
-        UserError: nothing can be served there.
+        UserError: the port cannot be used.
     """
     check_port(port, "--serve")
 
@@ -61,7 +64,7 @@ def serve(folder: Path, port: int) -> None:
             self.wfile.write(data)
 
         def log_message(self, format: str, *args: Any) -> None:
-            """Say nothing of requests."""
+            """Do not log requests."""
 
     with ThreadingHTTPServer((HOST, port), Answer) as server:
         print(f"http://{HOST}:{server.server_port} (Ctrl-C ends it)", flush=True)
@@ -69,7 +72,7 @@ def serve(folder: Path, port: int) -> None:
 
 
 def _text(folder: Path) -> bytes:
-    """The page as it is now; before there is one, a page that asks for it again."""
+    """The page as it is now; before it exists, a page that reloads itself."""
     try:
         return (folder / NAME).read_bytes()
     except FileNotFoundError:

@@ -1,4 +1,4 @@
-"""Which attributes matter for a run's rewards, by the model of `sdr-jax study sensitivity`."""
+"""Which attributes matter for a run's rewards, according to the model of `sdr-jax study sensitivity`."""
 
 from __future__ import annotations
 
@@ -12,20 +12,21 @@ from shell.errors import UserError
 from shell.lines import Record
 
 FILE = "matters.json"
-"""Among the run's pictures: the model of 216 rewards of 37 attributes takes half a minute of a core."""
+"""The file of the result, among the run's pictures: for 216 rewards of 37 attributes the model takes half a
+minute of a core."""
 
 
 def matters(records: Sequence[Record], target: str, space: SpaceName) -> Report:
-    """What the records of a search say of its attributes.
+    """Compute what the rewards of a search say about its attributes.
 
     Returns:
-        ``said``, in words, ``rewards``, and ``attributes``, the first that matters most; none if nothing is
-        known of them.
+        ``said``, the result in words; ``rewards``, their number; and ``attributes``, the most important
+        first, empty if nothing is known about them.
     """
     try:
         chosen = enough(choose(records, target, space, None, "the search"), "the search")
     except UserError as error:
-        return {"said": f"Not told: {error}.", "rewards": 0, "attributes": []}
+        return {"said": f"Not known: {error}.", "rewards": 0, "attributes": []}
     found = summarize(chosen)
     r2 = found["r2"]
     known = r2["value"] is not None and r2["value"] >= NOTHING

@@ -1,9 +1,9 @@
 "use strict";
-// Draws the plots in the colours of the page, and again when these change.
+// Draws the plots in the colours of the page, and draws them again when these change.
 const root = document.documentElement;
 const night = matchMedia("(prefers-color-scheme: dark)");
 
-function kept(value) {  // what the reader chose; pages opened from a file may not be allowed to keep it
+function kept(value) {  // the reader's choice; a page opened from a file may not be able to store it
   try {
     if (value !== undefined) localStorage.setItem("theme", value);
     return localStorage.getItem("theme");

@@ -1,6 +1,6 @@
 """``report.html``: a run on one page that needs no network. Figures come from the summary and the logs.
 
-``page.html`` lays out what is worked out here; ``figures`` has its plots.
+``page.html`` lays out what is computed here; ``figures`` makes its plots.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ import json
 import mimetypes
 import shlex
 from base64 import b64encode
+from collections import defaultdict
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,7 +18,7 @@ from plotly.offline import get_plotlyjs
 from experiments.evaluation.store import each
 from experiments.main.pictures import PICTURES
 from experiments.main.summary import TRAINED_ON
-from experiments.report import figures
+from experiments.report import figures, fit
 from experiments.report.figures import NAMES, STAGES
 from experiments.report.folder import RunFolder, read
 from experiments.report.matters import matters
@@ -31,54 +32,53 @@ from shell.progress import duration
 
 HERE = Path(__file__).parent
 FIRST = 15
-"""Attributes whose importance is drawn."""
+"""The number of attributes whose importance is drawn."""
 THIN = 0.02
-"""As dense as an interval of this width is drawn what is narrower: 3 of 170 pixels."""
+"""The least width for the density of an interval, 3 of 170 pixels; a narrower one is drawn like this."""
 CANDIDATES = {
-    "argmax": "the best found, as the method answers",
+    "argmax": "the method's answer: the best found",
     "seen": "the dataset with the best reward",
-    "broad": "as wide as the search is unsure",
+    "broad": "as wide as the search is uncertain",
     "last": "the last policy",
     "previous": "the policy before the last",
     "mixed": "half the last policy, half the first",
     "random": "all attributes random",
     "default": "the hand-set street",
 }
-"""What may be the answer, in words."""
+"""The candidates for the answer, in words."""
 IMAGES = 1000
-"""Of the command that renders more streets like the answer."""
+"""The number of images in the command that renders more streets like the answer."""
 EVERY = 15
-"""Seconds after which a page of a run under way is read anew."""
+"""Seconds after which the page of an unfinished run is loaded again."""
 
 
 class Status(NamedTuple):
-    """How far a run under way is."""
+    """The progress of an unfinished run."""
 
     share: float  # of the work
     said: str  # the last line of its progress
 
 
 def html(report: Report, folder: Path) -> str:
-    """The whole page of a run, from its derived summary and its folder."""
+    """The page of a finished run, from its derived report and its folder."""
     return _page(read(folder, report), None)
 
 
 def under_way(run: RunFolder, status: Status) -> str:
-    """The page of a run that is not at its end: what is known so far."""
+    """The page of an unfinished run: what is known so far."""
     return _page(run, status)
 
 
 def _page(run: RunFolder, status: Status | None) -> str:
-    """The page, of the sections that have something to show."""
-    report, seen, over = run.summary, run.seen, status is None
+    """The page; sections with nothing to show are left out."""
+    report, over = run.summary, status is None
     order = figures.ordered(report) if over else []
-    trained = [row for row in order if any(report["nets"][row])]
-    learnt_first = sorted(trained, key=lambda row: row != "learnt")
+    trained = [row for row in order if report["rows"][row]["mean"] is not None]
 
-    def inline(name: str) -> str | None:
-        """A picture as text; None where its file is gone."""
+    def inline(name: str, folder: Path = run.path / PICTURES) -> str | None:
+        """A picture as a data URL; None if its file is missing."""
         try:
-            data = b64encode((run.path / PICTURES / name).read_bytes()).decode()
+            data = b64encode((folder / name).read_bytes()).decode()
         except OSError:
             return None
         return f"data:{mimetypes.guess_type(name)[0]};base64,{data}"
@@ -89,36 +89,73 @@ def _page(run: RunFolder, status: Status | None) -> str:
     config = dict(run.config)
     versions = {"engine of scenes": config.get("engine", "?")}
     versions |= config.pop("made_with", {}) | config.pop("versions", {})
+    if fit.is_fit(report):
+        content = fit.content(report, run.path, run.config, over)
+    else:
+        content = _content(run, order, trained, over)
     parts = {
         "so_far": so_far(run) if status else None,
-        "result": results(report, order) if over else None,
         "search": search_note(run),
-        "attributes": attributes(run) if over else None,
-        "streets": seen and seen["streets"],
-        "worst": seen and seen["worst"] and seen["worst"]["images"] and seen["worst"],
         "classes": class_table(report, trained) if trained else None,
-        "importance": importance(run) if over else None,
         "cost": cost(run),
         "made": True,
+        **content.pop("parts"),
     }
     title = report["note"][0].upper() + report["note"][1:]
+    usual: dict[str, Any] = {
+        "verdict": "This run is under way",
+        "following": [],
+        "cards": [],
+        "notes": [],
+        "confusion": None,
+    }
     page = environment.get_template("page.html").render(
-        run=run, report=report, seen=seen, order=order, trained=trained, figures=figures, parts=parts,
-        NAMES=NAMES, FIRST=FIRST, EVERY=EVERY, status=status, title=title,
-        verdict=verdict(report) if over else "This run is under way",
-        following=following(run) if over else [], starts=starts(report), asked=asked(run),
-        cards=cards(report) if over else [], result_note=result_note(report) if over else "",
-        selection=selection(run), policy=figures.policy(run),
-        confusion=None if seen is None else figures.confusion(seen, learnt_first),
+        run=run, report=report, seen=run.seen, order=order, trained=trained, figures=figures,
+        parts=defaultdict(lambda: None, parts), NAMES=NAMES, FIRST=FIRST, EVERY=EVERY, status=status,
+        title=title, starts=starts(report), selection=selection(run), policy=figures.policy(run),
         versions=versions.items(), settings=json.dumps(config, indent=2),
         style=(HERE / "page.css").read_text(encoding="utf-8"),
         code=(HERE / "page.js").read_text(encoding="utf-8"), plotly=get_plotlyjs(),
+        **usual | content,
     )  # fmt: skip
     return page + "\n"
 
 
+def _content(run: RunFolder, order: list[str], trained: list[str], over: bool) -> dict[str, Any]:
+    """The parts of the page that only the main job has."""
+    report, seen = run.summary, run.seen
+    shown: dict[str, Any] = {
+        "asked": asked(run),
+        "parts": {
+            "streets": seen and seen["streets"],
+            "worst": seen and seen["worst"] and seen["worst"]["images"] and seen["worst"],
+        },
+    }
+    if not over:
+        return shown
+    learnt_first = sorted(trained, key=lambda row: row != "learnt")
+    return {
+        **shown,
+        "verdict": verdict(report),
+        "following": following(run),
+        "cards": cards(report),
+        "result_note": result_note(report),
+        "class_note": "Mean IoU of each class with 95 % intervals over seeds.",
+        "by_class": {
+            row: figures.by_class(report["nets"][row], report["classes"]) for row in trained
+        },
+        "confusion": None if seen is None else figures.confusion(seen, learnt_first),
+        "parts": {
+            **shown["parts"],
+            "result": results(report, order),
+            "attributes": attributes(run),
+            "importance": importance(run),
+        },
+    }
+
+
 def verdict(report: Report) -> str:
-    """What came out, in one sentence."""
+    """The result in one sentence."""
     rows, beside = report["rows"], report.get("gain_beside_few")
     where = "" if report["real"] else "On the twin, which is not real data, "
     own = rows["few+learnt" if beside else "learnt"]["mean"]
@@ -149,7 +186,7 @@ def verdict(report: Report) -> str:
 
 
 def _compared(gain: Report, other: str) -> str:
-    """A gain over something else, in words; one whose interval holds zero is not told as a gain."""
+    """A gain over something else in words; if its interval contains zero, it is not called a gain."""
     mean, ci95 = gain["mean"], gain["ci95"]
     if mean is None:
         return f"not compared with {other}"
@@ -160,18 +197,18 @@ def _compared(gain: Report, other: str) -> str:
 
 
 def following(run: RunFolder) -> list[tuple[str, str]]:
-    """The commands that come next, each after what it does."""
+    """The next commands, each with what it does."""
     out = Path(str(run.config.get("out", run.path)))
     words = [PROGRAM, "render", "--attributes", str(out / "attributes.json")]
     words += ["--images", str(IMAGES), "--out", str(out / "streets")]
     more = (f"Next: render {IMAGES:,} images of these streets", shlex.join(words))
     if run.summary["real"]:
         return [more]
-    return [more, ("Or ask what your own labelled images need", f"{PROGRAM} doctor DATA")]
+    return [more, ("Or find out what your own labelled images need", f"{PROGRAM} doctor DATA")]
 
 
 def so_far(run: RunFolder) -> list[list[str]]:
-    """Of nets that are no rewards: what they are, how many are done, and their mean mIoU or reward."""
+    """The nets so far that give no reward: their kind, their number, and their mean mIoU or reward."""
     found: dict[tuple[str, str], list[float | None]] = {}
     for line in each(run.finals):
         found.setdefault((line.get("nets", ""), line.get("row", "")), []).append(line["reward"])
@@ -185,7 +222,7 @@ def so_far(run: RunFolder) -> list[list[str]]:
 
 
 def asked(run: RunFolder) -> list[tuple[str, str]]:
-    """What was asked, of which data."""
+    """The settings and the data of the run, in words."""
     report, config = run.summary, run.config
     train, options = config.get("final", {}).get("train", {}), config.get("search", {})
     count = len(report.get("few_images", ()))
@@ -207,12 +244,12 @@ def asked(run: RunFolder) -> list[tuple[str, str]]:
 
 
 def _seeds(report: Report) -> int:
-    """Nets of every row."""
+    """The number of nets of every row."""
     return len(report["rows"]["random"]["miou"])
 
 
 def cards(report: Report) -> list[tuple[str, str, str, Report]]:
-    """The answer in a few figures: each with its unit, what it is, and its interval."""
+    """The main figures: each with its unit, its meaning and its interval."""
     rows, beside = report["rows"], report.get("gain_beside_few")
     if beside:
         answer = ("few+learnt", f"{len(report['few_images'])} labels and learnt streets")
@@ -246,9 +283,9 @@ def results(report: Report, order: list[str]) -> list[list[str]]:
 
 
 def result_note(report: Report) -> str:
-    """What the rows are, in words."""
+    """A sentence on the rows."""
     absent = ", ".join(report["classes_absent_from_truth"])
-    also = f" Left out of the mean, for they never occur in the truth: {absent}." if absent else ""
+    also = f" Left out of the mean, since no test image has them: {absent}." if absent else ""
     return (
         f"Mean IoU in percent on {report['test_images']} test images, {_seeds(report)} paired seeds. Thick "
         f"lines are 95 % intervals over seeds, small marks single nets.{also}"
@@ -256,14 +293,14 @@ def result_note(report: Report) -> str:
 
 
 def search_note(run: RunFolder) -> str:
-    """What the rewards are, in words."""
+    """A sentence on the rewards."""
     if not run.evaluations:
         return ""
     method = run.config.get("search", {}).get("method", "?")
     data = "a subset of its round's streets" if method == "pool" else "a dataset of its own"
     model = (
-        " The line is what the method's model expected of each evaluation before it was made, its band one "
-        "standard deviation."
+        " The line is what the method's model expected of each evaluation before it was made; the band is "
+        "one standard deviation."
         if run.expected is not None
         else ""
     )
@@ -271,9 +308,10 @@ def search_note(run: RunFolder) -> str:
 
 
 def selection(run: RunFolder) -> Report | None:
-    """How the answer was chosen among the candidates; nothing of a run that used another rule.
+    """How the answer was chosen among the candidates; None if the run used another rule.
 
-    Of each candidate, the best first: its name, what it is, whether it is the answer, and cells for ``head``.
+    The rows hold for each candidate, the best first, its name, what it is, whether it is the answer, and
+    cells for ``head``.
     """
     report = run.summary
     found = report.get("selection")
@@ -313,10 +351,10 @@ def selection(run: RunFolder) -> Report | None:
 
 
 def attributes(run: RunFolder) -> Report:
-    """What each attribute was learnt to be drawn from, beside the hand-set street.
+    """The learnt distribution of each attribute, beside the hand-set street.
 
-    Of each attribute bars within its whole range, as styles: of probabilities one for each bin, as high as it
-    is likely, to one scale for all components; else the interval.
+    Each attribute has bars within its whole range, as CSS styles: one for each bin if it has probabilities,
+    with its density as the height, on one scale for all components; otherwise one for the interval.
     """
     report, config = run.summary, run.config
     components, hidden = report["components"], report["hidden_centres"]
@@ -328,7 +366,7 @@ def attributes(run: RunFolder) -> Report:
     rows = []
     for k, (name, own) in enumerate(found.items()):
         other = hand_set.get(name)
-        # A near twin hides the attributes of the smaller space.
+        # A near twin has hidden values for the attributes of the smaller space only.
         centre = hidden[k] if hidden is not None and k < len(hidden) else None
         densities = [_density(entry) for entry in own]
         most = max(density for bars in densities for *_, density in bars)
@@ -364,7 +402,7 @@ def attributes(run: RunFolder) -> Report:
         ],
         "hidden": hidden is not None,
         "binned": binned,
-        # Of a mixture of densities the first is filled and the others are lines.
+        # In a mixture of densities, the first is filled and the others are lines.
         "looks": ["area" if binned and mixed else ""]
         + ["other step" if binned else "other"] * mixed,
         "rows": rows,
@@ -387,7 +425,7 @@ def _bar(low: float, high: float, height: float | None = None) -> str:
 
 
 def _density(entry: Report) -> list[tuple[float, float, float]]:
-    """From, to and density of each bin, or of the one interval."""
+    """Start, end and density of each bin, or of the one interval."""
     shares = entry["unit"].get("probabilities")
     if shares is None:
         low, high = _ends(entry)
@@ -397,7 +435,7 @@ def _density(entry: Report) -> list[tuple[float, float, float]]:
 
 
 def _ends(entry: Report) -> tuple[float, float]:
-    """Where an interval begins and ends, as unit values."""
+    """The ends of an interval, in unit values."""
     centre, width = entry["unit"]["centre"], entry["unit"]["width"]
     return max(centre - width / 2, 0.0), min(centre + width / 2, 1.0)
 
@@ -408,7 +446,7 @@ def _range(entry: Report) -> str:
 
 
 def class_table(report: Report, order: list[str]) -> dict[str, Any]:
-    """IoU of each class by row, in words."""
+    """The IoU of each class by row, as text."""
     rows = report["rows"]
     return {
         "head": ["IoU, %", *(NAMES[row] for row in order)],
@@ -420,9 +458,9 @@ def class_table(report: Report, order: list[str]) -> dict[str, Any]:
 
 
 def importance(run: RunFolder) -> dict[str, Any] | None:
-    """Which attributes matter, by the model of `sdr-jax study sensitivity` on the run's own rewards.
+    """Which attributes matter, according to the model of `sdr-jax study sensitivity` on the run's rewards.
 
-    None where they say nothing.
+    None if the rewards say nothing.
     """
     found = run.matters
     if found is None:
@@ -436,7 +474,7 @@ def importance(run: RunFolder) -> dict[str, Any] | None:
 
 
 def cost(run: RunFolder) -> dict[str, Any] | None:
-    """Where the time went; None before any was spent."""
+    """The time of each stage; None before any work is done."""
     stages = figures.costs(run)
     if not stages:
         return None
@@ -453,5 +491,5 @@ def cost(run: RunFolder) -> dict[str, Any] | None:
     return {
         "stages": stages,
         "rows": rows,
-        "note": f"{spent} of work on one core{by_clock}, {workers} workers.",
+        "note": f"{spent} of work on one core{by_clock}, {workers} worker{'' if workers == 1 else 's'}.",
     }

@@ -1,4 +1,4 @@
-"""The templates of pages: what a page leaves out is an error, and text is escaped."""
+"""The templates of pages: a missing variable is an error, and text is escaped."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 
 def templates() -> Environment:
-    """Those in this folder."""
+    """The templates in this folder."""
     return Environment(
         loader=FileSystemLoader(Path(__file__).parent),
         autoescape=True,

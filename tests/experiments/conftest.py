@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from html.parser import HTMLParser
 from importlib import import_module
 from itertools import product
 from pathlib import Path
@@ -61,6 +62,42 @@ POOLED = (
 
 by_preset = pytest.mark.parametrize(("target", "preset"), [*product(TARGETS, PRESETS)])
 """A test of what a command does unless told otherwise."""
+
+
+class Page(HTMLParser):
+    """What a browser would find in a page."""
+
+    def __init__(self, path) -> None:
+        super().__init__()
+        self.tags, self.texts, self.rows, self.plots = [("", {})], [], [], []
+        self.cell = False
+        self.feed(path.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append((tag, dict(attributes)))
+        if tag == "tr":
+            self.rows.append([])
+        elif tag in ("td", "th"):
+            self.rows[-1].append("")
+            self.cell = True
+
+    def handle_endtag(self, tag):
+        self.cell = self.cell and tag not in ("td", "th")
+
+    def handle_data(self, data):
+        tag, attributes = self.tags[-1]
+        if not data.strip():
+            return
+        if attributes.get("type") == "application/json":
+            self.plots.append(json.loads(data))
+        elif tag not in ("script", "style"):
+            self.texts.append(data)
+            if self.cell:
+                self.rows[-1][-1] += data
+
+    @property
+    def text(self) -> str:
+        return " ".join(self.texts)
 
 
 def write_pair(image: Path, label: Path, seed: int, highest: int) -> None:

@@ -1,6 +1,8 @@
 """`sdr-jax fit`: folds by group, what renders add, and a net from a folder of one's own."""
 
 import json
+import shlex
+from base64 import b64encode
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +13,20 @@ from hypothesis import strategies as st
 from PIL import Image
 from safetensors.numpy import save_file
 
-from experiments.fit import config_of, derive, fit, main, text, verdict
+from experiments.config import parsers
+from experiments.fit import config_of, derive, fit, main, text
+from experiments.report import live
+from experiments.report import page as page_of_runs
+from experiments.report.__main__ import main as make_report
+from experiments.report.fit import by_class, verdict
 from experiments.target.folder import FOLDS, cut, fold_targets, parts_of, reader, suitable_size
 from seg.model import load_model
 from shell.errors import UserError
+from shell.files import write as write_file
 from shell.target_file import find_target
 from tests.layouts import save, write
+
+from .conftest import Page
 
 TARGET = """
 images: images/{name}.png
@@ -141,12 +151,33 @@ def test_means_are_over_folds_and_seeds_and_a_net_that_failed_drops_its_seed() -
     assert found["rows"]["labels"]["mean"] == 46.0 and found["rows"]["renders"]["mean"] == 30.0
     assert found["gains"]["labels+renders"]["mean"] == 5.0 and found["recipe"] == "labels"
     assert found["rows"]["renders"]["per_class"] == {"road": 30.0, "sky": None}
+    assert found["labels_add"]["mean"] == 4.0 and found["rows"]["labels"]["miou"][-1] is None
+
+
+def test_a_class_counts_in_the_folds_that_have_it() -> None:
+    folds = [
+        [{"class_iou": [10.0, None]}, None],
+        [{"class_iou": [20.0, 60.0]}, {"class_iou": [40.0, 70.0]}],
+    ]
+    road, sky, none = by_class(
+        [[net and {"class_iou": [*net["class_iou"], None]} for net in own] for own in folds], 3
+    )
+    assert road["mean"] == 15.0 and road["ci95"] is None  # of the seed that no net failed
+    assert sky["mean"] == 65.0 and none["mean"] is None
 
 
 FIX = ["field_of_view=90"]
 
 
-def test_from_a_folder_of_ones_own_to_a_net(folder: Path, tmp_path: Path, capsys) -> None:
+def test_from_a_folder_of_ones_own_to_a_net(folder, tmp_path, capsys, monkeypatch) -> None:
+    pages: list[Page] = []
+
+    def write_live(path: Path, text: str, **options) -> None:
+        write_file(path, text, **options)
+        pages.append(Page(path))
+
+    monkeypatch.setattr(live, "write", write_live)
+    monkeypatch.setattr(page_of_runs, "EVERY", 0)
     arguments = [str(folder), "--out", str(tmp_path / "run"), "--preset", "smoke", "--seeds", "1"]
     arguments += ["--size", "64x48", "--workers", "1", "--fix", "field_of_view=90"]
     assert main(arguments) == 0
@@ -160,9 +191,27 @@ def test_from_a_folder_of_ones_own_to_a_net(folder: Path, tmp_path: Path, capsys
     summary = json.loads((tmp_path / "run" / "summary.json").read_bytes())
     assert list(summary["rows"]) == ["labels", "labels+renders", "renders"]
     assert [len(fold) for fold in summary["nets"]["labels"]] == [1, 1]
-    page = (tmp_path / "run" / "report.html").read_text()
-    assert summary["verdict"] in page and "data:image/png" in page and held in page and held in said
-    assert (tmp_path / "run" / "predictions.png").exists()
+    file = tmp_path / "run" / "report.html"
+    page, data = Page(file), b64encode((tmp_path / "run" / "predictions.png").read_bytes()).decode()
+    assert summary["verdict"] in page.texts and held in page.text
+    assert held in said and [a["src"] for t, a in page.tags if t == "img"] == [
+        f"data:image/png;base64,{data}"
+    ]
+    predict, test = (text for text in page.texts if text.startswith("sdr-jax "))
+    assert parsers.predict().parse_args(shlex.split(predict)[2:]).model == f"{tmp_path}/run/model"
+    assert parsers.evaluate().parse_args(shlex.split(test)[2:]).json == Path("FILE")
+    titles = [a["id"] for t, a in page.tags if t == "section"]
+    assert titles == ["result", "examples", "classes", "cost", "made"]
+    assert ["your labels add to renders", f"{summary['labels_add']['mean']:+.1f}", ""] in page.rows
+    assert "Learnt from labels alone: bench." in page.text and "by fold" in page.text.lower()
+    # While it went on, the page had the nets so far.
+    early = pages[0]
+    assert "This run is under way" in early.text and "5 labelled, 5 classes" in early.text
+    assert ["fold 1: labels + renders", "1"] in [row[:2] for row in pages[-1].rows]
+    before = file.read_bytes()
+    file.unlink()
+    assert make_report([str(tmp_path / "run")]) == 0 and file.read_bytes() == before
+    capsys.readouterr()
     model = load_model(tmp_path / "run" / "model")
     assert model.names == ("street", "house", "sky", "plant", "bench")
     assert [own.id for own in model.classes] == [7, 11, 23, 21, 40] and model.size == (48, 64)

@@ -9,7 +9,6 @@ import socket
 import subprocess
 import sys
 from base64 import b64decode
-from html.parser import HTMLParser
 from http.client import HTTPConnection
 
 import numpy as np
@@ -29,43 +28,7 @@ from scene.proposal import Histogram, describe, mixture, random_proposal
 from seg.metrics import iou
 from shell.files import read_json, write_json
 
-from .conftest import lines
-
-
-class Page(HTMLParser):
-    """What a browser would find in a page."""
-
-    def __init__(self, path) -> None:
-        super().__init__()
-        self.tags, self.texts, self.rows, self.plots = [("", {})], [], [], []
-        self.cell = False
-        self.feed(path.read_text(encoding="utf-8"))
-
-    def handle_starttag(self, tag, attributes):
-        self.tags.append((tag, dict(attributes)))
-        if tag == "tr":
-            self.rows.append([])
-        elif tag in ("td", "th"):
-            self.rows[-1].append("")
-            self.cell = True
-
-    def handle_endtag(self, tag):
-        self.cell = self.cell and tag not in ("td", "th")
-
-    def handle_data(self, data):
-        tag, attributes = self.tags[-1]
-        if not data.strip():
-            return
-        if attributes.get("type") == "application/json":
-            self.plots.append(json.loads(data))
-        elif tag not in ("script", "style"):
-            self.texts.append(data)
-            if self.cell:
-                self.rows[-1][-1] += data
-
-    @property
-    def text(self) -> str:
-        return " ".join(self.texts)
+from .conftest import Page, lines
 
 
 @pytest.fixture
@@ -99,7 +62,7 @@ def test_the_figures_are_those_of_the_summary(run):
         assert means == [[entry["mean"]]]
     (score,) = summary["candidates"]["argmax"]
     by_part = summary["candidate_parts"]["argmax"]
-    told = ["argmax ← answerthe best found, as the method answers", f"{score:.1f}"]
+    told = ["argmax ← answerthe method's answer: the best found", f"{score:.1f}"]
     assert [*told, *(f"{own:.1f}" for own in by_part)] in page.rows
     assert len(by_part) == len(summary["parts"]) >= 2
     assert summary["selection"]["verdict"][1:] in page.text
@@ -321,7 +284,7 @@ def test_the_page_is_served_to_this_machine_alone_as_it_is_at_the_moment(tmp_pat
 @pytest.mark.parametrize(("flags", "complaint"), [
     (["RUN", "--serve", "0"], "--serve must lie in 1..65535, not 0"),
     (["RUN/none", "--serve"], "no such folder; name the --out of a run"),
-    (["RUN", "--serve", "--out", "page.html"], "--out page.html has no part in it"),
+    (["RUN", "--serve", "--out", "page.html"], "cannot be used with --out page.html"),
 ])  # fmt: skip
 def test_what_cannot_be_served_is_refused(flags, complaint, tmp_path, error_line):
     assert main([flag.replace("RUN", str(tmp_path)) for flag in flags]) == 2
@@ -331,7 +294,7 @@ def test_what_cannot_be_served_is_refused(flags, complaint, tmp_path, error_line
 @pytest.mark.parametrize(("left", "complaint"), [
     (None, "no such folder; name the --out of a run"),
     ({}, "it holds no config.json"),
-    ({"config.json": {}}, "that run is not at its end"),
+    ({"config.json": {}}, "that run is not finished"),
     ({"config.json": {}, "labels.json": {"study": "labels"}}, "a run of the study labels, whose report"),
     ({"config.json": [], "summary.json": {}}, "config.json is no JSON object"),
     ({"config.json": {"version": 2}, "summary.json": {}}, "config.json has version 2, and this program"),
