@@ -16,8 +16,8 @@ import numpy as np
 from scene.assets.parts.bodywork import ROOF, Body, roof, stations
 from scene.assets.parts.fittings import on_cabin
 from scene.assets.parts.skin import sheet
-from scene.mesh.asset import Asset, Color, vary
-from scene.mesh.mesh import cross
+from scene.mesh.asset import Asset, Color, solid, vary
+from scene.mesh.mesh import cross, twice_areas
 from scene.mesh.solids import quads
 
 SEAT = ((0.1, 0.30), (0.40, 0.27), (0.47, 0.11), (0.52, 0.15), (0.68, 0.13), (0.72, 0.08))
@@ -30,6 +30,8 @@ LEAN = 0.10
 """Metres that the top of a seat lies behind its foot."""
 UPRIGHT = 0.025
 """Share of the length below which a rear window is the door of a van, with nothing to see behind it."""
+EMPTIED = 1e-8
+"""Square metres of a face, twice, below which nothing of it is left at the edge of a pane."""
 _SEAT = 0.4
 """Metres from the middle of a car to a seat's."""
 TALL = 0.55
@@ -186,4 +188,6 @@ def on_panes(
     corners = np.stack(
         [points[:, :-1, :-1], points[:, :-1, 1:], points[:, 1:, 1:], points[:, 1:, :-1]], axis=3
     ).reshape(-1, 4, 3)
-    return quads(corners, [color] * len(corners), ["glass"] * len(corners))
+    whole = quads(corners, [color] * len(corners), ["glass"] * len(corners)).mesh
+    left = whole.faces[twice_areas(whole.vertices, whole.faces) > EMPTIED]
+    return solid(whole.vertices, left, color, "glass")
