@@ -130,7 +130,7 @@ def test_the_pages_are_short_and_the_appendix_is_last():
     pages = {page: text for page, text in PAGES.items() if page.startswith("docs/")}
     # `make results` writes this one: tables of what JSON files hold.
     generated = pages.pop("docs/results.md")
-    assert generated.startswith("# Results on real CamVid\n\nMade by `make results`")
+    assert "\n\nMade by `make results`" in generated
     assert sum(map(words, pages.values())) <= 20_000
     appendix = re.findall(r"\w+\.md", (ROOT / "mkdocs.yml").read_text().split("- Appendix:\n")[1])
     assert "results.md" in appendix

@@ -10,6 +10,8 @@ from experiments.evaluation.store import write_store
 from experiments.results import __main__ as command
 from experiments.results import making
 from experiments.results import parts as results
+from experiments.results.page import text
+from experiments.searches import OVER
 from experiments.study.skeleton import check
 from shell.errors import UserError
 from shell.files import read_json, write, write_json
@@ -107,6 +109,28 @@ def test_parts_are_done_once_and_told_on_one_page(tmp_path, monkeypatch):
     monkeypatch.setattr(making, "commit", lambda: "def")
     with pytest.raises(UserError, match='commit = "abc", not "def"'):
         making.make(SOME, out, docs, store, Runs())
+
+
+def test_parts_of_one_kind_have_a_table_with_their_means(tmp_path):
+    wanted = [
+        results.Part(name, "twins", "experiments.searches", ())
+        for name in ("far-0", "far-1", "near")
+    ]
+    for k, part in enumerate(wanted):
+        gains = {f"gain_over_{base}": {"mean": 2.0 * k, "ci95": None} for base in OVER}
+        rows = [
+            {"name": name, "judged": judged, "mean": mean, "ci95": None, **gains}
+            for name, judged, mean in (
+                ("random", True, 10.0), ("default", True, 20.0), ("pool", True, 30.0 + k),
+                ("pool", False, 0.0), ("real", True, 40.0),
+            )
+        ]  # fmt: skip
+        (tmp_path / part.name).mkdir()
+        write_json(tmp_path / part.name / "searches.json", {"rows": rows})
+    page = text(wanted, {part.name: 60.0 for part in wanted}, "abc", tmp_path)
+    assert "| far-1 |  | 10.0 | 20.0 | 31.0 | 40.0 | +2.0 |  | +2.0 |  |" in page
+    assert "| mean of 2 far |  | 10.0 | 20.0 | 30.5 | 40.0 | +1.0 | -11.7 to 13.7 | +1.0 |" in page
+    assert "mean of 1" not in page and "- near: `sdr-jax study searches`" in page
 
 
 def test_a_command_that_runs_on_is_noted_as_it_goes(monkeypatch):

@@ -1,6 +1,14 @@
 """What the report of many searches says of methods, with model selection and without."""
 
-from experiments.searches import derive, text
+from dataclasses import replace
+
+import pytest
+
+from experiments.config.studies import defaults_of
+from experiments.evaluation.cost import cost_of, head_cost, street_cost
+from experiments.run.pooled import reward_of
+from experiments.searches import check, configured, derive, plan_of, text, work
+from shell.errors import UserError
 
 
 def nets(*scores):
@@ -22,9 +30,9 @@ def search(seed, chosen, own, **more):
     return {**found, "nets": own, **more}
 
 
-def report(*searches):
+def report(*searches, **more):
     about = {"note": "some", "scored_at": "480x360", "test_images": 1, "seeds": 2, "starts": {}}
-    budget = {"evaluations": 3, "rewards_at": "240x176", "space": "scenex"}
+    budget = {"rewards_at": "240x176", "space": "scenex", **more}
     return derive({**about, **budget, "baselines": BASELINES, "searches": list(searches)})
 
 
@@ -49,3 +57,28 @@ def test_reports_from_before_own_answers_had_nets_are_read():
     assert [row["judged"] for row in found["rows"]] == [True] * 4
     page = text(found)
     assert "without model selection" not in page and "that are hand-set" not in page
+
+
+def test_searches_at_equal_core_minutes_have_no_selection_and_end_with_their_methods_answer():
+    config = replace(
+        defaults_of("searches", "labelmefacade", "quick"),
+        core_minutes=15.0, methods=("pool", "random_search", "sdr"), searches=2,
+    )  # fmt: skip
+    check(config)
+    plans = {name: plan_of(own, name) for name, own in configured(config).items()}
+    assert list(plans) == [f"{m}-{k}" for k in (0, 1) for m in config.methods]
+    pool, fidelity = config.search.pool, reward_of(config)
+    of_round = pool.streets * street_cost(fidelity) + pool.rewards * head_cost(fidelity)
+    seconds = [
+        plan.updates * of_round
+        if plan.search.subsets
+        else plan.evaluations * cost_of(config.reward)
+        for plan in plans.values()
+    ]
+    assert all(0.75 * 15 * 60 < each <= 15 * 60 for each in seconds)
+    counts = {kind.what: kind.nets for kind in work(config)}
+    assert counts["nets of candidates, 6 searches"] == 6  # one each: nothing is chosen
+    with pytest.raises(UserError, match=r"--core-minutes 0\.1 are too few for one update of pool"):
+        check(replace(config, core_minutes=0.1))
+    page = text(report(search(0, "last", nets(36.0, 38.0)), core_minutes=15.0))
+    assert "rewards for 15 minutes of a core" in page and "its answer is its method's own" in page
