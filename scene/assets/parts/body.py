@@ -99,7 +99,7 @@ def _dress(torso: Asset, outfit: Outfit) -> Asset:
 
 
 # Where along thigh and shin the rings lie, and the radii of a bare leg and of slim trousers there.
-_LEG_AT = np.array([0.0, 0.12, 0.4, 0.75, 0.95, 1.05, 1.22, 1.4, 1.65, 1.85, 2.02])
+_LEG_AT = np.array([0.0, 0.12, 0.4, 0.75, 0.95, 1.05, 1.22, 1.4, 1.65, 1.85, 2.0])
 _LEG_BARE = np.array([46, 50, 46, 37, 32, 31, 33, 34, 27, 21, 21]) / 1000
 _LEG_SLIM = np.array([48, 53, 49, 41, 37, 36, 37, 37, 33, 31, 32]) / 1000
 _ARM_AT = np.array([-0.16, -0.1, 0.1, 0.3, 0.65, 0.93, 1.07, 1.3, 1.65, 1.97])
@@ -194,7 +194,7 @@ def _hem(body: Body, outfit: Outfit, pose: Pose, legs: list[Bones]) -> Asset:
     cos, sin = np.cos(angle)[:, None], np.sin(angle)[:, None]
     ahead, across, _ = np.eye(3)
     rings = []
-    for share in np.linspace(-0.25, 1.0, 7):
+    for share in np.linspace(-0.25, 1.0, 4 + round(4 * outfit.hem)):
         at = max(share, 0.0) * outfit.hem * 2
         points = np.concatenate([_along(leg, np.array([at])) for leg in legs])
         loose = h * (0.016 + outfit.padding + 0.05 * (outfit.flare - 1) * max(share, 0) * 2)

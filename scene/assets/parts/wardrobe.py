@@ -17,9 +17,9 @@ HAIRS: tuple[Color, ...] = (
     (0.208, 0.137, 0.058), (0.221, 0.215, 0.208),
 )  # fmt: skip
 CLOTHES: tuple[Color, ...] = (
-    (0.009, 0.009, 0.010), (0.012, 0.014, 0.029), (0.033, 0.034, 0.036), (0.019, 0.029, 0.065),
+    (0.022, 0.022, 0.023), (0.022, 0.025, 0.043), (0.045, 0.046, 0.048), (0.026, 0.038, 0.075),
     (0.072, 0.052, 0.033), (0.033, 0.039, 0.023), (0.049, 0.016, 0.019), (0.104, 0.104, 0.104),
-    (0.293, 0.286, 0.273), (0.195, 0.156, 0.107), (0.013, 0.012, 0.012), (0.018, 0.036, 0.033),
+    (0.293, 0.286, 0.273), (0.195, 0.156, 0.107), (0.028, 0.026, 0.026), (0.018, 0.036, 0.033),
 )  # fmt: skip
 """Muted ones, as most people wear."""
 BRIGHT: tuple[Color, ...] = (
@@ -33,10 +33,10 @@ PALE: tuple[Color, ...] = (
 )  # fmt: skip
 """Light ones, of summer and of raincoats."""
 TROUSERS: tuple[Color, ...] = (
-    (0.009, 0.009, 0.010), (0.013, 0.017, 0.036), (0.025, 0.042, 0.085), (0.036, 0.036, 0.038),
+    (0.022, 0.022, 0.023), (0.022, 0.028, 0.050), (0.036, 0.058, 0.105), (0.040, 0.040, 0.042),
     (0.150, 0.117, 0.078), (0.072, 0.098, 0.137), (0.046, 0.036, 0.026), (0.104, 0.104, 0.104),
 )  # fmt: skip
-SHOES: tuple[Color, ...] = ((0.010, 0.009, 0.008), (0.039, 0.023, 0.013), (0.325, 0.325, 0.319),
+SHOES: tuple[Color, ...] = ((0.022, 0.021, 0.020), (0.039, 0.023, 0.013), (0.325, 0.325, 0.319),
                             (0.039, 0.046, 0.065), (0.130, 0.072, 0.033))  # fmt: skip
 DARK_SHARE = 0.6
 """How many adults wear black, navy or charcoal over dark trousers, seen in photos of streets."""
@@ -51,10 +51,15 @@ WHITE_SOLE: Color = (0.55, 0.55, 0.53)
 HI_VIS: tuple[Color, ...] = ((0.52, 0.66, 0.04), (0.75, 0.20, 0.02))
 REFLECTING: Color = (0.62, 0.63, 0.62)
 
-STYLES: tuple[str, ...] = (
-    "jacket", "jumper", "hoodie", "hood", "t-shirt", "t-shirt and shorts", "puffer", "suit",
-    "short coat", "long coat", "skirt", "dress", "sports", "work", "robe",
-)  # fmt: skip
+# How far down the leg a top, coat or skirt hangs, as a share of the leg: least and most.
+_HEMS: dict[str, tuple[float, float]] = {
+    "jacket": (0.06, 0.22), "jumper": (0.04, 0.14), "hoodie": (0.06, 0.18), "hood": (0.08, 0.24),
+    "t-shirt": (0.05, 0.16), "t-shirt and shorts": (0.05, 0.16), "puffer": (0.06, 0.26),
+    "suit": (0.12, 0.18), "short coat": (0.22, 0.38), "long coat": (0.5, 0.72),
+    "skirt": (0.35, 0.8), "dress": (0.4, 0.85), "sports": (0.03, 0.1), "work": (0.06, 0.2),
+    "robe": (0.93, 0.93),
+}  # fmt: skip
+STYLES: tuple[str, ...] = tuple(_HEMS)
 """Names that ``sample_outfit`` knows."""
 
 
@@ -117,6 +122,7 @@ def _styled(rng: np.random.Generator, base: Outfit, style: str, dark: bool) -> O
     warm = pick(rng, CLOTHES[:4] if dark else CLOTHES + BRIGHT[:2], 0.3)
     bare = rng.random() < 0.5
     dress = warm if dark else other
+    base = base._replace(hem=float(rng.uniform(*_HEMS[style])))
     match style:
         case "jacket":
             return base._replace(padding=0.008, shirt=other if rng.random() < 0.6 else None,
@@ -141,24 +147,22 @@ def _styled(rng: np.random.Generator, base: Outfit, style: str, dark: bool) -> O
         case "suit":
             suit = pick(rng, (CLOTHES[0], CLOTHES[1], CLOTHES[2], (0.10, 0.10, 0.105)), 0.3)
             return base._replace(top=suit, legs=suit, shirt=(0.55, 0.56, 0.58), padding=0.006,
-                                 shoes=SHOES[0], sole=(0.02, 0.02, 0.02), hat="", collar=None,
-                                 hem=0.14)  # fmt: skip
+                                 shoes=SHOES[0], sole=(0.02, 0.02, 0.02), hat="",
+                                 collar=None)  # fmt: skip
         case "short coat":
-            return base._replace(padding=0.011, hem=float(rng.uniform(0.22, 0.38)), flare=1.1,
+            return base._replace(padding=0.011, flare=1.1,
                                  shirt=other if rng.random() < 0.25 else None)  # fmt: skip
         case "long coat":
-            return base._replace(padding=0.012, hem=float(rng.uniform(0.5, 0.72)), top=warm,
+            return base._replace(padding=0.012, top=warm,
                                  flare=float(rng.uniform(1.1, 1.5)))  # fmt: skip
         case "skirt":
             legs = base.skin if bare else CLOTHES[0]
-            return base._replace(legs=legs, trousers=1.0, width=0.88,
-                                 hem=float(rng.uniform(0.35, 0.8)), hem_color=dress,
+            return base._replace(legs=legs, trousers=1.0, width=0.88, hem_color=dress,
                                  flare=float(rng.uniform(1.1, 1.8)))  # fmt: skip
         case "dress":
             legs = base.skin if bare else CLOTHES[0]
             return base._replace(top=dress, legs=legs, width=0.88, collar=None, hat="",
                                  sleeves=float(rng.choice([0.3, 0.42, 1.0])), hem_color=dress,
-                                 hem=float(rng.uniform(0.4, 0.85)),
                                  flare=float(rng.uniform(1.2, 1.9)))  # fmt: skip
         case "sports":
             return base._replace(top=pick(rng, BRIGHT), sleeves=0.4, collar=None, hat="", width=0.95,
@@ -176,6 +180,6 @@ def _styled(rng: np.random.Generator, base: Outfit, style: str, dark: bool) -> O
                                                       (0.05, 0.15, 0.4))),
                                  shoes=SHOES[0])  # fmt: skip
         case _:  # robe
-            return base._replace(top=warm, hem=0.93, hem_color=warm, flare=1.25, padding=0.008,
+            return base._replace(top=warm, hem_color=warm, flare=1.25, padding=0.008,
                                  hat="headscarf", collar=None,
                                  hat_color=warm if rng.random() < 0.4 else other)  # fmt: skip
