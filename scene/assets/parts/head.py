@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
 from scene.assets.parts.human import NECK, TORSO, Body, Outfit, Pose, limb, skin, spine
 from scene.assets.parts.palette import BLACK, GLASS, darker
 from scene.mesh.asset import Asset, Color, Point, merge, repaint, solid, translate
-from scene.mesh.mesh import frozen
+from scene.mesh.mesh import Mesh, cross, frozen
 from scene.mesh.solids import ellipsoid
 
 HAIRDOS: tuple[str, ...] = ("bald", "short", "thick", "curly", "bob", "long", "ponytail", "bun")
 """How hair is worn."""
-HATS: tuple[str, ...] = (
-    "beanie", "cap", "brim", "hood", "headscarf", "hard hat", "cycle helmet", "full helmet",
-    "open helmet",
-)  # fmt: skip
-"""What may be worn on a head; "" is nothing."""
-
 SIZE = np.array([0.055, 0.045, 0.066])
 """Half length, width and height of an adult's head, as shares of the standing height."""
 SIDES = 16
@@ -31,39 +26,71 @@ _SKULL = np.array([
     (1.00, 0.08, 0.08, 0.10),
 ])  # fmt: skip
 _ANGLE = (np.arange(SIDES) + 0.5) * 2 * np.pi / SIDES
+_FROM_AHEAD = np.degrees(np.abs(np.angle(np.exp(1j * _ANGLE))))
+"""Angle of each corner of a ring from straight ahead, degrees in [0, 180]."""
 _LEVEL = np.repeat((_SKULL[:-1, 0] + _SKULL[1:, 0]) / 2, SIDES).reshape(-1, SIDES)
 _AROUND = np.degrees(np.abs(np.angle(np.exp(1j * (_ANGLE + np.pi / SIDES)))))[None, :]
-"""Angle of each face from straight ahead, degrees in [0, 180]."""
+"""Height of each face, and its angle from straight ahead, degrees in [0, 180]."""
+
+Edge = tuple[tuple[float, float], ...]
+"""Where hair or a hat ends: degrees from straight ahead, and the height there."""
+
+
+class Shell(NamedTuple):
+    """Hair or a hat: what of an enlarged skull lies above an edge."""
+
+    edge: Edge
+    grow: float
+    volume: float = 0.0  # how much higher the top is
+    material: str = "cloth"
+    brim: tuple[float, float] | None = None  # how far it reaches ahead and to the sides
+    peak: bool = False  # whether the brim is ahead only
+
+
+_BROW = ((0, 0.30), (180, 0.10))
+_SHELLS: dict[str, Shell] = {
+    "beanie": Shell(((0, 0.36), (90, 0.05), (180, -0.15)), 1.12, 0.22),
+    "cap": Shell(_BROW, 1.10, 0.08, brim=(1.75, 0.95), peak=True),
+    "brim": Shell(_BROW, 1.12, 0.25, brim=(1.75, 1.6)),
+    "hood": Shell(((0, 0.66), (40, 0.60), (60, 0.0), (75, -1.0)), 1.26, 0.08),
+    "headscarf": Shell(((0, 0.55), (36, 0.50), (52, 0.0), (65, -1.0)), 1.12, 0.05),
+    "hard hat": Shell(_BROW, 1.20, 0.12, "paint", (1.6, 1.3)),
+    "cycle helmet": Shell(((0, 0.45), (180, 0.15)), 1.25, 0.20, "paint"),
+    "open helmet": Shell(((0, 0.50), (45, 0.45), (65, 0.0), (75, -0.7)), 1.30, 0.05, "paint"),
+}
+HATS: tuple[str, ...] = (*_SHELLS, "full helmet")
+"""What may be worn on a head; "" is nothing."""
+_EARS_COVERED = ("hood", "headscarf", "open helmet")
+_NAPE = {"short": -0.45, "bob": -0.9, "long": -0.9, "thick": -0.6, "curly": -0.7}
+_FULL = {"short": (1.05, 0.02), "thick": (1.10, 0.08), "curly": (1.24, 0.10), "bob": (1.12, 0.05)}
 
 
 @lru_cache
-def _rings(grow: float = 1.0, volume: float = 0.0) -> np.ndarray:
-    """The skull's rings [levels, sides, 3], larger by a factor and by ``volume`` on the top."""
-    z, front, back, wide = _SKULL.T
+def _rings(grow: float = 1.0, volume: float = 0.0, edge: Edge = ((0, -1.0),)) -> np.ndarray:
+    """The skull's rings [levels, sides, 3] above an edge, larger by a factor and by ``volume`` on top."""
+    z = np.maximum(_SKULL[:, :1], np.interp(_FROM_AHEAD, *np.transpose(edge)))
+    front, back, wide = (np.interp(z, _SKULL[:, 0], reach) for reach in _SKULL.T[1:])
     cos, sin = np.cos(_ANGLE), np.sin(_ANGLE)
-    x = np.where(cos > 0, front[:, None] * cos, back[:, None] * cos)
-    y = wide[:, None] * sin
-    up = np.broadcast_to((z + volume * np.maximum(z, 0))[:, None], x.shape)
-    return frozen(np.stack([grow * x, grow * y, grow * up], -1))
+    up = z + volume * np.maximum(z, 0)
+    return frozen(grow * np.stack([np.where(cos > 0, front, back) * cos, wide * sin, up], -1))
 
 
-def _shell(keep: np.ndarray, grow: float, volume: float, color: Color, material: str) -> Asset:
-    """The part of an enlarged skull where ``keep`` [bands, sides] is set, and its crown."""
-    rings = _rings(grow, volume)
-    whole = skin(rings, color, material)
-    faces = np.repeat(np.broadcast_to(keep, _LEVEL.shape).ravel(), 2)
-    chosen = np.concatenate([faces, np.zeros(SIDES - 2, bool), np.ones(SIDES - 2, bool)])
-    return solid(whole.mesh.vertices, whole.mesh.faces[chosen], color, material)
-
-
-@lru_cache
-def _cut(hairdo: str) -> np.ndarray:
-    """Where hair grows: above a line that falls from the forehead to the nape."""
-    nape = {"short": -0.45, "bob": -0.9, "long": -0.9, "thick": -0.6, "curly": -0.7}.get(
-        hairdo, -0.5
+def _shell(shell: Shell, color: Color, stripes: Color | None = None) -> Asset:
+    """Hair or a hat in units of the head; ``stripes`` run from its edge to the crown."""
+    rings = _rings(shell.grow, shell.volume, shell.edge)
+    whole = skin(rings, color, shell.material)
+    sides = np.arange(2 * SIDES * (len(rings) - 1)) // 2 % SIDES
+    if stripes is not None:
+        whole = repaint(whole, np.flatnonzero(sides % 4 == 1), stripes, "plain")
+    # Below the edge all rings lie on it, and at the bottom there is no end.
+    corners = whole.mesh.vertices[whole.mesh.faces]
+    flat = np.linalg.norm(
+        cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
     )
-    line = np.interp(_AROUND, [0, 45, 75, 95, 120, 180], [0.5, 0.45, 0.1, -0.2, nape, nape])
-    return frozen(line < _LEVEL)
+    keep = flat > 1e-9
+    keep[len(sides) : len(sides) + SIDES - 2] = False
+    mesh = Mesh(whole.mesh.vertices, whole.mesh.faces[keep])
+    return Asset(mesh, whole.color[keep], whole.material[keep])
 
 
 def _hair(outfit: Outfit) -> list[Asset]:
@@ -71,10 +98,11 @@ def _hair(outfit: Outfit) -> list[Asset]:
     do, color = outfit.hairdo, outfit.hair
     if do == "bald":
         return []
-    grow, volume = {
-        "short": (1.05, 0.02), "thick": (1.10, 0.08), "curly": (1.24, 0.10), "bob": (1.12, 0.05),
-    }.get(do, (1.07, 0.03))  # fmt: skip
-    parts = [_shell(_cut(do), grow, volume, color, "cloth")]
+    # Down to a sideburn, over the ear, and to the nape.
+    nape = _NAPE.get(do, -0.5)
+    edge = ((0, 0.5), (45, 0.42), (68, 0.2), (80, -0.2), (100, 0.0), (122, nape))
+    grow, volume = (1.06, 0.02) if outfit.hat else _FULL.get(do, (1.07, 0.03))
+    parts = [_shell(Shell(edge, grow, volume), color)]
     if do in ("bob", "long"):
         low = -1.05 if do == "bob" else -1.95
         levels = np.linspace(0.3, low, 5)
@@ -113,48 +141,22 @@ def _brim(reach: float, wide: float, z: float, ahead: bool, color: Color, materi
 
 def _hat(outfit: Outfit) -> list[Asset]:
     """A hat in units of the head."""
-    color = outfit.hat_color
-    above = _LEVEL > np.interp(_AROUND, [0, 180], [0.35, 0.1])
-    match outfit.hat:
-        case "beanie":
-            return [_shell(_LEVEL > 0.1, 1.12, 0.22, color, "cloth")]
-        case "cap":
-            return [
-                _shell(above, 1.10, 0.08, color, "cloth"),
-                _brim(1.75, 0.95, 0.42, True, color, "cloth"),
-            ]
-        case "brim":
-            return [
-                _shell(above, 1.12, 0.25, color, "cloth"),
-                _brim(1.75, 1.6, 0.42, False, color, "cloth"),
-            ]
-        case "hood":
-            open_ = (_AROUND < 62) & (_LEVEL < 0.62)
-            return [_shell(~open_, 1.26, 0.08, color, "cloth")]
-        case "headscarf":
-            open_ = (_AROUND < 52) & (_LEVEL < 0.5)
-            drape = limb(np.array([(0.05, 0, -0.7), (-0.05, 0, -1.3), (-0.05, 0, -1.9)]),
-                         [0.85, 1.05, 1.65], color, "cloth", 10)  # fmt: skip
-            return [_shell(~open_, 1.12, 0.05, color, "cloth"), drape]
-        case "hard hat":
-            return [
-                _shell(above, 1.2, 0.12, color, "paint"),
-                _brim(1.6, 1.3, 0.44, False, color, "paint"),
-            ]
-        case "cycle helmet":
-            helmet = _shell(_LEVEL > np.interp(_AROUND, [0, 180], [0.45, 0.15]), 1.25, 0.2, color,
-                            "paint")  # fmt: skip
-            stripes = (np.arange(len(helmet.color)) // 2) % 4 == 1
-            return [repaint(helmet, stripes, darker(color, 0.25), "plain")]
-        case "open helmet":
-            open_ = (_AROUND < 65) & (_LEVEL < 0.45)
-            return [_shell(~open_ & (_LEVEL > -0.7), 1.3, 0.05, color, "paint")]
-        case "full helmet":
-            rings = skin(_rings(1.36, 0.02), color, "paint")
-            visor = np.repeat(((_AROUND < 68) & (np.abs(_LEVEL - 0.1) < 0.42)).ravel(), 2)
-            faces = np.concatenate([visor, np.zeros(2 * (SIDES - 2), bool)])
-            return [repaint(rings, faces, GLASS, "glass")]
-    return []
+    hat, color = outfit.hat, outfit.hat_color
+    if hat == "full helmet":
+        rings = skin(_rings(1.36, 0.02), color, "paint")
+        visor = np.repeat(((_AROUND < 68) & (np.abs(_LEVEL - 0.1) < 0.42)).ravel(), 2)
+        faces = np.concatenate([visor, np.zeros(2 * (SIDES - 2), bool)])
+        return [repaint(rings, faces, GLASS, "glass")]
+    if not hat:
+        return []
+    shell = _SHELLS[hat]
+    parts = [_shell(shell, color, darker(color, 0.25) if hat == "cycle helmet" else None)]
+    if shell.brim is not None:
+        parts.append(_brim(*shell.brim, 0.43, shell.peak, color, shell.material))
+    if hat == "headscarf":
+        parts.append(limb(np.array([(0.05, 0, -0.7), (-0.05, 0, -1.3), (-0.05, 0, -1.9)]),
+                          [0.85, 1.05, 1.65], color, "cloth", 10))  # fmt: skip
+    return parts
 
 
 def _face(outfit: Outfit) -> list[Asset]:
@@ -169,16 +171,19 @@ def _face(outfit: Outfit) -> list[Asset]:
 
     def patch(y: float, z: float, half: float, high: float, color: Color) -> Asset:
         """A small mark on the front of the face."""
-        x = 1.01 - 0.35 * y * y
-        corners = [(x, y - half, z), (x, y + half, z), (x, y + half, z + high),
-                   (x, y - half, z + high)]  # fmt: skip
-        return solid(np.array(corners), np.array([[0, 1, 2], [0, 2, 3]]), color, "skin")
+        sides = np.array([y - half, y, y + half])
+        front, wide = (np.interp(z, _SKULL[:, 0], _SKULL[:, k]) for k in (1, 3))
+        x = 0.04 + front * np.sqrt(1 - (sides / wide) ** 2)
+        low, top = (np.column_stack([x, sides, np.full(3, at)]) for at in (z, z + high))
+        return solid(np.concatenate([low, top]), np.array([[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]]),
+                     color, "skin")  # fmt: skip
 
     for side in (0.42, -0.42):
         parts.append(patch(side, 0.02, 0.2, 0.12, darker(outfit.skin, 0.28)))
         parts.append(patch(side, 0.2, 0.24, 0.07, darker(outfit.hair, 0.9)))
-        parts.append(ellipsoid((-0.1, 2.4 * side, -0.05), (0.2, 0.1, 0.27), outfit.skin, "skin",
-                               subdivisions=0))  # fmt: skip
+        if outfit.hat not in _EARS_COVERED:
+            parts.append(ellipsoid((-0.1, 2.4 * side, -0.05), (0.2, 0.1, 0.27), outfit.skin,
+                                   "skin", subdivisions=0))  # fmt: skip
     red, green, blue = outfit.skin
     return [*parts, patch(0.0, -0.6, 0.3, 0.09, (0.7 * red, 0.4 * green, 0.4 * blue))]
 
