@@ -151,6 +151,7 @@ def report(run: Run[ManyConfig], made: Made, rows: list[Report]) -> Report:
         **few.about(run),
         "rewards_at": config.reward.size,
         "core_minutes": config.core_minutes,
+        "evaluations": None if config.core_minutes else learn.plan_of(config).evaluations,
         "space": config.space,
         "baselines": {name: own for name, own in scored.items() if name in BASELINES},
         "searches": [

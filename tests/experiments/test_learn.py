@@ -197,7 +197,8 @@ def test_searches_share_no_seeds_of_their_selection(one, other):
     assert all(set(own).isdisjoint(theirs) for theirs in others[: 4 if one != other else 3])
     # They depend on nothing else of the job, nor on which job it is.
     assert own == seeds(one, seeds=9, workers=7, out=Path("elsewhere"))
-    study = presets.defaults(ManyConfig, "camvid", "smoke", seed=one, candidate_seeds=10)
+    own_methods = {"methods": ("intervals",), "candidate_seeds": 10}
+    study = presets.defaults(ManyConfig, "camvid", "smoke", seed=one, **own_methods)
     same = configured(study)[f"intervals-{one}"]
     assert selection_seeds(same) == own
 
