@@ -18,10 +18,10 @@ from scene.compiled import njit
 from scene.ground.build import GROUND_INSTANCES
 from scene.look.materials import MATERIALS, material_id, textures
 from scene.render.address import float_pointer
+from scene.render.buffers import Light, Visible
 from scene.render.geometry import ROW
 
 if TYPE_CHECKING:
-    from scene.render.shot import Light, Visible
     from scene.sky.sky import Sky
 
 MISS = -1

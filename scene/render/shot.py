@@ -16,12 +16,13 @@ from scene.cache import kept
 from scene.compiled import njit
 from scene.ground.land import road_height
 from scene.render import shade, visibility
+from scene.render.buffers import Hits, Light, Rays, Segments, Visible
 from scene.render.contact import darken, standing_boxes
 from scene.render.geometry import Geometry
 from scene.render.protocol import Frame, RenderSettings, pixel_rays, through_middles
 from scene.render.road import on_road
 from scene.render.sensor import develop, set_to, vary
-from scene.render.spots import Spots, group
+from scene.render.spots import group
 from scene.sky.clouds import cloud_relief
 from scene.sky.sky import panorama
 from scene.streams import stream
@@ -34,59 +35,6 @@ SKY_STEP = 2
 """Pixels from one ray into the open to the next, each way."""
 UNBOUNDED = 1e9
 """Radiance beyond all."""
-
-
-class Rays(NamedTuple):
-    """One ray per sample, row by row from the top left."""
-
-    origin: np.ndarray  # f32[3]
-    directions: np.ndarray  # f32[n, 3] unit
-    along: np.ndarray  # f32[n] distance -> depth along the optical axis
-    columns: int
-    rows: int
-    spacing: float  # between neighbours, radians at the image's centre
-
-
-class Hits(NamedTuple):
-    """Where each sample's ray ends."""
-
-    face: np.ndarray  # i32[n] of the instance's shape, shade.MISS for the sky
-    instance: np.ndarray  # i32[n], 0 for the sky
-    distance: np.ndarray  # f32[n] metres along the ray; anything for the sky
-    u: np.ndarray  # f32[n] share of the face's second corner; anything for the sky
-    v: np.ndarray  # f32[n] share of its third
-
-
-class Visible(NamedTuple):
-    """What the rays of a shot see, and what each spot is."""
-
-    rays: Rays  # one per sample
-    hits: Hits  # of the samples
-    spots: Spots
-    flat: np.ndarray  # f32[m, 3] normal of the face, turned towards the viewer; up for the sky
-    smooth: np.ndarray  # f32[m, 3] the same for the curved surface the face stands for
-    points: np.ndarray  # f32[m, 3] where it is; the rays' origin for the sky
-    side: (
-        np.ndarray
-    )  # i8[m] of the face, on which a ray to the sun begins: 1 ours, -1 the other, 0 no ray
-
-
-class Segments(NamedTuple):
-    """Rays of which only matters whether anything is in their way."""
-
-    starts: np.ndarray  # f32[n, 3]
-    directions: np.ndarray  # f32[n, 3]
-    wanted: np.ndarray  # u8[n], 0: the answer is not needed
-
-
-class Light(NamedTuple):
-    """What light reaches each spot."""
-
-    lit: np.ndarray  # f32[m], 1 where the sun is seen, 0 in shadow
-    opened: np.ndarray  # f32[m], share of the sky that is seen
-    glow: np.ndarray = np.zeros(
-        0, np.float32
-    )  # f32[m] from lamps, see `shade.lamplight`; empty by day
 
 
 class Surroundings(NamedTuple):

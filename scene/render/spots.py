@@ -7,17 +7,14 @@ middle, they look as they would shaded one by one.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numba import carray
 
 from scene.compiled import njit
 from scene.render.address import float_pointer
+from scene.render.buffers import Hits, Spots
 from scene.render.geometry import ROW
-
-if TYPE_CHECKING:
-    from scene.render.shot import Hits
 
 f32 = np.float32
 ALIKE = f32(0.97)
@@ -26,17 +23,6 @@ FLAT = f32(0.2)
 """Most height over a plane, as a share of the way there, of what belongs to it."""
 THICK = f32(0.005)
 """Metres over a plane that always belong to it."""
-
-
-class Spots(NamedTuple):
-    """Which samples are shaded as one; a pixel's first spot has the sample in or next to its middle."""
-
-    first: np.ndarray  # i32[pixels + 1]: spots first[p] to first[p + 1] are those of pixel p
-    sample: np.ndarray  # i32[m] the sample by which it is seen
-    share: np.ndarray  # f32[m] how many samples it stands for
-    directions: np.ndarray  # f32[m, 3] unit, from the camera to the middle of them
-    distance: np.ndarray  # f32[m] metres; anything for the sky
-    owner: np.ndarray  # i32[n] each sample's spot
 
 
 def group(

@@ -6,17 +6,14 @@ Everything here is compiled and alike for all renderers; they only answer the ra
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import carray
 
 from scene.compiled import njit
 from scene.render.address import float_pointer
+from scene.render.buffers import Segments, Visible
 from scene.render.geometry import ROW
-
-if TYPE_CHECKING:
-    from scene.render.shot import Segments, Visible
 
 OFFSET = 1e-2
 """Metres along the normal from a surface to the start of its next ray."""

@@ -17,10 +17,10 @@ from numba import carray
 
 from scene.compiled import njit
 from scene.render.address import float_pointer, int_pointer
+from scene.render.buffers import Hits, Rays
 from scene.render.geometry import SKY_INSTANCE, Geometry
 from scene.render.protocol import RenderSettings, pixel_rays
 from scene.render.shade import MISS
-from scene.render.shot import Hits, Rays
 from scene.street.camera import Camera, camera_axes
 
 f32 = np.float32

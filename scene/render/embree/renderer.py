@@ -11,6 +11,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from scene.render.buffers import Light, Visible
 from scene.render.embree.api import MeshBVH, SceneBVH, device
 from scene.render.embree.depth_buffer import nearest
 from scene.render.embree.rays import by_tiles, free
@@ -27,9 +28,7 @@ from scene.render.protocol import (
     through_middles,
 )
 from scene.render.shot import (
-    Light,
     Surroundings,
-    Visible,
     expose,
     sample_rays,
     sky_grid,

@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from scene.compiled import njit
+from scene.render.buffers import Visible
 from scene.render.embree.api import SceneBVH
 from scene.render.embree.rays import free
 from scene.render.protocol import RenderSettings
-from scene.render.shot import Visible
 from scene.render.visibility import OFFSET
 
 f32 = np.float32

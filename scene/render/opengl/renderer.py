@@ -16,6 +16,7 @@ import numpy as np
 
 from scene.compiled import njit
 from scene.render import shade
+from scene.render.buffers import Hits, Light, Rays, Visible
 from scene.render.embree.renderer import scene_bvh
 from scene.render.framing import framed
 from scene.render.geometry import World, build, world
@@ -31,11 +32,7 @@ from scene.render.protocol import (
     through_middles,
 )
 from scene.render.shot import (
-    Hits,
-    Light,
-    Rays,
     Surroundings,
-    Visible,
     expose,
     sample_rays,
     sky_segments,

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scene.compiled import njit
+from scene.render.buffers import Visible
 from scene.render.geometry import World
-from scene.render.shot import Visible
 
 if TYPE_CHECKING:
     from scene.render.opengl.raster import Rasterizer
