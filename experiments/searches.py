@@ -137,10 +137,15 @@ def rows(config: ManyConfig, target: Target) -> list[Row]:
         *(
             row(prefix + name, partial(answer, name, bool(prefix)), name)
             for name in configured(config)
-            for prefix in ("", OWN_ANSWER)
+            for prefix in _answers(config)
         ),
         row("real", partial(images, "labelled"), real=True),
     ]
+
+
+def _answers(config: ManyConfig) -> tuple[str, ...]:
+    """Prefixes of the names of a search's answers: the chosen one, and its method's own if it may differ."""
+    return ("", OWN_ANSWER) if config.core_minutes is None else ("",)
 
 
 def report(run: Run[ManyConfig], made: Made, rows: list[Report]) -> Report:
@@ -162,8 +167,10 @@ def report(run: Run[ManyConfig], made: Made, rows: list[Report]) -> Report:
                 "rewards": rewards(made[name].found),
                 "core_seconds": core_seconds(made[name].found),
                 **describe(made[name].streets),
-                "nets": scored[name],
-                "own_nets": scored[OWN_ANSWER + name],
+                **{
+                    kind: scored[prefix + name]
+                    for kind, prefix in zip(NETS, _answers(config), strict=False)
+                },
             }
             for name, own in configured(config).items()
         ],

@@ -1,13 +1,14 @@
 """What the report of many searches says of methods, with model selection and without."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
 from experiments.config.studies import defaults_of
 from experiments.evaluation.cost import cost_of, head_cost, street_cost
 from experiments.run.pooled import reward_of
-from experiments.searches import check, configured, derive, plan_of, text, work
+from experiments.searches import check, configured, derive, plan_of, rows, text, work
 from shell.errors import UserError
 
 
@@ -78,6 +79,8 @@ def test_searches_at_equal_core_minutes_have_no_selection_and_end_with_their_met
     assert all(0.75 * 15 * 60 < each <= 15 * 60 for each in seconds)
     counts = {kind.what: kind.nets for kind in work(config)}
     assert counts["nets of candidates, 6 searches"] == 6  # one each: nothing is chosen
+    names = [row.name for row in rows(config, SimpleNamespace(few_names=()))]
+    assert [name for name in names if "pool" in name] == ["pool-0", "pool-1"]
     with pytest.raises(UserError, match=r"--core-minutes 0\.1 are too few for one update of pool"):
         check(replace(config, core_minutes=0.1))
     page = text(report(search(0, "last", nets(36.0, 38.0)), core_minutes=15.0))
