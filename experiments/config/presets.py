@@ -149,8 +149,8 @@ def defaults(kind: type[AnyConfig], target: TargetName, preset: Preset, **own: A
     """
     groups = CAMVID_GROUPS if target in FOUR_BY_THREE else CITYSCAPES_GROUPS
     values: Table = {"target": target, "preset": preset, "groups": groups}
-    if folder := os.environ.get(VARIABLES.get(target, "")):
-        values["data"] = Path(folder)
+    if folder := data_of(target):
+        values["data"] = folder
     for name, targets, table in TABLES:
         if name == preset and target in targets:
             values = _merged(values, table)
@@ -159,6 +159,12 @@ def defaults(kind: type[AnyConfig], target: TargetName, preset: Preset, **own: A
             sizes = {"reward": usual, "final": usual, "compact": others, "vgg": others}
             values = _merged(values, {k: {"width": w, "height": h} for k, (w, h) in sizes.items()})
     return _made(kind, _merged(values, own))
+
+
+def data_of(target: TargetName) -> Path | None:
+    """The folder of a target's data that its environment variable names, if one does."""
+    folder = os.environ.get(VARIABLES.get(target, ""))
+    return Path(folder) if folder else None
 
 
 def _merged(values: Table, changes: Table) -> Table:

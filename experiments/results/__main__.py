@@ -11,13 +11,11 @@ folder from another commit is refused.
 
 from __future__ import annotations
 
-import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from experiments.config.config import TargetName
-from experiments.config.presets import VARIABLES
+from experiments.config.presets import data_of
 from experiments.results.parts import Data, Size, parts
 from shell.command import Parser, docstring, exit_code
 from shell.errors import UserError, refuse_repeats
@@ -58,12 +56,6 @@ def parser() -> Parser:
     return options
 
 
-def _folder(target: TargetName) -> Path | None:
-    """The folder of a target's data that its variable names."""
-    named = os.environ.get(VARIABLES[target])
-    return Path(named) if named else None
-
-
 def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
     default, options = ResultsConfig(), parser()
@@ -77,8 +69,8 @@ def main(arguments: list[str] | None = None) -> int:
             if given.get(name, 1) < 1:
                 raise UserError(f"--{name} must be 1 or more, not {given[name]}")
         data = Data(
-            config.data or _folder("camvid"),
-            config.facades or _folder("labelmefacade"),
+            config.data or data_of("camvid"),
+            config.facades or data_of("labelmefacade"),
             config.weights,
         )
         every = parts(data, config.out, config.preset, config.searches, config.twins)

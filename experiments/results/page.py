@@ -67,12 +67,12 @@ def text(
             lines += ["", *_summary(own, out)]
         for part in own:
             said = f"`{part.shown}`, {duration(times[part.name])}"
-            lines += ["", said] if not group.summed else [f"- {part.name}: {said}"]
-            if not group.summed:
-                picture = f"{part.name}/{part.study}.png"
-                where = f"{shown}/{part.name}.png" if shown else picture
-                own_table = (out / part.name / f"{part.study}.md").read_text().strip()
-                lines += ["", own_table, "", f"![{part.name}]({where})"]
+            if group.summed:
+                lines.append(f"- {part.name}: {said}")
+                continue
+            own_table = (out / part.name / f"{part.study}.md").read_text().strip()
+            picture = f"{shown}/{part.name}.png" if shown else f"{part.name}/{part.study}.png"
+            lines += ["", said, "", own_table, "", f"![{part.name}]({picture})"]
     return "\n".join([*lines, ""])
 
 
