@@ -64,7 +64,7 @@ def text(
             continue
         lines += ["", f"## {group.title}", group.asks]
         if group.summed:
-            lines += ["", *_summary(own, out)]
+            lines += ["", *_summary(own, out, group.averaged)]
         for part in own:
             said = f"`{part.shown}`, {duration(times[part.name])}"
             if group.summed:
@@ -76,10 +76,10 @@ def text(
     return "\n".join([*lines, ""])
 
 
-def _summary(parts: Sequence[Part], out: Path) -> list[str]:
+def _summary(parts: Sequence[Part], out: Path, averaged: bool) -> list[str]:
     """A table with a row for each part's search, and the means of all of one kind."""
     rows = [_row(part, out) for part in parts]
-    means = list(_means(rows))
+    means = list(_means(rows)) if averaged else []
     return [*table(COLUMNS, [*rows, *means]), ""]
 
 
@@ -101,10 +101,10 @@ def _means(rows: Sequence[Report]) -> Iterator[Report]:
     """The means over parts whose names differ in the number at their end, with intervals over these."""
     kinds: dict[str, list[Report]] = {}
     for row in rows:
-        kind, _, number = row["name"].rpartition("-")
-        if number.isdigit() and len(number) == 1:
-            kinds.setdefault(kind, []).append(row)
+        kinds.setdefault(row["name"].rpartition("-")[0], []).append(row)
     for kind, own in kinds.items():
+        if len(own) == 1:
+            continue
         names = [name for name in own[0] if name != "name"]
         yield {
             "name": f"mean of {len(own)} {kind}",

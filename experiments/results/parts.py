@@ -19,6 +19,9 @@ class Group(NamedTuple):
     title: str
     asks: str  # its question in a sentence
     summed: bool = False  # whether one table has a row for each part, in place of the parts' own
+    averaged: bool = (
+        False  # whether that table ends with means over parts of one kind, as far-0 and far-1
+    )
 
 
 GROUPS = {
@@ -32,6 +35,7 @@ GROUPS = {
         "The same on targets that our own engine renders with hidden attributes, far from the hand-set "
         "street and near it.",
         summed=True,
+        averaged=True,
     ),
     "labels": Group("Labels beside renders", "What renders add to a few labelled images."),
     "few": Group(
