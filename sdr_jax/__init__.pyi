@@ -28,7 +28,6 @@ from sdr_jax.rivals.random_search import random_search as random_search
 from sdr_jax.rivals.tpe import tpe as tpe
 from sdr_jax.run import Record as Record
 from sdr_jax.run import RewardFn as RewardFn
-from sdr_jax.run import Subsets as Subsets
 from sdr_jax.run import drive as drive
 from sdr_jax.run import first_state as first_state
 from sdr_jax.run import make_step as make_step

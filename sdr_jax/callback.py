@@ -7,25 +7,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.experimental import io_callback
-from jaxtyping import Array, Float, Int, Key, Real
+from jaxtyping import Array, Float, Key, Real
 
 from sdr_jax.rewards import LARGEST
 from sdr_jax.space import Proposal
 
 
 class DataSets(NamedTuple):
-    """The data sets that one update evaluates, in NumPy.
+    """The data sets that one update evaluates, in NumPy."""
 
-    Each action is a data set of its own, unless there are `subsets`: then an action is a street, a data set
-    holds the streets of its subset, and n is the number of subsets.
-    """
-
-    actions: (
-        np.ndarray
-    )  # [actions attributes], see the method's `sample`; [actions 0] if the caller gave none
-    proposals: Proposal  # f32[actions attributes] each
+    actions: np.ndarray  # [n attributes], see the method's `sample`; [n 0] if the caller gave none
+    proposals: Proposal  # f32[n attributes] each
     seeds: np.ndarray  # u32[n], for everything that is random in an evaluation
-    subsets: np.ndarray  # i32[n size], indices of actions; [n 0] where each action is a data set
 
 
 class HostReward:
@@ -40,18 +33,15 @@ class HostReward:
         self,
         rng_key: Key[Array, ""],
         proposals: Proposal,
-        actions: Real[Array, "actions attributes"] | None = None,
-        subsets: Int[Array, "n size"] | None = None,
+        actions: Real[Array, "n attributes"] | None = None,
     ) -> Float[Array, "n"]:
         """Draws seeds and lets the host evaluate the data sets; the key is consumed."""
-        count = len(proposals.centre)
-        told = jnp.zeros((count, 0), jnp.int32) if actions is None else actions
-        chosen = jnp.zeros((count, 0), jnp.int32) if subsets is None else subsets
-        n = len(chosen)
+        n = len(proposals.centre)
+        told = jnp.zeros((n, 0), jnp.int32) if actions is None else actions
         shape = () if self._common else (n,)
         seeds = jnp.broadcast_to(jax.random.bits(rng_key, shape, jnp.uint32), (n,))
         result = jax.ShapeDtypeStruct((n,), jnp.float32)
-        return io_callback(self._on_host, result, told, proposals, seeds, chosen, ordered=True)
+        return io_callback(self._on_host, result, told, proposals, seeds, ordered=True)
 
     def reraise(self) -> None:
         """Raises the error of a failed evaluation, if there is one, and forgets it.

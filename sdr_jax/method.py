@@ -65,9 +65,6 @@ ProbabilitiesFn = Callable[[State], Float[Array, "attributes bins"]]
 ExpectsFn = Callable[
     [State, Real[Array, "n attributes"]], tuple[Float[Array, "n"], Float[Array, "n"]]
 ]
-SubsetsFn = Callable[
-    [RngKey, State, Int[Array, "n attributes"], int, int], Int[Array, "count size"]
-]
 
 
 class Method(NamedTuple):
@@ -84,7 +81,7 @@ class Method(NamedTuple):
 
     init: InitFn  # rng_key -> the first state
     sample: SampleFn  # (rng_key, state, n) -> (actions, n proposals to evaluate); n is static
-    update: UpdateFn  # (state, actions, rewards) -> (state, info); see also `subsets`
+    update: UpdateFn  # (state, actions, rewards) -> (state, info)
     solution: ProposalFn  # the answer, f32[attributes] each; may be asked at any time
     spread: ProposalFn  # the answer with wide intervals where the method is unsure
     probabilities: ProbabilitiesFn  # of the bins in `sample`; 0 for bins that an attribute lacks
@@ -94,11 +91,9 @@ class Method(NamedTuple):
     expects: ExpectsFn | None = None
     """The mean and standard deviation that the method's model predicts for the rewards of actions, for
     reports; NaN before the first update, and None for a method without a model."""
-    subsets: SubsetsFn | None = None
-    """(rng_key, state, actions, count, size) -> i32[count size], the indices of actions that share a
-    reward; `update` then takes them as well. None for a method whose actions are data sets."""
     policy: Callable[[State], Any] | None = None
-    """The distribution over streets, `pool.Policy`, of a method with subsets; otherwise None."""
+    """The distribution over streets, `pool.Policy`, of a method whose actions are streets, not data sets;
+    otherwise None."""
 
 
 def jitted(

@@ -1,9 +1,9 @@
-"""Rewards of subsets of a pool of streets, and a step of the policy that drew the pool.
+"""A step of a policy over streets, from the reward of every street of a round.
 
-A round draws N streets from the policy and evaluates subsets of them. The regression of the rewards on the
-subsets' statistics is the natural policy gradient (`docs/method.md`), and the policy follows it as far as
-a trust region allows. The policy is the paper's, a categorical over bins for each attribute, or a mixture
-of two of them: one begins uniform, the other at a start.
+A round draws N streets from the policy. The regression of their rewards on the streets' statistics is the
+natural policy gradient (`docs/method.md`), and the policy follows it as far as a trust region allows. The
+policy is the paper's, a categorical over bins for each attribute, or a mixture of two of them: one begins
+uniform, the other at a start.
 """
 
 from collections.abc import Callable
@@ -33,11 +33,8 @@ from sdr_jax.space import Proposal, Space, Width
 FLOOR = 0.05
 """Share of every distribution that stays uniform: a bin keeps at least 0.05 / K."""
 
-SIGNALS = np.append(0.0, np.geomspace(0.003, 300, 11)).astype(np.float32)
+SIGNALS = np.append(0.0, np.geomspace(1e-6, 300, 18)).astype(np.float32)
 """Prior variances of an effect relative to the noise's; the evidence chooses one. 0 means no effect."""
-
-TILT = 4.0
-"""The standard deviation of the random values that choose a subset's streets, beside Gumbel noise."""
 
 STRONG = 3.0
 """The evidence in nats from which a step has its full length. Odds of 20 are commonly called strong."""
@@ -72,19 +69,16 @@ def pool(
     start: tuple[tuple[float, ...], tuple[float, ...]] | None = None,
     bound: float = 0.04,
 ) -> Method:
-    """A natural policy gradient with a trust region, from rewards of subsets of the streets of a round.
+    """A natural policy gradient with a trust region.
 
-    An action is a street's bins. `subsets` chooses streets by random values that are linear in their
-    statistics, so that subsets differ by more than chance. `update` regresses the rewards on the
-    mean statistics of each subset: u and (u - 1/2)^2 of an ordered attribute, the bins of one without order,
-    less their means in the street's component; and the component. Sums of all rounds are kept, with an
-    intercept for each round. The evidence chooses the ridge, and an effect e with standard deviation s is
-    shrunk by max(0, 1 - s^2 / e^2).
+    An action is a street's bins. `update` regresses rewards on the statistics of their streets: u and
+    (u - 1/2)^2 of an ordered attribute, the bins of one without order, less their means in the street's
+    component; and the component. Sums of all rounds are kept, with an intercept for each round. The evidence
+    chooses the ridge, and an effect e with standard deviation s is shrunk by max(0, 1 - s^2 / e^2).
 
     The new policy is the old one times exp(eta e . statistics), with eta as large as
     KL(new, old) <= `bound` times the number of attributes allows. If the evidence for any effect is below
-    three nats, eta is smaller in proportion, so that pure noise hardly moves the policy. Without subsets
-    each street is a data set.
+    three nats, eta is smaller in proportion, so that pure noise hardly moves the policy.
 
     Args:
         space: the attributes and their bins; groups play no part.
@@ -99,8 +93,7 @@ def pool(
         ValueError: an option out of range, or a start of other attributes.
 
     Source: not in the paper; Kakade 2001, "A Natural Policy Gradient"; Peters et al. 2010, "Relative Entropy
-    Policy Search"; Abdolmaleki et al. 2015, "Model-Based Relative Entropy Stochastic Search"; Ilyas et al.
-    2022, "Datamodels".
+    Policy Search"; Abdolmaleki et al. 2015, "Model-Based Relative Entropy Stochastic Search".
     """
     if not (bound > 0 and np.isfinite(bound)):
         raise ValueError(f"bound is {bound}, but must be above 0")
@@ -141,27 +134,8 @@ def pool(
         parts = jax.nn.one_hot(of, components) * np.sqrt(components)
         return jnp.concatenate([of_streets(table, actions) - means[of], parts], axis=1)
 
-    def subsets(
-        rng_key: RngKey, state: PoolState, actions: Bins, count: int, size: int
-    ) -> Int[Array, "count size"]:
-        weights_key, noise_key = jax.random.split(rng_key)
+    def update(state: PoolState, actions: Bins, rewards: Rewards) -> tuple[PoolState, Info]:
         x = statistics(state, actions)
-        weights = (
-            jax.random.normal(weights_key, (count, x.shape[1])) * _reach(space, components)[None]
-        )
-        scores = weights @ (x - x.mean(axis=0, keepdims=True)).T
-        scores = TILT * scores / jnp.maximum(scores.std(axis=1, keepdims=True), 1e-6)
-        noise = jax.random.gumbel(noise_key, scores.shape)
-        return jax.lax.top_k(scores + noise, size)[1]
-
-    def update(
-        state: PoolState,
-        actions: Bins,
-        rewards: Float[Array, "rewards"],
-        subsets: Int[Array, "rewards size"] | None = None,
-    ) -> tuple[PoolState, Info]:
-        x = statistics(state, actions)
-        x = x if subsets is None else x[subsets].mean(axis=1)
         least = lowest(rewards)
         data = counted(state.data, x, jnp.maximum(rewards, least))
         effects, evidence = shrunk(data)
@@ -191,9 +165,7 @@ def pool(
         return moments(space, probabilities(state), width)
 
     method = jitted(init, sample, update, solution, probabilities)
-    return method._replace(
-        subsets=jax.jit(subsets, static_argnames=("count", "size")), policy=jax.jit(policy_of)
-    )
+    return method._replace(policy=jax.jit(policy_of))
 
 
 def basis(space: Space) -> Float[np.ndarray, "attributes bins features"]:
@@ -217,15 +189,6 @@ def _columns(space: Space, attribute: int, u: np.ndarray) -> list[np.ndarray]:
     if attribute in space.unordered:
         return list(np.eye(len(u)))
     return [u, (u - 0.5) ** 2][: len(u) - 1]
-
-
-def _reach(space: Space, components: int) -> Float[np.ndarray, "features"]:
-    """The weight of each statistic in the random values that choose subsets; a square has half."""
-    own: list[float] = []
-    for attribute, count in enumerate(space.bins):
-        plain = attribute in space.unordered
-        own += [1.0] * count if plain else [1.0, 0.5][: count - 1]
-    return np.asarray(own + [1.0] * components, np.float32)
 
 
 def of_streets(

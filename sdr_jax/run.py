@@ -31,31 +31,22 @@ class RewardFn(Protocol):
 class Record(NamedTuple):
     """The actions of one step and their rewards."""
 
-    actions: Real[Array, "actions attributes"]  # see the method's `sample`
+    actions: Real[Array, "n attributes"]  # see the method's `sample`
     rewards: Float[Array, "n"]  # one per data set
     info: Info  # of the update
-
-
-class Subsets(NamedTuple):
-    """The sizes of one update of a method such as `pool`, which evaluates subsets of streets."""
-
-    rewards: int
-    streets: int  # sampled streets
-    size: int  # streets of each subset
 
 
 StepFn = Callable[[RngKey, State], tuple[State, Record]]
 """One update, from a state to the next; the key is consumed, the old state stays valid."""
 
 
-def make_step(method: Method, reward_fn: RewardFn, n: int | Subsets = 1) -> StepFn:
+def make_step(method: Method, reward_fn: RewardFn, n: int = 1) -> StepFn:
     """Makes one step, sample -> reward -> update, and jits it as a whole if the method can be traced.
 
     Args:
         method: the search method.
         reward_fn: the reward, in JAX or through `host_reward`.
-        n: data sets per update, or the subsets for a method that takes them, whose reward must be a
-            `host_reward`.
+        n: data sets per update.
 
     Returns:
         `step(rng_key, state) -> (state, record)`.
@@ -64,15 +55,9 @@ def make_step(method: Method, reward_fn: RewardFn, n: int | Subsets = 1) -> Step
     return jax.jit(step) if method.traced else step
 
 
-def _plain_step(method: Method, reward_fn: RewardFn, n: int | Subsets) -> StepFn:
+def _plain_step(method: Method, reward_fn: RewardFn, n: int) -> StepFn:
     def evaluated(state: State, sample_key: RngKey, reward_key: RngKey) -> tuple:
         """The arguments of `update` behind the state."""
-        if isinstance(n, Subsets):
-            assert method.subsets is not None and isinstance(reward_fn, HostReward)
-            sample_key, subsets_key = jax.random.split(sample_key)
-            actions, proposals = method.sample(sample_key, state, n.streets)
-            subsets = method.subsets(subsets_key, state, actions, n.rewards, n.size)
-            return actions, reward_fn(reward_key, proposals, actions, subsets), subsets
         actions, proposals = method.sample(sample_key, state, n)
         if isinstance(reward_fn, HostReward):
             return actions, reward_fn(reward_key, proposals, actions)
@@ -91,7 +76,7 @@ def run(
     method: Method,
     reward_fn: RewardFn,
     updates: int | None = None,
-    n: int | Subsets = 1,
+    n: int = 1,
 ) -> tuple[State, Record]:
     """Runs a whole optimisation as one scan; jit it as a whole for rewards written in JAX.
 
@@ -100,7 +85,7 @@ def run(
         method: the search method; it must not be a host adapter.
         reward_fn: the reward.
         updates: number of updates; by default as many as the method takes.
-        n: data sets per update, or subsets; see `make_step`.
+        n: data sets per update.
 
     Returns:
         The final state, and the records of all updates, stacked on a leading axis.
@@ -128,7 +113,7 @@ def drive(
     method: Method,
     reward_fn: RewardFn,
     updates: int | None = None,
-    n: int | Subsets = 1,
+    n: int = 1,
 ) -> Iterator[tuple[State, Record]]:
     """Runs the same optimisation as a loop on the host, one update at a time.
 

@@ -80,12 +80,7 @@ def check_net(flag: str, train_flag: str, fidelity: Fidelity) -> None:
 
 
 def _check_search(config: GroupsConfig) -> None:
-    search, pool = config.search, config.search.pool
-    if pool.subset > pool.streets:
-        raise UserError(
-            f"--search.pool.subset {pool.subset} is more than the {pool.streets} streets of "
-            "--search.pool.streets that it is taken from"
-        )
+    search = config.search
     if search.baseline == "leave_one_out" and search.datasets_per_update < 2:
         raise UserError(
             "--search.baseline leave_one_out needs --search.datasets-per-update 2 or more"

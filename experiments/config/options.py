@@ -63,14 +63,10 @@ class Bins:
 
 @dataclass(frozen=True)
 class PoolOptions:
-    """How the method ``pool`` searches: the streets of a round, its rewards, and the length of a step."""
+    """How the method ``pool`` searches: the streets of a round, and the length of a step."""
 
-    streets: Annotated[int, at_least(1)] = 600
+    streets: Annotated[int, at_least(2)] = 1800
     """Streets of one shot that each round draws and renders."""
-    subset: Annotated[int, at_least(1)] = 200
-    """Streets of a round on which one reward's net is trained."""
-    rewards: Annotated[int, at_least(2)] = 100
-    """Rewards of each round."""
     rounds: Annotated[int, at_least(1)] = 5
     """Rounds; each ends with a step of the policy."""
     bound: Annotated[float, POSITIVE] = 0.04

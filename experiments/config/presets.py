@@ -63,7 +63,7 @@ _SMOKE: Table = {
         "updates_per_group": 1,
         "datasets_per_update": 2,
         "bins": 5,
-        "pool": {"streets": 8, "subset": 4, "rewards": 3, "rounds": 2},
+        "pool": {"streets": 8, "rounds": 2},
     },
     "reward": {"streets": 2, "shots": 2, "samples": 1, "train": _SMOKE_NET},
     "final": _SMOKE_FINAL,
@@ -88,7 +88,7 @@ _QUICK: Table = {
     "vgg": {"streets": 100, "shots": 4, "train": {"recipe": "scratch", "steps": 150}},
 }
 _QUICK_TWIN: Table = {
-    "search": {"updates_per_group": 5, "pool": {"subset": 100}},
+    "search": {"updates_per_group": 5},
     "reward": {"streets": 12, "shots": 6},
     "final": {"streets": 120},
     "seeds": 6,

@@ -165,7 +165,7 @@ class Cache:
         real = target.at(fidelity.height, fidelity.width)["reward"]
         trunk = replace(fidelity.train, trunk="frozen")  # a tuned one begins like this
         held = self.put(real, trunk, "reward")
-        ((_, found),) = self._workers.map(_statistics, [(held,)], net=True)
+        ((_, found),) = self._workers.map(statistics_of, [(held,)], net=True)
         return recipe._replace(statistics=found)
 
     def _compute(self, part: Path, count: int, tasks: list[tuple], what: str) -> None:
@@ -227,8 +227,8 @@ def _features_of(held: Cached, start: int, stop: int, train: TrainSettings, trai
     return _features(held.load().images[start:stop], train, training)
 
 
-def _statistics(held: Cached) -> Statistics:
-    """Compute statistics of features; runs in a worker."""
+def statistics_of(held: Cached) -> Statistics:
+    """Compute the statistics of all features; runs in a worker."""
     maps = held.load().features
     assert maps is not None
     return channel_statistics(maps)

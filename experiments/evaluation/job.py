@@ -41,7 +41,7 @@ class Recipe(NamedTuple):
 
 
 class StreetPool(NamedTuple):
-    """Streets of one shot, drawn once and used by many nets."""
+    """Streets of one shot with their features."""
 
     name: str  # hash of their attributes and seed
     held: Cached | None = None  # with features; None until they are made
@@ -63,9 +63,9 @@ class LabelledSubset(NamedTuple):
 
 Given = LabelledImages | LabelledSubset
 """Images with labels, which need no rendering."""
-Source = Streets | Subset | Given | TrainingSet
-"""A source of training images: a dataset rendered from streets, streets of a pool, given images, or a
-`TrainingSet` of a rendered and a given part."""
+Source = Streets | StreetPool | Subset | Given | TrainingSet
+"""A source of training images: a dataset rendered from streets, a pool or some of its streets, given images,
+or a `TrainingSet` of a rendered and a given part."""
 
 
 def rendered_of(source: Any) -> Any:
@@ -119,6 +119,8 @@ class Result(NamedTuple):
     stored: bool = False  # whether it was known, and took no time now
     parts: tuple[float, ...] = ()  # reward on each part of the images, on request
     predictions: Predictions | None = None  # on request, if they were not known before
+    credits: tuple[float, ...] = ()
+    """Of a linear net on a pool: its gain in mIoU for each unit of each street's share of the pool."""
 
     @property
     def seconds(self) -> float:

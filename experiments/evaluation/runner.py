@@ -23,6 +23,7 @@ from experiments.config import RewardKind
 from experiments.evaluation.cache import Cache, by_target, sent
 from experiments.evaluation.cached import Cached
 from experiments.evaluation.cost import job_cost
+from experiments.evaluation.credits import Sized, credited
 from experiments.evaluation.evaluate import (
     attempt,
     evaluate_miou,
@@ -204,6 +205,29 @@ class Runner:
             own = [r for job, r in zip(jobs, results, strict=True) if job.notes["nets"] == what]
             refuse_failed(own, len(own))
         return results
+
+    def credit(self, job: Job, streets: Callable[[], tuple[Sized, float]], log: Store) -> Result:
+        """Give every street of a pool its credit; a known result needs no streets.
+
+        Args:
+            job: its source is the pool, perhaps beside labelled images.
+            streets: makes the streets, and tells the CPU seconds that they took.
+            log: the store of the result.
+        """
+        key, source = self.key(job), job.source
+        self._refresh()
+        known = self._remembered(key, job, log)
+        if known is not None:
+            return known
+        pool, seconds = streets()
+        few = None
+        if isinstance(source, TrainingSet):
+            held = self._source(source.parts[1], job.recipe)
+            few = Sized(held, count_of(source.parts[1])), source.shares[1]
+        recipe, real = self._for_tasks(job)
+        assert isinstance(real, Cached)  # not for -MMD^2
+        result = credited(self._workers, recipe, pool, real, few)
+        return self._keep(key, job, result._replace(render_seconds=seconds), log)
 
     def train(self, job: Job, params: Params | None = None) -> Params:
         """Train a job's net and return its variables, without a test or a record.

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.evaluation.job import Given, LabelledSubset, Result, Source, Subset
+from experiments.evaluation.job import Given, LabelledSubset, Result, Source, StreetPool, Subset
 from scene.attributes import SPACES, names
 from scene.proposal import Histogram, Mixture, Proposal, components
 from shell.errors import UserError
@@ -47,7 +47,7 @@ FIELDS: dict[str, tuple[type, ...]] = {
 }
 """One record. A failed evaluation has its reason in ``failed`` and no reward. A net that was trained on real
 images has no proposal, on a histogram ``probabilities`` instead, on a mixture ``components``. ``parts`` has
-the rewards on parts of the images that were tested separately."""
+the rewards on parts of the images that were tested separately, ``credits`` those of a pool's streets."""
 VALUES = ("reward", "class_iou", "failed")
 """Fields that are always the same for the same key, unlike seconds."""
 
@@ -62,6 +62,8 @@ def identity(config: str, source: Source, seed: int) -> str:
     """
     if isinstance(source, Given):
         named: Any = digest_of_images(source)
+    elif isinstance(source, StreetPool):
+        named = source.name
     elif isinstance(source, Subset):
         named = [source.pool.name, list(source.picked)]
     elif isinstance(source, Mixture):
@@ -126,6 +128,8 @@ def record_of(key: str, source: Source, seed: int, result: Result) -> Record:
     }
     if result.parts:
         record["parts"] = [float(reward) for reward in result.parts]
+    if result.credits:
+        record["credits"] = _floats(result.credits)
     if isinstance(source, Histogram):
         record |= _parts(source)
     if isinstance(source, Mixture):
@@ -145,6 +149,7 @@ def result_of(record: Record) -> Result:
         record["failed"],
         stored=True,
         parts=tuple(record.get("parts", ())),
+        credits=tuple(record.get("credits", ())),
     )
 
 

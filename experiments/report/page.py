@@ -297,14 +297,15 @@ def search_note(run: RunFolder) -> str:
     if not run.evaluations:
         return ""
     method = run.config.get("search", {}).get("method", "?")
-    data = "a subset of its round's streets" if method == "pool" else "a dataset of its own"
+    if method == "pool":
+        return f"{len(run.evaluations)} rewards of {method}, each of a linear net on all streets of a round."
     model = (
         " The line is what the method's model expected of each evaluation before it was made; the band is "
         "one standard deviation."
         if run.expected is not None
         else ""
     )
-    return f"{len(run.evaluations)} rewards of {method}, each of a fresh net on {data}.{model}"
+    return f"{len(run.evaluations)} rewards of {method}, each of a fresh net on a dataset of its own.{model}"
 
 
 def selection(run: RunFolder) -> Report | None:

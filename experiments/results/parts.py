@@ -107,8 +107,8 @@ MINUTES, TWIN_MINUTES = "15", "6"
 RIVALS = ("pool", "intervals", "surrogate", "sdr", "random_search", "tpe", "gaussian_process")
 COUNTS = ("7", "14", "27", "67")
 """Numbers of labelled images with a search of their own."""
-POOLS = ("300", "1200", "4800")
-"""Streets of a pool; a third of them make a subset."""
+POOLS = ("600", "5400")
+"""Streets of a round's pool, beside the default's."""
 
 
 def parts(data: Data, out: Path, preset: Size, searches: int, twins: int) -> list[Part]:
@@ -168,8 +168,7 @@ def parts(data: Data, out: Path, preset: Size, searches: int, twins: int) -> lis
         )  # fmt: skip
         yield from papers()
         for streets in POOLS if quick else ():
-            subset = str(int(streets) // 3)
-            sizes = ("--search.pool.streets", streets, "--search.pool.subset", subset)
+            sizes = ("--search.pool.streets", streets)
             yield from study(
                 f"pool-{streets}", "scale", "searches", "labelmefacade", *sizes, *pool, *one,
                 "--candidates", "last", "--candidate-seeds", "1",

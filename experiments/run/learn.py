@@ -63,7 +63,7 @@ def plan_of(config: SearchConfig, name: str = "search") -> SearchPlan:
     method = make_method(config, options.method, space, options.updates_per_group)
     datasets, updates = options.datasets_per_update, options.updates_per_group * len(space.groups)
     if options.method == "pool":
-        datasets, updates = options.pool.rewards, options.pool.rounds
+        datasets, updates = 1, options.pool.rounds
     return SearchPlan(
         name,
         config.space,

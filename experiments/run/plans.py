@@ -37,12 +37,11 @@ def plan(
     """
     make_space(config)  # checks the groups
     options = config.search
-    pools = method == "pool"
-    datasets = options.pool.rewards if pools else options.datasets_per_update
+    datasets = 1 if method == "pool" else options.datasets_per_update
     if evaluations < datasets or evaluations % datasets:
-        flag = "pool.rewards" if pools else "datasets-per-update"
         raise UserError(
-            f"--evaluations must be a multiple of --search.{flag} {datasets}, not {evaluations}"
+            f"--evaluations must be a multiple of --search.datasets-per-update {datasets}, not "
+            f"{evaluations}"
         )
     groups = [[name for name in group if name in subset] for group in config.groups]
     space = sdr_jax.space(subset, options.bins, [group for group in groups if group])

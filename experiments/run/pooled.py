@@ -1,4 +1,4 @@
-"""Rewards of subsets of pools of streets, in which each street is rendered once."""
+"""Pools of streets, each of which gets its credit for the mIoU of a net on all of them."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ import numpy as np
 
 import sdr_jax
 from experiments.config import Candidate, Fidelity, GroupsConfig
-from experiments.evaluation.cost import cost_of, head_cost, street_cost
-from experiments.evaluation.job import Job, Result, StreetPool, Subset
+from experiments.evaluation.cost import cost_of, credit_cost
+from experiments.evaluation.credits import Sized
+from experiments.evaluation.job import Job, Result, StreetPool
 from experiments.run.context import Run, Work
 from experiments.run.few import beside
 from experiments.run.rewards import Rewards, SearchPlan, embed
@@ -28,39 +29,36 @@ from scene.proposal import (
 )
 from sdr_jax.names import MethodName
 from sdr_jax.pool import Policy
+from seg.linear import RIDGE
 from shell.files import digest
 
 
 def reward_of(config: GroupsConfig) -> Fidelity:
-    """The fidelity of one reward, a net on a subset of a pool."""
-    return replace(config.reward, streets=config.search.pool.subset, shots=1)
+    """The fidelity of a round, one shot of each of its streets."""
+    return replace(config.reward, streets=config.search.pool.streets, shots=1)
 
 
 def work_of(config: GroupsConfig, plans: Sequence[SearchPlan]) -> list[Work]:
     """Plan the work of searches by kind."""
     found: list[Work] = []
-    count = sum(plan.evaluations for plan in plans if plan.search.subsets is None)
+    count = sum(plan.evaluations for plan in plans if plan.search.policy is None)
     if count:
         found.append(Work.at("rewards of the search", count, config.reward))
-    rounds = sum(plan.updates for plan in plans if plan.search.subsets is not None)
+    rounds = sum(plan.updates for plan in plans if plan.search.policy is not None)
     if rounds:
-        fidelity, pool = reward_of(config), config.search.pool
-        street, head = street_cost(fidelity), head_cost(fidelity)
-        found += [
-            Work("streets of its pools", rounds * pool.streets, fidelity, street),
-            Work("rewards from its pools", rounds * pool.rewards, fidelity, head),
-        ]
+        fidelity = reward_of(config)
+        streets = rounds * fidelity.streets
+        found.append(Work("streets of its pools", streets, fidelity, credit_cost(fidelity)))
     return found
 
 
 def affordable(config: GroupsConfig, method: MethodName, core_minutes: float) -> int:
     """The number of rewards, in whole updates, that take about so many core minutes; 0 for none."""
-    datasets, cost = config.search.datasets_per_update, 0.0
+    datasets, cost = config.search.datasets_per_update, cost_of(config.reward)
     if method == "pool":
-        pool, fidelity = config.search.pool, reward_of(config)
-        datasets, cost = pool.rewards, pool.streets * street_cost(fidelity)
-        cost += datasets * head_cost(fidelity)
-    return int(60 * core_minutes / (cost or datasets * cost_of(config.reward))) * datasets
+        fidelity = reward_of(config)
+        datasets, cost = 1, fidelity.streets * credit_cost(fidelity)
+    return int(60 * core_minutes / (datasets * cost)) * datasets
 
 
 def drawn(rng: np.random.Generator, proposals: Proposal) -> np.ndarray:
@@ -76,31 +74,30 @@ def drawn(rng: np.random.Generator, proposals: Proposal) -> np.ndarray:
 
 
 class PoolRewards(Rewards):
-    """Evaluates a subset of a pool of streets for each reward.
+    """Evaluates a pool of streets for each update: the rewards of its actions are the streets' credits.
 
-    A pool is made only if a reward of its round is missing, and is removed once all are known.
+    A pool is made only if its credits are not known, and is removed once they are.
     """
 
     def __init__(self, run: Run[Any], plan: SearchPlan) -> None:
         super().__init__(run, plan)
-        self._fidelity = reward_of(run.config)
-        self._recipe = run.recipe(self._fidelity)
-        empty = Subset(StreetPool(""), ())
-        self._alone = Job(
-            self._recipe, empty, 0, {}, "reward"
-        )  # the same streets, also beside labelled images
-        run.runner.about(self._alone)  # here, since it needs JAX
+        fidelity = reward_of(run.config)
+        source = beside(run, fidelity, StreetPool(""))
+        self._job = Job(run.recipe(fidelity), source, 0, {}, "reward")
+        self._alone = self._job._replace(source=StreetPool(""))
+        for job in (self._job, self._alone):
+            run.runner.about(job)  # here, since it needs JAX
 
-    def _evaluated(self, asked: sdr_jax.DataSets) -> list[Result]:
-        run, seeds = self._run, asked.seeds.tolist()
-        rng = np.random.default_rng(seeds)
+    def _evaluated(self, asked: sdr_jax.DataSets) -> tuple[list[Result], np.ndarray]:
+        run, fidelity = self._run, self._job.recipe.fidelity
+        rng = np.random.default_rng(asked.seeds.tolist())
         units = drawn(rng, embed(self._plan, asked.proposals))
         seed = int(rng.integers(2**32))  # of the streets
-        pool = StreetPool(digest([digest(units.tolist()), seed]))
-        jobs = self._jobs(pool, asked.subsets, seeds, 0.0)
-        self._refuse_another(jobs)
+        pool = StreetPool(digest([digest(units.tolist()), seed, RIDGE]))
         folder = digest([run.runner.about(self._alone)["config"], pool.name])
-        cost, made = street_cost(self._fidelity), 0
+        job = self._job._replace(source=beside(run, fidelity, pool), notes=self._notes(0))
+        self._refuse_another([job])
+        cost, made = credit_cost(fidelity), 0
 
         def done(streets: int) -> None:
             nonlocal made
@@ -109,27 +106,15 @@ class PoolRewards(Rewards):
             where = f"{self._plan.name}: round {self.update + 1}"
             run.progress.update(f"{where}, street {made}/{len(units)}")
 
-        if not all(run.runner.known(jobs, run.evaluations)):
-            held, seconds = run.runner.cache.streets(folder, self._recipe, units, seed, done)
-            pool = pool._replace(held=held)
-            jobs = self._jobs(pool, asked.subsets, seeds, seconds / len(jobs))
+        def streets() -> tuple[Sized, float]:
+            held, seconds = run.runner.cache.streets(folder, self._job.recipe, units, seed, done)
+            return Sized(held, len(units)), seconds
+
+        result = run.runner.credit(job, streets, run.evaluations)
         if not made:  # they existed, or are not needed
             run.progress.advance(len(units) * cost, replayed=True)
-        results = run.runner.run(jobs, run.evaluations)
         run.runner.cache.forget(folder)
-        return results
-
-    def _jobs(
-        self, pool: StreetPool, chosen: np.ndarray, seeds: list[int], rendered: float
-    ) -> list[Job]:
-        """Jobs of the subsets, each with so many seconds of rendering."""
-        sources = [
-            beside(self._run, self._fidelity, Subset(pool, tuple(own))) for own in chosen.tolist()
-        ]
-        return [
-            Job(self._recipe, source, seed, self._notes(k), "reward", rendered=rendered)
-            for k, (source, seed) in enumerate(zip(sources, seeds, strict=True))
-        ]
+        return [result], np.array(result.credits, np.float32)
 
 
 def answers(policies: Sequence[Policy], plan: SearchPlan) -> dict[Candidate, Streets]:

@@ -98,13 +98,14 @@ class Rewards:
             UserError: more than a tenth of the evaluations failed, or the log is from another run.
         """
         with self.watch:
-            results = self._evaluated(asked)
+            results, rewards = self._evaluated(asked)
             self.results += results
             self.update += 1
             refuse_failed(self.results, self._plan.evaluations)
-            return np.array([result.reward for result in results], np.float32)
+            return rewards
 
-    def _evaluated(self, asked: sdr_jax.DataSets) -> list[Result]:
+    def _evaluated(self, asked: sdr_jax.DataSets) -> tuple[list[Result], np.ndarray]:
+        """The evaluations of an update, and the rewards of its actions, f32[n]."""
         raise NotImplementedError
 
     def _refuse_another(self, jobs: Sequence[Job]) -> None:
@@ -138,7 +139,7 @@ class DatasetRewards(Rewards):
         run.runner.about(self._job)  # here, since it needs JAX
         self.asked: list[Proposal] = []
 
-    def _evaluated(self, asked: sdr_jax.DataSets) -> list[Result]:
+    def _evaluated(self, asked: sdr_jax.DataSets) -> tuple[list[Result], np.ndarray]:
         centres, widths = embed(self._plan, asked.proposals)
         actions, run = asked.actions.tolist(), self._run
         proposals = [Proposal(*each) for each in zip(centres, widths, strict=True)]
@@ -152,4 +153,5 @@ class DatasetRewards(Rewards):
         ]
         self._refuse_another(jobs)
         self.asked += proposals
-        return run.runner.run(jobs, run.evaluations)
+        results = run.runner.run(jobs, run.evaluations)
+        return results, np.array([result.reward for result in results], np.float32)

@@ -60,11 +60,11 @@ def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
     Raises:
         UserError: more than a tenth of the evaluations failed, or the log is from another run.
     """
-    method, pool, watch = plan.search, plan.options.pool, Stopwatch()
-    of_pool = method.subsets is not None
+    method, watch = plan.search, Stopwatch()
+    of_pool = method.policy is not None
     rewards = PoolRewards(run, plan) if of_pool else DatasetRewards(run, plan, kind)
     reward_fn = sdr_jax.host_reward(rewards, common=plan.options.common_random_numbers)
-    n = sdr_jax.Subsets(plan.datasets, pool.streets, pool.subset) if of_pool else plan.datasets
+    n = plan.options.pool.streets if of_pool else plan.datasets
     key = jax.random.key(plan.seed)
     steps = sdr_jax.drive(key, method, reward_fn, plan.updates, n)
     history: list[tuple] = []
@@ -81,10 +81,9 @@ def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
             probabilities = np.asarray(method.probabilities(state))
             if method.policy is not None:
                 policies.append(method.policy(state))
-        history.append(
-            (np.asarray(record.rewards), float(info.baseline), int(info.group), probabilities)
-        )
-        if info.clipped and not clipped:
+        own = np.array([result.reward for result in rewards.results[-plan.datasets :]], np.float32)
+        history.append((own, float(info.baseline), int(info.group), probabilities))
+        if info.clipped and not clipped and not of_pool:
             clipped = True
             told = sum(len(rewards) for rewards, *_ in history)
             run.progress.say(f"{plan.name}: {on_clipping(int(info.clipped), told)}")
