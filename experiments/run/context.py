@@ -129,8 +129,9 @@ def plan_text(plan: Sequence[Work], workers: int) -> str:
     lines = ["Plan, in CPU seconds:"]
     for what, nets, fidelity, seconds in plan:
         train = fidelity.train
-        size = f"{fidelity.size}, {fidelity.images} images, {train.steps} steps"
-        lines.append(f"  {nets:5d} x {seconds:6.1f}  {what} ({train.net}, {size})")
+        size = f"{fidelity.size}, {fidelity.images} images"
+        steps = f", {train.steps} steps" if train.steps else ""
+        lines.append(f"  {nets:5d} x {seconds:6.1f}  {what} ({train.net}, {size}{steps})")
     starts = (described(work.fidelity.train) for work in plan)
     lines += [f"  {start}" for start in dict.fromkeys(starts) if start]
     total = duration(sum(work.cost for work in plan) / max(workers, 1))

@@ -34,8 +34,9 @@ from shell.files import digest
 
 
 def reward_of(config: GroupsConfig) -> Fidelity:
-    """The fidelity of a round, one shot of each of its streets."""
-    return replace(config.reward, streets=config.search.pool.streets, shots=1)
+    """The fidelity of a round: one shot of each of its streets, and a net without training steps."""
+    train = replace(config.reward.train, steps=0)
+    return replace(config.reward, streets=config.search.pool.streets, shots=1, train=train)
 
 
 def work_of(config: GroupsConfig, plans: Sequence[SearchPlan]) -> list[Work]:
@@ -48,7 +49,7 @@ def work_of(config: GroupsConfig, plans: Sequence[SearchPlan]) -> list[Work]:
     if rounds:
         fidelity = reward_of(config)
         streets = rounds * fidelity.streets
-        found.append(Work("streets of its pools", streets, fidelity, credit_cost(fidelity)))
+        found.append(Work("streets of its pools, with their credits", streets, fidelity, credit_cost(fidelity)))
     return found
 
 
