@@ -9,16 +9,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sdr_jax import pool, space
+from sdr_jax import Proposal, pool, space
 from sdr_jax.models import regression
 from sdr_jax.models.regression import Centred
 from sdr_jax.pool import FLOOR, basis, counted, divergence, marginal, of_streets
 
-from .conftest import KEY, SEEDS
+from .conftest import KEY, SEEDS, learnt
 
 FEW, MANY = space(list("ab"), 3), space([f"a{k}" for k in range(23)], 10)
 WIDE = ((0.5,) * 23, (0.5,) * 23)
-N, E, M = 300, 60, 50
+N = 300
+NOISE = 0.5  # of a reward; more than streets differ in worth
 METHODS = {"uniform": pool(MANY), "start": pool(MANY, start=WIDE)}
 
 
@@ -27,18 +28,16 @@ def nothing(size: int) -> Centred:
     return Centred(jnp.zeros((size, size)), jnp.zeros(size), zero, zero)
 
 
-def test_regression_on_all_sets_gives_the_natural_gradient() -> None:
-    """Of pairs of streets, each pair as often as it is likely; the gradient and Fisher matrix by jax.grad."""
+def test_regression_on_all_streets_gives_the_natural_gradient() -> None:
+    """Each street as often as it is likely; the gradient and Fisher matrix by jax.grad."""
     times = np.asarray([[1, 2, 3], [3, 2, 1]])  # probabilities of the bins, in sixths
     table = jnp.asarray(basis(FEW))
     streets = np.asarray(list(product(range(3), repeat=2)))
-    weight = times[0][streets[:, 0]] * times[1][streets[:, 1]]
-    pairs = np.asarray(list(product(range(len(streets)), repeat=2)))
-    often = weight[pairs].prod(axis=1)
-    score = np.random.default_rng(0).normal(size=len(pairs)).astype(np.float32)
+    often = times[0][streets[:, 0]] * times[1][streets[:, 1]]
+    score = np.random.default_rng(0).normal(size=len(streets)).astype(np.float32)
 
-    x = of_streets(table, jnp.asarray(streets))[pairs].mean(axis=1)
-    rows = np.repeat(np.arange(len(pairs)), often)
+    x = of_streets(table, jnp.asarray(streets))
+    rows = np.repeat(np.arange(len(streets)), often)
     data = counted(nothing(table.shape[-1]), x[rows], jnp.asarray(score)[rows])
     std = jnp.full(table.shape[-1], 30.0)  # next to no ridge
     found = regression.posterior(data, std, jnp.asarray(0.05))[0].mean
@@ -49,7 +48,7 @@ def test_regression_on_all_sets_gives_the_natural_gradient() -> None:
         return own[0][streets[:, 0]] + own[1][streets[:, 1]]
 
     def expected(theta: jax.Array) -> jax.Array:
-        return jnp.sum(jnp.exp(log_likely(theta)[pairs].sum(axis=1)) * score)
+        return jnp.sum(jnp.exp(log_likely(theta)) * score)
 
     def fisher(theta: jax.Array) -> jax.Array:
         slopes = jax.jacobian(log_likely)(theta)
@@ -64,11 +63,10 @@ def test_regression_on_all_sets_gives_the_natural_gradient() -> None:
 def test_pure_noise_moves_the_policy_little(name: str) -> None:
     method, moved = METHODS[name], []
     for seed in range(20):
-        keys = jax.random.split(jax.random.key(seed), 3)
+        keys = jax.random.split(jax.random.key(seed))
         state = method.init(keys[0])
         actions, _ = method.sample(keys[0], state, N)
-        subsets = method.subsets(keys[1], state, actions, E, M)
-        after, _ = method.update(state, actions, jax.random.normal(keys[2], (E,)), subsets)
+        after, _ = method.update(state, actions, jax.random.normal(keys[1], (N,)))
         moved.append(float(divergence(method.policy(after), method.policy(state))))
     assert np.mean(moved) <= 0.1
 
@@ -83,9 +81,8 @@ def test_a_step_stays_within_its_bound_and_leaves_every_bin_a_share(
     state = method.init(key)
     for t in range(3):
         actions, _ = method.sample(jax.random.fold_in(key, t), state, 64)
-        subsets = method.subsets(key, state, actions, 32, 8)
-        rewards = (sharp * actions[:, 0] - actions[:, 1]).astype(jnp.float32)[subsets].mean(axis=1)
-        after, _ = method.update(state, actions, rewards, subsets)
+        rewards = (sharp * actions[:, 0] - actions[:, 1]).astype(jnp.float32)
+        after, _ = method.update(state, actions, rewards)
         before, now = method.policy(state), method.policy(after)
         assert divergence(now, before) <= bound * UNEVEN.attributes * 1.001
         np.testing.assert_allclose(now.probabilities.sum(axis=2), 1, rtol=1e-5)
@@ -101,18 +98,14 @@ START = ((0.125, 0.25, 0.5), (0.25, 0.5, 1.0))
 BOUNDED = {bound: pool(UNEVEN, bound=bound, start=START) for bound in (0.01, 0.1)}
 
 
-def searched(method, worth, rounds: int = 4, seed: int = 0):
-    """The policy after rounds of subsets, whose worth is the mean of their streets'."""
-    key = jax.random.key(seed)
-    state = method.init(key)
-    for t in range(rounds):
-        keys = jax.random.split(jax.random.fold_in(key, t), 3)
-        actions, proposals = method.sample(keys[0], state, N)
-        subsets = method.subsets(keys[1], state, actions, E, M)
-        rewards = worth(proposals.centre)[subsets].mean(axis=1)
-        noise = 0.002 * jax.random.normal(keys[2], (E,))
-        state, _ = method.update(state, actions, rewards + noise, subsets)
-    return state
+def searched(method, worth, rounds: int = 4):
+    """The policy after rounds of streets of a worth."""
+
+    def reward(t: int, actions: jax.Array, proposals: Proposal) -> jax.Array:
+        noise = jax.random.normal(jax.random.key(t + rounds), (N,))
+        return worth(proposals.centre) + NOISE * noise
+
+    return learnt(method, reward, rounds, N)
 
 
 @pytest.mark.parametrize("name", METHODS)
@@ -151,27 +144,16 @@ def test_streets_come_from_components_in_their_shares() -> None:
     assert low.mean() == pytest.approx(0.5 * 0.935**2 + 0.5 / 9, abs=0.03)
 
 
-def test_subsets_hold_no_street_twice_and_differ_by_more_than_chance() -> None:
-    method = METHODS["uniform"]
-    state = method.init(KEY)
-    actions, _ = method.sample(KEY, state, N)
-    subsets = np.asarray(method.subsets(KEY, state, actions, 100, M))
-    assert all(len(set(own)) == M for own in subsets.tolist())
-    first = np.asarray(actions)[:, 0]
-    chance = first.std() * np.sqrt((1 - M / N) / M)
-    assert first[subsets].mean(axis=1).std() > 1.3 * chance
-
-
 def test_failed_rewards_are_left_out() -> None:
     method = METHODS["uniform"]
     state = method.init(KEY)
     actions, _ = method.sample(KEY, state, N)
-    subsets = method.subsets(KEY, state, actions, E, M)
-    rewards = jnp.asarray(actions[:, 0], jnp.float32)[subsets].mean(axis=1)
-    some, _ = method.update(state, actions, rewards.at[5:].set(jnp.nan), subsets)
-    alone, _ = method.update(state, actions, rewards[:5], subsets[:5])
+    rewards = jnp.asarray(actions[:, 0], jnp.float32)
+    some, _ = method.update(state, actions, rewards.at[50:].set(jnp.nan))
+    alone, _ = method.update(state, actions[:50], rewards[:50])
     np.testing.assert_allclose(some.logits, alone.logits, rtol=1e-3, atol=1e-4)
-    none, info = method.update(state, actions, rewards * jnp.nan, subsets)
+    assert np.abs(some.logits - state.logits).max() > 0.1
+    none, info = method.update(state, actions, rewards * jnp.nan)
     np.testing.assert_array_equal(none.logits, state.logits)
     assert np.isnan(info.reward_mean)
 

@@ -7,11 +7,10 @@ import pytest
 
 from sdr_jax import Method, Proposal, leave_one_out, random_search, relax, sdr, space
 from sdr_jax.callback import DataSets, host_reward
-from sdr_jax.pool import pool
-from sdr_jax.run import Subsets, drive, first_state, make_step, refuse_failures, run
+from sdr_jax.run import drive, first_state, make_step, refuse_failures, run
 from shell.errors import UserError
 
-from .conftest import KEY, assert_close, assert_same, driven, refuses
+from .conftest import KEY, assert_close, assert_same, refuses
 
 TARGET = jnp.asarray([0.85, 0.15, 0.05, 0.85, 0.05])
 FIVE = space(list("abcde"), bins=[10, 10, 10, 10, 4], groups=[["a", "b"], ["c", "d", "e"]])
@@ -102,32 +101,6 @@ def test_driven_it_gives_the_same_and_the_seeds_come_straight_from_the_key() -> 
     reward_key = jax.random.split(jax.random.fold_in(jax.random.split(KEY)[1], 0))[1]
     bits = jax.random.bits(reward_key, (2,), jnp.uint32)
     np.testing.assert_array_equal(looped.asked[0].seeds, bits)
-
-
-def test_subsets_of_streets_get_a_reward_each_in_the_loop_as_in_the_scan() -> None:
-    method, asked = pool(PAIR), Subsets(rewards=6, streets=20, size=5)
-
-    def first_attribute(data_sets: DataSets) -> np.ndarray:
-        """The mean of the subset's streets, and what is seen on the way."""
-        seen.append(data_sets)
-        return data_sets.actions[data_sets.subsets, 0].mean(axis=1).astype(np.float32)
-
-    seen: list[DataSets] = []
-    state, record = jax.jit(lambda key: run(key, method, host_reward(first_attribute), 3, asked))(
-        KEY
-    )
-    scanned, seen = seen, []
-    last, driven_record = driven(KEY, method, host_reward(first_attribute), 3, asked)
-    assert_close((last, driven_record), (state, record), atol=1e-4)
-    assert record.actions.shape == (3, 20, 2) and record.rewards.shape == (3, 6)
-    for a, b, actions in zip(scanned, seen, record.actions, strict=True):
-        assert_same((a.actions, a.seeds, a.subsets), (b.actions, b.seeds, b.subsets))
-        np.testing.assert_array_equal(a.actions, actions)
-        assert (a.subsets.shape, a.seeds.shape, a.proposals.centre.shape) == ((6, 5), (6,), (20, 2))
-        assert all(len(set(row)) == 5 for row in a.subsets.tolist())
-    # A street of a higher first bin is worth more, and the policy has learnt it.
-    low, _, high = method.probabilities(last)[0, :3]
-    assert high > low
 
 
 def test_updates_must_be_known_none_leaves_the_first_state_and_a_tenth_may_fail() -> None:
