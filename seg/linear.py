@@ -120,6 +120,10 @@ def credits(
     return np.asarray(own.credits(slope, tuple(maps), labels, statistics))
 
 
+_Traced = tuple[Float[Array, " channels"], Float[Array, " channels"]]
+"""`Statistics` inside a compiled function."""
+
+
 class _Functions(NamedTuple):
     moments: Any
     tested: Any
@@ -131,7 +135,7 @@ def _functions(net: str, classes: int) -> _Functions:
     """The compiled functions for a trunk and a number of classes."""
     strides = trunk_of(TrainSettings(net=net)).strides
 
-    def cells(maps: Maps, statistics: Statistics) -> Float[Array, "n cells channels"]:
+    def cells(maps: Maps, statistics: _Traced) -> Float[Array, "n cells channels"]:
         """Normalised features of all maps at the cells of the finest."""
         n, rows, cols, _ = maps[0].shape
         times = [stride // strides[0] for stride in strides]
@@ -147,7 +151,7 @@ def _functions(net: str, classes: int) -> _Functions:
         """1 for a cell's class, all 0 for void."""
         return jax.nn.one_hot(labels.reshape(len(labels), -1), classes)
 
-    def summed(maps: Maps, labels: Array, statistics: Statistics) -> Moments:
+    def summed(maps: Maps, labels: Array, statistics: _Traced) -> Moments:
         x, of = cells(maps, statistics), classes_of(labels)
         known = x * of.sum(axis=-1, keepdims=True)
         flat, flat_known = (part.reshape(-1, x.shape[-1]) for part in (x, known))
@@ -166,7 +170,7 @@ def _functions(net: str, classes: int) -> _Functions:
         return weights, prior - 0.5 * (means.T * weights).sum(axis=0)
 
     def soft(
-        training: Moments, maps: Maps, labels: Array, statistics: Statistics
+        training: Moments, maps: Maps, labels: Array, statistics: _Traced
     ) -> tuple[Float[Array, ""], Array]:
         weights, bias = solved(training)
         logits = cells(maps, statistics) @ weights + bias[None, None]
@@ -179,7 +183,7 @@ def _functions(net: str, classes: int) -> _Functions:
         return jnp.where(there > 0, iou, 0).sum() / (there > 0).sum(), predicted
 
     def derived(
-        training: Moments, maps: Maps, labels: Array, statistics: Statistics
+        training: Moments, maps: Maps, labels: Array, statistics: _Traced
     ) -> tuple[Array, Moments]:
         (_, predicted), slope = jax.value_and_grad(soft, has_aux=True)(
             training, maps, labels, statistics
@@ -187,7 +191,7 @@ def _functions(net: str, classes: int) -> _Functions:
         return predicted, slope
 
     def credited(
-        slope: Moments, maps: Maps, labels: Array, statistics: Statistics
+        slope: Moments, maps: Maps, labels: Array, statistics: _Traced
     ) -> Float[Array, "n"]:
         x, of = cells(maps, statistics), classes_of(labels)
         squares = (x @ slope.squares * x).sum(axis=-1) * of.sum(axis=-1)
