@@ -72,7 +72,7 @@ def moments(
         settings: they name the trunk.
         classes: the number of classes.
     """
-    own = _functions(settings.net, classes).moments(tuple(maps), labels, statistics)
+    own = _functions(trunk_of(settings).strides, classes).moments(tuple(maps), labels, statistics)
     return Moments(*map(np.asarray, own))
 
 
@@ -97,7 +97,7 @@ def tested(
         soft mIoU a pixel counts for each class with its probability.
     """
     classes = len(training.counts)
-    predicted, slope = _functions(settings.net, classes).tested(
+    predicted, slope = _functions(trunk_of(settings).strides, classes).tested(
         training, tuple(maps), labels, statistics
     )
     return confusion_matrix(labels, np.asarray(predicted), classes), Moments(
@@ -116,7 +116,7 @@ def credits(
 
     The arguments are those of `moments`, and the derivative from `tested`.
     """
-    own = _functions(settings.net, len(slope.counts))
+    own = _functions(trunk_of(settings).strides, len(slope.counts))
     return np.asarray(own.credits(slope, tuple(maps), labels, statistics))
 
 
@@ -131,9 +131,8 @@ class _Functions(NamedTuple):
 
 
 @lru_cache(maxsize=8)
-def _functions(net: str, classes: int) -> _Functions:
-    """The compiled functions for a trunk and a number of classes."""
-    strides = trunk_of(TrainSettings(net=net)).strides
+def _functions(strides: tuple[int, ...], classes: int) -> _Functions:
+    """The compiled functions for the strides of a trunk and a number of classes."""
 
     def cells(maps: Maps, statistics: _Traced) -> Float[Array, "n cells channels"]:
         """Normalised features of all maps at the cells of the finest."""
