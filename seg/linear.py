@@ -26,6 +26,8 @@ RIDGE = 1.0
 single images, and those of two sets of streets agree less on attributes; with much more, a net is worse."""
 TINY = 1e-6
 """It keeps denominators of absent classes above 0."""
+NEVER = -1e9
+"""The log probability of a class that no training image has."""
 
 
 class Moments(NamedTuple):
@@ -165,7 +167,7 @@ def _functions(strides: tuple[int, ...], classes: int) -> _Functions:
         ridge = RIDGE * jnp.trace(within) / channels
         covariance = within + (ridge + TINY) * jnp.eye(channels)
         weights = cho_solve(cho_factor(covariance, lower=True), means.T)
-        prior = jnp.log(jnp.maximum(of.counts / n, TINY))
+        prior = jnp.where(of.counts > 0, jnp.log(jnp.maximum(of.counts, TINY) / n), NEVER)
         return weights, prior - 0.5 * (means.T * weights).sum(axis=0)
 
     def soft(
