@@ -49,7 +49,11 @@ def work_of(config: GroupsConfig, plans: Sequence[SearchPlan]) -> list[Work]:
     if rounds:
         fidelity = reward_of(config)
         streets = rounds * fidelity.streets
-        found.append(Work("streets of its pools, with their credits", streets, fidelity, credit_cost(fidelity)))
+        found.append(
+            Work(
+                "streets of its pools, with their credits", streets, fidelity, credit_cost(fidelity)
+            )
+        )
     return found
 
 
