@@ -15,7 +15,7 @@ STEP_COST |= {"lite0-frozen": 4.5e-8, "lite0-tuned": 2e-6}
 """Approximate CPU seconds of one update per pixel of its images, by recipe."""
 STREET_COST = 0.045
 """CPU seconds of sampling a street and its geometry."""
-CREDIT_COST = 2.5e-7
+CREDIT_COST = 1.8e-7
 """CPU seconds per pixel of an image's moments and its credit."""
 VIEW_COST = {"lite0": 2.5e-7, "lite1": 3.1e-7, "lite2": 3.3e-7, "dinov2": 3e-6}
 """CPU seconds per pixel of a frozen trunk's features of one view; other trunks count as lite0."""
