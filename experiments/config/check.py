@@ -101,8 +101,8 @@ def _check_answer(config: SearchConfig) -> None:
             f"--candidates {' '.join(config.candidates)}: --method {config.search.method} has "
             f"{', '.join(own)}, random and default"
         )
-    if config.search.method == "pool":
-        _check_pool(config)
+    if config.search.method == "pool" and config.reward_kind != "miou":
+        raise UserError("--method pool needs --reward-kind miou")
     if config.reward_kind == "mmd" and config.search.squared_reward:
         raise UserError("--search.squared-reward needs --reward-kind miou: squares have no sign")
     make_method(config, config.search.method, make_space(config), 1)
@@ -112,18 +112,6 @@ def offered(config: SearchConfig) -> tuple[Candidate, ...]:
     """The configuration's candidates that its method has."""
     absent = OF_OTHERS if config.search.method == "pool" else OF_POOL
     return tuple(name for name in config.candidates if name not in absent)
-
-
-def _check_pool(config: SearchConfig) -> None:
-    if config.reward_kind != "miou":
-        raise UserError("--method pool needs --reward-kind miou")
-    if not config.reward.train.frozen:
-        train = config.reward.train
-        kind = "a tuned trunk" if train.has_trunk else f"the net {train.net}"
-        raise UserError(
-            f"--method pool keeps the features of a frozen trunk, and --reward.train has {kind}; use "
-            "--reward.train.net lite0 --reward.train.trunk frozen, or another --method"
-        )
 
 
 def _check_few(config: FewConfig) -> None:

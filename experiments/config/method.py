@@ -12,6 +12,7 @@ from scene.held import hold
 from scene.proposal import Mixture, Proposal, Streets, moments, slide, space_in, streets_in
 from sdr_jax.names import MethodName
 from sdr_jax.registry import make
+from seg.settings import TrainSettings
 from shell.errors import UserError, flagged
 
 WIDE = 0.5
@@ -76,7 +77,8 @@ def make_method(
     """Make the configuration's search method for some of its attributes.
 
     Raises:
-        UserError: an option out of range, a start that cannot be read, or a library that is not installed.
+        UserError: an option out of range, a start that cannot be read, a library that is not installed, or a
+            reward's net that the method cannot solve.
     """
     own: dict[str, Any] = {}
     options = config.search
@@ -90,6 +92,7 @@ def make_method(
             "updates_per_group": updates_per_group,
         }
     if name == "pool":
+        _check_pool(config.reward.train)
         own["bound"] = options.pool.bound
     if name == "intervals" or (name == "pool" and options.start != "random"):
         start = start_of(config)
@@ -99,3 +102,12 @@ def make_method(
         own["start"] = tuple(tuple(part[where].tolist()) for part in start)
     with flagged("--search"):
         return make(name, space, options.relaxation, **own)
+
+
+def _check_pool(train: TrainSettings) -> None:
+    if not train.frozen:
+        kind = "a tuned trunk" if train.has_trunk else f"the net {train.net}"
+        raise UserError(
+            f"--method pool keeps the features of a frozen trunk, and --reward.train has {kind}; use "
+            "--reward.train.net lite0 --reward.train.trunk frozen, or another --method"
+        )

@@ -43,14 +43,14 @@ def credited(
 
     Args:
         workers: the workers.
-        recipe: the trunk and the classes, in the form for workers.
+        recipe: the trunk, with one view of each image, and the classes, in the form for workers.
         streets: one shot of each street, with features.
         real: the images that give the reward, with features, whose mean and deviation normalise all.
         few: labelled images that every training set has, and their share of it.
 
     Returns:
         The mIoU of the net, with the credits: the gain in mIoU for each unit of a street's share of the set,
-        f32[streets]; they add up to 0.
+        f32[streets]; without labelled images they add up to 0.
     """
     started, spent = time.perf_counter(), 0.0
 
@@ -89,7 +89,7 @@ def credited(
 
 
 def _images(held: Cached, start: int, recipe: Recipe) -> tuple[Any, np.ndarray]:
-    """Features and cell labels of some of the images; of several views the first."""
+    """Features and cell labels of some of the images."""
     own = held.load().between(start, start + CHUNK)
     assert own.features is not None
     return own.features, cell_labels(own.labels, recipe.fidelity.train)

@@ -48,7 +48,7 @@ FIELDS: dict[str, tuple[type, ...]] = {
 """One record. A failed evaluation has its reason in ``failed`` and no reward. A net that was trained on real
 images has no proposal, on a histogram ``probabilities`` instead, on a mixture ``components``. ``parts`` has
 the rewards on parts of the images that were tested separately, ``credits`` those of a pool's streets."""
-VALUES = ("reward", "class_iou", "failed")
+VALUES = ("reward", "class_iou", "failed", "credits")
 """Fields that are always the same for the same key, unlike seconds."""
 
 
@@ -286,10 +286,11 @@ def check_fields(where: str, record: Record) -> None:
 
 def refuse_conflict(one: Record, where: str, other: Record, there: str) -> None:
     """Raise UserError if two records of the same evaluation disagree."""
-    if any(one[name] != other[name] for name in VALUES):
+    differ = [name for name in VALUES if one.get(name) != other.get(name)]
+    if differ:
         raise UserError(
-            f"{where} and {there} hold the same evaluation with different values, "
-            f"{_value(one)} and {_value(other)}"
+            f"{where} and {there} hold the same evaluation with different values of {differ[0]}; "
+            f"its rewards are {_value(one)} and {_value(other)}"
         )
 
 

@@ -34,8 +34,8 @@ from shell.files import digest
 
 
 def reward_of(config: GroupsConfig) -> Fidelity:
-    """The fidelity of a round: one shot of each of its streets, and a net without training steps."""
-    train = replace(config.reward.train, steps=0)
+    """The fidelity of a round: one shot and one view of each street, and a net without training steps."""
+    train = replace(config.reward.train, steps=0, views=1)
     return replace(config.reward, streets=config.search.pool.streets, shots=1, train=train)
 
 

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from experiments.config.studies import defaults_of
-from experiments.evaluation.cost import cost_of, head_cost, street_cost
+from experiments.evaluation.cost import cost_of, credit_cost
 from experiments.run.pooled import reward_of
 from experiments.searches import check, configured, derive, plan_of, rows, text, work
 from shell.errors import UserError
@@ -68,12 +68,10 @@ def test_searches_at_equal_core_minutes_have_no_selection_and_end_with_their_met
     check(config)
     plans = {name: plan_of(own, name) for name, own in configured(config).items()}
     assert list(plans) == [f"{m}-{k}" for k in (0, 1) for m in config.methods]
-    pool, fidelity = config.search.pool, reward_of(config)
-    of_round = pool.streets * street_cost(fidelity) + pool.rewards * head_cost(fidelity)
+    fidelity = reward_of(config)
+    of_round = fidelity.streets * credit_cost(fidelity)
     seconds = [
-        plan.updates * of_round
-        if plan.search.subsets
-        else plan.evaluations * cost_of(config.reward)
+        plan.evaluations * (of_round if plan.method == "pool" else cost_of(config.reward))
         for plan in plans.values()
     ]
     assert all(0.75 * 15 * 60 < each <= 15 * 60 for each in seconds)
