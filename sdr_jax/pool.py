@@ -74,7 +74,7 @@ def pool(
     An action is a street's bins. `update` regresses rewards on the statistics of their streets: u and
     (u - 1/2)^2 of an ordered attribute, the bins of one without order, less their means in the street's
     component; and the component. Sums of all rounds are kept, with an intercept for each round. The evidence
-    chooses the ridge, and an effect e with standard deviation s is shrunk by max(0, 1 - s^2 / e^2).
+    chooses the ridge.
 
     The new policy is the old one times exp(eta e . statistics), with eta as large as
     KL(new, old) <= `bound` times the number of attributes allows. If the evidence for any effect is below
@@ -138,7 +138,7 @@ def pool(
         x = statistics(state, actions)
         least = lowest(rewards)
         data = counted(state.data, x, jnp.maximum(rewards, least))
-        effects, evidence = shrunk(data)
+        effects, evidence = effects_of(data)
         before = policy_of(state)
 
         def moved(eta: Array) -> PoolState:
@@ -219,19 +219,15 @@ def counted(data: Centred, x: Float[Array, "n features"], rewards: Rewards) -> C
     )
 
 
-def shrunk(data: Centred) -> tuple[Float[Array, "features"], Float[Array, ""]]:
-    """The effects under the most likely prior, shrunk by their uncertainty, and the evidence for them.
+def effects_of(data: Centred) -> tuple[Float[Array, "features"], Float[Array, ""]]:
+    """The mean effects under the most likely prior, all 0 where no effect is more likely.
 
     Returns:
-        e max(0, 1 - s^2 / e^2) of effects e with standard deviations s, all 0 where no effect is more
-        likely; and the log odds of that prior against no effect, in nats.
+        The effects; and the log odds of that prior against no effect, in nats.
     """
     stds = jnp.sqrt(jnp.asarray(SIGNALS))[:, None] * jnp.ones((1, len(data.moment)))
     belief, _, evidence = regression.with_evidence(data, stds)
-    variance = jnp.diag(regression.covariance(belief))
-    square = belief.mean**2
-    keep = jnp.where(square > variance, 1 - variance / jnp.maximum(square, TINY), 0.0)
-    return belief.mean * keep, evidence.max() - evidence[0]
+    return belief.mean, evidence.max() - evidence[0]
 
 
 def marginal(policy: Policy) -> Float[Array, "attributes bins"]:
