@@ -23,7 +23,7 @@ import numpy as np
 from experiments.config import FewConfig, Fidelity, Preset, parsers
 from experiments.config.presets import defaults, in_space
 from experiments.evaluation.cost import head_cost, street_cost
-from experiments.evaluation.job import Job, Keeps, LabelledSubset, Source, StreetPool, Subset
+from experiments.evaluation.job import Job, Keeps, LabelledSubset, Source, StreetPool
 from experiments.evaluation.predictions import file_of, load
 from experiments.report import live, page
 from experiments.report.fit import MODEL, STRIP, Row, derive, rows_of, text
@@ -278,7 +278,7 @@ def scores(run: Run[FitConfig], known: Prepared) -> Report:
     }
     live.watch(run, facts)
     random = {seed: rendered(run, config.streets("random"), seed) for seed in seeds}
-    learnt: list[dict[int, Subset]] = []
+    learnt: list[dict[int, StreetPool]] = []
     for number, fold in enumerate(folds, 1):
         if config.learnt:
             streets = learn(fold, name=f"fold-{number}").streets
@@ -309,12 +309,12 @@ def scores(run: Run[FitConfig], known: Prepared) -> Report:
     report = {**facts, "seconds": seconds, "nets": found}
     _leave(run, known, random[seeds[0]], derive(report))
     for made in (random, *learnt):
-        for subset in made.values():
-            run.runner.cache.forget(subset.pool.name)
+        for pool in made.values():
+            run.runner.cache.forget(pool.name)
     return report
 
 
-def rendered(run: Run[FitConfig], streets: Streets, seed: int) -> Subset:
+def rendered(run: Run[FitConfig], streets: Streets, seed: int) -> StreetPool:
     """Render streets of one shot with their features, which all nets of a seed share."""
     config, recipe = run.config, run.recipe(run.config.final)
     units = draw(streets, seed, config.final.streets)
@@ -328,7 +328,7 @@ def rendered(run: Run[FitConfig], streets: Streets, seed: int) -> Subset:
         run.progress.update(f"streets of seed {seed}")
 
     held, _ = run.runner.cache.streets(name, recipe, units, seed, done)
-    return Subset(StreetPool(name, held), tuple(range(len(units))))
+    return StreetPool(name, held)
 
 
 def _beside(

@@ -6,14 +6,14 @@ Source: `docs/benchmarks.md`.
 from __future__ import annotations
 
 from experiments.config import Fidelity
-from experiments.evaluation.job import Given, Job, Subset, rendered_of
+from experiments.evaluation.job import Given, Job, StreetPool, rendered_of
 from seg.recipes import recipe_for
 from seg.settings import TrainSettings
 
 STEP_COST = {"compact": 2.5e-7, "paper": 5e-5, "vgg-adam": 5e-5, "scratch": 5e-5}
 STEP_COST |= {"lite0-frozen": 4.5e-8, "lite0-tuned": 2e-6}
 """Approximate CPU seconds of one update per pixel of its images, by recipe."""
-STREET_COST = 0.045
+STREET_COST = 0.02
 """CPU seconds of sampling a street and its geometry."""
 CREDIT_COST = 1.8e-7
 """CPU seconds per pixel of an image's moments and its credit."""
@@ -28,7 +28,7 @@ def cost_of(fidelity: Fidelity) -> float:
 
 
 def _image_cost(fidelity: Fidelity) -> float:
-    return 0.025 + 2.8e-7 * fidelity.width * fidelity.height * fidelity.samples**2
+    return 0.012 + 1.6e-7 * fidelity.width * fidelity.height * fidelity.samples**2
 
 
 def street_cost(fidelity: Fidelity) -> float:
@@ -75,5 +75,5 @@ def job_cost(job: Job) -> float:
         before = cost_of(start.recipe.fidelity) / start.nets
     if isinstance(job.source, Given):
         return before + training_cost(fidelity)
-    pooled = isinstance(rendered_of(job.source), Subset)
+    pooled = isinstance(rendered_of(job.source), StreetPool)
     return before + (head_cost if pooled else cost_of)(fidelity)

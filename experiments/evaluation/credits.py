@@ -7,35 +7,27 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from experiments.evaluation.cache import statistics_of
 from experiments.evaluation.cached import Cached
-from experiments.evaluation.job import Recipe, Result
+from experiments.evaluation.job import Recipe, Result, scored
 from scene.workers import Workers
 from seg.linear import Moments, cell_labels, credits, moments, tested
-from seg.metrics import iou, mean_iou
 from seg.pyramid import Statistics
 
 CHUNK = 16
 """Images per task of a worker."""
 
 
-class Sized(NamedTuple):
-    """Images for workers, with their number."""
-
-    held: Cached
-    number: int
-
-
 def credited(
     workers: Workers,
     recipe: Recipe,
-    streets: Sized,
+    streets: Cached,
     real: Cached,
-    few: tuple[Sized, float] | None = None,
+    few: tuple[Cached, int, float] | None = None,
 ) -> Result:
     """Solve a linear net for the streets of a pool, test it, and find the credit of each street.
 
@@ -46,7 +38,7 @@ def credited(
         recipe: the trunk, with one view of each image, and the classes, in the form for workers.
         streets: one shot of each street, with features.
         real: the images that give the reward, with features, whose mean and deviation normalise all.
-        few: labelled images that every training set has, and their share of it.
+        few: labelled images that every training set has, their number, and their share of it.
 
     Returns:
         The mIoU of the net, with the credits: the gain in mIoU for each unit of a street's share of the set,
@@ -54,38 +46,35 @@ def credited(
     """
     started, spent = time.perf_counter(), 0.0
 
-    def all_of(function: Callable[..., Any], images: Sized, *rest: Any) -> Iterator[Any]:
+    def all_of(
+        function: Callable[..., Any], images: Cached, number: int, *rest: Any
+    ) -> Iterator[Any]:
         nonlocal spent
-        tasks = [(images.held, start, recipe, *rest) for start in range(0, images.number, CHUNK)]
+        tasks = [(images, start, recipe, *rest) for start in range(0, number, CHUNK)]
         found = dict(workers.map(function, tasks, net=True))
         spent += sum(seconds for _, seconds in found.values())
         return (found[index][0] for index in range(len(tasks)))
 
-    def summed(images: Sized) -> Moments:
-        own = list(all_of(_moments, images, statistics))
+    def summed(images: Cached, number: int) -> Moments:
+        own = list(all_of(_moments, images, number, statistics))
         return Moments(*(np.sum(part, axis=0, dtype=np.float64) for part in zip(*own, strict=True)))
 
     ((_, statistics),) = workers.map(statistics_of, [(real,)], net=True)
-    training = summed(streets)
+    number = recipe.fidelity.streets
+    training = summed(streets, number)
     if few is not None:
-        images, share = few
-        beside = summed(images)
+        images, count, share = few
+        beside = summed(images, count)
         weight = share / (1 - share) * training.counts.sum() / max(beside.counts.sum(), 1)
         training = training + beside.times(weight)
     training = Moments(*(part.astype(np.float32) for part in training))
     ((_, (confusion, slope)),) = workers.map(
         _tested, [(training, real, recipe, statistics)], net=True
     )
-    own = np.concatenate(list(all_of(_credits, streets, statistics, slope)))
-    present = confusion.sum(axis=1) > 0
-    class_iou = [float(v) if p else None for v, p in zip(iou(confusion), present, strict=True)]
-    return Result(
-        mean_iou(confusion),
-        class_iou,
-        render_seconds=0.0,
-        train_seconds=max(spent, time.perf_counter() - started),
-        credits=tuple((own * len(own)).astype(np.float32).tolist()),
-    )
+    own = np.concatenate(list(all_of(_credits, streets, number, statistics, slope)))
+    seconds = max(spent, time.perf_counter() - started)
+    found = tuple((own * number).astype(np.float32).tolist())
+    return scored(confusion, 0.0, seconds)._replace(credits=found)
 
 
 def _images(held: Cached, start: int, recipe: Recipe) -> tuple[Any, np.ndarray]:

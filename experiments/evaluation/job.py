@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Literal, NamedTuple
 
+import numpy as np
+
 from experiments.config import Fidelity, RewardKind
 from experiments.evaluation.cached import Cached
 from experiments.evaluation.made_with import MadeWith
@@ -14,6 +16,7 @@ from scene.proposal import Streets
 from seg.beside import TrainingSet
 from seg.classes import ClassTable, class_table
 from seg.data import LabelledImages
+from seg.metrics import iou, mean_iou
 from seg.pyramid import Statistics
 
 Parts = tuple[tuple[int, int], ...]
@@ -47,13 +50,6 @@ class StreetPool(NamedTuple):
     held: Cached | None = None  # with features; None until they are made
 
 
-class Subset(NamedTuple):
-    """Some streets of a pool."""
-
-    pool: StreetPool
-    picked: tuple[int, ...]  # by index
-
-
 class LabelledSubset(NamedTuple):
     """Some of a target's labelled images; files hold all of them once."""
 
@@ -63,9 +59,9 @@ class LabelledSubset(NamedTuple):
 
 Given = LabelledImages | LabelledSubset
 """Images with labels, which need no rendering."""
-Source = Streets | StreetPool | Subset | Given | TrainingSet
-"""A source of training images: a dataset rendered from streets, a pool or some of its streets, given images,
-or a `TrainingSet` of a rendered and a given part."""
+Source = Streets | StreetPool | Given | TrainingSet
+"""A source of training images: a dataset rendered from streets, a pool of streets, given images, or a
+`TrainingSet` of a rendered and a given part."""
 
 
 def rendered_of(source: Any) -> Any:
@@ -105,7 +101,6 @@ class Job(NamedTuple):
     a known one may have other parts, or none."""
     keeps: Keeps | None = None  # what to keep in the run folder
     start: Start | None = None  # the training before that by the recipe
-    rendered: float = 0.0  # CPU seconds of its share of earlier rendering
 
 
 class Result(NamedTuple):
@@ -126,6 +121,12 @@ class Result(NamedTuple):
     def seconds(self) -> float:
         """Core seconds of the evaluation when it was made."""
         return self.render_seconds + self.train_seconds
+
+
+def scored(confusion: np.ndarray, render_seconds: float, train_seconds: float) -> Result:
+    """The result of a net with this confusion matrix on all tested images."""
+    class_iou = [None if np.isnan(v) else float(v) for v in iou(confusion)]
+    return Result(mean_iou(confusion), class_iou, render_seconds, train_seconds)
 
 
 def said(job: Job, result: Result) -> str:

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.evaluation.job import Given, LabelledSubset, Result, Source, StreetPool, Subset
+from experiments.evaluation.job import Given, LabelledSubset, Result, Source, StreetPool
 from scene.attributes import SPACES, names
 from scene.proposal import Histogram, Mixture, Proposal, components
 from shell.errors import UserError
@@ -64,8 +64,6 @@ def identity(config: str, source: Source, seed: int) -> str:
         named: Any = digest_of_images(source)
     elif isinstance(source, StreetPool):
         named = source.name
-    elif isinstance(source, Subset):
-        named = [source.pool.name, list(source.picked)]
     elif isinstance(source, Mixture):
         named = [[share, *_parts(own).values()] for share, own in components(source)]
     else:

@@ -152,7 +152,8 @@ def parts(data: Data, out: Path, preset: Size, searches: int, twins: int) -> lis
                 flags = ("--twin", kind, "--twin-seed", seed, *pool, *one)
                 yield from study(f"{kind}-{seed}", "twins", "searches", "twin", *flags)
         for name, target, flags in real:
-            counts = ("--counts", *COUNTS, "266" if target == "camvid" else "100") if quick else ()
+            every = "266" if target == "camvid" else "100"
+            counts = ("--counts", "0", *COUNTS, every) if quick else ()
             rows = ("--renders", "random", "default", "learnt", *learnt(name))
             yield from study(f"labels-{name}", "labels", "labels", target, *flags, *counts, *rows)
         for name, target, flags in real:

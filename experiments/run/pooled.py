@@ -11,7 +11,6 @@ import numpy as np
 import sdr_jax
 from experiments.config import Candidate, Fidelity, GroupsConfig
 from experiments.evaluation.cost import cost_of, credit_cost
-from experiments.evaluation.credits import Sized
 from experiments.evaluation.job import Job, Result, StreetPool
 from experiments.run.context import Run, Work
 from experiments.run.few import beside
@@ -79,19 +78,14 @@ def drawn(rng: np.random.Generator, proposals: Proposal) -> np.ndarray:
 
 
 class PoolRewards(Rewards):
-    """Evaluates a pool of streets for each update: the rewards of its actions are the streets' credits.
-
-    A pool is made only if its credits are not known, and is removed once they are.
-    """
+    """Evaluates a pool of streets for each update: the rewards of its actions are the streets' credits."""
 
     def __init__(self, run: Run[Any], plan: SearchPlan) -> None:
         super().__init__(run, plan)
         fidelity = reward_of(run.config)
         source = beside(run, fidelity, StreetPool(""))
         self._job = Job(run.recipe(fidelity), source, 0, {}, "reward")
-        self._alone = self._job._replace(source=StreetPool(""))
-        for job in (self._job, self._alone):
-            run.runner.about(job)  # here, since it needs JAX
+        run.runner.about(self._job)  # here, since it needs JAX
 
     def _evaluated(self, asked: sdr_jax.DataSets) -> tuple[list[Result], np.ndarray]:
         run, fidelity = self._run, self._job.recipe.fidelity
@@ -99,7 +93,6 @@ class PoolRewards(Rewards):
         units = drawn(rng, embed(self._plan, asked.proposals))
         seed = int(rng.integers(2**32))  # of the streets
         pool = StreetPool(digest([digest(units.tolist()), seed, RIDGE]))
-        folder = digest([run.runner.about(self._alone)["config"], pool.name])
         job = self._job._replace(source=beside(run, fidelity, pool), notes=self._notes(0))
         self._refuse_another([job])
         cost, made = credit_cost(fidelity), 0
@@ -111,14 +104,9 @@ class PoolRewards(Rewards):
             where = f"{self._plan.name}: round {self.update + 1}"
             run.progress.update(f"{where}, street {made}/{len(units)}")
 
-        def streets() -> tuple[Sized, float]:
-            held, seconds = run.runner.cache.streets(folder, self._job.recipe, units, seed, done)
-            return Sized(held, len(units)), seconds
-
-        result = run.runner.credit(job, streets, run.evaluations)
+        result = run.runner.credit(job, units, seed, done, run.evaluations)
         if not made:  # they existed, or are not needed
             run.progress.advance(len(units) * cost, replayed=True)
-        run.runner.cache.forget(folder)
         return [result], np.array(result.credits, np.float32)
 
 

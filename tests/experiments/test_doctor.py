@@ -216,7 +216,7 @@ def test_costs_scale_with_the_pace_of_both_parts(tmp_path):
     found = costs.commands(find_target("camvid"), data, (480, 360), {"camvid": "camvid"})
     assert [name.split()[1] for name in found] == ["render", "fit", "camvid", "camvid"]
     renders, fit, smoke, quick = found.values()
-    assert renders.train == 0 and renders.render == pytest.approx(47.35, abs=0.01)
+    assert renders.train == 0 and renders.render == pytest.approx(23.86, abs=0.01)
     expected = sum(work.cost for work in planned(configured((480, 360)), 1))
     assert costs.Pace(1.0, 1.0).seconds(fit) == pytest.approx(expected)
     assert fit.render > 3 * renders.render and fit.train > 0
