@@ -256,10 +256,10 @@ def test_what_cannot_be_done_shows_before_the_folder_is_made(config):
 def test_the_plan_tells_nets_seconds_and_time_and_what_nets_start_from(tmp_path):
     final = defaults(LearntConfig, "camvid", "quick").final
     text = plan_text([Work.at("nets, 3 sets x 5 seeds", 15, final), Work("b", 10, final, 6.0)], 2)
-    # 400 x (0.045 + 0.037) s of rendering, 42240 pixels x (800 views x 2.5e-7 s + 4000 in updates x 4.5e-8 s)
-    assert "15 x   48.8  nets, 3 sets x 5 seeds (lite0, 240x176, 400 images, 1000 steps)" in text
-    # (15 x 48.8 + 10 x 6) / 2 = 396 s
-    assert "About 7 min on 2 worker(s), without compiling" in text
+    # 400 x (0.02 + 0.019) s of rendering, 42240 pixels x (800 views x 2.5e-7 s + 4000 in updates x 4.5e-8 s)
+    assert "15 x   31.6  nets, 3 sets x 5 seeds (lite0, 240x176, 400 images, 1000 steps)" in text
+    # (15 x 31.6 + 10 x 6) / 2 = 267 s
+    assert "About 4 min on 2 worker(s), without compiling" in text
     path = tmp_path / "hed.npz"
     np.savez(path, normalisation="hed", source="VGG16, fine-tuned")
     other = replace(final, train=replace(final.train, net="fcn8s", weights=str(path)))
