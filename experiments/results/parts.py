@@ -121,10 +121,12 @@ def parts(data: Data, out: Path, preset: Size, searches: int, twins: int) -> lis
         searches: number of searches of each method.
         twins: number of twins of each kind.
     """
-    # The smoke preset is small already, and its nets are not for pools.
-    quick = preset == "quick"
+    quick = preset == "quick"  # the smoke preset is small already
     size = ("--preset", preset, "--space", "extended")
-    pool = ("--methods", "pool") if quick else ("--methods", "random_search")
+    # The defaults of real targets and of twins; the smoke preset's nets are not for pools.
+    pool, intervals = (
+        ("--methods", name if quick else "random_search") for name in ("pool", "intervals")
+    )
     one, many = ("--searches", "1"), ("--searches", str(searches))
     own = ("--candidates", "last", "default") if quick else ()
     three = ("--seeds", "3") if quick else ()
@@ -140,8 +142,8 @@ def parts(data: Data, out: Path, preset: Size, searches: int, twins: int) -> lis
         if where is not None:
             yield Part(name, group, f"experiments.{module}", (*where, *size, *flags))
 
-    def learnt(main: str) -> tuple[str, ...]:
-        return ("--learnt", str(out / f"{main}/attributes/{pool[1]}-0.json"))
+    def learnt(main: str, method: tuple[str, str] = pool) -> tuple[str, str]:
+        return "--learnt", str(out / f"{main}/attributes/{method[1]}-0.json")
 
     def all_parts() -> Iterator[Part]:
         large = LARGE if quick else ()
@@ -149,7 +151,7 @@ def parts(data: Data, out: Path, preset: Size, searches: int, twins: int) -> lis
             yield from study(name, "main", "searches", target, *flags, *large, *pool, *many, *own)
         for kind in ("far", "near"):
             for seed in map(str, range(twins)):
-                flags = ("--twin", kind, "--twin-seed", seed, *pool, *one)
+                flags = ("--twin", kind, "--twin-seed", seed, *intervals, *one)
                 yield from study(f"{kind}-{seed}", "twins", "searches", "twin", *flags)
         for name, target, flags in real:
             every = "266" if target == "camvid" else "100"
@@ -193,7 +195,7 @@ def parts(data: Data, out: Path, preset: Size, searches: int, twins: int) -> lis
         main, far = f"camvid-{HOLDOUT}", ("--twin", "far")
         for name, target, flags, source in (
             (main, "camvid", ("--holdout", HOLDOUT), learnt(main)),
-            ("far", "twin", far, learnt("far-0")),
+            ("far", "twin", far, learnt("far-0", intervals)),
         ):
             for kind, more in (("table", (*source, *nets)), ("pretrain", (*source, *starts))):
                 own = (*flags, *more, *three)
