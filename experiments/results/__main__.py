@@ -80,8 +80,7 @@ def main(arguments: list[str] | None = None) -> int:
                 raise UserError(
                     f"--only {name} is none of the parts that this data makes: {', '.join(names)}"
                 )
-        wanted = [part for part in every if part.name in (config.only or names)]
-        make(wanted, config.out, config.docs, config.store)
+        make(every, config.out, config.docs, config.store, config.only)
 
     return exit_code(work, debug=given["debug"])
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
+from experiments.evaluation.store import LOGS, read, result_of
 from experiments.results.parts import GROUPS, Part
 from experiments.study.form import Column, Report, estimate, table
 from experiments.study.stats import estimated
@@ -19,54 +20,55 @@ OTHERS = ("random", "default", "few", "real")
 
 
 def write(
-    parts: Sequence[Part], times: Mapping[str, float], origin: str, out: Path, docs: Path | None
+    parts: Sequence[Part], done: Collection[str], commit: str, out: Path, docs: Path | None
 ) -> None:
     """Write the page into the folder of the runs and, with its pictures, into another.
 
     Args:
         parts: the parts in the order of the page.
-        times: seconds of the finished parts by name.
-        origin: commit of the program and the total time, as the end of a sentence.
+        done: names of the finished ones.
+        commit: commit of the program.
         out: folder of all runs.
         docs: the other folder; its pictures and reports go into ``results/``.
     """
-    files.write(out / NAME, text(parts, times, origin, out))
+    files.write(out / NAME, text(parts, done, commit, out))
     if docs is None:
         return
     shown = docs / "results"
     shown.mkdir(parents=True, exist_ok=True)
     for part in parts:
-        if part.name in times:
+        if part.name in done:
             for suffix in ("json",) if GROUPS[part.group].summed else ("json", "png"):
                 source = out / part.name / f"{part.study}.{suffix}"
                 shutil.copyfile(source, shown / f"{part.name}.{suffix}")
-    files.write(docs / NAME, text(parts, times, origin, out, "results"))
+    files.write(docs / NAME, text(parts, done, commit, out, "results"))
 
 
 def text(
     parts: Sequence[Part],
-    times: Mapping[str, float],
-    origin: str,
+    done: Collection[str],
+    commit: str,
     out: Path,
     shown: str | None = None,
 ) -> str:
     """The page, in Markdown; pictures from the runs' folders, or from another."""
-    missing = [part.name for part in parts if part.name not in times]
+    made = [part for part in parts if part.name in done]
+    missing = [part.name for part in parts if part.name not in done]
     lines = [
         "# All results",
         "",
-        f"Made by `make results` with engine {ENGINE}, at commit {origin}",
+        f"Made by `make results` with engine {ENGINE}, at commit {commit}{_work(made, out)}.",
         *([f"Not made yet: {', '.join(missing)}."] if missing else []),
     ]
     for name, group in GROUPS.items():
-        own = [part for part in parts if part.group == name and part.name in times]
+        own = [part for part in made if part.group == name]
         if not own:
             continue
         lines += ["", f"## {group.title}", group.asks]
         if group.summed:
             lines += ["", *_summary(own, out, group.averaged)]
         for part in own:
-            said = f"`{part.shown}`, {duration(times[part.name])}"
+            said = f"`{part.shown}`{_work([part], out)}"
             if group.summed:
                 lines.append(f"- {part.name}: {said}")
                 continue
@@ -74,6 +76,16 @@ def text(
             picture = f"{shown}/{part.name}.png" if shown else f"{part.name}/{part.study}.png"
             lines += ["", said, "", own_table, "", f"![{part.name}]({picture})"]
     return "\n".join([*lines, ""])
+
+
+def _work(parts: Sequence[Part], out: Path) -> str:
+    """The core time of some parts' evaluations; what parts share counts once."""
+    known = {}
+    for part in parts:
+        if any((out / part.name / log).exists() for log in LOGS):
+            known.update(read(out / part.name))
+    seconds = sum(result_of(record).seconds for record, _ in known.values())
+    return f": {len(known)} evaluations that took a core {duration(seconds)}" if known else ""
 
 
 def _summary(parts: Sequence[Part], out: Path, averaged: bool) -> list[str]:

@@ -1,12 +1,12 @@
 """All results from one commit: every part is a sound command, done once, and told on one page."""
 
+import json
 from pathlib import Path
 
 import pytest
 
 from experiments.config import presets
 from experiments.config.studies import defaults_of
-from experiments.evaluation.store import write_store
 from experiments.results import __main__ as command
 from experiments.results import making
 from experiments.results import parts as results
@@ -14,7 +14,7 @@ from experiments.results.page import text
 from experiments.searches import OVER
 from experiments.study.skeleton import check
 from shell.errors import UserError
-from shell.files import read_json, write, write_json
+from shell.files import write, write_json
 
 from .conftest import job_of, parsed
 
@@ -53,10 +53,9 @@ def test_what_parts_leave_to_others_is_what_these_read(camvid_dir, tmp_path, mon
     monkeypatch.setattr(making, "commit", lambda: "abc")
     wanted = results.parts(results.Data(camvid_dir), tmp_path / "out", "smoke", 1, 2)
     names = ["camvid-0006R0", "far-0", "far-1", "table-camvid-0006R0", "table-far"]
-    some = [part for part in wanted if part.name in names]
-    assert making.make(some, tmp_path / "out") == names
+    assert making.make(wanted, tmp_path / "out", only=names) == names
     page = (tmp_path / "out" / "results.md").read_text()
-    assert "mean of 2 far" in page and "Not made yet" not in page
+    assert "mean of 2 far" in page and "Not made yet: camvid, near-0" in page
 
 
 NET = {
@@ -71,15 +70,14 @@ class Runs:
     def __init__(self, failing: str = "") -> None:
         self.failing, self.ran = failing, []
 
-    def __call__(self, words, note) -> int:
-        note()
+    def __call__(self, words) -> int:
         out = Path(words[words.index("--out") + 1])
         self.ran.append(out.name)
         out.mkdir(exist_ok=True)
         write(out / "some.md", f"table of {out.name}")
         write(out / "some.png", b"picture")
         write_json(out / "some.json", {})
-        write_store(Path(words[words.index("--store") + 1]), [NET])
+        write(out / "finals.jsonl", json.dumps(NET) + "\n")
         return 3 if out.name == self.failing else 0
 
 
@@ -88,27 +86,21 @@ def test_parts_are_done_once_and_told_on_one_page(tmp_path, monkeypatch):
     out, docs, store = tmp_path / "out", tmp_path / "docs", tmp_path / "shared.jsonl"
     broken = Runs("two")
     with pytest.raises(UserError, match="two ended with exit code 3"):
-        making.make(SOME, out, docs, store, broken)
+        making.make(SOME, out, docs, store, run=broken)
     assert "Not made yet: two" in (docs / "results.md").read_text()
-    before = read_json(out / making.PARTS)["two"]
-    assert not before["done"]
     again = Runs()
-    assert making.make(SOME, out, docs, store, again) == ["one", "two"]
-    after = read_json(out / making.PARTS)["two"]
-    assert after["done"] and after["seconds"] > before["seconds"] > 0  # both attempts count
+    assert making.make(SOME, out, docs, store, run=again) == ["one", "two"]
     assert (broken.ran, again.ran) == (["one", "two"], ["two"])
     page = (docs / "results.md").read_text()
-    assert (
-        "commit abc, from 1 nets that took a core 5.0 h, images included. What the shared store held"
-        in page
-    )
+    assert "commit abc: 1 evaluations that took a core 5.0 h." in page  # one net of two parts
+    assert page.count(": 1 evaluations") == 3
     assert "table of one" in page and "table of two" in page
     assert "--data DIR --weights FILE" in page and "/mine" not in page
     assert (docs / "results" / "two.png").read_bytes() == b"picture"
-    assert making.make(SOME, out, docs, store, Runs("one")) == ["one", "two"]
+    assert making.make(SOME, out, docs, store, run=Runs("one")) == ["one", "two"]
     monkeypatch.setattr(making, "commit", lambda: "def")
     with pytest.raises(UserError, match='commit = "abc", not "def"'):
-        making.make(SOME, out, docs, store, Runs())
+        making.make(SOME, out, docs, store, run=Runs())
 
 
 def test_parts_of_one_kind_have_a_table_with_their_means(tmp_path):
@@ -127,18 +119,17 @@ def test_parts_of_one_kind_have_a_table_with_their_means(tmp_path):
         ]  # fmt: skip
         (tmp_path / part.name).mkdir()
         write_json(tmp_path / part.name / "searches.json", {"rows": rows})
-    page = text(wanted, {part.name: 60.0 for part in wanted}, "abc", tmp_path)
+    page = text(wanted, {part.name for part in wanted}, "abc", tmp_path)
     assert "| far-1 |  | 10.0 | 20.0 | 31.0 | 40.0 | +2.0 |  | +2.0 |  |" in page
     assert "| mean of 2 far |  | 10.0 | 20.0 | 30.5 | 40.0 | +1.0 | -11.7 to 13.7 | +1.0 |" in page
     assert "mean of 1" not in page and "- near: `sdr-jax study searches`" in page
 
 
-def test_a_command_that_runs_on_is_noted_as_it_goes(monkeypatch):
-    monkeypatch.setattr(making, "TICK", 0.01)
-    notes = []
-    words = ["python", "-c", "import sys, time; time.sleep(0.3); sys.exit(7)"]
-    assert making._run(words, lambda: notes.append(1)) == 7
-    assert notes
+def test_a_sitting_with_some_parts_adds_them_to_the_page(tmp_path, monkeypatch):
+    monkeypatch.setattr(making, "commit", lambda: "abc")
+    for name, missing in (("two", "Not made yet: one."), ("one", "table of two")):
+        making.make(SOME, tmp_path / "out", only=[name], run=Runs())
+        assert missing in (tmp_path / "out" / "results.md").read_text()
 
 
 @pytest.mark.parametrize(("flags", "complaint"), [
