@@ -98,8 +98,11 @@ class Progress:
 
     @property
     def left(self) -> float | None:
-        """Seconds left at the pace of this session, None before any work is done."""
-        if self._worked <= 0:
+        """Seconds left at the pace of this session, None before it has done a hundredth of the work.
+
+        The first pieces compile, so that their pace says little.
+        """
+        if self._worked <= 0 or self._worked < self._total / 100:
             return None
         pace = (time.perf_counter() - self._paced) / self._worked
         return max(self._total - self._done, 0.0) * pace

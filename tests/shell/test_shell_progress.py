@@ -42,8 +42,9 @@ def test_time_left_by_hand_and_replayed_work_does_not_set_the_pace(clock):
     told = Progress(total=10, stream=io.StringIO())
     assert told.left is None
     clock.now += 30
-    told.advance(2)
-    told.advance(1)
+    told.advance(0.09)
+    assert told.left is None  # too little to tell
+    told.advance(2.91)
     assert told.left == pytest.approx(70)  # 10 s per unit, 7 units left
     told.advance(8)
     assert told.left == 0  # more than was planned is no negative time
