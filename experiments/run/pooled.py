@@ -31,6 +31,9 @@ from sdr_jax.pool import Policy
 from seg.linear import RIDGE
 from shell.files import digest
 
+TOLD = 10
+"""Number of lines of progress for each round."""
+
 
 def reward_of(config: GroupsConfig) -> Fidelity:
     """The fidelity of a round: one shot and one view of each street, and a net without training steps."""
@@ -101,8 +104,10 @@ class PoolRewards(Rewards):
             nonlocal made
             made += streets
             run.progress.advance(streets * cost)
-            where = f"{self._plan.name}: round {self.update + 1}"
-            run.progress.update(f"{where}, street {made}/{len(units)}")
+            before = made - streets
+            if not before or made * TOLD // len(units) > before * TOLD // len(units):
+                where = f"{self._plan.name}: round {self.update + 1}"
+                run.progress.update(f"{where}, street {made}/{len(units)}")
 
         result = run.runner.credit(job, units, seed, done, run.evaluations)
         if not made:  # they existed, or are not needed
