@@ -102,9 +102,8 @@ class PoolRewards(Rewards):
 
         def done(streets: int) -> None:
             nonlocal made
-            made += streets
+            before, made = made, made + streets
             run.progress.advance(streets * cost)
-            before = made - streets
             if not before or made * TOLD // len(units) > before * TOLD // len(units):
                 where = f"{self._plan.name}: round {self.update + 1}"
                 run.progress.update(f"{where}, street {made}/{len(units)}")
