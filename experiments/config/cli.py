@@ -19,7 +19,6 @@ from experiments.config.config import (
     AnyConfig,
     Config,
     Preset,
-    SearchConfig,
     TargetName,
     fidelities,
 )
@@ -193,13 +192,4 @@ def _with_nets(default: AnyConfig, given: Mapping[str, Any]) -> AnyConfig:
             train = with_net(fidelity.train, **changes)
             own: dict[str, Any] = {name: replace(fidelity, train=train)}
             default = replace(default, **own)
-    return _without_pool(default, given)
-
-
-def _without_pool(default: AnyConfig, given: Mapping[str, Any]) -> AnyConfig:
-    """Defaults with the method `intervals`, where rewards are not mIoU of a net on a frozen trunk."""
-    if not isinstance(default, SearchConfig) or default.search.method != "pool":
-        return default
-    if default.reward.train.frozen and given.get("reward_kind", "miou") == "miou":
-        return default
-    return replace(default, search=replace(default.search, method="intervals"))
+    return default

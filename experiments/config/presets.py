@@ -94,8 +94,8 @@ _QUICK_TWIN: Table = {
     "seeds": 6,
 }
 _QUICK_REAL: Table = {
-    "search": {"method": "pool", "updates_per_group": 4, "datasets_per_update": 8},
-    # For methods without a pool; 12 streets with 8 images have more noise (`sdr-jax study fidelity`).
+    "search": {"updates_per_group": 3, "datasets_per_update": 8},
+    # 12 streets with 8 images have more noise (`sdr-jax study fidelity`).
     "reward": {"streets": 24, "shots": 4},
     "final": {"streets": 400},
     # Ten, as on the twin, would take longer than the search and the final nets together.

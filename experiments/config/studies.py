@@ -143,7 +143,7 @@ class ManyConfig(FewConfig, Rederived):
 
     searches: Annotated[int, at_least(1)] = 5
     """Searches of each method, with seeds --seed, --seed + 1, ..."""
-    methods: Annotated[tuple[MethodName, ...], DISTINCT] = ("pool", "sdr", "random_search")
+    methods: Annotated[tuple[MethodName, ...], DISTINCT] = ("intervals", "sdr", "random_search")
     """The search methods, with the same model selection."""
     core_minutes: Annotated[float | None, POSITIVE] = None
     """As many rewards for each search as take about so many minutes of a core, without model selection; by

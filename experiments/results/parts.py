@@ -28,7 +28,7 @@ GROUPS = {
     "main": Group(
         "Learnt streets",
         "What nets gain that are trained on learnt streets: CamVid by the paper's protocol, CamVid without "
-        f"the sequence {HOLDOUT}, and LabelMeFacade.",
+        f"the sequence {HOLDOUT}, and LabelMeFacade. Answers are the method's own, without model selection.",
     ),
     "twins": Group(
         "Twins (not real data)",
@@ -51,7 +51,7 @@ GROUPS = {
         "The paper's tables",
         "Training sets, ablation, assets, pre-training and sensitivity, on a far twin and on CamVid.",
     ),
-    "scale": Group("Scale", "What larger pools of streets are worth in the search.", summed=True),
+    "scale": Group("Scale", "What longer searches are worth.", summed=True),
     "images": Group("More images", "What larger sets of learnt and of random streets are worth."),
 }
 """The sections of the page in their order."""
@@ -103,12 +103,14 @@ class Data(NamedTuple):
 Size = Literal["smoke", "quick"]
 LARGE = ("--final.width", "480", "--final.height", "360")
 MINUTES, TWIN_MINUTES = "15", "6"
-"""Minutes of a core of each rival."""
+"""Minutes of a core of each search, and of each rival on a twin."""
+METHOD = "intervals"
+"""The method that learns streets: the default of preset quick."""
 RIVALS = ("pool", "intervals", "surrogate", "sdr", "random_search", "tpe", "gaussian_process")
 COUNTS = ("7", "14", "27", "67")
 """Numbers of labelled images with a search of their own."""
-POOLS = ("600", "5400")
-"""Streets of a round's pool, beside the default's."""
+LENGTHS = ("5", "15", "45")
+"""Minutes of a core of shorter and longer searches."""
 
 
 def parts(data: Data, out: Path, preset: Size, searches: int, twins: int) -> list[Part]:
@@ -123,12 +125,8 @@ def parts(data: Data, out: Path, preset: Size, searches: int, twins: int) -> lis
     """
     quick = preset == "quick"  # the smoke preset is small already
     size = ("--preset", preset, "--space", "extended")
-    # The defaults of real targets and of twins; the smoke preset's nets are not for pools.
-    pool, intervals = (
-        ("--methods", name if quick else "random_search") for name in ("pool", "intervals")
-    )
+    learner = ("--methods", METHOD)
     one, many = ("--searches", "1"), ("--searches", str(searches))
-    own = ("--candidates", "last", "default") if quick else ()
     three = ("--seeds", "3") if quick else ()
     real: tuple[tuple[str, TargetName, tuple[str, ...]], ...] = (
         (f"camvid-{HOLDOUT}", "camvid", ("--holdout", HOLDOUT)),
@@ -142,16 +140,18 @@ def parts(data: Data, out: Path, preset: Size, searches: int, twins: int) -> lis
         if where is not None:
             yield Part(name, group, f"experiments.{module}", (*where, *size, *flags))
 
-    def learnt(main: str, method: tuple[str, str] = pool) -> tuple[str, str]:
-        return "--learnt", str(out / f"{main}/attributes/{method[1]}-0.json")
+    def learnt(main: str) -> tuple[str, str]:
+        return "--learnt", str(out / f"{main}/attributes/{METHOD}-0.json")
 
     def all_parts() -> Iterator[Part]:
+        equal = ("--core-minutes", MINUTES if quick else "0.1")
+        brief = (*learner, *equal)
         large = LARGE if quick else ()
         for name, target, flags in (("camvid", "camvid", ()), *real):
-            yield from study(name, "main", "searches", target, *flags, *large, *pool, *many, *own)
+            yield from study(name, "main", "searches", target, *flags, *large, *brief, *many)
         for kind in ("far", "near"):
             for seed in map(str, range(twins)):
-                flags = ("--twin", kind, "--twin-seed", seed, *intervals, *one)
+                flags = ("--twin", kind, "--twin-seed", seed, *learner, *one)
                 yield from study(f"{kind}-{seed}", "twins", "searches", "twin", *flags)
         for name, target, flags in real:
             every = "266" if target == "camvid" else "100"
@@ -160,22 +160,20 @@ def parts(data: Data, out: Path, preset: Size, searches: int, twins: int) -> lis
             yield from study(f"labels-{name}", "labels", "labels", target, *flags, *counts, *rows)
         for name, target, flags in real:
             for count in COUNTS if quick else ("2",):
-                brief = ("--few", count, "--core-minutes", MINUTES, *pool, *one)
-                yield from study(f"few-{count}-{name}", "few", "searches", target, *flags, *brief)
-        rivals = ("--methods", *(RIVALS if quick else ("intervals", "random_search")), *many)
-        facades = (*rivals, "--core-minutes", MINUTES)
-        yield from study("rivals-labelmefacade", "rivals", "searches", "labelmefacade", *facades)
+                few = (*flags, "--few", count, *brief, *one)
+                yield from study(f"few-{count}-{name}", "few", "searches", target, *few)
+        rivals = ("--methods", *(RIVALS if quick else (METHOD, "random_search")), *many)
+        yield from study(
+            "rivals-labelmefacade", "rivals", "searches", "labelmefacade", *rivals, *equal
+        )
         yield from study(
             "rivals-far", "rivals", "searches", "twin", "--twin", "far", *rivals,
             "--core-minutes", TWIN_MINUTES,
         )  # fmt: skip
         yield from papers()
-        for streets in POOLS if quick else ():
-            sizes = ("--search.pool.streets", streets)
-            yield from study(
-                f"pool-{streets}", "scale", "searches", "labelmefacade", *sizes, *pool, *one,
-                "--candidates", "last", "--candidate-seeds", "1",
-            )  # fmt: skip
+        for minutes in LENGTHS if quick else ():
+            length = (*learner, "--core-minutes", minutes, *one)
+            yield from study(f"minutes-{minutes}", "scale", "searches", "labelmefacade", *length)
         images = ("--images", "100", "400", "1600", "6400") if quick else ()
         for name in ("random", "learnt"):
             drawn = (*images, "--final.shots", "1", "--fractions", "1", "--attributes", name)
@@ -195,7 +193,7 @@ def parts(data: Data, out: Path, preset: Size, searches: int, twins: int) -> lis
         main, far = f"camvid-{HOLDOUT}", ("--twin", "far")
         for name, target, flags, source in (
             (main, "camvid", ("--holdout", HOLDOUT), learnt(main)),
-            ("far", "twin", far, learnt("far-0", intervals)),
+            ("far", "twin", far, learnt("far-0")),
         ):
             for kind, more in (("table", (*source, *nets)), ("pretrain", (*source, *starts))):
                 own = (*flags, *more, *three)
