@@ -26,19 +26,23 @@ def _run(command: Sequence[str]) -> int:
     return subprocess.call([sys.executable, *command[1:]])
 
 
-def commit() -> str:
-    """The commit of the program, with a word if it was changed since.
+def commit(checkout: Path = Path(__file__).parent) -> str:
+    """The commit of the program, with a word if more than its pages was changed since.
+
+    Args:
+        checkout: a folder of the checkout.
 
     Raises:
         UserError: there is no checkout, so the origin of figures would be unknown.
     """
 
     def git(*words: str) -> str:
-        where = ["git", "-C", str(Path(__file__).parent), *words]
+        where = ["git", "-C", str(checkout), *words]
         return subprocess.run(where, check=True, capture_output=True, text=True).stdout.strip()
 
     try:
-        changed = git("status", "--porcelain", "--untracked-files=no")
+        code = (":/", ":(top,exclude)docs")
+        changed = git("status", "--porcelain", "--untracked-files=no", "--", *code)
         return git("rev-parse", "--short", "HEAD") + (", changed" if changed else "")
     except (OSError, subprocess.CalledProcessError):
         raise UserError("results are made in a git checkout: they name their commit") from None

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from subprocess import run
 
 import pytest
 
@@ -101,6 +102,25 @@ def test_parts_are_done_once_and_told_on_one_page(tmp_path, monkeypatch):
     monkeypatch.setattr(making, "commit", lambda: "def")
     with pytest.raises(UserError, match='commit = "abc", not "def"'):
         making.make(SOME, out, docs, store, run=Runs())
+
+
+def test_a_changed_page_is_no_other_program(tmp_path):
+    def git(*words):
+        who = ("-c", "user.name=any", "-c", "user.email=any")
+        run(["git", "-C", tmp_path, *who, *words], check=True, capture_output=True)
+
+    for name in ("docs", "experiments"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "file").write_text("one")
+    git("init")
+    git("add", ".")
+    git("commit", "-m", "first")
+    inside = tmp_path / "experiments"
+    first = making.commit(inside)
+    (tmp_path / "docs" / "file").write_text("two")
+    assert making.commit(inside) == first
+    (inside / "file").write_text("two")
+    assert making.commit(inside) == f"{first}, changed"
 
 
 def test_parts_of_one_kind_have_a_table_with_their_means(tmp_path):
