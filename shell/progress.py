@@ -81,6 +81,7 @@ class Progress:
         self._bar: _Board | None = None
         self._told: Callable[[float, str], None] | None = None
         self._every = self._due = 0.0
+        self._shown = ""  # the percentage of the last plain line
 
     def tell(self, every: float, told: Callable[[float, str], None]) -> None:
         """Tell someone else, too, where the job is: at the next update, then once in a while.
@@ -125,16 +126,19 @@ class Progress:
         else:
             print(text, file=self._stream, flush=True)
 
-    def update(self, text: str) -> None:
-        """Show the state of the job."""
+    def update(self, text: str, *, minor: bool = False) -> None:
+        """Show the state of the job; a minor one has no line of its own while the percentage is the same."""
         share = min(self._done / self._total, 1) if self._total > 0 else 1.0
         left = [] if self.left is None else [f"{duration(self.left)} left"]
         if self._told is not None and time.perf_counter() >= self._due:
             self._told(share, " | ".join([text, *left]))
             self._due = time.perf_counter() + self._every
         if not self._live:
-            line = self._label + " | ".join([text, *left])
-            print(f"[{100 * share:3.0f} %] {line}", file=self._stream, flush=True)
+            shown = f"[{100 * share:3.0f} %]"
+            if not minor or shown != self._shown:
+                line = self._label + " | ".join([text, *left])
+                print(shown, line, file=self._stream, flush=True)
+                self._shown = shown
             return
         if self._bar is None:
             line_of = TextColumn("{task.percentage:3.0f} % {task.description}", markup=False)

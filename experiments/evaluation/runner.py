@@ -107,7 +107,7 @@ class Runner:
     ) -> None:
         self._target, self._workers, self._folder = target, workers, folder
         self._finals, self._store, self._progress = finals, store, progress
-        self.cache = Cache(workers, folder, lambda text: progress().update(text))
+        self.cache = Cache(workers, folder, lambda text: progress().update(text, minor=True))
         self._features = features
         self._net: FeatureNet | None = None
         self._references: dict[tuple[int, int, Side], Reference] = {}

@@ -31,9 +31,6 @@ from sdr_jax.pool import Policy
 from seg.linear import RIDGE
 from shell.files import digest
 
-TOLD = 10
-"""Number of lines of progress for each round."""
-
 
 def reward_of(config: GroupsConfig) -> Fidelity:
     """The fidelity of a round: one shot and one view of each street, and a net without training steps."""
@@ -102,11 +99,10 @@ class PoolRewards(Rewards):
 
         def done(streets: int) -> None:
             nonlocal made
-            before, made = made, made + streets
+            made += streets
             run.progress.advance(streets * cost)
-            if not before or made * TOLD // len(units) > before * TOLD // len(units):
-                where = f"{self._plan.name}: round {self.update + 1}"
-                run.progress.update(f"{where}, street {made}/{len(units)}")
+            where = f"{self._plan.name}: round {self.update + 1}"
+            run.progress.update(f"{where}, street {made}/{len(units)}", minor=True)
 
         result = run.runner.credit(job, units, seed, done, run.evaluations)
         if not made:  # they existed, or are not needed

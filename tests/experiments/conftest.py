@@ -167,7 +167,7 @@ def runner_of(target: Target, folder: Path, pool: Any = POOL, told: Any = None) 
     folder.mkdir(exist_ok=True)
     progress = Progress(1.0)
     if told is not None:
-        progress.update = told  # type: ignore[method-assign]
+        progress.update = lambda text, **how: told(text)  # type: ignore[method-assign]
     fidelity = defaults(MainConfig, "camvid", "smoke").reward
     features = Recipe(fidelity, target.table, "embree", AssetPool())
     return Runner(target, pool, folder, Store(folder / LOGS[1]), None, lambda: progress, features)

@@ -92,6 +92,18 @@ def test_a_line_per_update_in_a_file_and_without_a_cursor(variable, clock, termi
     assert story(terminal, clock).getvalue().splitlines() == PLAIN
 
 
+def test_minor_states_of_one_percentage_share_a_plain_line(clock):
+    stream = io.StringIO()
+    progress = Progress(1000, stream=stream)
+    for k in range(30):
+        progress.advance(1, replayed=True)
+        progress.update(f"step {k}", minor=True)
+    progress.update("done")
+    lines = stream.getvalue().splitlines()
+    assert [int(line[1:4]) for line in lines] == [0, 1, 2, 3, 3]
+    assert lines[-1] == "[  3 %] done"
+
+
 def test_a_terminal_has_one_line_that_is_written_over(clock, terminal):
     first, halfway, bar, end = story(terminal, clock).visible()
     assert (first, halfway, end) == ("Target: :car: [bold]x", "halfway", "end")
