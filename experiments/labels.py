@@ -137,18 +137,17 @@ def report(run: Run[LabelsConfig], _: Made, rows: list[Report]) -> Report:
 
 
 def derive(report: Report) -> Report:
-    """Add means, intervals, the gain by renders, and the number of labels that they replace to the report."""
+    """Add means, intervals, gains by renders and over random ones, and the labels that they replace."""
     values = {(row["labels"], row["renders"]): miou(row["nets"]) for row in report["rows"]}
     counts = sorted({count for count, renders in values if renders == ALONE})
     best = mean(values[counts[-1], ALONE])
     rows = []
     for row in report["rows"]:
         own = values[row["labels"], row["renders"]]
-        alone = values.get((row["labels"], ALONE)) if row["renders"] != ALONE else None
         found = estimated(own)
         share = None if found["mean"] is None or not best else 100 * found["mean"] / best
-        add = None if alone is None else gain(own, alone)
-        rows.append({**row, **found, "renders_add": add, "of_all": share})
+        add, over = (_over(values, row, other) for other in (ALONE, "random"))
+        rows.append({**row, **found, "renders_add": add, "over_random": over, "of_all": share})
     told = [
         _worth(values, counts, beside, renders)
         for renders in dict.fromkeys(renders for _, renders in values if renders != ALONE)
@@ -156,6 +155,14 @@ def derive(report: Report) -> Report:
         if (beside, renders) in values
     ]
     return {**report, "rows": rows, "worth": told}
+
+
+def _over(values: dict[Any, list], row: Report, other: str) -> Report | None:
+    """The gain of a row's renders over others beside as many labels; None without both."""
+    count, renders = row["labels"], row["renders"]
+    if renders in (ALONE, other) or (count, other) not in values:
+        return None
+    return gain(values[count, renders], values[count, other])
 
 
 def _worth(values: dict[Any, list], counts: list[int], beside: int, renders: str) -> Report:
@@ -175,6 +182,7 @@ COLUMNS: list[Column] = [
     ("renders", lambda row: RENDERS[row["renders"]]),
     *estimate("mIoU"),
     *estimate("renders add", lambda row: row["renders_add"], "+.1f"),
+    *estimate("over random renders", lambda row: row["over_random"], "+.1f"),
     ("of all labels, %", lambda row: number(row["of_all"], ".0f")),
 ]
 

@@ -60,6 +60,18 @@ def test_labels_that_renders_are_worth_by_hand():
     assert "at least 14 labelled images (95 % interval at least 14)" in FORM.text(beyond)
 
 
+def test_what_streets_gain_over_random_ones_beside_the_same_labels():
+    found = report({7: 20, 14: 30}, {0: 25, 14: 34})
+    nets = [{"miou": v, "class_iou": []} for v in (30.0, 33.0)]
+    plain = {"labels": 14, "renders": "random", "nets": nets}
+    by = {
+        (row["labels"], row["renders"]): row["over_random"]
+        for row in FORM.derive({**found, "rows": [*found["rows"], plain]})["rows"]
+    }
+    assert by[14, "default"]["mean"] == pytest.approx((33 - 30 + 35 - 33) / 2)
+    assert by[0, "default"] is by[14, "random"] is by[14, "none"] is None
+
+
 def test_the_interval_is_where_the_paired_t_test_holds_by_hand():
     # Nets on N = 7 2^x labels alone come to 20 + 10 x. The others' two seeds lie sqrt(2) below and above
     # their mean, so that differences have the standard deviation 2, and their interval the half width
