@@ -143,9 +143,11 @@ def parts(data: Data, out: Path, preset: Size, searches: int, twins: int) -> lis
     def learnt(main: str) -> tuple[str, str]:
         return "--learnt", str(out / f"{main}/attributes/{METHOD}-0.json")
 
+    def within(minutes: str) -> tuple[str, str]:
+        return "--core-minutes", minutes if quick else "0.1"
+
     def all_parts() -> Iterator[Part]:
-        equal = ("--core-minutes", MINUTES if quick else "0.1")
-        brief = (*learner, *equal)
+        brief = (*learner, *within(MINUTES))
         large = LARGE if quick else ()
         for name, target, flags in (("camvid", "camvid", ()), *real):
             yield from study(name, "main", "searches", target, *flags, *large, *brief, *many)
@@ -163,16 +165,15 @@ def parts(data: Data, out: Path, preset: Size, searches: int, twins: int) -> lis
                 few = (*flags, "--few", count, *brief, *one)
                 yield from study(f"few-{count}-{name}", "few", "searches", target, *few)
         rivals = ("--methods", *(RIVALS if quick else (METHOD, "random_search")), *many)
-        yield from study(
-            "rivals-labelmefacade", "rivals", "searches", "labelmefacade", *rivals, *equal
-        )
-        yield from study(
-            "rivals-far", "rivals", "searches", "twin", "--twin", "far", *rivals,
-            "--core-minutes", TWIN_MINUTES,
-        )  # fmt: skip
+        for name, target, flags, minutes in (
+            ("labelmefacade", "labelmefacade", (), MINUTES),
+            ("far", "twin", ("--twin", "far"), TWIN_MINUTES),
+        ):
+            equal = (*flags, *rivals, *within(minutes))
+            yield from study(f"rivals-{name}", "rivals", "searches", target, *equal)
         yield from papers()
         for minutes in LENGTHS if quick else ():
-            length = (*learner, "--core-minutes", minutes, *one)
+            length = (*learner, *within(minutes), *one)
             yield from study(f"minutes-{minutes}", "scale", "searches", "labelmefacade", *length)
         images = ("--images", "100", "400", "1600", "6400") if quick else ()
         for name in ("random", "learnt"):
