@@ -24,7 +24,6 @@ from experiments.config.presets import DENSITIES, ENVIRONMENT, POSITIONS
 from experiments.config.studies import AblationConfig, Variant
 from experiments.run import plans
 from experiments.run.context import Run, Work
-from experiments.run.pooled import work_of
 from experiments.run.rewards import SearchPlan
 from experiments.run.search import Found, search
 from experiments.study.figure import plt, png
@@ -149,7 +148,7 @@ def searches(config: AblationConfig) -> dict[str, Search]:
 
 def work(config: AblationConfig) -> list[Work]:
     """The nets of these searches."""
-    return work_of(config, list(planned(config).values()))
+    return [plans.work_of(config, list(planned(config).values()))]
 
 
 def rows(config: AblationConfig, _: Target) -> list[Row]:

@@ -26,7 +26,6 @@ from experiments.evaluation.job import Source
 from experiments.run import plans
 from experiments.run.context import Run, Work
 from experiments.run.fidelities import fidelities
-from experiments.run.pooled import work_of
 from experiments.run.rewards import SearchPlan
 from experiments.run.search import Found, search
 from experiments.study.figure import plt, png
@@ -130,7 +129,7 @@ def searches(config: CompareConfig) -> dict[str, Search]:
 
 def work(config: CompareConfig) -> list[Work]:
     """The rewards of these searches."""
-    return work_of(config, planned(config))
+    return [plans.work_of(config, planned(config))]
 
 
 def budgets(config: CompareConfig) -> tuple[Fidelity, ...]:
@@ -152,7 +151,7 @@ def rows(config: CompareConfig, _: Target) -> list[Row]:
         if own.method == RANDOM:
             return config.streets("random")
         found: Found = made[own.name]
-        return found.answer
+        return found.solution
 
     return [
         Row(

@@ -193,7 +193,6 @@ def configured(
         base,
         reward=fidelity(base.reward, "frozen"),
         final=replace(fidelity(base.final, trunk), shots=1),
-        search=replace(base.search, method="pool"),
         reward_images=None,
         test_images=None,
     )
@@ -327,8 +326,7 @@ def rendered(run: Run[FitConfig], streets: Streets, seed: int) -> StreetPool:
         run.progress.advance(count * cost)
         run.progress.update(f"streets of seed {seed}")
 
-    held, _ = run.runner.cache.streets(name, recipe, units, seed, done)
-    return StreetPool(name, held)
+    return StreetPool(name, run.runner.cache.streets(name, recipe, units, seed, done))
 
 
 def _beside(

@@ -75,7 +75,7 @@ def check(config: ManyConfig) -> None:
 def configured(config: ManyConfig) -> dict[str, ManyConfig]:
     """The configuration of every search by name; with equal core minutes its own answer is the candidate."""
     if config.core_minutes is not None:
-        config = replace(config, candidates=("argmax", "last"), candidate_seeds=1)
+        config = replace(config, candidates=("argmax",), candidate_seeds=1)
     return {
         f"{method}-{seed}": replace(config, seed=seed, search=replace(config.search, method=method))
         for seed in range(config.seed, config.seed + config.searches)
@@ -126,7 +126,7 @@ def rows(config: ManyConfig, target: Target) -> list[Row]:
 
     def answer(name: str, own: bool, run: Run[ManyConfig], made: Made, seed: int) -> Source:
         found: Learnt = made[name]
-        return few.beside(run, config.final, found.found.answer if own else found.streets)
+        return few.beside(run, config.final, found.found.solution if own else found.streets)
 
     def row(name: str, source: Any, after: str = "", real: bool = False) -> Row:
         return Row({"name": name}, source, config.final, "searches", name, after, real)

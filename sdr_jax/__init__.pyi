@@ -12,7 +12,6 @@ from sdr_jax.models.intervals import intervals as intervals
 from sdr_jax.models.surrogate import surrogate as surrogate
 from sdr_jax.names import MethodName as MethodName
 from sdr_jax.policy import Policy as Policy
-from sdr_jax.pool import pool as pool
 from sdr_jax.registry import METHODS as METHODS
 from sdr_jax.reinforce import reinforce_loss as reinforce_loss
 from sdr_jax.relaxation import relax as relax

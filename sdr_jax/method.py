@@ -91,9 +91,6 @@ class Method(NamedTuple):
     expects: ExpectsFn | None = None
     """The mean and standard deviation that the method's model predicts for the rewards of actions, for
     reports; NaN before the first update, and None for a method without a model."""
-    policy: Callable[[State], Any] | None = None
-    """The distribution over streets, `pool.Policy`, of a method whose actions are streets, not data sets;
-    otherwise None."""
 
 
 def jitted(

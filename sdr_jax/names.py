@@ -5,7 +5,6 @@ from typing import Literal
 MethodName = Literal[
     "surrogate",
     "sdr",
-    "pool",
     "random_attributes",
     "random_search",
     "attribute_descent",

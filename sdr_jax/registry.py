@@ -10,7 +10,6 @@ from sdr_jax.baseline import ema, leave_one_out
 from sdr_jax.method import Method
 from sdr_jax.models.intervals import intervals
 from sdr_jax.models.surrogate import surrogate
-from sdr_jax.pool import pool
 from sdr_jax.rewards import identity, squared_percent
 from sdr_jax.rivals.attribute_descent import attribute_descent
 from sdr_jax.rivals.cma_es import cma_es
@@ -86,8 +85,6 @@ def _random_attributes(space: Space, width: Width = None) -> Method:
 METHODS: dict[str, Entry] = {
     "surrogate": Entry(surrogate, n=5),
     "sdr": Entry(_sdr, budgeted=True),
-    # Each update is a regression with an intercept of its own.
-    "pool": Entry(pool, n=50, least=2),
     "random_attributes": Entry(_random_attributes),
     "random_search": Entry(random_search),
     "attribute_descent": Entry(attribute_descent),

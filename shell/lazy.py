@@ -27,7 +27,7 @@ class _Lazy(ModuleType):
 
     def __setattr__(self, name: str, value: Any) -> None:
         # Python binds a module to its package once it is loaded. If a function has the name of its
-        # module (`sdr_jax.pool`), the package offers the function, whatever is imported first.
+        # module (`sdr_jax.sdr`), the package offers the function, whatever is imported first.
         if not (isinstance(value, ModuleType) and name in self._homes):
             super().__setattr__(name, value)
 

@@ -42,11 +42,11 @@ def test_public_names_are_loaded_on_first_use_from_modules_of_the_package(packag
 
 def test_a_function_with_the_name_of_its_module_is_what_the_package_offers_in_any_order():
     printed(
-        "import sys, sdr_jax.pool, sdr_jax.registry, sdr_jax\n"
-        "from sdr_jax import pool, run, sdr, space\n"
-        "for function in (pool, run, sdr, space):\n"
+        "import sys, sdr_jax.sdr, sdr_jax.registry, sdr_jax\n"
+        "from sdr_jax import run, sdr, space\n"
+        "for function in (run, sdr, space):\n"
         "    assert function is getattr(sys.modules[function.__module__], function.__name__)\n"
-        "assert sdr_jax.pool is pool and sys.modules['sdr_jax.pool'].PoolState"
+        "assert sdr_jax.sdr is sdr and sys.modules['sdr_jax.sdr'].SdrState"
     )
 
 

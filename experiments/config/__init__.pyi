@@ -1,6 +1,6 @@
 """What a job can be told, its defaults by target and preset, what is refused, and its command line."""
 
-from experiments.config.check import check, check_net, offered
+from experiments.config.check import check, check_net
 from experiments.config.config import (
     NETS,
     SEED_END,
@@ -58,7 +58,6 @@ __all__ = [
     "fidelities",
     "make_method",
     "make_space",
-    "offered",
     "read_attributes",
     "start_of",
 ]

@@ -6,9 +6,6 @@ from collections.abc import Callable
 from typing import Any
 
 from experiments.config.config import (
-    OF_OTHERS,
-    OF_POOL,
-    Candidate,
     Config,
     FewConfig,
     GroupsConfig,
@@ -95,23 +92,9 @@ def _check_reward(config: RewardConfig) -> None:
 def _check_answer(config: SearchConfig) -> None:
     if isinstance(config, MainConfig) and config.unlabelled and config.reward_kind != "mmd":
         raise UserError("--unlabelled needs --reward-kind mmd: mIoU needs labels")
-    if not offered(config):
-        own = OF_POOL if config.search.method == "pool" else OF_OTHERS
-        raise UserError(
-            f"--candidates {' '.join(config.candidates)}: --method {config.search.method} has "
-            f"{', '.join(own)}, random and default"
-        )
-    if config.search.method == "pool" and config.reward_kind != "miou":
-        raise UserError("--method pool needs --reward-kind miou")
     if config.reward_kind == "mmd" and config.search.squared_reward:
         raise UserError("--search.squared-reward needs --reward-kind miou: squares have no sign")
     make_method(config, config.search.method, make_space(config), 1)
-
-
-def offered(config: SearchConfig) -> tuple[Candidate, ...]:
-    """The configuration's candidates that its method has."""
-    absent = OF_OTHERS if config.search.method == "pool" else OF_POOL
-    return tuple(name for name in config.candidates if name not in absent)
 
 
 def _check_few(config: FewConfig) -> None:

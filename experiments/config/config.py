@@ -22,10 +22,7 @@ if TYPE_CHECKING:
 Preset = Literal["smoke", "quick", "paper"]
 TargetName = Literal["twin", "camvid", "cityscapes", "labelmefacade"]
 TwinName = Literal["near", "far"]
-Candidate = Literal["argmax", "seen", "broad", "last", "previous", "mixed", "random", "default"]
-OF_POOL: tuple[Candidate, ...] = ("last", "previous", "mixed")
-OF_OTHERS: tuple[Candidate, ...] = ("argmax", "seen", "broad")
-"""Candidates of the method `pool` alone, and candidates of the other methods alone."""
+Candidate = Literal["argmax", "seen", "broad", "random", "default"]
 RewardKind = Literal["miou", "mmd"]
 
 Group = Annotated[
@@ -194,9 +191,8 @@ class SearchConfig(GroupsConfig, RewardConfig):
     search: Search
     candidates: Annotated[tuple[Candidate, ...], DISTINCT] = get_args(Candidate)
     """Candidates for the answer: argmax (the best found), seen (the dataset with the best reward), broad (as
-    wide as the search is uncertain, at least half of each range); with the method pool, instead of these:
-    last (its last policy), previous (the one before) and mixed (half the last, half the first); random (all
-    attributes random) or default (the hand-set street: the others must be significantly better)."""
+    wide as the search is uncertain, at least half of each range), random (all attributes random) or default
+    (the hand-set street: the others must be significantly better)."""
     candidate_seeds: Annotated[int, at_least(1), NETS] = 10
     """Nets of each candidate, tested on the reward images; with 1 the hand-set street stays."""
     parts: Annotated[int | None, at_least(1)] = None

@@ -7,16 +7,12 @@ from typing import Any
 
 import sdr_jax
 from experiments.config.config import BinsConfig, GroupsConfig
-from scene.attributes import SpaceName, default_unit, names
+from scene.attributes import SpaceName, names
 from scene.held import hold
-from scene.proposal import Mixture, Proposal, Streets, moments, slide, space_in, streets_in
+from scene.proposal import Mixture, Proposal, Streets, moments, space_in, streets_in
 from sdr_jax.names import MethodName
 from sdr_jax.registry import make
-from seg.settings import TrainSettings
 from shell.errors import UserError, flagged
-
-WIDE = 0.5
-"""Width of the intervals around the hand-set street from which half of a pool's first streets are drawn."""
 
 
 def make_space(config: BinsConfig) -> sdr_jax.Space:
@@ -77,8 +73,7 @@ def make_method(
     """Make the configuration's search method for some of its attributes.
 
     Raises:
-        UserError: an option out of range, a start that cannot be read, a library that is not installed, or a
-            reward's net that the method cannot solve.
+        UserError: an option out of range, a start that cannot be read, or a library that is not installed.
     """
     own: dict[str, Any] = {}
     options = config.search
@@ -91,23 +86,9 @@ def make_method(
             "unoptimised": options.unoptimised,
             "updates_per_group": updates_per_group,
         }
-    if name == "pool":
-        _check_pool(config.reward.train)
-        own["bound"] = options.pool.bound
-    if name == "intervals" or (name == "pool" and options.start != "random"):
+    if name == "intervals":
         start = start_of(config)
-        if name == "pool" and options.start == "default":
-            start = slide(default_unit(config.space), WIDE)
         where = [names(config.space).index(attribute) for attribute in space.names]
         own["start"] = tuple(tuple(part[where].tolist()) for part in start)
     with flagged("--search"):
         return make(name, space, options.relaxation, **own)
-
-
-def _check_pool(train: TrainSettings) -> None:
-    if not train.frozen:
-        kind = "a tuned trunk" if train.has_trunk else f"the net {train.net}"
-        raise UserError(
-            f"--method pool keeps the features of a frozen trunk, and --reward.train has {kind}; use "
-            "--reward.train.net lite0 --reward.train.trunk frozen, or another --method"
-        )

@@ -62,18 +62,6 @@ class Bins:
 
 
 @dataclass(frozen=True)
-class PoolOptions:
-    """How the method ``pool`` searches: the streets of a round, and the length of a step."""
-
-    streets: Annotated[int, at_least(2)] = 1800
-    """Streets of one shot that each round draws and renders."""
-    rounds: Annotated[int, at_least(1)] = 5
-    """Rounds; each ends with a step of the policy."""
-    bound: Annotated[float, POSITIVE] = 0.04
-    """The largest change of the policy in a step, in nats for each attribute."""
-
-
-@dataclass(frozen=True)
 class SearchOptions(Bins):
     """How any method searches. Under every preset ``sdr`` estimates its gradient as the paper does."""
 
@@ -91,10 +79,7 @@ class SearchOptions(Bins):
     common_random_numbers: bool = False
     """Give the datasets of an update the same seed, and their streets the same places in the intervals."""
     start: Annotated[str, Alias("--start")] = "default"
-    """The start of the search (intervals, pool): default (the hand-set street), random, or an
-    attributes.json. Half of a pool's first streets are random in any case."""
-    pool: PoolOptions = field(default_factory=PoolOptions)
-    """Options of the method pool."""
+    """The start of the search (intervals): default (the hand-set street), random, or an attributes.json."""
     unoptimised: Literal["random", "half"] = "random"
     """The value of groups that are not optimised yet (sdr): random (paper), or 0.5 (the authors' code)."""
 

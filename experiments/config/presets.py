@@ -59,12 +59,7 @@ recipe of `seg.recipes` that its other values change."""
 _SMOKE_NET = {"steps": 12, "batch": 4, "warmup": 2}
 _SMOKE_FINAL = {"streets": 3, "shots": 2, "samples": 1, "train": {**_SMOKE_NET, "steps": 20}}
 _SMOKE: Table = {
-    "search": {
-        "updates_per_group": 1,
-        "datasets_per_update": 2,
-        "bins": 5,
-        "pool": {"streets": 8, "rounds": 2},
-    },
+    "search": {"updates_per_group": 1, "datasets_per_update": 2, "bins": 5},
     "reward": {"streets": 2, "shots": 2, "samples": 1, "train": _SMOKE_NET},
     "final": _SMOKE_FINAL,
     "compact": _SMOKE_FINAL,
@@ -72,7 +67,7 @@ _SMOKE: Table = {
     "reward_images": 8,
     "test_images": 8,
     "candidate_seeds": 1,
-    "candidates": ("argmax", "broad", "last", "mixed"),
+    "candidates": ("argmax", "broad"),
     "seeds": 2,
     "asset_count": 4,
 }

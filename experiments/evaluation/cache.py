@@ -16,7 +16,6 @@ from __future__ import annotations
 import io
 import os
 import shutil
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -108,7 +107,7 @@ class Cache:
 
     def streets(
         self, name: str, recipe: Recipe, units: np.ndarray, seed: int, done: Callable[[int], None]
-    ) -> tuple[Cached, float]:
+    ) -> Cached:
         """Render one shot of each street with its features for a frozen trunk, if it does not exist.
 
         Args:
@@ -117,9 +116,6 @@ class Cache:
             units: f32[streets, attributes] of every street, in [0, 1].
             seed: decides, with the street's index, all random choices.
             done: called with the number of new streets.
-
-        Returns:
-            The streets, and the CPU seconds that they took.
         """
         folder = self._pool(name)
         pieces = folder.with_name(f"{folder.name}.pieces")
@@ -144,7 +140,7 @@ class Cache:
         shutil.rmtree(pieces, ignore_errors=True)
         held = self._workers.share(str(folder))
         maps = held if recipe.fidelity.train.frozen else None
-        return Cached(held, maps), float(np.load(folder / "seconds.npy"))
+        return Cached(held, maps)
 
     def forget(self, name: str) -> None:
         """Remove the streets of a name once all their nets are trained."""
@@ -238,7 +234,6 @@ def _made_streets(
     recipe: Recipe, units: np.ndarray, seed: int, start: int
 ) -> dict[str, np.ndarray]:
     """Render some streets of a pool from an index on; runs in a worker."""
-    began = time.perf_counter()
     fidelity, name, pool = recipe.fidelity, recipe.renderer, recipe.pool
     settings = fidelity.render_settings()
     frames = [
@@ -248,8 +243,7 @@ def _made_streets(
     images = np.stack([frame.image for frame in frames])
     labels = recipe.classes.from_train_id[np.stack([frame.label for frame in frames])]
     maps = _features(images, fidelity.train, True) if fidelity.train.frozen else ()
-    seconds = np.float64(time.perf_counter() - began)
-    return {"images": images, "labels": labels, **_files(maps), "seconds": seconds}
+    return {"images": images, "labels": labels, **_files(maps)}
 
 
 def _piece(path: Path) -> dict[str, np.ndarray] | None:
@@ -263,7 +257,7 @@ def _piece(path: Path) -> dict[str, np.ndarray] | None:
 
 def _assemble(part: Path, pieces: Sequence[Path], count: int) -> None:
     """Assemble the files of a pool from its pieces, with features view after view."""
-    first, seconds = 0, 0.0
+    first = 0
     with _Arrays(part, count) as arrays:
         for path in pieces:
             piece = _piece(path)
@@ -271,11 +265,9 @@ def _assemble(part: Path, pieces: Sequence[Path], count: int) -> None:
                 raise UserError(
                     f"{path} was damaged after it was made; the same command makes it anew"
                 )
-            seconds += float(piece.pop("seconds"))
             end = first + len(piece["images"])
             arrays.write(piece, first, end)
             first = end
-        np.save(part / "seconds.npy", seconds)
 
 
 class _Arrays:

@@ -15,8 +15,6 @@ STEP_COST |= {"lite0-frozen": 4.5e-8, "lite0-tuned": 2e-6}
 """Approximate CPU seconds of one update per pixel of its images, by recipe."""
 STREET_COST = 0.02
 """CPU seconds of sampling a street and its geometry."""
-CREDIT_COST = 1.8e-7
-"""CPU seconds per pixel of an image's moments and its credit."""
 VIEW_COST = {"lite0": 2.5e-7, "lite1": 3.1e-7, "lite2": 3.3e-7, "dinov2": 3e-6}
 """CPU seconds per pixel of a frozen trunk's features of one view; other trunks count as lite0."""
 
@@ -34,11 +32,6 @@ def _image_cost(fidelity: Fidelity) -> float:
 def street_cost(fidelity: Fidelity) -> float:
     """Estimate the CPU seconds of one street of one shot with its features."""
     return STREET_COST + _image_cost(fidelity) + _views_cost(fidelity)
-
-
-def credit_cost(fidelity: Fidelity) -> float:
-    """Estimate the CPU seconds of one street of one shot and of its credit."""
-    return street_cost(fidelity) + CREDIT_COST * fidelity.width * fidelity.height
 
 
 def _views_cost(fidelity: Fidelity) -> float:

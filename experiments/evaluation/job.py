@@ -47,7 +47,7 @@ class StreetPool(NamedTuple):
     """Streets of one shot with their features."""
 
     name: str  # hash of their attributes and seed
-    held: Cached | None = None  # with features; None until they are made
+    held: Cached  # with features
 
 
 class LabelledSubset(NamedTuple):
@@ -114,8 +114,6 @@ class Result(NamedTuple):
     stored: bool = False  # whether it was known, and took no time now
     parts: tuple[float, ...] = ()  # reward on each part of the images, on request
     predictions: Predictions | None = None  # on request, if they were not known before
-    credits: tuple[float, ...] = ()
-    """Of a linear net on a pool: its gain in mIoU for each unit of each street's share of the pool."""
 
     @property
     def seconds(self) -> float:

@@ -23,7 +23,6 @@ from experiments.config import RewardKind
 from experiments.evaluation.cache import Cache, by_target, sent
 from experiments.evaluation.cached import Cached
 from experiments.evaluation.cost import job_cost
-from experiments.evaluation.credits import credited
 from experiments.evaluation.evaluate import (
     attempt,
     evaluate_miou,
@@ -206,36 +205,6 @@ class Runner:
             refuse_failed(own, len(own))
         return results
 
-    def credit(
-        self, job: Job, units: np.ndarray, seed: int, done: Callable[[int], None], log: Store
-    ) -> Result:
-        """Give every street of a pool its credit.
-
-        The streets are rendered only if their credits are not known, and are removed afterwards.
-
-        Args:
-            job: its source is the pool, perhaps beside labelled images.
-            units: f32[streets, attributes] of every street, in [0, 1].
-            seed: decides, with the street's index, all random choices.
-            done: called with the number of new streets.
-            log: the store of the result.
-        """
-        key, source = self.key(job), job.source
-        self._refresh()
-        result = self._remembered(key, job, log)
-        if result is None:
-            pool, seconds = self.cache.streets(key, job.recipe, units, seed, done)
-            few = None
-            if isinstance(source, TrainingSet):
-                images, (_, share) = source.parts[1], source.shares
-                few = self._source(images, job.recipe), count_of(images), share
-            recipe, real = self._for_tasks(job)
-            assert isinstance(real, Cached)  # not for -MMD^2
-            result = credited(self._workers, recipe, pool, real, few)
-            result = self._keep(key, job, result._replace(render_seconds=seconds), log)
-        self.cache.forget(key)
-        return result
-
     def train(self, job: Job, params: Params | None = None) -> Params:
         """Train a job's net and return its variables, without a test or a record.
 
@@ -394,7 +363,6 @@ class Runner:
         if isinstance(source, TrainingSet):
             return source._replace(parts=tuple(self._source(part, recipe) for part in source.parts))
         if isinstance(source, StreetPool):
-            assert source.held is not None
             return source.held
         train = recipe.fidelity.train
         if isinstance(source, LabelledSubset):

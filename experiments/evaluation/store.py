@@ -47,8 +47,8 @@ FIELDS: dict[str, tuple[type, ...]] = {
 }
 """One record. A failed evaluation has its reason in ``failed`` and no reward. A net that was trained on real
 images has no proposal, on a histogram ``probabilities`` instead, on a mixture ``components``. ``parts`` has
-the rewards on parts of the images that were tested separately, ``credits`` those of a pool's streets."""
-VALUES = ("reward", "class_iou", "failed", "credits")
+the rewards on parts of the images that were tested separately."""
+VALUES = ("reward", "class_iou", "failed")
 """Fields that are always the same for the same key, unlike seconds."""
 
 
@@ -126,8 +126,6 @@ def record_of(key: str, source: Source, seed: int, result: Result) -> Record:
     }
     if result.parts:
         record["parts"] = [float(reward) for reward in result.parts]
-    if result.credits:
-        record["credits"] = _floats(result.credits)
     if isinstance(source, Histogram):
         record |= _parts(source)
     if isinstance(source, Mixture):
@@ -147,7 +145,6 @@ def result_of(record: Record) -> Result:
         record["failed"],
         stored=True,
         parts=tuple(record.get("parts", ())),
-        credits=tuple(record.get("credits", ())),
     )
 
 

@@ -39,9 +39,6 @@ CANDIDATES = {
     "argmax": "the method's answer: the best found",
     "seen": "the dataset with the best reward",
     "broad": "as wide as the search is uncertain",
-    "last": "the last policy",
-    "previous": "the policy before the last",
-    "mixed": "half the last policy, half the first",
     "random": "all attributes random",
     "default": "the hand-set street",
 }
@@ -297,8 +294,6 @@ def search_note(run: RunFolder) -> str:
     if not run.evaluations:
         return ""
     method = run.config.get("search", {}).get("method", "?")
-    if method == "pool":
-        return f"{len(run.evaluations)} rewards of {method}, each of a linear net on all streets of a round."
     model = (
         " The line is what the method's model expected of each evaluation before it was made; the band is "
         "one standard deviation."

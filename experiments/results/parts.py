@@ -106,7 +106,7 @@ MINUTES, TWIN_MINUTES = "15", "6"
 """Minutes of a core of each search, and of each rival on a twin."""
 METHOD = "intervals"
 """The method that learns streets: the default of preset quick."""
-RIVALS = ("pool", "intervals", "surrogate", "sdr", "random_search", "tpe", "gaussian_process")
+RIVALS = ("intervals", "surrogate", "sdr", "random_search", "tpe", "gaussian_process")
 COUNTS = ("7", "14", "27", "67")
 """Numbers of labelled images with a search of their own."""
 LENGTHS = ("5", "15", "45")
@@ -201,7 +201,6 @@ def parts(data: Data, out: Path, preset: Size, searches: int, twins: int) -> lis
                 yield from study(f"{kind}-{name}", "paper", kind, target, *own)  # type: ignore[arg-type]
         yield from study("ablation", "paper", "ablation", "twin", *far, *evaluations)
         yield from study("assets", "paper", "assets", "twin", *far, *images)
-        # Rewards of the method pool are of no single proposal.
         records = ("--records", str(out / "rivals-labelmefacade"))
         yield from study("sensitivity", "paper", "sensitivity", "labelmefacade", *records)
 

@@ -19,11 +19,10 @@ from experiments.config import (
     SearchConfig,
     make_method,
     make_space,
-    offered,
 )
 from experiments.evaluation.cost import cost_of
 from experiments.evaluation.job import Parts, Result, Source
-from experiments.run import pooled
+from experiments.run import plans
 from experiments.run.context import Run, Work
 from experiments.run.few import beside
 from experiments.run.nets import by_row, jobs_of
@@ -61,17 +60,14 @@ def plan_of(config: SearchConfig, name: str = "search") -> SearchPlan:
     options = config.search
     space = make_space(config)
     method = make_method(config, options.method, space, options.updates_per_group)
-    datasets, updates = options.datasets_per_update, options.updates_per_group * len(space.groups)
-    if options.method == "pool":
-        datasets, updates = 1, options.pool.rounds
     return SearchPlan(
         name,
         config.space,
         options.method,
         method,
         space.names,
-        datasets,
-        updates,
+        options.datasets_per_update,
+        options.updates_per_group * len(space.groups),
         options,
         config.seed,
         config.held,
@@ -80,9 +76,9 @@ def plan_of(config: SearchConfig, name: str = "search") -> SearchPlan:
 
 def work_of(config: SearchConfig, plan: SearchPlan | None = None) -> list[Work]:
     """The nets that `learn` trains."""
-    nets = len(offered(config)) * config.candidate_seeds
-    own = pooled.work_of(config, [plan or plan_of(config)])
-    return [*own, Work.at("nets of candidates", nets, config.final)]
+    nets = len(config.candidates) * config.candidate_seeds
+    rewards = plans.work_of(config, [plan or plan_of(config)])
+    return [rewards, Work.at("nets of candidates", nets, config.final)]
 
 
 def learn(
@@ -106,7 +102,7 @@ def learn(
     config = config or run.config
     parts, words = reward_parts(run.target, config)
     found = search(run, plan or plan_of(config, name or "search"), config.reward_kind)
-    candidates = {each: candidate(each, found, config) for each in offered(config)}
+    candidates = {each: candidate(each, found, config) for each in config.candidates}
     selection, by_part = _selected(run, config, candidates, parts, f"{name}, " if name else "")
     streets = candidates[cast(Candidate, selection.chosen)]
     file = config.out / (f"attributes/{name}.json" if name else "attributes.json")
@@ -137,8 +133,6 @@ def _said(sequences: Sequence[str]) -> str:
 
 def candidate(name: Candidate, found: Found, config: SearchConfig) -> Streets:
     """The streets of a candidate: from the search, or independent of it."""
-    if name in found.answers:
-        return found.answers[name]
     if name == "argmax":
         return found.solution
     if name == "seen":

@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import sdr_jax
 from experiments.config import GroupsConfig, make_method, make_space
-from experiments.run.pooled import affordable
+from experiments.evaluation.cost import cost_of
+from experiments.run.context import Work
 from experiments.run.rewards import SearchPlan
 from sdr_jax.names import MethodName
 from shell.errors import UserError
+
+
+def work_of(config: GroupsConfig, plans: Sequence[SearchPlan]) -> Work:
+    """The rewards of searches."""
+    count = sum(plan.evaluations for plan in plans)
+    return Work.at("rewards of the search", count, config.reward)
 
 
 def within(
     config: GroupsConfig, name: str, method: MethodName, subset: tuple[str, ...], minutes: float
 ) -> SearchPlan:
     """Plan a search of as many rewards as take about so many minutes of a core; the rest as `plan`."""
-    count = affordable(config, method, minutes)
+    datasets = config.search.datasets_per_update
+    count = int(60 * minutes / (datasets * cost_of(config.reward))) * datasets
     if not count:
         raise UserError(f"--core-minutes {minutes:g} are too few for one update of {method}")
     return plan(config, name, method, subset, count)
@@ -37,7 +47,7 @@ def plan(
     """
     make_space(config)  # checks the groups
     options = config.search
-    datasets = 1 if method == "pool" else options.datasets_per_update
+    datasets = options.datasets_per_update
     if evaluations < datasets or evaluations % datasets:
         raise UserError(
             f"--evaluations must be a multiple of --search.datasets-per-update {datasets}, not "

@@ -80,16 +80,24 @@ class Rewards:
     Args:
         run: the run, whose reward's fidelity is used.
         plan: the search.
+        kind: kind of the rewards.
+
+    Attributes:
+        asked: the proposals of all datasets so far.
     """
 
-    def __init__(self, run: Run[Any], plan: SearchPlan) -> None:
+    def __init__(self, run: Run[Any], plan: SearchPlan, kind: RewardKind) -> None:
         self._run, self._plan = run, plan
         self._known = {
             tuple(line.get(name) for name in PLACE): line["key"] for line in run.evaluations.records
         }
-        self.update = 0
+        recipe = run.recipe(run.config.reward)
+        self._job = Job(recipe, random_proposal(plan.space), 0, {}, "reward", kind)
+        run.runner.about(self._job)  # here, since it needs JAX
+        self._update = 0
         self.watch = Stopwatch()
         self.results: list[Result] = []
+        self.asked: list[Proposal] = []
 
     def __call__(self, asked: sdr_jax.DataSets) -> np.ndarray:
         """Rewards f32[n]; NaN for a failed evaluation.
@@ -98,15 +106,25 @@ class Rewards:
             UserError: more than a tenth of the evaluations failed, or the log is from another run.
         """
         with self.watch:
-            results, rewards = self._evaluated(asked)
+            run, proposals = self._run, embed(self._plan, asked.proposals)
+            own = [Proposal(*each) for each in zip(*proposals, strict=True)]
+            jobs = [
+                self._job._replace(
+                    source=beside(run, run.config.reward, proposal),
+                    seed=seed,
+                    notes={**self._place(k), "actions": actions},
+                )
+                for k, (proposal, seed, actions) in enumerate(
+                    zip(own, asked.seeds.tolist(), asked.actions.tolist(), strict=True)
+                )
+            ]
+            self._refuse_another(jobs)
+            self.asked += own
+            results = run.runner.run(jobs, run.evaluations)
             self.results += results
-            self.update += 1
+            self._update += 1
             refuse_failed(self.results, self._plan.evaluations)
-            return rewards
-
-    def _evaluated(self, asked: sdr_jax.DataSets) -> tuple[list[Result], np.ndarray]:
-        """The evaluations of an update, and the rewards of its actions, f32[n]."""
-        raise NotImplementedError
+            return np.array([result.reward for result in results], np.float32)
 
     def _refuse_another(self, jobs: Sequence[Job]) -> None:
         """Raise UserError if the run folder has another reward at the place of a job."""
@@ -118,40 +136,5 @@ class Rewards:
                     "this run; use another --out"
                 )
 
-    def _notes(self, dataset: int) -> dict[str, Any]:
-        return {"search": self._plan.name, "update": self.update, "dataset": dataset}
-
-
-class DatasetRewards(Rewards):
-    """Evaluates a separate dataset for each reward.
-
-    Args:
-        kind: kind of the rewards.
-
-    Attributes:
-        asked: the proposals of all datasets so far.
-    """
-
-    def __init__(self, run: Run[Any], plan: SearchPlan, kind: RewardKind) -> None:
-        super().__init__(run, plan)
-        recipe = run.recipe(run.config.reward)
-        self._job = Job(recipe, random_proposal(plan.space), 0, {}, "reward", kind)
-        run.runner.about(self._job)  # here, since it needs JAX
-        self.asked: list[Proposal] = []
-
-    def _evaluated(self, asked: sdr_jax.DataSets) -> tuple[list[Result], np.ndarray]:
-        centres, widths = embed(self._plan, asked.proposals)
-        actions, run = asked.actions.tolist(), self._run
-        proposals = [Proposal(*each) for each in zip(centres, widths, strict=True)]
-        jobs = [
-            self._job._replace(
-                source=beside(run, run.config.reward, proposals[k]),
-                seed=seed,
-                notes={**self._notes(k), "actions": actions[k]},
-            )
-            for k, seed in enumerate(asked.seeds.tolist())
-        ]
-        self._refuse_another(jobs)
-        self.asked += proposals
-        results = run.runner.run(jobs, run.evaluations)
-        return results, np.array([result.reward for result in results], np.float32)
+    def _place(self, dataset: int) -> dict[str, Any]:
+        return {"search": self._plan.name, "update": self._update, "dataset": dataset}

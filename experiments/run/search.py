@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from types import MappingProxyType
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 
 import sdr_jax
-from experiments.config import Candidate, RewardKind
+from experiments.config import RewardKind
 from experiments.evaluation.job import REWARD_NAMES, Result, in_words
 from experiments.run.context import Run
-from experiments.run.pooled import PoolRewards, answers
-from experiments.run.rewards import DatasetRewards, SearchPlan, Stopwatch, embed
-from scene.proposal import Proposal, Streets
+from experiments.run.rewards import Rewards, SearchPlan, Stopwatch, embed
+from scene.proposal import Proposal
 from sdr_jax.method import on_clipping
-from sdr_jax.pool import Policy, divergence
 
 
 class Found(NamedTuple):
@@ -36,13 +33,6 @@ class Found(NamedTuple):
     expected: np.ndarray | None = None
     """f32[updates, datasets, 2]: the model's prior mean and standard deviation of each reward, NaN before the
     first rewards; None without a model."""
-    answers: Mapping[Candidate, Streets] = MappingProxyType({})
-    """Candidates of a search that learns a distribution of streets."""
-
-    @property
-    def answer(self) -> Streets:
-        """The method's own answer: its last distribution of streets if it learns one, else its solution."""
-        return self.answers.get("last", self.solution)
 
 
 def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
@@ -61,15 +51,11 @@ def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
         UserError: more than a tenth of the evaluations failed, or the log is from another run.
     """
     method, watch = plan.search, Stopwatch()
-    of_pool = method.policy is not None
-    rewards = PoolRewards(run, plan) if of_pool else DatasetRewards(run, plan, kind)
+    rewards = Rewards(run, plan, kind)
     reward_fn = sdr_jax.host_reward(rewards, common=plan.options.common_random_numbers)
-    n = plan.options.pool.streets if of_pool else plan.datasets
-    key = jax.random.key(plan.seed)
-    steps = sdr_jax.drive(key, method, reward_fn, plan.updates, n)
+    steps = sdr_jax.drive(jax.random.key(plan.seed), method, reward_fn, plan.updates, plan.datasets)
     history: list[tuple] = []
     foreseen: list[np.ndarray] = []
-    policies = [] if method.policy is None else [method.policy(sdr_jax.first_state(key, method))]
     state: Any = None  # there are no expectations before the first update
     clipped = False
     for update in range(plan.updates):
@@ -79,27 +65,22 @@ def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
             foreseen += _foreseen(method, before, record)
             info = jax.device_get(record.info)
             probabilities = np.asarray(method.probabilities(state))
-            if method.policy is not None:
-                policies.append(method.policy(state))
         own = np.array([result.reward for result in rewards.results[-plan.datasets :]], np.float32)
         history.append((own, float(info.baseline), int(info.group), probabilities))
-        if info.clipped and not clipped and not of_pool:
+        if info.clipped and not clipped:
             clipped = True
             told = sum(len(rewards) for rewards, *_ in history)
             run.progress.say(f"{plan.name}: {on_clipping(int(info.clipped), told)}")
         run.progress.standing = standing(kind, [rewards for rewards, *_ in history])
-        run.progress.update(_said(plan, kind, update, history, policies))
+        run.progress.update(_said(plan, kind, update, history))
     with watch:
         solution = embed(plan, jax.device_get(method.solution(state)))
         spread = embed(plan, jax.device_get(method.spread(state)))
     by_update, baselines, groups, distributions = zip(*history, strict=True)
-    best = solution
-    if isinstance(rewards, DatasetRewards):
-        best = _best(rewards.asked, np.stack(by_update).ravel())
     return Found(
         solution,
         spread,
-        best,
+        _best(rewards.asked, np.stack(by_update).ravel()),
         results=rewards.results,
         rewards=np.stack(by_update),
         baselines=np.array(baselines, np.float32),
@@ -108,7 +89,6 @@ def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
         cpu_seconds=max(watch.cpu - rewards.watch.cpu, 0.0),
         wall_seconds=max(watch.wall - rewards.watch.wall, 0.0),
         expected=np.stack(foreseen) if foreseen else None,
-        answers=answers(policies, plan) if policies else {},
     )
 
 
@@ -132,16 +112,10 @@ def standing(kind: RewardKind, rewards: Sequence[np.ndarray]) -> str:
     return f"best {REWARD_NAMES[kind]} {in_words(kind, max(known))}" if known else ""
 
 
-def _said(
-    plan: SearchPlan,
-    kind: RewardKind,
-    update: int,
-    history: Sequence[tuple],
-    policies: Sequence[Policy],
-) -> str:
+def _said(plan: SearchPlan, kind: RewardKind, update: int, history: Sequence[tuple]) -> str:
     """The progress line of an update."""
     latest, baseline, group, _ = history[-1]
-    where = f"{plan.name}: {'round' if policies else 'update'} {update + 1}/{plan.updates}"
+    where = f"{plan.name}: update {update + 1}/{plan.updates}"
     if plan.method == "sdr":
         where += f", group {group + 1}"
     if np.isnan(latest).all():
@@ -151,8 +125,4 @@ def _said(
     if np.isfinite(baseline):
         scale = 100 if plan.options.squared_reward else 1
         line += f", baseline {in_words(kind, baseline / scale)}"
-    if policies:
-        line += f", moved {max(float(divergence(policies[-1], policies[-2])), 0.0):.2f} nats"
-        shares = [f"{100 * share:.0f}" for share in policies[-1].shares.tolist()]
-        line += f", shares {' and '.join(shares)} %" if len(shares) > 1 else ""
     return f"{where} | {line}"

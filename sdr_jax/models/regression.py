@@ -151,15 +151,7 @@ def covariance(belief: Posterior) -> Float[Array, "features features"]:
 def by_evidence(
     data: Centred, stds: Float[Array, "k features"]
 ) -> tuple[Posterior, Float[Array, ""]]:
-    """The posterior under the most likely of several priors, and the variance of the noise integrated out."""
-    belief, noise, _ = with_evidence(data, stds)
-    return belief, noise
-
-
-def with_evidence(
-    data: Centred, stds: Float[Array, "k features"]
-) -> tuple[Posterior, Float[Array, ""], Float[Array, "k"]]:
-    """As `by_evidence`, with each prior's log evidence up to a constant.
+    """The posterior under the most likely of several priors, and the variance of the noise integrated out.
 
     Args:
         data: the evaluations.
@@ -180,7 +172,7 @@ def with_evidence(
     beliefs, noises, evidence = jax.lax.map(fit, stds)
     best = jnp.argmax(evidence)
     belief, noise = jax.tree.map(lambda leaf: leaf[best], (beliefs, noises))
-    return belief, noise, evidence
+    return belief, noise
 
 
 def draw(

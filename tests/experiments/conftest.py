@@ -54,12 +54,6 @@ TINY = (
 )  # fmt: skip
 """The smoke preset, smaller still; of twelve rewards and nine final nets."""
 
-POOLED = (
-    "--preset", "smoke", "--workers", "1", "--candidates", "last", "--method", "pool",
-    "--reward.train.net", "lite0", "--reward.train.steps", "6", "--final.train.steps", "8",
-)  # fmt: skip
-"""The same by pools of streets; of two rounds."""
-
 by_preset = pytest.mark.parametrize(("target", "preset"), [*product(TARGETS, PRESETS)])
 """A test of what a command does unless told otherwise."""
 

@@ -17,7 +17,7 @@ from experiments.evaluation.job import Job, Recipe
 from experiments.evaluation.runner import Runner, about
 from experiments.evaluation.store import result_of
 from scene.assets.catalogue import AssetPool
-from scene.proposal import default_proposal
+from scene.proposal import default_proposal, draw
 from scene.workers import WorkerPool
 from seg import pyramid
 from seg.data import LabelledImages
@@ -139,6 +139,43 @@ def test_a_killed_run_leaves_nothing_that_is_trusted(opened, tmp_path, full_disk
     (Path(first.features) / "map0.npy").unlink()
     assert opened().put(REAL, TRAIN, "reward") == first and len(list(folder.iterdir())) == 2
     assert np.array_equal(np.load(Path(first.features) / "map0.npy"), whole[0])
+
+
+def test_streets_are_rendered_once_and_whole_pieces_outlive_a_kill(opened, monkeypatch):
+    monkeypatch.setattr(cache, "CHUNK", 5)
+    units, told = draw(default_proposal(), 0, 12), []
+
+    def made(**stubs):
+        with monkeypatch.context() as patch:
+            for name, stub in stubs.items():
+                patch.setattr(cache, name, stub)
+            found = loaded(opened().streets("a" * 64, RECIPE, units, 3, told.append))
+        return [found.images, found.labels, *found.features]
+
+    whole = made()
+    assert len(whole[0]) == 12 and told == [0, 5, 5, 2]
+    assert same(made(render_street=never), whole)
+    for limit, missing in ((7, 7), (12, 0)):
+        opened().forget("a" * 64)
+        with pytest.raises(Killed):
+            made(render_street=Counted(cache.render_street, limit), _assemble=Counted(never, 0))
+        rendered = Counted(cache.render_street)
+        assert same(made(render_street=rendered), whole) and len(rendered.calls) == missing
+
+
+def test_a_damaged_piece_of_streets_is_made_anew(opened, monkeypatch, tmp_path):
+    monkeypatch.setattr(cache, "CHUNK", 5)
+    units = draw(default_proposal(), 0, 12)
+    with monkeypatch.context() as patch, pytest.raises(AssertionError):
+        patch.setattr(cache, "_assemble", never)
+        opened().streets("a" * 64, RECIPE, units, 3, int)
+    pieces = sorted((tmp_path / "run" / FOLDER).glob("pool-*.pieces/*.npz"))
+    assert [piece.name for piece in pieces] == ["000000.npz", "000005.npz", "000010.npz"]
+    pieces[1].write_bytes(pieces[1].read_bytes()[:-100])
+    rendered = Counted(cache.render_street)
+    monkeypatch.setattr(cache, "render_street", rendered)
+    opened().streets("a" * 64, RECIPE, units, 3, int)
+    assert [index for _, _, index, *_ in rendered.calls] == [*range(5, 10)]
 
 
 @pytest.mark.parametrize(("part", "name", "change", "complaint"), [

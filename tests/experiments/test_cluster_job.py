@@ -5,7 +5,7 @@ import pytest
 from shell.files import read_json
 from tests.conftest import DaskCluster, wait_for_lines
 
-from .conftest import POOLED, TINY, lines
+from .conftest import TINY, lines
 from .test_main_job import SCORES
 
 
@@ -34,21 +34,3 @@ def test_on_a_cluster_it_ends_as_on_this_machine(unbroken, start_job, tmp_path_f
     ours, theirs = (read_json(folder / "summary.json") for folder in (out, unbroken[0]))
     assert {k: ours[k] for k in SCORES} == {k: theirs[k] for k in SCORES}
     assert ours["cpu_share"] is None and 0 < theirs["cpu_share"] < 2
-
-
-@pytest.mark.slow
-def test_pools_on_a_cluster_give_the_credits_of_this_machine(start_job, tmp_path_factory, tmp_path):
-    cluster = DaskCluster(tmp_path_factory.mktemp("dask"))
-    away, here = tmp_path / "away", tmp_path / "here"
-    try:
-        cluster.start(), cluster.start()
-        job = start_job(away, *POOLED, "--executor", "dask", "--scheduler", cluster.address)
-        ended = job.finish(timeout=900)
-    finally:
-        cluster.stop()
-    assert (ended[0], ended[2]) == (0, "")
-    assert start_job(here, *POOLED).finish(timeout=900)[0] == 0
-    logs = (lines(folder / "evaluations.jsonl") for folder in (away, here))
-    ours, theirs = ([(r["update"], r["reward"], r["credits"]) for r in log] for log in logs)
-    assert len(ours) == 2 and ours == theirs
-    assert (away / "attributes.json").read_bytes() == (here / "attributes.json").read_bytes()

@@ -13,7 +13,7 @@ from sdr_jax.tune.__main__ import main as tune
 from shell.files import read_json
 from tests.guard_files import as_recorded, keys_of
 
-from .conftest import POOLED, ROOT, TINY, main_job
+from .conftest import ROOT, TINY, main_job
 
 NETS = ("table", "pretrain", "assets", "ablation", "compare", "labels")
 """Studies whose rows are of nets."""
@@ -37,13 +37,6 @@ def test_a_key_that_went_or_came_is_named(tmp_path, monkeypatch):
         AssertionError, match=r"gone: \['a.json: mean'\], new: \['a.json: median'\]"
     ):
         as_recorded("some", tmp_path)
-
-
-@pytest.mark.slow
-def test_the_main_job_by_pools(start_job, out):
-    code, _, stderr = start_job(out, *POOLED).finish()
-    assert (code, stderr) == (0, "")
-    as_recorded("cityscapes --method pool", out)
 
 
 @pytest.mark.slow

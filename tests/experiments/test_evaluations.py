@@ -18,7 +18,7 @@ from experiments.config.presets import defaults
 from experiments.evaluation import mmd, runner, store
 from experiments.evaluation.cost import cost_of, training_cost
 from experiments.evaluation.evaluate import attempt, worker_environment
-from experiments.evaluation.job import Job, Result, StreetPool
+from experiments.evaluation.job import Job, Result
 from experiments.evaluation.store import (
     HEADER,
     LOGS,
@@ -151,16 +151,6 @@ def test_a_mixture_is_kept_by_its_components(tmp_path):
     assert (found["centre"], found["width"]) == (None, None)
     assert [row["share"] for row in found["components"]] == [0.25, 0.75]
     assert found["components"][1] == {"share": 0.75, "centre": [0.5] * 23, "width": [1.0] * 23}
-
-
-def test_credits_are_read_back_as_they_were(tmp_path):
-    credits = tuple(np.float32([0.1, -3e-7, 1 / 3]).tolist())
-    outcome = Result(0.5, [0.5], 1.0, 2.0, credits=credits)
-    kept = record_of("k", StreetPool("p"), 1, outcome) | {"config": "c", "engine": 1}
-    Store(tmp_path / "log").add(kept)
-    (found,) = Store(tmp_path / "log").records
-    assert found == kept and (found["centre"], found["credits"][0]) == (None, 0.1)
-    np.testing.assert_array_equal(np.float32(result_of(found).credits), np.float32(credits))
 
 
 def test_a_histogram_is_kept_by_its_probabilities(tmp_path):
@@ -488,7 +478,6 @@ def test_merge_refuses_two_values_for_one_key_and_names_both(make, tmp_path, ref
     ([HEADER, record(reward=None, failed=None)], "one of the two"),
     ([HEADER, record(centre=[0.5])], "centre must hold 23"),
     ([HEADER, record(), record(reward=0.5)], "line 3 hold the same evaluation with different"),
-    ([HEADER, record(credits=[0.5]), record(credits=[0.25])], "different values of credits; its"),
 ])  # fmt: skip
 def test_other_files_are_refused_in_one_line(found, complaint, tmp_path, refused):
     path = tmp_path / "other.jsonl"

@@ -8,10 +8,10 @@ import pytest
 from experiments.evaluation.job import rendered_of
 from scene.attributes import names
 from scene.held import in_words, read_fixed
-from scene.proposal import Histogram, components, draw, streets_in
+from scene.proposal import draw, streets_in
 from seg.data import LabelledImages
 
-from .conftest import POOLED, Counted, lines, main_job, never, transferred
+from .conftest import Counted, lines, main_job, never, transferred
 
 FIX = ("--space", "extended", "--fix", "field_of_view=90", "--fix", "camera_position_y=1.4")
 HELD = read_fixed(FIX[3::2], "extended")
@@ -57,31 +57,24 @@ def test_every_row_of_a_study_holds_it_and_its_report_says_so(
     assert WORDS in (tmp_path / "run" / f"{name}.md").read_text()
 
 
-@pytest.mark.parametrize("method", [
-    "random_search", pytest.param("pool", marks=pytest.mark.slow),
-])  # fmt: skip
 def test_a_run_keeps_what_is_held_and_is_not_continued_with_another_value(
-    method, camvid, scored_by, tmp_path, error_line, capsys
+    camvid, scored_by, tmp_path, error_line, capsys
 ):
     scores = Counted()
     scored_by(scores)
     flags = ["--data", str(camvid), "--out", str(tmp_path / "run")]
-    flags += (
-        POOLED[4:] if method == "pool" else ["--method", method, "--candidates", "argmax", "broad"]
-    )
+    flags += ["--method", "random_search", "--candidates", "argmax", "broad"]
     assert main_job("camvid", *flags, *FIX) == 0
     assert WORDS in capsys.readouterr().out
-    if method != "pool":
-        assert checked(scores) > 12
+    assert checked(scores) > 12
     learnt = streets_in(tmp_path / "run" / "attributes.json")
-    assert isinstance(components(learnt)[0][1], Histogram) == (method == "pool")
     np.testing.assert_array_equal(draw(learnt, 1, 3)[:, WHERE], [[*HELD.values()]] * 3)
     streets = json.loads((tmp_path / "run" / "dataset" / "dataset.json").read_bytes())["streets"]
     np.testing.assert_array_equal(np.float32(streets)[:, WHERE], [[*HELD.values()]] * len(streets))
     page = (tmp_path / "run" / "report.html").read_text()
     assert WORDS in page and "field of view, held" in page and "exposure, held" not in page
     for line in lines(tmp_path / "run" / "evaluations.jsonl"):
-        assert method == "pool" or [line["width"][k] for k in WHERE] == [0, 0]
+        assert [line["width"][k] for k in WHERE] == [0, 0]
     scored_by(never)
     other = [*FIX[:-1], "camera_position_y=1.5"]
     assert main_job("camvid", *flags, *other) == 2

@@ -266,7 +266,6 @@ def test_a_net_of_the_table_needs_images_that_are_large_enough(error_line, out):
     (["--candidates", "camera"], ["--candidates", "argmax", "seen"]),
     (["--colour", "red"], ["--colour; did you mean --reward.train.colour"]),
     (["--sede", "1"], ["--sede; did you mean --seed?"]),
-    (["--search.pool.subset", "9"], ["pool.subset; did you mean --search.pool.streets?"]),
     (["--target", "camvid"], ["--target"]),
 ])  # fmt: skip
 def test_what_the_parser_refuses_has_exit_code_2(arguments, words, capsys):

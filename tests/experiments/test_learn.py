@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import stats
 
-from experiments.config import SEED_END, MainConfig, check, offered, presets
+from experiments.config import SEED_END, MainConfig, check, presets
 from experiments.config.presets import defaults
 from experiments.evaluation.cost import cost_of
 from experiments.evaluation.job import Result
@@ -147,7 +147,7 @@ def test_what_all_candidates_of_a_seed_share_decides_nothing(scores, shift):
 
 def test_errors_of_both_kinds():
     config, rng = defaults(MainConfig, "camvid", "quick"), np.random.default_rng(0)
-    shape, candidates = config.candidate_seeds, offered(config)
+    shape, candidates = config.candidate_seeds, config.candidates
 
     def taken(gain: float, runs: int = 2500) -> dict[str, float]:
         found = []

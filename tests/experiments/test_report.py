@@ -157,18 +157,6 @@ def test_probabilities_are_shown_as_densities(run):
     assert looks == ["track tall", "learnt area", "learnt other step"] * len(ATTRIBUTES)
 
 
-def test_rewards_of_pools_are_of_linear_nets_and_others_of_fresh_ones(run):
-    config = read_json(run / "config.json")
-    for method, told in (
-        ("pool", "each of a linear net on all streets of a round."),
-        ("sdr", "each of a fresh net on a dataset of its own."),
-    ):
-        config["search"]["method"] = method
-        write_json(run / "config.json", config)
-        assert main([str(run)]) == 0
-        assert f"rewards of {method}, {told}" in Page(run / "report.html").text
-
-
 def gain(mean, *ci95):
     return {"mean": mean, "ci95": [*ci95] or None}
 

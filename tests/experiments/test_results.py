@@ -133,8 +133,8 @@ def test_parts_of_one_kind_have_a_table_with_their_means(tmp_path):
         rows = [
             {"name": name, "judged": judged, "mean": mean, "ci95": None, **gains}
             for name, judged, mean in (
-                ("random", True, 10.0), ("default", True, 20.0), ("pool", True, 30.0 + k),
-                ("pool", False, 0.0), ("real", True, 40.0),
+                ("random", True, 10.0), ("default", True, 20.0), ("intervals", True, 30.0 + k),
+                ("intervals", False, 0.0), ("real", True, 40.0),
             )
         ]  # fmt: skip
         (tmp_path / part.name).mkdir()

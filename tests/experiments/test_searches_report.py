@@ -6,8 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from experiments.config.studies import defaults_of
-from experiments.evaluation.cost import cost_of, credit_cost
-from experiments.run.pooled import reward_of
+from experiments.evaluation.cost import cost_of
 from experiments.searches import check, configured, derive, plan_of, rows, text, work
 from shell.errors import UserError
 
@@ -63,23 +62,20 @@ def test_reports_from_before_own_answers_had_nets_are_read():
 def test_searches_at_equal_core_minutes_have_no_selection_and_end_with_their_methods_answer():
     config = replace(
         defaults_of("searches", "labelmefacade", "quick"),
-        core_minutes=15.0, methods=("pool", "random_search", "sdr"), searches=2,
+        core_minutes=15.0, methods=("intervals", "random_search", "sdr"), searches=2,
     )  # fmt: skip
     check(config)
     plans = {name: plan_of(own, name) for name, own in configured(config).items()}
     assert list(plans) == [f"{m}-{k}" for k in (0, 1) for m in config.methods]
-    fidelity = reward_of(config)
-    of_round = fidelity.streets * credit_cost(fidelity)
-    seconds = [
-        plan.evaluations * (of_round if plan.method == "pool" else cost_of(config.reward))
-        for plan in plans.values()
-    ]
+    seconds = [plan.evaluations * cost_of(config.reward) for plan in plans.values()]
     assert all(0.75 * 15 * 60 < each <= 15 * 60 for each in seconds)
     counts = {kind.what: kind.nets for kind in work(config)}
     assert counts["nets of candidates, 6 searches"] == 6  # one each: nothing is chosen
     names = [row.name for row in rows(config, SimpleNamespace(few_names=()))]
-    assert [name for name in names if "pool" in name] == ["pool-0", "pool-1"]
-    with pytest.raises(UserError, match=r"--core-minutes 0\.1 are too few for one update of pool"):
+    assert [name for name in names if "sdr" in name] == ["sdr-0", "sdr-1"]
+    with pytest.raises(
+        UserError, match=r"--core-minutes 0\.1 are too few for one update of intervals"
+    ):
         check(replace(config, core_minutes=0.1))
-    page = text(report(search(0, "last", nets(36.0, 38.0)), core_minutes=15.0))
+    page = text(report(search(0, "argmax", nets(36.0, 38.0)), core_minutes=15.0))
     assert "rewards for 15 minutes of a core" in page and "its answer is its method's own" in page

@@ -24,7 +24,6 @@ import pytest
 
 from tests.conftest import ROOT
 from tests.experiments.conftest import (  # noqa: F401
-    POOLED,
     TINY,
     camvid,
     command,
@@ -36,7 +35,7 @@ from tests.layouts import write
 
 TIMES = int(os.environ.get("ROBUST_TIMES", "2"))
 EXAMPLE = ROOT / "examples" / "tune"
-NAMES = ("run", "pool", "export", "tune", "fit")
+NAMES = ("run", "export", "tune", "fit")
 
 
 @dataclass
@@ -137,7 +136,6 @@ def data() -> str:
 SIMULATOR = [sys.executable, str(EXAMPLE / "simulator.py"), "{attributes.json}"]
 PROGRAMS = {
     "run": Program("run", ["-m", "experiments.cityscapes", *TINY, "--out", "OUT"], "*.jsonl"),
-    "pool": Program("pool", ["-m", "experiments.cityscapes", *POOLED, "--out", "OUT"], "*.jsonl"),
     "export": Program(
         "export",
         "-m scene.render --images 8 --size 96x64 --shots 2 --workers 2 --seed 3 --out OUT".split(),
