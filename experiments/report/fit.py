@@ -31,6 +31,8 @@ WORDS: dict[Row, str] = {
     "labels+learnt": "your labels and renders of learnt streets",
 }
 """The training sets of the rows."""
+MIXED = ", half of random and half of hand-set streets,"
+"""The renders in words; those of earlier versions were all of random streets."""
 MODEL, STRIP = "model", "predictions.png"
 """Files of the run folder: the net; images with their labels and predictions."""
 FEWEST = 3
@@ -133,7 +135,8 @@ def _tested_on(report: Report) -> str:
     return (
         f"mIoU in percent at {report['scored_at']} on {report['tested']} images that a net has not seen "
         f"({report['where']}), {report['seeds']} nets each; 95 % intervals over {over}. Beside labels "
-        f"{report['rendered_images']} renders are {_rendered_share(report):g} % of all batches."
+        f"{report['rendered_images']} renders{MIXED if report.get('streets') == 'mixed' else ''} are "
+        f"{_rendered_share(report):g} % of all batches."
     )
 
 

@@ -158,7 +158,7 @@ def parts(data: Data, out: Path, preset: Size, searches: int, twins: int) -> lis
         for name, target, flags in real:
             every = "266" if target == "camvid" else "100"
             counts = ("--counts", "0", *COUNTS, every) if quick else ()
-            rows = ("--renders", "random", "default", "learnt", *learnt(name))
+            rows = ("--renders", "random", "default", "mixed", "learnt", *learnt(name))
             yield from study(f"labels-{name}", "labels", "labels", target, *flags, *counts, *rows)
         for name, target, flags in real:
             for count in COUNTS if quick else ("2",):

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from PIL import Image
 from safetensors.numpy import save_file
 
+import experiments.fit
 from experiments.config import parsers
 from experiments.fit import config_of, derive, fit, main, text
 from experiments.report import live
@@ -20,6 +21,8 @@ from experiments.report import page as page_of_runs
 from experiments.report.__main__ import main as make_report
 from experiments.report.fit import by_class, verdict
 from experiments.target.folder import FOLDS, cut, fold_targets, parts_of, reader, suitable_size
+from scene.held import hold, read_fixed
+from scene.proposal import Streets, describe, draw, streets_named
 from seg.model import load_model
 from shell.errors import UserError
 from shell.files import write as write_file
@@ -176,7 +179,14 @@ def test_from_a_folder_of_ones_own_to_a_net(folder, tmp_path, capsys, monkeypatc
         write_file(path, text, **options)
         pages.append(Page(path))
 
+    drawn: list[Streets] = []
+
+    def draw_kept(streets: Streets, *options) -> np.ndarray:
+        drawn.append(streets)
+        return draw(streets, *options)
+
     monkeypatch.setattr(live, "write", write_live)
+    monkeypatch.setattr(experiments.fit, "draw", draw_kept)
     monkeypatch.setattr(page_of_runs, "EVERY", 0)
     arguments = [str(folder), "--out", str(tmp_path / "run"), "--preset", "smoke", "--seeds", "1"]
     arguments += ["--size", "64x48", "--workers", "1", "--fix", "field_of_view=90"]
@@ -188,6 +198,9 @@ def test_from_a_folder_of_ones_own_to_a_net(folder, tmp_path, capsys, monkeypatc
         and "by one net each" in said
         and "Learnt from labels alone: bench." in said
     )
+    assert "renders, half of random and half of hand-set streets, are 50 % of all batches" in said
+    mixed = hold(streets_named("mixed", "extended"), read_fixed(FIX, "extended"))
+    assert [*map(describe, drawn)] == [describe(mixed)]
     summary = json.loads((tmp_path / "run" / "summary.json").read_bytes())
     assert list(summary["rows"]) == ["labels", "labels+renders", "renders"]
     assert [len(fold) for fold in summary["nets"]["labels"]] == [1, 1]
