@@ -24,7 +24,7 @@ from experiments.config.config import (
     ShareConfig,
     TargetName,
 )
-from experiments.config.options import Fidelity, MethodOptions
+from experiments.config.options import Fidelity, MethodOptions, Search
 from experiments.config.presets import POSITIONS, Table
 from sdr_jax.names import MethodName
 from seg.settings import NetName
@@ -137,10 +137,21 @@ class AssetsConfig(LearntConfig):
     """The attributes of streets: random, hand-set, or learnt (from --learnt, otherwise by a search)."""
 
 
+@dataclass(frozen=True)
+class ManySearch(Search):
+    """The options of searches by several methods."""
+
+    method: Annotated[MethodName, UNUSED] = "surrogate"
+
+
 @dataclass(frozen=True, kw_only=True)
 class ManyConfig(FewConfig, Rederived):
-    """One study. Every field is a flag."""
+    """One study. Every field is a flag.
 
+    --methods replaces --method.
+    """
+
+    search: ManySearch
     searches: Annotated[int, at_least(1)] = 5
     """Searches of each method, with seeds --seed, --seed + 1, ..."""
     methods: Annotated[tuple[MethodName, ...], DISTINCT] = ("intervals", "sdr", "random_search")

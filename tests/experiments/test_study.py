@@ -199,6 +199,7 @@ def test_bad_input_is_one_line(name, flags, complaint, command, out, error_line,
     ("ablation", ("--variants", "no_fog")), ("ablation", ("--learnt", "x.json")),
     ("ablation", ("--reward-kind", "mmd")), ("ablation", ("--candidates", "argmax")),
     ("compare", ("--methods", "descent")), ("compare", ("--search.method", "sdr")),
+    ("searches", ("--method", "sdr")),
     ("compare", ("--search.updates-per-group", "3")), ("compare", ("--candidates", "seen")),
 ])  # fmt: skip
 def test_flags_that_cannot_be_are_refused_by_name(name, flags, command, out, capsys):
