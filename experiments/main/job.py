@@ -21,7 +21,7 @@ from experiments.run.nets import by_row, jobs_of, paired_seeds, training_sets
 from experiments.study.form import Form, Report, about
 from experiments.study.skeleton import Study, do
 from scene.dataset.export import export_dataset, read_dataset
-from scene.proposal import Streets, draw
+from scene.proposal import Proposal, draw
 from seg.data import LabelledImages
 from shell.files import write, write_json
 
@@ -80,7 +80,7 @@ def _shown(run: Run[MainConfig], recipe: Recipe) -> dict[str, LabelledImages]:
     return found | ({"real": run.images(fidelity, "labelled")} if run.target.labelled else {})
 
 
-def export(run: Run[MainConfig], recipe: Recipe, streets: Streets) -> None:
+def export(run: Run[MainConfig], recipe: Recipe, streets: Proposal) -> None:
     """Write the learnt dataset with all of the engine's labels into ``dataset/``.
 
     With ``--few`` a note beside it says how to train on it and on the few images.

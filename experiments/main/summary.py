@@ -99,13 +99,10 @@ def _recovery(report: Report) -> Report:
 
     They are those of common attributes: either space may be the smaller one, whose attributes come first.
     """
-    rows = [(row["share"], row["attributes"]) for row in report["components"]]
-    hidden = np.array(report["hidden_centres"])[: len(rows[0][1])]
+    own = report["components"][0]["attributes"]
+    hidden = np.array(report["hidden_centres"])[: len(own)]
     both = names("extended")[: len(hidden)]
-    learnt = sum(
-        share * np.array([own[name]["unit"]["centre"] for name in both]) for share, own in rows
-    )
-    error = np.abs(learnt - hidden)
+    error = np.abs(np.array([own[name]["unit"]["centre"] for name in both]) - hidden)
     return {
         "learnt_error": round(float(error.mean()), 4),
         "centre_error": round(float(np.abs(0.5 - hidden).mean()), 4),

@@ -82,6 +82,7 @@ def read(path: Path, report: Report | None = None) -> RunFolder:
         raise UserError(f"{path}: {what}; name the --out of a run")
     if report is None:
         report = _summary(path, config)
+    _check_answer(path, report)
     index, matters = path / PICTURES / INDEX, path / PICTURES / FILE
     evaluations, finals = (JsonLines(path / name).lines for name in LOGS)
     run = RunFolder(
@@ -99,6 +100,16 @@ def read(path: Path, report: Report | None = None) -> RunFolder:
     if shares is not None and shares.shape[1] != len(run.attributes):
         run = run._replace(probabilities=None)  # from a search of some attributes only
     return run
+
+
+def _check_answer(path: Path, report: Report) -> None:
+    """Raise UserError for the answer of a method that is gone: bins, or several kinds of streets."""
+    found = report.get("components", [])
+    bins = [
+        row for own in found for row in own["attributes"].values() if "probabilities" in row["unit"]
+    ]
+    if len(found) > 1 or bins:
+        raise UserError(f"{path}: its answer is no intervals; the version that made it can show it")
 
 
 def _summary(path: Path, config: dict[str, Any]) -> Report:

@@ -33,8 +33,6 @@ from shell.progress import duration
 HERE = Path(__file__).parent
 FIRST = 15
 """The number of attributes whose importance is drawn."""
-THIN = 0.02
-"""The least width for the density of an interval, 3 of 170 pixels; a narrower one is drawn like this."""
 CANDIDATES = {
     "argmax": "the method's answer: the best found",
     "seen": "the dataset with the best reward",
@@ -347,60 +345,33 @@ def selection(run: RunFolder) -> Report | None:
 
 
 def attributes(run: RunFolder) -> Report:
-    """The learnt distribution of each attribute, beside the hand-set street.
-
-    Each attribute has bars within its whole range, as CSS styles: one for each bin if it has probabilities,
-    with its density as the height, on one scale for all components; otherwise one for the interval.
-    """
+    """The learnt interval of each attribute, beside the hand-set one, as CSS styles within its range."""
     report, config = run.summary, run.config
-    components, hidden = report["components"], report["hidden_centres"]
-    names = list(components[0]["attributes"])
-    found = {name: [c["attributes"][name] for c in components] for name in names}
+    hidden = report["hidden_centres"]
     by_hand = default_proposal(config.get("default_width", 0.15), config.get("space", "scenex"))
     hand_set = describe(hold(by_hand, run.held))["components"][0]["attributes"]
-    binned = any("probabilities" in entry["unit"] for own in found.values() for entry in own)
     rows = []
-    for k, (name, own) in enumerate(found.items()):
+    for k, (name, own) in enumerate(report["components"][0]["attributes"].items()):
         other = hand_set.get(name)
         # A near twin has hidden values for the attributes of the smaller space only.
         centre = hidden[k] if hidden is not None and k < len(hidden) else None
-        densities = [_density(entry) for entry in own]
-        most = max(density for bars in densities for *_, density in bars)
         rows.append(
             {
                 "name": words(name) + (", held" if name in run.held else ""),
-                "learnt": [
-                    [_bar(a, b, d / most if binned else None) for a, b, d in bars if d]
-                    for bars in densities
-                ],
-                "hand_set": None if other is None else _bar(*_ends(other)),
+                "learnt": _bar(own),
+                "hand_set": None if other is None else _bar(other),
                 "hidden": None if centre is None else f"left:{100 * centre:.1f}%",
                 "cells": [
-                    *map(_range, own),
+                    _range(own),
                     "" if other is None else _range(other),
-                    own[0]["physical"]["unit"],
-                    own[0]["meaning"],
+                    own["physical"]["unit"],
+                    own["meaning"],
                 ],
             }
         )
-    drawn = (
-        "densities; from – to is the interval with their mean and variance"
-        if binned
-        else "intervals"
-    )
-    mixed = len(components) - 1
-    kinds = f" The answer is a mixture of {len(components)} kinds of streets." if mixed else ""
     return {
-        "note": f"Each street draws its attributes from these {drawn}.{kinds}{_recovered(report)}",
-        "kinds": [
-            f"kind {chr(ord('A') + k)}, {100 * c['share']:.0f} % of streets" if mixed else "learnt"
-            for k, c in enumerate(components)
-        ],
+        "note": f"Each street draws its attributes from these intervals.{_recovered(report)}",
         "hidden": hidden is not None,
-        "binned": binned,
-        # In a mixture of densities, the first is filled and the others are lines.
-        "looks": ["area" if binned and mixed else ""]
-        + ["other step" if binned else "other"] * mixed,
         "rows": rows,
     }
 
@@ -415,25 +386,11 @@ def _recovered(report: Report) -> str:
     )
 
 
-def _bar(low: float, high: float, height: float | None = None) -> str:
-    high_as = "" if height is None else f";height:{100 * height:.0f}%"
-    return f"left:{100 * low:.1f}%;width:{100 * (high - low):.1f}%{high_as}"
-
-
-def _density(entry: Report) -> list[tuple[float, float, float]]:
-    """Start, end and density of each bin, or of the one interval."""
-    shares = entry["unit"].get("probabilities")
-    if shares is None:
-        low, high = _ends(entry)
-        return [(low, high, 1 / max(high - low, THIN))]
-    bins = len(shares)
-    return [(k / bins, (k + 1) / bins, bins * share) for k, share in enumerate(shares)]
-
-
-def _ends(entry: Report) -> tuple[float, float]:
-    """The ends of an interval, in unit values."""
+def _bar(entry: Report) -> str:
+    """An interval within the whole range, as a CSS style."""
     centre, width = entry["unit"]["centre"], entry["unit"]["width"]
-    return max(centre - width / 2, 0.0), min(centre + width / 2, 1.0)
+    low, high = max(centre - width / 2, 0.0), min(centre + width / 2, 1.0)
+    return f"left:{100 * low:.1f}%;width:{100 * (high - low):.1f}%"
 
 
 def _range(entry: Report) -> str:

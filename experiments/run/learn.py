@@ -31,7 +31,7 @@ from experiments.run.search import Found, search
 from experiments.run.selection import Selection, parts_of, select
 from experiments.target.base import Target
 from scene.held import hold
-from scene.proposal import Streets, describe, slide
+from scene.proposal import Proposal, describe, slide
 from shell.files import digest, write_json
 
 BROAD = 0.5
@@ -43,7 +43,7 @@ REFERENCE: Candidate = "default"
 class Learnt(NamedTuple):
     """The learnt streets, and how they were learnt."""
 
-    streets: Streets
+    streets: Proposal
     found: Found
     selection: Selection
     parts: tuple[str, ...]  # of the reward images, in words
@@ -131,7 +131,7 @@ def _said(sequences: Sequence[str]) -> str:
     return f"{len(sequences)} images of {where}"
 
 
-def candidate(name: Candidate, found: Found, config: SearchConfig) -> Streets:
+def candidate(name: Candidate, found: Found, config: SearchConfig) -> Proposal:
     """The streets of a candidate: from the search, or independent of it."""
     if name == "argmax":
         return found.solution
@@ -157,7 +157,7 @@ def selection_seeds(config: SearchConfig) -> list[int]:
 def _selected(
     run: Run[Any],
     config: SearchConfig,
-    candidates: Mapping[Candidate, Streets],
+    candidates: Mapping[Candidate, Proposal],
     parts: Parts,
     prefix: str,
 ) -> tuple[Selection, dict[str, list[tuple[float, ...]]]]:
@@ -182,7 +182,7 @@ def _selected(
     return selection, by_part
 
 
-def distinct(candidates: Mapping[Candidate, Streets]) -> list[Candidate]:
+def distinct(candidates: Mapping[Candidate, Proposal]) -> list[Candidate]:
     """Names of the candidates without duplicates.
 
     Of equal ones the hand-set street stays, otherwise the first.

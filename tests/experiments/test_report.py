@@ -130,31 +130,13 @@ def test_a_few_labels_come_first_and_what_it_is_told_is_escaped(run):
     assert "<script>alert" not in (run / "report.html").read_text()
 
 
-def test_probabilities_are_shown_as_densities(run):
-    def bars():
-        assert main([str(run)]) == 0
-        tags = [attributes for name, attributes in Page(run / "report.html").tags if name == "i"]
-        return [a["style"] for a in tags if a.get("class") == "bin"]
-
-    assert not bars()
-    summary, shares = read_json(run / "summary.json"), np.float32([0.5, 0, 0.25, 0.25])
-    own = Histogram(np.tile(shares, (len(ATTRIBUTES), 1)))
-    write_json(run / "summary.json", summary | describe(own))
-    one = [f"left:{left}%;width:25.0%;height:{height}%" for left, height in (
-        ("0.0", 100), ("50.0", 50), ("75.0", 50))]  # fmt: skip
-    assert bars() == one * len(ATTRIBUTES)
-    page = Page(run / "report.html")
-    assert (
-        "from these densities; from – to is the interval with their mean and variance" in page.text
-    )
-    mixed = mixture((0.5, 0.5), (own, random_proposal()))  # twice and once as dense
-    write_json(run / "summary.json", summary | describe(mixed))
-    assert bars() == [*one, "left:0.0%;width:100.0%;height:50%"] * len(ATTRIBUTES)
-    shown = Page(run / "report.html")
-    kinds = ["kind A, 50 % of streets", "kind B, 50 % of streets"]
-    assert [told for told in shown.texts if told.startswith("kind ")] == kinds * 2  # key and head
-    looks = [a.get("class") for name, a in shown.tags if name == "span" and a.get("class")]
-    assert looks == ["track tall", "learnt area", "learnt other step"] * len(ATTRIBUTES)
+def test_answers_of_a_method_that_is_gone_are_refused(run, error_line):
+    summary = read_json(run / "summary.json")
+    own = Histogram(np.full((len(ATTRIBUTES), 4), 0.25, np.float32))
+    for answer in (own, mixture((0.5, 0.5), (own, random_proposal()))):
+        write_json(run / "summary.json", summary | describe(answer))
+        assert main([str(run)]) == 2
+        assert "its answer is no intervals" in error_line(begun=True)
 
 
 def gain(mean, *ci95):
