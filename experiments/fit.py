@@ -70,6 +70,9 @@ SPACE: SpaceName = "extended"
 RENDERED = "mixed"
 """The rendered streets, half random and half hand-set: ahead of random ones on real images, and level with
 them on targets far from the hand-set street (`docs/findings.md`)."""
+FEW = 20
+"""Fewer labels than these fill a quarter of each batch beside renders, not half, of which nets learn less
+(`docs/findings.md`)."""
 STREETS = "streets"
 """The word in plans for streets that are only rendered."""
 
@@ -165,6 +168,7 @@ def config_of(
         base,
         data=data,
         out=out,
+        few_share=0.25 if len(parts.entries) < FEW else 0.5,
         file=target,
         shape=shape,
         few=few,
