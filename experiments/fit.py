@@ -13,7 +13,7 @@ seen. If the data have no split, these are the folds of your images, by group, i
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple, cast
@@ -315,7 +315,10 @@ def scores(run: Run[FitConfig], known: Prepared) -> Report:
             _show(run, fold, [job for job in own if job.keeps])
     seconds = {"total": round(run.progress.elapsed, 1)}
     report = {**facts, "seconds": seconds, "nets": found}
-    _leave(run, known, renders[seeds[0]], derive(report))
+    beside: dict[Row, Source] = {"labels+renders": renders[seeds[0]]}
+    if config.learnt:
+        beside["labels+learnt"] = learnt[0][seeds[0]]
+    _leave(run, known, beside, derive(report))
     for made in (renders, *learnt):
         for pool in made.values():
             run.runner.cache.forget(pool.name)
@@ -344,14 +347,20 @@ def _beside(
     return TrainingSet((renders, labels), (1 - config.few_share, config.few_share))
 
 
-def _leave(run: Run[FitConfig], known: Prepared, renders: Source, report: Report) -> None:
-    """Train the net on all labels in the way of the better row, and save it."""
+def _leave(
+    run: Run[FitConfig], known: Prepared, beside: Mapping[Row, Source], report: Report
+) -> None:
+    """Train the net on all labels in the way of the best row with labels, and save it.
+
+    The learnt streets are those of the first fold, whose search has seen most of the labels.
+    """
     config, parts = run.config, known.parts
     assert config.data is not None
     target = all_labelled(parts, known.folds[0], config.data, known.whole)
     whole = replace(run, target=target)
     labels = whole.images(config.final, "labelled")
-    source = labels if report["recipe"] == "labels" else _beside(config, renders, labels)
+    best = report["recipe"]
+    source = labels if best == "labels" else _beside(config, beside[best], labels)
     seed, recipe = config.seed, run.recipe(config.final)
     variables = whole.runner.train(Job(recipe, source, seed, {}), known.init)
     Model(

@@ -55,7 +55,7 @@ def derive(report: Report) -> Report:
         row: _estimate(values[row] - values["labels"]) for row in rows if row.startswith("labels+")
     }
     best = max(
-        (row for row in ("labels", "labels+renders") if rows[row]["mean"] is not None),
+        (row for row in rows if row.startswith("labels") and rows[row]["mean"] is not None),
         key=lambda row: rows[row]["mean"],
         default="labels+renders",
     )

@@ -15,14 +15,18 @@ from safetensors.numpy import save_file
 
 import experiments.fit
 from experiments.config import parsers
-from experiments.fit import config_of, derive, fit, main, text
+from experiments.evaluation.job import Source
+from experiments.fit import FitConfig, _beside, config_of, derive, fit, main, text
 from experiments.report import live
 from experiments.report import page as page_of_runs
 from experiments.report.__main__ import main as make_report
 from experiments.report.fit import by_class, verdict
+from experiments.study.form import Report
 from experiments.target.folder import FOLDS, cut, fold_targets, parts_of, reader, suitable_size
 from scene.held import hold, read_fixed
 from scene.proposal import Streets, describe, draw, streets_named
+from seg.beside import TrainingSet
+from seg.data import LabelledImages
 from seg.model import load_model
 from shell.errors import UserError
 from shell.files import write as write_file
@@ -155,6 +159,8 @@ def test_means_are_over_folds_and_seeds_and_a_net_that_failed_drops_its_seed() -
     assert found["gains"]["labels+renders"]["mean"] == 5.0 and found["recipe"] == "labels"
     assert found["rows"]["renders"]["per_class"] == {"road": 30.0, "sky": None}
     assert found["labels_add"]["mean"] == 4.0 and found["rows"]["labels"]["miou"][-1] is None
+    report["nets"] |= {"labels+learnt": [[net(60.0)] * 3] * 2, "renders": [[net(70.0)] * 3] * 2}
+    assert derive(report)["recipe"] == "labels+learnt"
 
 
 def test_a_class_counts_in_the_folds_that_have_it() -> None:
@@ -249,6 +255,28 @@ def test_from_a_folder_of_ones_own_to_a_net(folder, tmp_path, capsys, monkeypatc
     assert fit(config)["nets"] == summary["nets"]
     other = load_model(tmp_path / "next" / "model")
     assert other.digest != model.digest
+
+
+@pytest.mark.slow
+def test_with_a_search_the_net_that_is_left_may_be_of_learnt_streets(folder, tmp_path, monkeypatch):
+    taken = []
+
+    def beside(config: FitConfig, renders: Source, labels: LabelledImages) -> TrainingSet:
+        taken.append(renders)
+        return _beside(config, renders, labels)
+
+    def learnt_is_best(report: Report) -> Report:
+        return {**derive(report), "recipe": "labels+learnt"}
+
+    monkeypatch.setattr(experiments.fit, "_beside", beside)
+    monkeypatch.setattr(experiments.fit, "derive", learnt_is_best)
+    size = (64, 48)
+    options = {"preset": "smoke", "seeds": 1, "size": size, "workers": 1, "search": True}
+    fit(config_of(folder, tmp_path / "run", **options))
+    # Each of two folds has nets beside mixed and beside learnt streets; then the net that is left.
+    assert taken[0] == taken[2] and taken[4] == taken[1] and len(set(taken)) == 3
+    notes = load_model(tmp_path / "run" / "model").notes
+    assert notes["trained_on"] == "labels+learnt"
 
 
 @pytest.mark.slow
