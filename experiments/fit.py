@@ -71,8 +71,7 @@ RENDERED = "mixed"
 """The rendered streets, half random and half hand-set: ahead of random ones on real images, and level with
 them on targets far from the hand-set street (`docs/findings.md`)."""
 FEW = 20
-"""Fewer labels than these fill a quarter of each batch beside renders, not half, of which nets learn less
-(`docs/findings.md`)."""
+"""Fewer labels than these fill a quarter of a batch beside renders; more fill half (`docs/findings.md`)."""
 STREETS = "streets"
 """The word in plans for streets that are only rendered."""
 
