@@ -32,7 +32,7 @@ from experiments.run.context import Run, Work
 from experiments.run.learn import learn, work_of
 from experiments.run.nets import paired_seeds
 from experiments.study.form import Form, Report, about, nets
-from experiments.study.skeleton import Study, do
+from experiments.study.skeleton import Study, attributes, do
 from experiments.target.base import Target
 from experiments.target.folder import (
     SMALLEST,
@@ -47,8 +47,8 @@ from experiments.target.folder import (
 )
 from scene.attributes import SpaceName
 from scene.dataset.formats.png import encode
-from scene.held import hold, read_fixed
-from scene.proposal import Streets, draw, streets_named
+from scene.held import read_fixed
+from scene.proposal import Streets, draw
 from seg.beside import TrainingSet
 from seg.classes import class_table, colorize
 from seg.data import LabelledImages
@@ -283,8 +283,8 @@ def scores(run: Run[FitConfig], known: Prepared) -> Report:
         "net": config.final.train.net,
     }
     live.watch(run, facts)
-    streets = hold(streets_named(RENDERED, SPACE, config.default_width), config.held)
-    renders = {seed: rendered(run, streets, seed) for seed in seeds}
+    mixed = attributes(run, {}, RENDERED)
+    renders = {seed: rendered(run, mixed, seed) for seed in seeds}
     learnt: list[dict[int, StreetPool]] = []
     for number, fold in enumerate(folds, 1):
         if config.learnt:

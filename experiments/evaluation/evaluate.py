@@ -19,7 +19,7 @@ import jax
 import numpy as np
 
 from experiments.evaluation.cached import Cached, loaded
-from experiments.evaluation.job import Keeps, Parts, Recipe, Result, Source, rendered_of, scored
+from experiments.evaluation.job import Keeps, Parts, Recipe, Result, Source, rendered_of
 from experiments.evaluation.made_with import refuse_other
 from experiments.evaluation.predictions import Predictions, compared, picked
 from scene.dataset.render import Dataset, render_dataset
@@ -27,7 +27,7 @@ from scene.proposal import Streets, draw
 from scene.workers import Workers
 from seg.beside import Beside, TrainingSet
 from seg.data import LabelledImages
-from seg.metrics import mean_iou
+from seg.metrics import iou, mean_iou
 from seg.pyramid import features
 from seg.train import Params, TrainingError, predict, score, train
 from seg.views import view_images
@@ -214,7 +214,10 @@ def tested(
     seconds = train_seconds + time.perf_counter() - started
     found = None if keeps is None else _predictions(recipe, params, real, confusion, keeps)
     each = tuple(mean_iou(own) for own in confusions) if parts else ()
-    return scored(confusion, render_seconds, seconds)._replace(parts=each, predictions=found)
+    class_iou = [None if np.isnan(v) else float(v) for v in iou(confusion)]
+    return Result(
+        mean_iou(confusion), class_iou, render_seconds, seconds, parts=each, predictions=found
+    )
 
 
 def _predictions(

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any, Literal, NamedTuple
 
-import numpy as np
-
 from experiments.config import Fidelity, RewardKind
 from experiments.evaluation.cached import Cached
 from experiments.evaluation.made_with import MadeWith
@@ -16,7 +14,6 @@ from scene.proposal import Streets
 from seg.beside import TrainingSet
 from seg.classes import ClassTable, class_table
 from seg.data import LabelledImages
-from seg.metrics import iou, mean_iou
 from seg.pyramid import Statistics
 
 Parts = tuple[tuple[int, int], ...]
@@ -119,12 +116,6 @@ class Result(NamedTuple):
     def seconds(self) -> float:
         """Core seconds of the evaluation when it was made."""
         return self.render_seconds + self.train_seconds
-
-
-def scored(confusion: np.ndarray, render_seconds: float, train_seconds: float) -> Result:
-    """The result of a net with this confusion matrix on all tested images."""
-    class_iou = [None if np.isnan(v) else float(v) for v in iou(confusion)]
-    return Result(mean_iou(confusion), class_iou, render_seconds, train_seconds)
 
 
 def said(job: Job, result: Result) -> str:

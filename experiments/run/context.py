@@ -129,10 +129,9 @@ def plan_text(plan: Sequence[Work], workers: int) -> str:
     lines = ["Plan, in CPU seconds:"]
     for what, nets, fidelity, seconds in plan:
         train = fidelity.train
-        size = f"{fidelity.size}, {fidelity.images} images"
-        steps = f", {train.steps} steps" if train.steps else ""
+        size = f"{fidelity.size}, {fidelity.images} images, {train.steps} steps"
         decimals = 1 if seconds >= 1 else 2
-        lines.append(f"  {nets:5d} x {seconds:6.{decimals}f}  {what} ({train.net}, {size}{steps})")
+        lines.append(f"  {nets:5d} x {seconds:6.{decimals}f}  {what} ({train.net}, {size})")
     starts = (described(work.fidelity.train) for work in plan)
     lines += [f"  {start}" for start in dict.fromkeys(starts) if start]
     total = duration(sum(work.cost for work in plan) / max(workers, 1))
