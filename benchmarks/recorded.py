@@ -1,22 +1,15 @@
 """Recorded rewards on real CamVid, and a surrogate fitted to them that gives rewards of any bins.
 
-    sdr-jax camvid --data DIR --preset quick --holdout 0006R0 --store rewards.jsonl --out RUN
-    sdr-jax study compare --target camvid --data DIR --preset quick --holdout 0006R0 \\
-        --subsets all --methods random_search --evaluations 128 --no-finals --store rewards.jsonl --out OTHER
-    python -m benchmarks.recorded rewards.jsonl    # writes benchmarks/data/camvid.jsonl
-
-Each line is one reward of the quick recipe: bins of all 23 attributes, and the mIoU on sequences 0016E5
-and 0001TP, in percent, of a net trained on 96 images of 64x48 rendered with them. The adaptive ones come
-first (method `surrogate` at temperatures 0.7 and 1, 288 each), then 128 at random. The surrogate is a
-Gaussian process, a model that none of the methods has: Matern 5/2 over all attributes at once, with a length
-scale for each. Scales, size and noise have the highest evidence.
+Each line of `data/camvid.jsonl` is one reward of an early engine: bins of all 23 attributes, and the mIoU on
+sequences 0016E5 and 0001TP, in percent, of a net trained on 96 images of 64x48 rendered with them. The
+adaptive ones come first (method `surrogate` at temperatures 0.7 and 1, 288 each), then 128 at random. The
+surrogate is a Gaussian process, a model that none of the methods has: Matern 5/2 over all attributes at once,
+with a length scale for each. Scales, size and noise have the highest evidence.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
-import sys
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
@@ -31,12 +24,8 @@ from scipy.stats import qmc
 import sdr_jax
 
 RECORD = Path(__file__).parent / "data" / "camvid.jsonl"
-BINS = 10
 WIDTH = 0.3
 """Width of the relaxed bins when the rewards were recorded."""
-
-QUICK = {"target": "camvid", "side": "reward", "size": "64x48", "images": 96, "steps": 200}
-"""Fields of the quick recipe's rewards in a store."""
 
 POINTS = 64
 """Number of centres at which a wider interval is evaluated."""
@@ -164,45 +153,3 @@ def fit(space: sdr_jax.Space, bins: np.ndarray, rewards: np.ndarray) -> Surrogat
         float(mean),
         float(spread * np.sqrt(noise)),
     )
-
-
-def record(stores: list[Path], path: Path = RECORD) -> int:
-    """Collect the quick recipe's rewards with all attributes decided; returns their number."""
-    lines = []
-    for store in stores:
-        for text in store.read_text(encoding="utf-8").splitlines():
-            entry = json.loads(text)
-            if "key" not in entry:  # the store's first line
-                continue
-            if entry.get("reward") is None or any(entry[k] != v for k, v in QUICK.items()):
-                continue
-            centre, width = np.asarray(entry["centre"]), np.asarray(entry["width"])
-            if not np.allclose(width, WIDTH, atol=1e-4):
-                continue
-            lines.append((_bins_of(centre), round(100 * entry["reward"], 3)))
-    path.parent.mkdir(exist_ok=True)
-    path.write_text("".join(json.dumps({"bins": b, "reward": r}) + "\n" for b, r in lines))
-    return len(lines)
-
-
-def _bins_of(centre: np.ndarray) -> list[int]:
-    """Bins with these relaxed centres; the lower one of two that slid to the same place."""
-    candidates = np.clip((np.arange(BINS) + 0.5) / BINS, WIDTH / 2, 1 - WIDTH / 2)
-    nearest = np.abs(centre[:, None] - candidates[None]).argmin(axis=1)
-    return [int(k) for k in nearest]
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """The command line; returns the exit code."""
-    command = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    command.add_argument("stores", type=Path, nargs="+", metavar="STORE")
-    count = record(command.parse_args(arguments).stores)
-    surrogate = camvid()
-    print(f"{RECORD}: {count} rewards, noise {surrogate.noise:.2f} around {surrogate.mean:.1f}")
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

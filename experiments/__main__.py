@@ -9,7 +9,8 @@ from importlib.metadata import packages_distributions, version
 from runpy import run_module
 from textwrap import wrap
 
-from shell.command import HELP, PROGRAM, USAGE, Parser, docstring, meant
+from shell.command import HELP, USAGE, Parser, docstring, meant
+from shell.interrupt import PROGRAM
 
 DISTRIBUTION = "sdr-jax"
 PACKAGES = ("sdr_jax", "scene", "seg", "experiments", "shell")

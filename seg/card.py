@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from seg.model import Model
+from collections.abc import Mapping
+from typing import Any
 
 README = "README.md"
 HEAD = """\
@@ -31,55 +29,50 @@ FOLDER is the one of this file, with `config.json` and `weights.safetensors`.
 """
 
 
-def card(model: Model) -> str:
-    """Write the card of a model from its fields and notes.
+def card(config: Mapping[str, Any]) -> str:
+    """Write the card of a model from its ``config.json``.
 
     It gives the mIoU if the notes have it with ``target`` and ``reported_on``, as those of `fit` do.
     """
-    notes, (height, width) = model.notes, model.size
-    title = f"{model.settings.net} for {notes.get('target', 'streets')}"
+    notes, size, classes = config["notes"], config["size"], config["classes"]
+    told = {"target", "reported_on"} <= notes.keys() and notes.get("miou") is not None
+    title = f"{config['net']} for {notes.get('target', 'streets')}"
     trained = str(notes.get("trained_on", "images that its notes do not name"))
     if "labelled_images" in notes:
         beside = " and renders beside them" if "+" in trained else ""
         trained = f"{notes['labelled_images']} labelled images{beside}"
     lines = [
         f"# {title}",
-        f"Tells {len(model.classes)} classes apart in images of streets. Trained at {width}x{height} "
-        f"pixels on {trained}, by sdr-jax {model.versions.get('sdr-jax', '?')}.",
+        f"Tells {len(classes)} classes apart in images of streets. Trained at {size['width']}x"
+        f"{size['height']} pixels on {trained}, by sdr-jax {config['versions'].get('sdr-jax', '?')}.",
     ]
-    if model.settings.frozen:
+    if config["trunk"] is not None:
         lines.append(
             "Its trunk is frozen and comes with a package, which `config.json` names; the weights are the "
             "head's."
         )
-    if _told(model):
+    if told:
         lines += [
             "",
             "## How good it is",
             f"Nets that were trained like it come to {notes['miou']:.1f} % mIoU on images that they have not "
             f"seen ({notes['reported_on']}). {notes.get('verdict', '')}".rstrip(),
         ]
-    rows = [f"| {c.id} | {c.name} | {' '.join(map(str, c.color))} |" for c in model.classes]
+    rows = [f"| {c['id']} | {c['name']} | {' '.join(map(str, c['color']))} |" for c in classes]
     table = ["", "## Classes", "| id | class | colour |", "| --- | --- | --- |", *rows]
-    front = HEAD + (_index(model, title) if _told(model) else "")
+    front = HEAD + (_index(notes, title) if told else "")
     return f"---\n{front}---\n" + "\n".join(lines) + "\n" + USE + "\n".join(table) + "\n"
 
 
-def _told(model: Model) -> bool:
-    return {"miou", "target", "reported_on"} <= model.notes.keys() and model.notes[
-        "miou"
-    ] is not None
-
-
-def _index(model: Model, title: str) -> str:
+def _index(notes: Mapping[str, Any], title: str) -> str:
     """The metadata of the result; JSON is valid YAML."""
-    metric = {"type": "mean_iou", "name": "mIoU, %", "value": round(model.notes["miou"], 2)}
+    metric = {"type": "mean_iou", "name": "mIoU, %", "value": round(notes["miou"], 2)}
     result = {
         "task": {"type": "image-segmentation"},
         "dataset": {
-            "type": model.notes["target"],
-            "name": model.notes["target"],
-            "split": model.notes["reported_on"],
+            "type": notes["target"],
+            "name": notes["target"],
+            "split": notes["reported_on"],
         },
         "metrics": [metric],
     }

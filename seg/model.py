@@ -126,9 +126,8 @@ class Model:
     @property
     def digest(self) -> str:
         """SHA-256 of everything that decides predictions and how they are written."""
-        described = self._described()
         free = ("versions", "notes")
-        return digest({key: value for key, value in described.items() if key not in free})
+        return digest({key: value for key, value in self.config().items() if key not in free})
 
     def predict(
         self,
@@ -237,15 +236,17 @@ class Model:
                     f"{folder} holds other files, such as {min(stray)}; "
                     "a model is saved into a new folder, or over an older model"
                 )
+        config = self.config()
         with whole_folder(folder) as part:
             write(part / WEIGHTS, self._weights())
-            write(part / README, card(self))
-            write_json(part / CONFIG, self._described())
+            write(part / README, card(config))
+            write_json(part / CONFIG, config)
 
     def _weights(self) -> bytes:
         return tensor_bytes({name: np.ascontiguousarray(a) for name, a in _named(self.variables)})
 
-    def _described(self) -> dict[str, Any]:
+    def config(self) -> dict[str, Any]:
+        """The content of ``config.json``."""
         height, width = self.size
         return {
             "format": FORMAT,

@@ -18,15 +18,13 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from shell.errors import UserError
-from shell.interrupt import INTERRUPTED, while_working
+from shell.interrupt import INTERRUPTED, PROGRAM, while_working
 
 USAGE, MISTAKE, UNREAD = 2, 70, 141
 """Exit codes: an error of the user; a mistake of the program; the output's reader is gone (``| head``)."""
 DEBUG = "--debug"
 """Flag of every command: show where an error comes from."""
 HELP = ("-h", "--help", "--help-all")
-PROGRAM = "sdr-jax"
-"""The first word of all commands."""
 
 
 class _Layout(argparse.HelpFormatter):
@@ -240,7 +238,7 @@ def exit_code(
         debug: whether to print the traceback before the line.
         goes_on: whether the same command continues a stopped job.
     """
-    cure = "once that is put right, the same command goes on"
+    cure = "; once that is put right, the same command goes on" if goes_on else ""
     try:
         with while_working():
             code = work()
@@ -253,7 +251,7 @@ def exit_code(
         return UNREAD
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
-        return _fail(error, f"{where}{error.strerror or error}; {cure}", USAGE, debug)
+        return _fail(error, f"{where}{error.strerror or error}{cure}", USAGE, debug)
     except also as error:
         return _fail(error, str(error), 1, debug)
     except MemoryError as error:

@@ -82,7 +82,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
     Raises:
         OSError: with the folder's name.
     """
-    part = path.with_name(path.name + ".part")
+    part, old = (path.with_name(path.name + ending) for ending in (".part", ".old"))
     shutil.rmtree(part, ignore_errors=True)
     with naming(path):
         try:
@@ -91,10 +91,15 @@ def whole_folder(path: Path) -> Iterator[Path]:
             for file in part.iterdir():
                 with file.open("rb") as written:
                     os.fsync(written.fileno())
-            shutil.rmtree(path, ignore_errors=True)
+            shutil.rmtree(old, ignore_errors=True)
+            with suppress(FileNotFoundError):
+                os.replace(path, old)
             os.replace(part, path)
+            shutil.rmtree(old, ignore_errors=True)
         except BaseException:
             shutil.rmtree(part, ignore_errors=True)
+            if old.exists() and not path.exists():
+                os.replace(old, path)
             raise
 
 

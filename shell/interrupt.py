@@ -15,18 +15,21 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+PROGRAM = "sdr-jax"
+"""The first word of all commands."""
 INTERRUPTED = 130
 """Exit code after Ctrl-C."""
 
 
 def while_loading(package: str) -> None:
-    """Let Ctrl-C end the program if it is a command of this package, ``python -m PACKAGE...``.
+    """Let Ctrl-C end the program if it is ``sdr-jax``, or ``python -m PACKAGE...`` of this package.
 
     Programs that import the package, and worker processes, keep their own handling.
     """
-    words = sys.orig_argv
+    words = sys.orig_argv[1:]
     module = words[words.index("-m") + 1 :][:1] if "-m" in words else []
-    ours = bool(module) and module[0].split(".")[0] == package
+    installed = bool(words) and os.path.basename(words[0]) == PROGRAM
+    ours = installed or (bool(module) and module[0].split(".")[0] == package)
     if ours and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         _set(_end)
 

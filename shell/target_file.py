@@ -317,7 +317,7 @@ def _in_words(why: str) -> str:
         ("array", "list"), ("object", "table"), ("int", "whole number"), ("float", "number"),
         ("str", "text"), ("null", "nothing"), ("Invalid enum value", "there is no"),
     ):  # fmt: skip
-        why = re.sub(rf"{theirs}\b" if theirs.isalpha() else re.escape(theirs), ours, why)
+        why = re.sub(rf"\b{theirs}\b" if theirs.isalpha() else re.escape(theirs), ours, why)
     return why
 
 

@@ -21,7 +21,7 @@ from scene.proposal import (
     slide,
 )
 from scene.render import RenderSettings, check_settings
-from shell.command import PROGRAM
+from shell.interrupt import PROGRAM
 
 GROUPS: dict[str, tuple[str, ...]] = {
     "Light and weather": (

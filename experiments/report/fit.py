@@ -20,7 +20,7 @@ from experiments.study.form import (
     table,
 )
 from experiments.study.stats import crossed
-from shell.command import PROGRAM
+from shell.interrupt import PROGRAM
 from shell.progress import duration
 
 Row = Literal["labels", "labels+renders", "renders", "labels+learnt"]

@@ -10,9 +10,9 @@ from experiments.report import page
 from experiments.report.folder import NAME, RunFolder
 from experiments.run.context import Run
 from experiments.study.form import Report
-from shell.command import PROGRAM
 from shell.files import write
 from shell.folder import read_config
+from shell.interrupt import PROGRAM
 from shell.loopback import HOST, check_port, refusal
 
 

@@ -27,7 +27,7 @@ from experiments.run import few
 from experiments.study.form import Report, cells, number, starts, words
 from scene.held import hold
 from scene.proposal import default_proposal, describe
-from shell.command import PROGRAM
+from shell.interrupt import PROGRAM
 from shell.progress import duration
 
 HERE = Path(__file__).parent

@@ -81,11 +81,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def table(answer: Mapping[str, Any]) -> str:
     """The answer, one line per attribute.
 
-    Name, centre and ends of the solution's interval, and the ends of the spread's.
+    Name, centre and ends of the solution's interval, and the ends of the spread's; for values without an
+    order those of the solution, and those of the spread.
     """
     rows = [("attribute", "value", "from", "to", "perhaps from", "to")]
     for name, found in answer["solution"].items():
         wide = answer["spread"][name]
+        if "values" in found:
+            rows.append((name, "|".join(found["values"]), "", "", "|".join(wide["values"]), ""))
+            continue
         numbers = (found["centre"], found["low"], found["high"], wide["low"], wide["high"])
         rows.append((name, *(f"{number:.4g}" for number in numbers)))
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]

@@ -231,7 +231,8 @@ def _check(reader: _Reader, settings: Settings) -> None:
 def _with_options(reader: _Reader, settings: Settings, options: Any) -> Settings:
     if not isinstance(options, dict):
         raise reader.fail("method_options must be a table that begins with [method_options]")
-    defaults = options_of(settings.method)
+    # A start of `intervals` is arrays, which the file has no place for.
+    defaults = {k: v for k, v in options_of(settings.method).items() if k != "start"}
     reader.known(options, list(defaults), f"method_options: option of {settings.method}")
     checked = {}
     for name, value in options.items():

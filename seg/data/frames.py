@@ -58,10 +58,17 @@ def list_sources(path: str | Path) -> tuple[Source, ...]:
     else:
         named = [(path.stem, path)]
     seen: dict[str, Path] = {}
+    videos = {name: own for name, own in named if own.suffix.lower() in VIDEOS}
     for name, own in named:
         if name in seen:
             raise DataError(f"{own}: {seen[name]} has the same name; names must differ")
         seen[name] = own
+        above = name.rpartition("/")[0]
+        if above in videos:
+            raise DataError(
+                f"{own}: results of the video {videos[above]} go into a folder of the same name; names "
+                "must differ"
+            )
     return tuple(Source(name, own, _frames(own)) for name, own in named)
 
 

@@ -1,7 +1,5 @@
 """The surrogate of recorded rewards: a Gaussian process of the record, and no more."""
 
-import json
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -35,21 +33,6 @@ def test_it_finds_the_function_the_noise_and_means_over_wide_intervals() -> None
     many = jax.tree.map(lambda part: jnp.broadcast_to(part, (500, 2)), everything)
     rewards = surrogate.reward(jax.random.key(0), many)
     assert float(rewards.std()) == pytest.approx(surrogate.noise, rel=0.15)
-
-
-def test_only_the_quick_recipes_rewards_are_collected(tmp_path) -> None:
-    relaxed = sdr_jax.relax(SPACE, np.asarray([3, 9]), recorded.WIDTH)
-    good = {
-        "key": "k", **recorded.QUICK, "reward": 0.25,
-        "centre": np.asarray(relaxed.centre).tolist(), "width": [0.3, 0.3],
-    }  # fmt: skip
-    other = ({"steps": 1000}, {"reward": None}, {"width": [1.0, 0.3]}, {"side": "test"})
-    store, out = tmp_path / "store.jsonl", tmp_path / "data" / "record.jsonl"
-    lines = [{"store": "sdr-jax evaluations, 1"}, *({**good, **change} for change in other), good]
-    store.write_text("".join(json.dumps(line) + "\n" for line in lines))
-    assert recorded.record([store], out) == 1
-    bins, rewards = recorded.read(out)  # 8 and 9 slid to the same place
-    assert (bins.tolist(), rewards.tolist()) == ([[3, 8]], [25.0])
 
 
 def test_the_committed_record_is_large_enough_and_bins_are_legal() -> None:

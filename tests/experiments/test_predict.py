@@ -181,6 +181,13 @@ def test_folders_that_cannot_be_read_or_written(model, folder, images, tmp_path,
     (images / "b.jpg").write_bytes(b"")
     refused(DataError, "b.png: .*b.jpg has the same name", list_sources, images)
     (images / "b.jpg").unlink()
+    video(images / "drive.avi", 1)
+    (images / "drive").mkdir()
+    (images / "b.png").rename(images / "drive" / "000000.png")
+    refused(DataError, "000000.png: results of the video .*drive.avi go", list_sources, images)
+    (images / "drive" / "000000.png").rename(images / "b.png")
+    (images / "drive.avi").unlink()
+    (images / "drive").rmdir()
     out = tmp_path / "out"
     predict(model, images, out)
     assert main([folder, str(images), "--out", str(out), "--as", "overlay"]) == 2

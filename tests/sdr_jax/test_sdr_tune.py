@@ -211,6 +211,15 @@ def test_a_run_leaves_its_answer_and_is_done_when_called_again(runs: Runs) -> No
     assert "holds 9 evaluations already" in runs.refused(*runs.arguments(**ours))
 
 
+def test_the_table_has_the_values_of_attributes_without_an_order(runs: Runs) -> None:
+    text = SMALL + '[[attributes]]\nname = "road"\nvalues = ["dry", "wet", "snow"]\n'
+    printed = runs.done(text=text, code="print(len(at['attributes']['road']['values']))")
+    (line,) = [line.split() for line in printed.splitlines() if line.startswith("road ")]
+    answer = read_json(runs.out / "answer.json")
+    both = (answer[key]["road"]["values"] for key in ("solution", "spread"))
+    assert line == ["road", *map("|".join, both)]
+
+
 def test_failed_evaluations_are_recorded_and_more_than_a_tenth_are_one_error(runs: Runs) -> None:
     code = "print(1 if at['evaluation'] > 1 else 'rubbish')"
     error = runs.refused(*runs.arguments("--retries", "1", code=code))
@@ -343,6 +352,7 @@ def test_the_folder_of_another_run_is_refused(runs, change, field) -> None:
     (A + "values = [1, 2]", "values is [1, 2], but must be two texts or more"),
     (A + "values = 3", "values is 3, but must be a list"),
     (A + 'values = ["x", "x"]', "'a': values has a text twice"),
+    ('method = "intervals"\n' + TWO + "[method_options]\nstart = 3", "'start' is unknown"),
     (A + 'values = ["x", "y"]\nbins = 2', "have no order, so bins means nothing"),
     (A + "max = 1", "'a': key 'max' is unknown; known: name, bins"),
     ('groups = [["a", "b", "c"]]\n' + TWO, "unknown attribute(s) in the groups: 'c'"),

@@ -170,7 +170,7 @@ def test_its_card_is_read_by_hugging_face(tmp_path, compact):
     plain = hub.ModelCard.load(tmp_path / "model" / "README.md")
     assert plain.data.eval_results is None and "mIoU" not in plain.text
     ours = load_model("renders19")
-    assert (SHIPPED / "renders19" / "README.md").read_text() == card_of(ours)
+    assert (SHIPPED / "renders19" / "README.md").read_text() == card_of(ours.config())
 
 
 def test_the_model_that_comes_with_the_package_is_there_and_small():

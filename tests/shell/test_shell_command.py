@@ -31,6 +31,9 @@ PRINT = "import sys; from shell.command import *; sys.exit(exit_code(lambda: pri
 def test_what_went_wrong_is_one_line_and_a_code(error, code, text, capsys):
     assert exit_code(Mock(side_effect=error, return_value=None), also=(EOFError,)) == code
     assert capsys.readouterr() == ("", text)
+    if error is FULL:
+        assert exit_code(Mock(side_effect=error), goes_on=False) == code
+        assert capsys.readouterr().err == text.replace(f"; {CURE}", "")
 
 
 def test_our_own_mistakes_say_where_and_with_debug_how(capsys):
@@ -43,12 +46,16 @@ def test_our_own_mistakes_say_where_and_with_debug_how(capsys):
 
 COMMANDS = ("experiments.cityscapes", "experiments.table", "scene.render", "scene.check",
             "sdr_jax.tune", "seg.weights", "benchmarks.search")  # fmt: skip
-GIVEN = {"sdr_jax.tune": ["space.toml"], "seg.weights": ["convert", "a.npz", "--out", "b.npz"]}
+GIVEN = {"sdr_jax.tune": ["space.toml"], "seg.weights": ["convert", "a.npz", "--out", "b.npz"],
+         "experiments.__main__": ["render"]}  # fmt: skip
 """What some need, or they end before they load anything."""
 
 
-@pytest.mark.parametrize("module", COMMANDS)
-def test_ctrl_c_while_libraries_are_loaded_is_one_line(module):
+@pytest.mark.parametrize(("module", "words"), [
+    *((module, ["-m", module]) for module in COMMANDS),
+    ("experiments.__main__", ["/usr/bin/sdr-jax"]),
+])  # fmt: skip
+def test_ctrl_c_while_libraries_are_loaded_is_one_line(module, words):
     """The first of them to be found sends it."""
     code = (
         "import sys, os, signal, runpy\n"
@@ -57,7 +64,7 @@ def test_ctrl_c_while_libraries_are_loaded_is_one_line(module):
         "    def find_spec(self, name, *_):\n"
         "        if name == 'numpy': os.kill(os.getpid(), signal.SIGINT)\n"
         "sys.meta_path.insert(0, Sends())\n"
-        f"sys.orig_argv = ['python', '-m', '{module}']\n"
+        f"sys.orig_argv = ['python', *{words}]\n"
         f"sys.argv[1:] = {GIVEN.get(module, [])}\n"
         f"runpy.run_module('{module}', run_name='__main__')"
     )

@@ -1,13 +1,23 @@
 """Whole files or none, and JSON that is read with suspicion."""
 
 import math
+import os
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from shell.errors import UserError
-from shell.files import digest, folder_digest, read_json, versions, write, write_json
+from shell.files import (
+    digest,
+    folder_digest,
+    read_json,
+    versions,
+    whole_folder,
+    write,
+    write_json,
+)
 from tests.conftest import refused
 
 
@@ -36,6 +46,27 @@ def test_whole_files_or_none(tmp_path, full_disk, monkeypatch):
     write(path, b"\x00\x01", part=tmp_path / "elsewhere")
     refused(ValueError, "", write_json, path, {"miou": math.nan})
     assert path.read_bytes() == b"\x00\x01" and list(tmp_path.iterdir()) == [path]
+
+
+def test_whole_folders_or_the_old_ones(tmp_path, monkeypatch):
+    folder = tmp_path / "model"
+
+    def made(text):
+        with whole_folder(folder) as part:
+            write(part / "file", text)
+
+    def breaks(old, new, replace=os.replace):
+        if Path(old).suffix == ".part":
+            raise OSError(5, "Input/output error")
+        replace(old, new)
+
+    made("one")
+    with monkeypatch.context() as patch:
+        patch.setattr("shell.files.os.replace", breaks)
+        refused(OSError, "Input/output error", made, "two")
+    assert (folder / "file").read_text() == "one" and list(tmp_path.iterdir()) == [folder]
+    made("two")
+    assert (folder / "file").read_text() == "two" and list(tmp_path.iterdir()) == [folder]
 
 
 PLAIN = st.none() | st.integers() | st.floats(allow_nan=False, allow_infinity=False)

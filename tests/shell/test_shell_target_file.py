@@ -104,6 +104,7 @@ def test_the_format_follows_from_the_classes():
     ("{train: train.txt, test: test.txt}", "{test: []}", ("line 3: splits.test:", "length >= 1")),
     ("{train: train.txt, test: test.txt}", "{a: [x], b: [y, x]}", ("splits.b[1]:", "'x' is in a, too")),
     ("void: [255]", "fit: squash", ("line 5: fit:", "there is no 'squash'")),
+    ("void: [255]", "fit: blueprint", ("line 5: fit:", "there is no 'blueprint'")),
     ("void: [255]", "name: 7", ("line 5: name:", "expected text, not whole number")),
     ("void: [255]", "name: 2024-13-45", ("line 5: name:", "cannot be read")),
     ("void: [255]", "format: colours\nvoid: [255]", ("void[0]: expected a colour [red, green, blue]",)),
