@@ -13,6 +13,7 @@ import os
 import tempfile
 import zipfile
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, cast
@@ -28,6 +29,9 @@ KEPT = 0.75
 """Share of these bytes that stays."""
 LOOK = 100
 """Number of files that a process writes between two checks of the total size."""
+
+OURS = f"[0-9]*-{'[0-9a-f]' * 16}/*.n[ep][wz]"
+"""The files of this module below its root, where others may lie; ``.new`` are unfinished."""
 
 Arrays = dict[str, np.ndarray]
 _written = 0
@@ -103,13 +107,14 @@ def _write(path: Path, arrays: Arrays) -> None:
     except OSError:
         _written = -1
         if temporary is not None:
-            Path(temporary).unlink(missing_ok=True)
+            with suppress(OSError):
+                Path(temporary).unlink()
 
 
 def _bound(root: Path) -> None:
-    """Delete the oldest files if all take more than ``MOST`` bytes."""
+    """Delete the oldest files of arrays if all take more than ``MOST`` bytes."""
     files = []
-    for path in root.glob("*/*"):
+    for path in root.glob(OURS):
         try:
             status = path.stat()
         except OSError:  # another process was faster

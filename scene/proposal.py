@@ -263,7 +263,7 @@ def _mixed(rows: Any, space: SpaceName | None, lacking: dict[str, None]) -> Stre
         if not isinstance(row, dict) or set(row) != {"share", "attributes"}:
             raise ValueError(f"{where}: expected an object of share and attributes")
         share = row["share"]
-        if isinstance(share, bool) or not isinstance(share, int | float):
+        if isinstance(share, bool) or not isinstance(share, int | float) or not 0 < share <= 1:
             raise ValueError(f"{where}: share is {share!r}, but must be a number in (0, 1]")
         try:
             proposals.append(_parsed(row["attributes"], space, lacking))

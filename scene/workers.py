@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
@@ -154,10 +154,8 @@ class Workers:
                         ) from error
                     died = True
                     self._drop(future for _, future in ahead)
-                    again = [task for task, _ in ahead]
-                    ahead = deque(
-                        (task, self._submit(function, task, False, None, False)) for task in again
-                    )
+                    left = chain([task for task, _ in ahead], left)
+                    ahead.clear()
                     continue
                 ahead.popleft()
                 died = False

@@ -38,8 +38,6 @@ from scene.classes import TrainId
 from scene.mesh.asset import Asset
 from scene.mesh.solids import box
 
-__all__ = ["FAMILY", "KINDS", "BuildingParams", "building", "eaves", "sample_building"]
-
 
 def eaves(params: BuildingParams) -> float:
     """Height of the walls (metres)."""

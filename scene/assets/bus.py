@@ -135,7 +135,7 @@ def sample_bus(rng: np.random.Generator, kind: str) -> BusParams:
 def bus(params: BusParams) -> Asset:
     """The bus of ``params``, driving towards +x, its doors on the right.
 
-    Streets where traffic keeps left mirror it, see ``street/placing.py``.
+    Streets where traffic keeps left mirror it, see ``street/instances.py``.
     """
     p = params
     shape = _shape(p)

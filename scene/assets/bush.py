@@ -9,7 +9,7 @@ import numpy as np
 from scene.assets.family import Family, Size
 from scene.assets.parts.foliage import AUTUMNS, GREENS, IVY, directions, leaf_cards, slivers, tufts
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, merge, shade, solid, vary
+from scene.mesh.asset import Asset, Color, merge, reshaped, shade, solid, vary
 from scene.mesh.solids import box, triangles
 
 KINDS: tuple[str, ...] = (
@@ -224,9 +224,7 @@ def bush(params: BushParams) -> Asset:
         parts.append(tufts(rng, chosen + [0, 0, 0.04], 0.08, 4, 0.09, p.bloom))
     whole = merge(*parts)
     # What would be below the ground lies on it.
-    mesh = whole.mesh.copy()
-    mesh.vertices = np.maximum(whole.mesh.vertices, [-np.inf, -np.inf, 0])
-    return whole._replace(mesh=mesh)
+    return reshaped(whole, np.maximum(whole.mesh.vertices, [-np.inf, -np.inf, 0]))
 
 
 FAMILY = Family(

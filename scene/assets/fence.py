@@ -10,7 +10,7 @@ import numpy as np
 from scene.assets.family import FRONTAGE, Family, Size
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, Point, merge, shade, vary
-from scene.mesh.solids import box, loft, quad, triangles, tube
+from scene.mesh.solids import box, loft, polygon, triangles, tube
 
 BLACK: Color = (0.014, 0.015, 0.016)
 GREEN: Color = (0.010, 0.040, 0.024)
@@ -219,7 +219,7 @@ def _stripes(p: FenceParams) -> list[Asset]:
         for x in np.arange(-half, half - slant - p.pitch / 2, p.pitch):
             corners = [(x, y, a), (x + p.pitch / 2, y, a), (x + p.pitch / 2 + slant, y, b),
                        (x + slant, y, b)]  # fmt: skip
-            parts.append(quad(corners, p.second, "paint"))
+            parts.append(polygon(corners, p.second, "paint"))
     return parts
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from scene.assets.family import FRONTAGE, Family, Size
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, Point, merge, shade, vary
-from scene.mesh.solids import box, quad, tube
+from scene.mesh.solids import box, polygon, tube
 
 STEEL: Color = (0.24, 0.245, 0.25)
 BOARDS: Color = (0.20, 0.145, 0.085)
@@ -119,7 +119,7 @@ def _sheets(p: ScaffoldParams, x: list[float], top: float, rng: np.random.Genera
                 continue
             low, high = lift * LIFT + 0.1, (lift + 1) * LIFT + 0.06
             sag = float(rng.uniform(0.0, 0.06))
-            net = quad([(x[k] + 0.04, -0.07, low), (x[k + 1] - 0.04, -0.07 - sag, low),
+            net = polygon([(x[k] + 0.04, -0.07, low), (x[k + 1] - 0.04, -0.07 - sag, low),
                         (x[k + 1] - 0.04, -0.07, high), (x[k] + 0.04, -0.07, high)],
                        p.net, "plaster")  # fmt: skip
             parts.append(shade(net, np.full(2, rng.uniform(0.85, 1.15))))
@@ -131,7 +131,7 @@ def _sheets(p: ScaffoldParams, x: list[float], top: float, rng: np.random.Genera
     if p.fan:
         corners = [(x[0], 0.0, LIFT + 0.1), (x[-1], 0.0, LIFT + 0.1), (x[-1], -0.85, LIFT + 0.75),
                    (x[0], -0.85, LIFT + 0.75)]  # fmt: skip
-        parts.append(quad(np.array(corners), p.boards, "wood"))
+        parts.append(polygon(np.array(corners), p.boards, "wood"))
     return parts
 
 

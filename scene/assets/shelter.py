@@ -11,7 +11,7 @@ from scene.assets.family import FRONTAGE, Family, Size
 from scene.assets.parts.palette import GLASS, darker
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, Point, merge, rotate, translate, vary
-from scene.mesh.solids import box, extrude, loft, quad
+from scene.mesh.solids import box, extrude, loft, polygon
 
 STEEL: Color = (0.20, 0.205, 0.21)
 DARK: Color = (0.03, 0.032, 0.035)
@@ -163,7 +163,7 @@ def _stall(p: ShelterParams) -> list[Asset]:
         edge = [(-0.35, z - 0.32), (-0.35, z - 0.1), (y / 2, z + 0.45), (y + 0.2, z)]
         for (y0, z0), (y1, z1) in pairwise(edge):
             corners: list[Point] = [(a, y0, z0), (b, y0, z0), (b, y1, z1), (a, y1, z1)]
-            parts.append(quad(corners, color, "cloth"))
+            parts.append(polygon(corners, color, "cloth"))
     return parts
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from scene.assets.family import Family, Size
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, merge, vary
-from scene.mesh.solids import box, loft, quad, tube
+from scene.mesh.solids import box, loft, polygon, tube
 
 MAX_RADIUS = 0.06
 """No post is thicker (metres); plates hang just in front of x = -MAX_RADIUS."""
@@ -154,7 +154,7 @@ def _solar(p: SignpostParams) -> list[Asset]:
     z = p.height
     panel = [(-0.2, -0.3, z), (-0.2, 0.3, z), (0.22, 0.3, z + 0.32), (0.22, -0.3, z + 0.32)]
     frame = [(x + 0.02, y * 1.06, w - 0.03) for x, y, w in panel]
-    return [quad(panel, (0.01, 0.015, 0.04), "glass"), quad(frame, WHITE, "metal"),
+    return [polygon(panel, (0.01, 0.015, 0.04), "glass"), polygon(frame, WHITE, "metal"),
             box((0.2, 0.26, 0.34), (0.17, 0, z - 0.6), STEEL, "metal")]  # fmt: skip
 
 

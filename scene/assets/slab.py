@@ -11,7 +11,7 @@ from scene.assets.parts.palette import darker
 from scene.classes import TrainId
 from scene.look.surfaces import ROAD_TONE
 from scene.mesh.asset import Asset, Color, merge, vary
-from scene.mesh.solids import box, polygon, quad
+from scene.mesh.solids import box, polygon
 
 BAY: tuple[float, float] = (2.5, 5.2)
 """Metres of one tile along x and y: a place for one car that stands across x."""
@@ -61,7 +61,7 @@ def slab(params: SlabParams) -> Asset:
     if p.lines == "ticks":
         rows += [(-x, -x + LINE, s * y - 0.4, s * y + 0.4) for s in (-0.8, 0.8)]
     marks = [
-        quad([(a, c, PAINT), (b, c, PAINT), (b, d, PAINT), (a, d, PAINT)], p.paint, "marking")
+        polygon([(a, c, PAINT), (b, c, PAINT), (b, d, PAINT), (a, d, PAINT)], p.paint, "marking")
         for a, b, c, d in rows
     ]
     at_x, at_y, spread = p.stain

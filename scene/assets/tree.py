@@ -14,7 +14,7 @@ import numpy as np
 from scene.assets.family import Family, Size
 from scene.assets.parts.foliage import AUTUMNS, GREENS, IVY, leaf_cards, slivers, tubes, tufts
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, merge, translate, vary
+from scene.mesh.asset import Asset, Color, merge, reshaped, translate, vary
 from scene.mesh.solids import tube
 
 KINDS: tuple[str, ...] = (
@@ -348,9 +348,7 @@ def _within(asset: Asset, params: TreeParams) -> Asset:
         z[above] = params.trunk + (z[above] - params.trunk) * squeeze
     np.maximum(z, 0, out=z)
     vertices[:, :2] *= min(1.0, REACH / np.abs(vertices[:, :2]).max())
-    mesh = asset.mesh.copy()
-    mesh.vertices = vertices
-    return asset._replace(mesh=mesh)
+    return reshaped(asset, vertices)
 
 
 FAMILY = Family(

@@ -25,6 +25,12 @@ WORK = ".export"
 """Folder inside an unfinished dataset."""
 
 
+COLOURED = ("image", "panoptic", "color", "normals")
+"""Kinds of pictures with three channels."""
+DEEP = ("instance_ids", "depth", "disparity")
+"""Kinds of pictures with 16 bits per pixel."""
+
+
 class Described(NamedTuple):
     """An exported dataset: its folder, and its ``dataset.json``."""
 
@@ -46,14 +52,30 @@ class Described(NamedTuple):
         """Read one picture of the image ``name``.
 
         Raises:
-            ValueError, OSError: it is damaged or missing; the message names it.
+            ValueError, OSError: it is damaged, missing, or of another size or kind of pixels; the message
+                names it.
         """
         if self.rows is None:
-            return read_png(self.path(kind, name))
-        if name not in self.rows:
+            where, found = f"{self.path(kind, name)}", read_png(self.path(kind, name))
+        elif name in self.rows:
+            where = f"{self.folder}: {kind} of {name}"
+            place = self.rows[name]
+            found = decode(parquet.picture(place, kind), f"{place.shard}: {kind} of {name}")
+        else:
             raise ValueError(f"{self.folder}: no row of image {name} in data/")
-        place = self.rows[name]
-        return decode(parquet.picture(place, kind), f"{place.shard}: {kind} of {name}")
+        (height, width), channels = found.shape[:2], found.shape[2:]
+        if (width, height) != self.size:
+            wanted = "x".join(map(str, self.size))
+            raise ValueError(f"{where} is {width}x{height}, not {wanted}")
+        dtype, right = np.dtype("u2" if kind in DEEP else "u1"), (3,) if kind in COLOURED else ()
+        if kind == "label_ids":
+            dtype, right = self.labels.values.dtype, self.labels.values.shape[1:]
+        if (found.dtype, channels) != (dtype, right):
+            ours, theirs = ((*shape, 1)[0] for shape in (channels, right))
+            raise ValueError(
+                f"{where} is {found.dtype} with {ours} channels, not {dtype} with {theirs}"
+            )
+        return found
 
 
 def describe(folder: Path) -> Described:
@@ -78,7 +100,7 @@ def describe(folder: Path) -> Described:
         own = layout(found["format"])
         classes = labels_of(found, own.published)
         again = [float(found[key]) for key in ("shots_retaken", "shots_refused") if key in found]
-    except (LookupError, TypeError, ValueError) as error:
+    except (LookupError, TypeError, ValueError, OverflowError) as error:
         raise ValueError(f"{path} does not describe a dataset: {error}") from None
     stems = tuple(stem(k // shots, k % shots) for k in range(images))
     own.check()

@@ -79,8 +79,9 @@ def _read(image_path: Path, label_path: Path, legal: np.ndarray) -> tuple[np.nda
         raise ValueError(f"{label_path}: {error}") from None
     if image.shape[:2] != ids.shape:
         raise ValueError(f"{label_path} and {image_path} differ in size")
-    if ids.max() > 255:
-        raise ValueError(f"{label_path}: label value {ids.max()}; expected 0..255")
+    for value in (ids.min(), ids.max()):
+        if not 0 <= value <= 255:
+            raise ValueError(f"{label_path}: label value {value}; expected 0..255")
     return image[..., ::-1], legal[ids]
 
 

@@ -27,20 +27,14 @@ from shell.pictures import MOST_BYTES
 
 ROUNDING = 0.02
 """Tolerance of the length of a normal, which was rounded to bytes."""
-COLOURED = ("image", "panoptic", "color", "normals")
-"""Kinds of pictures with three channels."""
-DEEP = ("instance_ids", "depth", "disparity")
-"""Kinds of pictures with 16 bits per pixel."""
 
 
 def load(dataset: Described, name: str) -> tuple[dict[str, np.ndarray], list[str]]:
     """Read the pictures of one image; also return the faults of the others."""
     planes: dict[str, np.ndarray] = {}
     faults: list[str] = []
-    width, height = dataset.size
     for kind in dataset.layout.files:
         path = dataset.path(kind, name)
-        where = path if dataset.rows is None else f"{dataset.folder}: {kind} of {name}"
         try:
             if kind == "camera":
                 _check_camera(path)
@@ -48,24 +42,11 @@ def load(dataset: Described, name: str) -> tuple[dict[str, np.ndarray], list[str
             if kind == "objects":
                 planes[kind] = _areas(path, dataset)
                 continue
-            plane = dataset.picture(kind, name)
+            planes[kind] = dataset.picture(kind, name)
         except FileNotFoundError:
             faults.append(f"{path} is missing")
-            continue
         except (OSError, ValueError) as error:
             faults.append(str(error))
-            continue
-        dtype, axes = ("uint16" if kind in DEEP else "uint8"), (3 if kind in COLOURED else 2)
-        if kind == "label_ids":
-            dtype, axes = dataset.labels.values.dtype.name, dataset.labels.values.ndim + 1
-        if plane.shape[:2] != (height, width):
-            faults.append(f"{where} is {plane.shape[1]}x{plane.shape[0]}, not {width}x{height}")
-        elif plane.dtype != dtype or plane.ndim != axes:
-            faults.append(
-                f"{where} is {plane.dtype} with {plane.ndim} axes, not {dtype} with {axes}"
-            )
-        else:
-            planes[kind] = plane
     return planes, faults
 
 

@@ -12,8 +12,6 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.look.patterns import LANE_TILE, PATTERNS
-from scene.look.patterns import fractal_noise as fractal_noise
-from scene.look.patterns import value_noise as value_noise
 from scene.streams import table_row
 
 TEXTURE_SIZE = 256

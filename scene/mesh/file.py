@@ -15,7 +15,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from scene.look.materials import material_id
-from scene.mesh.asset import Asset
+from scene.mesh.asset import Asset, merge
 from scene.mesh.bombs import MeshError, gltf_content, refuse_bomb
 from scene.mesh.mesh import Mesh
 from scene.mesh.mtl import Look, looks
@@ -93,19 +93,13 @@ def read_mesh(
         faces, count = np.asarray(piece.mesh.faces), len(piece.mesh.vertices)
         if faces.min() < 0 or faces.max() >= count:
             raise MeshError(f"has a face with a vertex that is none of its {count}")
-    turn = scale * _axes(path, up, forward)
-    offsets = np.cumsum([0] + [len(piece.mesh.vertices) for piece in pieces[:-1]])
-    vertices = np.concatenate([piece.mesh.vertices for piece in pieces]) @ turn.T
+    whole = merge(*pieces)
+    vertices = whole.mesh.vertices @ (scale * _axes(path, up, forward)).T
     if not np.isfinite(vertices).all():
         raise MeshError("has vertices that are not finite numbers")
-    joined = [piece.mesh.faces + o for piece, o in zip(pieces, offsets, strict=True)]
-    mesh = trimesh.Trimesh(vertices, np.concatenate(joined), process=False)
+    mesh = trimesh.Trimesh(vertices, whole.mesh.faces, process=False)
     mesh.remove_unreferenced_vertices()
-    return Asset(
-        Mesh(np.asarray(mesh.vertices), np.asarray(mesh.faces)),
-        np.concatenate([piece.color for piece in pieces]),
-        np.concatenate([piece.material for piece in pieces]),
-    )
+    return whole._replace(mesh=Mesh(np.asarray(mesh.vertices), np.asarray(mesh.faces)))
 
 
 def _axes(path: Path, up: str, forward: str) -> np.ndarray:

@@ -16,10 +16,6 @@ class Mesh:
     vertices: np.ndarray  # f64[v, 3]
     faces: np.ndarray  # i64[f, 3]
 
-    def copy(self) -> Mesh:
-        """The same triangles in arrays of their own."""
-        return Mesh(self.vertices.copy(), self.faces.copy())
-
     @property
     def bounds(self) -> np.ndarray:
         """Low and high corner f64[2, 3] of the triangles."""

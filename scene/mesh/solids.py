@@ -32,11 +32,6 @@ def block(low: Point, high: Point, color: Color, material: str = "plain") -> Ass
     return box(size, (x, y, z - size[2] / 2), color, material)
 
 
-def quad(corners: list[Point] | np.ndarray, color: Color, material: str = "plain") -> Asset:
-    """A flat four-cornered face, corners in order around its edge; 2 faces."""
-    return solid(np.asarray(corners), _fan(4), color, material)
-
-
 def quads(corners: np.ndarray, colors: Sequence[Color], materials: Sequence[str]) -> Asset:
     """Flat four-cornered faces [n, 4, 3], each with a colour and a material; 2 faces each."""
     first = 4 * np.arange(len(corners))[:, None, None]
@@ -90,19 +85,11 @@ def extrude(
     width: float,
     color: Color,
     material: str = "plain",
-    *,
-    top_width: float | None = None,
 ) -> Asset:
-    """Extrude a star-shaped x-z outline along y, centred on y = 0.
-
-    With ``top_width`` the body narrows linearly from ``width`` at the lowest point of the outline to
-    ``top_width`` at its highest (the tumblehome of a car).
-    """
+    """Extrude a star-shaped x-z outline along y, centred on y = 0."""
     outline = np.asarray(profile, float)
-    low, high = outline[:, 1].min(), outline[:, 1].max()
-    share = (outline[:, 1] - low) / max(high - low, 1e-9)
-    half = (width + ((width if top_width is None else top_width) - width) * share) / 2
     n = len(outline)
+    half = np.full(n, width / 2)
     left = np.column_stack([outline[:, 0], half, outline[:, 1]])
     right = left * [1, -1, 1]
     vertices = np.concatenate([left, right, [left.mean(0)], [right.mean(0)]])

@@ -29,6 +29,7 @@ from scene.preview.streets import all_sweeps, contact_sheet, sweep
 from scene.preview.themes import all_themes, theme_page
 from scene.proposal import draw, streets_named
 from scene.render import RENDERERS, RendererError, RenderSettings, check_settings
+from shell import files
 from shell.command import exit_code
 
 FORMATS = (".png", ".jpg", ".jpeg")
@@ -97,10 +98,21 @@ def page(options: argparse.Namespace) -> np.ndarray:
 
 
 def write(picture: np.ndarray, path: Path) -> None:
-    """Write a picture u8[h, w, 3] RGB in the format of the file's name."""
+    """Write a picture u8[h, w, 3] RGB in the format of the file's name.
+
+    Raises:
+        ValueError: the format has no pictures of this size.
+        OSError: it cannot be written; the error names it.
+    """
     suffix = path.suffix.lower()
-    _, data = cv2.imencode(suffix, picture[..., ::-1], () if suffix == ".png" else JPEG)
-    path.write_bytes(data.tobytes())
+    try:
+        _, data = cv2.imencode(suffix, picture[..., ::-1], () if suffix == ".png" else JPEG)
+    except cv2.error:
+        height, width = picture.shape[:2]
+        raise ValueError(
+            f"--out {path}: {width}x{height} pixels are too many for {suffix}"
+        ) from None
+    files.write(path, data.tobytes())
 
 
 def main(arguments: list[str] | None = None) -> int:

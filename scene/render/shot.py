@@ -7,12 +7,10 @@ here, so that two renderers differ in visibility only.
 from __future__ import annotations
 
 import math
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
-from scene.cache import kept
 from scene.compiled import njit
 from scene.ground.land import road_height
 from scene.render import shade, visibility
@@ -23,7 +21,6 @@ from scene.render.protocol import Frame, RenderSettings, pixel_rays, through_mid
 from scene.render.road import on_road
 from scene.render.sensor import develop, set_to, vary
 from scene.render.spots import group
-from scene.sky.clouds import cloud_relief
 from scene.sky.sky import panorama
 from scene.streams import stream
 from scene.street.camera import Camera, camera_axes
@@ -50,16 +47,8 @@ def surroundings(street: Street, geometry: Geometry, settings: RenderSettings) -
     """Paint the street's sky, about as fine as the image will show it."""
     wide = settings.width * settings.samples * 360 / settings.fov
     columns = int(2 ** np.clip(round(math.log2(wide / 2)), 8, 10))
-    painted = panorama(street.sky, columns, _relief(street.sky.clouds))
+    painted = panorama(street.sky, columns)
     return Surroundings(street, geometry, painted, standing_boxes(geometry))
-
-
-@cache
-def _relief(clouds: str) -> np.ndarray:
-    """The cloud map of a kind, see ``cloud_relief``."""
-    relief = kept(f"clouds-{clouds}", lambda: {"relief": cloud_relief(clouds)})["relief"]
-    relief.setflags(write=False)  # as if it were made here: compiled code tells them apart
-    return relief
 
 
 def sample_rays(camera: Camera, settings: RenderSettings) -> Rays:

@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 
+from scene.cache import kept
 from scene.look.patterns import fractal_noise
 from scene.streams import table_row
 
@@ -98,6 +99,12 @@ def cloud_relief(kind: str) -> Array:
     A share ``c`` of its thickness lies above 1 - c. Slopes are those of the cloud's underside or
     flank, in [-1, 1]; they point to where it gets thicker. Read-only.
     """
+    relief = kept(f"clouds-{kind}", lambda: {"relief": _made(kind)})["relief"]
+    relief.setflags(write=False)  # made or read: compiled code tells them apart
+    return relief
+
+
+def _made(kind: str) -> Array:
     height = KINDS[kind](table_row("clouds", list(KINDS).index(kind))).astype(np.float32)
     rank = np.empty(height.size, np.float32)
     rank[np.argsort(height, axis=None)] = np.arange(height.size) / height.size
@@ -105,6 +112,4 @@ def cloud_relief(kind: str) -> Array:
     slope = [np.roll(smooth, -1, axis) - np.roll(smooth, 1, axis) for axis in (0, 1)]
     steep = np.sqrt(1 + slope[0] ** 2 + slope[1] ** 2)
     relief = np.stack([rank.reshape(height.shape), slope[0] / steep, slope[1] / steep], axis=-1)
-    relief = np.ascontiguousarray(relief, np.float32)
-    relief.setflags(write=False)
-    return relief
+    return np.ascontiguousarray(relief, np.float32)

@@ -9,7 +9,6 @@ import numpy as np
 
 from scene.compiled import njit
 from scene.sky.clouds import cloud_relief
-from scene.sky.weather import SKIES as SKIES
 from scene.sky.weather import Range, sample_weather
 
 SUN = 1.9
@@ -118,15 +117,13 @@ def _log_uniform(rng: np.random.Generator, ends: Range) -> float:
     return float(np.exp(rng.uniform(math.log(ends[0]), math.log(ends[1]))))
 
 
-def panorama(sky: Sky, columns: int, relief: np.ndarray | None = None) -> np.ndarray:
+def panorama(sky: Sky, columns: int) -> np.ndarray:
     """Radiance f32[columns // 4, columns, 3] of the upper half of the sky.
 
     Column c looks along azimuth -pi + 2 pi (c + 0.5) / columns (0 is +x, left positive), row r at
     elevation (pi / 2) ((r + 0.5) / rows)^2: row 0 is the horizon, where most of a street's sky is.
-    ``relief`` is ``cloud_relief(sky.clouds)``, for those who have it.
     """
-    relief = cloud_relief(sky.clouds) if relief is None else relief
-    return _panorama(columns, sky.single, relief)
+    return _panorama(columns, sky.single, cloud_relief(sky.clouds))
 
 
 @njit(cache=True, fastmath=True, error_model="numpy")

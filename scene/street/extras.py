@@ -44,8 +44,7 @@ MIX = Mix(
     turning=0.25, riders=0.2, cycle_stands=0.15, gardens=0.2, shelters=0.15, railings=0.18,
     bollards=0.12, islands=0.12, scaffolds=0.05, stalls=0.08, plantings=0.35,
 )  # fmt: skip
-"""The default mix, without people in groups, on benches and on crossings, who taught nets nothing
-(``python -m benchmarks.transfer --only content``)."""
+"""The default mix, without people in groups, on benches and on crossings, who taught nets nothing."""
 
 
 def open_sides(share: float, seed: int) -> tuple[float, ...]:

@@ -77,7 +77,14 @@ def test_no_dataset_is_refused_and_an_unfinished_one_says_how_to_go_on(files, tm
 
 
 @pytest.mark.parametrize(
-    "change", [{"images": 0}, {"format": "voc"}, {"render": None}, {"shots": "two"}]
+    "change",
+    [
+        {"images": 0},
+        {"format": "voc"},
+        {"render": None},
+        {"shots": "two"},
+        {"shots_retaken": 10**400, "shots_refused": 0},
+    ],
 )
 def test_garbled_descriptions_are_refused(dataset, change):
     path, told = dataset / "dataset.json", r"dataset\.json does not describe a dataset"
@@ -125,7 +132,8 @@ def paint(plane, value):
 @pytest.mark.parametrize(("pattern", "change", "message"), [
     (NORMALS, lambda p: shutil.copy(p, p.with_name("more.png")), "more.png belongs to no image"),
     (DEPTH, lambda p: np.concatenate([p, p[:, :1]], axis=1), "is 161x96, not 160x96"),
-    (NORMALS, lambda n: n.astype(np.uint16), "is uint16 with 3 axes, not uint8"),
+    (NORMALS, lambda n: n.astype(np.uint16), "is uint16 with 3 channels, not uint8"),
+    (SEGMENTS, lambda s: np.dstack([s, s[..., :1]]), "is uint8 with 4 channels, not uint8 with 3"),
     (DEPTH, flip_sky, "depth: 16 pixels disagree on"),
     (NORMALS, lambda n: np.where(n.any(2, keepdims=True), 255, n), "are not of length 1"),
     (SEGMENTS, shift, "(class, area, box), listed as"),

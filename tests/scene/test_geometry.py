@@ -12,7 +12,7 @@ from scene.assets.families import FAMILIES
 from scene.classes import TrainId
 from scene.look.materials import MATERIAL_ID, MATERIALS, material_id
 from scene.mesh.asset import merge, rotate
-from scene.mesh.mesh import Mesh, cross, twice_areas
+from scene.mesh.mesh import cross, twice_areas
 from scene.mesh.solids import box, ellipsoid, quads
 from scene.render.geometry import SKY_INSTANCE, asset_shape, build, shape_of, world
 from scene.render.instances import CLOSE
@@ -161,9 +161,6 @@ def test_quads_are_merged_ones_a_ball_is_trimesh_s_and_a_mesh_asks_for_what_it_d
     assert solid(mesh).area == pytest.approx(2 * (6 + 8 + 12))
     with pytest.raises(AttributeError, match="colour"):
         _ = mesh.colour
-    mesh = Mesh(SQUARE.copy(), np.array([[0, 1, 2]]))
-    mesh.copy().vertices[:] = 7
-    assert (mesh.vertices == SQUARE).all()
 
 
 @given(vector.filter(lambda v: np.linalg.norm(v) > 0.1), vector, st.floats(0.001, 6))

@@ -158,8 +158,8 @@ WHOLE = {"share": 1, "attributes": VALUES}
     ([{**WHOLE, "attributes": {**VALUES, "car_position": 2}}], r"components\[0\]: .*car_position is 2"),
     ([{**WHOLE, "share": 0.5}], "add up to 1, not 0.5"),
     ([WHOLE, WHOLE], r"add up to 1, not 1 \+ 1"),
-    ([{**WHOLE, "share": 2}, {**WHOLE, "share": -1}], "must be above 0"),
-    ([{**WHOLE, "share": np.nan}], "must be above 0"),
+    *(([WHOLE, {**WHOLE, "share": share}], r"components\[1\]: share is .*, but must be a number in \(0, 1\]")
+      for share in (2, -1, np.nan, 10**400)),
     ([{**WHOLE, "share": 0.5}, {"share": 0.5, "attributes": dict.fromkeys(BOTH, 0.5)}], "different spaces"),
 ])  # fmt: skip
 def test_what_is_wrong_in_a_mixture_is_named(rows, message):

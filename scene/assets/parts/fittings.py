@@ -49,9 +49,6 @@ class Fittings(NamedTuple):
     aerial: bool = True
     doors: tuple[float, ...] = ()  # shares of the length of the seams
     fog: bool = True
-    signs: tuple[
-        tuple[Span, Span, Color], ...
-    ] = ()  # lettering on the flanks: where, and its colour
 
 
 _COLUMNS = np.array([-0.89, -0.733, -0.392, 0.0, 0.392, 0.733, 0.89])
@@ -253,8 +250,6 @@ def _sides(b: Body, f: Fittings) -> list[Asset]:
     parts.append(on_flank(b, between, (0.0, 0.1), TRIM, lift=0.01))
     if f.strip is not None:
         parts.append(on_flank(b, between, (0.41, 0.48), f.strip, lift=0.014))
-    for u, v, color in f.signs:
-        parts.append(on_flank(b, u, v, color, lift=0.016, steps=1))
     s = np.array([b.cowl + 0.045])
     x, y, z = cabin(b, s, np.array([0.1]))[0]
     z = float(shoulder(b, s)[0]) + 0.08

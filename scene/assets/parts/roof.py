@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from scene.assets.parts.facade import GLASS, upright
 from scene.mesh.asset import Asset, Color, Point, merge, translate
-from scene.mesh.solids import block, box, polygon, quad, tube
+from scene.mesh.solids import block, box, polygon, tube
 
 OVERHANG = 0.35
 """How far a pitched roof reaches beyond the walls (metres)."""
@@ -100,15 +100,17 @@ def dormer(
     half, wall, back = 0.65, 1.15, 2.2
     parts = [
         block((x - half, y, foot - 0.3), (x + half, y + back, foot + wall), cheek, "roof"),
-        quad(upright(x - half, x + half, foot - 0.3, foot + wall, y - 0.04), frame, "paint"),
+        polygon(upright(x - half, x + half, foot - 0.3, foot + wall, y - 0.04), frame, "paint"),
     ]
     for a, b in ((x - 0.48, x - 0.04), (x + 0.04, x + 0.48)):
-        parts.append(quad(upright(a, b, foot + 0.15, foot + wall - 0.1, y - 0.08), GLASS, "glass"))
+        parts.append(
+            polygon(upright(a, b, foot + 0.15, foot + wall - 0.1, y - 0.08), GLASS, "glass")
+        )
     top, eave, front = foot + wall + 0.6, foot + wall - 0.05, y - 0.25
     for s in (-1, 1):
         edge = x + s * (half + 0.15)
         roof = [(edge, front, eave), (x, front, top), (x, y + back, top), (edge, y + back, eave)]
-        parts.append(quad(roof, color, "roof"))
+        parts.append(polygon(roof, color, "roof"))
     gable = [(x - half, y - 0.04, eave), (x + half, y - 0.04, eave), (x, y - 0.04, top - 0.05)]
     return [*parts, polygon(gable, frame, "paint")]
 
@@ -123,7 +125,7 @@ def steeple(
     low, high = height - 3.0, height - 0.9
     for level, tall in ((low, high - low), (0.45 * height, 1.6)):
         bell = upright(x - 0.16 * side, x + 0.16 * side, level, level + tall, y - half - 0.04)
-        parts.append(quad(bell, GLASS, "plain"))
+        parts.append(polygon(bell, GLASS, "plain"))
     for z in (0.4 * height, height - 0.5):
         parts.append(box((side + 0.25, side + 0.25, 0.2), (x, y, z), *wall))
     for dx in (-1, 1):

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.mesh.asset import Asset, Color, solid, vary
-from scene.mesh.solids import box, loft, quad, tube
+from scene.mesh.solids import box, loft, polygon, tube
 
 IRON: Color = (0.016, 0.017, 0.019)
 RELIEF = 0.05
@@ -41,7 +41,7 @@ class WallParams(NamedTuple):
 
 def _front(left: float, right: float, low: float, high: float, y: float, color: Color,
            material: str) -> Asset:  # fmt: skip
-    return quad(
+    return polygon(
         [(left, y, low), (right, y, low), (right, y, high), (left, y, high)], color, material
     )
 
@@ -136,7 +136,7 @@ def _bands(p: WallParams, rng: np.random.Generator) -> list[Asset]:
              for at in (0.12, 0.82)]  # fmt: skip
     for x in np.linspace(-0.375, 0.375, 4) * p.length:
         z, r = 0.5 * p.height, 0.26
-        parts.append(quad([(x - r, -PAINT, z), (x, -PAINT, z - r), (x + r, -PAINT, z),
+        parts.append(polygon([(x - r, -PAINT, z), (x, -PAINT, z - r), (x + r, -PAINT, z),
                            (x, -PAINT, z + r)], p.second, p.material))  # fmt: skip
     return parts
 
@@ -153,7 +153,7 @@ def _ivy(p: WallParams, rng: np.random.Generator) -> list[Asset]:
         z = float(np.clip(z, size + 0.02, p.height))
         corners = np.column_stack([x + size * np.cos(angle), y + 0.35 * size * np.sin(angle + 1),
                                    z + size * np.sin(angle)])  # fmt: skip
-        leaves.append(quad(corners, vary(rng, p.second, 0.6), "foliage"))
+        leaves.append(polygon(corners, vary(rng, p.second, 0.6), "foliage"))
     return leaves
 
 

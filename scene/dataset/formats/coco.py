@@ -43,11 +43,12 @@ def categories(labels: Labels, things_only: bool = False) -> list[dict[str, Any]
     ]
 
 
-def _images(about: About, file_name: str) -> Iterator[dict[str, Any]]:
+def _images(about: About, file_name: str, by_stem: bool = False) -> Iterator[dict[str, Any]]:
     for number, record in enumerate(about.records(), start=1):
         name = file_name.format(split=about.split, stem=record["stem"])
         width, height = about.size
-        yield {"id": number, "width": width, "height": height, "file_name": name}
+        own = record["stem"] if by_stem else number
+        yield {"id": own, "width": width, "height": height, "file_name": name}
 
 
 def instances(about: About, file_name: str) -> Iterator[str]:
@@ -117,19 +118,28 @@ def panoptic_segment(segment: dict[str, Any]) -> dict[str, Any]:
     return {**{key: segment[key] for key in keys}, "iscrowd": 0}
 
 
-def panoptic(about: About) -> Iterator[str]:
-    """COCO's panoptic segmentation."""
+def panoptic(
+    about: About, file_name: str = "{stem}.png", segments: str = "{stem}.png", by_stem: bool = False
+) -> Iterator[str]:
+    """COCO's panoptic segmentation, which Cityscapes' ``createPanopticImgs`` writes, too.
+
+    Args:
+        about: the dataset.
+        file_name: the image's name in the JSON file, with {stem}.
+        segments: the name of the picture of its segments, with {stem}.
+        by_stem: whether an image's id is its stem; otherwise they are 1, 2, 3 ...
+    """
     annotations = (
         {
-            "image_id": number,
-            "file_name": f"{record['stem']}.png",
+            "image_id": record["stem"] if by_stem else number,
+            "file_name": segments.format(stem=record["stem"]),
             "segments_info": [panoptic_segment(s) for s in record["segments"]],
         }
         for number, record in enumerate(about.records(), start=1)
     )
     return json_lines(
         {
-            "images": _images(about, "{stem}.png"),
+            "images": _images(about, file_name, by_stem),
             "annotations": annotations,
             "categories": categories(about.labels),
         }

@@ -8,7 +8,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
 
-from scene.dataset.formats import card, cityscapes, coco, parquet, yolo
+from scene.dataset.formats import card, coco, parquet, yolo
 from scene.dataset.formats.about import CITY, About
 from shell.errors import UserError
 
@@ -72,7 +72,16 @@ LAYOUTS: dict[str, Layout] = {
             "instances": Summary(
                 "annotations/instances_{split}.json", partial(coco.instances, file_name=_IMAGE)
             ),
-            "panoptic": Summary("gtFine/cityscapes_panoptic_{split}.json", cityscapes.panoptic),
+            "panoptic": Summary(
+                "gtFine/cityscapes_panoptic_{split}.json",
+                partial(
+                    coco.panoptic,
+                    # The doubled name is that of Cityscapes' script, which its readers expect.
+                    file_name="{stem}_gtFine_leftImg8bit.png",
+                    segments="{stem}_gtFine_panoptic.png",
+                    by_stem=True,
+                ),
+            ),
             "card": CARD,
         },
     ),
