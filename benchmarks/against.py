@@ -9,15 +9,13 @@ from __future__ import annotations
 
 import json
 import os
-import resource
 import statistics
 import subprocess
 import sys
-from functools import partial
 from pathlib import Path
 from typing import Any
 
-from benchmarks.report import Row, timed
+from benchmarks.report import Row
 
 HERE = Path(__file__).resolve().parents[1]
 CASES = tuple(
@@ -50,12 +48,6 @@ from scene.attributes import default_unit
 from scene.dataset.render import render_dataset
 from scene.render import RenderSettings
 render_dataset(default_unit()[None], 0, shots=1, settings=RenderSettings(640, 320))
-"""
-FIRST_STREET = """
-from scene.attributes import default_unit
-from scene.dataset.render import render_dataset
-from scene.render import RenderSettings
-render_dataset(default_unit()[None], 0, shots=1, settings=RenderSettings(64, 48), workers=1)
 """
 
 
@@ -116,28 +108,3 @@ def _ask(server: subprocess.Popen[str], case: tuple[Any, ...]) -> float:
     if not answer:
         raise SystemExit("the other side stopped answering; its message is above")
     return float(answer)
-
-
-def starts(checkout: Path, rounds: int) -> list[Row]:
-    """Wall and CPU seconds from the start of a process to its first output."""
-    rows: list[Row] = []
-    for name, program in (("first image", FIRST_IMAGE), ("worker's first street", FIRST_STREET)):
-        taken = [
-            [_timed(folder, program) for folder in (checkout, HERE)] for _ in range(rounds + 1)
-        ]
-        for kind, what in enumerate(("seconds", "processor seconds")):
-            there, here = (min(pair[side][kind] for pair in taken[1:]) for side in (0, 1))
-            rows.append(
-                {"start": f"{name}, {what}", "there": there, "here": here, "ratio": there / here}
-            )
-    return rows
-
-
-def _timed(folder: Path, program: str) -> tuple[float, float]:
-    """Wall and CPU seconds of a program."""
-    command = [sys.executable, "-c", program]
-    run = partial(subprocess.run, command, cwd=folder, env=_environment(folder), check=True)
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    seconds, _ = timed(run)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return seconds, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime

@@ -18,6 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import sdr_jax
+from sdr_jax.models.choices import covered
 
 GRID = 400
 """Number of cells of [0, 1]; functions are constant on each."""
@@ -100,24 +101,16 @@ def tabular(space: sdr_jax.Space, table: np.ndarray, noise: float = 0.0) -> Scal
     """
 
     def raw(centre: jax.Array, width: jax.Array) -> jax.Array:
-        covered = [
-            _covered(np.asarray(centre)[:, axis], np.asarray(width)[:, axis], size)
+        shares = [
+            covered(size, np.asarray(centre)[:, axis], np.asarray(width)[:, axis])
             for axis, size in enumerate(table.shape)
         ]
-        values = np.einsum("na,a...->n...", covered[0], table)
-        for shares in covered[1:]:
-            values = np.einsum("na,na...->n...", shares, values)
+        values = np.einsum("na,a...->n...", shares[0], table)
+        for own in shares[1:]:
+            values = np.einsum("na,na...->n...", own, values)
         return jnp.asarray(values, jnp.float32)
 
     return Scaled(space, raw, noise)
-
-
-def _covered(centre: np.ndarray, width: np.ndarray, size: int) -> np.ndarray:
-    """The share of each of n intervals that lies in each of ``size`` bins, f64[n size]."""
-    edges = np.arange(size + 1) / size
-    width = np.maximum(width, 1e-6)[:, None]
-    filled = np.diff(np.clip((edges - centre[:, None]) / width + 0.5, 0, 1), axis=1)
-    return filled / filled.sum(axis=1, keepdims=True)
 
 
 def integrals_of(functions: np.ndarray) -> jax.Array:

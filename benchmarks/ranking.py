@@ -1,4 +1,4 @@
-"""Summaries of the table of searches: ranks, losses, evaluations needed, and a plot."""
+"""Summaries of the table of searches: ranks, losses and a plot."""
 
 from __future__ import annotations
 
@@ -9,9 +9,6 @@ import numpy as np
 from scipy.stats import rankdata
 
 from benchmarks.report import Row, table
-
-REFERENCE = "random_search"
-"""The reference: its value after the most evaluations is the goal for the other methods."""
 
 Values = Mapping[tuple[str, str], np.ndarray]
 """(method, problem) -> f64[budgets seeds]."""
@@ -55,60 +52,16 @@ def behind(values: Values, ours: str, budgets: tuple[int, ...]) -> list[Row]:
     return rows
 
 
-def needed(
-    course: Mapping[tuple[str, str], Mapping[int, float]], values: Values, budgets: tuple[int, ...]
-) -> list[Row]:
-    """Evaluations after which a method's mean value stays at or above the reference's last one."""
-    methods, problems = _names(values)
-    if REFERENCE not in methods:
-        return []
-    rows: list[Row] = []
-    for method in methods:
-        row: Row = {"method": method}
-        for problem in problems:
-            goal = float(values[REFERENCE, problem][-1].mean())
-            found = None
-            for evaluations, value in sorted(course[method, problem].items(), reverse=True):
-                if value < goal - 1e-9:
-                    break
-                found = evaluations
-            row[problem] = found
-        rows.append(row)
-    return rows
-
-
 def text(
     ranks: dict[str, float],
     lost: list[Row],
-    effort: list[Row],
-    values: Values,
-    luckiest: Values,
-    budgets: tuple[int, ...],
     ours: str,
 ) -> str:
-    """All summaries for people, as Markdown."""
+    """The ranks and the losses for people, as Markdown."""
     parts = ["Mean rank over all problems and numbers of evaluations:"]
     parts.append(table([{"method": m, "mean rank": rank} for m, rank in ranks.items()]))
     if lost:
         parts += [f"{ours} less the best rival, paired by seed:", table(lost)]
-    if effort:
-        parts += [
-            f"Evaluations to reach {REFERENCE}'s value after {budgets[-1]} and stay there:",
-            table(effort),
-        ]
-    mine = [(p, values[m, p], luckiest[m, p]) for m, p in values if m == ours]
-    if mine:
-        rows = [
-            {
-                "problem": problem,
-                "evaluations": budget,
-                "by the model": float(model[i].mean()),
-                "highest reward": float(lucky[i].mean()),
-            }
-            for problem, model, lucky in mine
-            for i, budget in enumerate(budgets)
-        ]
-        parts += [f"{ours}: recommended by its model, or the luckiest draw:", table(rows)]
     return "\n\n".join(parts)
 
 

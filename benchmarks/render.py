@@ -202,12 +202,9 @@ def main(arguments: list[str] | None = None) -> int:
             checkout = against.check_checkout(options.against)
         except ValueError as error:
             command.error(f"--against: {error}")
-        parts = {
-            "against": against.speeds(checkout, options.streets, options.rounds),
-            "starts": against.starts(checkout, min(options.rounds, 3)),
-        }
-        print("\n\n".join(map(table, parts.values())))
-        write(options.json, **parts)
+        compared = against.speeds(checkout, options.streets, options.rounds)
+        print(table(compared))
+        write(options.json, against=compared)
         return 0
     if options.peers and options.widths is not None and 640 not in options.widths:
         command.error("--peers compares at 640x320, which --widths leaves out")

@@ -25,13 +25,22 @@ import numpy as np
 import sdr_jax
 from benchmarks import foreign, problems, recorded
 from benchmarks.problems import Problem, grouped_space
-from benchmarks.ranking import behind, mean_ranks, needed, plot, text
+from benchmarks.ranking import behind, mean_ranks, plot, text
 from benchmarks.report import Row, count, parser, table, write
 from experiments.evaluation.evaluate import worker_environment
 from sdr_jax.registry import METHODS, make
 
 DEFAULT = "surrogate"
 """The default method of studies and of the API, which have no start."""
+
+AT_ONCE = {"surrogate": 5, "intervals": 5, "gaussian": 5, "gaussian_process": 5}
+"""Data sets per update of methods that compare them, or learn a model anew; others take one."""
+
+BUDGETED = "sdr"
+"""The method that needs the number of updates beforehand."""
+
+LIBRARIES = ("cma_es", "tpe", "gaussian_process")
+"""Methods of other libraries, which compile hardly anything."""
 
 PROBLEMS: dict[str, Callable[[int], Problem]] = {
     "smooth": problems.smooth,
@@ -54,7 +63,6 @@ class Trace(NamedTuple):
     """The course of one search."""
 
     values: dict[int, float]  # evaluations -> true value of the recommendation
-    luckiest: dict[int, float]  # evaluations -> true value of the data set with the highest reward
     seconds: float  # of the method itself, without the rewards
     updates: int
 
@@ -63,7 +71,7 @@ class Trace(NamedTuple):
 def _method(name: str, space: sdr_jax.Space, evaluations: int | None) -> sdr_jax.Method:
     """A method, made once, so that the next seed uses its compiled functions."""
     options = {}
-    if name == "sdr" and evaluations:  # spread evenly over the groups, one data set per update
+    if evaluations:  # spread evenly over the groups, one data set per update
         options["updates_per_group"] = max(1, evaluations // len(space.groups))
     return make(name, space, **options)
 
@@ -75,21 +83,16 @@ def _instance(problem: str, seed: int) -> Problem:
 
 
 class _Watched:
-    """A problem's reward, which records its seconds and the data set with the highest reward."""
+    """A problem's reward, which records its seconds."""
 
-    def __init__(self, problem: Problem, nothing: sdr_jax.Proposal) -> None:
-        self._problem, self.lucky, self.seconds = problem, nothing, 0.0
-        self._best = -np.inf
+    def __init__(self, problem: Problem) -> None:
+        self._problem, self.seconds = problem, 0.0
 
     def __call__(self, rng_key: jax.Array, proposals: sdr_jax.Proposal) -> np.ndarray:
         jax.block_until_ready(proposals)
         started = time.perf_counter()
         rewards = np.asarray(self._problem.reward(rng_key, proposals), np.float32)
         self.seconds += time.perf_counter() - started
-        top = int(np.where(np.isnan(rewards), -np.inf, rewards).argmax())
-        if rewards[top] > self._best:
-            self._best = float(rewards[top])
-            self.lucky = sdr_jax.Proposal(*(np.asarray(part)[top] for part in proposals))
         return rewards
 
 
@@ -110,17 +113,12 @@ def trace(
     """
     if name not in METHODS:
         raise ValueError(f"unknown method {name!r}; known are {', '.join(METHODS)}")
-    n = min(METHODS[name].n, evaluations)
-    if n < METHODS[name].least:
-        raise ValueError(
-            f"evaluations is {evaluations}, but {name} takes at least {METHODS[name].least} at a time"
-        )
-    method = _method(name, problem.space, evaluations if METHODS[name].budgeted else None)
+    n = min(AT_ONCE.get(name, 1), evaluations)
+    method = _method(name, problem.space, evaluations if name == BUDGETED else None)
     updates = min(evaluations // n, method.updates or evaluations)
     rng_key = jax.random.key(seed)
-    reward_fn = _Watched(problem, method.solution(sdr_jax.first_state(rng_key, method)))
+    reward_fn = _Watched(problem)
     values: dict[int, float] = {}
-    luckiest: dict[int, float] = {}
     waiting = sorted(looks)
     seconds = 0.0
     started = time.perf_counter()
@@ -130,10 +128,9 @@ def trace(
         while waiting and (t == updates or (t + 1) * n > waiting[0]):
             look = waiting.pop(0)
             values[look] = float(problem.true_value(method.solution(state)))
-            luckiest[look] = float(problem.true_value(reward_fn.lucky))
         started = time.perf_counter()
     seconds -= reward_fn.seconds
-    return Trace(values, luckiest, seconds, updates)
+    return Trace(values, seconds, updates)
 
 
 def evaluate(method_name: str, problem: Problem, evaluations: int, seed: int) -> float:
@@ -173,7 +170,6 @@ class Result(NamedTuple):
 
     task: Task
     values: np.ndarray  # f64[budgets seeds]: of the recommendation
-    luckiest: np.ndarray  # f64[budgets seeds]: of the data set with the highest reward
     course: dict[int, float]  # evaluations -> mean value in the longest search
     seconds_per_update: float
 
@@ -183,8 +179,10 @@ def work(task: Task) -> Result:
     instances = [_instance(task.problem, seed) for seed in range(task.seeds)]
     longest = max(task.budgets)
     looks = tuple(sorted({*range(LOOKS, longest + 1, LOOKS), *task.budgets}))
-    trace(task.method, instances[0], min(2 * METHODS[task.method].n, longest), 0, ())  # compiles
-    budgeted = METHODS[task.method].budgeted
+    trace(
+        task.method, instances[0], min(2 * AT_ONCE.get(task.method, 1), longest), 0, ()
+    )  # compiles
+    budgeted = task.method == BUDGETED
     lengths = task.budgets if budgeted else (longest,)
     runs = {
         length: [
@@ -194,15 +192,14 @@ def work(task: Task) -> Result:
         for length in lengths
     }
 
-    def at(budget: int, kind: str) -> list[float]:
-        return [getattr(run, kind)[budget] for run in runs[budget if budgeted else longest]]
+    def at(budget: int) -> list[float]:
+        return [run.values[budget] for run in runs[budget if budgeted else longest]]
 
     seconds = sum(run.seconds for found in runs.values() for run in found)
     updates = sum(run.updates for found in runs.values() for run in found)
     return Result(
         task,
-        np.asarray([at(budget, "values") for budget in task.budgets]),
-        np.asarray([at(budget, "luckiest") for budget in task.budgets]),
+        np.asarray([at(budget) for budget in task.budgets]),
         {look: float(np.mean([run.values[look] for run in runs[longest]])) for look in looks},
         seconds / updates,
     )
@@ -213,8 +210,8 @@ def batches(tasks: list[Task]) -> list[list[Task]]:
 
     Methods of other libraries compile hardly anything and take long: their tasks come first, one by one.
     """
-    alone = [[task] for task in tasks if METHODS[task.method].library]
-    methods = dict.fromkeys(task.method for task in tasks if not METHODS[task.method].library)
+    alone = [[task] for task in tasks if task.method in LIBRARIES]
+    methods = dict.fromkeys(task.method for task in tasks if task.method not in LIBRARIES)
     return alone + [[task for task in tasks if task.method == method] for method in methods]
 
 
@@ -283,15 +280,11 @@ def main(arguments: list[str] | None = None) -> int:
     found.sort(key=lambda r: (options.methods.index(r.task.method), r.task.problem))
     rows = rows_of(found)
     values = {(r.task.method, r.task.problem): r.values for r in found}
-    luckiest = {(r.task.method, r.task.problem): r.luckiest for r in found}
     course = {(r.task.method, r.task.problem): r.course for r in found}
     ranks, lost = mean_ranks(values), behind(values, DEFAULT, budgets)
-    effort = needed(course, values, budgets)
     print(table(rows), end="\n\n")
-    print(text(ranks, lost, effort, values, luckiest, budgets, DEFAULT))
-    write(
-        options.json, default=DEFAULT, rows=rows, mean_rank=ranks, behind=lost, evaluations=effort
-    )
+    print(text(ranks, lost, DEFAULT))
+    write(options.json, default=DEFAULT, rows=rows, mean_rank=ranks, behind=lost)
     if options.plot:
         plot(course, options.plot, DEFAULT)
     return 0

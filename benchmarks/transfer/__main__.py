@@ -6,8 +6,8 @@
 
 Nets trained on renders with random and with hand-set attributes, tested on a target's labelled images; the
 same on hand-set streets without one ingredient, paired by seed; nets trained on real images, tested on
-others, on renders and on close-ups of single assets, which ``close-ups-*.png`` in ``--out`` shows; and how
-light each class is in both. The split that is reported on, and what ``--holdout`` names, are never read.
+others and on renders; and how light each class is in both. The split that is reported on, and what
+``--holdout`` names, are never read.
 ``--out`` remembers finished nets: the same command goes on, and begins anew where the engine has changed.
 ``--against`` is such a memory of another engine's: what has been gained since, class by class.
 """
@@ -22,7 +22,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
-import cv2
 import numpy as np
 
 from benchmarks.report import Row, count, parser, table, write
@@ -32,7 +31,6 @@ from benchmarks.transfer.recipe import Recipe, call, real_images, rendered
 from experiments.evaluation.evaluate import worker_environment
 from scene.attributes import SpaceName
 from scene.workers import WorkerError, WorkerPool
-from seg.classes import ClassTable
 from seg.data import DataError
 from seg.recipes import RECIPES
 from seg.train import TrainingError
@@ -82,9 +80,8 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
         ("height", 32, "pixels down"),
         ("streets", 1, "of each dataset"),
         ("steps", 1, "of a net, by default the recipe's"),
-        ("close-ups", 1, "of each asset family, for each net"),
     ):
-        default = Recipe._field_defaults[name.replace("-", "_")]
+        default = Recipe._field_defaults[name]
         told = meaning if default is None else f"{meaning} ({default})"
         command.add_argument(f"--{name}", type=partial(count, least), default=default, help=told)
     command.add_argument("--seeds", type=partial(count, 1), default=3, help="nets of each row (3)")
@@ -96,18 +93,18 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
 def _run(options: argparse.Namespace) -> None:
     given = vars(options)
     recipe = Recipe(**{name: given[name] for name in Recipe._fields if name in given})
-    real, known, seeds = real_images(recipe), recipe.classes, range(options.seeds)
+    real, classes, seeds = real_images(recipe), recipe.classes.classes, range(options.seeds)
     before = None if options.against is None else _before(options, recipe)
     with files.naming(options.out):
         options.out.mkdir(parents=True, exist_ok=True)
     scores = _train(
         nets(recipe, options.only, seeds), JsonLines(options.out / "nets.jsonl"), options
     )
-    found = summary(scores, known, before)
+    found = summary(scores, classes, before)
     if "tones" in options.only:
         sets = {"real": real, **{name: rendered(recipe, name, 0) for name in ATTRIBUTES}}
         pairs = {name: (own.images, own.labels) for name, own in sets.items()}
-        found["tones"] = tables.tone_rows(pairs, known.classes)
+        found["tones"] = tables.tone_rows(pairs, classes)
     for title, rows in found.items():
         print(f"\n{title}\n{table(rows)}")
     write(options.json, recipe=recipe._asdict(), seeds=options.seeds, **found)
@@ -141,11 +138,8 @@ def _train(wanted: Sequence[Net], log: JsonLines, options: argparse.Namespace) -
     progress = Progress(sum(net.cost for net in wanted))
     progress.advance(sum(n.cost for n in wanted) - sum(n.cost for n in missing), replayed=True)
     with WorkerPool(options.workers, worker_environment()) as workers:
-        for index, (scores, sheet) in workers.map(call, [net.task for net in missing]):
+        for index, scores in workers.map(call, [net.task for net in missing]):
             key = missing[index].key
-            if sheet is not None:
-                _, data = cv2.imencode(".png", sheet[..., ::-1])
-                files.write(options.out / f"close-ups-{key['seed']}.png", data.tobytes())
             log.append({"key": key, "scores": scores})
             done[_name(key)] = scores
             progress.advance(missing[index].cost)
@@ -172,10 +166,9 @@ def _name(key: dict[str, Any]) -> str:
 
 
 def summary(
-    scores: Scores, known: ClassTable, before: Mapping[str, tables.Confusions] | None
+    scores: Scores, classes: Sequence[str], before: Mapping[str, tables.Confusions] | None
 ) -> dict[str, list[Row]]:
     """The tables for which there are nets; gains over those of another engine, if ``before`` has any."""
-    classes = known.classes
     real = {name: [np.array(one["real"]) for one in every] for name, every in scores.items()}
     found = {}
     if ATTRIBUTES[0] in real:
@@ -187,12 +180,7 @@ def summary(
         found["ingredients"] = tables.ingredient_rows(real["default"], without, classes)
     if REAL in real:
         renders = [np.array(one["renders"]) for one in scores[REAL]]
-        families = {
-            family: np.sum([one["close-ups"][family] for one in scores[REAL]], axis=0)
-            for family in scores[REAL][0]["close-ups"]
-        }
         found["recognition"] = tables.recognition_rows(real[REAL], renders, classes)
-        found["close-ups"] = tables.close_up_rows(families, real[REAL], known)
     if before is not None:
         found["gains"] = tables.gain_rows({n: real[n] for n in ATTRIBUTES}, before, classes)
     return found

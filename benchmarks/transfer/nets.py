@@ -17,7 +17,7 @@ PARTS = ("transfer", "ingredients", "recognition", "tones")
 REAL = "real"
 WITHOUT = "without "
 REAL_COST = 2.0
-"""What a net trained on real images costs, close-ups included, against one trained on renders."""
+"""What a net trained on real images costs, against one trained on renders."""
 
 
 class Net(NamedTuple):

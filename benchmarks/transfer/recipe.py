@@ -11,10 +11,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import cv2
 import numpy as np
 
-from benchmarks.transfer.closeups import DISTANCE, close_ups
 from benchmarks.transfer.ingredients import INGREDIENTS, World, render_world
 from experiments.target.folder import parts_of
 from scene.attributes import SpaceName
@@ -24,7 +22,7 @@ from seg.classes import ClassTable, table_of
 from seg.data import LabelledImages, load
 from seg.pyramid import features
 from seg.recipes import RECIPES
-from seg.train import TrainSettings, predict, score, train
+from seg.train import TrainSettings, score, train
 from seg.views import view_images
 from shell.target_file import find_target
 
@@ -44,7 +42,6 @@ class Recipe(NamedTuple):
     samples: int = 1  # rays per pixel along each axis
     streets: int = 400
     shots: int = 1  # images per street
-    close_ups: int = 8  # of each family, for each net
     training: str = "lite0-frozen"  # of `seg.recipes`
     steps: int | None = None  # by default the recipe's
 
@@ -60,8 +57,8 @@ class Recipe(NamedTuple):
         return table_of(find_target(self.target, Path(self.data)))
 
 
-Result = tuple[dict[str, Any], np.ndarray | None]
-"""Confusion matrices i64[classes, classes] as lists, and a picture u8[h, w, 3] if there is one."""
+Result = dict[str, Any]
+"""Confusion matrices i64[classes, classes] as lists."""
 
 
 def call(function: Callable[..., Result], *arguments: Any) -> Result:
@@ -137,38 +134,17 @@ def rendered_net(recipe: Recipe, attributes: str, without: str | None, seed: int
     )
     count, seen = len(recipe.classes.classes), _seen(recipe, False)
     params = train(seed, own.images, own.labels, settings, count)
-    return {
-        "real": score(params, real.images, real.labels, settings, count, features=seen).tolist()
-    }, None
+    found = score(params, real.images, real.labels, settings, count, features=seen)
+    return {"real": found.tolist()}
 
 
 def real_net(recipe: Recipe, seed: int) -> Result:
-    """Trains a net on real images and tests it on unseen ones, on hand-set streets and on close-ups.
-
-    Of a close-up only the asset's own pixels count: i64[classes], by predicted class. The picture shows
-    all of them, and what the net saw in them.
-    """
-    settings, table = recipe.train, recipe.classes
-    (seen, unseen), count = _sides(recipe, seed), len(table.classes)
+    """Trains a net on real images and tests it on unseen ones and on hand-set streets."""
+    settings, count = recipe.train, len(recipe.classes.classes)
+    seen, unseen = _sides(recipe, seed)
     params = train(seed, seen.images, seen.labels, settings, count, features=seen.features)
-    families, strips = {}, []
-    for family in DISTANCE:
-        views = close_ups(family, seed, recipe.close_ups, world(recipe).settings)
-        images, masks = np.stack([v.image for v in views]), np.stack([v.mask for v in views])
-        predicted = predict(params, images, settings, count)
-        families[family] = np.bincount(predicted[masks], minlength=count).tolist()
-        strips.append(_strip(family, images, masks, table.colors[predicted]))
-    scores: dict[str, Any] = {"close-ups": families}
+    scores = {}
     for name, own in (("real", unseen), ("renders", rendered(recipe, "default", seed))):
         found = score(params, own.images, own.labels, settings, count, features=own.features)
         scores[name] = found.tolist()
-    return scores, np.concatenate(strips)
-
-
-def _strip(family: str, images: np.ndarray, masks: np.ndarray, colors: np.ndarray) -> np.ndarray:
-    """Close-ups side by side; below each the predicted classes, dimmed where the asset is not."""
-    colors = np.where(masks[..., None], colors, colors // 3)
-    strip = np.concatenate([np.concatenate(list(row), axis=1) for row in (images, colors)])
-    white = (255, 255, 255)
-    cv2.putText(strip, family, (3, 11), cv2.FONT_HERSHEY_SIMPLEX, 0.4, white, 1, cv2.LINE_AA)
-    return strip
+    return scores

@@ -9,8 +9,6 @@ import numpy as np
 
 from benchmarks.report import Row
 from experiments.study.stats import paired_gain
-from scene.assets.families import FAMILIES
-from seg.classes import IGNORE_LABEL, ClassTable
 from seg.metrics import iou, mean_iou
 
 LEAST = 20
@@ -145,33 +143,6 @@ def recognition_rows(real: Confusions, renders: Confusions, classes: Sequence[st
     means = {name: float(np.mean([row[name] for row in rows])) for name in recalls}
     ious = {"real IoU": 100 * mean_iou(seen), "render IoU": 100 * mean_iou(rendered)}
     return [*rows, {"class": "mean", **means, **ious, "taken for": ""}]
-
-
-def close_up_rows(
-    families: Mapping[str, np.ndarray], real: Confusions, table: ClassTable
-) -> list[Row]:
-    """How close-ups of each asset family are seen.
-
-    Args:
-        families: name -> i64[classes], its pixels by predicted class.
-        real: the same nets on unseen real images, to compare with.
-        table: the classes; a family of none of them is left out.
-    """
-    seen, classes, rows = np.sum(real, axis=0), table.classes, []
-    for family, predicted in families.items():
-        k = int(table.from_train_id[FAMILIES[family].train_id])
-        if k == IGNORE_LABEL:
-            continue
-        rows.append(
-            {
-                "family": family,
-                "class": classes[k],
-                "recall": _share(predicted, k),
-                "real recall": _share(seen[k], k),
-                "taken for": taken_for(predicted, k, classes),
-            }
-        )
-    return rows
 
 
 def taken_for(predicted: np.ndarray, own: int, classes: Sequence[str], most: int = 3) -> str:

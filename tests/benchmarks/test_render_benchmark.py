@@ -6,7 +6,6 @@ from benchmarks import against, render
 
 
 def test_this_checkout_is_about_as_fast_as_itself(tmp_path, monkeypatch):
-    monkeypatch.setattr(against, "starts", lambda checkout, rounds: [{"start": "", "ratio": 1.0}])
     monkeypatch.setattr(against.speeds, "__defaults__", (((32, 24, 2, 1, "random"),),))
     arguments = ["--against", str(against.HERE), "--streets", "1", "--rounds", "2"]
     assert render.main([*arguments, "--json", str(tmp_path / "out")]) == 0

@@ -9,12 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks.transfer import closeups, ingredients, tables
+from benchmarks.transfer import ingredients, tables
 from benchmarks.transfer.__main__ import main
 from benchmarks.transfer.recipe import BLOCKS, Recipe, held_out, real_images, world
-from scene import AssetPool, RenderSettings
+from scene import AssetPool
 from scene.proposal import default_proposal, draw
-from scene.street.instances import FIRST_INSTANCE
 from seg.classes import CAMVID_11
 from shell.errors import UserError
 from tests.experiments.conftest import write_pair
@@ -85,27 +84,6 @@ def test_gains_are_paired_by_seed_and_told_of_each_class():
     assert rows["sky"]["random, gain"] == pytest.approx(25)
     assert rows["mIoU"]["random, gain"] == pytest.approx(100 * (1 - 7 / 12) / 2)
     assert rows["sky"]["random, 95 %"] == "-292.7 to 342.7"  # 25 +- 12.706 * 25
-
-
-@pytest.mark.parametrize("family", ["person", "rider", "bus"])
-def test_a_close_up_looks_at_its_asset(family):
-    street, instance = closeups.close_up(family, 1, 0)
-    chosen, camera = street.placements[instance - FIRST_INSTANCE], street.cameras[0]
-    assert chosen.family == family
-    assert all(p.instance == k for k, p in enumerate(street.placements, FIRST_INSTANCE))
-    x, y = chosen.pose[:2, 3] - camera.position[:2]
-    assert (x, math.atan2(-y, x)) == pytest.approx((closeups.DISTANCE[family], camera.yaw))
-    (picture,) = closeups.close_ups(family, 1, 1, RenderSettings(64, 48))
-    rows, columns = np.nonzero(picture.mask)
-    assert len(rows) > 10 and 20 < np.median(columns) < 44
-
-
-@given(st.lists(st.floats(-9, 9), min_size=6, max_size=6), st.floats(0, 1), st.floats(0.1, 3))
-def test_a_box_on_the_line_is_crossed_and_a_box_above_it_is_not(ends, share, half):
-    start, end = np.array(ends[:3]), np.array(ends[3:])
-    centres = start + share * (end - start) + [[0, 0, 0], [0, 0, 40]]
-    boxes = np.stack([centres - half, centres + half], axis=1)
-    assert closeups._crossed(boxes, start, end).tolist() == [True, False]
 
 
 def test_worth_and_recognition_by_hand():
