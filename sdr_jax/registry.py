@@ -2,7 +2,7 @@
 
 import inspect
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import optax
 
@@ -27,16 +27,6 @@ BASELINES = {
     "leave_one_out": leave_one_out(),
 }
 """The paper's baseline, that of the authors' code, and the mean of the update's other rewards."""
-
-
-class Entry(NamedTuple):
-    """How command lines make and run a method."""
-
-    build: Callable[..., Method]  # (space, width, **options); its keywords are the options
-    n: int = 1  # usual number of data sets per update
-    least: int = 1  # least number of data sets per update
-    budgeted: bool = False  # whether it needs the number of updates beforehand
-    library: bool = False  # whether it comes from another library, and is not traced
 
 
 def _sdr(
@@ -82,21 +72,19 @@ def _random_attributes(space: Space, width: Width = None) -> Method:
     return random_attributes(space)
 
 
-METHODS: dict[str, Entry] = {
-    "surrogate": Entry(surrogate, n=5),
-    "sdr": Entry(_sdr, budgeted=True),
-    "random_attributes": Entry(_random_attributes),
-    "random_search": Entry(random_search),
-    "attribute_descent": Entry(attribute_descent),
-    # It compares the data sets of an update with each other.
-    "gaussian": Entry(_gaussian, n=5, least=2),
-    "intervals": Entry(intervals, n=5),
-    "cma_es": Entry(cma_es, library=True),
-    "tpe": Entry(tpe, library=True),
-    # Its model is learnt anew with every update.
-    "gaussian_process": Entry(gaussian_process, n=5, library=True),
+METHODS: dict[str, Callable[..., Method]] = {
+    "surrogate": surrogate,
+    "sdr": _sdr,
+    "random_attributes": _random_attributes,
+    "random_search": random_search,
+    "attribute_descent": attribute_descent,
+    "gaussian": _gaussian,
+    "intervals": intervals,
+    "cma_es": cma_es,
+    "tpe": tpe,
+    "gaussian_process": gaussian_process,
 }
-"""All methods, by name."""
+"""What makes each method, by name: of a space and a width; its keywords are the options."""
 
 
 def options_of(name: str) -> dict[str, Any]:
@@ -105,7 +93,7 @@ def options_of(name: str) -> dict[str, Any]:
     Raises:
         ValueError: an unknown name.
     """
-    parameters = inspect.signature(_entry(name).build).parameters.values()
+    parameters = inspect.signature(_entry(name)).parameters.values()
     return {p.name: p.default for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY}
 
 
@@ -130,10 +118,10 @@ def make(name: str, space: Space, width: Width = None, **options: Any) -> Method
     if unknown:
         some = ", ".join(known) or "none"
         raise ValueError(f"{name} has no option {unknown[0]!r}; known: {some}")
-    return _entry(name).build(space, width, **options)
+    return _entry(name)(space, width, **options)
 
 
-def _entry(name: str) -> Entry:
+def _entry(name: str) -> Callable[..., Method]:
     if name not in METHODS:
         raise ValueError(f"unknown method {name!r}; known are {', '.join(METHODS)}")
     return METHODS[name]

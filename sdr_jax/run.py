@@ -56,17 +56,13 @@ def make_step(method: Method, reward_fn: RewardFn, n: int = 1) -> StepFn:
 
 
 def _plain_step(method: Method, reward_fn: RewardFn, n: int) -> StepFn:
-    def evaluated(state: State, sample_key: RngKey, reward_key: RngKey) -> tuple:
-        """The arguments of `update` behind the state."""
-        actions, proposals = method.sample(sample_key, state, n)
-        if isinstance(reward_fn, HostReward):
-            return actions, reward_fn(reward_key, proposals, actions)
-        return actions, jnp.asarray(reward_fn(reward_key, proposals), jnp.float32)
-
     def step(rng_key: RngKey, state: State) -> tuple[State, Record]:
-        told = evaluated(state, *jax.random.split(rng_key))
-        state, info = method.update(state, *told)
-        return state, Record(told[0], told[1], info)
+        sample_key, reward_key = jax.random.split(rng_key)
+        actions, proposals = method.sample(sample_key, state, n)
+        told = (actions,) if isinstance(reward_fn, HostReward) else ()
+        rewards = jnp.asarray(reward_fn(reward_key, proposals, *told), jnp.float32)
+        state, info = method.update(state, actions, rewards)
+        return state, Record(actions, rewards, info)
 
     return step
 

@@ -15,11 +15,15 @@ def in_batches(
 ) -> Any:
     """Apply `run` to each image (or its index) in batches of a fixed size; zeros fill the last batch.
 
-    The result is an array, or a tree of arrays.
+    The result is an array, or a tree of arrays; of no images it is None.
     """
-    parts = []
+    found: Any = None
     for start in range(0, len(images), size):
         batch = images[start : start + size]
         padding = [(0, size - len(batch)), *[(0, 0)] * (batch.ndim - 1)]
-        parts.append(jax.tree.map(np.asarray, run(np.pad(batch, padding))))
-    return jax.tree.map(lambda *arrays: np.concatenate(arrays)[: len(images)], *parts)
+        part = jax.tree.map(np.asarray, run(np.pad(batch, padding)))
+        if found is None:
+            found = jax.tree.map(lambda a: np.empty((len(images), *a.shape[1:]), a.dtype), part)
+        for into, own in zip(*map(jax.tree.leaves, (found, part)), strict=True):
+            into[start : start + len(batch)] = own[: len(batch)]
+    return found

@@ -4,20 +4,10 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float32, Int, UInt8
+from jaxtyping import Float32, Int
 
 from seg.data import LabelledImages
-from seg.nets.head import Maps
 from seg.pyramid import Statistics
-
-
-class Beside(NamedTuple):
-    """A few images, such as labelled real ones beside rendered ones."""
-
-    images: UInt8[np.ndarray, "n h w 3"]  # RGB, of the size of the others
-    labels: UInt8[np.ndarray, "n h w"]
-    share: float  # of the images of all batches, in (0, 1)
-    features: Maps | None = None  # of all their views, if known, for a frozen trunk
 
 
 class TrainingSet(NamedTuple):
@@ -28,23 +18,22 @@ class TrainingSet(NamedTuple):
     shares: tuple[float, ...] = (1.0,)
 
 
-def training_set(images: LabelledImages, beside: Beside | None) -> TrainingSet:
-    """Join images and, if there are any, the images beside them.
+def training_set(
+    images: LabelledImages, beside: LabelledImages | None, share: float
+) -> TrainingSet:
+    """Join images and, if there are any, the images beside them, which have a share of all batches.
 
     Raises:
         ValueError: a share of 0 or 1, or images of two sizes.
     """
     if beside is None:
         return TrainingSet((images,))
-    if not 0 < beside.share < 1:
-        raise ValueError(
-            f"the share of images beside others must lie in (0, 1); got {beside.share}"
-        )
+    if not 0 < share < 1:
+        raise ValueError(f"the share of images beside others must lie in (0, 1); got {share}")
     ours, theirs = images.images.shape[1:], beside.images.shape[1:]
     if ours != theirs:
         raise ValueError(f"images beside others must be of their size {ours}; got {theirs}")
-    few = LabelledImages(beside.images, beside.labels, features=beside.features)
-    return TrainingSet((images, few), (1 - beside.share, beside.share))
+    return TrainingSet((images, beside), (1 - share, share))
 
 
 def drawn(share: float, images: int) -> int:

@@ -22,7 +22,7 @@ from safetensors.numpy import save as tensor_bytes
 
 from seg.card import README, card
 from seg.classes import IGNORE_LABEL, colorize
-from seg.data.labelled import fitted
+from seg.data.labelled import fitted, resize_image
 from seg.errors import ModelError
 from seg.names import As
 from seg.nets.trunks import trunk_of
@@ -442,12 +442,7 @@ def _said(source: Mapping[str, str]) -> str:
 
 def _plane(scores: np.ndarray, place: int, size: tuple[int, int]) -> np.ndarray:
     """The scores f32[h, w] of one class at a size (height, width)."""
-    plane = np.ascontiguousarray(scores[..., place])
-    if plane.shape == size:
-        return plane
-    shrinks = size[0] <= plane.shape[0] and size[1] <= plane.shape[1]
-    kind = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
-    return cv2.resize(plane, (size[1], size[0]), interpolation=kind)
+    return resize_image(np.ascontiguousarray(scores[..., place]), size)
 
 
 def _highest(scores: np.ndarray, size: tuple[int, int], places: Sequence[int]) -> np.ndarray:

@@ -10,6 +10,7 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float32, UInt8
 
+from seg.batches import in_batches
 from seg.nets.head import Maps, statistics
 from seg.nets.trunks import trunk, trunk_of
 from seg.settings import TrainSettings
@@ -80,19 +81,7 @@ def features(images: UInt8[np.ndarray, "n h w 3"], settings: TrainSettings = LIT
     check_size(images, settings)
     own = TrainSettings(net=settings.net, weights=settings.weights, dtype=settings.dtype)
     extract, params = _extractor(own), trunk_params(settings)
-    count = len(images)
-    found: Maps | None = None
-    for start in range(0, count, BATCH):
-        batch = images[start : start + BATCH]
-        there = slice(start, start + len(batch))
-        batch = np.pad(batch, [(0, min(BATCH, count) - len(batch)), (0, 0), (0, 0), (0, 0)])
-        maps = [np.asarray(m) for m in extract(params, batch)]
-        if found is None:
-            found = tuple(np.empty((count, *m.shape[1:]), np.float16) for m in maps)
-        for into, m in zip(found, maps, strict=True):
-            into[there] = m[: there.stop - there.start]
-    assert found is not None
-    return found
+    return in_batches(lambda batch: extract(params, batch), images, min(BATCH, len(images)))
 
 
 def check_features(

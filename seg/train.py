@@ -17,7 +17,7 @@ from jaxtyping import Array, Float32, Int64, UInt8
 
 from seg import losses, pyramid
 from seg.batches import in_batches
-from seg.beside import Beside, TrainingSet, joined, mixed, training_set
+from seg.beside import TrainingSet, joined, mixed, training_set
 from seg.classes import IGNORE_LABEL
 from seg.data import LabelledImages
 from seg.metrics import confusion_matrix
@@ -170,7 +170,8 @@ def train(
     *,
     features: Maps | None = None,
     statistics: Statistics | None = None,
-    beside: Beside | None = None,
+    beside: LabelledImages | None = None,
+    share: float = 0.5,
 ) -> Variables:
     """Train a net; the same arguments give the same variables.
 
@@ -189,8 +190,10 @@ def train(
             `seg.views.view_images`; None computes them.
         statistics: for a net with a trunk and `head_statistics` "target": the fixed statistics of its head,
             from `channel_statistics` of real images.
-        beside: more images, which fill a given share of all batches even if they are few. Class weights
-            and training statistics are those of the images in the batches.
+        beside: more images of the same size, such as labelled real ones beside renders; for a frozen trunk
+            they may have the features of all their views. Class weights and training statistics are those
+            of the images in the batches.
+        share: share of ``beside`` in the images of all batches, in (0, 1), even if they are few.
 
     Returns:
         The net's variables by collection: `params` after the last step, or their mean over the steps that
@@ -204,7 +207,7 @@ def train(
         WeightsError: the settings' `weights`, or the trunk's, cannot be used.
     """
     check_settings(settings)
-    own = training_set(LabelledImages(images, labels, features=features), beside)
+    own = training_set(LabelledImages(images, labels, features=features), beside, share)
     for part in own.parts:
         _check_part(part, settings, classes)
     if (settings.head_statistics == "target") != (statistics is not None):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 from typing import get_args
 
@@ -191,7 +190,7 @@ def export() -> Parser:
 def report() -> Parser:
     """The command line of `sdr-jax report`."""
     options = Parser("report", docstring("experiments.report"))
-    options.add_argument("run", type=Path, nargs="+", metavar="RUN", help="run folder")
+    options.add_argument("run", type=Path, metavar="RUN", help="run folder")
     options.add_argument(
         "--out", type=Path, metavar="FILE", help="the page; by default RUN/report.html"
     )
@@ -203,7 +202,6 @@ def report() -> Parser:
         metavar="PORT",
         help=f"show the page to this machine, also while the run goes on; {REPORT_PORT} unless told",
     )
-    options.add_argument("--tensorboard", help=argparse.SUPPRESS)
     return options
 
 

@@ -25,7 +25,7 @@ from experiments.evaluation.predictions import Predictions, compared, picked
 from scene.dataset.render import Dataset, render_dataset
 from scene.proposal import Streets, draw
 from scene.workers import Workers
-from seg.beside import Beside, TrainingSet
+from seg.beside import TrainingSet
 from seg.data import LabelledImages
 from seg.metrics import iou, mean_iou
 from seg.pyramid import features
@@ -144,15 +144,8 @@ def evaluate_miou(
     if ready is None and not isinstance(source, LabelledImages):
         rendered = time.perf_counter() - started
     began = time.perf_counter()
-    params = trained(recipe, own, seed, beside=_beside(source))
+    params = trained(recipe, own, seed, source=source)
     return tested(recipe, params, real, rendered, time.perf_counter() - began, parts, keeps)
-
-
-def _beside(source: Source) -> Beside | None:
-    if not isinstance(source, TrainingSet):
-        return None
-    few: LabelledImages = source.parts[1]
-    return Beside(few.images, few.labels, source.shares[1], few.features)
 
 
 def trained(
@@ -160,15 +153,20 @@ def trained(
     own: LabelledImages,
     seed: int,
     params: Params | None = None,
-    beside: Beside | None = None,
+    source: Source | None = None,
 ) -> Params:
-    """Train a net on a set and the images beside it, from the start or from given parameters.
+    """Train a net on a set, and beside it on the second part of its source if there is one.
+
+    It starts from given parameters, or anew.
 
     Raises:
         TrainingError: training diverged.
         UserError: this process has another backend than the run.
     """
     refuse_other(recipe.made_with)
+    beside, share = None, 0.5
+    if isinstance(source, TrainingSet):
+        beside, share = source.parts[1], source.shares[1]
     return train(
         seed,
         own.images,
@@ -179,6 +177,7 @@ def trained(
         features=own.features,
         statistics=recipe.statistics,
         beside=beside,
+        share=share,
     )
 
 
@@ -187,7 +186,7 @@ def trained_net(recipe: Recipe, source: Any, seed: int, params: Params | None) -
     source = loaded(source)
     try:
         own = training_set(recipe, source, seed)
-        found = trained(recipe, own, seed, params, _beside(source))
+        found = trained(recipe, own, seed, params, source)
     except TrainingError as error:
         return str(error)
     return jax.tree.map(np.asarray, found)
@@ -238,7 +237,7 @@ def worker_environment() -> dict[str, str]:
     Two workers with the same new shape both compile it. For a head on lite0 at 240x176 that takes 6.2 s of a
     core, and loading a compiled function 1.2 s: waiting for the other worker would take longer.
     """
-    cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "sdr-jax" / "xla"
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "sdr-jax" / "xla"
     return {
         "NPROC": "1",  # XLA's threads; sums in convolutions depend on their number
         "JAX_COMPILATION_CACHE_DIR": os.environ.get("JAX_COMPILATION_CACHE_DIR", str(cache)),

@@ -14,7 +14,6 @@ import json
 from pathlib import Path
 
 from scene.dataset.export import read_dataset
-from seg.beside import Beside
 from seg.classes import table_of
 from seg.data import list_split, load
 from seg.settings import TrainSettings
@@ -32,7 +31,7 @@ renders = read_dataset(Path("dataset"))
 params = train(
     config["seed"], renders.images, table.from_train_id[renders.labels],
     TrainSettings(**final["train"]), len(table.classes),
-    beside=Beside(real.images, real.labels, config["few_share"]),
+    beside=real, share=config["few_share"],
 )
 ```
 """

@@ -15,14 +15,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from experiments.config import parsers
-from experiments.evaluation.store import LOGS
 from experiments.report import live, page
 from experiments.report.folder import NAME, SUMMARY, read
 from shell.command import exit_code
 from shell.errors import UserError
 from shell.files import write
-
-INSTEAD = f"{' and '.join(LOGS)} in each run hold every evaluation, one JSON object a line"
 
 
 def make(path: Path, out: Path | None) -> Path:
@@ -47,12 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parsers.report().parse_args(arguments)
 
     def work() -> None:
-        if options.tensorboard is not None:
-            raise UserError(f"--tensorboard: there are no TensorBoard events any more; {INSTEAD}")
-        if len(options.run) > 1:
-            runs = " ".join(map(str, options.run))
-            raise UserError(f"{runs}: a page shows one run; to compare several, {INSTEAD}")
-        run = options.run[0]
+        run = options.run
         if options.serve is None:
             print(make(run, options.out))
             return

@@ -12,10 +12,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
-from pathlib import Path
-from typing import Any, Generic, NamedTuple, TypeVar, get_args
+from typing import Any, Generic, NamedTuple, TypeVar
 
-from experiments.config import Candidate, Config, Fidelity
+from experiments.config import Config, Fidelity
 from experiments.evaluation.cost import cost_of
 from experiments.evaluation.evaluate import worker_environment
 from experiments.evaluation.job import Recipe
@@ -32,7 +31,6 @@ from seg.data import LabelledImages
 from seg.weights import described
 from shell import folder
 from shell.errors import UserError
-from shell.files import parse_json
 from shell.progress import Progress, Stage, duration
 
 PACKAGES = ("sdr-jax", "trimesh", "pyrender")
@@ -141,21 +139,6 @@ def plan_text(plan: Sequence[Work], workers: int) -> str:
     return "\n".join(lines)
 
 
-def _refuse_former(out: Path) -> None:
-    """Raise UserError for the folder of a run with candidates of an earlier version."""
-    file, known = out / folder.CONFIG, get_args(Candidate)
-    try:
-        stored = parse_json(file.read_bytes())["candidates"]
-        gone = [str(name) for name in stored if name not in known]
-    except (OSError, ValueError, KeyError, TypeError):
-        return  # `folder.refuse_foreign` reports folders without a selection
-    if gone:
-        raise UserError(
-            f"{file}: candidates holds {gone[0]!r}, which an earlier version had; now there are "
-            f"{', '.join(known)}; use another --out"
-        )
-
-
 def workers_for(config: Config) -> Workers:
     """The workers: at least one process, since nets must not train in JAX's callback."""
     workers = max(config.workers, 1)
@@ -186,7 +169,6 @@ def opened(
     with workers_for(config) as workers:
         answer = asked(workers)
         target = find(config, workers)
-        _refuse_former(config.out)
         folder.refuse_foreign(config.out, plain, (*FREE_FIELDS, FIELD))
         if refuse is not None:
             refuse(target)

@@ -17,7 +17,7 @@ from sdr_jax.models import features, history, regression
 from sdr_jax.models.features import Features
 from sdr_jax.models.history import History
 from sdr_jax.models.regression import Posterior, Statistics
-from sdr_jax.relaxation import ordered
+from sdr_jax.relaxation import bin_centres, bin_mask, ordered
 from sdr_jax.space import Space
 
 SIGNAL = 0.7
@@ -65,8 +65,9 @@ class Model(NamedTuple):
 def make_effects(space: Space, degree: int = 9, pair_degree: int | None = None) -> Effects:
     """Makes the model over bins.
 
-    f_i is a cosine series over the bins' values, g_ij a product of two shorter ones. All f_i also share
-    one second cosine: the best values of attributes tend to lie all well inside their ranges or all at the
+    f_i is a cosine series `sqrt(2) cos(pi m c)` of the bins' centres c, m = 1..degree, g_ij a product of two
+    shorter ones. Over an attribute's bins cosines are orthogonal and have mean zero. All f_i also share one
+    second cosine: the best values of attributes tend to lie all well inside their ranges or all at the
     ends, and this common bend is learnt long before that of each attribute.
 
     Args:
@@ -83,7 +84,12 @@ def make_effects(space: Space, degree: int = 9, pair_degree: int | None = None) 
     """
     if pair_degree is None:
         pair_degree = features.affordable(space, degree)
-    layout = features.features(space, degree, pair_degree, 1.0)
+    features.check_degrees(degree, pair_degree)
+    own = features.own_variances(space, degree)
+    orders = np.arange(1, own.shape[1] + 1)
+    basis = np.sqrt(2) * np.cos(np.pi * bin_centres(space)[:, :, None] * orders[None, None, :])
+    basis = basis * (own > 0)[:, None, :] * bin_mask(space)[:, :, None]
+    layout = features.lay_out(space, basis, own, pair_degree)
     return effects_of(space, layout, columns=(1,) if degree > 1 else ())
 
 
@@ -164,7 +170,7 @@ def posterior(model: Effects, state: EffectsState) -> Posterior:
     scales = jnp.where(state.noise > 0, state.scales, 1.0)
     noise = jnp.where(state.noise > 0, state.noise, 1.0)
     std = jnp.sqrt(jnp.asarray(model.variance) * scales[model.effect])
-    return regression.posterior(regression.centred(state.statistics), std, jnp.sqrt(noise))[0]
+    return regression.posterior(regression.centred(state.statistics), std, jnp.sqrt(noise))
 
 
 def mean_model(model: Effects, belief: Posterior) -> Model:

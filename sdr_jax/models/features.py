@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Key
 
-from sdr_jax.relaxation import bin_centres, bin_mask, ordered, random_bins
+from sdr_jax.relaxation import bin_mask, ordered, random_bins
 from sdr_jax.space import Space
 
 STARTS = 8
@@ -45,37 +45,12 @@ def check_degrees(degree: int, pair_degree: int) -> None:
         raise ValueError(f"pair_degree is {pair_degree}, but must lie in [0, degree = {degree}]")
 
 
-def features(space: Space, degree: int, pair_degree: int, interaction: float) -> Features:
-    """Lays out cosine features, `sqrt(2) cos(pi m c)` of a bin's centre c, m = 1..degree.
-
-    Over an attribute's bins these are orthogonal and have mean zero. Their prior variance is 1 / m^2; a
-    product of two has `interaction` / (m^2 l^2). K bins without an order have all K - 1 cosines, with
-    prior variance 1 each: all bins are then equally different, as with one-hot features.
-
-    Args:
-        space: the attributes, their bins, and the groups whose members interact.
-        degree: cosines per ordered attribute, which has at most its number of bins less one.
-        pair_degree: cosines of each attribute of a pair, at most `degree`; 0 for no pairs.
-        interaction: see above.
-
-    Returns:
-        The features.
-
-    Raises:
-        ValueError: an option out of range.
-    """
-    check_degrees(degree, pair_degree)
-    if not (interaction >= 0 and np.isfinite(interaction)):
-        raise ValueError(f"interaction is {interaction}, but must be 0 or more")
-    own = own_variances(space, degree)
-    orders = np.arange(1, own.shape[1] + 1)
-    basis = np.sqrt(2) * np.cos(np.pi * bin_centres(space)[:, :, None] * orders[None, None, :])
-    basis = basis * (own > 0)[:, None, :] * bin_mask(space)[:, :, None]
-    return lay_out(space, basis, own, pair_degree, interaction)
-
-
 def own_variances(space: Space, degree: int) -> Float[np.ndarray, "attributes columns"]:
-    """Prior variances of attributes' own cosines; 0 for cosines that an attribute lacks."""
+    """Prior variances of attributes' own cosines, up to a factor; 0 for cosines that an attribute lacks.
+
+    That of the m-th cosine is 1 / m^2. K bins without an order have all K - 1 cosines, with 1 each: all bins
+    are then equally different, as with one-hot features. Ordered ones have `degree`, at most K - 1.
+    """
     in_order, bins = ordered(space)[:, None], np.asarray(space.bins)[:, None]
     finest = max([degree, *(space.bins[attribute] - 1 for attribute in space.unordered)])
     orders = np.arange(1, finest + 1, dtype=np.float32)[None, :]
@@ -88,9 +63,10 @@ def lay_out(
     basis: Float[np.ndarray, "attributes bins columns"],
     own: Float[np.ndarray, "attributes columns"],
     pair_degree: int,
-    interaction: float = 1.0,
 ) -> Features:
     """Lays out the features of a basis with prior variances, and their products within groups.
+
+    A product's variance is the product of its factors'.
 
     Raises:
         ValueError: too many products.
@@ -106,7 +82,7 @@ def lay_out(
         pairs = []
     i, j = np.asarray(pairs, np.int32).reshape(-1, 2).T
     products = own[i, :pair_degree, None] * own[j, None, :pair_degree]
-    variance = np.concatenate([own.ravel(), interaction * products.ravel()])
+    variance = np.concatenate([own.ravel(), products.ravel()])
     return Features(
         basis.astype(np.float32),
         np.asarray(pairs, np.int32).reshape(-1, 2),
@@ -153,30 +129,6 @@ def split(layout: Features, weights: Array) -> tuple[Array, Array]:
     return alone, zeros.at[i, j].set(blocks).at[j, i].set(blocks.transpose(0, 2, 1))
 
 
-def _values(layout: Features, there: Array, alone: Array, pull: Array, attribute: Array) -> Array:
-    """A model's value of an attribute's bins, f32[bins], under the others' pull f32[degree]."""
-    short = jnp.asarray(layout.basis)[attribute, :, : layout.pair_degree]
-    return jnp.where(there[attribute], alone[attribute] + short @ pull, -jnp.inf)
-
-
-def tables(
-    space: Space,
-    layout: Features,
-    weights: Float[Array, "features"],
-    actions: Int[Array, "attributes"],
-) -> Float[Array, "attributes bins"]:
-    """A model's value of each attribute's bins with the others at `actions`, up to a constant.
-
-    Minus infinity for bins an attribute lacks.
-    """
-    alone, between = split(layout, weights)
-    rows = jnp.arange(space.attributes)
-    at = jnp.asarray(layout.basis)[rows, actions, : layout.pair_degree]
-    pulls = jnp.einsum("ijpq,jq->ip", between, at)
-    there = jnp.asarray(bin_mask(space))
-    return jax.vmap(lambda pull, row: _values(layout, there, alone, pull, row))(pulls, rows)
-
-
 def maximise(
     rng_key: Key[Array, ""],
     space: Space,
@@ -208,7 +160,8 @@ def maximise(
         def move(step: Array, actions: Array) -> Array:
             attribute = step % space.attributes
             pull = jnp.einsum("jpq,jq->p", between[attribute], basis[rows, actions])
-            values = _values(layout, there, alone, pull, attribute)
+            values = alone[attribute] + basis[attribute] @ pull
+            values = jnp.where(there[attribute], values, -jnp.inf)
             return actions.at[attribute].set(jnp.argmax(values).astype(jnp.int32))
 
         actions = jax.lax.fori_loop(0, SWEEPS * space.attributes, move, actions)

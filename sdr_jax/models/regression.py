@@ -104,9 +104,7 @@ def centred(statistics: Statistics) -> Centred:
     )
 
 
-def posterior(
-    data: Centred, std: Float[Array, "features"], noise: Float[Array, ""]
-) -> tuple[Posterior, Float[Array, "features"]]:
+def posterior(data: Centred, std: Float[Array, "features"], noise: Float[Array, ""]) -> Posterior:
     """The weights' posterior, of `y = X w + e` with w ~ N(0, std^2) and e ~ N(0, noise^2).
 
     Whitening, `w = std v`, keeps the precision well conditioned:
@@ -117,15 +115,12 @@ def posterior(
         data: the evaluations.
         std: the prior's standard deviations; 0 for absent features.
         noise: standard deviation of a reward.
-
-    Returns:
-        The posterior, and its mean in the whitened coordinates.
     """
     ratio = std / noise
     precision = ratio[:, None] * data.gram * ratio[None, :] + jnp.eye(std.shape[0])
     factor = jnp.linalg.cholesky(precision)
     whitened = cho_solve((factor, True), ratio * data.moment) / noise
-    return Posterior(std * whitened, factor, std), whitened
+    return Posterior(std * whitened, factor, std)
 
 
 def predicted(
@@ -148,37 +143,8 @@ def covariance(belief: Posterior) -> Float[Array, "features features"]:
     return belief.scale[:, None] * (inverse.T @ inverse) * belief.scale[None, :]
 
 
-def by_evidence(
-    data: Centred, stds: Float[Array, "k features"]
-) -> tuple[Posterior, Float[Array, ""]]:
-    """The posterior under the most likely of several priors, and the variance of the noise integrated out.
-
-    Args:
-        data: the evaluations.
-        stds: each prior's standard deviations, in units of the noise's; 0 for absent features.
-
-    Source: MacKay 1992, "Bayesian interpolation".
-    """
-
-    def fit(std: Array) -> tuple[Posterior, Array, Array]:
-        belief, whitened = posterior(data, std, jnp.ones(()))  # in units of noise
-        explained = jnp.dot(whitened, std * data.moment)
-        left = jnp.maximum(data.square - explained, 1e-4 * data.square)
-        log_det = 2 * jnp.sum(jnp.log(jnp.diag(belief.factor)))
-        evidence = -0.5 * (log_det + data.freedom * jnp.log(left))
-        noise = left / data.freedom
-        return belief._replace(scale=jnp.sqrt(noise) * std), noise, evidence
-
-    beliefs, noises, evidence = jax.lax.map(fit, stds)
-    best = jnp.argmax(evidence)
-    belief, noise = jax.tree.map(lambda leaf: leaf[best], (beliefs, noises))
-    return belief, noise
-
-
-def draw(
-    rng_key: Key[Array, ""], belief: Posterior, n: int, factor: float = 1.0
-) -> Float[Array, "n features"]:
-    """Draws weights, with the posterior's standard deviation times a factor; the key is consumed."""
-    noise = factor * jax.random.normal(rng_key, (belief.mean.shape[0], n))
+def draw(rng_key: Key[Array, ""], belief: Posterior, n: int) -> Float[Array, "n features"]:
+    """Draws weights; the key is consumed."""
+    noise = jax.random.normal(rng_key, (belief.mean.shape[0], n))
     whitened = solve_triangular(belief.factor, noise, lower=True, trans=1)
     return belief.mean[None, :] + belief.scale[None, :] * whitened.T

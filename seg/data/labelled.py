@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import cv2
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Shaped, UInt8
 
 from seg.classes import IGNORE_LABEL, ClassTable, table_of
 from seg.data.images import read_image
@@ -79,8 +79,8 @@ def subset(entries: Sequence[Entry], limit: int | None, seed: int = 0) -> tuple[
 
 
 def resize_image(
-    image: UInt8[np.ndarray, "_h _w 3"], size: tuple[int, int]
-) -> UInt8[np.ndarray, "_height _width 3"]:
+    image: Shaped[np.ndarray, "_h _w ..."], size: tuple[int, int]
+) -> Shaped[np.ndarray, "_height _width ..."]:
     """Resize an image to (height, width): by area averages if it shrinks, otherwise bilinearly."""
     height, width = size
     if image.shape[:2] == size:

@@ -8,7 +8,7 @@ from experiments.evaluation.job import Result, rendered_of
 from scene.proposal import moments
 from seg.data import LabelledImages
 from tests.guard_files import as_recorded
-from tests.guard_searches import FLAGS, METHODS, RECORD, mark, summed_up
+from tests.guard_searches import FLAGS, RECORD, mark, summed_up
 
 from .conftest import study
 
@@ -61,12 +61,3 @@ def close(value):
     if isinstance(value, dict):
         return {name: close(each) for name, each in value.items()}
     return value
-
-
-def test_the_record_tells_the_searches_apart(recorded):
-    """Each has its own actions, and its own scores in the selection of its answer."""
-    names = [f"{method}-0" for method in METHODS]
-    actions = {name: [line[3] for line in recorded["rewards"] if line[0] == name] for name in names}
-    assert all(len(own) == 48 for own in actions.values())
-    assert len({json.dumps(own) for own in actions.values()}) == 3
-    assert len({json.dumps(answer[2], sort_keys=True) for answer in recorded["answers"]}) == 3

@@ -30,7 +30,6 @@ from experiments.run.search import Found
 from experiments.searches import ManyConfig, configured
 from scene.proposal import default_proposal, random_proposal, slide
 from shell.errors import UserError
-from shell.files import read_json, write_json
 
 from .conftest import Counted, Killed, by_preset, lines
 
@@ -281,14 +280,3 @@ def test_candidates_share_their_seeds_and_go_on_after_a_kill(job):
         job(**own)
     job.scores.limit = -1
     assert job(**own)[0].selection == learnt.selection and len(job.scores.calls) == made - 12
-
-
-def test_a_folder_with_a_candidate_of_an_earlier_version_is_refused(job):
-    _, _, config = job(candidates=("argmax", "random"))
-    file = config.out / "config.json"
-    kept = read_json(file)
-    write_json(file, {**kept, "candidates": ["argmax", "spread"], "candidate_seeds": 2})
-    with pytest.raises(
-        UserError, match=r"config\.json: candidates holds 'spread'.*argmax, seen.*--out"
-    ):
-        job(candidates=("argmax", "random"))

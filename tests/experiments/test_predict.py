@@ -1,6 +1,5 @@
 """`sdr-jax predict`: label pictures of images and videos, killed and continued, refused in one line."""
 
-import json
 import os
 import signal
 import subprocess
@@ -17,7 +16,7 @@ from experiments.predict import main, predict
 from seg.data import DataError
 from seg.data.frames import frames, list_sources
 from seg.data.images import read_image
-from seg.model import Model, label_classes, load_model
+from seg.model import Model, label_classes
 from seg.settings import TrainSettings
 from seg.train import train
 from shell.errors import UserError
@@ -199,11 +198,3 @@ def test_folders_that_cannot_be_read_or_written(model, folder, images, tmp_path,
     assert main([str(tmp_path / "other"), str(images), "--out", str(tmp_path / "new")]) == 2
     assert "other: no model; expected a folder with config.json" in one_line(capsys)
     assert not (tmp_path / "new").exists()
-
-
-def test_a_model_of_a_newer_format(folder, images, tmp_path, capsys):
-    file = Path(folder) / "config.json"
-    file.write_text(json.dumps({**json.loads(file.read_text()), "format": 7}))
-    assert main([folder, str(images), "--out", str(tmp_path / "out")]) == 2
-    assert "format is 7, and this version reads 1; upgrade" in one_line(capsys)
-    refused(UserError, "format is 7", load_model, folder)

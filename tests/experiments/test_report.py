@@ -278,13 +278,3 @@ def test_a_folder_that_is_no_finished_run_is_refused(left, complaint, tmp_path, 
     said = error_line()
     assert str(folder) in said and complaint in said
     assert left is None or not (folder / "report.html").exists()
-
-
-@pytest.mark.parametrize("flags", [["other"], ["--tensorboard", "events"], ["--tensorboard="]])
-def test_what_the_page_no_longer_does_is_one_line_that_says_what_replaces_it(
-    flags, tmp_path, error_line
-):
-    assert main([str(tmp_path), *flags]) == 2
-    said = error_line()
-    assert "evaluations.jsonl and finals.jsonl in each run hold every evaluation" in said
-    assert flags[0].rstrip("=") in said and not [*tmp_path.iterdir()]

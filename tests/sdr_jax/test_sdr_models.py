@@ -14,7 +14,7 @@ import sdr_jax
 from sdr_jax import Method, Proposal, space, surrogate
 from sdr_jax.models import effects, history, regression
 from sdr_jax.models.choices import choices, integrated, runs
-from sdr_jax.models.features import Features, evaluate, features, maximise, maximise_each, tables
+from sdr_jax.models.features import Features, evaluate, maximise, maximise_each
 from sdr_jax.models.surrogate import follow, stratified
 from sdr_jax.registry import make
 from sdr_jax.relaxation import bin_mask
@@ -23,12 +23,11 @@ from .conftest import KEY, SEEDS, assert_close, assert_same, driven, learnt, ref
 
 SPACE = space(["a", "b", "c", "d"], bins=[3, 5, 2, 4], groups=[["b"], ["d", "a"], ["c"]])
 EVERY = np.asarray(list(product(range(3), range(5), range(2), range(4))), np.int32)
-LAYOUT = features(SPACE, 3, 2, 0.5)
 MODEL = effects.make_effects(SPACE, 3, 2)
+LAYOUT = MODEL.layout
 SURROGATE = surrogate(SPACE)
 
 BEST_OF = jax.jit(lambda key, weights: maximise(key, SPACE, LAYOUT, weights))
-TABLES = jax.jit(lambda weights, actions: tables(SPACE, LAYOUT, weights, actions))
 WAYS = effects.observe, effects.posterior, effects.best_bins, effects.mean_model, effects.values
 OBSERVE, POSTERIOR, BEST, MEAN, VALUES = (jax.jit(partial(way, MODEL)) for way in WAYS)
 STRATIFIED = jax.jit(lambda key, p: stratified(key, SPACE, p, 7))
@@ -91,7 +90,7 @@ def test_features_by_hand() -> None:
     np.testing.assert_allclose(x[6:9], [-1, 0, 0], atol=1e-6)  # two bins have one
     np.testing.assert_allclose(x[9:], [*d, *np.outer(d[:2], a).ravel()], atol=1e-6)
     np.testing.assert_allclose(LAYOUT.variance[:3], [1, 1 / 4, 0])
-    np.testing.assert_allclose(LAYOUT.variance[12:], np.outer([1, 1 / 4], [1, 1 / 4]).ravel() / 2)
+    np.testing.assert_allclose(LAYOUT.variance[12:], np.outer([1, 1 / 4], [1, 1 / 4]).ravel())
     # Over the bins they have mean zero and are orthogonal.
     x = evaluated(LAYOUT, EVERY)
     np.testing.assert_allclose(x.mean(axis=0), 0, atol=1e-6)
@@ -100,19 +99,12 @@ def test_features_by_hand() -> None:
 
 @settings(max_examples=10)
 @given(seed=SEEDS)
-def test_the_best_bins_and_the_tables_are_those_of_enumeration(seed: int) -> None:
+def test_the_best_bins_are_those_of_enumeration(seed: int) -> None:
     normal = np.random.default_rng(seed).normal(size=len(LAYOUT.variance))
     weights = (normal * np.sqrt(LAYOUT.variance)).astype(np.float32)
     best = BEST_OF(jax.random.key(seed), weights)
     found = evaluated(LAYOUT, best[None, :])[0] @ weights
     assert found == pytest.approx((evaluated(LAYOUT, EVERY) @ weights).max(), abs=1e-4)
-    for k, table in enumerate(np.asarray(TABLES(weights, best))):
-        count = SPACE.bins[k]
-        changed = np.tile(best, (count, 1))
-        changed[:, k] = np.arange(count)
-        expected = evaluated(LAYOUT, changed) @ weights
-        np.testing.assert_allclose(table[:count] - table[0], expected - expected[0], atol=1e-4)
-        assert np.all(np.isneginf(table[count:]))
 
 
 def test_interactions_are_as_fine_as_their_number_allows() -> None:
@@ -535,7 +527,7 @@ def test_interactions_are_only_as_many_as_fit() -> None:
 def test_values_without_an_order_have_no_neighbours() -> None:
     """One-hot features by another name: the prior's covariance is the same for any two of them."""
     apart = space(["a", "b"], [5, 4], unordered=["a"])
-    layout = features(apart, 2, 1, 1.0)
+    layout = effects.make_effects(apart, 2, 1).layout
     prior = layout.basis[0] * layout.variance[:4] @ layout.basis[0].T
     np.testing.assert_allclose(prior, 5 * np.eye(5) - 1, atol=1e-4)
     np.testing.assert_allclose(layout.variance[4:8], [1, 1 / 4, 0, 0])  # the other has an order

@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from seg import TrainSettings, predict
-from seg.beside import Beside, drawn, mixed, picks
+from seg.beside import drawn, mixed, picks
+from seg.data import LabelledImages
 from seg.losses import class_shares, class_weights, weights_of_shares
 from seg.pyramid import channel_statistics, features
 from seg.step import plan
@@ -60,14 +61,15 @@ def test_a_net_believes_whom_it_sees_more_often(share):
     """Both sets show the same images and call them by different names."""
     settings = TrainSettings(steps=40, batch=10, warmup=2, lr=1e-2, weighted=False)
     images, blank = pixels(2, 32, 32, 3, seed=1), np.zeros((2, 32, 32), np.uint8)
-    params = train(0, images, blank, settings, 2, beside=Beside(images[:1], blank[:1] + 1, share))
+    beside = LabelledImages(images[:1], blank[:1] + 1)
+    params = train(0, images, blank, settings, 2, beside=beside, share=share)
     found = np.mean(predict(params, images, settings, 2))
     assert found == pytest.approx(float(share > 0.5), abs=0.05)
 
 
 def test_features_beside_are_those_computed_and_set_the_head_s_statistics():
     fit = partial(train, 0, IMAGES[:4], LABELS[:4], FROZEN, 3)
-    few = Beside(IMAGES[4:], LABELS[4:], 0.5)
+    few = LabelledImages(IMAGES[4:], LABELS[4:])
     computed, alone = fit(beside=few), fit()
     views = [features(view_images(part, FROZEN)) for part in (IMAGES[:4], IMAGES[4:])]
     assert_same(computed, fit(features=views[0], beside=few._replace(features=views[1])))
@@ -85,5 +87,7 @@ def test_features_beside_are_those_computed_and_set_the_head_s_statistics():
     ({"labels": LABELS[:1]}, "one per pixel"),
 ])  # fmt: skip
 def test_what_cannot_stand_beside_is_refused(change, message):
-    few = Beside(IMAGES[:2], LABELS[:2], 0.5)._replace(**change)
-    refuses(message, train, 0, IMAGES, LABELS, replace(FROZEN, net="compact"), 3, beside=few)
+    few = LabelledImages(IMAGES[:2], LABELS[:2])
+    share = change.pop("share", 0.5)
+    net = partial(train, beside=few._replace(**change), share=share)
+    refuses(message, net, 0, IMAGES, LABELS, replace(FROZEN, net="compact"), 3)

@@ -184,19 +184,6 @@ def test_the_model_that_comes_with_the_package_is_there_and_small():
     assert labels.shape == (88, 120) and labels.max() < 19
 
 
-def test_a_trunk_of_another_version_is_refused(tmp_path):
-    model_of("frozen").save(tmp_path / "model")
-    config = json.loads((tmp_path / "model" / CONFIG).read_text())
-    config["trunk"]["version"] = "9"
-    (tmp_path / "model" / CONFIG).write_text(json.dumps(config))
-    refused(
-        ModelError,
-        "its head is for the trunk of .* 9 .*, and here is",
-        load_model,
-        tmp_path / "model",
-    )
-
-
 def test_damaged_files_are_refused_by_name(saved):
     refused(ModelError, "nothing: no model; expected a folder with", load_model, saved / "nothing")
     whole = (saved / WEIGHTS).read_bytes()

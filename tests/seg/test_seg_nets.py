@@ -67,13 +67,6 @@ def test_vgg16_strides_and_factory_errors():
     refuses("at least one class", net, "compact", 0)
 
 
-@pytest.mark.parametrize("name", ["compact", "fcn8s", "deeplabv2"])
-@pytest.mark.parametrize("size", [(48, 64), (45, 61), (33, 32)])
-def test_logits_have_the_size_of_the_image(name, size):
-    out, _ = outline(net(name, 5), 1, *size, 3)
-    assert out.shape == (1, *size, 5) and out.dtype == jnp.float32
-
-
 @pytest.mark.parametrize("kind", [FCN8s, DeepLabV2])
 def test_narrow_vgg_nets_run_and_drop_out(kind):
     module = kind(3, width=4, hidden=8)
