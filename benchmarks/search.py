@@ -31,7 +31,7 @@ from experiments.evaluation.evaluate import worker_environment
 from sdr_jax.registry import METHODS, make
 
 DEFAULT = "surrogate"
-"""The default method of studies and of the API, which have no start."""
+"""The default method of `sdr-jax tune`, which has no start."""
 
 AT_ONCE = {"surrogate": 5, "intervals": 5, "gaussian": 5, "gaussian_process": 5}
 """Data sets per update of methods that compare them, or learn a model anew; others take one."""

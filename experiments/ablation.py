@@ -55,7 +55,7 @@ RANDOM: Variant = "random"
 TITLES: dict[Variant, str] = {
     FULL: "the full method",
     "no_relaxation": "no relaxation",
-    "no_groups": "no groups: all 23 in one",
+    "no_groups": "no groups: all attributes in one",
     "shuffled_groups": "shuffled groups: no regard to correlation",
     "no_environment": "environment not optimised",
     "no_positions": "positions not optimised",

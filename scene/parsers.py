@@ -17,7 +17,7 @@ ASSETS: dict[str, dict[str, Any]] = {
     "--assets": {
         "default": "",
         "metavar": "DIR",
-        "help": "folder of your own assets, see docs/engine.md",
+        "help": "folder of your own assets, see docs/howto/assets.md",
     },
     "--asset-use": {"choices": USES, "default": "both", "help": "which assets may appear"},
     "--overlap": {

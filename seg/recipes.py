@@ -67,8 +67,7 @@ RECIPES = {
 `paper`: SGD of section 4 with poly decay, mirroring only, and DeepLab's rates by layer. It is made for
 ImageNet weights: without `weights` a net hardly learns anything in 1000 steps.
 
-`vgg-adam`: ours, for ImageNet weights without time for `paper`: Adam and class weights. FCN8s learns more
-from 150 such steps than from 200 of `paper` (`docs/findings.md`).
+`vgg-adam`: ours, for ImageNet weights without time for `paper`: Adam and class weights.
 
 `scratch`: ours, for a start without ImageNet weights: Adam, GroupNorm after every convolution, the compact
 net's augmentation and class weights.

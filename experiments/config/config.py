@@ -91,7 +91,7 @@ class Config:
     store: Path | None = None
     """File of evaluations that runs share, so that none is made twice. See `sdr-jax store`."""
     assets: Path | None = None
-    """Folder of your own assets by class (see ``scene.library``)."""
+    """Folder of your own assets by class (see docs/howto/assets.md)."""
     asset_use: Literal["both", "own", "built-in"] = "both"
     """The assets that streets draw from. With ``own``, classes without own assets are left out."""
     overlap: Literal["allow", "avoid"] | None = None

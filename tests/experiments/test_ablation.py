@@ -76,7 +76,7 @@ def test_an_ablation_leaves_its_figures(tiny, counted, capsys):
     assert sum(map(len, made)) == len(counted.calls) < 7 * 4 + 8 * 2
     assert rows["no_groups"]["paper"] == -7.9 and rows["random"]["paper"] is None
     text = (config.out / "ablation.md").read_text()
-    assert "| no groups: all 23 in one |" in text and "NOT of this run" in text
+    assert "| no groups: all attributes in one |" in text and "NOT of this run" in text
 
 
 def test_what_failed_is_told_and_left_out(tiny, counted):
