@@ -49,6 +49,7 @@ from scene.attributes import SpaceName
 from scene.dataset.formats.png import encode
 from scene.held import read_fixed
 from scene.proposal import Streets, draw
+from scene.workers import WorkerError
 from seg.beside import TrainingSet
 from seg.classes import class_table, colorize
 from seg.data import LabelledImages
@@ -66,7 +67,7 @@ from shell.target_file import Fit, find_target
 SHOWN = 4
 """Number of images in the strip."""
 SPACE: SpaceName = "extended"
-"""The renderer of the streets."""
+"""The space of the streets' attributes."""
 RENDERED = "mixed"
 """The rendered streets, half random and half hand-set: ahead of random ones on real images, and level with
 them on targets far from the hand-set street (`docs/findings.md`)."""
@@ -320,7 +321,7 @@ def scores(run: Run[FitConfig], known: Prepared) -> Report:
     _leave(run, known, beside, derive(report))
     for made in (renders, *learnt):
         for pool in made.values():
-            run.runner.cache.forget(pool.name)
+            run.runner.cache.forget(pool.name, recipe)
     return report
 
 
@@ -328,10 +329,8 @@ def rendered(run: Run[FitConfig], streets: Streets, seed: int) -> StreetPool:
     """Render streets of one shot with their features, which all nets of a seed share."""
     config, recipe = run.config, run.recipe(run.config.final)
     units = draw(streets, seed, config.final.streets)
-    name, cost = (
-        digest([digest(units.tolist()), seed, config.final.size]),
-        street_cost(config.final),
-    )
+    name = digest([digest(units.tolist()), seed, config.final.size])
+    cost = street_cost(config.final)
 
     def done(count: int) -> None:
         run.progress.advance(count * cost)
@@ -427,7 +426,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"Use the net: sdr-jax predict {config.out / MODEL} IMAGES --out DIR")
         print(f"Look at {config.out / NAME}")
 
-    return exit_code(work, debug=options.debug)
+    from scene.render import RendererError  # the help needs no engine
+
+    return exit_code(work, (WorkerError,), users=(UserError, RendererError), debug=options.debug)
 
 
 if __name__ == "__main__":

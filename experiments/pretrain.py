@@ -109,8 +109,10 @@ def plan(config: PretrainConfig, _: None) -> list[Work]:
         ]
     rendered = sum(row in RENDERED for row in config.rows)
     if rendered:
+        # What each share has learnt is a start of its own.
+        more = (fractions - 1) * (config.learn_on == "share" and "learnt" in config.rows)
         what = f"pre-training, {rendered} rows x {seeds} seeds"
-        work.append(Work.at(what, rendered * seeds, config.final))
+        work.append(Work.at(what, (rendered + more) * seeds, config.final))
     if "longer" in config.rows:
         what = f"longer, {fractions} fractions x {seeds} seeds"
         work.append(Work(what, fractions * seeds, config.final, training_cost(config.final)))

@@ -111,13 +111,13 @@ class Cache:
         """Render one shot of each street with its features for a frozen trunk, if it does not exist.
 
         Args:
-            name: hash of everything that decides them.
-            recipe: sizes, assets and trunk.
+            name: hash of everything that decides images and features.
+            recipe: sizes, assets, trunk, and the classes of the labels.
             units: f32[streets, attributes] of every street, in [0, 1].
             seed: decides, with the street's index, all random choices.
             done: called with the number of new streets.
         """
-        folder = self._pool(name)
+        folder = self._pool(name, recipe)
         pieces = folder.with_name(f"{folder.name}.pieces")
         starts = range(0, len(units), CHUNK)
 
@@ -142,13 +142,15 @@ class Cache:
         maps = held if recipe.fidelity.train.frozen else None
         return Cached(held, maps)
 
-    def forget(self, name: str) -> None:
+    def forget(self, name: str, recipe: Recipe) -> None:
         """Remove the streets of a name once all their nets are trained."""
-        shutil.rmtree(self._pool(name), ignore_errors=True)
-        self._checked.discard(self._pool(name))
+        folder = self._pool(name, recipe)
+        shutil.rmtree(folder, ignore_errors=True)
+        self._checked.discard(folder)
 
-    def _pool(self, name: str) -> Path:
-        return self._root / f"pool-{name[:16]}"
+    def _pool(self, name: str, recipe: Recipe) -> Path:
+        # The name is that of evaluations, whose keys have the classes beside it.
+        return self._root / f"pool-{digest([name, recipe.table])[:16]}"
 
     def normalised(self, recipe: Recipe, target: Target) -> Recipe:
         """Add the head's statistics to a recipe if they are those of the target.

@@ -105,7 +105,7 @@ class State(NamedTuple):
     @property
     def unit(self) -> np.ndarray:
         """The attributes f32[attributes] of the street in view, drawn from the component that is shown."""
-        return draw(self.proposal, self.view.seed, self.view.street + 1)[-1]
+        return draw(self.proposal, self.view.seed, 1, self.view.street)[0]
 
 
 def opened(streets: Streets, view: View) -> State:

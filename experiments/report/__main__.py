@@ -56,7 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             make(run, None)
         live.serve(run, options.serve)
 
-    return exit_code(work, goes_on=False)
+    return exit_code(work, debug=options.debug, goes_on=False)
 
 
 if __name__ == "__main__":

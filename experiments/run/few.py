@@ -6,12 +6,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from experiments.config import Fidelity
-from experiments.evaluation.job import Source, count_of
+from experiments.evaluation.job import Source
 from experiments.run.context import Run
 from experiments.study.form import Report
 from experiments.study.stats import statistics
 from seg.beside import TrainingSet
-from seg.data import LabelledImages
 
 FEW = "few"
 """The row of nets that are trained on the few images alone; ``few+ROW`` adds the images of ROW."""
@@ -38,13 +37,6 @@ def rows(run: Run[Any], rendered: Mapping[str, Source], fidelity: Fidelity) -> d
         return {}
     few: dict[str, Source] = {FEW: run.images(fidelity, "few")}
     return few | {f"{FEW}+{name}": beside(run, fidelity, own) for name, own in rendered.items()}
-
-
-def images_of(source: Source, fidelity: Fidelity) -> int:
-    """The number of different images on which a net of a fidelity is trained."""
-    if isinstance(source, LabelledImages):
-        return len(source.images)
-    return fidelity.images + (count_of(source.parts[1]) if isinstance(source, TrainingSet) else 0)
 
 
 def about(run: Run[Any]) -> Report:

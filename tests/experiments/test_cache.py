@@ -155,8 +155,11 @@ def test_streets_are_rendered_once_and_whole_pieces_outlive_a_kill(opened, monke
     whole = made()
     assert len(whole[0]) == 12 and told == [0, 5, 5, 2]
     assert same(made(render_street=never), whole)
+    # The same streets with other classes have other labels.
+    other = loaded(opened().streets("a" * 64, RECIPE._replace(table="cityscapes"), units, 3, int))
+    assert same([other.images], whole[:1]) and not same([other.labels], whole[1:2])
     for limit, missing in ((7, 7), (12, 0)):
-        opened().forget("a" * 64)
+        opened().forget("a" * 64, RECIPE)
         with pytest.raises(Killed):
             made(render_street=Counted(cache.render_street, limit), _assemble=Counted(never, 0))
         rendered = Counted(cache.render_street)
