@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, nullcontext
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -157,13 +158,12 @@ def evaluate(
     among, table = mapping(model, data)
     if pictures is not None:
         _refuse_others(pictures)
-    told = Progress(len(data.entries)) if progress else None
     scored: list[_Scored] = []
-    for entry, _, labels, found in _predicted(model, data, among, table, told):
-        counts = boundary_counts(labels, found, len(data.classes))
-        scored.append(_Scored(entry, confusion_matrix(labels, found, len(data.classes)), counts))
-    if told is not None:
-        told.close()
+    with closing(Progress(len(data.entries))) if progress else nullcontext() as told:
+        for entry, _, labels, found in _predicted(model, data, among, table, told):
+            counts = boundary_counts(labels, found, len(data.classes))
+            confusion = confusion_matrix(labels, found, len(data.classes))
+            scored.append(_Scored(entry, confusion, counts))
     confusion = np.sum([own.confusion for own in scored], axis=0)
     if not confusion.any():
         raise UserError("no pixel of these images is labelled; every label is void")

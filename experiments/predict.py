@@ -17,6 +17,7 @@ from __future__ import annotations
 import io
 import sys
 from collections.abc import Iterator, Sequence
+from contextlib import closing, nullcontext
 from itertools import chain, islice
 from pathlib import Path
 
@@ -82,9 +83,9 @@ def predict(
     if rank is not None:
         job["rank"] = True
     total = sum(source.frames for source in sources)
-    told = Progress(total) if progress else None
+    bar = closing(Progress(total)) if progress else nullcontext()
     done = 0
-    with opened(out, job, packages=PACKAGES):
+    with opened(out, job, packages=PACKAGES), bar as told:
         scores = None if rank is None else Scores(out / SCORES, len(model.classes))
 
         def there(name: str) -> bool:
@@ -104,8 +105,6 @@ def predict(
             assert rank is not None
             rows = ranked(sources, scores, images, lambda name: _label(out, name), rank)
             write_files(out, rows, rank, model)
-    if told is not None:
-        told.close()
     return done
 
 

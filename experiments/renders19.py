@@ -12,6 +12,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -56,16 +57,15 @@ def make(datasets: Sequence[Path], steps: int = RECIPE.steps, seed: int = 0) -> 
                     f"{path}: {own[1]}x{own[0]} pixels where {datasets[0]} has "
                     f"{sizes[0][1]}x{sizes[0][0]}; one size is right"
                 )
-        progress = Progress(steps)
-
-        def told(done: int, loss: float) -> None:
-            progress.advance(min(CHUNK, steps))
-            progress.update(f"step {done} of {steps}, loss {loss:.3f}")
-
         settings, classes = replace(RECIPE, steps=steps), classes_of(shipped("cityscapes"))
         images, labels = (np.concatenate(column) for column in zip(*renders, strict=True))
-        variables = train(seed, images, labels, settings, len(classes), progress=told)
-        progress.close()
+        with closing(Progress(steps)) as progress:
+
+            def told(done: int, loss: float) -> None:
+                progress.advance(min(CHUNK, steps))
+                progress.update(f"step {done} of {steps}, loss {loss:.3f}")
+
+            variables = train(seed, images, labels, settings, len(classes), progress=told)
     except ValueError as error:
         raise UserError(str(error)) from None
     notes = {
