@@ -52,11 +52,7 @@ def behind(values: Values, ours: str, budgets: tuple[int, ...]) -> list[Row]:
     return rows
 
 
-def text(
-    ranks: dict[str, float],
-    lost: list[Row],
-    ours: str,
-) -> str:
+def text(ranks: dict[str, float], lost: list[Row], ours: str) -> str:
     """The ranks and the losses for people, as Markdown."""
     parts = ["Mean rank over all problems and numbers of evaluations:"]
     parts.append(table([{"method": m, "mean rank": rank} for m, rank in ranks.items()]))

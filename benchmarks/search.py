@@ -179,9 +179,8 @@ def work(task: Task) -> Result:
     instances = [_instance(task.problem, seed) for seed in range(task.seeds)]
     longest = max(task.budgets)
     looks = tuple(sorted({*range(LOOKS, longest + 1, LOOKS), *task.budgets}))
-    trace(
-        task.method, instances[0], min(2 * AT_ONCE.get(task.method, 1), longest), 0, ()
-    )  # compiles
+    brief = min(2 * AT_ONCE.get(task.method, 1), longest)
+    trace(task.method, instances[0], brief, 0, ())  # compiles
     budgeted = task.method == BUDGETED
     lengths = task.budgets if budgeted else (longest,)
     runs = {

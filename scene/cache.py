@@ -30,8 +30,10 @@ KEPT = 0.75
 LOOK = 100
 """Number of files that a process writes between two checks of the total size."""
 
-OURS = f"[0-9]*-{'[0-9a-f]' * 16}/*.n[ep][wz]"
-"""The files of this module below its root, where others may lie; ``.new`` are unfinished."""
+OURS = f"[0-9]*-{'[0-9a-f]' * 16}/*"
+"""Where the files of this module are below its root, in which others may lie."""
+SUFFIXES = (".npz", ".new")
+"""Their endings; the second is of unfinished ones."""
 
 Arrays = dict[str, np.ndarray]
 _written = 0
@@ -115,6 +117,8 @@ def _bound(root: Path) -> None:
     """Delete the oldest files of arrays if all take more than ``MOST`` bytes."""
     files = []
     for path in root.glob(OURS):
+        if path.suffix not in SUFFIXES:
+            continue
         try:
             status = path.stat()
         except OSError:  # another process was faster

@@ -164,9 +164,9 @@ def trained(
         UserError: this process has another backend than the run.
     """
     refuse_other(recipe.made_with)
-    beside, share = None, 0.5
+    second: dict[str, Any] = {}
     if isinstance(source, TrainingSet):
-        beside, share = source.parts[1], source.shares[1]
+        second = {"beside": source.parts[1], "share": source.shares[1]}
     return train(
         seed,
         own.images,
@@ -176,8 +176,7 @@ def trained(
         params=params,
         features=own.features,
         statistics=recipe.statistics,
-        beside=beside,
-        share=share,
+        **second,
     )
 
 

@@ -164,6 +164,19 @@ def test_scratch_alone_needs_no_attributes(reported, out):
     assert report["tests"] == lines(out / "evaluations.jsonl") == [] and "Learnt" not in text
 
 
+def test_what_each_share_has_learnt_is_planned_as_a_start_of_its_own():
+    def starts(learn_on):
+        config = replace(
+            defaults("twin", "smoke"),
+            rows=("scratch", "random", "learnt"), fractions=(0.5, 1.0), learn_on=learn_on,
+        )  # fmt: skip
+        return [
+            w.nets / config.seeds for w in pretrain.plan(config, None) if "pre-training" in w.what
+        ]
+
+    assert (starts("all"), starts("share")) == ([2], [3])  # random, and learnt once or twice
+
+
 def test_attributes_may_be_learnt_from_the_share_that_nets_are_tuned_on(
     command, reported, learnt_file, out, tmp_path, error_line
 ):
