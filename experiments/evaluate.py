@@ -48,6 +48,7 @@ class Labelled(NamedTuple):
     of_engine: np.ndarray  # u8[19], class of each engine class, 255 for none
     entries: tuple[Entry, ...]  # with their groups
     read: Read  # image u8[h, w, 3] and labels u8[h, w], 255 void
+    splits: tuple[str, ...] = ()  # that the images are from
 
 
 def labelled(
@@ -90,7 +91,8 @@ def labelled(
         return image, labels
 
     chosen = tuple(e for e in entries if not groups or e.sequence in groups)
-    return Labelled(table.classes, table.colors, table.from_train_id[:19], chosen, read)
+    engine = table.from_train_id[:19]
+    return Labelled(table.classes, table.colors, engine, chosen, read, tuple(splits))
 
 
 def mapping(model: Model, data: Labelled) -> tuple[list[int], np.ndarray]:
@@ -297,7 +299,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         target = find_target(options.target, options.data)
         data = labelled(target, options.data, options.split, options.group)
         scores = evaluate(model, data, options.pictures, progress=True)
-        about = {"target": target.name, "data": str(options.data), "splits": options.split}
+        about = {"target": target.name, "data": str(options.data), "splits": data.splits}
         write_json(options.json, {**about, **scores})
         print(text(scores))
         print(options.json)

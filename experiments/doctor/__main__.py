@@ -54,12 +54,17 @@ def diagnose(
         0, or 2 if the folder cannot be used as it is.
 
     Raises:
-        UserError: there are no labelled images, a file is wrong, or ``write_to`` exists.
+        UserError: there are no labelled images, a file is wrong, ``write_to`` exists, or a target is given
+            with it.
     """
     from experiments.doctor import machine
 
     if data is None and (target is not None or write_to is not None):
         raise UserError("--target and --write need DATA, the folder that the file describes")
+    if target is not None and write_to is not None:
+        raise UserError(
+            f"--write {write_to} writes a proposed file, --target {target} names one that exists; give one"
+        )
     if write_to is not None and write_to.exists():
         raise UserError(f"--write {write_to} exists; name another file, or remove it")
     found = machine.look()
@@ -84,7 +89,7 @@ def _folder(data: Path, target: str | None, write_to: Path | None, out: Path) ->
     else:
         proposal = propose(data)
         own = parse_target(proposal.text, str(data / "target.yaml"))
-    if write_to is not None and target is None:
+    if write_to is not None:
         write(write_to, proposal.text)
     seen = survey(own, data)
     print(f"\n{data} as {own.name}: {_counted(seen)}")
@@ -105,11 +110,14 @@ def _folder(data: Path, target: str | None, write_to: Path | None, out: Path) ->
     for fault in seen.faults:
         print(f"! {fault.what}\n    {fault.mend}")
     costs, cores, measured = _costs(own, data, seen.size)
-    print(f"Minutes on {cores} cores, about, without compiling and testing:")
+    if costs:
+        print(f"Minutes on {cores} cores, about, without compiling and testing:")
+    else:
+        print("! minutes are not known: nets or streets cannot be made here, see above")
     for command, minutes in costs:
         print(f"  {minutes:>6s}  {command}")
     _pictures(own, seen, out, data, proposal.text or "", costs, cores, measured)
-    written = f"; {write_to} has the file" if write_to is not None and target is None else ""
+    written = f"; {write_to} has the file" if write_to is not None else ""
     print(f"{out / PAGE} and {out / SHEET} show images with their labels{written}")
     if write_to is None and target is None and not (data / "target.yaml").exists():
         print(f"\nThe file that is proposed; --write FILE writes it:\n\n{proposal.text}")
@@ -126,11 +134,14 @@ def _counted(seen: Any) -> str:
 def _costs(
     target: Any, data: Path, size: tuple[int, int]
 ) -> tuple[list[tuple[str, str]], int, int]:
-    """Commands with their minutes, the number of cores, and the measured seconds."""
+    """Commands with their minutes, none where nothing runs; the number of cores, and the measured seconds."""
     from experiments.doctor import costs, machine
 
-    pace, cores = costs.measure(), machine.cores()
-    rows = []
+    cores, rows = machine.cores(), []
+    try:
+        pace = costs.measure()
+    except RuntimeError:  # a RendererError, or JAX finds no device
+        return rows, cores, 0
     for command, cost in costs.commands(target, data, size, OF_COMMANDS).items():
         minutes = pace.seconds(cost) / cores / 60
         rows.append((command, f"{max(minutes, 0.1):.1f}" if minutes < 10 else f"{minutes:.0f}"))

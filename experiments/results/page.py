@@ -72,7 +72,7 @@ def text(
             if group.summed:
                 lines.append(f"- {part.name}: {said}")
                 continue
-            own_table = (out / part.name / f"{part.study}.md").read_text().strip()
+            own_table = (out / part.name / f"{part.study}.md").read_text(encoding="utf-8").strip()
             picture = f"{shown}/{part.name}.png" if shown else f"{part.name}/{part.study}.png"
             lines += ["", said, "", own_table, "", f"![{part.name}]({picture})"]
     return "\n".join([*lines, ""])

@@ -15,6 +15,7 @@ from experiments.doctor.propose import propose
 from experiments.doctor.survey import suitable, survey
 from experiments.fit import configured, planned
 from experiments.main.job import plan
+from scene.render import RendererError
 from seg.data import read_target
 from shell.errors import UserError
 from shell.listing import list_all
@@ -174,6 +175,20 @@ def test_what_does_not_fit_is_told_with_how_to_mend_it(streets, doctor, tmp_path
     assert code == 2 and "f1.jpg: image without label; expected" in out
 
 
+def test_a_folder_is_looked_at_where_nothing_can_be_rendered(
+    streets, doctor, tmp_path, monkeypatch
+):
+    def measure():
+        raise RendererError("Embree is missing")
+
+    monkeypatch.setattr(costs, "measure", measure)
+    code, out, err = doctor(streets)
+    assert (code, err) == (0, "") and "! minutes are not known" in out
+    assert "sdr-jax render" not in out and "The file that is proposed" in out
+    page = (tmp_path / "out" / PAGE).read_text()
+    assert "What commands cost" not in page and "The target's file" in page
+
+
 def test_what_cannot_be_looked_at_is_refused_in_one_line(doctor, tmp_path, streets):
     empty, taken = tmp_path / "empty", tmp_path / "taken.yaml"
     empty.mkdir()
@@ -187,6 +202,10 @@ def test_what_cannot_be_looked_at_is_refused_in_one_line(doctor, tmp_path, stree
         ((tmp_path / "alone",), "are found, but 1 of .png"),
         ((streets, "--write", taken), "taken.yaml exists; name another file"),
         ((streets, "--target", "kity"), "--target kity: no such file"),
+        (
+            (streets, "--target", "kity", "--write", "x.yaml"),
+            "x.yaml writes a proposed file, --target",
+        ),
         ((streets,), "target.yaml, line 1: images: expected"),
     ):
         code, _, err = doctor(*words)

@@ -125,6 +125,7 @@ def test_the_command_writes_what_the_function_returns(model, camvid, tmp_path, c
     expected = evaluate(model, data)
     assert {key: scores[key] for key in expected} == expected
     assert scores["images"] == 3 and list(scores["groups"]) == ["B"]
+    assert scores["splits"] == ["train", "test"] and labelled("camvid", camvid).splits == ("test",)
     said = capsys.readouterr().out
     assert f"mean             {scores['miou']:6.2f}" in said and str(file) in said
 
