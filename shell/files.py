@@ -5,13 +5,13 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import re
 import shutil
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
+from itertools import repeat
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -121,16 +121,35 @@ def read_bytes(path: Path, most: int | None = None) -> bytes:
     return data
 
 
-_NUMBERS = re.compile(r"\[(\n *([-+.0-9e]+|null),?)+\n *\]")
-"""A list of numbers as ``json`` indents it; JSON strings hold no line ends, so none matches."""
+WIDE = 100
+"""Width of a line of JSON in characters."""
 
 
 def write_json(path: Path, value: Any) -> None:
-    """Write ``value`` as indented JSON with lists of numbers on one line, whole or not at all."""
-    text = json.dumps(value, indent=2, allow_nan=False)
-    write(
-        path, _NUMBERS.sub(lambda found: "".join(found[0].split()).replace(",", ", "), text) + "\n"
-    )
+    """Write ``value`` as the JSON of `json_text`, whole or not at all."""
+    write(path, json_text(value))
+
+
+def json_text(value: Any) -> str:
+    """JSON for readers: what fits a line is on one, and so is every list of numbers; the rest is indented.
+
+    Raises:
+        ValueError: NaN or an infinity, which JSON lacks.
+    """
+
+    def lines(own: Any, margin: str, key: str = "") -> str:
+        text = key + json.dumps(own)
+        named = isinstance(own, dict)
+        inner = list(own.values()) if named else own if isinstance(own, list) else []
+        numbers = not named and not any(isinstance(each, str | list | dict) for each in inner)
+        if numbers or not inner or len(margin) + len(text) <= WIDE:
+            return text
+        deeper = margin + "  "
+        keys = [f"{json.dumps(name)}: " for name in own] if named else [""] * len(inner)
+        rows = [deeper + lines(*each) for each in zip(inner, repeat(deeper), keys)]
+        return "\n".join((text[: len(key) + 1], ",\n".join(rows), margin + text[-1]))
+
+    return lines(json.loads(json.dumps(value, allow_nan=False)), "") + "\n"
 
 
 def parse_json(text: str | bytes) -> Any:

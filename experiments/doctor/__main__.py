@@ -137,11 +137,12 @@ def _costs(
     """Commands with their minutes, none where nothing runs; the number of cores, and the measured seconds."""
     from experiments.doctor import costs, machine
 
-    cores, rows = machine.cores(), []
+    cores = machine.cores()
     try:
         pace = costs.measure()
     except RuntimeError:  # a RendererError, or JAX finds no device
-        return rows, cores, 0
+        return [], cores, 0
+    rows = []
     for command, cost in costs.commands(target, data, size, OF_COMMANDS).items():
         minutes = pace.seconds(cost) / cores / 60
         rows.append((command, f"{max(minutes, 0.1):.1f}" if minutes < 10 else f"{minutes:.0f}"))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import json
 import random
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -36,7 +35,7 @@ from scene.preview.layout import FAR
 from scene.proposal import describe, named, parse_streets
 from shell.classes import OWN as OWN_ROW
 from shell.command import size
-from shell.files import parse_json
+from shell.files import json_text, parse_json
 from shell.loopback import HOST, MOST_BYTES
 
 ACCENT = "#4f7ea3"
@@ -316,7 +315,7 @@ class Page:
         ui.clipboard.write(command)
         note = ""
         if states.name_of(self._state) is None:
-            text = json.dumps(describe(self._state.proposal), indent=2) + "\n"
+            text = json_text(describe(self._state.proposal))
             ui.download.content(text, states.FILE, "application/json")
             note = f". It reads {states.FILE}, which was downloaded"
         pool = self._state.view.pool
@@ -360,7 +359,7 @@ class Page:
             self._say(f"{event.file.name}: {states.LOSS}")
 
     def _save(self) -> None:
-        text = json.dumps(describe(self._state.streets), indent=2) + "\n"
+        text = json_text(describe(self._state.streets))
         ui.download.content(text, "attributes.json", "application/json")
 
     def _turn(self, event: ValueChangeEventArguments) -> None:

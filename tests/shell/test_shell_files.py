@@ -1,5 +1,6 @@
 """Whole files or none, and JSON that is read with suspicion."""
 
+import json
 import math
 import os
 from pathlib import Path
@@ -10,8 +11,10 @@ from hypothesis import strategies as st
 
 from shell.errors import UserError
 from shell.files import (
+    WIDE,
     digest,
     folder_digest,
+    json_text,
     read_json,
     versions,
     whole_folder,
@@ -42,7 +45,7 @@ def test_whole_files_or_none(tmp_path, full_disk, monkeypatch):
     assert list(tmp_path.iterdir()) == [path] and path.read_text() == "old"
     monkeypatch.undo()
     write_json(path, {"new": 1})
-    assert path.read_text() == '{\n  "new": 1\n}\n' and read_json(path) == {"new": 1}
+    assert path.read_text() == '{"new": 1}\n' and read_json(path) == {"new": 1}
     write(path, b"\x00\x01", part=tmp_path / "elsewhere")
     refused(ValueError, "", write_json, path, {"miou": math.nan})
     assert path.read_bytes() == b"\x00\x01" and list(tmp_path.iterdir()) == [path]
@@ -77,11 +80,14 @@ VALUES = st.recursive(
 
 
 @given(VALUES)
-def test_lists_of_numbers_are_lines(tmp_path_factory, value):
-    path = tmp_path_factory.mktemp("out") / "x.json"
-    write_json(path, {"one": [1, -2.5e-7, None], "more": [[1], [], "a"], "value": value})
-    start = '{\n  "one": [1, -2.5e-07, null],\n  "more": [\n    [1],\n    [],\n    "a"\n  ],'
-    assert path.read_text().startswith(start) and read_json(path)["value"] == value
+def test_json_has_what_fits_a_line_on_one_and_so_every_list_of_numbers(value):
+    long = [*range(-50, 50), None]
+    text = json_text({"one": long, "more": [{"a": []}, ["b" * WIDE]], "value": value})
+    start = '{\n  "one": [-50, -49, ' + ", ".join(map(str, range(-48, 50)))
+    start += (
+        ', null],\n  "more": [\n    {"a": []},\n    [\n      "' + "b" * WIDE + '"\n    ]\n  ],\n'
+    )
+    assert text.startswith(start) and json.loads(text)["value"] == value
 
 
 @pytest.mark.parametrize("text", ["", "{", "NaN", "[-Infinity]", "[" * 10**5, "\xff"])
