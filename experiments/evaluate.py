@@ -31,8 +31,8 @@ from seg.data.images import read_image
 from seg.metrics import absent_classes, confusion_matrix, iou
 from seg.model import Model, load_model
 from shell.command import exit_code
-from shell.errors import UserError
-from shell.files import write, write_json
+from shell.errors import UserError, refuse_repeats
+from shell.files import check_file, write, write_json
 from shell.listing import split_names
 from shell.progress import Progress
 from shell.target_file import TargetFile, find_target
@@ -62,7 +62,7 @@ def labelled(
     Args:
         target: the target, or the name or path of its file.
         data: the folder.
-        splits: the splits to take; by default the test split, or all if there is none.
+        splits: the splits to take; by default the split test or val, or all if there is neither.
         groups: drives, cities or albums to take; by default all.
 
     Raises:
@@ -70,8 +70,10 @@ def labelled(
     """
     target = find_target(target, data) if isinstance(target, str) else target
     there = split_names(target, data)
+    refuse_repeats("--split", splits)
+    refuse_repeats("--group", groups)
     if not splits:
-        reported = REPORTED.get(target.name, "test")
+        reported = REPORTED.get(target.name, "test" if "test" in there else "val")
         splits = [reported] if reported in there or not there else there
     entries = [entry for split in splits for entry in list_split(target, data, split)]
     known = sorted({entry.sequence for entry in entries})
@@ -293,16 +295,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parsers.evaluate().parse_args(arguments)
 
     def work() -> None:
-        if options.json.is_dir():
-            raise UserError(f"--json {options.json} is a folder; name a file")
+        if options.json is not None:
+            check_file("--json", options.json)
         model = load_model(options.model)
         target = find_target(options.target, options.data)
         data = labelled(target, options.data, options.split, options.group)
         scores = evaluate(model, data, options.pictures, progress=True)
-        about = {"target": target.name, "data": str(options.data), "splits": data.splits}
-        write_json(options.json, {**about, **scores})
-        print(text(scores))
-        print(options.json)
+        print(f"split {', '.join(data.splits)}: {scores['images']} images\n{text(scores)}")
+        if options.json is not None:
+            about = {"target": target.name, "data": str(options.data), "splits": data.splits}
+            write_json(options.json, {**about, **scores})
+            print(options.json)
 
     return exit_code(work, debug=options.debug, goes_on=False)
 

@@ -17,8 +17,7 @@ from experiments.config import parsers
 from seg.model import Model, load_model
 from seg.onnx_graph import onnx_bytes
 from shell.command import exit_code
-from shell.errors import UserError
-from shell.files import write
+from shell.files import check_file, write
 
 
 def export(model: Model | str | Path, path: str | Path) -> int:
@@ -32,10 +31,7 @@ def export(model: Model | str | Path, path: str | Path) -> int:
         UserError: there is no model or no package onnx, or the model cannot be written as ONNX.
         OSError: the file cannot be written; the error names it.
     """
-    if Path(path).is_dir():
-        raise UserError(
-            f"--onnx {path} is a folder; name a file, such as {Path(path) / 'net.onnx'}"
-        )
+    check_file("--onnx", Path(path))
     model = model if isinstance(model, Model) else load_model(model)
     return write(Path(path), onnx_bytes(model))
 

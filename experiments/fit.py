@@ -54,7 +54,7 @@ from seg.beside import TrainingSet
 from seg.classes import class_table, colorize
 from seg.data import LabelledImages
 from seg.data.images import read_image
-from seg.model import Model, classes_of, load_model
+from seg.model import Model, classes_of, load_model, refuse_others
 from seg.recipes import with_net
 from seg.settings import FILELESS_NETS, Trunk, TrunkName, check_settings
 from seg.train import Params, outline
@@ -212,6 +212,7 @@ def prepared(config: FitConfig) -> Prepared:
         UserError: as `parts_of`, or the model does not fit.
     """
     assert config.data is not None
+    refuse_others(config.out / MODEL)
     few = None if config.few is None else int(config.few)
     parts = parts_of(find_target(config.file, config.data), config.data, config.holdout, few)
     whole = reader(parts, config.shape)

@@ -21,7 +21,7 @@ from scene import parsers
 from scene.classes import CLASS_NAMES
 from scene.dataset.real import CAMVID, CAMVID_OF_TRAIN, open_pictures
 from shell.command import exit_code
-from shell.files import write_json
+from shell.files import check_file, write_json
 
 
 class Statistics(NamedTuple):
@@ -148,11 +148,12 @@ def main(arguments: list[str] | None = None) -> int:
     options = parsers.stats().parse_args(arguments)
 
     def work() -> None:
-        classes, found = compare(options.dataset, options.against, tuple(options.only))
         if options.json is not None:
-            plain = {name: report(classes, s) for name, s in found.items()}
-            write_json(options.json, plain)
+            check_file("--json", options.json)
+        classes, found = compare(options.dataset, options.against, tuple(options.only))
         print(table(classes, found))
+        if options.json is not None:
+            write_json(options.json, {name: report(classes, s) for name, s in found.items()})
 
     return exit_code(work, users=(ValueError,), debug=options.debug, goes_on=False)
 

@@ -75,8 +75,9 @@ def label_classes(
 
 
 def classes_of(target: TargetFile) -> tuple[LabelClass, ...]:
-    """The classes of a target; a class has the first of its ids, or its index if it has none."""
-    ids = [own.ids[0] if own.ids else k for k, own in enumerate(target.classes.values())]
+    """The classes of a target, with the first of the ids of each; 0, 1, 2 and so on if one has none."""
+    given = [own.ids for own in target.classes.values()]
+    ids = [own[0] for own in given] if all(given) else None
     return label_classes(target.class_names, ids, target.palette)
 
 
@@ -229,13 +230,7 @@ class Model:
             OSError: a file cannot be written; the error names it.
         """
         folder = Path(folder)
-        if folder.exists():
-            held = {path.name for path in folder.iterdir()} if folder.is_dir() else {folder.name}
-            if stray := held - {CONFIG, WEIGHTS, README}:
-                raise ModelError(
-                    f"{folder} holds other files, such as {min(stray)}; "
-                    "a model is saved into a new folder, or over an older model"
-                )
+        refuse_others(folder)
         config = self.config()
         with whole_folder(folder) as part:
             write(part / WEIGHTS, self._weights())
@@ -260,6 +255,18 @@ class Model:
             "notes": dict(self.notes),
             "versions": dict(self.versions),
         }
+
+
+def refuse_others(folder: Path) -> None:
+    """Raise ModelError if a model cannot be saved in a folder, since it holds other files."""
+    if not folder.exists():
+        return
+    held = {path.name for path in folder.iterdir()} if folder.is_dir() else {folder.name}
+    if stray := held - {CONFIG, WEIGHTS, README}:
+        raise ModelError(
+            f"{folder} holds other files, such as {min(stray)}; "
+            "a model is saved into a new folder, or over an older model"
+        )
 
 
 def load_model(path: str | Path) -> Model:

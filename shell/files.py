@@ -125,6 +125,14 @@ WIDE = 100
 """Width of a line of JSON in characters."""
 
 
+def check_file(flag: str, path: Path) -> None:
+    """Raise UserError if a flag's file cannot be written where it is to be: before long work, not after."""
+    if path.is_dir():
+        raise UserError(f"{flag} {path} is a folder; name a file")
+    if not path.parent.is_dir():
+        raise UserError(f"{flag} {path}: no folder {path.parent}; make it, or name another")
+
+
 def write_json(path: Path, value: Any) -> None:
     """Write ``value`` as the JSON of `json_text`, whole or not at all."""
     write(path, json_text(value))

@@ -185,7 +185,9 @@ def _matches(pattern: str, root: Path) -> Iterator[tuple[Path, dict[str, str]]]:
     exact, expression = _has_suffix(pattern), _expression(pattern)
     for path in root.glob(_glob(pattern) + ("" if exact else ".*")):
         found = expression.fullmatch(path.relative_to(root).as_posix())
-        if found and path.is_file() and (exact or path.suffix.lower() in SUFFIXES):
+        if path.name[0] == "." or not found or not path.is_file():
+            continue
+        if exact or path.suffix.lower() in SUFFIXES:
             yield path, found.groupdict()
 
 
@@ -268,7 +270,7 @@ def _listed(
 ) -> Iterator[Entry]:
     """The entries of a list, whose lines are a name, a path, or an image and its label."""
     try:
-        lines = listing.read_text(encoding="utf-8").splitlines()
+        lines = listing.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise UserError(f"{listing}: not a readable text file ({error})") from error
     by_name: dict[str, list[tuple[Path, dict[str, str]]]] | None = None
@@ -357,7 +359,7 @@ def _tail(root: Path, path: str, where: str) -> Path:
         for own in (whole, *(whole.with_suffix(suffix) for suffix in SUFFIXES)):
             if own.is_file():
                 return own
-    return root / tails[0]
+    return root.joinpath(*tails[:1])
 
 
 # ---- splits by groups or shares

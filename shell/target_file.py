@@ -419,7 +419,11 @@ def _check_splits(target: TargetFile, lines: _Lines) -> None:
             lines.refuse(
                 "splits", "expected {split} in it, as in '{split}.txt'; or a table of splits"
             )
+        _check_path(target.splits, "splits", lines)
         return
+    for split, own in target.splits.items():
+        if isinstance(own, str):
+            _check_path(own, f"splits.{split}", lines)
     kinds = Counter(type(own) for own in target.splits.values())
     if len(kinds) > 1:
         lines.refuse("splits", "expected lists, groups or shares, of one kind for all splits")
@@ -452,5 +456,9 @@ def _check_pattern(pattern: str, field: str, lines: _Lines) -> None:
         lines.refuse(
             field, f"expected {{name}} in it, as in '{field.partition('.')[0]}/{{name}}.png'"
         )
-    if Path(pattern).is_absolute() or ".." in Path(pattern).parts:
+    _check_path(pattern, field, lines)
+
+
+def _check_path(path: str, field: str, lines: _Lines) -> None:
+    if Path(path).is_absolute() or ".." in Path(path).parts:
         lines.refuse(field, "expected a path below the data's folder, without '..'")

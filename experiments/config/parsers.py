@@ -158,7 +158,7 @@ def evaluate() -> Parser:
         nargs="+",
         default=[],
         metavar="NAME",
-        help="splits to test on; by default the target's test split",
+        help="splits to test on; by default test or val, or all if there is neither",
     )
     add(
         "--group",
@@ -167,7 +167,7 @@ def evaluate() -> Parser:
         metavar="NAME",
         help="drives, cities or albums; by default all",
     )
-    add("--json", type=Path, required=True, metavar="FILE", help="the file to write")
+    add("--json", type=Path, metavar="FILE", help="also write the figures into a file")
     add(
         "--pictures",
         type=Path,

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 from experiments.config import parsers
 from shell.command import exit_code
 from shell.errors import UserError
-from shell.files import write
+from shell.files import check_file, write
 
 if TYPE_CHECKING:
     from experiments.config import TargetName
@@ -65,8 +65,10 @@ def diagnose(
         raise UserError(
             f"--write {write_to} writes a proposed file, --target {target} names one that exists; give one"
         )
-    if write_to is not None and write_to.exists():
-        raise UserError(f"--write {write_to} exists; name another file, or remove it")
+    if write_to is not None:
+        if write_to.exists():
+            raise UserError(f"--write {write_to} exists; name another file, or remove it")
+        check_file("--write", write_to)
     found = machine.look()
     width = max(len(name) for name, _ in found.facts)
     for name, value in found.facts:

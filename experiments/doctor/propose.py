@@ -5,7 +5,7 @@ from __future__ import annotations
 import glob
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 
@@ -77,7 +77,10 @@ def propose(root: Path) -> Proposal:
         raise UserError(f"{root}: no such folder; expected one with images and labels")
     if (root / FILE).is_file():
         find_target(None, root)  # refuses a wrong file
-        return Proposal((root / FILE).read_text(encoding="utf-8"), [])
+        try:
+            return Proposal((root / FILE).read_text(encoding="utf-8"), [])
+        except UnicodeDecodeError:
+            raise UserError(f"{root / FILE}: no UTF-8; save it as UTF-8") from None
     for name in SHIPPED:
         if name not in TRAINING_SETS and _fits(name, root):
             path = Path(engine.__file__).parent / "targets" / f"{name}.yaml"
@@ -126,8 +129,8 @@ def _guess(root: Path) -> Proposal:
     if form in ("labelme-json", "cityscapes-json"):
         lines.append(f"format: {form}")
     stems = [path.stem for path in _at(root, images)]
+    lists = _lists(root, stems)
     if "{split}" not in images:
-        lists = _lists(root, stems)
         if lists:
             lines.append(f"splits: {yaml.safe_dump(lists, default_flow_style=True).strip()}")
         else:
@@ -140,7 +143,9 @@ def _guess(root: Path) -> Proposal:
             notes.append(
                 "names do not show which images are of one drive: each is a group of its own"
             )
-    return Proposal("\n".join([*lines, *_classes(root, form, values, names, notes)]) + "\n", notes)
+    known = {} if names else _named(root, {*lists.values()})
+    classes = _classes(root, form, values, names, known, notes)
+    return Proposal("\n".join([*lines, *classes]) + "\n", notes)
 
 
 def _quoted(text: str) -> str:
@@ -150,7 +155,8 @@ def _quoted(text: str) -> str:
 def _at(root: Path, pattern: str) -> list[Path]:
     """The files at a pattern."""
     parts = re.split(r"\{\w+\}", pattern)
-    return [*root.glob("*".join(glob.escape(part) for part in parts))]
+    found = root.glob("*".join(glob.escape(part) for part in parts))
+    return [path for path in found if path.name[0] != "."]
 
 
 def _pairs(root: Path, files: Sequence[Path]) -> list[_Pair]:
@@ -246,9 +252,12 @@ def _template(image: _Part, label: _Part) -> tuple[str, str]:
     """Patterns, with {split} if both paths name a split."""
     parts, folder = PurePosixPath(image.folder).parts, label.folder
     for word in parts:
-        if word.lower() in SPLITS and word in folder:
+        # The labels' folder may be named after it, as trainannot is.
+        others = PurePosixPath(folder).parts
+        named = [part for part in others if part == word] or [p for p in others if word in p]
+        if word.lower() in SPLITS and named:
             parts = tuple("{split}" if part == word else part for part in parts)
-            folder = folder.replace(word, "{split}")
+            folder = "/".join(p.replace(word, "{split}") if p in named else p for p in others)
             break
     return _joined("/".join(parts) or ".", image.pattern), _joined(folder, label.pattern)
 
@@ -285,15 +294,20 @@ def _with_group(images: str, labels: str, found: Iterable[tuple[str, str]]) -> t
 def _lists(root: Path, names: Sequence[str]) -> dict[str, str]:
     """Find text files beside the folders whose lines are names of images."""
     known = set(names)
+
+    def names_one(line: str) -> bool:
+        """Whether a line is a name, which may have spaces, or an image and its label."""
+        paths = PurePosixPath(line), PurePosixPath(line.split()[0])
+        return any(path.name in known or path.stem in known for path in paths)
+
     found = {}
     for path in sorted(root.glob("*.txt")):
         try:
-            lines = path.read_text(encoding="utf-8").split("\n")
+            lines = path.read_text(encoding="utf-8-sig").split("\n")
         except (OSError, UnicodeDecodeError):
             continue
-        stems = [PurePosixPath(line.split()[0]) for line in lines if line.strip()]
-        hits = sum(stem.name in known or stem.stem in known for stem in stems)
-        if stems and 2 * hits > len(stems):
+        lines = [line.strip() for line in lines if line.strip()]
+        if lines and 2 * sum(map(names_one, lines)) > len(lines):
             found[path.stem] = path.name
     return found
 
@@ -332,12 +346,16 @@ def _values(labels: Sequence[Path]) -> tuple[Format, Counter[int], Counter[str]]
 
 
 def _classes(
-    root: Path, form: Format, values: Counter[int], names: Counter[str], notes: list[str]
+    root: Path,
+    form: Format,
+    values: Counter[int],
+    names: Counter[str],
+    known: Mapping[str, str],
+    notes: list[str],
 ) -> list[str]:
-    """The lines of void and classes."""
-    lines, void = [], []
-    taken: set[str] = set()
-    known = _named(root)
+    """The lines of void and classes; ``known`` are names of ids or colours."""
+    void: list[str] = []
+    of: dict[str, list[str]] = {}
     shown = {name: name for name in sorted(names)} or {
         _key(value, form): known.get(_key(value, form), "") for value in sorted(values)
     }
@@ -347,11 +365,19 @@ def _classes(
             void.append(raw)
             continue
         own = name or f"class {key.strip('[]').replace(', ', ' ')}"
-        field = "names" if names else "ids" if form == "ids" else "colours"
+        of.setdefault(own, []).append(raw)
+    if not of:
+        raise UserError(
+            f"{root}: labels hold nothing but void ({', '.join(void)}); expected a class"
+        )
+    field = "names" if names else "ids" if form == "ids" else "colours"
+    lines = []
+    taken: set[str] = set()
+    for own, raws in of.items():
         renders = [one for one in _rendered(own) if one not in taken]
         taken |= {*renders}
         told = f", renders: [{', '.join(renders)}]" if renders else ""
-        lines.append(f"  {_quoted(own)}: {{{field}: [{raw}]{told}}}")
+        lines.append(f"  {_quoted(own)}: {{{field}: [{', '.join(raws)}]{told}}}")
     if not taken:
         notes.append(
             "the classes' names are not known: name them after the pictures, and give each that the engine "
@@ -374,13 +400,15 @@ LISTS = ("classes", "labels", "names")
 NAME = r"\s*[A-Za-z][\w /-]*\s*"
 
 
-def _named(root: Path) -> dict[str, str]:
-    """Names of ids or colours in a file beside the images, or those of a known data set."""
+def _named(root: Path, lists: Collection[str]) -> dict[str, str]:
+    """Names of ids or colours in a file beside the images that is not one of the lists of a split."""
     found: dict[str, str] = {}
     number = r"\D{1,3}?(\d+)"
     for path in sorted([*root.glob("*.txt"), *root.glob("*.csv")]):
+        if path.name in lists:
+            continue
         try:
-            lines = path.read_text(encoding="utf-8").splitlines()[:300]
+            lines = path.read_text(encoding="utf-8-sig").splitlines()[:300]
         except (OSError, UnicodeDecodeError):
             continue
         for line in lines:

@@ -80,7 +80,7 @@ def survey(target: TargetFile, root: Path) -> Survey:
     classes, void, read, right = _classes(target, entries, faults)
     usable = usable and right and bool(entries)
     _splits(splits, faults)
-    _copies(splits, faults)
+    usable = _copies(splits, faults) and usable
     _engine(target, faults)
     shapes = {round(np.log(w / h) / ALIKE) for (w, h), _ in sizes}
     if len(shapes) > 1:
@@ -112,12 +112,22 @@ def _spread(entries: Sequence[Entry], count: int) -> list[Entry]:
     return [entries[k] for k in places]
 
 
+_ORIENTATION = 0x112
+"""EXIF's tag; values of 5 and above lay the image on its side."""
+
+
+def _upright(picture: Image.Image) -> tuple[int, int]:
+    """Width and height as `seg.data.images.read_image` turns it."""
+    width, height = picture.size
+    return (height, width) if picture.getexif().get(_ORIENTATION, 1) >= 5 else (width, height)
+
+
 def _sizes(entries: Sequence[Entry], faults: list[Fault]) -> list[tuple[tuple[int, int], int]]:
     found: Counter[tuple[int, int]] = Counter()
     for entry in entries:
         try:
             with Image.open(entry.image_path) as picture:
-                found[picture.size] += 1
+                found[_upright(picture)] += 1
         except Exception as error:  # Pillow has many errors
             faults.append(
                 Fault(
@@ -141,17 +151,20 @@ def _classes(
         try:
             label, wrong = reader.known(entry.label_path)
             with Image.open(entry.image_path) as picture:
-                size = picture.size
+                size, lying = _upright(picture), picture.size
         except (UserError, OSError) as error:
             faults.append(Fault(str(error), "put an intact file there"))
             right = False
             continue
         if size != label.shape[::-1]:
+            mend = "labels must have their image's size; resize them by nearest pixel"
+            if lying == label.shape[::-1]:
+                mend = "the image's EXIF orientation turns it; turn the labels, or remove that tag"
             faults.append(
                 Fault(
                     f"{entry.label_path}: {label.shape[1]}x{label.shape[0]} pixels, but its image has "
                     f"{size[0]}x{size[1]}",
-                    "labels must have their image's size; resize them by nearest pixel",
+                    mend,
                 )
             )
             right = False
@@ -210,8 +223,12 @@ def _splits(splits: Mapping[str, Sequence[Entry]], faults: list[Fault]) -> None:
         )
 
 
-def _copies(splits: Mapping[str, Sequence[Entry]], faults: list[Fault]) -> None:
-    """Find files that are in two splits, or twice in one, by size and first bytes."""
+def _copies(splits: Mapping[str, Sequence[Entry]], faults: list[Fault]) -> bool:
+    """Find images that are in two splits, or twice in one, by size and first bytes.
+
+    Returns:
+        Whether no file is itself in two splits.
+    """
     seen: dict[tuple[int, bytes], tuple[str, Path]] = {}
     copies: list[str] = []
     for split, own in splits.items():
@@ -219,7 +236,7 @@ def _copies(splits: Mapping[str, Sequence[Entry]], faults: list[Fault]) -> None:
             with entry.image_path.open("rb") as file:
                 key = entry.image_path.stat().st_size, hashlib.sha256(file.read(HEAD)).digest()
             first, path = seen.setdefault(key, (split, entry.image_path))
-            if path != entry.image_path:
+            if (first, path) != (split, entry.image_path):
                 copies.append(f"{entry.image_path} ({split}) is {path} ({first})")
     if copies:
         faults.append(
@@ -228,6 +245,8 @@ def _copies(splits: Mapping[str, Sequence[Entry]], faults: list[Fault]) -> None:
                 "leave each once, in one split",
             )
         )
+    paths = [entry.image_path for own in splits.values() for entry in own]
+    return len({*paths}) == len(paths)
 
 
 def _engine(target: TargetFile, faults: list[Fault]) -> None:

@@ -8,7 +8,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import NamedTuple
 
-from experiments.playground.state import State
+from experiments.playground.state import State, check_view
 from scene.dataset.export import export_dataset
 from scene.proposal import draw
 from scene.render import RendererError
@@ -39,7 +39,7 @@ class Export:
         folder: a new or empty folder, or that of the same export, which is continued.
 
     Raises:
-        ValueError: no folder is named, or the number of images is out of range.
+        ValueError: no folder is named, or the view or the number of images is out of range.
     """
 
     def __init__(self, state: State, images: int, format: str, folder: str) -> None:
@@ -47,6 +47,7 @@ class Export:
             raise ValueError("folder: name a new one, or that of an export to be continued")
         if not 1 <= images <= MOST_IMAGES:
             raise ValueError(f"images must lie in 1..{MOST_IMAGES:,}, not {images}")
+        check_view(state.view)
         context = multiprocessing.get_context("spawn")
         self._ear, mouth = context.Pipe(duplex=False)
         order = (state, images, format, Path(folder.strip()).expanduser(), mouth)

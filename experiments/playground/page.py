@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import random
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -33,6 +34,7 @@ from scene.assets.families import FAMILIES
 from scene.classes import CLASS_NAMES, COLORS, OWN
 from scene.preview.layout import FAR
 from scene.proposal import describe, named, parse_streets
+from scene.render.protocol import MOST_SAMPLES
 from shell.classes import OWN as OWN_ROW
 from shell.command import size
 from shell.files import json_text, parse_json
@@ -197,7 +199,7 @@ class Page:
             with ui.element("div").classes("fields"):
                 for name in ("seed", "street", "shot", "shots"):
                     self._number(name, getattr(view, name))
-                rays = ui.select([1, 2, 3, 4], value=view.samples, label="rays")
+                rays = ui.select([*range(1, MOST_SAMPLES + 1)], value=view.samples, label="rays")
                 rays.tooltip("per pixel along each axis")
                 rays.on_value_change(lambda e: self._look(samples=int(e.value)))
             with ui.element("div").classes("fields"):
@@ -281,7 +283,9 @@ class Page:
         self._state = state
         if rebuild:
             self._fill()
-        self._sliders.show(state, self._first)
+        with suppress(ValueError):  # _ask says what is out of range
+            states.check_view(state.view)
+            self._sliders.show(state, self._first)
         for name, box in self._boxes.items():
             box.set_value(getattr(state.view, name))
         await self._ask(quick)

@@ -15,13 +15,13 @@ def listed(folder: Path | None) -> tuple[Path, ...]:
     """The images in a folder and its subfolders, sorted; none without a folder.
 
     Raises:
-        DataError: there is no such folder, or no image in it.
+        DataError: there is no such folder, or no image or video in it.
     """
     if folder is None:
         return ()
-    from seg.data.unlabelled import list_unlabelled  # imports JAX
+    from seg.data.frames import list_sources  # imports JAX
 
-    return list_unlabelled(folder)
+    return tuple(source.path for source in list_sources(folder) if not source.video)
 
 
 def photograph(path: Path) -> bytes:

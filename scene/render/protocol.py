@@ -71,6 +71,8 @@ class RendererError(RuntimeError):
 
 
 MAX_PIXELS = 50_000_000
+MOST_SAMPLES = 8
+"""The most rays of a pixel along each axis."""
 
 
 def check_settings(settings: RenderSettings) -> RenderSettings:
@@ -83,8 +85,8 @@ def check_settings(settings: RenderSettings) -> RenderSettings:
         raise ValueError(
             f"image size {settings.width}x{settings.height} is over {MAX_PIXELS:,} pixels"
         )
-    if not 1 <= settings.samples <= 8:
-        raise ValueError(f"samples must lie in 1..8, not {settings.samples}")
+    if not 1 <= settings.samples <= MOST_SAMPLES:
+        raise ValueError(f"samples must lie in 1..{MOST_SAMPLES}, not {settings.samples}")
     if not 5 <= settings.fov <= 150:
         raise ValueError(f"fov must lie in 5..150 degrees, not {settings.fov}")
     return settings

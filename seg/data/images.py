@@ -56,7 +56,9 @@ def decode(path: Path, data: bytes, flags: int) -> np.ndarray:
 
 
 def read_image(path: Path) -> UInt8[np.ndarray, "h w 3"]:
-    """Read a photograph as RGB; grey becomes three equal channels, 16 bits become 8.
+    """Read a photograph as RGB, turned as its EXIF orientation says.
+
+    Grey becomes three equal channels, 16 bits become 8.
 
     Raises:
         DataError: the file is missing, not an image, broken or truncated.
@@ -68,5 +70,5 @@ def read_image(path: Path) -> UInt8[np.ndarray, "h w 3"]:
             Image.open(io.BytesIO(data)).load()
         except OSError as error:
             raise _unreadable(path, error) from error
-    bgr = decode(path, data, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+    bgr = decode(path, data, cv2.IMREAD_COLOR)
     return cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB)

@@ -9,6 +9,7 @@ from jaxtyping import UInt8
 from seg.data.images import read_image
 from seg.data.labelled import cut, resize_image
 from seg.errors import DataError
+from shell.files import files_below
 from shell.target_file import SUFFIXES
 
 
@@ -21,7 +22,7 @@ def list_unlabelled(root: str | Path) -> tuple[Path, ...]:
     root = Path(root)
     if not root.is_dir():
         raise DataError(f"{root}: no such folder; expected one with images")
-    paths = tuple(sorted(p for p in root.rglob("*") if p.suffix.lower() in SUFFIXES))
+    paths = tuple(p for p in files_below(root) if p.suffix.lower() in SUFFIXES)
     if not paths:
         raise DataError(f"{root}: zero images; expected {', '.join(SUFFIXES)}")
     seen: dict[str, Path] = {}

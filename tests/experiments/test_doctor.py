@@ -175,6 +175,47 @@ def test_what_does_not_fit_is_told_with_how_to_mend_it(streets, doctor, tmp_path
     assert code == 2 and "f1.jpg: image without label; expected" in out
 
 
+def test_names_with_spaces_hidden_files_and_copies_in_lists(tmp_path, doctor):
+    root = tmp_path / "own"
+    for k in range(4):
+        save(root / "images" / f"Photo {k}.png", photograph(k, (48, 64)))
+        save(root / "labels" / f"Photo {k}.png", blocks(k, (48, 64), 3))
+    save(root / "images" / "._Photo 0.png", photograph(9, (48, 64)))
+    (root / "classes.csv").write_text("0,road\n1,car\n2,car\n", encoding="utf-8-sig")
+    (root / "train.txt").write_text("Photo 0\nPhoto 1\nPhoto 2\n", encoding="utf-8-sig")
+    (root / "test.txt").write_text("Photo 2\nPhoto 3\n")
+    proposed = propose(root).text
+    for line in (
+        "splits: {test: test.txt, train: train.txt}", "'road': {ids: [0], renders: [road]}",
+        "'car': {ids: [1, 2], renders: [car]}",
+    ):  # fmt: skip
+        assert line in proposed
+    code, out, _ = doctor(root)
+    assert code == 2 and "1 images are copies, such as" in out
+    assert "2 images of 1 groups in test, 3 images of 1 groups in train" in out
+
+
+def test_an_image_on_its_side_is_measured_upright(streets, doctor):
+    exif = Image.Exif()
+    exif[0x112] = 6
+    lying = Image.fromarray(photograph(0, (48, 64)).astype(np.uint8))
+    lying.save(streets / "photos" / "friday" / "f0.jpg", exif=exif)
+    code, out, _ = doctor(streets)
+    assert code == 2 and "f0_mask.png: 64x48 pixels, but its image has 48x64" in out
+    assert "the image's EXIF orientation turns it; turn the labels" in out
+
+
+def test_labels_without_a_class_and_files_in_other_letters_are_refused(streets, doctor):
+    for path in (streets / "masks").rglob("*.png"):
+        save(path, np.full((8, 8), 255))
+    code, _, err = doctor(streets)
+    assert code == 2 and "mine: labels hold nothing but void (255); expected a class" in err
+    text = "images: 'a/{name}'\nlabels: 'b/{name}'\nclasses: {road: {ids: [0]}}\n"
+    (streets / "target.yaml").write_text(text, encoding="utf-16")
+    code, _, err = doctor(streets)
+    assert code == 2 and "target.yaml: no UTF-8; save it as UTF-8" in err
+
+
 def test_a_folder_is_looked_at_where_nothing_can_be_rendered(
     streets, doctor, tmp_path, monkeypatch
 ):
@@ -201,6 +242,7 @@ def test_what_cannot_be_looked_at_is_refused_in_one_line(doctor, tmp_path, stree
         ((empty,), "no images with labels of the same names are found, but nothing"),
         ((tmp_path / "alone",), "are found, but 1 of .png"),
         ((streets, "--write", taken), "taken.yaml exists; name another file"),
+        ((streets, "--write", tmp_path / "no" / "t.yaml"), "t.yaml: no folder"),
         ((streets, "--target", "kity"), "--target kity: no such file"),
         (
             (streets, "--target", "kity", "--write", "x.yaml"),

@@ -157,6 +157,7 @@ def test_a_folder_with_a_target_file_and_a_net_of_the_engines_classes(tmp_path):
             (tmp_path / folder).mkdir(exist_ok=True)
             Image.fromarray(pixels).save(tmp_path / folder / f"{name}.png")
     data = labelled(str(tmp_path / "target.yaml"), tmp_path)
+    assert data.splits == ("train",)
     assert mapping(red, data)[0] == [0, 1]
     scores = evaluate(red, data)
     # All is taken for ground: 4 of 6 pixels of each image are; no net of renders knows a shop.
@@ -185,10 +186,14 @@ def test_what_cannot_be_scored_is_refused(model, red, camvid, tmp_path, capsys):
     refused(
         UserError, "holds other files, such as letter.txt", evaluate, red, DATA, tmp_path / "full"
     )
+    message = "--split train train names one of them twice"
+    refused(UserError, message, labelled, "camvid", camvid, ("train", "train"))
     model.save(tmp_path / "model")
     words = [str(tmp_path / "model"), str(camvid), "--json"]
     assert main([*words, str(tmp_path)]) == 2
+    assert main([*words, str(tmp_path / "no" / "s.json")]) == 2
     assert main([*words, str(tmp_path / "s.json"), "--target", "mars"]) == 2
     lines = capsys.readouterr().err.splitlines()
-    assert len(lines) == 2 and "is a folder; name a file" in lines[0] and "mars" in lines[1]
+    assert len(lines) == 3 and "is a folder; name a file" in lines[0] and "mars" in lines[2]
+    assert f"no folder {tmp_path / 'no'}; make it" in lines[1]
     assert not (tmp_path / "s.json").exists()

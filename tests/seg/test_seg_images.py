@@ -24,6 +24,14 @@ def test_images_become_rgb(tmp_path, mode, colour):
     assert image.shape == (2, 3, 3) and image.dtype == np.uint8 and (image == colour).all()
 
 
+def test_photographs_are_turned_as_their_orientation_says(tmp_path):
+    path, lying = tmp_path / "image.png", pixels(4, 6, 3)
+    exif = Image.Exif()
+    exif[0x112] = 6  # the top is at the right
+    Image.fromarray(lying.astype(np.uint8)).save(path, exif=exif)
+    np.testing.assert_array_equal(read_image(path), np.rot90(lying, -1))
+
+
 def test_labels_of_8_and_16_bits_and_of_palettes_keep_their_ids(tmp_path):
     path, ids = tmp_path / "label.png", np.array([[0, 3, 10], [11, 5, 1]])
     for dtype in (np.uint8, np.uint16):

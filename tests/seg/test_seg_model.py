@@ -15,7 +15,7 @@ from seg.data.labelled import fitted
 from seg.model import CONFIG, SHIPPED, WEIGHTS, Model, classes_of, label_classes, load_model
 from seg.model import shipped as shipped_models
 from seg.train import logits, predict, train
-from shell.target_file import shipped
+from shell.target_file import parse_target, shipped
 from tests.conftest import refused
 
 from .conftest import assert_same, pixels, toy
@@ -128,6 +128,9 @@ def test_classes_of_a_target_have_the_values_of_its_files():
     cityscapes = {own.name: own for own in classes_of(shipped("cityscapes"))}
     assert cityscapes["road"] == ("road", 7, (128, 64, 128)) and cityscapes["bicycle"].id == 33
     assert [own.id for own in classes_of(shipped("camvid"))] == list(range(11))
+    text = "images: 'a/{name}'\nlabels: 'b/{name}'\nformat: colours\nclasses:\n"
+    mixed = text + "  road: {colours: [[1, 2, 3]]}\n  sky: {colours: [[9, 9, 9]], ids: [0]}\n"
+    assert [own.id for own in classes_of(parse_target(mixed, "x"))] == [0, 1]
     facade = classes_of(shipped("labelmefacade"))  # its files hold colours
     assert [own.id for own in facade] == list(range(6)) and facade[3].color == (128, 64, 0)
 

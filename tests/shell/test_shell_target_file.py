@@ -92,6 +92,8 @@ def test_the_format_follows_from_the_classes():
     ("images/{name}", "images/{nam}", ("line 1: images:", "{nam} stands for nothing; there are {split}")),
     ("images/{name}", "images/all", ("line 1: images:", "expected {name} in it")),
     ("labels/{name}", "../labels/{name}", ("line 2: labels:", "without '..'")),
+    ("test: test.txt", "test: ../test.txt", ("line 3: splits.test:", "without '..'")),
+    ("{train: train.txt, test: test.txt}", "'/{split}.txt'", ("line 3: splits:", "below the data's folder")),
     ("labels/{name}", "/labels/{name}", ("line 2: labels:", "below the data's folder")),
     ("labels/{name}.png", "{train: a/{name}.png}", ("line 2:", "is no YAML")),
     ("labels/{name}.png", "{train: 'a/{name}.png'}", ("line 2: labels:", "the same of images and labels")),
