@@ -140,7 +140,8 @@ def derive(report: Report) -> Report:
     """Add means, intervals, gains by renders and over random ones, and the labels that they replace."""
     values = {(row["labels"], row["renders"]): miou(row["nets"]) for row in report["rows"]}
     counts = sorted({count for count, renders in values if renders == ALONE})
-    best = mean(values[counts[-1], ALONE])
+    known = counts[-1] == report["reward_images"]  # nets on all labels
+    best = mean(values[counts[-1], ALONE]) if known else None
     rows = []
     for row in report["rows"]:
         own = values[row["labels"], row["renders"]]

@@ -255,9 +255,7 @@ def text(report: Report) -> str:
         introduction(report),
         "",
         f"{_spent(report)} at {report['rewards_at']} in the space {report['space']}; {_chosen(report)}. "
-        "Intervals of methods are over searches and seeds of nets, "
-        "both drawn at random: a two-way analysis of variance with "
-        "Satterthwaite's degrees of freedom.",
+        f"{_intervals(report)}",
         *([f"All rendered sets stand beside {beside} labelled images."] if beside else []),
         "",
         *table(COLUMNS, report["rows"]),
@@ -270,6 +268,23 @@ def text(report: Report) -> str:
         *failed_evaluations(search["rewards"] for search in searches),
     ]
     return "\n".join(lines)
+
+
+def _intervals(report: Report) -> str:
+    """What the intervals are over, in words."""
+    if _many(report):
+        return (
+            "Intervals of methods are over searches and seeds of nets, both drawn at random: a two-way "
+            "analysis of variance with Satterthwaite's degrees of freedom."
+        )
+    return (
+        "Intervals are over seeds of nets; they do not hold what another search would have found."
+    )
+
+
+def _many(report: Report) -> bool:
+    """Whether a method has several searches."""
+    return max(row["searches"] or 0 for row in report["rows"]) > 1
 
 
 def _spent(report: Report) -> str:
@@ -314,7 +329,8 @@ def picture(report: Report) -> bytes:
     axis.set_yticks(range(len(rows)), list(map(_title, rows)))
     axis.invert_yaxis()
     axis.grid(axis="x", alpha=0.3)
-    told = "95 % intervals over searches and nets; strokes: searches"
+    over = "searches and nets" if _many(report) else "nets"
+    told = f"95 % intervals over {over}; strokes: searches"
     axis.set(xlabel=f"mIoU on the test images, %\n{told}")
     axis.set_title(target_of(report), fontsize=10)
     return png(figure)

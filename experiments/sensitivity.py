@@ -195,7 +195,7 @@ def summarize(records: Records) -> Report:
         for k, (i, j) in enumerate(layout.pairs, count)
     ]
     together = [part[..., count:].sum(axis=-1) for part in (found.effects, found.drawn)]
-    signal = [found.signal * part.sum(axis=-1) for part in (found.effects, found.drawn)]
+    signal = [np.array(found.signal), found.drawn_signal]
     return {
         "records": {
             "config": records.config,
@@ -239,19 +239,22 @@ def _cross_validated(
 ) -> Report:
     """R^2 on proposals that the model has not seen, over all records.
 
-    1 - sum (r - prediction)^2 / sum (r - mean)^2, with the interval of the bootstrap over records.
+    1 - sum (r - prediction)^2 / sum (r - mean)^2, with the interval of the bootstrap over proposals.
     """
     # All rewards of a proposal are in one fold, since they are alike.
     places = np.random.default_rng(DRAW_SEED).permutation(proposals.max() + 1)
     predicted = sobol.cross_validated(layout, x, rewards, places[proposals] % FOLDS)
     misfit = (rewards - predicted) ** 2
 
-    def r2(chosen: np.ndarray) -> float:
+    of = np.split(np.argsort(proposals, kind="stable"), np.cumsum(np.bincount(proposals))[:-1])
+
+    def r2(drawn: np.ndarray) -> float:
+        chosen = np.concatenate([of[k] for k in drawn])
         own = rewards[chosen]
         square = ((own - own.mean()) ** 2).sum()
         return float(1 - misfit[chosen].sum() / square) if square > 0 else np.nan
 
-    value, ci95 = bootstrap((len(rewards),), r2, DRAW_SEED)
+    value, ci95 = bootstrap((len(of),), r2, DRAW_SEED)
     error = _round(np.sqrt(misfit.mean()))
     return {"value": value, "ci95": ci95, "error": error, "folds": FOLDS}
 

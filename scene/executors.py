@@ -28,6 +28,6 @@ def workers_of(
         from scene.cluster import Cluster
     except ImportError as error:
         raise UserError(
-            f"--executor dask needs the extra dask: pip install -e '.[dask]' ({error})"
+            f"--executor dask needs the extra dask: pip install 'sdr-jax[dask]' ({error})"
         ) from None
     return Cluster(scheduler, environment)

@@ -75,7 +75,8 @@ def hold(streets: Streets, held: Mapping[str, float]) -> Streets:
 def _held(own: Component, held: Mapping[str, float]) -> Component:
     where = [list(BY_NAME).index(name) for name in held]
     if isinstance(own, Histogram):
-        return own._replace(held=tuple(sorted(zip(where, held.values(), strict=True))))
+        kept = dict(own.held) | dict(zip(where, held.values(), strict=True))
+        return own._replace(held=tuple(sorted(kept.items())))
     centre, width = (np.array(part, np.float32) for part in own)
     centre[..., where], width[..., where] = [*held.values()], 0.0
     return own._replace(centre=centre, width=width)

@@ -63,7 +63,8 @@ class AskTell:
 
     Raises:
         ValueError: n below 1.
-        UserError: the history was made with another space, method, n or seed.
+        UserError: the history has other actions or seeds than this search, as with other numbers of
+            attributes or bins, another method, n or seed. Names and widths are not in it: keep them.
     """
 
     def __init__(

@@ -15,6 +15,7 @@ from shell import files
 from shell.progress import duration
 
 NAME = "results.md"
+OVER = "Intervals of one search are over its nets; they do not hold what another search would have found."
 OTHERS = ("random", "default", "few", "real")
 """Rows of a report of searches that are no search."""
 
@@ -66,7 +67,7 @@ def text(
             continue
         lines += ["", f"## {group.title}", group.asks]
         if group.summed:
-            lines += ["", *_summary(own, out, group.averaged)]
+            lines += ["", *_summary(own, out, group.averaged), OVER, ""]
         for part in own:
             said = f"`{part.shown}`{_work([part], out)}"
             if group.summed:

@@ -28,6 +28,8 @@ STEPS = 30
 """Steps of expectation maximisation, which finds the scale of each effect and the noise."""
 SIGNAL, PAIR_SHARE = 0.5, 0.3
 """Its start: the signal's share of the variance, and the interactions' share of the signal."""
+LEAST_SIGNAL = 0.1
+"""The least signal of a draw of which effects are shares, as a share of the expected model's."""
 SHRINK = (1.0, 10.0)
 """Pseudo-weights that pull each effect's scale towards the mean of its kind: attributes, or the many pairs,
 some of which chance would favour otherwise. On the recorded rewards 10 predicts better than 1."""
@@ -72,6 +74,7 @@ class Shares(NamedTuple):
     effects: np.ndarray  # f64[effects] of the expected model: attributes, pairs; they sum to 1
     drawn: np.ndarray  # f64[draws, effects], draws from the posterior around these
     signal: float  # the whole variance
+    drawn_signal: np.ndarray  # f64[draws], in draws from the posterior
 
 
 def lay_out(attributes: int) -> Layout:
@@ -190,7 +193,11 @@ def shares(layout: Layout, expected: np.ndarray, drawn: np.ndarray) -> Shares:
     own = expected**2 @ belongs
     around = (drawn**2 - drawn.var(axis=0)) @ belongs
     signal = max(float(own.sum()), np.finfo(float).tiny)
-    return Shares(own / signal, around / signal, signal)
+    # A share is one of the same draw's signal; where that is hardly any, of the least that counts.
+    whole = around.sum(axis=1)
+    return Shares(
+        own / signal, around / np.maximum(whole, LEAST_SIGNAL * signal)[:, None], signal, whole
+    )
 
 
 def totals(layout: Layout, effects: np.ndarray) -> np.ndarray:

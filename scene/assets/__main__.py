@@ -57,6 +57,8 @@ def main(arguments: list[str] | None = None) -> int:
     chosen = FAMILIES if options.closest == "all" else (options.closest,)
 
     def work() -> None:
+        if options.pairs < 1:
+            raise ValueError(f"--pairs must be 1 or more, not {options.pairs}")
         if options.json:
             print(json.dumps(counts(), indent=2))
             return

@@ -9,7 +9,7 @@ import numpy as np
 from scene.assets.family import FOOTWAY, Family, Size
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, merge, vary
-from scene.mesh.solids import box, loft, tube
+from scene.mesh.solids import box, tube, turned
 
 WHITE: Color = (0.60, 0.60, 0.58)
 YELLOW: Color = (0.62, 0.42, 0.03)
@@ -94,15 +94,8 @@ def bollard(params: BollardParams) -> Asset:
 def _turned(
     p: BollardParams, outline: tuple[tuple[float, float], ...], color: Color, grow: float
 ) -> Asset:
-    turn = (np.arange(p.sides) + 0.5) * 2 * np.pi / p.sides
-    rings = [
-        np.column_stack([
-            grow * r * p.radius * np.cos(turn), grow * r * p.radius * np.sin(turn),
-            np.full(p.sides, z * p.height),
-        ])
-        for z, r in outline
-    ]  # fmt: skip
-    return loft(np.array(rings), color, p.material)
+    stations = [(z * p.height, grow * r * p.radius) for z, r in outline]
+    return turned(stations, color, p.material, p.sides, phase=0.5)
 
 
 def _beacon(p: BollardParams) -> Asset:

@@ -19,12 +19,12 @@ from scene.assets.parts.facade import (
     RECESS,
     Opening,
     Part,
+    Patch,
     arch,
     assemble,
     bays,
     door,
     lintel,
-    patch,
     pierced_wall,
     relief,
     side_window,
@@ -95,7 +95,7 @@ def _fill(
     if opening.glazed:
         return window(rng, opening, panes, params.curtain)
     if params.ground_floor == "decks":
-        return [patch(upright(*opening[:4], PANE), GLASS, "plain")]
+        return [Patch(upright(*opening[:4], PANE), GLASS, "plain")]
     return door(opening, params.accent)
 
 
@@ -105,7 +105,7 @@ def _facade(rng: np.random.Generator, params: BuildingParams) -> list[Part]:
     top = eaves(p)
     upper, ground = _upper_openings(p), _ground_openings(p)
     parts: list[Part] = [
-        patch(upright(-p.width / 2, p.width / 2, 0, top, RECESS), p.frame, "paint")
+        Patch(upright(-p.width / 2, p.width / 2, 0, top, RECESS), p.frame, "paint")
     ]
     parts += pierced_wall(p.width, (0, p.ground), ground, *p.ground_wall)
     parts += pierced_wall(p.width, (p.ground, top), upper, *p.wall)
@@ -162,7 +162,7 @@ def _trim(rng: np.random.Generator, params: BuildingParams) -> list[Part]:
             case "number":
                 x = columns[p.doors[0]][1] + 0.25
                 plate = upright(x - 0.1, x + 0.1, 1.6, 1.78, -PROUD)
-                parts.append(patch(plate, ornament.contrast(p.ground_wall[0]), "paint"))
+                parts.append(Patch(plate, ornament.contrast(p.ground_wall[0]), "paint"))
             case "sign":
                 x = (1, -1)[rng.integers(2)] * (half - 0.5)
                 parts += ornament.hanging_sign(x, p.ground + 0.3, p.accent)
@@ -210,11 +210,11 @@ def _sides(params: BuildingParams) -> list[Part]:
     """Back and side walls, the latter with their windows."""
     p = params
     top, half = eaves(p), p.width / 2
-    parts: list[Part] = [patch(upright(-half, half, 0, top, p.depth), *p.wall)]
+    parts: list[Part] = [Patch(upright(-half, half, 0, top, p.depth), *p.wall)]
     middles = (np.arange(p.side_windows) + 0.5) / max(p.side_windows, 1) * p.depth
     for x in (-half, half):
         corners = [(x, 0, 0), (x, p.depth, 0), (x, p.depth, top), (x, 0, top)]
-        parts.append(patch(corners, *p.wall))
+        parts.append(Patch(corners, *p.wall))
         for storey, middle in product(range(p.storeys), middles):
             low = p.ground + (storey + 0.3) * p.storey
             parts += side_window(x, middle, low, low + 0.5 * p.storey, p.frame)

@@ -67,18 +67,8 @@ MOST = 1_000_000
 """Assets of a family; indices beyond are no plausible wish."""
 
 
-def check_pool(pool: AssetPool, named: str = "asset ") -> AssetPool:
-    """The pool itself, its folder of own assets and the file of its own class by their absolute paths.
-
-    Args:
-        pool: the pool.
-        named: how the names of its fields begin in errors; on a command line, ``--asset-``.
-
-    Raises:
-        ValueError: a field out of range, by name.
-        LibraryError: the folder of own assets is wanted and not named, or cannot be used; see ``library``;
-            or the file of the own class.
-    """
+def refuse_unknown(pool: AssetPool, named: str = "asset ") -> None:
+    """Raise ValueError for a field out of range, by name, as `check_pool` does, but read no folder."""
     if pool.use not in USES:
         raise ValueError(f"{named}use {pool.use!r} is unknown; known: {', '.join(USES)}")
     if pool.overlap not in ("", *OVERLAPS):
@@ -96,6 +86,21 @@ def check_pool(pool: AssetPool, named: str = "asset ") -> AssetPool:
     for family in pool.without:
         if family not in FAMILIES:
             raise ValueError(f"{named}without: no family {family!r}; known: {', '.join(FAMILIES)}")
+
+
+def check_pool(pool: AssetPool, named: str = "asset ") -> AssetPool:
+    """The pool itself, its folder of own assets and the file of its own class by their absolute paths.
+
+    Args:
+        pool: the pool.
+        named: how the names of its fields begin in errors; on a command line, ``--asset-``.
+
+    Raises:
+        ValueError: a field out of range, by name.
+        LibraryError: the folder of own assets is wanted and not named, or cannot be used; see ``library``;
+            or the file of the own class.
+    """
+    refuse_unknown(pool, named)
     if pool.use == "own" and not pool.own:
         raise library.LibraryError(f"{named}use 'own' needs a folder of own assets")
     if pool.own:

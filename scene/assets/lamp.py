@@ -9,7 +9,7 @@ import numpy as np
 from scene.assets.family import Family, Size
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, merge, vary
-from scene.mesh.solids import box, loft, tube
+from scene.mesh.solids import box, loft, tube, turned
 
 GLOW: Color = (0.62, 0.60, 0.52)
 """Lamp glass by day."""
@@ -112,17 +112,6 @@ def _pipe(points: np.ndarray, radius: float, params: LampParams, sides: int = 6)
     return loft(np.array(rings), params.color, params.material)
 
 
-def _turned(stations: list[tuple[float, float]], y: float, color: Color, material: str,
-            sides: int = 10) -> Asset:  # fmt: skip
-    """A body of revolution around the upright at ``y``; stations are (z, radius)."""
-    turn = np.arange(sides) * 2 * np.pi / sides
-    rings = [
-        np.column_stack([r * np.cos(turn), y + r * np.sin(turn), np.full(sides, z)])
-        for z, r in stations
-    ]
-    return loft(np.array(rings), color, material)
-
-
 def _arm(p: LampParams, reach: float) -> tuple[list[Asset], float]:
     """A pipe from the column to ``reach``, and the height at its end."""
     start = p.height - p.below
@@ -170,7 +159,7 @@ def _lantern(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
         for a, b in ((1, 0), (-1, 0), (0, 1), (0, -1))
     ]  # fmt: skip
     tiers = ((0.0, 1.2 * wide), (0.12, 0.75 * wide), (0.3, 0.3 * wide), (0.38, 0.06), (0.46, 0.02))
-    roof = _turned([(eaves + at * s, r) for at, r in tiers], y, p.color, p.material, 8)
+    roof = turned([(eaves + at * s, r) for at, r in tiers], p.color, p.material, 8, at=(0.0, y))
     ladder = box((0.04, 0.7, 0.04), (0, y, z - 0.4), p.color, p.material)
     return [glass, *frame, roof, *([ladder] if not p.arms else [])]
 
@@ -179,8 +168,8 @@ def _globe(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
     r = p.head_size / 2
     level = np.linspace(-0.9, 1.0, 8) * np.pi / 2
     ball = [(z + r + r * np.sin(a), max(r * np.cos(a), 0.01)) for a in level]
-    return [_turned(ball, y, GLOW, "lamp", 12),
-            _turned([(z - 0.06, 0.07), (z + 0.06, 0.13)], y, p.color, p.material)]  # fmt: skip
+    return [turned(ball, GLOW, "lamp", 12, at=(0.0, y)),
+            turned([(z - 0.06, 0.07), (z + 0.06, 0.13)], p.color, p.material, at=(0.0, y))]  # fmt: skip
 
 
 def _bell(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
@@ -188,30 +177,33 @@ def _bell(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
     s = p.head_size
     bell = [(z - 0.62 * s, 0.5 * s), (z - 0.4 * s, 0.42 * s), (z - 0.22 * s, 0.2 * s), (z, 0.05)]
     glass = [(z - 0.85 * s, 0.05), (z - 0.76 * s, 0.26 * s), (z - 0.6 * s, 0.36 * s)]
-    return [_turned(bell, y, p.color, p.material, 12), _turned(glass, y, GLOW, "lamp", 12)]
+    return [
+        turned(bell, p.color, p.material, 12, at=(0.0, y)),
+        turned(glass, GLOW, "lamp", 12, at=(0.0, y)),
+    ]
 
 
 def _disc(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
     """A flat hat on a short clear cylinder."""
     r = p.head_size / 2
     hat = [(z + 0.3, r), (z + 0.34, r), (z + 0.42, 0.3 * r)]
-    return [_turned([(z, 0.4 * r), (z + 0.3, 0.5 * r)], y, GLOW, "lamp", 10),
-            _turned(hat, y, p.color, p.material, 14)]  # fmt: skip
+    return [turned([(z, 0.4 * r), (z + 0.3, 0.5 * r)], GLOW, "lamp", 10, at=(0.0, y)),
+            turned(hat, p.color, p.material, 14, at=(0.0, y))]  # fmt: skip
 
 
 def _louvre(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
     """Rings around a low light."""
     r, step = 1.15 * p.radius, p.head_size / 4
-    rings = [_turned([(z + k * step, r), (z + (k + 0.45) * step, r)], y, p.color, p.material)
+    rings = [turned([(z + k * step, r), (z + (k + 0.45) * step, r)], p.color, p.material, at=(0.0, y))
              for k in range(1, 5)]  # fmt: skip
-    return [_turned([(z, 0.8 * r), (z + 4 * step, 0.8 * r)], y, GLOW, "lamp"), *rings]
+    return [turned([(z, 0.8 * r), (z + 4 * step, 0.8 * r)], GLOW, "lamp", at=(0.0, y)), *rings]
 
 
 def _insulator(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
     """What holds a contact wire: a strut and two ribbed bells."""
     ribs = [(z - 0.05 * k, 0.07 if k % 2 else 0.04) for k in range(7)][::-1]
     strut = box((0.05, 0.5, 0.05), (0, y - 0.25 * side, z - 0.4), p.color, p.material)
-    return [_turned(ribs, y, (0.12, 0.05, 0.03), "paint"), strut]
+    return [turned(ribs, (0.12, 0.05, 0.03), "paint", at=(0.0, y)), strut]
 
 
 def _flood(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
@@ -230,7 +222,7 @@ def _camera(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
     boxes = [
         box((0.42, 0.14, 0.14), (-0.1, at * y, z + 0.05), white, "paint") for at in (0.35, 0.75)
     ]
-    return [_turned(dome, y, (0.03, 0.03, 0.035), "glass"), *boxes]
+    return [turned(dome, (0.03, 0.03, 0.035), "glass", at=(0.0, y)), *boxes]
 
 
 def _crossbars(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
@@ -242,13 +234,13 @@ def _crossbars(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
         parts.append(box((0.1, p.head_size, 0.12), (0.1, 0, low), p.color, "wood"))
         for at in np.array([-0.46, -0.2, 0.2, 0.46]) * p.head_size:
             bell = [(low + 0.12, 0.03), (low + 0.17, 0.05), (low + 0.25, 0.045), (low + 0.3, 0.02)]
-            parts.append(_turned(bell, float(at), (0.4, 0.4, 0.38), "paint", 6))
+            parts.append(turned(bell, (0.4, 0.4, 0.38), "paint", 6, at=(0.0, float(at))))
     return parts
 
 
 def _drop_wires(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
     """A ring of hooks and steps up both sides."""
-    ring = _turned([(z - 0.3, 0.22), (z - 0.24, 0.22)], 0, p.color, "metal", 8)
+    ring = turned([(z - 0.3, 0.22), (z - 0.24, 0.22)], p.color, "metal", 8)
     steps = [box((0.03, 0.34, 0.03), (0, 0, at), (0.1, 0.1, 0.1), "metal")
              for at in np.arange(2.6, z - 0.6, 0.45)]  # fmt: skip
     return [ring, *steps, box((0.22, 0.2, 0.3), (0.14, 0, z - 1.1), (0.03, 0.03, 0.03))]
@@ -265,14 +257,14 @@ def lamp(params: LampParams) -> Asset:
     """Build the lamp."""
     p, r = params, params.radius
     column = [(0.0, r), (0.5 * p.height, 0.82 * r), (p.height, 0.6 * r)]
-    parts = [_turned(column, 0, p.color, p.material)]
+    parts = [turned(column, p.color, p.material)]
     if p.foot:
         foot = [(0.0, 1.7 * r), (0.08, 1.7 * r), (0.12, 1.45 * r), (0.9 * p.foot, 1.4 * r),
                 (p.foot, r)]  # fmt: skip
-        parts.append(_turned(foot, 0, p.color, p.material))
+        parts.append(turned(foot, p.color, p.material))
     for z in np.linspace(p.foot, p.height, p.rings + 2)[1:-1]:
-        parts.append(_turned([(z - 0.06, 0.9 * r), (z, 1.35 * r), (z + 0.06, 0.9 * r)], 0, p.color,
-                             p.material))  # fmt: skip
+        bead = [(z - 0.06, 0.9 * r), (z, 1.35 * r), (z + 0.06, 0.9 * r)]
+        parts.append(turned(bead, p.color, p.material))
     if p.box:
         parts.append(box((0.12, 0.26, 0.42), (-r - 0.05, 0, 1.35), (0.3, 0.3, 0.29), "paint"))
     for reach in p.arms:

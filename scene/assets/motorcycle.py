@@ -18,11 +18,11 @@ from scene.assets.parts.palette import (
     darker,
     pick,
 )
-from scene.assets.parts.skin import moved, pair, slab
+from scene.assets.parts.skin import pair, slab
 from scene.assets.parts.vehicle import card, mudguard, rod
 from scene.assets.parts.wheel import Wheel, wheel
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, Point, merge
+from scene.mesh.asset import Asset, Color, Point, merge, translate
 from scene.mesh.solids import block, disc, ellipsoid, polygon, tube
 
 SADDLE: Point = (-0.18, 0.0, 0.80)
@@ -133,7 +133,7 @@ def _wheel(p: MotorcycleParams, x: float) -> Asset:
             axis=(0, 1, 0),
         ),
     )
-    return moved(pair(moved(face, y=half)), x=x)
+    return translate(pair(translate(face, (0, half, 0))), (x, 0, 0))
 
 
 def _front(p: MotorcycleParams) -> list[Asset]:

@@ -113,7 +113,7 @@ _ARMS: dict[str, tuple[Point, Point]] = {
 
 
 def sample_person(rng: np.random.Generator, kind: str) -> PersonParams:
-    """Draw a person of one of ``KINDS``: adults 1.52-1.95 m, children 0.95-1.4 m."""
+    """Draw a person of one of ``KINDS``: adults 1.46-1.95 m, children 0.95-1.4 m."""
     entry = _KINDS[kind]
     child, old = kind in ("child", "schoolchild"), kind == "elderly with stick"
     curves = float(rng.choice([0.0, 0.2, 0.85, 1.0]))

@@ -6,6 +6,7 @@ sign fits any post.
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -14,7 +15,7 @@ import numpy as np
 from scene.assets.family import Family, Size
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, merge, vary
-from scene.mesh.solids import box, loft, polygon, tube
+from scene.mesh.solids import box, polygon, tube, turned
 
 MAX_RADIUS = 0.06
 """No post is thicker (metres); plates hang just in front of x = -MAX_RADIUS."""
@@ -87,16 +88,6 @@ def sample_signpost(rng: np.random.Generator, kind: str) -> SignpostParams:
     )
 
 
-def _revolved(p: SignpostParams, stations: list[tuple[float, float]], color: Color) -> Asset:
-    """A body of revolution; stations are (z, radius)."""
-    turn = (np.arange(p.sides) + 0.5) * 2 * np.pi / p.sides
-    rings = [
-        np.column_stack([r * np.cos(turn), r * np.sin(turn), np.full(p.sides, z)])
-        for z, r in stations
-    ]
-    return loft(np.array(rings), color, p.material)
-
-
 def _bin(p: SignpostParams) -> list[Asset]:
     """A round litter bin beside the post."""
     body = tube((0.0, 0.24, 0.45), (0.0, 0.24, 1.0), 0.16, p.second_color, "paint", end_radius=0.19,
@@ -161,14 +152,8 @@ def _solar(p: SignpostParams) -> list[Asset]:
 def _beacon(p: SignpostParams) -> list[Asset]:
     """The amber globe of a crossing."""
     level = np.linspace(-0.95, 1.0, 8) * np.pi / 2
-    turn = np.arange(12) * 2 * np.pi / 12
-    rings = [
-        np.column_stack([max(0.17 * np.cos(a), 0.005) * np.cos(turn),
-                         max(0.17 * np.cos(a), 0.005) * np.sin(turn),
-                         np.full(12, p.height + 0.19 + 0.17 * np.sin(a))])
-        for a in level
-    ]  # fmt: skip
-    return [loft(np.array(rings), (0.75, 0.30, 0.02), "lamp")]
+    globe = [(p.height + 0.19 + 0.17 * np.sin(a), max(0.17 * np.cos(a), 0.005)) for a in level]
+    return [turned(globe, (0.75, 0.30, 0.02), "lamp", 12)]
 
 
 def _plate(p: SignpostParams) -> list[Asset]:
@@ -187,21 +172,22 @@ _EXTRAS = {
 def signpost(params: SignpostParams) -> Asset:
     """Build the post."""
     p = params
+    around = partial(turned, material=p.material, sides=p.sides, phase=0.5)
     edges = np.linspace(0, p.height, p.bands + 1)
     parts = [
-        _revolved(p, [(low, p.radius), (high, p.radius)], (p.color, p.second_color)[k % 2])
+        around([(low, p.radius), (high, p.radius)], (p.color, p.second_color)[k % 2])
         for k, (low, high) in enumerate(pairwise(edges))
     ]
     r, top = p.radius, p.height
     if p.cap == "ball":
         ball = [(top - 0.02 + 0.07 * k, b * r) for k, b in enumerate((1.0, 0.5, 1.15, 1.15, 0.3))]
-        parts.append(_revolved(p, [(min(z, MAX_HEIGHT), b) for z, b in ball], p.second_color))
+        parts.append(around([(min(z, MAX_HEIGHT), b) for z, b in ball], p.second_color))
     elif p.cap == "point":
         tip = [(top - 0.12, 1.1 * r), (top - 0.08, 1.1 * r), (top, 0.1 * r)]
-        parts.append(_revolved(p, tip, p.color))
+        parts.append(around(tip, p.color))
     for z in np.linspace(0.25, 0.95, p.rings + 2)[1:-1] * top:
         ring = [(z - 0.05, r), (z, 1.15 * r), (z + 0.05, r)]
-        parts.append(_revolved(p, ring, p.second_color))
+        parts.append(around(ring, p.second_color))
     if p.foot:
         foot = [
             (0.0, 1.9 * r),
@@ -210,7 +196,7 @@ def signpost(params: SignpostParams) -> Asset:
             (0.85 * p.foot, 1.4 * r),
             (p.foot, r),
         ]
-        parts.append(_revolved(p, foot, p.color))
+        parts.append(around(foot, p.color))
     return merge(*parts, *(_EXTRAS[p.extra](p) if p.extra else ()))
 
 

@@ -9,7 +9,7 @@ from scene.assets.parts.palette import darker
 from scene.assets.parts.wall_faces import FACES, RELIEF, TOPS, WallParams
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, merge, rotate, solid, translate, vary
-from scene.mesh.solids import box, extrude, loft
+from scene.mesh.solids import box, extrude, turned
 
 BRICK: Color = (0.17, 0.085, 0.06)
 YELLOW_BRICK: Color = (0.27, 0.22, 0.15)
@@ -96,12 +96,9 @@ def _piers(p: WallParams) -> list[Asset]:
         parts.append(box((0.36, p.thickness + 0.2, high), (x, y, 0), p.color, p.material))
         parts.append(box((0.46, p.thickness + 0.29, 0.08), (x, y, high), p.second, "concrete"))
         if p.ball:
-            level, turn = np.linspace(-1.2, np.pi / 2, 6), np.arange(10) * np.pi / 5
-            rings = [np.column_stack([x + max(0.15 * np.cos(a), 0.004) * np.cos(turn),
-                                      y + max(0.15 * np.cos(a), 0.004) * np.sin(turn),
-                                      np.full(10, high + 0.21 + 0.15 * np.sin(a))])
-                     for a in level]  # fmt: skip
-            parts.append(loft(np.array(rings), p.second, "concrete"))
+            globe = [(high + 0.21 + 0.15 * np.sin(a), max(0.15 * np.cos(a), 0.004))
+                     for a in np.linspace(-1.2, np.pi / 2, 6)]  # fmt: skip
+            parts.append(turned(globe, p.second, "concrete", at=(x, y)))
     return parts
 
 

@@ -59,7 +59,7 @@ def transform(asset: Asset, matrix: np.ndarray) -> Asset:
     return reshaped(asset, asset.mesh.vertices @ matrix[:3, :3].T + matrix[:3, 3])
 
 
-def translate(asset: Asset, offset: Point) -> Asset:
+def translate(asset: Asset, offset: Point | np.ndarray) -> Asset:
     """The asset moved by ``offset`` metres."""
     return reshaped(asset, asset.mesh.vertices + offset)
 

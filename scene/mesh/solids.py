@@ -191,6 +191,33 @@ def loft(
     return solid(vertices, faces[twice_areas(vertices, faces) > 2e-9], color, material)
 
 
+def turned(
+    stations: Sequence[tuple[float, float]],
+    color: Color,
+    material: str,
+    sides: int = 10,
+    *,
+    at: tuple[float, float] = (0.0, 0.0),
+    phase: float = 0.0,
+) -> Asset:
+    """A body of revolution around the upright at ``at`` (x, y).
+
+    Args:
+        stations: (z, radius) from one end to the other.
+        color: linear RGB.
+        material: name of its material.
+        sides: corners of each ring.
+        at: place of the upright.
+        phase: by how much of a side the first corner is turned from the x axis.
+    """
+    turn = (np.arange(sides) + phase) * 2 * np.pi / sides
+    rings = [
+        np.column_stack([at[0] + r * np.cos(turn), at[1] + r * np.sin(turn), np.full(sides, z)])
+        for z, r in stations
+    ]
+    return loft(np.array(rings), color, material)
+
+
 @lru_cache
 def loft_faces(count: int, points: int, closed: bool = True, caps: bool = True) -> np.ndarray:
     """Triangles over ``count`` sections: [band, side, 2], then both ends (read-only)."""

@@ -36,7 +36,7 @@ FORMATS = (".png", ".jpg", ".jpeg")
 JPEG = (cv2.IMWRITE_JPEG_QUALITY, 75, cv2.IMWRITE_JPEG_PROGRESSIVE, 1, cv2.IMWRITE_JPEG_OPTIMIZE, 1)
 """Options that keep a page small; at twice its size it looks like its PNG."""
 MOST = 400
-"""Pictures on one page."""
+"""The most of each number that a page is asked for."""
 SIZES = {"streets": (320, 240), "sweep": (320, 160), "sweep all": (224, 112), "theme": (480, 360),
          "theme all": (480, 360), "asset": (240, 180), "asset all": (200, 140)}  # fmt: skip
 """Pixels of each picture where --size does not say; themes are shown at two thirds of it."""

@@ -12,11 +12,12 @@ from scene.street.street import sample_street
 
 def contact_sheet(rows: np.ndarray, seed: int, shots: int, studio: Studio) -> np.ndarray:
     """One row of pictures, labels and depths for each street of unit attributes, u8[h, w, 3] RGB."""
-    streets = [
-        render_street(unit, seed, k, shots, studio.settings, studio.renderer, studio.pool)
-        for k, unit in enumerate(rows)
-    ]
-    return np.concatenate([np.concatenate([tile(f) for f in row], axis=1) for row in streets])
+
+    def row(k: int) -> np.ndarray:
+        own = render_street(rows[k], seed, k, shots, studio.settings, studio.renderer, studio.pool)
+        return np.concatenate([tile(frame) for frame in own], axis=1)
+
+    return np.concatenate([row(k) for k in range(len(rows))])
 
 
 def sweep(name: str, steps: int, seed: int, studio: Studio) -> np.ndarray:

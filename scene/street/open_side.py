@@ -55,14 +55,15 @@ def open_side(plot: Plot, side: float, rng: np.random.Generator) -> None:
                 plot.street.pool, "land", ("ploughed", "crop", "stubble", "meadow"), rng
             )
             carpet(plot, "land", ref, (SPAN[0], 190.0), (edge + 1.0, REACH), side)
-            run(plot, "bush", _draw(plot, "bush", HEDGES, rng), side * REACH, SPAN, [])
+            run(
+                plot,
+                "bush",
+                draw_kind(plot.street.pool, "bush", HEDGES, rng),
+                side * REACH,
+                SPAN,
+                [],
+            )
     _trees(plot, side, (edge + 1.5, REACH), AREA[kind], rng)
-
-
-def _draw(
-    plot: Plot, family: str, kinds: tuple[str, ...], rng: np.random.Generator
-) -> int | str | None:
-    return draw_kind(plot.street.pool, family, kinds, rng)
 
 
 def _boundary(plot: Plot, side: float, edge: float, share: float, rng: np.random.Generator) -> None:
@@ -70,7 +71,7 @@ def _boundary(plot: Plot, side: float, edge: float, share: float, rng: np.random
     family, kinds = (("fence", RAILINGS), ("wall", LOW_WALLS), ("bush", HEDGES))[
         int(rng.choice(3, p=[0.55, 0.2, 0.25]))
     ]
-    ref = _draw(plot, family, kinds, rng)
+    ref = draw_kind(plot.street.pool, family, kinds, rng)
     gates = [(x, x + 2.5) for x in rng.uniform(*SPAN, 4).tolist()]
     if rng.random() < share:
         run(plot, family, ref, side * edge, SPAN, [*kept_free(plot.ground, side), *gates])
@@ -78,7 +79,8 @@ def _boundary(plot: Plot, side: float, edge: float, share: float, rng: np.random
 
 def _paths(plot: Plot, side: float, rng: np.random.Generator) -> None:
     """One path beside the road, and some that lead away from it."""
-    ref = _draw(plot, "paving", ("asphalt path", "gravel path", "slab path", "brick path"), rng)
+    kinds = ("asphalt path", "gravel path", "slab path", "brick path")
+    ref = draw_kind(plot.street.pool, "paving", kinds, rng)
     along = plot.ground.outer + float(rng.uniform(4, 14))
     if rng.random() < 0.6:
         carpet(plot, "paving", ref, (SPAN[0], 100.0), (along, along + 0.5), side)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.assets.catalogue import AssetPool, chosen, in_season
+from scene.assets.catalogue import AssetPool, chosen, in_season, refuse_unknown
 from scene.assets.library import snapshot
 from scene.attributes import StreetParams
 from scene.ground.arms import with_junction
@@ -56,8 +56,12 @@ def sample_street(
         shots: number of shots.
         pool: assets that it may draw from; None: the whole catalogue.
         mix: probabilities of ingredients without an attribute; None: ``extras.MIX``.
+
+    Raises:
+        ValueError: a field of the pool out of range, by name.
     """
     pool = pool or AssetPool()
+    refuse_unknown(pool)
     pool = pool.called(snapshot)  # once for all objects of the street
     rng = stream(seed, "street")
     sky = sample_sky(

@@ -129,12 +129,15 @@ def predicted(
     noise: Float[Array, ""],
     x: Float[Array, "n features"],
 ) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
-    """Mean and standard deviation of one reward of each row of features; `noise` is a variance."""
+    """Mean and standard deviation of one reward of each row of features; `noise` is a variance.
+
+    The deviation holds that of the mean reward, too, whose prior is flat.
+    """
     count = jnp.maximum(statistics.seen, 1)
     off = x - (statistics.sums / count)[None, :]
     mean = statistics.offset + statistics.total / count + off @ belief.mean
     whitened = solve_triangular(belief.factor, (off * belief.scale[None, :]).T, lower=True)
-    return mean, jnp.sqrt((whitened**2).sum(axis=0) + noise)
+    return mean, jnp.sqrt((whitened**2).sum(axis=0) + noise * (1 + 1 / count))
 
 
 def covariance(belief: Posterior) -> Float[Array, "features features"]:

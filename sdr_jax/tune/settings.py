@@ -249,4 +249,11 @@ def _with_options(reader: _Reader, settings: Settings, options: Any) -> Settings
                 f"updates_per_group = {per_group} takes {count} groups x {per_group} updates x "
                 f"{settings.datasets_per_update} = {count * per_group * settings.datasets_per_update}"
             )
+        if updates <= per_group * (count - 1):
+            least = count * settings.datasets_per_update
+            raise UserError(
+                f"{reader.at('evaluations')} is {settings.evaluations}, with which sdr never comes to the "
+                f"last of {count} groups; take {settings.evaluations // least * least or least}, or set "
+                "method_options: updates_per_group"
+            )
     return replace(settings, method_options=checked)

@@ -54,6 +54,7 @@ def test_labels_that_renders_are_worth_by_hand():
     assert "alone are worth 10 labelled images" in text
     assert "| 14 | hand-set attributes | 34.0 |" in text and "+4.0" in text
     beyond = report({7: 20, 14: 30}, {0: 5, 14: 40})
+    assert beyond["rows"][0]["of_all"] is None  # of the 28 labels that there are, no net has all
     ends = [(end["labels"], end["bound"]) for end in beyond["worth"]]
     assert ends == [(7, "at most"), (14, "at least")]
     assert [end["ci95"] for end in beyond["worth"]] == [[None, 7], [14, None]]

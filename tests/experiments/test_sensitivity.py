@@ -86,6 +86,9 @@ def test_shares_by_hand_and_draws_of_what_is_not_there_lie_around_zero():
     found = model.shares(layout, expected, drawn)
     np.testing.assert_allclose(found.drawn.mean(axis=0), found.effects, atol=0.01)
     assert (np.quantile(found.drawn, 0.025, axis=0)[1:] < 0).all()
+    # Shares are of the same draw's signal, so that what is sure to be all of it is all of it.
+    np.testing.assert_allclose(found.drawn.sum(axis=1), 1)
+    assert np.std(found.drawn_signal) > 0.1
 
 
 @settings(max_examples=5)

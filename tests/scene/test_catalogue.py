@@ -14,10 +14,14 @@ from scene.assets.catalogue import AssetPool, asset, bounds, check_pool, in_seas
 from scene.assets.families import FAMILIES
 from scene.assets.library import LibraryError
 from scene.assets.likeness import closest, looks
+from scene.attributes import default_unit, street_params
 from scene.classes import CLASS_NAMES
 from scene.mesh.solids import box
 from scene.render.geometry import asset_shape
+from scene.street.street import sample_street
 from tests.scene.conftest import refused, street
+
+HAND_SET = street_params(default_unit())
 
 WANTED = {"person": 200, "car": 195, "building": 106, "truck": 39, "traffic sign": 40, "bus": 28,
           "rider": 30}  # fmt: skip
@@ -139,6 +143,7 @@ def test_a_draw_takes_one_number_whatever_is_there(pool, folder):
     (lambda: check_pool(AssetPool(first=-1)), "the first asset must be 0 or more"),
     (lambda: check_pool(AssetPool(size=0)), "asset count must be 1 or more, not 0"),
     (lambda: check_pool(AssetPool(use="own")), "needs a folder"),
+    (lambda: sample_street(HAND_SET, 0, 1, AssetPool(overlap="avoids")), "overlap 'avoids'"),
     (lambda: asset("boat", 0), "unknown asset family 'boat'; known: "),
     (lambda: asset("car", -1), "asset index of car must be 0 or more, not -1"),
 ])  # fmt: skip
@@ -154,3 +159,4 @@ def test_the_catalogue_and_the_closest_pairs_are_printed(printed, refusal):
     lines = printed(main, "--closest", "train", "--pairs", 2).splitlines()
     assert lines[0].startswith("train: 8 assets; ") and len(lines) == 3
     assert "no assets of class 'boat'; known: building" in refusal(main, "--closest", "boat")
+    assert "--pairs must be 1 or more, not -3" in refusal(main, "--closest", "bus", "--pairs", -3)

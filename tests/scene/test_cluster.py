@@ -85,7 +85,7 @@ def test_what_cannot_be_reached_is_one_error(asked, complaint, monkeypatch):
 
 def test_without_the_extra_it_says_what_to_install(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "scene.cluster", None)
-    with pytest.raises(UserError, match=r"needs the extra dask: pip install -e '\.\[dask\]'"):
+    with pytest.raises(UserError, match=r"needs the extra dask: pip install 'sdr-jax\[dask\]'"):
         workers_of("dask", 1, "tcp://127.0.0.1:9")
 
 

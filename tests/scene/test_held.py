@@ -48,6 +48,9 @@ def test_what_is_held_stands_in_every_street_and_all_else_is_as_it_was(seed, nam
     )
     again = parse_streets(describe(own))  # as attributes.json has it
     np.testing.assert_array_equal(draw(again, seed, 6), drawn)
+    other = next(a.name for a in SPACES["extended"] if a.name != attribute.name)
+    more = draw(hold(own, {other: 0.25}), seed, 6)  # what was held stays so
+    np.testing.assert_array_equal(more[:, where], drawn[:, where])
 
 
 def test_the_camera_is_where_it_is_held():

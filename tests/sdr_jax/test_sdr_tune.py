@@ -363,6 +363,7 @@ def test_the_folder_of_another_run_is_refused(runs, change, field) -> None:
     ("evaluations = 0\n" + TWO, "evaluations is 0, but must be at least 1"),
     ("relaxation = 2\n" + TWO, "relaxation is 2, but must lie in [0, 1]"),
     (SDR + "updates_per_group = 2", "evaluations is 40, but sdr with updates_per_group = 2 takes"),
+    (SDR + "updates_per_group = 5", "never comes to the last of 2 groups; take 32 or 16"),
     (GAUSSIAN + "speed = 1", "option of gaussian 'speed' is"),
     (GAUSSIAN + "std = 'x'", "std is 'x', but must be a"),
     (GAUSSIAN + "std = -7", "method gaussian: std is -7"),

@@ -6,9 +6,9 @@ import numpy as np
 
 from scene.assets.parts.lorry import WHITE, TruckParams, bed, floor, sign
 from scene.assets.parts.palette import AMBER, BLACK, STEEL, TAILLAMP, TRIM, darker
-from scene.assets.parts.skin import moved, pair, revolve
+from scene.assets.parts.skin import pair, revolve
 from scene.assets.parts.vehicle import lettering, panel, walls
-from scene.mesh.asset import Asset, Color, repaint, reshaped
+from scene.mesh.asset import Asset, Color, repaint, reshaped, translate
 from scene.mesh.solids import block, loft, polygon, tube
 
 _GRAVEL: Color = (0.16, 0.13, 0.10)
@@ -248,7 +248,7 @@ def mixer(p: TruckParams) -> list[Asset]:
         (rear - 0.1, 0.2, 1.2),
     ]
     return [
-        moved(reshaped(drum, turned), x, 0, low + radius + 0.25),
+        translate(reshaped(drum, turned), (x, 0, low + radius + 0.25)),
         block((x + 0.32 * length, -0.5, low), (x + 0.42 * length, 0.5, low + 1.1), p.cab),
         pair(tube((rear + 0.7, 0.8, low), (rear + 0.5, 0.3, p.height - 0.4), 0.06, p.cab, "metal")),
         loft([np.array(chute), np.array(chute) - [0, 0, 0.06]], STEEL, "metal"),

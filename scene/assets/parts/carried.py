@@ -31,13 +31,6 @@ def _pillow(size: Point, base: Point, color: Color, bulge: float = 0.75) -> Asse
     return skin(np.array(rings) + np.array(base), color)
 
 
-def _turned(asset: Asset, pose: Pose, origin: np.ndarray) -> Asset:
-    """The asset in the frame of the back: z along the spine, from ``origin``."""
-    leaned = rotate(asset, pose.lean, (0, 1, 0))
-    x, y, z = origin
-    return translate(leaned, (float(x), float(y), float(z)))
-
-
 def backpack(body: Body, pose: Pose, color: Color, size: float = 1.0) -> Asset:
     """A bag on the back with two straps over the shoulders."""
     h, (up, forward) = body.height, spine(pose)
@@ -46,7 +39,7 @@ def backpack(body: Body, pose: Pose, color: Color, size: float = 1.0) -> Asset:
                   (-deep - 0.045 * h * size, 0, 0.055 * h), color)  # fmt: skip
     pocket = _pillow((0.05 * h * size, 0.12 * h, 0.10 * h),
                      (-deep - 0.10 * h * size, 0, 0.07 * h), darker(color, 0.7))  # fmt: skip
-    parts = [_turned(merge(bag, pocket), pose, np.array(pose.hip))]
+    parts = [translate(rotate(merge(bag, pocket), pose.lean, (0, 1, 0)), pose.hip)]
     hip = np.array(pose.hip)
     for side in (0.055, -0.055):
         y = np.array([0, side * h, 0])
@@ -99,8 +92,7 @@ def _suitcase(body: Body, pose: Pose, color: Color) -> Asset:
     )
     reach = hand - foot
     tilt = float(np.arctan2(reach[0], max(reach[2] + 0.02 * h, 0.1)))
-    x, y, z = foot
-    return translate(rotate(case, tilt, (0, 1, 0)), (float(x), float(y), float(z)))
+    return translate(rotate(case, tilt, (0, 1, 0)), foot)
 
 
 def _umbrella(hand: np.ndarray, body: Body, color: Color, second: Color) -> Asset:

@@ -41,19 +41,17 @@ class Opening(NamedTuple):
 
 
 class Patch(NamedTuple):
-    """A flat four-cornered face: hundreds of them are quicker to put together at once."""
+    """A flat four-cornered face, corners in order around its edge.
+
+    Hundreds of them are quicker to put together at once.
+    """
 
     corners: list[Point]
     color: Color
-    material: str
+    material: str = "plain"
 
 
 Part = Asset | Patch
-
-
-def patch(corners: list[Point], color: Color, material: str = "plain") -> Patch:
-    """A flat four-cornered face, corners in order around its edge."""
-    return Patch(corners, color, material)
 
 
 def assemble(parts: Sequence[Part]) -> Asset:
@@ -110,7 +108,7 @@ def pierced_wall(
         bounds = [low, *(z for o in column for z in (o.low, o.high)), high]
         gaps = zip(bounds[::2], bounds[1::2], strict=True)
         areas += [(column[0].left, column[0].right, a, b) for a, b in gaps]
-    wall: list[Part] = [patch(upright(*area, 0), color, material) for area in areas]
+    wall: list[Part] = [Patch(upright(*area, 0), color, material) for area in areas]
     return wall + [r for column in columns for o in column for r in _reveals(o, color, material)]
 
 
@@ -123,7 +121,7 @@ def _reveals(opening: Opening, color: Color, material: str) -> list[Part]:
     ends = [
         [(left, 0, z), (right, 0, z), (right, RECESS, z), (left, RECESS, z)] for z in (low, high)
     ]
-    return [patch(corners, color, material) for corners in sides + ends]
+    return [Patch(corners, color, material) for corners in sides + ends]
 
 
 def arch(opening: Opening, color: Color, material: str, *, pointed: bool) -> list[Part]:
@@ -180,7 +178,7 @@ def window(
                 below, above = (curtain, glass) if look == "nets" else (glass, curtain)
                 areas = [(*x, z[0], at, below), (*x, at, z[1], above)]
             parts += [
-                patch(upright(a, b, c, d, PANE), color, "glass")
+                Patch(upright(a, b, c, d, PANE), color, "glass")
                 for a, b, c, d, color in areas
                 if b > a + 1e-6 and d > c + 1e-6
             ]
@@ -192,13 +190,13 @@ def door(opening: Opening, color: Color) -> list[Part]:
     left, right, low, high, _ = opening
     head = min(high, low + 2.15)
     inset, middle = 0.18 * (right - left), (low + head) / 2
-    parts: list[Part] = [patch(upright(left, right, low, head, PANE), color, "paint")]
+    parts: list[Part] = [Patch(upright(left, right, low, head, PANE), color, "paint")]
     for z0, z1 in ((low + 0.2, middle - 0.08), (middle + 0.08, head - 0.2)):
         panel = upright(left + inset, right - inset, z0, z1, PANE - PROUD)
-        parts.append(patch(panel, (0.6 * color[0], 0.6 * color[1], 0.6 * color[2]), "paint"))
+        parts.append(Patch(panel, (0.6 * color[0], 0.6 * color[1], 0.6 * color[2]), "paint"))
     if high - head > 0.2:
         light = upright(left + 0.05, right - 0.05, head + 0.06, high - 0.05, PANE)
-        parts.append(patch(light, GLASS, "glass"))
+        parts.append(Patch(light, GLASS, "glass"))
     if low > 0.05:
         step = relief((left - 0.15, -0.35, 0), (right + 0.15, 0.05, low), (0.30, 0.28, 0.25),
                      "concrete")  # fmt: skip
@@ -210,14 +208,14 @@ def sill(opening: Opening, color: Color) -> list[Part]:
     """A sill below a window: its front and its top."""
     left, right, low = opening.left - 0.08, opening.right + 0.08, opening.low
     top = [(left, 0, low), (right, 0, low), (right, -SILL, low), (left, -SILL, low)]
-    return [patch(upright(left, right, low - 0.11, low, -SILL), color, "plaster"),
-            patch(top, color, "plaster")]  # fmt: skip
+    return [Patch(upright(left, right, low - 0.11, low, -SILL), color, "plaster"),
+            Patch(top, color, "plaster")]  # fmt: skip
 
 
 def lintel(opening: Opening, color: Color) -> Part:
     """A band of stone over an opening."""
     left, right, high = opening.left - 0.12, opening.right + 0.12, opening.high
-    return patch(upright(left, right, high, high + 0.2, -PROUD), color, "plaster")
+    return Patch(upright(left, right, high, high + 0.2, -PROUD), color, "plaster")
 
 
 def side_window(x: float, middle: float, low: float, high: float, frame: Color) -> list[Part]:
@@ -225,7 +223,7 @@ def side_window(x: float, middle: float, low: float, high: float, frame: Color) 
     side = 1 if x > 0 else -1
     layers = ((PROUD, 0.55, 0.0, frame, "paint"), (2 * PROUD, 0.45, 0.1, GLASS, "glass"))
     return [
-        patch(
+        Patch(
             [(x + side * off, middle + s * half, z) for s, z in
              ((-1, low + margin), (1, low + margin), (1, high - margin), (-1, high - margin))],
             color, material,

@@ -9,7 +9,8 @@ import numpy as np
 
 from scene.assets.parts.human import NECK, TORSO, Body, Outfit, Pose, limb, skin, spine
 from scene.assets.parts.palette import BLACK, GLASS, darker
-from scene.mesh.asset import Asset, Color, Point, merge, repaint, solid, translate
+from scene.assets.parts.skin import sheet
+from scene.mesh.asset import Asset, Color, merge, repaint, solid, translate
 from scene.mesh.mesh import Mesh, cross, frozen
 from scene.mesh.solids import ellipsoid
 
@@ -113,11 +114,7 @@ def _hair(outfit: Outfit) -> list[Asset]:
                              np.full(len(turn), z)])
             for k, (s, z) in enumerate(zip(spread, levels, strict=True))
         ])  # fmt: skip
-        i = np.arange(10)
-        first = 11 * np.arange(4)[:, None]
-        a = first + i
-        faces = np.stack([a, a + 1, a + 12, a, a + 12, a + 11], -1).reshape(-1, 3)
-        parts.append(solid(curtain.reshape(-1, 3), faces, color, "cloth"))
+        parts.append(sheet(curtain, color, "cloth"))
     if do == "ponytail":
         tail = [(-1.0, 0, 0.45), (-1.5, 0, 0.35), (-1.62, 0, -0.5), (-1.45, 0, -1.5)]
         parts.append(limb(np.array(tail), [0.2, 0.3, 0.34, 0.08], color, "cloth", 6))
@@ -203,7 +200,7 @@ def head(body: Body, outfit: Outfit, pose: Pose) -> Asset:
     yaw = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
     scaled = whole.mesh.vertices * SIZE * h * body.head @ (pitch @ yaw).T
     placed = solid(scaled, whole.mesh.faces, BLACK, "plain")
-    placed = translate(placed._replace(color=whole.color, material=whole.material), _point(centre))
+    placed = translate(placed._replace(color=whole.color, material=whole.material), centre)
     wide = 0.031 * h * body.girth**0.4
     throat = limb([base - 0.01 * h * up, centre - 0.3 * SIZE[2] * h * neck],
                   [1.15 * wide, 0.95 * wide], outfit.skin, "skin", 10)  # fmt: skip
@@ -212,8 +209,3 @@ def head(body: Body, outfit: Outfit, pose: Pose) -> Asset:
     points = np.array([base - 0.02 * h * up, base + 0.02 * h * neck, base + 0.055 * h * neck])
     scarf = limb(points, [0.052 * h, 0.056 * h, 0.046 * h], outfit.collar, "cloth", 10)
     return merge(placed, throat, scarf)
-
-
-def _point(values: np.ndarray) -> Point:
-    x, y, z = values
-    return float(x), float(y), float(z)

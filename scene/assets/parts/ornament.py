@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from scene.assets.parts.facade import GLASS, PROUD, Part, bays, patch, relief, upright
+from scene.assets.parts.facade import GLASS, PROUD, Part, Patch, bays, relief, upright
 from scene.mesh.asset import Color, Point
 from scene.mesh.solids import block, disc, polygon, tube
 
@@ -45,7 +45,7 @@ def lettering(
             strokes = [(x, x + stroke, low, high)] * left + [(b, x + wide, low, high)] * right
             for z in (low, (low + high - stroke) / 2, high - stroke):
                 strokes += [(a, b, z, z + stroke)] * int(rng.random() < 0.6)
-            parts += [patch(upright(*s, y), color, "paint") for s in strokes]
+            parts += [Patch(upright(*s, y), color, "paint") for s in strokes]
         x += 1.3 * wide
     return parts
 
@@ -86,15 +86,15 @@ def shop_front(
                 tall, foot = rng.uniform(0.3, 0.8), rng.uniform(0.65, 1.1)
                 goods = tuple(float(v) for v in rng.uniform(0.08, 0.7, 3))
                 corners = upright(float(x), float(x) + 0.42, float(foot), float(foot + tall), 0.05)
-                parts.append(patch(corners, (goods[0], goods[1], goods[2]), "paint"))
+                parts.append(Patch(corners, (goods[0], goods[1], goods[2]), "paint"))
     if awning:
         edges = np.linspace(-0.46 * width, 0.46 * width, 13)
         edge, front = 0.64 * ground, -BOARD - 0.1
         for k, (a, b) in enumerate(pairwise(edges)):
             tone = (stripe, board)[k % 2]
             slope = [(a, -awning, edge), (b, -awning, edge), (b, front, low), (a, front, low)]
-            parts.append(patch(slope, tone, "cloth"))
-            parts.append(patch(upright(a, b, edge - 0.2, edge, -awning), tone, "cloth"))
+            parts.append(Patch(slope, tone, "cloth"))
+            parts.append(Patch(upright(a, b, edge - 0.2, edge, -awning), tone, "cloth"))
     return parts
 
 
@@ -103,7 +103,7 @@ def hanging_sign(x: float, base: float, color: Color) -> list[Part]:
     out = BAY_DEPTH + 0.3
     board = block((x - 0.04, -out, base), (x + 0.04, -0.25, base + 0.85), color, "paint")
     picture = [
-        patch([(x + s * 0.07, y, z) for y, z in ((-out + 0.1, base + 0.2), (-0.35, base + 0.2),
+        Patch([(x + s * 0.07, y, z) for y, z in ((-out + 0.1, base + 0.2), (-0.35, base + 0.2),
               (-0.35, base + 0.65), (-out + 0.1, base + 0.65))], contrast(color), "paint")
         for s in (-1, 1)
     ]  # fmt: skip
@@ -139,15 +139,15 @@ def bay_window(
             ]
             return [(*foot[0], low), (*foot[1], low), (*foot[1], high), (*foot[0], high)]
 
-        parts.append(patch(facet(0, 1, 0, sill, 0), *wall))
-        parts.append(patch(facet(0, 1, sill, top, 0), frame, "paint"))
+        parts.append(Patch(facet(0, 1, 0, sill, 0), *wall))
+        parts.append(Patch(facet(0, 1, sill, top, 0), frame, "paint"))
         panes = max(1, round(length / 0.7))
         for k in range(panes):
             a, b = (k + 0.09) / panes, (k + 0.91) / panes
-            parts.append(patch(facet(a, b, sill + 0.1, head, 1), GLASS, "glass"))
+            parts.append(Patch(facet(a, b, sill + 0.1, head, 1), GLASS, "glass"))
     lid = [(x, y * 1.15, top) for x, y in plan]
     ridge = [(left + cant, -0.02, top + 0.45), (right - cant, -0.02, top + 0.45)]
-    parts.append(patch([lid[1], lid[2], ridge[1], ridge[0]], roof, "roof"))
+    parts.append(Patch([lid[1], lid[2], ridge[1], ridge[0]], roof, "roof"))
     parts.append(polygon([lid[0], lid[1], ridge[0]], roof, "roof"))
     return [*parts, polygon([lid[2], lid[3], ridge[1]], roof, "roof")]
 
@@ -159,11 +159,11 @@ def balcony(span: tuple[float, float], floor: float, frame: Color, accent: Color
     slab = relief((left, -out, floor - 0.07), (right, 0.05, floor + 0.07), frame, "concrete")
     rail = relief((left, -out, floor + 0.98), (right, -out + 0.05, floor + 1.04), accent, "metal")
     bars = [
-        patch(upright(x, x + 0.035, floor + 0.07, floor + 0.98, -out + 0.025), accent, "metal")
+        Patch(upright(x, x + 0.035, floor + 0.07, floor + 0.98, -out + 0.025), accent, "metal")
         for x in np.arange(left + 0.02, right - 0.05, 0.16).tolist()
     ]
     ends = [
-        patch([(x, 0, floor + 0.1), (x, -out, floor + 0.1), (x, -out, floor + 1), (x, 0, floor + 1)],
+        Patch([(x, 0, floor + 0.1), (x, -out, floor + 0.1), (x, -out, floor + 1), (x, 0, floor + 1)],
              accent, "metal")
         for x in span
     ]  # fmt: skip
@@ -187,7 +187,7 @@ def quoins(width: float, levels: tuple[float, float], color: Color) -> list[Part
     low, high = levels
     rows = np.arange(low, high - 0.3, 0.36)
     return [
-        patch(
+        Patch(
             upright(min(a, b), max(a, b), float(z) + 0.02, float(z) + 0.34, -PROUD),
             color,
             "plaster",
@@ -205,7 +205,7 @@ def timbers(
     half = width / 2
     beams = [band((-half, half), STRING, z - 0.1, 0.2, color) for z in levels]
     posts = [
-        patch(upright(x - 0.09, x + 0.09, levels[0], levels[-1], -PROUD), color, "wood")
+        Patch(upright(x - 0.09, x + 0.09, levels[0], levels[-1], -PROUD), color, "wood")
         for left, right in columns
         for x in (left - 0.14, right + 0.14)
     ]
@@ -229,5 +229,5 @@ def turret(
             (a, b), (c, d) = at - side, at + side
             corners = [(a, b, floor + 0.8), (c, d, floor + 0.8), (c, d, floor + 2.2),
                        (a, b, floor + 2.2)]  # fmt: skip
-            panes.append(patch(corners, GLASS, "glass"))
+            panes.append(Patch(corners, GLASS, "glass"))
     return [shaft, cap, *panes]

@@ -18,10 +18,10 @@ from scene.assets.parts.palette import (
     TRIM,
     pick,
 )
-from scene.assets.parts.skin import moved, pair, twin_sheets
+from scene.assets.parts.skin import pair, twin_sheets
 from scene.assets.parts.vehicle import card
 from scene.assets.parts.wheel import Wheel, wheel
-from scene.mesh.asset import Asset, Color, merge
+from scene.mesh.asset import Asset, Color, merge, translate
 from scene.mesh.solids import block, ellipsoid, loft, polygon, tube
 
 _PAINTS: tuple[tuple[Color, Color], ...] = (
@@ -60,8 +60,8 @@ def rickshaw(r: Rickshaw) -> Asset:
     nose, tail, half = r.length / 2, -r.length / 2, r.width / 2
     front, rear = nose - 0.3, tail + 0.45
     one = Wheel(0.22, 0.1, "steel", 8, 0.55, STEEL, 0.3)
-    beside = moved(wheel(one), x=rear, y=half - 0.03)
-    middle = moved(wheel(one), x=front, y=0.05)
+    beside = translate(wheel(one), (rear, half - 0.03, 0))
+    middle = translate(wheel(one), (front, 0.05, 0))
     parts = [pair(beside), pair(middle), *_tub(r), *_hood(r), *_front(r), *_driver(r)]
     for y in (half - 0.16, 0.16 - half):
         parts.append(card((tail - 0.012, y, 0.62), 0.12, 0.1, TAILLAMP, "lamp"))

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from scene.look.materials import material_id
-from scene.mesh.asset import Asset, Color, merge, reshaped, solid
+from scene.mesh.asset import Asset, Color, merge, solid
 from scene.mesh.mesh import Mesh, frozen, twice_areas
 from scene.mesh.solids import loft
 
@@ -76,11 +76,6 @@ _MIRROR = np.array([1.0, -1.0, 1.0])
 def pair(asset: Asset) -> Asset:
     """The asset and its mirror image."""
     return merge(asset, mirrored(asset))
-
-
-def moved(asset: Asset, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Asset:
-    """The asset shifted."""
-    return reshaped(asset, asset.mesh.vertices + (x, y, z))
 
 
 def revolve(

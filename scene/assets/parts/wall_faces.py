@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.mesh.asset import Asset, Color, solid, vary
-from scene.mesh.solids import box, loft, polygon, tube
+from scene.mesh.solids import box, loft, polygon, tube, turned
 
 IRON: Color = (0.016, 0.017, 0.019)
 RELIEF = 0.05
@@ -81,7 +81,7 @@ def _stones(p: WallParams, rng: np.random.Generator) -> list[Asset]:
 
 
 def _weep_holes(p: WallParams, rng: np.random.Generator) -> list[Asset]:
-    """Pipes for the water behind, in two rows, and dark streaks of where it runs."""
+    """Pipes for the water behind, in two rows."""
     parts = []
     for z in (0.35, 1.2):
         y = p.batter * z / p.height
@@ -186,14 +186,13 @@ def _railings(p: WallParams, rng: np.random.Generator) -> list[Asset]:
 
 def _balusters(p: WallParams, rng: np.random.Generator) -> list[Asset]:
     """Turned stone balusters under a rail."""
-    low, middle, turn = p.height + p.coping, p.thickness / 2, np.arange(8) * np.pi / 4
+    low, middle = p.height + p.coping, p.thickness / 2
     tiers = ((0.0, 0.07), (0.05, 0.07), (0.08, 0.04), (0.2, 0.085), (0.34, 0.045), (0.4, 0.04),
              (0.43, 0.07), (0.48, 0.07))  # fmt: skip
     parts = [box((p.length, 0.3, 0.13), (0, middle, low + 0.48), p.second, "plaster")]
     for x in np.arange(-p.length / 2 + 0.35, p.length / 2 - 0.3, 0.24):
-        rings = [np.column_stack([x + r * np.cos(turn), middle + r * np.sin(turn),
-                                  np.full(8, low + z)]) for z, r in tiers]  # fmt: skip
-        parts.append(loft(np.array(rings), p.color, p.material))
+        stations = [(low + z, r) for z, r in tiers]
+        parts.append(turned(stations, p.color, p.material, 8, at=(float(x), middle)))
     return parts
 
 

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.parts.palette import BLACK, STEEL, TYRE
-from scene.assets.parts.skin import mirrored, moved, revolve
-from scene.mesh.asset import Asset, Color, merge, solid
+from scene.assets.parts.skin import mirrored, revolve
+from scene.mesh.asset import Asset, Color, merge, solid, translate
 
 STYLES: tuple[str, ...] = ("spokes", "twin spokes", "cap", "steel")
 """How the face of a rim looks."""
@@ -51,7 +51,7 @@ def wheel(w: Wheel, *, sides: int = 14) -> Asset:
     else:  # holes near the edge
         span = (0.55 * rim, 0.85 * rim) if w.style == "steel" else (0.72 * rim, 0.88 * rim)
         parts.append(_blades(turn, span, 0.5 * gap, 0.9 * dish, BLACK))
-    return moved(merge(*parts), z=r)
+    return translate(merge(*parts), (0, 0, r))
 
 
 def _blades(
@@ -88,6 +88,6 @@ def _blades(
 
 def wheels(w: Wheel, axles: tuple[float, ...], half_width: float, *, sides: int = 14) -> Asset:
     """A wheel on either side of every axle x, outer faces at ``half_width``, m."""
-    left = moved(wheel(w, sides=sides), y=half_width)
+    left = translate(wheel(w, sides=sides), (0, half_width, 0))
     right = mirrored(left)
-    return merge(*(moved(one, x=x) for x in axles for one in (left, right)))
+    return merge(*(translate(one, (x, 0, 0)) for x in axles for one in (left, right)))

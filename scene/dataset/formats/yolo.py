@@ -72,4 +72,4 @@ def names(about: About) -> Iterator[str]:
     # Both keys are required; there is one split.
     yield f"train: images/{about.split}\nval: images/{about.split}\nnc: {len(things)}\nnames:\n"
     for k, name in enumerate(things):
-        yield f"  {k}: {json.dumps(name)}\n"
+        yield f"  {k}: {json.dumps(name, ensure_ascii=False)}\n"

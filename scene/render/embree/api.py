@@ -141,11 +141,6 @@ class MeshBVH:
         self._vertices = np.concatenate([vertices, np.zeros((1, 3), np.float32)])
         self._faces = np.ascontiguousarray(faces, np.int32)
         self.scene = int(self._embree.rtcNewScene(device()))
-        self._attach()
-        self._embree.rtcCommitScene(self.scene)
-        check("a mesh")
-
-    def _attach(self) -> None:
         embree, vertices, faces = self._embree, self._vertices, self._faces
         mesh = embree.rtcNewGeometry(device(), TRIANGLE)
         embree.rtcSetSharedGeometryBuffer(
@@ -157,6 +152,8 @@ class MeshBVH:
         embree.rtcCommitGeometry(mesh)
         embree.rtcAttachGeometryByID(self.scene, mesh, 0)
         embree.rtcReleaseGeometry(mesh)
+        embree.rtcCommitScene(self.scene)
+        check("a mesh")
 
     def __del__(self) -> None:
         if hasattr(self, "scene"):
