@@ -250,10 +250,14 @@ def _with_options(reader: _Reader, settings: Settings, options: Any) -> Settings
                 f"{settings.datasets_per_update} = {count * per_group * settings.datasets_per_update}"
             )
         if updates <= per_group * (count - 1):
-            least = count * settings.datasets_per_update
+            whole = count * settings.datasets_per_update
+            low = settings.evaluations // whole * whole
+            right = " or ".join(str(own) for own in (low, low + whole) if own)
+            if "updates_per_group" in options:
+                reach = per_group * (count - 1) * settings.datasets_per_update
+                right = f"more than {reach}, or a smaller updates_per_group"
             raise UserError(
                 f"{reader.at('evaluations')} is {settings.evaluations}, with which sdr never comes to the "
-                f"last of {count} groups; take {settings.evaluations // least * least or least}, or set "
-                "method_options: updates_per_group"
+                f"last of {count} groups; take {right}"
             )
     return replace(settings, method_options=checked)

@@ -184,8 +184,10 @@ def test_the_expected_reward_and_its_spread_are_those_of_the_weights_posterior()
     belief = effects.posterior(MODEL, state)
     mean, std = effects.expected(MODEL, state, belief, actions)
     sums, covariance = np.asarray(state.statistics.sums), np.asarray(regression.covariance(belief))
-    off = columns(EVERY[:7]) - sums / float(state.statistics.seen)
-    variance = np.einsum("nf,fg,ng->n", off, covariance, off) + float(state.noise)
+    seen = float(state.statistics.seen)
+    off = columns(EVERY[:7]) - sums / seen
+    # Of the weights, the mean of so many rewards, and the noise of one.
+    variance = np.einsum("nf,fg,ng->n", off, covariance, off) + float(state.noise) * (1 + 1 / seen)
     np.testing.assert_allclose(std, np.sqrt(variance), rtol=1e-3)
     one = [effects.value(MODEL, state, belief, each) for each in actions]
     np.testing.assert_allclose(mean, one, rtol=1e-5)
