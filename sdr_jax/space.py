@@ -4,9 +4,8 @@ An attribute is a number in [0, 1], cut into bins. A data set is made from a *pr
 attribute, from which every street of the data set draws its own value.
 """
 
-import operator
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -96,8 +95,7 @@ def space(
     Source: section "Scalable Discretization-and-Relaxation", "Method scalability".
     """
     names = tuple(names)
-    each = tuple(bins) if isinstance(bins, Iterable) else (bins,) * len(names)
-    per_attribute = tuple(operator.index(own) for own in each)  # NumPy's numbers, too; no fractions
+    per_attribute = (bins,) * len(names) if isinstance(bins, int) else tuple(bins)
     groups = (names,) if groups is None else groups
     for where, given in (("the groups", sum(map(tuple, groups), ())), ("unordered", unordered)):
         unknown = [name for name in given if name not in names]

@@ -39,12 +39,6 @@ def test_a_bad_space_is_refused_by_name(arguments: dict, culprit: str) -> None:
     refuses(culprit, space, **arguments)
 
 
-def test_numbers_of_bins_may_be_of_numpy_but_no_fractions() -> None:
-    assert space(NAMES, np.int64(4)) == space(NAMES, np.array([4, 4, 4])) == space(NAMES, 4)
-    with pytest.raises(TypeError, match="float"):
-        space(NAMES, 4.5)  # type: ignore[arg-type]
-
-
 @pytest.mark.parametrize("array", [jnp.asarray, np.asarray])  # both are welcome
 @pytest.mark.parametrize(("options", "widths"), [
     ({}, [1 / 10, 1 / 4, 1]), (dict(unoptimised="half"), [1 / 10, 1 / 4, 1 / 7]),
