@@ -7,6 +7,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from shell.errors import UserError
+
 WIDEST = 960
 """Pixels of width; wider photographs are reduced before they are sent to the page."""
 
@@ -15,10 +17,12 @@ def listed(folder: Path | None) -> tuple[Path, ...]:
     """The images in a folder and its subfolders, sorted; none without a folder.
 
     Raises:
-        DataError: there is no such folder, or no image or video in it.
+        UserError: there is no such folder, or no image or video in it.
     """
     if folder is None:
         return ()
+    if not folder.is_dir():
+        raise UserError(f"--real {folder}: no such folder; expected one with images")
     from seg.data.frames import list_sources  # imports JAX
 
     return tuple(source.path for source in list_sources(folder) if not source.video)

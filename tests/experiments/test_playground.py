@@ -219,7 +219,7 @@ def test_only_the_page_itself_is_answered(headers, status, kind):
     (["--size", "9000x9000"], "pixels"),
     (["--shots", "0"], "shots must lie in 1..60, not 0"),
     (["--attributes", "BAD"], "bad.json: unknown attribute 'nonsense'"),
-    (["--real", "BAD"], "no such file or folder"),
+    (["--real", "BAD"], "bad.json: no such folder"),
 ])  # fmt: skip
 def test_what_is_wrong_is_one_line_and_code_2(arguments, complaint, tmp_path, capsys, monkeypatch):
     (tmp_path / "bad.json").write_text('{"nonsense": 1}')
