@@ -158,6 +158,11 @@ def test_a_folder_with_a_target_file_and_a_net_of_the_engines_classes(tmp_path):
             Image.fromarray(pixels).save(tmp_path / folder / f"{name}.png")
     data = labelled(str(tmp_path / "target.yaml"), tmp_path)
     assert data.splits == ("train",)
+    text = TARGET + "splits: {train: train.txt, val: val.txt}\n"
+    (tmp_path / "splits.yaml").write_text(text)
+    (tmp_path / "train.txt").write_text("up1\nup2\n")
+    (tmp_path / "val.txt").write_text("down1\n")
+    assert labelled(str(tmp_path / "splits.yaml"), tmp_path).splits == ("val",)
     assert mapping(red, data)[0] == [0, 1]
     scores = evaluate(red, data)
     # All is taken for ground: 4 of 6 pixels of each image are; no net of renders knows a shop.

@@ -319,3 +319,9 @@ def test_what_cannot_be_fitted_is_one_line(folder: Path, tmp_path: Path, capsys)
         assert main(arguments) == 2
         assert message in capsys.readouterr().err.splitlines()[-1]
     assert not (tmp_path / "run").exists()
+    letter = tmp_path / "run" / "model" / "letter.txt"  # told before hours of training, not after
+    letter.parent.mkdir(parents=True)
+    write_file(letter, "")
+    assert main([str(folder), *out]) == 2
+    assert "holds other files, such as letter.txt" in capsys.readouterr().err.splitlines()[-1]
+    assert [*(tmp_path / "run").rglob("*.*")] == [letter]

@@ -170,6 +170,12 @@ def test_of_wishes_that_wait_only_the_last_is_made_and_then_refined():
     assert asyncio.run(drag([])) == [(0, True), (4, True), (4, False)]
 
 
+def test_an_export_of_a_view_out_of_range_is_refused_before_it_begins(tmp_path):
+    state = MIXED._replace(view=VIEW._replace(shots=0))
+    with pytest.raises(ValueError, match=r"shots must lie in 1\.\."):
+        exporting.Export(state, 4, "cityscapes", str(tmp_path / "out"))
+
+
 @pytest.mark.slow
 def test_an_export_can_be_cancelled_and_continued_and_refuses_a_foreign_folder(tmp_path):
     def last(folder, enough):
