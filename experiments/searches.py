@@ -255,7 +255,7 @@ def text(report: Report) -> str:
         introduction(report),
         "",
         f"{_spent(report)} at {report['rewards_at']} in the space {report['space']}; {_chosen(report)}. "
-        f"{_intervals(report)}",
+        + _intervals(report),
         *([f"All rendered sets stand beside {beside} labelled images."] if beside else []),
         "",
         *table(COLUMNS, report["rows"]),
