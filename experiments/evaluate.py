@@ -22,7 +22,7 @@ import numpy as np
 
 from experiments.config import parsers
 from experiments.config.parsers import WORST
-from experiments.target.real import REPORTED
+from experiments.target.real import reported_split
 from scene.dataset.formats.png import encode
 from seg.boundary import SHARE, boundary_counts, boundary_iou
 from seg.classes import CITYSCAPES_19, IGNORE_LABEL, colorize, table_of
@@ -73,7 +73,7 @@ def labelled(
     refuse_repeats("--split", splits)
     refuse_repeats("--group", groups)
     if not splits:
-        reported = REPORTED.get(target.name, "test" if "test" in there else "val")
+        reported = reported_split(target.name, there)
         splits = [reported] if reported in there or not there else there
     entries = [entry for split in splits for entry in list_split(target, data, split)]
     known = sorted({entry.sequence for entry in entries})

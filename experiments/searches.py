@@ -28,6 +28,7 @@ from experiments.run.learn import Learnt
 from experiments.run.rewards import SearchPlan
 from experiments.study.figure import plt, png
 from experiments.study.form import (
+    ONE_SEARCH,
     Column,
     Form,
     Report,
@@ -277,9 +278,7 @@ def _intervals(report: Report) -> str:
             "Intervals of methods are over searches and seeds of nets, both drawn at random: a two-way "
             "analysis of variance with Satterthwaite's degrees of freedom."
         )
-    return (
-        "Intervals are over seeds of nets; they do not hold what another search would have found."
-    )
+    return ONE_SEARCH
 
 
 def _many(report: Report) -> bool:

@@ -8,14 +8,13 @@ from pathlib import Path
 
 from experiments.evaluation.store import LOGS, read, result_of
 from experiments.results.parts import GROUPS, Part
-from experiments.study.form import Column, Report, estimate, table
+from experiments.study.form import ONE_SEARCH, Column, Report, estimate, table
 from experiments.study.stats import estimated
 from scene.version import ENGINE
 from shell import files
 from shell.progress import duration
 
 NAME = "results.md"
-OVER = "Intervals of one search are over its nets; they do not hold what another search would have found."
 OTHERS = ("random", "default", "few", "real")
 """Rows of a report of searches that are no search."""
 
@@ -67,7 +66,7 @@ def text(
             continue
         lines += ["", f"## {group.title}", group.asks]
         if group.summed:
-            lines += ["", *_summary(own, out, group.averaged), OVER, ""]
+            lines += ["", *_summary(own, out, group.averaged), ONE_SEARCH, ""]
         for part in own:
             said = f"`{part.shown}`{_work([part], out)}"
             if group.summed:

@@ -17,7 +17,7 @@ import numpy as np
 from experiments.config import Preset
 from experiments.target.base import SIZES, Sides, Target, two_sides
 from experiments.target.few import CHOICE, spread
-from experiments.target.real import REPORTED
+from experiments.target.real import reported_split
 from seg.classes import table_text
 from seg.data import Entry, LabelledImages, load, refuse_shared
 from shell.errors import UserError
@@ -71,7 +71,7 @@ def parts_of(
     """
     splits = list_all(target, data)
     notes = [note] if (note := shared_groups(splits)) else []
-    reported = REPORTED.get(target.name, "test" if "test" in splits else "val")
+    reported = reported_split(target.name, splits)
     held_out = splits.pop(reported, ()) if len(splits) > 1 else ()
     entries = tuple(entry for own in splits.values() for entry in own)
     where = f"split {reported}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from functools import lru_cache
 from pathlib import Path
 
@@ -28,6 +28,11 @@ REPORTED = {"camvid": "test", "cityscapes": "val", "labelmefacade": "test"}
 """The default split for the test."""
 MOST_NAMED = 8
 """The title names up to so many sequences on both sides; otherwise it gives their number."""
+
+
+def reported_split(target: str, splits: Collection[str]) -> str:
+    """The split that figures of a target are reported on; it need not be among its splits."""
+    return REPORTED.get(target, "test" if "test" in splits else "val")
 
 
 def real_target(name: str, config: Config, data: Path) -> Target:
