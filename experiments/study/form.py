@@ -21,7 +21,10 @@ from shell.errors import UserError
 from shell.files import naming, read_json, write, write_json
 
 Report = dict[str, Any]
-ONE_SEARCH = "Intervals of one search are over its nets; they do not hold what another search would have found."
+ONE_SEARCH = (
+    "Intervals of one search are over its nets; "
+    "they do not hold what another search would have found."
+)
 
 
 class Form(NamedTuple):
