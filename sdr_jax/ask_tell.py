@@ -14,7 +14,7 @@ from jaxtyping import Array, Real
 
 from sdr_jax.method import Method, State
 from sdr_jax.rewards import LARGEST
-from sdr_jax.run import first_state
+from sdr_jax.run import first_state, on_processor
 from sdr_jax.space import Proposal, Space
 from shell.errors import UserError
 from shell.lines import CURE, JsonLines
@@ -46,7 +46,8 @@ class AskTell:
     adapters too. Keys are used as in `drive`: the same seed proposes the same data sets.
 
     Methods compute in single precision, so a method gets the rewards minus the first one, unless it needs
-    their level. While all rewards are equal, the answer stays as it was before the first reward.
+    their level. While all rewards are equal, the answer stays as it was before the first reward. They run
+    on the processor, and leave a GPU to the evaluations.
 
     Args:
         space: the attributes.
@@ -67,6 +68,7 @@ class AskTell:
             attributes or bins, another method, n or seed. Names and widths are not in it: keep them.
     """
 
+    @on_processor()
     def __init__(
         self,
         space: Space,
@@ -97,6 +99,7 @@ class AskTell:
         """One record for each trial told: id, update, actions, seed, reward (None: failed) and notes."""
         return self._log.lines
 
+    @on_processor()
     def ask(self) -> list[Trial]:
         """Gives the trials of this update that are not told yet.
 
@@ -108,6 +111,7 @@ class AskTell:
         self._sample()
         return [trial for trial in self._trials if trial.id not in self._rewards]
 
+    @on_processor()
     def tell(self, id: int, reward: float | None, **notes: Any) -> None:
         """Saves one reward; with the last of its update, the method learns.
 
@@ -137,10 +141,12 @@ class AskTell:
         self._log.append({**self._asked(waiting[id]), **told})
         self._take(id, value)
 
+    @on_processor()
     def solution(self) -> Proposal:
         """The method's answer after the last whole update, f32[attributes] each."""
         return _plain(*self.method.solution(self._answering))
 
+    @on_processor()
     def spread(self) -> Proposal:
         """The answer with wide intervals where the method is unsure, f32[attributes] each."""
         return _plain(*self.method.spread(self._answering))

@@ -1,6 +1,7 @@
 """The optimisation loop: each step samples, takes rewards and updates the method."""
 
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import jax
@@ -140,6 +141,21 @@ def drive(
             yield state, record
 
     return steps()
+
+
+@contextmanager
+def on_processor() -> Iterator[None]:
+    """Lets JAX compute on the processor, even where there is a GPU, if it may use both.
+
+    XLA compiles one update of a model for a GPU for more than a minute, and such small arrays gain nothing
+    there.
+    """
+    try:
+        place = jax.default_device(jax.local_devices(backend="cpu")[0])
+    except RuntimeError:  # JAX_PLATFORMS leaves it out
+        place = nullcontext()
+    with place:
+        yield
 
 
 def refuse_failures(failed: int, total: int, reason: str) -> None:

@@ -28,8 +28,19 @@ FIELD = "made_with"
 
 @lru_cache(maxsize=1)
 def made_with() -> MadeWith:
-    """The backend and versions of this process; starts JAX."""
-    return (("backend", jax.default_backend()), *versions(LIBRARIES).items())
+    """The backend and versions of this process; starts JAX.
+
+    Raises:
+        UserError: JAX cannot start, as on a GPU whose memory other workers have taken.
+    """
+    try:
+        backend = jax.default_backend()
+    except RuntimeError as error:
+        raise UserError(
+            f"JAX cannot start in a worker ({' '.join(str(error).split())}); where the memory of a GPU is "
+            "full, give fewer --workers"
+        ) from None
+    return (("backend", backend), *versions(LIBRARIES).items())
 
 
 def asked(workers: Workers) -> Iterator[tuple[int, MadeWith]]:

@@ -15,6 +15,7 @@ from experiments.run.context import Run
 from experiments.run.rewards import Rewards, SearchPlan, Stopwatch, embed
 from scene.proposal import Proposal
 from sdr_jax.method import on_clipping
+from sdr_jax.run import on_processor
 
 
 class Found(NamedTuple):
@@ -35,6 +36,7 @@ class Found(NamedTuple):
     first rewards; None without a model."""
 
 
+@on_processor()
 def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
     """Run a whole search, or the rest of it.
 

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 from sdr_jax.ask_tell import AskTell
 from sdr_jax.method import Method, on_clipping
 from sdr_jax.registry import make
-from sdr_jax.run import refuse_failures
+from sdr_jax.run import on_processor, refuse_failures
 from sdr_jax.tune.settings import Settings
 from sdr_jax.tune.simulator import Outcome, Simulator, check_command
 from sdr_jax.tune.units import describe
@@ -79,6 +79,7 @@ def tune(
         raise
 
 
+@on_processor()
 def _method(settings: Settings) -> Method:
     """The method after a trial update, so that no option fails after hours of simulation."""
     n, width = settings.datasets_per_update, settings.relaxation

@@ -107,8 +107,9 @@ def test_nets_are_the_same_in_a_worker_and_in_the_main_process():
         "from experiments.config.cli import main\n"
         "from experiments.config import MainConfig\n"
         "from experiments.config.presets import defaults\n"
-        "from tests.experiments.test_run import gradient\n"
-        "work = lambda config: print(gradient())\n"
+        "def work(config):\n"
+        "    from tests.experiments.test_run import gradient  # starts JAX\n"
+        "    print(gradient())\n"
         "main('camvid', partial(defaults, MainConfig), work, '', (), target='camvid')\n"
     )
     with WorkerPool(1, worker_environment()) as pool:
@@ -182,3 +183,11 @@ def test_a_worker_of_another_backend_is_refused(elsewhere):
             UserError, match="a worker has backend gpu, the run began with cpu: give"
         ):
             work()
+
+
+def test_a_worker_in_which_jax_cannot_start_says_what_helps():
+    with WorkerPool(1, {"JAX_PLATFORMS": "tpu"}) as pool:  # stands for a GPU without free memory
+        with pytest.raises(
+            UserError, match=r"'tpu'.*memory of a GPU is full, give fewer --workers"
+        ):
+            next(pool.map(made_with, [()], net=True))

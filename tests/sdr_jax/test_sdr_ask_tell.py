@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 import sdr_jax
 from sdr_jax import AskTell, Proposal, space
 from sdr_jax.registry import make
+from tests.conftest import printed
 
 from .conftest import assert_close, assert_same, driven, refuses
 
@@ -194,3 +195,21 @@ def test_the_history_of_another_search_is_refused(tmp_path: Path, change: dict) 
     with pytest.raises(ValueError, match=r"history.jsonl: line \d was not told to this search"):
         AskTell(**{"space": SPACE, "method": GAUSSIAN, "n": N, "path": path} | change)
     assert path.read_bytes() == before
+
+
+def test_methods_run_on_the_processor_whatever_else_there_is() -> None:
+    # A second device stands for the GPU on which everything else runs.
+    code = """
+import jax
+from sdr_jax import AskTell, space
+from sdr_jax.registry import make
+
+jax.config.update("jax_default_device", jax.devices()[1])
+ours = space(list("abc"))
+search = AskTell(ours, make("surrogate", ours), n=2)
+for trial in search.ask():
+    search.tell(trial.id, trial.id)
+(place,) = {d for leaf in jax.tree.leaves(search.state) for d in getattr(leaf, "devices", set)()}
+print(search.updates, place == jax.devices()[0], jax.numpy.ones(1).devices() == {jax.devices()[1]})
+"""
+    assert printed(code, XLA_FLAGS="--xla_force_host_platform_device_count=2") == ["1 True True"]
