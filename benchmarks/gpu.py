@@ -3,10 +3,11 @@
     python -m benchmarks.gpu --data CAMVID --weights vgg16.npz --tests --json gpu.json
     python -m benchmarks.gpu --small                                    # a minute on a CPU: does it run?
 
-It measures the seconds of a rendered image by both renderers (`opengl` through EGL uses the card), of an
-update and a prediction in float32 and bfloat16, of lite0's features, and of one whole reward of `--preset
-paper` on CamVid. From these it computes the time of the paper's search: 300 rewards of 180 images and 1000
-updates, which took the authors 52 hours on one RTX 2080 Ti. Only the JSON stays on the disk.
+It measures the seconds of a rendered image by both renderers (`opengl` through EGL uses the card), of the
+first updates, most of which XLA compiles (minutes on a GPU), of an update and a prediction in float32 and
+bfloat16, of lite0's features, and of one whole reward of `--preset paper` on CamVid. From these it computes
+the time of the paper's search: 300 rewards of 180 images and 1000 updates, which took the authors 52 hours on
+one RTX 2080 Ti. Only the JSON stays on the disk.
 """
 
 from __future__ import annotations
@@ -66,7 +67,7 @@ def rendering(fidelity: Fidelity, names: list[str]) -> list[Row]:
 
 
 def nets(fidelity: Fidelity, names: Sequence[str], updates: int) -> list[Row]:
-    """Seconds of an update and of a predicted image, and of a trunk's features of an image."""
+    """Seconds of first updates, with compilation, of an update, and of an image's prediction and features."""
     classes = len(class_table(TABLE).classes)
     images, labels, *_ = random_truth(fidelity, 16, classes)
     rows = []
@@ -74,7 +75,8 @@ def nets(fidelity: Fidelity, names: Sequence[str], updates: int) -> list[Row]:
         for dtype in ("float32", "bfloat16"):
             own = with_net(fidelity.train, net=name)
             settings = replace(own, dtype=dtype, steps=updates + CHUNK)
-            seconds, params = _update(settings, images, labels, classes)
+            first, seconds, params = _update(settings, images, labels, classes)
+            rows.append(_row(f"first {CHUNK}", name, dtype, fidelity, first, settings.batch))
             rows.append(_row("update", name, dtype, fidelity, seconds, settings.batch))
             passes: dict[str, Callable[[], Any]] = {
                 "prediction": partial(predict, params, images, settings, classes)
@@ -89,20 +91,22 @@ def nets(fidelity: Fidelity, names: Sequence[str], updates: int) -> list[Row]:
 
 def _update(
     settings: TrainSettings, images: np.ndarray, labels: np.ndarray, classes: int
-) -> tuple[float, Any]:
-    """Seconds of an update after the first `CHUNK`, which includes compilation; and the parameters."""
+) -> tuple[float, float, Any]:
+    """Seconds of the first `CHUNK` updates, with compilation, and of one afterwards; and the parameters."""
+    started = time.perf_counter()
     looks: list[tuple[int, float]] = []
     params = train(
         0, images, labels, settings, classes,
         lambda step, _: looks.append((step, time.perf_counter())),
     )  # fmt: skip
     (first, began), (last, ended) = looks[0], looks[-1]
-    return (ended - began) / (last - first), params
+    return began - started, (ended - began) / (last - first), params
 
 
 def _row(
     what: str, of: str, dtype: str, fidelity: Fidelity, seconds: float, batch: int | None = None
 ) -> Row:
+    print(f"{what} {of} {dtype} {1000 * seconds:.3g} ms", file=sys.stderr, flush=True)
     return {
         "what": what, "of": of, "dtype": dtype, "size": fidelity.size, "batch": batch,
         "ms": 1000 * seconds,
