@@ -14,8 +14,9 @@ def test_the_small_form_does_all_of_it(tmp_path, capsys):
     assert gpu.main(flags) == 0
     found = json.loads(out.read_text())
     assert [(row["what"], row["dtype"]) for row in found["rows"]] == [
-        ("image", ""), ("update", "float32"), ("prediction", "float32"),
-        ("update", "bfloat16"), ("prediction", "bfloat16"),
+        ("image", ""),
+        ("first 50", "float32"), ("update", "float32"), ("prediction", "float32"),
+        ("first 50", "bfloat16"), ("update", "bfloat16"), ("prediction", "bfloat16"),
     ]  # fmt: skip
     assert min(row["ms"] for row in found["rows"]) > 0
     assert " passed" in found["tests"][0]["said"] and "the_paper" in capsys.readouterr().out
