@@ -180,7 +180,7 @@ def _has_suffix(pattern: str) -> bool:
     return "." in pattern.rpartition("/")[2].rpartition("}")[2]
 
 
-def _matches(pattern: str, root: Path) -> Iterator[tuple[Path, dict[str, str]]]:
+def matches(pattern: str, root: Path) -> Iterator[tuple[Path, dict[str, str]]]:
     """The files of a pattern with the text at its places; a pattern without a suffix has those of images."""
     exact, expression = _has_suffix(pattern), _expression(pattern)
     for path in root.glob(_glob(pattern) + ("" if exact else ".*")):
@@ -247,7 +247,7 @@ def _named(
 
 def _found(target: TargetFile, root: Path, split: str, images: str, labels: str) -> Iterator[Entry]:
     """The entries at the patterns."""
-    for image, places in _matches(images.replace("{split}", split), root):
+    for image, places in matches(images.replace("{split}", split), root):
         yield _entry(target, split, image, root, labels, places)
 
 
@@ -281,7 +281,7 @@ def _listed(
             continue
         if "{group}" in images and by_name is None:
             by_name = {}
-            for path, places in _matches(images.replace("{split}", split), root):
+            for path, places in matches(images.replace("{split}", split), root):
                 by_name.setdefault(places["name"], []).append((path, places))
         own = _at_name(root, split, images, line, by_name, where)
         pair = line.split()

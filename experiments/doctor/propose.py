@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import glob
 import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -16,7 +15,7 @@ from seg.data.labels import FORMATS, LabelReader
 from shell import classes as engine
 from shell.errors import UserError
 from shell.files import files_below
-from shell.listing import list_split, split_names
+from shell.listing import list_split, matches, split_names
 from shell.target_file import FILE, SHIPPED, SUFFIXES, Format, find_target, shipped
 
 TRAINING_SETS = ("gta5", "synthia")
@@ -30,6 +29,8 @@ FEW = 64
 SPLITS = ("train", "training", "val", "valid", "validation", "test", "testing")
 GROUPS = (r"^(.*)__", r"^(.*?)[_-]*\d+\D*$", r"^[^_-]+")
 """Expressions for groups of names, in the order of trial."""
+_CITYSCAPES = re.compile(r"_label(?:Ids|((?:cs)?TrainIds))\.")
+"""Label files with the ids of Cityscapes, or with those of its 19 classes (the parenthesis)."""
 VOID_NAMES = {
     "void",
     "unlabeled",
@@ -109,13 +110,13 @@ def _fits(name: str, root: Path) -> bool:
 
 def _guess(root: Path) -> Proposal:
     files = [path.relative_to(root) for path in files_below(root)]
-    pairs = _pairs(root, files)
+    pairs = _pairs(root, files) or _pairs(root, files, starts=True)
     if not pairs:
         kinds = Counter(path.suffix.lower() for path in files).most_common(4)
         there = ", ".join(f"{count} of {kind or 'no ending'}" for kind, count in kinds) or "nothing"
         raise UserError(
             f"{root}: no images with labels of the same names are found, but {there}; expected such as "
-            "images/a.jpg and labels/a.png"
+            f"images/a.jpg and labels/a.png, or a {FILE} with the patterns of both"
         )
     best = max(pairs, key=lambda pair: pair.number)
     notes = [
@@ -124,26 +125,29 @@ def _guess(root: Path) -> Proposal:
         if pair != best
     ]
     images, labels = best.images, best.labels
-    form, values, names = _values(sorted(_at(root, labels)))
+    form, values, names = _values(sorted(path for path, _ in matches(labels, root)))
     lines = [f"images: {_quoted(images)}", f"labels: {_quoted(labels)}"]
     if form in ("labelme-json", "cityscapes-json"):
         lines.append(f"format: {form}")
-    stems = [path.stem for path in _at(root, images)]
-    lists = _lists(root, stems)
+    found = [(path.stem, places["name"]) for path, places in matches(images, root)]
+    lists = _lists(root, {own for both in found for own in both})
     if "{split}" not in images:
         if lists:
             lines.append(f"splits: {yaml.safe_dump(lists, default_flow_style=True).strip()}")
         else:
             notes.append("no list of a test split is found: all images are for training")
     if "{group}" not in images:
-        group = _group(stems)
+        group = _group([name for _, name in found])
         if group:
             lines.append(f"group: {_quoted(group)}")
         else:
             notes.append(
                 "names do not show which images are of one drive: each is a group of its own"
             )
-    known = {} if names else _named(root, {*lists.values()})
+    known: Mapping[str, str] = {}
+    if not names:
+        keys = [_key(value, form) for value in values]
+        known = _named(root, labels, {*lists.values()}) or _as_cityscapes(labels, form, keys)
     classes = _classes(root, form, values, names, known, notes)
     return Proposal("\n".join([*lines, *classes]) + "\n", notes)
 
@@ -152,15 +156,8 @@ def _quoted(text: str) -> str:
     return "'" + text.replace("'", "''") + "'"
 
 
-def _at(root: Path, pattern: str) -> list[Path]:
-    """The files at a pattern."""
-    parts = re.split(r"\{\w+\}", pattern)
-    found = root.glob("*".join(glob.escape(part) for part in parts))
-    return [path for path in found if path.name[0] != "."]
-
-
-def _pairs(root: Path, files: Sequence[Path]) -> list[_Pair]:
-    """Patterns of images and labels of the same names."""
+def _pairs(root: Path, files: Sequence[Path], starts: bool = False) -> list[_Pair]:
+    """Patterns of images and labels of the same names, or of the same numbers after different starts."""
     buckets: dict[tuple[str, str], list[str]] = {}
     for path in files:
         if path.suffix.lower() in (*SUFFIXES, ".json"):
@@ -168,19 +165,24 @@ def _pairs(root: Path, files: Sequence[Path]) -> list[_Pair]:
     images: list[_Part] = []
     labels: list[_Part] = []
     for key, stems in buckets.items():
-        for part in _parts(*key, stems):
+        for part in _parts(*key, stems, starts):
             kind = _kind([part.path(root, core) for core in sorted(part.cores)[:3]])
             if kind:
                 (labels if kind == "labels" else images).append(part)
     found: Counter[tuple[str, str]] = Counter()
     for own in images:
-        common, _, label = max(
+        common, _, _, label = max(
             (
-                (len(own.cores & other.cores), -_distance(own.folder, other.folder), other)
+                (
+                    len(own.cores & other.cores),
+                    -_distance(own.folder, other.folder),
+                    bool(re.search(_CITYSCAPES, other.pattern)),
+                    other,
+                )
                 for other in labels
             ),
-            key=lambda match: match[:2],
-            default=(0, 0, own),
+            key=lambda match: match[:3],
+            default=(0, 0, False, own),
         )
         if common and 2 * common >= len(own.cores):
             found[_template(own, label)] += common
@@ -188,33 +190,39 @@ def _pairs(root: Path, files: Sequence[Path]) -> list[_Pair]:
 
 
 class _Part(NamedTuple):
-    """Files of one folder whose names have the same ending."""
+    """Files of one folder whose names have the same start and the same ending."""
 
     folder: str
     suffix: str
+    start: str
     ending: str  # before the suffix
-    cores: set[str]  # names before the ending
+    cores: set[str]  # names between both
 
     def path(self, root: Path, core: str) -> Path:
         """The path of one of the files."""
-        return root / self.folder / f"{core}{self.ending}{self.suffix}"
+        return root / self.folder / self.pattern.replace("{name}", core)
 
     @property
     def pattern(self) -> str:
         """The pattern of their names."""
-        return f"{{name}}{self.ending}{self.suffix}"
+        return f"{self.start}{{name}}{self.ending}{self.suffix}"
 
 
-def _parts(folder: str, suffix: str, stems: Sequence[str]) -> list[_Part]:
-    """Group the files of a folder by the text after the last digit, such as _label, if there are few such."""
-    cores: dict[str, set[str]] = {}
+def _parts(folder: str, suffix: str, stems: Sequence[str], starts: bool) -> list[_Part]:
+    """Group the files of a folder by the text around their digits, if there are few such.
+
+    That is the text after the last digit, such as _label, and with ``starts`` that before the first one, too.
+    """
+    cores: dict[tuple[str, str], set[str]] = {}
+    start = r"\D*" if starts else ""
     for stem in stems:
-        ending = re.search(r"\D*$", stem)
-        assert ending is not None
-        cores.setdefault(ending[0], set()).add(stem[: ending.start()])
+        # Cityscapes has _leftImg8bit.
+        parts = re.fullmatch(rf"({start})(.*?)((?:8bit|\D)*)", stem, re.DOTALL)
+        assert parts is not None
+        cores.setdefault((parts[1], parts[3]), set()).add(parts[2])
     if len(cores) > MOST_ENDINGS or "" in [core for own in cores.values() for core in own]:
-        cores = {"": {*stems}}
-    return [_Part(folder, suffix, ending, own) for ending, own in cores.items()]
+        cores = {("", ""): {*stems}}
+    return [_Part(folder, suffix, *around, own) for around, own in cores.items()]
 
 
 def _kind(sample: Sequence[Path]) -> str:
@@ -291,9 +299,8 @@ def _with_group(images: str, labels: str, found: Iterable[tuple[str, str]]) -> t
     return images, labels
 
 
-def _lists(root: Path, names: Sequence[str]) -> dict[str, str]:
-    """Find text files beside the folders whose lines are names of images."""
-    known = set(names)
+def _lists(root: Path, known: Collection[str]) -> dict[str, str]:
+    """Find text files beside the folders, or where VOC has them, whose lines are names of images."""
 
     def names_one(line: str) -> bool:
         """Whether a line is a name, which may have spaces, or an image and its label."""
@@ -301,15 +308,17 @@ def _lists(root: Path, names: Sequence[str]) -> dict[str, str]:
         return any(path.name in known or path.stem in known for path in paths)
 
     found = {}
-    for path in sorted(root.glob("*.txt")):
+    voc = [root / "ImageSets/Segmentation" / f"{split}.txt" for split in SPLITS]
+    for path in [*sorted(root.glob("*.txt")), *filter(Path.is_file, voc)]:
         try:
             lines = path.read_text(encoding="utf-8-sig").split("\n")
         except (OSError, UnicodeDecodeError):
             continue
         lines = [line.strip() for line in lines if line.strip()]
         if lines and 2 * sum(map(names_one, lines)) > len(lines):
-            found[path.stem] = path.name
-    return found
+            found[path.stem] = path.relative_to(root).as_posix()
+    # Others, such as trainval.txt, hold these again.
+    return {split: own for split, own in found.items() if split in SPLITS} or found
 
 
 def _group(names: Sequence[str]) -> str:
@@ -400,19 +409,24 @@ LISTS = ("classes", "labels", "names")
 NAME = r"\s*[A-Za-z][\w /-]*\s*"
 
 
-def _named(root: Path, lists: Collection[str]) -> dict[str, str]:
-    """Names of ids or colours in a file beside the images that is not one of the lists of a split."""
+def _named(root: Path, labels: str, lists: Collection[str]) -> dict[str, str]:
+    """Names of ids or colours in a file above the labels that is not one of the lists of a split."""
     found: dict[str, str] = {}
-    number = r"\D{1,3}?(\d+)"
-    for path in sorted([*root.glob("*.txt"), *root.glob("*.csv")]):
-        if path.name in lists:
+    number = r"\W{1,3}(\d+)"
+    above = [own for own in PurePosixPath(labels).parents[1:] if "{" not in str(own)]
+    folders = {root, *(root / own for own in above)}
+    files = {path for own in folders for path in own.glob("*") if path.suffix in (".txt", ".csv")}
+    for path in sorted(files):
+        if path.relative_to(root).as_posix() in lists:
             continue
         try:
             lines = path.read_text(encoding="utf-8-sig").splitlines()[:300]
         except (OSError, UnicodeDecodeError):
             continue
         for line in lines:
-            if m := re.fullmatch(rf"\s*([A-Za-z][\w /-]*?){number}{number}{number}\s*", line):
+            if m := re.fullmatch(
+                rf"\s*(?:\d+\W+)?([A-Za-z][\w /-]*?){number}{number}{number}[\s:)\]]*", line
+            ):
                 found[str([int(v) for v in m.groups()[1:]])] = m[1].strip(" ,;:\t")
             elif m := re.fullmatch(
                 r"\s*(\d+)\D{1,3}?(\d+)\D{1,3}?(\d+)\W+([A-Za-z][\w /-]*)\s*", line
@@ -425,6 +439,22 @@ def _named(root: Path, lists: Collection[str]) -> dict[str, str]:
         if not found and path.stem in LISTS and all(re.fullmatch(NAME, own) for own in lines):
             found = {str(number): name.strip() for number, name in enumerate(lines)}
     return found
+
+
+def _as_cityscapes(labels: str, form: Format, keys: Sequence[str]) -> dict[str, str]:
+    """Names of ids where label files are called as Cityscapes calls them, or of colours that are its own."""
+    classes = shipped("cityscapes").classes
+    if form == "colours":
+        found = {str([*colour]): name for name, own in classes.items() for colour in own.colours}
+        return found if 2 * sum(key in found for key in keys) > len(keys) else {}
+    called = re.search(_CITYSCAPES, labels)
+    if called is None:
+        return {}
+    if called[1]:
+        found = {str(number): name for number, name in enumerate(classes)}
+    else:
+        found = {str(number): name for name, own in classes.items() for number in own.ids}
+    return {key: found.get(key, "void") for key in keys}
 
 
 def _rendered(name: str) -> list[str]:

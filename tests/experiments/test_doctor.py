@@ -195,6 +195,58 @@ def test_names_with_spaces_hidden_files_and_copies_in_lists(tmp_path, doctor):
     assert "2 images of 1 groups in test, 3 images of 1 groups in train" in out
 
 
+@pytest.mark.parametrize(("image", "label"), [
+    ("images/image_{}.png", "masks/mask_{}.png"), ("img {}.png", "gt {}_ids.png"),
+])  # fmt: skip
+def test_numbers_pair_names_of_different_starts(tmp_path, image, label):
+    for k in range(9, 13):
+        save(tmp_path / image.format(k), photograph(k, (48, 64)))
+        save(tmp_path / label.format(k), blocks(k, (48, 64), 3))
+    target = parse_target(propose(tmp_path).text, "x/target.yaml")
+    assert (target.images, target.labels) == (image.format("{name}"), label.format("{name}"))
+    assert [entry.name for entry in list_all(target, tmp_path)["train"]] == ["10", "11", "12", "9"]
+
+
+def test_an_export_of_cvat_comes_with_its_lists_and_names(tmp_path):
+    colours = np.array([(128, 64, 128), (0, 0, 192), (0, 0, 0)])
+    for k in range(4):
+        save(tmp_path / "JPEGImages" / f"p{k}.png", photograph(k, (48, 64)))
+        for folder in ("SegmentationClass", "SegmentationObject"):
+            save(tmp_path / folder / f"p{k}.png", colours[blocks(k, (48, 64), 3)])
+    lists = tmp_path / "ImageSets" / "Segmentation"
+    lists.mkdir(parents=True)
+    for name, own in {"train": "p0 p1", "val": "p2 p3", "trainval": "p0 p1 p2 p3"}.items():
+        (lists / f"{name}.txt").write_text(own.replace(" ", "\n"))
+    legend = (
+        "# label:color_rgb:parts:actions\nbackground:0,0,0::\nstreet:128,64,128::\ncar:0,0,192::\n"
+    )
+    (tmp_path / "labelmap.txt").write_text(legend)
+    target = parse_target(propose(tmp_path).text, "x/target.yaml")
+    assert target.labels == "SegmentationClass/{name}.png" and target.void == ((0, 0, 0),)
+    renders = {name: own.renders for name, own in target.classes.items()}
+    assert renders == {"car": ("car",), "street": ("road",)}
+    counts = {split: len(own) for split, own in list_all(target, tmp_path).items()}
+    assert counts == {"train": 2, "val": 2}
+
+
+@pytest.mark.parametrize(("ending", "void", "values"), [
+    ("_gtFine_labelcsTrainIds", (255,), {0: "road", 10: "sky", 255: ""}),
+    ("_gtFine_labelIds", (3,), {3: "", 7: "road", 23: "sky"}),
+    ("_colours", ((0, 0, 0),), {(0, 0, 0): "", (70, 130, 180): "sky", (128, 64, 128): "road"}),
+])  # fmt: skip
+def test_labels_of_the_kind_of_cityscapes_have_its_names(tmp_path, ending, void, values):
+    for k in range(3):
+        save(tmp_path / "leftImg8bit" / f"a_{k}_leftImg8bit.png", photograph(k, (48, 64)))
+        found = np.array(list(values))[blocks(k, (48, 64), 3)]
+        save(tmp_path / "gt" / f"a_{k}{ending}.png", found)
+        save(tmp_path / "gt" / f"a_{k}_gtFine_instances.png", found)
+    target = parse_target(propose(tmp_path).text, "x/target.yaml")
+    assert target.images == "leftImg8bit/{name}_leftImg8bit.png" and target.void == void
+    assert {name: own.renders for name, own in target.classes.items()} == {
+        name: (name,) for name in values.values() if name
+    }
+
+
 def test_an_image_on_its_side_is_measured_upright(streets, doctor):
     exif = Image.Exif()
     exif[0x112] = 6
@@ -254,6 +306,19 @@ def test_what_cannot_be_looked_at_is_refused_in_one_line(doctor, tmp_path, stree
         assert code == 2 and message in err and err.count("\n") == 1
     assert not (tmp_path / "out").exists()
     refuses("no such folder", propose, tmp_path / "gone", error=UserError)
+
+
+@pytest.mark.parametrize("line", [
+    "road 128 64 128", "Road, 128, 64, 128", "0 road 128 64 128", "road: [128, 64, 128]", "128 64 128 road",
+])  # fmt: skip
+def test_names_of_colours_are_whole(line, tmp_path):
+    colours = np.array([(128, 64, 128), (9, 9, 9)])
+    for k in range(2):
+        save(tmp_path / "img" / f"a_{k}.png", photograph(k, (48, 64)))
+        save(tmp_path / "ann" / "all" / f"a_{k}.png", colours[blocks(k, (48, 64), 2)])
+    (tmp_path / "ann" / "colours.txt").write_text(line)
+    text = propose(tmp_path).text.lower()
+    assert "'road': {colours: [[128, 64, 128]], renders: [road]}" in text
 
 
 def test_names_may_stand_alone_one_on_each_line(streets):
