@@ -29,10 +29,10 @@ from seg.classes import CITYSCAPES_19, IGNORE_LABEL, colorize, table_of
 from seg.data import DataError, Entry, LabelReader, list_split
 from seg.data.images import read_image
 from seg.metrics import absent_classes, confusion_matrix, iou
-from seg.model import Model, load_model
+from seg.model import SEEN, Model, load_model
 from shell.command import exit_code
 from shell.errors import UserError, refuse_repeats
-from shell.files import check_file, write, write_json
+from shell.files import check_file, file_digest, write, write_json
 from shell.listing import split_names
 from shell.progress import Progress
 from shell.target_file import TargetFile, find_target
@@ -150,7 +150,8 @@ def evaluate(
         progress: whether to print progress and the time left.
 
     Returns:
-        The content of `--json`: `miou` and `classes` in percent, None for classes that do not occur; the
+        The content of `--json`: the number of `images`, and of those among them that a model of `fit` was
+        `trained_on`; `miou` and `classes` in percent, None for classes that do not occur; the
         `confusion` in pixels, by true and predicted class; `boundary_iou`; all `groups`; the `worst`.
 
     Raises:
@@ -178,9 +179,13 @@ def evaluate(
         _show(pictures, model, data, [own.entry for own in worst], among, table)
     edges = boundary_iou(np.sum([own.boundary for own in scored], axis=0), confusion)
     groups = sorted({own.entry.sequence for own in scored})
+    known = model.notes.get(SEEN)
+    files = set(map(str, known)) if isinstance(known, list) else set()
+    seen = [own for own in scored if files and file_digest(own.entry.image_path) in files]
     return {
         "model": model.digest,
         "images": len(scored),
+        "trained_on": len(seen),
         **_scores(data, iou(confusion)),
         "absent": list(absent_classes(confusion, data.classes)),
         "boundary_iou": {**_scores(data, edges), "share_of_diagonal": SHARE},
@@ -287,6 +292,11 @@ def text(scores: dict[str, Any]) -> str:
         for group, own in scores["groups"].items()
         if own["miou"] is not None and len(scores["groups"]) <= 12
     ]
+    if scores["trained_on"]:
+        lines.append(
+            f"The net was trained on {scores['trained_on']} of these {scores['images']} images: the figures "
+            "are higher than for images that it has not seen."
+        )
     return "\n".join(lines)
 
 

@@ -54,14 +54,14 @@ from seg.beside import TrainingSet
 from seg.classes import class_table, colorize
 from seg.data import LabelledImages
 from seg.data.images import read_image
-from seg.model import Model, classes_of, load_model, refuse_others
+from seg.model import SEEN, Model, classes_of, load_model, refuse_others
 from seg.recipes import with_net
 from seg.settings import FILELESS_NETS, Trunk, TrunkName, check_settings
 from seg.train import Params, outline
 from seg.weights import check as check_weights
 from shell.command import exit_code, given
 from shell.errors import UserError, flagged
-from shell.files import digest, write
+from shell.files import digest, file_digest, write
 from shell.target_file import Fit, find_target
 
 SHOWN = 4
@@ -371,6 +371,7 @@ def _leave(
         {
             "target": parts.target.name,
             "labelled_images": len(labels.images),
+            SEEN: sorted(file_digest(entry.image_path) for entry in parts.seen),
             "trained_on": report["recipe"],
             "verdict": report["verdict"],
             "miou": report["rows"][report["recipe"]]["mean"],

@@ -36,6 +36,8 @@ from shell.target_file import TargetFile
 FORMAT = 1
 """The version of the folder's format; a newer one is refused."""
 CONFIG, WEIGHTS = "config.json", "weights.safetensors"
+SEEN = "image_files"
+"""The note with the SHA-256 of each labelled image's file on which the net was trained, if it is known."""
 SHIPPED = Path(__file__).parent / "models"
 """The folder of the models that come with the package; a subfolder's name is its model's."""
 PACKAGES = ("sdr-jax", "jax", "flax", "numpy", "opencv-python-headless", "safetensors")

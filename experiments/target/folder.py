@@ -53,6 +53,14 @@ class Parts(NamedTuple):
         """All images."""
         return (*self.entries, *self.held_out)
 
+    @property
+    def seen(self) -> tuple[Entry, ...]:
+        """The training images of the saved net.
+
+        They include a held-out group, unless only a few labels may be used, but not a split.
+        """
+        return self.every if self.all_labels else self.entries
+
 
 def parts_of(
     target: TargetFile, data: Path, holdout: str | None = None, few: int | None = None
@@ -192,11 +200,8 @@ def fold_targets(parts: Parts, data: Path, whole: Read) -> list[Target]:
 
 
 def all_labelled(parts: Parts, of: Target, data: Path, whole: Read) -> Target:
-    """The target whose labelled images are all training images of the saved net.
-
-    They include a held-out group, unless only a few labels may be used, but not a split.
-    """
-    own = parts.every if parts.all_labels else parts.entries
+    """The target whose labelled images are all training images of the saved net."""
+    own = parts.seen
 
     @lru_cache(maxsize=SIZES)
     def at(height: int, width: int) -> Sides:

@@ -11,10 +11,11 @@ from PIL import Image
 from experiments.evaluate import Labelled, evaluate, labelled, main, mapping
 from seg.classes import CAMVID_11, LABELMEFACADE_6
 from seg.data import DataError, Entry
-from seg.model import Model, classes_of, label_classes
+from seg.model import SEEN, Model, classes_of, label_classes
 from seg.settings import TrainSettings
 from seg.train import train
 from shell.errors import UserError
+from shell.files import file_digest
 from shell.target_file import shipped
 from tests.conftest import refused
 
@@ -128,6 +129,24 @@ def test_the_command_writes_what_the_function_returns(model, camvid, tmp_path, c
     assert scores["splits"] == ["train", "test"] and labelled("camvid", camvid).splits == ("test",)
     said = capsys.readouterr().out
     assert f"mean             {scores['miou']:6.2f}" in said and str(file) in said
+
+
+def test_images_that_the_net_was_trained_on_are_counted_and_told(model, camvid, tmp_path, capsys):
+    files = [file_digest(camvid / "train" / f"{name}.png") for name in ("B_1", "B_2")]
+    for known, count in ((files, 2), (files[:1], 1), (["0" * 64], 0), (7, 0)):
+        replace(model, notes={SEEN: known}).save(tmp_path / "model")
+        words = [
+            str(tmp_path / "model"),
+            str(camvid),
+            "--target",
+            "camvid",
+            "--json",
+            str(tmp_path / "f"),
+        ]
+        assert main([*words, "--split", "train", "test", "--group", "B"]) == 0
+        assert json.loads((tmp_path / "f").read_text())["trained_on"] == count
+        said = f"The net was trained on {count} of these 3 images: the figures are higher"
+        assert (said in capsys.readouterr().out) == bool(count)
 
 
 def test_labels_at_their_own_size_and_predictions_at_the_images(model, camvid):

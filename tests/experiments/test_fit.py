@@ -15,6 +15,7 @@ from safetensors.numpy import save_file
 
 import experiments.fit
 from experiments.config import parsers
+from experiments.evaluate import evaluate, labelled
 from experiments.evaluation.job import Source
 from experiments.fit import FitConfig, _beside, config_of, derive, fit, main, text
 from experiments.report import live
@@ -235,6 +236,8 @@ def test_from_a_folder_of_ones_own_to_a_net(folder, tmp_path, capsys, monkeypatc
     assert model.names == ("street", "house", "sky", "plant", "bench")
     assert [own.id for own in model.classes] == [7, 11, 23, 21, 40] and model.size == (48, 64)
     assert model.notes["labelled_images"] == 5 and model.notes["verdict"] == summary["verdict"]
+    test = evaluate(model, labelled(find_target(None, folder), folder))
+    assert test["trained_on"] == test["images"] == 5
     front = (tmp_path / "run" / "model" / "README.md").read_text().split("---\n")[1]
     [told] = yaml.safe_load(front)["model-index"][0]["results"]
     assert told["metrics"][0]["value"] == round(summary["rows"][summary["recipe"]]["mean"], 2)
