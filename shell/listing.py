@@ -224,12 +224,17 @@ def _entry(
     target: TargetFile, split: str, image: Path, root: Path, labels: str, places: Mapping[str, str]
 ) -> Entry:
     """An image with its label by the pattern. Raises UserError if it has none."""
-    label = root / _filled(labels, split, places)
-    found = _on_disk(label, not _has_suffix(labels))
+    found = _label(root, labels, split, places)
     if found is None:
+        label = root / _filled(labels, split, places)
         expected = label if _has_suffix(labels) else f"{label}.png"
         raise UserError(f"{image}: image without label; expected {expected}")
     return _named(target, image, found, places["name"], places.get("group"))
+
+
+def _label(root: Path, labels: str, split: str, places: Mapping[str, str]) -> Path | None:
+    """The label by the pattern, if it is there."""
+    return _on_disk(root / _filled(labels, split, places), not _has_suffix(labels))
 
 
 def _named(
@@ -248,7 +253,8 @@ def _named(
 def _found(target: TargetFile, root: Path, split: str, images: str, labels: str) -> Iterator[Entry]:
     """The entries at the patterns."""
     for image, places in matches(images.replace("{split}", split), root):
-        yield _entry(target, split, image, root, labels, places)
+        if target.unlabelled == "refuse" or _label(root, labels, split, places):
+            yield _entry(target, split, image, root, labels, places)
 
 
 def _given(

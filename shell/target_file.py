@@ -55,6 +55,7 @@ Files = str | tuple[str, ...]
 Split = str | Annotated[float, Meta(gt=0, lt=1)] | Annotated[tuple[str, ...], Meta(min_length=1)]
 Format = Literal["ids", "ids-first-channel", "colours", "labelme-json", "cityscapes-json"]
 Fit = Literal["pad", "cut"]
+Unlabelled = Literal["refuse", "skip"]
 Kind = Literal["ids", "colours", "names"]
 _KINDS: dict[Format, Kind] = {
     "ids": "ids",
@@ -97,6 +98,7 @@ class TargetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             whole match. By default the text at {group} in the pattern; without it each image is a group.
         fit: how an image of another shape than the size is treated: with a void margin, or with a cut
             around its centre.
+        unlabelled: whether an image at a pattern that has no label is an error, or left out.
         name: name of the target; by default that of its file.
         source: the file, for errors; it is no field of the file.
     """
@@ -110,6 +112,7 @@ class TargetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     splits: str | dict[str, Split] = {}
     group: str | None = None
     fit: Fit = "pad"
+    unlabelled: Unlabelled = "refuse"
     name: Name = "target"
     source: str = ""
 

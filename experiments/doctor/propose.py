@@ -125,19 +125,26 @@ def _guess(root: Path) -> Proposal:
         if pair != best
     ]
     images, labels = best.images, best.labels
-    form, values, names = _values(sorted(path for path, _ in matches(labels, root)))
+    labelled = dict(matches(labels, root))
+    form, values, names = _values(sorted(labelled))
     lines = [f"images: {_quoted(images)}", f"labels: {_quoted(labels)}"]
     if form in ("labelme-json", "cityscapes-json"):
         lines.append(f"format: {form}")
-    found = [(path.stem, places["name"]) for path, places in matches(images, root)]
-    lists = _lists(root, {own for both in found for own in both})
+    found = dict(matches(images, root))
+    lists = _lists(root, {own for path, p in found.items() for own in (path.stem, p["name"])})
+    bare = [] if lists else _bare(found, labelled.values())
+    if bare:
+        lines.append("unlabelled: skip")
+        notes.append(
+            f"{len(bare)} images without a label, such as {bare[0].relative_to(root)}, are left out"
+        )
     if "{split}" not in images:
         if lists:
             lines.append(f"splits: {yaml.safe_dump(lists, default_flow_style=True).strip()}")
         else:
             notes.append("no list of a test split is found: all images are for training")
     if "{group}" not in images:
-        group = _group([name for _, name in found])
+        group = _group([places["name"] for places in found.values()])
         if group:
             lines.append(f"group: {_quoted(group)}")
         else:
@@ -154,6 +161,17 @@ def _guess(root: Path) -> Proposal:
 
 def _quoted(text: str) -> str:
     return "'" + text.replace("'", "''") + "'"
+
+
+def _bare(images: Mapping[Path, dict[str, str]], labels: Collection[dict[str, str]]) -> list[Path]:
+    """Images without a label, in splits that have some."""
+    there = {frozenset(places.items()) for places in labels}
+    splits = {places.get("split") for places in labels}
+    return [
+        path
+        for path, places in sorted(images.items())
+        if places.get("split") in splits and frozenset(places.items()) not in there
+    ]
 
 
 def _pairs(root: Path, files: Sequence[Path], starts: bool = False) -> list[_Pair]:
@@ -184,7 +202,7 @@ def _pairs(root: Path, files: Sequence[Path], starts: bool = False) -> list[_Pai
             key=lambda match: match[:3],
             default=(0, 0, False, own),
         )
-        if common and 2 * common >= len(own.cores):
+        if common and 2 * common >= min(len(own.cores), len(label.cores)):
             found[_template(own, label)] += common
     return _grouped(found)
 

@@ -74,7 +74,8 @@ def survey(target: TargetFile, root: Path) -> Survey:
             splits[split] = list_split(target, root, split)
         except UserError as error:
             usable = False
-            faults.append(Fault(str(error), "put the file there, or change the patterns and lists"))
+            mend = "put the file there, change the patterns and lists, or write 'unlabelled: skip'"
+            faults.append(Fault(str(error), mend))
     entries = [entry for own in splits.values() for entry in own]
     sizes = _sizes(entries, faults)
     classes, void, read, right = _classes(target, entries, faults)

@@ -171,8 +171,9 @@ def test_what_does_not_fit_is_told_with_how_to_mend_it(streets, doctor, tmp_path
     (streets / "photos" / "friday" / "f2.jpg").write_bytes(data)
     assert "1 images are copies, such as" in doctor(streets)[1]
     (streets / "masks" / "monday" / "f1_mask.png").unlink()
-    code, out, _ = doctor(streets)
+    code, out, _ = doctor(streets, "--target", file)
     assert code == 2 and "f1.jpg: image without label; expected" in out
+    assert "or write 'unlabelled: skip'" in out
 
 
 def test_names_with_spaces_hidden_files_and_copies_in_lists(tmp_path, doctor):
@@ -205,6 +206,25 @@ def test_numbers_pair_names_of_different_starts(tmp_path, image, label):
     target = parse_target(propose(tmp_path).text, "x/target.yaml")
     assert (target.images, target.labels) == (image.format("{name}"), label.format("{name}"))
     assert [entry.name for entry in list_all(target, tmp_path)["train"]] == ["10", "11", "12", "9"]
+
+
+def test_a_few_labels_beside_many_images_are_enough(streets, doctor, tmp_path):
+    for drive, k in product(("monday", "friday", "sunday"), range(3, 40)):
+        (streets / "photos" / drive).mkdir(exist_ok=True)
+        save(streets / "photos" / drive / f"f{k}.jpg", photograph(k, (48, 64)))
+    file = tmp_path / "t.yaml"
+    code, out, _ = doctor(streets, "--write", file)
+    assert code == 0 and "6 images of 2 groups in train" in out
+    assert "111 images without a label, such as photos/friday/f10.jpg, are left out" in out
+    names = [entry.name for entry in list_all(find_target(file), streets)["train"]]
+    assert names == [f"{drive}_f{k}" for drive in ("friday", "monday") for k in range(3)]
+    # Named in a list, an image needs its label.
+    (streets / "train.txt").write_text("f0\nf3\n")
+    text = file.read_text().replace(
+        "unlabelled: skip", "unlabelled: skip\nsplits: {train: train.txt}"
+    )
+    target = parse_target(text.replace("{group}", "monday"), "t.yaml")
+    refuses("f3.jpg: image without label", list_all, target, streets, error=UserError)
 
 
 def test_an_export_of_cvat_comes_with_its_lists_and_names(tmp_path):
