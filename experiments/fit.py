@@ -59,6 +59,7 @@ from seg.recipes import with_net
 from seg.settings import FILELESS_NETS, Trunk, TrunkName, check_settings
 from seg.train import Params, outline
 from seg.weights import check as check_weights
+from shell.classes import NAMES
 from shell.command import exit_code, given
 from shell.errors import UserError, flagged
 from shell.files import digest, file_digest, write
@@ -142,11 +143,16 @@ def config_of(
         fix: attributes to hold at a value in all streets, such as field_of_view=90.
 
     Raises:
-        UserError: there is no such target or folder, an image cannot be read, weights are of another net, or
-            an attribute cannot be held.
+        UserError: there is no such target or folder, none of its classes is rendered, an image cannot be
+            read, weights are of another net, or an attribute cannot be held.
     """
     read_fixed(fix, SPACE)
     found = find_target(target, data)
+    if not any(found.rendered):
+        raise UserError(
+            f"{found.source}: no class has 'renders', so renders would show none of them; name what the "
+            f"engine has of each: {', '.join(NAMES)}"
+        )
     parts = parts_of(found, data, holdout, few)
     if size is None:
         height, width = read_image(parts.entries[0].image_path).shape[:2]

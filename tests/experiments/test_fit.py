@@ -1,6 +1,7 @@
 """`sdr-jax fit`: folds by group, what renders add, and a net from a folder of one's own."""
 
 import json
+import re
 import shlex
 from base64 import b64encode
 from pathlib import Path
@@ -299,12 +300,14 @@ def test_a_tuned_net_of_another_name_is_fitted_and_its_model_has_all_of_it(folde
 def test_what_cannot_be_fitted_is_one_line(folder: Path, tmp_path: Path, capsys) -> None:
     out = ["--out", str(tmp_path / "run"), "--preset", "smoke"]
     (tmp_path / "empty").mkdir()
-    bad = tmp_path / "model.safetensors"
+    bare, bad = tmp_path / "bare.yaml", tmp_path / "model.safetensors"
+    bare.write_text(re.sub(r", renders: \[.*?\]", "", (folder / "target.yaml").read_text()))
     save_file({"embeddings.cls_token": np.zeros((1, 1, 384), np.float32)}, bad)
     dinov2 = [str(folder), *out, "--net", "dinov2", "--weights", str(bad)]
     for arguments, message in (
         ([str(tmp_path / "none"), *out], "none: no such folder"),
         ([str(tmp_path / "empty"), *out], "no target.yaml in it"),
+        ([str(folder), *out, "--target", str(bare)], "bare.yaml: no class has 'renders', so"),
         ([str(folder), *out, "--few", "9"], "--few must be 1 to 5"),
         ([str(folder), *out, "--size", "60x48"], "--size must be two multiples of 8, 32 or more"),
         ([str(folder), *out, "--seeds", "0"], "--seeds must be"),
