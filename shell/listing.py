@@ -168,7 +168,7 @@ def _regex(pattern: str) -> str:
 
 def _expression(pattern: str) -> re.Pattern[str]:
     """A regular expression for whole paths; a pattern without a suffix has those of images."""
-    return re.compile(_regex(pattern) + ("" if _has_suffix(pattern) else rf"(?:{_ENDINGS})"))
+    return re.compile(_regex(pattern) + ("" if _has_suffix(pattern) else rf"(?i:{_ENDINGS})"))
 
 
 def _glob(pattern: str) -> str:
@@ -207,7 +207,8 @@ def _splits_at(pattern: str, root: Path) -> set[str]:
 
 def _on_disk(path: Path, any_suffix: bool) -> Path | None:
     """The path, if need be with the suffix that the image has on this disk."""
-    paths = [path.with_name(path.name + s) for s in SUFFIXES] if any_suffix else [path]
+    endings = [own for s in SUFFIXES for own in (s, s.upper())] if any_suffix else [""]
+    paths = [path.with_name(path.name + own) for own in endings]
     return next((own for own in paths if own.is_file()), None)
 
 

@@ -297,7 +297,22 @@ def _grouped(found: Counter[tuple[str, str]]) -> list[_Pair]:
     merged: Counter[tuple[str, str]] = Counter()
     for (images, labels), count in found.items():
         merged[_with_group(images, labels, found)] += count
-    return [_Pair(images, labels, count) for (images, labels), count in merged.items()]
+    return _of_any_suffix([_Pair(*both, count) for both, count in merged.items()])
+
+
+def _of_any_suffix(pairs: Sequence[_Pair]) -> list[_Pair]:
+    """Merge pairs whose images differ in their suffix alone, if no picture beside them is a label."""
+    alike: dict[tuple[str, str], list[_Pair]] = {}
+    for pair in pairs:
+        (images, labels), suffix = pair[:2], PurePosixPath(pair.images).suffix
+        beside = images.rpartition("/")[0] == labels.rpartition("/")[0]
+        if not beside or labels.endswith(".json"):
+            images = images.removesuffix(suffix)
+        alike.setdefault((images, labels), []).append(pair)
+    return [
+        own[0] if len(own) == 1 else _Pair(*both, sum(pair.number for pair in own))
+        for both, own in alike.items()
+    ]
 
 
 def _with_group(images: str, labels: str, found: Iterable[tuple[str, str]]) -> tuple[str, str]:

@@ -227,6 +227,18 @@ def test_a_few_labels_beside_many_images_are_enough(streets, doctor, tmp_path):
     refuses("f3.jpg: image without label", list_all, target, streets, error=UserError)
 
 
+def test_images_of_several_endings_are_one_set(tmp_path):
+    for k, ending in enumerate((".JPG", ".jpeg", ".png")):
+        save(tmp_path / "img" / f"a_{k}{ending}", photograph(k, (48, 64)))
+        save(tmp_path / "ann" / f"a_{k}.PNG", blocks(k, (48, 64), 3))
+    text = propose(tmp_path).text
+    assert "images: 'img/{name}'\nlabels: 'ann/{name}.PNG'" in text
+    for own in (text, text.replace("{name}.PNG", "{name}")):
+        found = list_all(parse_target(own, "x.yaml"), tmp_path)["train"]
+        assert [entry.image_path.name for entry in found] == ["a_0.JPG", "a_1.jpeg", "a_2.png"]
+        assert found[0].label_path.name == "a_0.PNG"
+
+
 def test_an_export_of_cvat_comes_with_its_lists_and_names(tmp_path):
     colours = np.array([(128, 64, 128), (0, 0, 192), (0, 0, 0)])
     for k in range(4):
