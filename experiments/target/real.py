@@ -26,13 +26,15 @@ from shell.target_file import TargetFile, shipped
 
 REPORTED = {"camvid": "test", "cityscapes": "val", "labelmefacade": "test"}
 """The default split for the test."""
+HELD_OUT = ("test", "testing", "val", "valid", "validation")
+"""Names of such a split in other data, in the order of choice."""
 MOST_NAMED = 8
 """The title names up to so many sequences on both sides; otherwise it gives their number."""
 
 
 def reported_split(target: str, splits: Collection[str]) -> str:
     """The split that figures of a target are reported on; it need not be among its splits."""
-    return REPORTED.get(target, "test" if "test" in splits else "val")
+    return REPORTED.get(target) or next((own for own in HELD_OUT if own in splits), HELD_OUT[0])
 
 
 def real_target(name: str, config: Config, data: Path) -> Target:

@@ -16,12 +16,22 @@ from experiments.config.presets import defaults
 from experiments.run.learn import reward_parts
 from experiments.target.base import refuse_overlap
 from experiments.target.named import named_target
+from experiments.target.real import reported_split
 from shell.errors import UserError
 from tests.layouts import FACADE, FACADE_IDS
 
 from .conftest import POOL, main_job
 
 names = st.lists(st.sampled_from([f"n{i}" for i in range(12)]), unique=True)
+
+
+@pytest.mark.parametrize(("splits", "reported"), [
+    (("train", "val", "test"), "test"), (("training", "validation", "testing"), "testing"),
+    (("train", "valid"), "valid"), (("training", "validation"), "validation"),
+])  # fmt: skip
+def test_the_held_out_split_is_known_by_its_usual_names(splits, reported):
+    assert reported_split("mine", splits) == reported
+    assert reported_split("cityscapes", splits) == "val"
 
 
 @pytest.fixture
