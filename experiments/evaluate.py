@@ -181,7 +181,8 @@ def evaluate(
     groups = sorted({own.entry.sequence for own in scored})
     known = model.notes.get(SEEN)
     files = set(map(str, known)) if isinstance(known, list) else set()
-    seen = [own for own in scored if files and file_digest(own.entry.image_path) in files]
+    paths = [own.entry.image_path for own in scored] if files else []
+    seen = [path for path in paths if path.is_file() and file_digest(path) in files]
     return {
         "model": model.digest,
         "images": len(scored),

@@ -147,8 +147,8 @@ def drive(
 def on_processor() -> Iterator[None]:
     """Lets JAX compute on the processor, even where there is a GPU, if it may use both.
 
-    XLA compiles one update of a model for a GPU for more than a minute, and such small arrays gain nothing
-    there.
+    To compile one update of a model for a GPU takes XLA more than a minute of CPU time, and such small arrays
+    gain nothing there.
     """
     try:
         place = jax.default_device(jax.local_devices(backend="cpu")[0])
