@@ -225,17 +225,22 @@ def _entry(
     target: TargetFile, split: str, image: Path, root: Path, labels: str, places: Mapping[str, str]
 ) -> Entry:
     """An image with its label by the pattern. Raises UserError if it has none."""
-    found = _label(root, labels, split, places)
+    found = _labelled(target, split, image, root, labels, places)
     if found is None:
         label = root / _filled(labels, split, places)
         expected = label if _has_suffix(labels) else f"{label}.png"
         raise UserError(f"{image}: image without label; expected {expected}")
-    return _named(target, image, found, places["name"], places.get("group"))
+    return found
 
 
-def _label(root: Path, labels: str, split: str, places: Mapping[str, str]) -> Path | None:
-    """The label by the pattern, if it is there."""
-    return _on_disk(root / _filled(labels, split, places), not _has_suffix(labels))
+def _labelled(
+    target: TargetFile, split: str, image: Path, root: Path, labels: str, places: Mapping[str, str]
+) -> Entry | None:
+    """An image with its label by the pattern, if it has one."""
+    label = _on_disk(root / _filled(labels, split, places), not _has_suffix(labels))
+    if label is None:
+        return None
+    return _named(target, image, label, places["name"], places.get("group"))
 
 
 def _named(
@@ -253,9 +258,10 @@ def _named(
 
 def _found(target: TargetFile, root: Path, split: str, images: str, labels: str) -> Iterator[Entry]:
     """The entries at the patterns."""
+    entry_of = _entry if target.unlabelled == "refuse" else _labelled
     for image, places in matches(images.replace("{split}", split), root):
-        if target.unlabelled == "refuse" or _label(root, labels, split, places):
-            yield _entry(target, split, image, root, labels, places)
+        if entry := entry_of(target, split, image, root, labels, places):
+            yield entry
 
 
 def _given(

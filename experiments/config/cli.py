@@ -119,7 +119,7 @@ def main(
         The exit code: 2 for errors of the user, 1 for workers that died or `Unmet`, 130 after Ctrl-C.
     """
     words = sys.argv[1:] if arguments is None else list(arguments)
-    # On a GPU the policy must leave the memory to the workers' nets.
+    # A GPU's memory is for the workers' nets.
     os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
     # XLA's threads: with --workers 0 nets are the same as those of workers.
     os.environ["NPROC"] = "1"

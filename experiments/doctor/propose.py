@@ -11,12 +11,13 @@ from typing import NamedTuple
 import numpy as np
 import yaml
 
+from experiments.target.real import HELD_OUT
 from seg.data.labels import FORMATS, LabelReader
 from shell import classes as engine
 from shell.errors import UserError
 from shell.files import files_below
 from shell.listing import list_split, matches, split_names
-from shell.target_file import FILE, SHIPPED, SUFFIXES, Format, find_target, shipped
+from shell.target_file import FILE, SHIPPED, SUFFIXES, TRAIN, Format, find_target, shipped
 
 TRAINING_SETS = ("gta5", "synthia")
 """Targets in the package whose layouts are also those of many other folders."""
@@ -26,7 +27,7 @@ MOST_ENDINGS = 4
 """The most kinds of names in one folder, such as a_image.png and a_label.png."""
 FEW = 64
 """The most different values of a label file; photographs have more."""
-SPLITS = ("train", "training", "val", "valid", "validation", "test", "testing")
+SPLITS = (TRAIN, "training", *HELD_OUT)
 GROUPS = (r"^(.*)__", r"^(.*?)[_-]*\d+\D*$", r"^[^_-]+")
 """Expressions for groups of names, in the order of trial."""
 _CITYSCAPES = re.compile(r"_label(?:Ids|((?:cs)?TrainIds))\.")
@@ -194,7 +195,7 @@ def _pairs(root: Path, files: Sequence[Path], starts: bool = False) -> list[_Pai
                 (
                     len(own.cores & other.cores),
                     -_distance(own.folder, other.folder),
-                    bool(re.search(_CITYSCAPES, other.pattern)),
+                    bool(_CITYSCAPES.search(other.pattern)),
                     other,
                 )
                 for other in labels
@@ -480,7 +481,7 @@ def _as_cityscapes(labels: str, form: Format, keys: Sequence[str]) -> dict[str, 
     if form == "colours":
         found = {str([*colour]): name for name, own in classes.items() for colour in own.colours}
         return found if 2 * sum(key in found for key in keys) > len(keys) else {}
-    called = re.search(_CITYSCAPES, labels)
+    called = _CITYSCAPES.search(labels)
     if called is None:
         return {}
     if called[1]:

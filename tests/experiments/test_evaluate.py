@@ -132,19 +132,12 @@ def test_the_command_writes_what_the_function_returns(model, camvid, tmp_path, c
 
 
 def test_images_that_the_net_was_trained_on_are_counted_and_told(model, camvid, tmp_path, capsys):
+    file, flags = tmp_path / "f", "--target camvid --split train test --group B".split()
     files = [file_digest(camvid / "train" / f"{name}.png") for name in ("B_1", "B_2")]
     for known, count in ((files, 2), (files[:1], 1), (["0" * 64], 0), (7, 0)):
         replace(model, notes={SEEN: known}).save(tmp_path / "model")
-        words = [
-            str(tmp_path / "model"),
-            str(camvid),
-            "--target",
-            "camvid",
-            "--json",
-            str(tmp_path / "f"),
-        ]
-        assert main([*words, "--split", "train", "test", "--group", "B"]) == 0
-        assert json.loads((tmp_path / "f").read_text())["trained_on"] == count
+        assert main([str(tmp_path / "model"), str(camvid), *flags, "--json", str(file)]) == 0
+        assert json.loads(file.read_text())["trained_on"] == count
         said = f"The net was trained on {count} of these 3 images: the figures are higher"
         assert (said in capsys.readouterr().out) == bool(count)
 
