@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Real
 
-from sdr_jax.method import Method, State
+from sdr_jax.method import Method, State, refuse_not_finite
 from sdr_jax.rewards import LARGEST
 from sdr_jax.run import first_state, on_processor
 from sdr_jax.space import Proposal, Space
@@ -21,6 +21,9 @@ from shell.lines import CURE, JsonLines
 
 RECORD = ("id", "update", "actions", "seed", "reward")
 """The fields of every line of a history; the caller may add more."""
+
+RESOLUTION = 1e-4
+"""The largest rounding of a reward, as a share of the interquartile range of the distinct rewards."""
 
 
 class Trial(NamedTuple):
@@ -45,9 +48,11 @@ class AskTell:
     the state needs no file: telling the history again gives the same state to the last bit, with host
     adapters too. Keys are used as in `drive`: the same seed proposes the same data sets.
 
-    Methods compute in single precision, so a method gets the rewards minus the first one, unless it needs
-    their level. While all rewards are equal, the answer stays as it was before the first reward. They run
-    on the processor, and leave a GPU to the evaluations.
+    Methods compute in single precision, so a method gets the rewards minus the median of the first update,
+    unless it needs their level. If that is so far from later rewards that their differences would be lost, as
+    after a penalty of -1e9, the method learns all of them again, minus their median. While all rewards are
+    equal, the answer stays as it was before the first reward. Methods run on the CPU, and leave a GPU to the
+    evaluations.
 
     Args:
         space: the attributes.
@@ -85,8 +90,8 @@ class AskTell:
         self.state: State = first_state(rng_key, method)
         self.updates, self.clipped = 0, 0
         self._start = self.state
-        self._first: float | None = None  # reward
-        self._differ = False  # whether two rewards differ
+        self._updates: list[tuple[Real[Array, "n attributes"], np.ndarray]] = []  # actions, rewards
+        self._offset: float | None = None  # subtracted from rewards
         self._actions: Real[Array, "n attributes"] = jnp.zeros((n, space.attributes), jnp.int32)
         self._trials: tuple[Trial, ...] = ()  # none before the actions are sampled
         self._rewards: dict[int, float] = {}
@@ -126,6 +131,7 @@ class AskTell:
                 a field.
             OSError: the history cannot be written; the reward then counts as not told.
             RuntimeError: another process has written to it.
+            FloatingPointError: the method's numbers are no longer finite.
         """
         clash = [name for name in notes if name in RECORD]
         if clash:
@@ -153,7 +159,9 @@ class AskTell:
 
     @property
     def _answering(self) -> State:
-        return self.state if self._differ else self._start
+        rewards = np.concatenate([rewards for _, rewards in self._updates] or [[]])
+        known = rewards[np.isfinite(rewards)]
+        return self.state if np.any(known != known[:1]) else self._start
 
     def _sample(self) -> None:
         if self._trials:
@@ -178,17 +186,27 @@ class AskTell:
         if len(self._rewards) < self.n:
             return
         rewards = np.asarray([self._rewards[trial.id] for trial in self._trials], np.float64)
-        known = rewards[np.isfinite(rewards)]
-        if self._first is None and len(known):
-            self._first = float(known[0])
-        self._differ |= bool(np.any(known != self._first))
-        if self._first is not None and not self.method.level:
-            rewards -= self._first
-        told = jnp.asarray(rewards, jnp.float32)
-        self.state, info = self.method.update(self.state, self._actions, told)
-        self.clipped = max(self.clipped, int(info.clipped))
+        self._updates.append((self._actions, rewards))
         self.updates += 1
         self._trials, self._rewards = (), {}
+        if self.method.level:
+            self._learn(self._actions, rewards)
+            return
+        known = np.concatenate([rewards for _, rewards in self._updates])
+        known = known[np.isfinite(known)]
+        if self._offset is None or _loses_digits(known, self._offset):
+            self._offset = float(np.median(known)) if len(known) else None
+            self.state, self.clipped = self._start, 0
+            for update in self._updates:
+                self._learn(*update)
+        else:
+            self._learn(self._actions, rewards)
+
+    def _learn(self, actions: Real[Array, "n attributes"], rewards: np.ndarray) -> None:
+        told = jnp.asarray(rewards - (self._offset or 0.0), jnp.float32)
+        self.state, info = self.method.update(self.state, actions, told)
+        refuse_not_finite(info)
+        self.clipped = max(self.clipped, int(info.clipped))
 
     def _replay(self, record: dict[str, Any], where: str) -> None:
         waiting = {trial.id: trial for trial in self.ask()}
@@ -204,6 +222,14 @@ class AskTell:
                 "be those that the history began with"
             )
         self._take(ours["id"], np.nan if reward is None else reward)
+
+
+def _loses_digits(rewards: np.ndarray, offset: float) -> bool:
+    """Whether single precision, after an offset, blurs the differences between most rewards."""
+    low, median, high = (
+        np.quantile(np.unique(rewards), [0.25, 0.5, 0.75]) if len(rewards) else (0, 0, 0)
+    )
+    return bool(np.spacing(np.float32(abs(median - offset))) > RESOLUTION * (high - low) > 0)
 
 
 def _plain(centre: Any, width: Any) -> Proposal:

@@ -1,6 +1,7 @@
 """The callback through which a search evaluates data sets on the host."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import jax
@@ -28,6 +29,7 @@ class HostReward:
         self._evaluate = evaluate
         self._common = common
         self._error: BaseException | None = None
+        self.deferring = False  # whether errors wait for `reraise` rather than end the program
 
     def __call__(
         self,
@@ -46,26 +48,28 @@ class HostReward:
     def reraise(self) -> None:
         """Raises the error of a failed evaluation, if there is one, and forgets it.
 
-        It waits for evaluations that still run. `run.drive` calls it after every step, outside of
-        jit, before it uses the new state; any other loop must do the same.
+        It waits for evaluations that still run. `run` and `drive` call it.
         """
-        jax.effects_barrier()
+        with suppress(jax.errors.JaxRuntimeError):  # what the callback raised
+            jax.effects_barrier()
         error, self._error = self._error, None
         if error is not None:
             raise error
 
     def _on_host(self, *arguments: Any) -> np.ndarray:
-        """Runs in the callback, which must neither raise nor call JAX."""
+        """Runs in the callback, which must not call JAX."""
         # Some versions of JAX pass arrays of its own.
         data_sets = DataSets(*jax.tree.map(np.asarray, arguments))
         n = len(data_sets.seeds)
-        if self._error is None:
+        if self._error is None or not self.deferring:
             try:
                 rewards = self._evaluate(data_sets)
                 _check(rewards, n)
                 return rewards
-            except BaseException as error:  # not even an interrupt may be raised here
+            except BaseException as error:
                 self._error = error
+                if not self.deferring:
+                    raise
         return np.full(n, np.nan, np.float32)
 
 
@@ -77,9 +81,10 @@ def host_reward(evaluate: Callable[[DataSets], np.ndarray], *, common: bool = Fa
     cond, not under vmap.
 
     A reward of NaN says that the evaluation failed; methods leave it out. An error in `evaluate`, Ctrl-C
-    included, does not surface inside the callback: its rewards are NaN, later calls give NaN without an
-    evaluation, and `reraise()` raises the error. A wrong type, shape or dtype of the rewards is an
-    error, too, and so is a reward beyond 1e15.
+    included, ends the optimisation: `run` and `drive` raise it. Where your own jitted code calls the reward
+    function, or `run` as a whole is jitted, JAX raises `JaxRuntimeError` with the error's text, and
+    `reraise()` then raises the error itself. A wrong type, shape or dtype of the rewards is an error, too,
+    and so is a reward beyond 1e15.
 
         for state, record in drive(key, method, host_reward(evaluate), n=4):
             ...

@@ -5,7 +5,8 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int, Key, Real
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int, Key, Real
 
 from sdr_jax.rewards import mean_known, only_finite
 from sdr_jax.space import Proposal
@@ -26,6 +27,16 @@ class Info(NamedTuple):
     group: Int[Array, ""]  # the group that was updated; 0 where groups have no order
     clipped: Int[Array, ""]
     """Number of rewards so far that are far below the others and count as the lowest of them."""
+    finite: Bool[Array, ""]  # whether the method's numbers are; if not, its answers mean nothing
+
+
+def refuse_not_finite(info: Info) -> None:
+    """Raises FloatingPointError if a method's numbers are no longer finite after an update."""
+    if not np.all(info.finite):
+        raise FloatingPointError(
+            "the search's model holds numbers that are not finite, so it has no answer: a bug in sdr-jax; "
+            "please report it with the attributes and the rewards so far"
+        )
 
 
 def on_clipping(clipped: int, of: int) -> str:
@@ -48,6 +59,7 @@ def plain_info(rewards: Float[Array, "n"], entropy: Float[Array, ""]) -> Info:
         grad_norm=jnp.zeros((), jnp.float32),
         group=jnp.zeros((), jnp.int32),
         clipped=jnp.zeros((), jnp.int32),
+        finite=jnp.ones((), bool),
     )
 
 

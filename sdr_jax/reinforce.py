@@ -94,9 +94,11 @@ def learn(
         Learner(params, opt_state, baseline_state),
         learner,
     )
+    grad_norm = jnp.sqrt(sum(jnp.sum(leaf**2) for leaf in jax.tree.leaves(grads)))
     info = plain_info(rewards, entropy)._replace(
         baseline=mean_known(finite - differences),
         advantages=jnp.where(known, advantages, 0.0),
-        grad_norm=jnp.sqrt(sum(jnp.sum(leaf**2) for leaf in jax.tree.leaves(grads))),
+        grad_norm=grad_norm,
+        finite=jnp.isfinite(grad_norm) | ~enough,
     )
     return learnt, info

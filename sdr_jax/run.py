@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int, Real
 
 from sdr_jax.callback import HostReward
-from sdr_jax.method import Info, Method, RngKey, State
+from sdr_jax.method import Info, Method, RngKey, State, refuse_not_finite
 from sdr_jax.space import Proposal
 from shell.errors import UserError
 
@@ -87,8 +87,12 @@ def run(
     Returns:
         The final state, and the records of all updates, stacked on a leading axis.
 
+    An error in an evaluation of a `HostReward` ends the run and is raised; see `host_reward` for a run that
+    is jitted as a whole.
+
     Raises:
         ValueError: neither the argument nor the method gives the number of updates.
+        FloatingPointError: the method's numbers are no longer finite; not raised inside jit.
     """
     updates = _count(method, updates)
     steps_key = jax.random.split(rng_key)[1]
@@ -97,7 +101,15 @@ def run(
     def body(state: State, t: Int[Array, ""]) -> tuple[State, Record]:
         return step(jax.random.fold_in(steps_key, t), state)
 
-    return jax.lax.scan(body, first_state(rng_key, method), jnp.arange(updates))
+    try:
+        state, records = jax.lax.scan(body, first_state(rng_key, method), jnp.arange(updates))
+        if not isinstance(records.rewards, jax.core.Tracer):
+            refuse_not_finite(records.info)  # it waits for the run
+        return state, records
+    except jax.errors.JaxRuntimeError:
+        if isinstance(reward_fn, HostReward):
+            reward_fn.reraise()
+        raise
 
 
 def first_state(rng_key: RngKey, method: Method) -> State:
@@ -125,6 +137,7 @@ def drive(
 
     Raises:
         ValueError: neither the argument nor the method gives the number of updates.
+        FloatingPointError: the method's numbers are no longer finite.
     """
     updates = _count(method, updates)
     on_host = isinstance(reward_fn, HostReward)
@@ -134,9 +147,14 @@ def drive(
         steps_key = jax.random.split(rng_key)[1]
         state = first_state(rng_key, method)
         for t in range(updates):
+            if isinstance(reward_fn, HostReward):
+                # JAX would print a traceback of what the callback raises.
+                reward_fn.deferring = True
             next_state, record = step(jax.random.fold_in(steps_key, t), state)
             if isinstance(reward_fn, HostReward):
                 reward_fn.reraise()
+                reward_fn.deferring = False
+            refuse_not_finite(record.info)
             state = next_state
             yield state, record
 

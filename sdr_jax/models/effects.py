@@ -11,7 +11,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, Key
+from jaxtyping import Array, Bool, Float, Int, Key
 
 from sdr_jax.models import features, history, regression
 from sdr_jax.models.features import Features
@@ -31,6 +31,9 @@ SHRINK = 4.0
 
 NOISE_SHARE, NOISE_WEIGHT = 0.3, 4.0
 """Prior of the noise: its share of the rewards' variance, and its weight in evaluations."""
+
+LEAST_NOISE = 1e-4
+"""The least variance of a reward, as a share of the variance of the first rewards."""
 
 
 class Effects(NamedTuple):
@@ -142,8 +145,7 @@ def observe(
     seen, statistics, ratio = history.learn(
         state.history, state.statistics, partial(_evaluate, model), actions, rewards
     )
-    data = regression.centred(statistics)
-    variance = data.square / data.freedom
+    variance = statistics.variance
     fresh = ratio * state.noise <= 0
     state = EffectsState(
         seen,
@@ -159,6 +161,12 @@ def observe(
     return jax.tree.map(lambda a, b: jnp.where(enough, a, b), stepped, zeros)
 
 
+def is_finite(state: EffectsState, belief: Posterior) -> Bool[Array, ""]:
+    """Whether all numbers of the model are finite; otherwise its answers mean nothing."""
+    parts = (state.statistics, state.scales, state.noise, belief)
+    return jnp.stack([jnp.isfinite(part).all() for part in jax.tree.leaves(parts)]).all()
+
+
 def _evaluate(model: Effects, actions: Array) -> Array:
     """The features of actions i32[n attributes]: the layout's, then the shared ones."""
     x = features.evaluate(model.layout, actions)
@@ -170,7 +178,7 @@ def posterior(model: Effects, state: EffectsState) -> Posterior:
     scales = jnp.where(state.noise > 0, state.scales, 1.0)
     noise = jnp.where(state.noise > 0, state.noise, 1.0)
     std = jnp.sqrt(jnp.asarray(model.variance) * scales[model.effect])
-    return regression.posterior(regression.centred(state.statistics), std, jnp.sqrt(noise))
+    return regression.posterior(state.statistics, std, jnp.sqrt(noise))
 
 
 def mean_model(model: Effects, belief: Posterior) -> Model:
@@ -211,9 +219,8 @@ def value(
 ) -> Float[Array, ""]:
     """The mean reward of actions under a belief, in the rewards' own units."""
     statistics = state.statistics
-    count = jnp.maximum(statistics.seen, 1)
-    off = _evaluate(model, actions[None, :])[0] - statistics.sums / count
-    return statistics.offset + statistics.total / count + off @ belief.mean
+    off = _evaluate(model, actions[None, :])[0] - statistics.mean
+    return statistics.offset + statistics.level + off @ belief.mean
 
 
 def expected(
@@ -261,7 +268,7 @@ def _first_scales(model: Effects) -> Float[np.ndarray, "effects"]:
 def _maximise_evidence(model: Effects, state: EffectsState) -> EffectsState:
     """One step of expectation maximisation of scales and noise."""
     attributes, pairs = model.space.attributes, len(model.layout.pairs)
-    data = regression.centred(state.statistics)
+    data = state.statistics
     belief = posterior(model, state)
     covariance = regression.covariance(belief)
     there = model.variance > 0
@@ -286,6 +293,8 @@ def _maximise_evidence(model: Effects, state: EffectsState) -> EffectsState:
         + belief.mean @ (data.gram @ belief.mean)
         + jnp.sum(data.gram * covariance)
     )
-    variance = data.square / data.freedom
-    noise = (misfit + NOISE_WEIGHT * NOISE_SHARE * variance) / (data.freedom + NOISE_WEIGHT)
-    return state._replace(scales=scales, noise=jnp.maximum(noise, 1e-4 * variance))
+    prior = NOISE_WEIGHT * NOISE_SHARE * data.variance
+    noise = (misfit + prior) / (data.freedom + NOISE_WEIGHT)
+    # The variance of all rewards shrinks while a search closes in on its optimum; that of the first does not.
+    spread = jnp.fmax(data.variance, history.first_variance(state.history))
+    return state._replace(scales=scales, noise=jnp.maximum(noise, LEAST_NOISE * spread))

@@ -56,6 +56,11 @@ def lowest(rewards: Float[Array, "capacity"]) -> Float[Array, ""]:
     return jnp.where(far.any(), jnp.min(rewards, where=known & ~far, initial=jnp.inf), -jnp.inf)
 
 
+def first_variance(history: History) -> Float[Array, ""]:
+    """The variance of the first rewards, clipped as the model sees them; NaN before any."""
+    return jnp.nanvar(jnp.maximum(history.rewards[:EARLY], history.floor))
+
+
 def _quartiles(rewards: Float[Array, "n"]) -> tuple[Float[Array, ""], Float[Array, ""]]:
     """The interquartile range and the median of the distinct rewards.
 

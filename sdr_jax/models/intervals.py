@@ -157,7 +157,9 @@ def intervals(
         step = jnp.where(state.seen.noise > 0, PACE * signs.sum(), 0.0)
         reach = jnp.clip(state.reach * jnp.exp(step), 1 / space.attributes, 1.0)
         info = plain_info(rewards, jnp.asarray(jnp.nan, jnp.float32))
-        return fitted(seen, reach), info._replace(clipped=seen.history.clipped)
+        state = fitted(seen, reach)
+        finite = effects.is_finite(seen, state.belief)
+        return state, info._replace(clipped=seen.history.clipped, finite=finite)
 
     def solution(state: IntervalsState) -> Proposal:
         return proposed(state.answer)

@@ -118,7 +118,8 @@ def surrogate(
             jnp.where(known, logits, state.logits),
             jnp.where(known, best, state.best),
         )
-        return next_state, info._replace(clipped=seen.history.clipped)
+        info = info._replace(clipped=seen.history.clipped, finite=effects.is_finite(seen, belief))
+        return next_state, info
 
     def probabilities(state: SurrogateState) -> Float[Array, "attributes bins"]:
         return jax.nn.softmax(state.logits)

@@ -43,14 +43,14 @@ def physical(attribute: Attribute, unit: float) -> float:
         unit: in [0, 1].
 
     Returns:
-        The value in [low, high], rounded to ten digits.
+        The value, rounded to ten digits and in [low, high].
     """
     if attribute.log:
         low, high = math.log(attribute.low), math.log(attribute.high)
         value = math.exp((1 - unit) * low + unit * high)
     else:
         value = (1 - unit) * attribute.low + unit * attribute.high
-    return float(f"{min(max(value, attribute.low), attribute.high):.10g}")
+    return min(max(float(f"{value:.10g}"), attribute.low), attribute.high)
 
 
 def describe(attributes: Sequence[Attribute], proposal: Proposal) -> dict[str, dict[str, Any]]:

@@ -54,7 +54,7 @@ def test_it_tries_what_the_loop_on_the_host_tries() -> None:
             search.tell(trial.id, score(trial.proposal))
         own = [line["actions"] for line in search.history[-N:]]
         np.testing.assert_allclose(own, actions, rtol=1e-5, atol=1e-6)
-    # Rewards are less the first one, which this method does not mind.
+    # Rewards are less a median, which this method does not mind.
     assert_close(search.state.params, state.params, rtol=1e-4, atol=1e-5)
 
 
@@ -110,6 +110,22 @@ def test_scores_are_kept_as_given_and_small_differences_between_large_ones_count
     assert [line["reward"] for line in search.history] == told
     best = search.history[int(np.argmax(told))]
     assert search.solution().centre == (best["actions"][0] + 0.5) / 4
+
+
+@pytest.mark.parametrize("n", [1, 4])
+@pytest.mark.parametrize("name", ["surrogate", "intervals", "random_search"])
+def test_a_first_penalty_costs_later_scores_no_digits(name: str, n: int) -> None:
+    """The best answer scores 0 and others down to -3; in single precision -1e9 and these are one number."""
+    two = space(list("ab"), bins=[4, 4])
+    best = np.asarray([0.625, 0.125])
+    search = AskTell(two, make(name, two, 0.0), n=n)
+    while len(search.history) < 120:
+        for trial in search.ask():
+            centre = np.asarray(trial.proposal.centre, float)
+            reward = -1e9 if trial.id == 0 else -float(np.sum(4 * (centre - best) ** 2))
+            search.tell(trial.id, reward)
+    np.testing.assert_allclose(search.solution().centre, best, atol=1e-6)
+    assert max(line["reward"] for line in search.history) == 0
 
 
 @pytest.mark.parametrize("name", sdr_jax.METHODS)

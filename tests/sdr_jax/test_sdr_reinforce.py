@@ -82,6 +82,16 @@ def test_a_padded_policy_is_its_own_size_policy() -> None:
     assert_close(*sums, rtol=1e-6)
 
 
+def test_each_group_has_a_policy_and_inputs_of_its_own() -> None:
+    """Groups of one size, and groups of one size after padding, begin with different weights and inputs."""
+    alike = space(
+        list("abcdef"), bins=[3, 3, 3, 3, 2, 3], groups=[["a", "b"], ["c", "d"], ["e", "f"]]
+    )
+    params, inputs = init_policies(jax.random.key(1), alike, hidden=16)
+    for leaf in (inputs, *(leaf for leaf in jax.tree.leaves(params) if np.any(leaf))):
+        assert len(np.unique(np.asarray(leaf).reshape(3, -1), axis=0)) == 3
+
+
 def advantages(baseline: Baseline, updates: list) -> list[list[float]]:
     state, out = baseline.init(), []
     for rewards in updates:

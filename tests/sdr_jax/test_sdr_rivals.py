@@ -54,6 +54,13 @@ def test_the_gradient_of_the_gaussian_by_hand_and_of_one_data_set() -> None:
     log_std = np.log(1.5) + (advantages * (whitened**2 - 1)).mean(axis=0)
     np.testing.assert_allclose(after.params.mean, mean, rtol=1e-5)
     np.testing.assert_allclose(after.params.log_std, log_std, rtol=1e-5)
+    # Advantages that do not add up to 0, as after a first update, show the density's -log std.
+    method = gaussian(PAIR, optax.sgd(1.0), normalise=False, baseline=ema())
+    state, _ = tell(method, np.float32(1.5 * whitened), [0, 0])
+    after, info = tell(method, np.float32(1.5 * whitened), [3, 1], state)
+    np.testing.assert_allclose(info.advantages, [3, 1])
+    expected = np.log(1.5) + ([[3.0], [1.0]] * (whitened**2 - 1)).mean(axis=0)
+    np.testing.assert_allclose(after.params.log_std, expected, rtol=1e-5)
     refuses("at least 2 data sets", tell, GAUSSIAN, jnp.zeros((1, 2)), [1])
     tell(gaussian(PAIR, baseline=ema()), jnp.zeros((1, 2)), [1])
 

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from sdr_jax import Method, Proposal, leave_one_out, random_search, relax, sdr, space
+from sdr_jax import AskTell, Method, Proposal, leave_one_out, random_search, relax, sdr, space
 from sdr_jax.callback import DataSets, host_reward
 from sdr_jax.run import drive, first_state, make_step, refuse_failures, run
 from shell.errors import UserError
@@ -119,24 +119,53 @@ def test_updates_must_be_known_none_leaves_the_first_state_and_a_tenth_may_fail(
 
 
 @pytest.mark.parametrize("error", [OSError("disk full"), KeyboardInterrupt(), SystemExit(3)])
-def test_an_error_comes_back_as_nan_and_is_kept(error: BaseException) -> None:
+@pytest.mark.parametrize("way", ["run", "jitted run", "step"])
+def test_an_evaluation_that_raises_ends_the_run(way: str, error: BaseException) -> None:
     evaluate = Evaluate(1, error)
     reward_fn = host_reward(evaluate)
-    step, state = make_step(METHOD, reward_fn, n=2), METHOD.init(KEY)
-    rewards = [np.asarray(step(jax.random.key(t), state)[1].rewards) for t in range(4)]
-    np.testing.assert_array_equal(np.isnan(rewards).all(axis=1), [False, True, True, True])
-    assert len(evaluate.asked) == 2  # what comes after the error is not evaluated
-    with pytest.raises(type(error)) as caught:
-        reward_fn.reraise()
+
+    def steps() -> None:
+        step, state = make_step(METHOD, reward_fn, n=2), METHOD.init(KEY)
+        for t in range(4):
+            state, _ = jax.block_until_ready(step(jax.random.key(t), state))
+
+    def whole(key: jax.Array) -> object:
+        return run(key, METHOD, reward_fn, n=2)[1].rewards
+
+    if way == "run":  # not jitted as a whole, it raises the error itself
+        with pytest.raises(type(error)) as caught:
+            whole(KEY)
+    else:
+        loop = steps if way == "step" else lambda: jax.block_until_ready(jax.jit(whole)(KEY))
+        refuses(type(error).__name__, loop, error=jax.errors.JaxRuntimeError)
+        with pytest.raises(type(error)) as caught:
+            reward_fn.reraise()
     assert caught.value is error
+    assert len(evaluate.asked) == 2  # what comes after the error is not evaluated
     reward_fn.reraise()  # it is forgotten, and evaluation goes on
-    assert np.all(np.isfinite(step(KEY, state)[1].rewards))
+    assert np.all(np.isfinite(reward_fn(KEY, relax(PAIR, jnp.zeros((2, 2), jnp.int32)))))
 
 
-def test_drive_raises_the_error_before_its_update_counts() -> None:
+def test_numbers_that_are_not_finite_are_an_error_and_no_answer() -> None:
+    def update(state: jax.Array, actions: jax.Array, rewards: jax.Array) -> tuple:
+        state, info = random_search(FIVE).update(state, actions, rewards)
+        return state, info._replace(finite=jnp.asarray(False))
+
+    broken = random_search(FIVE)._replace(update=update)
+    loops = (
+        lambda: run(KEY, broken, bandit, updates=1),
+        lambda: next(drive(KEY, broken, bandit, updates=1)),
+        lambda: AskTell(FIVE, broken).tell(0, 1.0),
+    )
+    for loop in loops:
+        refuses("numbers that are not finite", loop, error=FloatingPointError)
+
+
+def test_drive_raises_the_error_before_its_update_counts(capfd) -> None:
     steps = drive(KEY, METHOD, host_reward(Evaluate(3, OSError("worker died"))), n=2)
     assert len([next(steps) for _ in range(3)]) == 3
     refuses("worker died", next, steps, error=OSError)
+    assert "Traceback" not in capfd.readouterr().err  # JAX prints what a callback raises
 
 
 @pytest.mark.parametrize(("returned", "message"), [
@@ -146,9 +175,9 @@ def test_drive_raises_the_error_before_its_update_counts() -> None:
     ([0.0, 0.0], "list, not a NumPy array"), (None, "NoneType"),
 ])  # fmt: skip
 def test_a_wrong_answer_is_an_error(returned: object, message: str) -> None:
-    reward_fn = host_reward(lambda data_sets: returned)
-    assert np.all(np.isnan(reward_fn(KEY, relax(PAIR, jnp.zeros((2, 2), jnp.int32)))))
-    refuses(message, reward_fn.reraise, error=TypeError)
-    reward_fn = host_reward(lambda data_sets: np.asarray([np.nan, -1e31], np.float32))
-    reward_fn(KEY, relax(PAIR, jnp.zeros((2, 2), jnp.int32)))
-    refuses(r"a reward of -1e\+31, but it must lie within \+-1e\+15", reward_fn.reraise)
+    def once(answer: object) -> None:
+        next(drive(KEY, METHOD, host_reward(lambda data_sets: answer), n=2))
+
+    refuses(message, once, returned, error=TypeError)
+    beyond = np.asarray([np.nan, -1e31], np.float32)
+    refuses(r"a reward of -1e\+31, but it must lie within \+-1e\+15", once, beyond)

@@ -97,6 +97,13 @@ def test_physical_values_worked_out_by_hand() -> None:
     }
 
 
+@pytest.mark.parametrize("log", [False, True])
+def test_rounding_leaves_no_value_outside_its_range(log: bool) -> None:
+    for low, high in ((np.pi / 4, np.pi), (np.e, 10 / 3), (1 / 3, 2 / 3)):
+        ends = Attribute("x", low=low, high=high, log=log)
+        assert all(low <= physical(ends, unit) <= high for unit in np.linspace(0, 1, 21))
+
+
 @pytest.mark.parametrize(
     "line",
     ["", "nan", "inf", "-inf", "1e300", "done", "[1]", '{"score": "1"}', '{"score": true}']

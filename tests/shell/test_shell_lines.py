@@ -6,6 +6,7 @@ import multiprocessing
 import resource
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -134,3 +135,29 @@ def test_two_may_write_at_once(tmp_path, kind):
     for name in "xy":
         assert [line["k"] for line in own if line["name"] == name] == list(range(20))
     assert after == [{"after": [*line.values()]} for line in own]  # at once, so together
+
+
+def add_alone(path, name, ready, counts):
+    log = JsonLines(path)
+    ready.wait(60)
+    for k in range(150):
+        log.refresh()
+        with suppress(RuntimeError):  # the other one was faster: nothing is written
+            log.append({"name": name, "k": k})
+            counts.put(name)
+    counts.put(None)
+
+
+def test_what_two_append_at_once_is_written_or_refused(tmp_path):
+    path, module = tmp_path / "history.jsonl", multiprocessing.get_context("spawn")
+    ready, counts = module.Barrier(2), module.Queue()
+    writers = [module.Process(target=add_alone, args=(path, name, ready, counts)) for name in "xy"]
+    for writer in writers:
+        writer.start()
+    ended, written = 0, 0
+    while ended < 2:
+        name = counts.get(timeout=60)
+        ended, written = ended + (name is None), written + (name is not None)
+    for writer in writers:
+        writer.join()
+    assert len(JsonLines(path).lines) == written
