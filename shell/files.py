@@ -5,8 +5,11 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import shutil
+import tempfile
 import time
+import unicodedata
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import lru_cache
@@ -63,11 +66,23 @@ def write(
                     os.fsync(file.fileno())
                 size = file.tell()
             os.replace(part, path)
+            if sync:
+                sync_folder(path.parent)
         except BaseException:
             with suppress(OSError):
                 part.unlink()
             raise
     return size
+
+
+def sync_folder(folder: Path) -> None:
+    """Wait until the names in a folder are on the disk; a power cut may lose new names otherwise."""
+    with suppress(OSError):  # some systems, such as Windows, cannot open folders
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
 
 
 @contextmanager
@@ -88,13 +103,16 @@ def whole_folder(path: Path) -> Iterator[Path]:
         try:
             part.mkdir(parents=True)
             yield part
-            for file in part.iterdir():
-                with file.open("rb") as written:
-                    os.fsync(written.fileno())
+            for folder, _, names in os.walk(part, topdown=False):
+                for name in names:
+                    with open(os.path.join(folder, name), "rb") as file:
+                        os.fsync(file.fileno())
+                sync_folder(Path(folder))
             shutil.rmtree(old, ignore_errors=True)
             with suppress(FileNotFoundError):
                 os.replace(path, old)
             os.replace(part, path)
+            sync_folder(path.parent)
             shutil.rmtree(old, ignore_errors=True)
         except BaseException:
             shutil.rmtree(part, ignore_errors=True)
@@ -131,6 +149,13 @@ def check_file(flag: str, path: Path) -> None:
         raise UserError(f"{flag} {path} is a folder; name a file")
     if not path.parent.is_dir():
         raise UserError(f"{flag} {path}: no folder {path.parent}; make it, or name another")
+    try:
+        with tempfile.TemporaryFile(dir=path.parent):
+            pass
+    except OSError as error:
+        raise UserError(
+            f"{flag} {path}: no file can be written to {path.parent} ({error.strerror}); name another folder"
+        ) from None
 
 
 def write_json(path: Path, value: Any) -> None:
@@ -194,6 +219,38 @@ def digest(value: Any) -> str:
     """SHA-256 of a plain value as canonical JSON."""
     text = json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+def composed(name: str) -> str:
+    """A name with composed accents (NFC): macOS may store the same name with separate ones."""
+    return unicodedata.normalize("NFC", name)
+
+
+def plain_path(path: str) -> str:
+    """A path as people write it into lists, in one form: slashes, no empty or `.` part, composed accents.
+
+    It stays absolute if it was, and keeps `..`; the letter of a Windows drive goes.
+    """
+    path = re.sub(r"^[A-Za-z]:(?=/)", "", composed(path).strip().replace("\\", "/"))
+    parts = [part for part in path.split("/") if part not in ("", ".")]
+    return "/" * path.startswith("/") + "/".join(parts)
+
+
+def spelled(path: Path) -> Path | None:
+    """The existing file of a path, whose accents may be composed or separate; None if there is none."""
+    if path.is_file():
+        return path
+    if str(path).isascii():
+        return None
+    found = Path(*path.parts[:1])
+    for part in path.parts[1:]:
+        names = (part, *(unicodedata.normalize(form, part) for form in ("NFC", "NFD")))
+        steps = (found / name for name in names)
+        match = next((step for step in steps if step.exists()), None)
+        if match is None:
+            return None
+        found = match
+    return found if found.is_file() else None
 
 
 def leads_out(folder: Path, name: str) -> bool:

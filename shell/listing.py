@@ -5,14 +5,20 @@ from __future__ import annotations
 import glob
 import hashlib
 import re
+import unicodedata
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple, NoReturn, cast
 
 from shell.errors import UserError
-from shell.files import leads_out
+from shell.files import composed, leads_out, plain_path, spelled
 from shell.target_file import SUFFIXES, TRAIN, Files, TargetFile
+
+HELD_OUT = ("test", "testing", "val", "valid", "validation")
+"""Names of a split for figures in any data, in the order of choice."""
+MOST_LINES = 1000
+"""So many lines are searched for an image's name to tell a list from other text."""
 
 
 class Entry(NamedTuple):
@@ -42,7 +48,14 @@ def list_split(target: TargetFile, root: str | Path, split: str) -> tuple[Entry,
     root = Path(root)
     if not root.is_dir():
         raise UserError(f"{root}: no such folder; expected {target.name}, with {_shown(target)}")
+    if "/" in plain_path(split) or split in (".", ".."):
+        names = split_names(target, root)
+        if split not in names:
+            _refuse_split(root, split, names, "expected a name, not a path")
     entries = _entries(target, root, split)
+    for path in (path for entry in entries for path in (entry.image_path, entry.label_path)):
+        if leads_out(root, str(path.absolute())):
+            raise UserError(f"{path} leads out of {root}; expected a file below that folder")
     if not entries:
         raise UserError(f"{root}: zero images in split {split!r}; expected {_shown(target, split)}")
     repeated = [name for name, count in Counter(e.name for e in entries).items() if count > 1]
@@ -69,7 +82,11 @@ def split_names(target: TargetFile, root: Path) -> tuple[str, ...]:
         return tuple(dict.fromkeys([TRAIN] * made + [*target.splits]))
     found: set[str] = set()
     if isinstance(target.splits, str):
-        found |= _splits_at(target.splits, root)
+        found |= {
+            split
+            for split in _splits_at(target.splits, root)
+            if split.lower() in (TRAIN, "training", *HELD_OUT) or _lists_images(target, root, split)
+        }
     if "{split}" in target.images:
         own = _splits_at(target.images, root)
         labels = cast(str, target.labels)
@@ -77,6 +94,28 @@ def split_names(target: TargetFile, root: Path) -> tuple[str, ...]:
     elif not target.splits:
         found = {TRAIN}
     return tuple(sorted(found, key=lambda split: (split != TRAIN, split)))
+
+
+def _lists_images(target: TargetFile, root: Path, split: str) -> bool:
+    """Whether a line of a text file names an image: a README beside the lists is no split."""
+    assert isinstance(target.splits, str)
+    assert isinstance(target.images, str)
+    listing = root / target.splits.replace("{split}", split)
+    try:
+        lines = _lines(listing)[:MOST_LINES]
+    except UserError:
+        return False
+    by_name = _by_name(root, split, target.images)
+    for number, line in lines:
+        where = f"{listing}, line {number}"
+        try:
+            image = _at_name(root, split, target.images, line, by_name, where)
+            pairs = () if image else _split_pairs(line)
+            if image or any(len(p) == 2 and _tail(root, p[0], where).is_file() for p in pairs):
+                return True
+        except (UserError, OSError):  # such as a line that is too long for a name
+            continue
+    return False
 
 
 def shared_groups(splits: Mapping[str, Sequence[Entry]]) -> str:
@@ -162,7 +201,7 @@ def _regex(pattern: str) -> str:
             found += f"(?P={place})"
         else:
             seen.add(place)
-            found += f"(?P<{place}>[^/]+)"
+            found += f"(?P<{place}>(?!\\.\\.?/)[^/]+)"
     return found
 
 
@@ -182,25 +221,34 @@ def _has_suffix(pattern: str) -> bool:
 
 def matches(pattern: str, root: Path) -> Iterator[tuple[Path, dict[str, str]]]:
     """The files of a pattern with the text at its places; a pattern without a suffix has those of images."""
-    exact, expression = _has_suffix(pattern), _expression(pattern)
-    for path in root.glob(_glob(pattern) + ("" if exact else ".*")):
-        found = expression.fullmatch(path.relative_to(root).as_posix())
+    exact, expression = _has_suffix(pattern), _expression(composed(pattern))
+    for path in _globbed(root, pattern, "" if exact else ".*"):
+        found = expression.fullmatch(composed(path.relative_to(root).as_posix()))
         if path.name[0] == "." or not found or not path.is_file():
             continue
         if exact or path.suffix.lower() in SUFFIXES:
             yield path, found.groupdict()
 
 
+def _globbed(root: Path, pattern: str, ending: str) -> Iterator[Path]:
+    """The paths of a pattern, whose accents may be composed or separate on disk."""
+    for form in ("NFC", "NFD"):
+        paths = list(root.glob(_glob(unicodedata.normalize(form, pattern)) + ending))
+        if paths or pattern.isascii():
+            return iter(paths)
+    return iter(())
+
+
 def _splits_at(pattern: str, root: Path) -> set[str]:
     """The values of {split} in the files or folders of a pattern."""
     parts = pattern.split("/")
     last = next(k for k, part in enumerate(parts) if "{split}" in part)
-    head = "/".join(parts[: last + 1])
+    head = composed("/".join(parts[: last + 1]))
     suffix = "" if last < len(parts) - 1 or _has_suffix(head) else r"\.\w+"
     expression = re.compile(_regex(head) + suffix)
     matches = (
-        (path, expression.fullmatch(path.relative_to(root).as_posix()))
-        for path in root.glob(_glob(head) + "*" * bool(suffix))
+        (path, expression.fullmatch(composed(path.relative_to(root).as_posix())))
+        for path in _globbed(root, head, "*" * bool(suffix))
     )
     return {m["split"] for path, m in matches if m and path.is_dir() == (last < len(parts) - 1)}
 
@@ -209,7 +257,7 @@ def _on_disk(path: Path, any_suffix: bool) -> Path | None:
     """The path, if need be with the suffix that the image has on this disk."""
     endings = [own for s in SUFFIXES for own in (s, s.upper())] if any_suffix else [""]
     paths = [path.with_name(path.name + own) for own in endings]
-    return next((own for own in paths if own.is_file()), None)
+    return next(filter(None, map(spelled, paths)), None)
 
 
 def _filled(pattern: str, split: str, places: Mapping[str, str]) -> str:
@@ -227,10 +275,16 @@ def _entry(
     """An image with its label by the pattern. Raises UserError if it has none."""
     found = _labelled(target, split, image, root, labels, places)
     if found is None:
-        label = root / _filled(labels, split, places)
-        expected = label if _has_suffix(labels) else f"{label}.png"
-        raise UserError(f"{image}: image without label; expected {expected}")
+        raise UserError(_without_label(split, image, root, labels, places))
     return found
+
+
+def _without_label(
+    split: str, image: Path, root: Path, labels: str, places: Mapping[str, str]
+) -> str:
+    label = root / _filled(labels, split, places)
+    expected = label if _has_suffix(labels) else f"{label}.png"
+    return f"{image}: image without label; expected {expected}"
 
 
 def _labelled(
@@ -258,10 +312,12 @@ def _named(
 
 def _found(target: TargetFile, root: Path, split: str, images: str, labels: str) -> Iterator[Entry]:
     """The entries at the patterns."""
-    entry_of = _entry if target.unlabelled == "refuse" else _labelled
     for image, places in matches(images.replace("{split}", split), root):
-        if entry := entry_of(target, split, image, root, labels, places):
+        if entry := _labelled(target, split, image, root, labels, places):
             yield entry
+        elif target.unlabelled == "refuse":
+            hint = f"; 'unlabelled: skip' in {target.source} leaves such images out"
+            raise UserError(_without_label(split, image, root, labels, places) + hint)
 
 
 def _given(
@@ -282,25 +338,15 @@ def _listed(
     target: TargetFile, root: Path, split: str, listing: Path, images: str, labels: str
 ) -> Iterator[Entry]:
     """The entries of a list, whose lines are a name, a path, or an image and its label."""
-    try:
-        lines = listing.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise UserError(f"{listing}: not a readable text file ({error})") from error
-    by_name: dict[str, list[tuple[Path, dict[str, str]]]] | None = None
+    by_name = _by_name(root, split, images)
     names: set[str] = set()
-    for number, text in enumerate(lines, 1):
-        line, where = text.strip(), f"{listing}, line {number}"
-        if not line:
-            continue
-        if "{group}" in images and by_name is None:
-            by_name = {}
-            for path, places in matches(images.replace("{split}", split), root):
-                by_name.setdefault(places["name"], []).append((path, places))
+    for number, line in _lines(listing):
+        where = f"{listing}, line {number}"
         own = _at_name(root, split, images, line, by_name, where)
-        pair = line.split()
+        pair = next((words for words in _split_pairs(line) if len(words) == 2), ())
         if own is not None:
             entry = _entry(target, split, own[0], root, labels, own[1])
-        elif len(pair) == 2:
+        elif pair:
             entry = _pair(target, root, where, pair)
         elif leads_out(root, _filled(images, split, {"name": line})):
             raise UserError(f"{where}: {line} leads out of {root}")
@@ -313,6 +359,33 @@ def _listed(
             raise UserError(f"{where}: {entry.name} is listed twice; once is right")
         names.add(entry.name)
         yield entry
+
+
+def _lines(listing: Path) -> list[tuple[int, str]]:
+    """The lines of a list with their numbers, without empty ones."""
+    try:
+        lines = listing.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise UserError(f"{listing}: not a readable text file ({error})") from error
+    return [(number, line) for number, text in enumerate(lines, 1) if (line := plain_path(text))]
+
+
+def _by_name(
+    root: Path, split: str, images: str
+) -> dict[str, list[tuple[Path, dict[str, str]]]] | None:
+    """The images by name where their groups are folders, which lists may leave out."""
+    if "{group}" not in images:
+        return None
+    found: dict[str, list[tuple[Path, dict[str, str]]]] = {}
+    for path, places in matches(images.replace("{split}", split), root):
+        found.setdefault(places["name"], []).append((path, places))
+    return found
+
+
+def _split_pairs(line: str) -> Iterator[list[str]]:
+    """A line cut into an image and its label: at a separator, or at its spaces."""
+    for separator in (r"\s*[,;\t]\s*", r"\s+"):
+        yield [plain_path(word) for word in re.split(separator, line)]
 
 
 def _at_name(
@@ -342,8 +415,9 @@ def _at_name(
     folder = images.rpartition("/")[0]
     for path in (line, f"{folder}/{line}"):
         found = _expression(images).fullmatch(path)
-        if found and (root / path).is_file():
-            return root / path, found.groupdict()
+        image = spelled(root / path) if found else None
+        if found and image is not None:
+            return image, found.groupdict()
     return None
 
 
@@ -354,7 +428,7 @@ def _pair(target: TargetFile, root: Path, where: str, pair: Sequence[str]) -> En
         raise UserError(f"{where}: no image {image}, neither as {' nor as '.join(SUFFIXES)}")
     if not label.is_file():
         raise UserError(f"{image}: image without label; expected {label}")
-    return _named(target, image, label, image.stem)
+    return _named(target, image, label, composed(image.stem))
 
 
 def _tail(root: Path, path: str, where: str) -> Path:
@@ -363,6 +437,7 @@ def _tail(root: Path, path: str, where: str) -> Path:
     Published lists have paths of other machines (/SegNet/CamVid/train/...) and suffixes that copies lack, so
     the longest tail of the path that exists is taken.
     """
+    path = plain_path(path)
     parts = [part for part in path.split("/") if part]
     tails = ["/".join(parts[k:]) for k in range(len(parts))] if path.startswith("/") else [path]
     for tail in tails:
@@ -370,8 +445,8 @@ def _tail(root: Path, path: str, where: str) -> Path:
             raise UserError(f"{where}: {tail} leads out of {root}")
         whole = root / tail
         for own in (whole, *(whole.with_suffix(suffix) for suffix in SUFFIXES)):
-            if own.is_file():
-                return own
+            if (file := spelled(own)) is not None:
+                return file
     return root.joinpath(*tails[:1])
 
 

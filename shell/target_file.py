@@ -29,7 +29,8 @@ from msgspec import Meta
 
 from shell import classes as engine
 from shell.errors import UserError
-from shell.files import read_bytes
+from shell.expression import expression_fault
+from shell.files import composed, plain_path, read_bytes
 
 FILE = "target.yaml"
 """The name of a target's file beside its images."""
@@ -37,6 +38,8 @@ SHIPPED = tuple(sorted(path.stem for path in (Path(__file__).parent / "targets")
 """Names of the targets whose files come with the package."""
 MOST_BYTES, MOST_CLASSES = 1_000_000, 254
 """The most bytes of a target's file."""
+DEEPEST = 20
+"""The most tables and lists inside one another."""
 SUFFIXES = (".png", ".jpg", ".jpeg")
 """Suffixes of images for a pattern without a suffix."""
 PLACES = ("split", "group", "name")
@@ -203,7 +206,19 @@ def parse_target(text: bytes | str, source: str) -> TargetFile:
         UserError: the text is wrong; the message names file, line, field and what would be right.
     """
     lines = _Lines(source)
+    if len(text) > MOST_BYTES:
+        raise UserError(f"{source} has more than {MOST_BYTES:,} bytes, the most of such a file")
     try:
+        # Composing nodes recurses, in C without a check of the stack; events do not.
+        depth = 0
+        for event in yaml.parse(text, _LOADER):
+            depth += isinstance(event, yaml.CollectionStartEvent)
+            depth -= isinstance(event, yaml.CollectionEndEvent)
+            if depth > DEEPEST:
+                lines.refuse_at(
+                    event.start_mark,
+                    f"lists or tables are nested more than {DEEPEST} deep; 4 are enough for all fields",
+                )
         node = yaml.compose(text, _LOADER)
     except yaml.MarkedYAMLError as error:
         lines.refuse_at(error.problem_mark, f"is no YAML: {error.problem}")
@@ -229,10 +244,20 @@ def parse_target(text: bytes | str, source: str) -> TargetFile:
         found,
         name=plain.get("name", _own_name(source)),
         format=found.format or _format(found),
+        images=_plain(found.images),
+        labels=_plain(found.labels),
+        splits=_plain(found.splits),
         source=source,
     )
     _check(found, lines)
     return found
+
+
+def _plain(files: Any) -> Any:
+    """The patterns and paths of a field in one form; groups and shares as they are."""
+    if isinstance(files, dict):
+        return {split: _plain(entry) for split, entry in files.items()}
+    return plain_path(files) if isinstance(files, str) else files
 
 
 def _own_name(source: str) -> str:
@@ -274,7 +299,8 @@ class _Lines:
         self._of[field] = node.start_mark.line + 1
         if isinstance(node, yaml.ScalarNode):
             try:
-                return yaml.SafeLoader("").construct_object(node)  # type: ignore[no-untyped-call]
+                value = yaml.SafeLoader("").construct_object(node)  # type: ignore[no-untyped-call]
+                return composed(value) if isinstance(value, str) else value
             except (yaml.YAMLError, ValueError) as error:
                 why = getattr(error, "problem", None) or error
                 self.refuse(field, f"{node.value!r} cannot be read ({why})")
@@ -287,10 +313,11 @@ class _Lines:
         for key, value in cast(yaml.MappingNode, node).value:
             if not isinstance(key, yaml.ScalarNode):
                 self.refuse_at(key.start_mark, "a name must be a word, not a list or a table")
-            own = f"{field}.{key.value}" if field else key.value
-            if key.value in found:
+            name = composed(key.value)
+            own = f"{field}.{name}" if field else name
+            if name in found:
                 self.refuse_at(key.start_mark, f"{own}: stands there twice; once is right")
-            found[key.value] = self.plain(value, own)
+            found[name] = self.plain(value, own)
             self._of[own] = key.start_mark.line + 1
         return found
 
@@ -354,10 +381,8 @@ def _check(target: TargetFile, lines: _Lines) -> None:
                     f"labels.{split}", "expected a pattern, or as long a list, as of the images"
                 )
     if target.group is not None:
-        try:
-            re.compile(target.group)
-        except re.error as error:
-            lines.refuse("group", f"{target.group!r} is no regular expression: {error}")
+        if fault := expression_fault(target.group):
+            lines.refuse("group", f"{target.group!r} {fault}")
 
 
 def _check_classes(target: TargetFile, lines: _Lines) -> None:

@@ -22,12 +22,11 @@ from seg.data import (
     subset,
 )
 from shell.errors import UserError
+from shell.listing import HELD_OUT
 from shell.target_file import TargetFile, shipped
 
 REPORTED = {"camvid": "test", "cityscapes": "val", "labelmefacade": "test"}
 """The default split for the test."""
-HELD_OUT = ("test", "testing", "val", "valid", "validation")
-"""Names of such a split in other data, in the order of choice."""
 MOST_NAMED = 8
 """The title names up to so many sequences on both sides; otherwise it gives their number."""
 

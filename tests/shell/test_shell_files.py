@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from shell.errors import UserError
 from shell.files import (
     WIDE,
+    check_file,
     digest,
     folder_digest,
     json_text,
@@ -70,6 +71,37 @@ def test_whole_folders_or_the_old_ones(tmp_path, monkeypatch):
     assert (folder / "file").read_text() == "one" and list(tmp_path.iterdir()) == [folder]
     made("two")
     assert (folder / "file").read_text() == "two" and list(tmp_path.iterdir()) == [folder]
+
+
+def test_files_and_folders_are_synced_with_the_folder_that_names_them(tmp_path, monkeypatch):
+    synced = []
+
+    def fsync(descriptor):
+        synced.append(Path(os.readlink(f"/proc/self/fd/{descriptor}")).name)
+
+    if not Path("/proc/self/fd").is_dir():
+        pytest.skip("names of open files are needed")
+    monkeypatch.setattr("shell.files.os.fsync", fsync)
+    write(tmp_path / "a", "1")
+    assert synced == ["a.part", tmp_path.name]
+    write(tmp_path / "b", "1", sync=False)
+    assert len(synced) == 2
+    with whole_folder(tmp_path / "model") as part:
+        (part / "inner").mkdir()
+        (part / "inner" / "file").write_text("1")
+    assert synced[2:] == ["file", "inner", "model.part", tmp_path.name]
+    assert (tmp_path / "model" / "inner" / "file").read_text() == "1"
+
+
+def test_a_folder_that_takes_no_file_is_refused_before_the_work(tmp_path, monkeypatch):
+    def refuse(*_, **__):
+        raise OSError(30, "Read-only file system")
+
+    check_file("--json", tmp_path / "scores.json")
+    assert not list(tmp_path.iterdir())
+    monkeypatch.setattr("shell.files.tempfile.TemporaryFile", refuse)
+    message = r"--json .*scores\.json: no file can be written to .* \(Read-only file system\)"
+    refused(UserError, message, check_file, "--json", tmp_path / "scores.json")
 
 
 PLAIN = st.none() | st.integers() | st.floats(allow_nan=False, allow_infinity=False)

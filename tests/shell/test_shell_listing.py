@@ -3,6 +3,7 @@
 import re
 from collections import Counter
 from pathlib import Path
+from unicodedata import normalize
 
 import msgspec
 import pytest
@@ -261,3 +262,71 @@ def test_what_is_missing_or_not_as_it_should_be(tmp_path):
     own = target("images: 'train/{name}.png'\nlabels: 'train/{name}.png'")
     assert names(list_all(own, tmp_path)) == {"train": ["a", "b"]}
     refuses(tmp_path, own, "test", "no split 'test'; t.yaml names none. Splits there: train")
+
+
+def test_text_files_beside_lists_are_no_splits(tmp_path):
+    own = target("images: 'i/{name}.png'\nlabels: 'l/{name}.png'\nsplits: '{split}.txt'")
+    put(tmp_path, "i/a.png", "l/a.png", "i/b.png", "l/b.png")
+    put(tmp_path, "train.txt", text="a\n")
+    put(tmp_path, "extra.txt", text="i/b.png l/b.png\n")
+    put(tmp_path, "README.txt", text="My images of a road.\n\nThey are mine.\n" + "long " * 2000)
+    put(tmp_path, "empty.txt", text="")
+    (tmp_path / "latin.txt").write_bytes(b"stra\xdfe")
+    assert names(list_all(own, tmp_path)) == {"train": ["a"], "extra": ["b"]}
+    # A list by its name is one even if it names no image: figures must not come from elsewhere.
+    put(tmp_path, "test.txt", text="gone\n")
+    assert split_names(own, tmp_path) == ("train", "extra", "test")
+    refuses(tmp_path, own, "test", "test.txt, line 1: no image", "gone.png")
+
+
+def test_lists_as_people_write_them(tmp_path):
+    put(tmp_path, "i/a b.png", "l/a b.png", "i/c.png", "l/c.png", "i/d,e.png", "l/d,e.png")
+    own = target("images: './i//{name}.png'\nlabels: 'l\\{name}.png'\nsplits: './{split}.txt'")
+    assert (own.images, own.labels, own.splits) == ("i/{name}.png", "l/{name}.png", "{split}.txt")
+    for line, name in {
+        "./i/c.png": "c", "i\\c.png": "c", ".\\i\\c.png .\\l\\c.png": "c", "i//c.png": "c",
+        "i/c.png,l/c.png": "c", "i/c.png, ./l/c.png": "c", "i/c.png;l/c.png": "c",
+        "i/a b.png\tl/a b.png": "a b", "i/a b.png,l/a b.png": "a b", "d,e": "d,e", "a b": "a b",
+        "C:\\mine\\i\\c.png C:\\mine\\l\\c.png": "c",
+    }.items():  # fmt: skip
+        put(tmp_path, "train.txt", text=f"{line}\n")
+        assert names(list_all(own, tmp_path)) == {"train": [name]}, line
+
+
+@pytest.mark.parametrize("disk", ["NFC", "NFD"])
+@pytest.mark.parametrize("text", ["NFC", "NFD"])
+def test_accents_may_be_composed_or_not(tmp_path, disk, text):
+    other = {"NFC": "NFD", "NFD": "NFC"}[disk]
+    path, label = "größe/été/é1.png", "bäume/é1.png"
+    put(tmp_path, normalize(disk, path), normalize(other, label))
+    put(tmp_path, "train.txt", text=normalize(text, "é1\n"))
+    pattern = "images: 'größe/{group}/{name}.png'\nlabels: 'bäume/{name}.png'\n"
+    whole = target(normalize(text, pattern))
+    listed = target(normalize(text, f"{pattern}splits: '{{split}}.txt'"))
+    pairs = target(normalize(text, f"images: {{train: [{path}]}}\nlabels: {{train: [{label}]}}"))
+    for own, name in ((whole, "été_é1"), (listed, "été_é1"), (pairs, "é1")):
+        [entry] = list_split(own, tmp_path, "train")
+        assert entry.name == name and entry.image_path.is_file() and entry.label_path.is_file()
+
+
+def test_no_place_of_a_pattern_leads_out(tmp_path):
+    root = tmp_path / "data"
+    put(tmp_path, "secret.png", "labels/secret.png", "x/a.png", "x.txt", text="a\n")
+    put(root, "a/b.png", "labels/a.png", "labels/b.png", "labels/secret.png")
+    own = target("images: '{group}/{name}.png'\nlabels: 'labels/{name}.png'\nsplits: '{split}.txt'")
+    put(root, "train.txt", text="../secret.png\n")
+    refuses(root, own, "train", "line 1", "../secret.png")
+    own = target("images: '{split}/{name}.png'\nlabels: 'labels/{name}.png'\nsplits: '{split}.txt'")
+    for split in ("..", "../x", "../data/a", str(tmp_path / "x")):
+        refuses(root, own, split, f"no split {split!r}; expected a name, not a path")
+    own = target("images: {'..': '{split}/{name}.png'}\nlabels: {'..': 'labels/{name}.png'}")
+    refuses(root, own, "..", "secret.png leads out of")
+
+
+def test_an_image_without_a_label_names_the_field_that_leaves_it_out(tmp_path):
+    put(tmp_path, "i/a.png", "l/a.png", "i/b.png")
+    own = target("images: 'i/{name}.png'\nlabels: 'l/{name}.png'")
+    words = "b.png: image without label; expected", "'unlabelled: skip' in t.yaml leaves such"
+    refuses(tmp_path, own, "train", *words)
+    own = msgspec.structs.replace(own, unlabelled="skip")
+    assert names(list_all(own, tmp_path)) == {"train": ["a"]}
