@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from scene.workers import ExecutorName, WorkerPool, Workers
 from shell.errors import UserError
 
@@ -24,6 +26,12 @@ def workers_of(
         return WorkerPool(workers, environment)
     if scheduler is None:
         raise UserError("--executor dask needs --scheduler ADDRESS, which 'dask scheduler' prints")
+    address = re.fullmatch(r"(?:[a-z]+://)?[^/]+:(\d{1,5})(?:/.*)?", scheduler)
+    if not scheduler.startswith("inproc://") and not (address and 0 < int(address[1]) < 65536):
+        raise UserError(
+            f"--scheduler {scheduler}: no Dask scheduler answers there; expected an address with a port, "
+            "such as tcp://10.0.0.1:8786, which 'dask scheduler' prints"
+        )
     try:
         from scene.cluster import Cluster
     except ImportError as error:

@@ -3,13 +3,17 @@
 import json
 import runpy
 import sys
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from scene import CLASS_NAMES, AssetPool, RenderSettings, export_dataset
 from scene.dataset.export import read_dataset
 from scene.proposal import draw, parse_streets, random_proposal
+from shell.target_file import shipped
 from tests.conftest import ROOT
 from tests.test_docs import FENCE
 
@@ -73,17 +77,68 @@ def test_datasets_loads_the_parquet_files(folder, monkeypatch, tmp_path):
     assert found["streets"][0]["image"].size == (64, 48)
 
 
-def test_the_config_of_mmsegmentation_names_files_and_classes_that_are_there(folder, monkeypatch):
+@pytest.fixture(scope="module")
+def of_target(folder):
+    """The same streets with masks in colours of a target, in a folder of the name that the page has."""
+    units, options = draw(random_proposal(), 1, 3), {"shots": 1, "pool": POOL}
+    export_dataset(
+        units, 1, folder / "colours" / "streets", settings=RenderSettings(64, 48), format="folders",
+        target="labelmefacade", **options,
+    )  # fmt: skip
+    return folder / "colours"
+
+
+@pytest.mark.parametrize("colours", [False, True])
+def test_the_data_of_mmsegmentation_are_files_of_indices(colours, folder, of_target, monkeypatch):
     """Rules: mmseg's ``BaseSegDataset``: both suffixes exchanged, below ``data_root`` and ``data_prefix``."""
+    plain, folder = read_dataset(folder / "streets").labels, of_target if colours else folder
     monkeypatch.chdir(folder)
-    data = ran("BaseSegDataset")["train_dataloader"]["dataset"]
-    assert data["metainfo"]["classes"] == list(CLASS_NAMES)
+    ran('root / "indices"')
+    scope = {"names": ran('root / "indices"')["names"]}
+    exec(example("BaseSegDataset"), scope)
+    data = scope["train_dataloader"]["dataset"]
+    target = shipped("labelmefacade")
+    wanted = target.class_names if colours else CLASS_NAMES
+    assert data["metainfo"]["classes"] == list(wanted)
     root, prefix = folder / data["data_root"], data["data_prefix"]
+    shown = [
+        np.array(Image.open(path)) for path in sorted((root / prefix["seg_map_path"]).iterdir())
+    ]
+    of_engine = np.full(256, 255, np.uint8)
+    of_engine[:19] = target.of_engine if colours else range(19)
+    np.testing.assert_array_equal(shown, of_engine[plain])
     images = sorted((root / prefix["img_path"]).glob(f"*{data['img_suffix']}"))
     stems = [path.name.removesuffix(data["img_suffix"]) for path in images]
     assert len(stems) == 3
     for stem in stems:
         assert (root / prefix["seg_map_path"] / f"{stem}{data['seg_map_suffix']}").exists()
+
+
+@pytest.mark.parametrize("colours", [False, True])
+def test_fiftyone_gets_a_name_for_each_value_of_the_masks(colours, folder, of_target, monkeypatch):
+    streets = SimpleNamespace()
+    fiftyone = SimpleNamespace(
+        Dataset=SimpleNamespace(from_dir=lambda **_: streets),
+        types=SimpleNamespace(ImageSegmentationDirectory=None),
+        launch_app=lambda _: None,
+    )
+    monkeypatch.setitem(sys.modules, "fiftyone", fiftyone)
+    monkeypatch.chdir(of_target if colours else folder)
+    ran("import fiftyone")
+    if not colours:
+        names = dict(enumerate(CLASS_NAMES))
+        assert streets.default_mask_targets == {**names, 255: "void"}
+        return
+    wanted = {
+        "#" + bytes(kind.colours[0]).hex(): name
+        for name, kind in shipped("labelmefacade").classes.items()
+    }
+    assert wanted.items() <= streets.default_mask_targets.items()
+    pixels = np.concatenate(
+        [np.array(Image.open(p)).reshape(-1, 3) for p in Path("streets/masks").iterdir()]
+    )
+    values = {"#" + bytes(value).hex() for value in np.unique(pixels, axis=0)}
+    assert values <= {*streets.default_mask_targets}
 
 
 @pytest.fixture

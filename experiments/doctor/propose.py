@@ -15,7 +15,7 @@ from experiments.target.real import HELD_OUT
 from seg.data.labels import FORMATS, LabelReader
 from shell import classes as engine
 from shell.errors import UserError
-from shell.files import files_below
+from shell.files import composed, files_below
 from shell.listing import list_split, matches, split_names
 from shell.target_file import FILE, SHIPPED, SUFFIXES, TRAIN, Format, find_target, shipped
 
@@ -440,13 +440,40 @@ def _is_void(key: str, name: str) -> bool:
 
 LISTS = ("classes", "labels", "names")
 """Files whose lines are names alone, for the ids 0, 1, 2 and so on."""
-NAME = r"\s*[A-Za-z][\w /-]*\s*"
+NAME = r"\s*(?=.*[^\W\d_])[\w(](?:[\w /()&'+-]|\.(?=\w))*\s*"
+_FIRST, _LAST = r"\d+(?:[^\w(-]|-\s)+", r"(?:[\s,;:=|\[(]|\s-)+\d+"
+"""A number before a name, and one after it, each with the separators between."""
+
+
+def _named_value(line: str) -> tuple[str, str] | None:
+    """The id or colour in a line, as `_key` writes it, and its name; None if the line has no such pair."""
+    line = re.sub(r"(?<=\d)[\s,;)\]]+$", "", composed(line).strip(" \t,;"))
+    parts = re.fullmatch(rf"[\s\[(]*((?:{_FIRST})*)(.*?)((?:{_LAST})*)", line)
+    assert parts is not None
+    name = parts[2]
+    before, after = (re.findall(r"\d+", numbers) for numbers in (parts[1], parts[3]))
+    if len(before) <= 1 and len(after) >= 3:
+        value, count = after[-3:], len(after) - 3
+    elif not before and after:
+        value, count = after[-1:], len(after) - 1
+    elif len(before) in (1, 3, 4):
+        value, count = before[-3:], len(after)
+    else:
+        return None
+    for number in re.findall(_LAST, parts[3])[
+        :count
+    ]:  # those that are of the name, as in "zone 30"
+        name += number
+    name = name.strip(" \t,;:=|\"'")
+    if not re.fullmatch(NAME, name):
+        return None
+    numbers = [int(number) for number in value]
+    return str(numbers if len(numbers) == 3 else numbers[0]), name
 
 
 def _named(root: Path, labels: str, lists: Collection[str]) -> dict[str, str]:
     """Names of ids or colours in a file above the labels that is not one of the lists of a split."""
     found: dict[str, str] = {}
-    number = r"\W{1,3}(\d+)"
     above = [own for own in PurePosixPath(labels).parents[1:] if "{" not in str(own)]
     folders = {root, *(root / own for own in above)}
     files = {path for own in folders for path in own.glob("*") if path.suffix in (".txt", ".csv")}
@@ -458,18 +485,8 @@ def _named(root: Path, labels: str, lists: Collection[str]) -> dict[str, str]:
         except (OSError, UnicodeDecodeError):
             continue
         for line in lines:
-            if m := re.fullmatch(
-                rf"\s*(?:\d+\W+)?([A-Za-z][\w /-]*?){number}{number}{number}[\s:)\]]*", line
-            ):
-                found[str([int(v) for v in m.groups()[1:]])] = m[1].strip(" ,;:\t")
-            elif m := re.fullmatch(
-                r"\s*(\d+)\D{1,3}?(\d+)\D{1,3}?(\d+)\W+([A-Za-z][\w /-]*)\s*", line
-            ):
-                found[str([int(v) for v in m.groups()[:3]])] = m[4].strip()
-            elif m := re.fullmatch(r"\s*(\d+)\W+([A-Za-z][\w /-]*)\s*", line):
-                found[m[1]] = m[2].strip()
-            elif m := re.fullmatch(r"\s*([A-Za-z][\w /-]*?)[\s,;:]+(\d+)\s*", line):
-                found[m[2]] = m[1].strip()
+            if (pair := _named_value(line)) is not None:
+                found[pair[0]] = pair[1]
         if not found and path.stem in LISTS and all(re.fullmatch(NAME, own) for own in lines):
             found = {str(number): name.strip() for number, name in enumerate(lines)}
     return found

@@ -102,7 +102,7 @@ def survey(target: TargetFile, root: Path) -> Survey:
         read,
         suitable(sizes),
         _spread(entries, SHOWN),
-        faults,
+        merged(faults),
         usable,
     )
 
@@ -269,6 +269,19 @@ def _engine(target: TargetFile, faults: list[Fault]) -> None:
                 "this is right if you have no such class; otherwise name it in a class's 'renders'",
             )
         )
+
+
+def merged(faults: Sequence[Fault]) -> list[Fault]:
+    """The faults; four or more with one remedy become one, with their number and the first three."""
+    by_remedy: dict[str, list[Fault]] = {}
+    for fault in faults:
+        by_remedy.setdefault(fault.mend, []).append(fault)
+    shown: list[Fault] = []
+    for remedy, alike in by_remedy.items():
+        first = "; ".join(fault.what for fault in alike[:3])
+        many = [Fault(f"{len(alike)} files, such as {first}", remedy)]
+        shown += many if len(alike) > 3 else alike
+    return shown
 
 
 def suitable(sizes: Sequence[tuple[tuple[int, int], int]]) -> tuple[int, int]:

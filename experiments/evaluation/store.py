@@ -48,6 +48,8 @@ FIELDS: dict[str, tuple[type, ...]] = {
 """One record. A failed evaluation has its reason in ``failed`` and no reward. A net that was trained on real
 images has no proposal, on a histogram ``probabilities`` instead, on a mixture ``components``. ``parts`` has
 the rewards on parts of the images that were tested separately."""
+OF_A_RUN = ("nets", "row", "fraction", "search", "update", "dataset", "actions", "elapsed")
+"""Fields that only a run's own lines have: which job of the run the evaluation was, and when."""
 VALUES = ("reward", "class_iou", "failed")
 """Fields that are always the same for the same key, unlike seconds."""
 
@@ -336,5 +338,6 @@ def kinds_of(records: Iterable[Record]) -> dict[str, list[Record]]:
 
 
 def write_store(path: Path, records: Sequence[Record]) -> None:
-    """Write a new store, whole or not at all."""
-    write(path, (json.dumps(line, allow_nan=False) + "\n" for line in (HEADER, *records)))
+    """Write a new store, whole or not at all, without the fields of single runs."""
+    kept = ({k: v for k, v in record.items() if k not in OF_A_RUN} for record in records)
+    write(path, (json.dumps(line, allow_nan=False) + "\n" for line in (HEADER, *kept)))

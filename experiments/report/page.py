@@ -27,6 +27,7 @@ from experiments.run import few
 from experiments.study.form import Report, cells, number, starts, words
 from scene.held import hold
 from scene.proposal import default_proposal, describe
+from shell.files import read_bytes
 from shell.interrupt import PROGRAM
 from shell.progress import duration
 
@@ -71,12 +72,16 @@ def _page(run: RunFolder, status: Status | None) -> str:
     trained = [row for row in order if report["rows"][row]["mean"] is not None]
 
     def inline(name: str, folder: Path = run.path / PICTURES) -> str | None:
-        """A picture as a data URL; None if its file is missing."""
-        try:
-            data = b64encode((folder / name).read_bytes()).decode()
-        except OSError:
+        """A picture as a data URL; None if it is missing, or no picture in the run's folder."""
+        path, kind = folder / name, mimetypes.guess_type(name)[0] or ""
+        # A folder from someone else may name any file, also by a link.
+        if not kind.startswith("image/") or not path.resolve().is_relative_to(run.path.resolve()):
             return None
-        return f"data:{mimetypes.guess_type(name)[0]};base64,{data}"
+        try:
+            data = b64encode(read_bytes(path)).decode()
+        except (OSError, ValueError):
+            return None
+        return f"data:{kind};base64,{data}"
 
     environment = templates()
     environment.policies["json.dumps_kwargs"] = {"allow_nan": False, "separators": (",", ":")}

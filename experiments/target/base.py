@@ -82,5 +82,10 @@ def two_sides(reward: LabelledImages, test: LabelledImages, where: str, labelled
     sides: Sides = {"reward": reward, "test": test, "labelled": reward}
     for side in ("reward", "test") if labelled else ("test",):
         if np.all(sides[side].labels == IGNORE_LABEL):  # type: ignore[index]
-            raise UserError(f"{where}: all labels of the {side} images are void")
+            names = sides[side].names  # type: ignore[index]
+            shown = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+            raise UserError(
+                f"{where}: all labels of the {side} images are void ({shown}); label a pixel of one, or "
+                "leave them out"
+            )
     return sides

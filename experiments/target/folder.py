@@ -7,6 +7,7 @@ otherwise of each of k folds over groups in turn.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from pathlib import Path
@@ -21,6 +22,7 @@ from experiments.target.real import reported_split
 from seg.classes import table_text
 from seg.data import Entry, LabelledImages, load, refuse_shared
 from shell.errors import UserError
+from shell.files import file_digest
 from shell.listing import list_all, shared_groups
 from shell.target_file import Fit, TargetFile
 
@@ -105,41 +107,82 @@ def parts_of(
         behind = tuple(range(count, count + len(held_out)))
         folds = [(tuple(range(count)), behind)]
     else:
-        tests, told = cut([entry.sequence for entry in entries], data)
+        first = first_copies([entry.image_path for entry in entries])
+        copies = [k for k, other in enumerate(first) if k != other]
+        tests, warning = cut([entry.sequence for entry in entries], data, first)
         folds = [(tuple(k for k in range(count) if k not in set(own)), own) for own in tests]
         where = f"{len(folds)} folds, each tested on in turn"
-        notes += [told] if told else []
+        notes += [warning] if warning else []
+        if copies:
+            one, other = entries[copies[0]].name, entries[first[copies[0]]].name
+            notes.append(
+                f"{len(copies)} images are copies of others, such as {one} of {other}: copies are in one fold"
+            )
     whole = holdout is not None and few is None
     return Parts(target, entries, tuple(folds), held_out, whole, where, tuple(notes))
 
 
-def cut(groups: Sequence[str], data: Path) -> tuple[list[tuple[int, ...]], str]:
-    """Cut images into folds of about equal size, with no group in two of them.
+def first_copies(paths: Sequence[Path]) -> list[int]:
+    """The index of the first file with the same bytes as each file; only files of one size are read.
+
+    Raises:
+        OSError: a file cannot be read.
+    """
+    sizes = [path.stat().st_size for path in paths]
+    count = Counter(sizes)
+    first: dict[tuple[int, str], int] = {}
+    return [
+        k if count[size] == 1 else first.setdefault((size, file_digest(path)), k)
+        for k, (path, size) in enumerate(zip(paths, sizes, strict=True))
+    ]
+
+
+def _joined(groups: Sequence[str], first: Sequence[int]) -> list[str]:
+    """The groups, where those that hold copies of one image are one group."""
+    name = {group: group for group in groups}
+    for k, other in enumerate(first):
+        one, kept = name[groups[k]], name[groups[other]]
+        if one != kept:
+            name = {group: kept if own == one else own for group, own in name.items()}
+    return [name[group] for group in groups]
+
+
+def cut(
+    groups: Sequence[str], data: Path, first: Sequence[int] | None = None
+) -> tuple[list[tuple[int, ...]], str]:
+    """Cut images into folds of about equal size, with no group and no copies of an image in two of them.
 
     Images of a single group are cut into stretches of time.
 
     Args:
         groups: the group of each image, in the order of group and name.
         data: their folder, for the error.
+        first: the first copy of each image, of `first_copies`; by default all images differ.
 
     Returns:
         The indices of each fold's images; and a warning, if there is one.
 
     Raises:
-        UserError: there is only one image.
+        UserError: there is only one image, or all are copies of one.
     """
+    first = range(len(groups)) if first is None else first
     own: dict[str, list[int]] = {}
-    for index, group in enumerate(groups):
+    for index, group in enumerate(_joined(groups, first)):
         own.setdefault(group, []).append(index)
-    if len(groups) < 2:
+    different = sorted({*first})
+    if len(different) < 2:
+        copies = f" and {len(groups) - 1} copies of it" if len(groups) > 1 else ""
         raise UserError(
-            f"{data}: {len(groups)} labelled image, and figures need another to be tested on; label one more"
+            f"{data}: {len(different)} labelled image{copies}, and figures need another to be tested on; "
+            "label one more"
         )
     if len(own) == 1:
-        stretches = np.array_split(np.arange(len(groups)), min(FOLDS, len(groups)))
-        return [tuple(part.tolist()) for part in stretches], (
-            f"all {len(groups)} images are of one group, so folds are stretches of time: images at their "
-            "ends are alike, and figures are too high for other streets"
+        stretches = np.array_split(different, min(FOLDS, len(different)))
+        parts = [{*part.tolist()} for part in stretches]
+        linked = " or linked by copies" if len({*groups}) > 1 else ""
+        return [tuple(k for k, other in enumerate(first) if other in part) for part in parts], (
+            f"all {len(groups)} images are of one group{linked}, so folds are stretches of time: images at "
+            "their ends are alike, and figures are too high for other streets"
         )
     folds: list[list[int]] = [[] for _ in range(min(FOLDS, len(own)))]
     for indices in sorted(own.values(), key=len, reverse=True):  # the largest first

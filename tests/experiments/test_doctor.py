@@ -11,7 +11,7 @@ from experiments.config import MainConfig
 from experiments.config.presets import defaults
 from experiments.doctor import costs, machine
 from experiments.doctor.__main__ import PAGE, SHEET, main
-from experiments.doctor.propose import propose
+from experiments.doctor.propose import _named_value, propose
 from experiments.doctor.survey import suitable, survey
 from experiments.fit import configured, planned
 from experiments.main.job import plan
@@ -134,6 +134,44 @@ def test_folders_of_splits_with_colours_that_a_file_names(tmp_path):
     (sidewalk, road), labelled = found.classes, sum(own.share for own in found.classes)
     assert labelled == pytest.approx(1) and road.images == sidewalk.images == 1
     assert any("share 1 of 1 groups (a)" in fault.what for fault in found.faults)
+
+
+@pytest.mark.parametrize(("line", "pair"), [
+    ("0 road", ("0", "road")), ("7;Gehweg", ("7", "Gehweg")), ("road = 3", ("3", "road")),
+    ("3 Straße", ("3", "Straße")), ("Stra\u00dfe u\u0308ber,3", ("3", "Straße über")), ("道路 1", ("1", "道路")),
+    ("4: 2-wheeler", ("4", "2-wheeler")), ("2-wheeler,5", ("5", "2-wheeler")), ("1 3d sign", ("1", "3d sign")),
+    ("5 road (paved)", ("5", "road (paved)")), ("Auto (PKW): 4", ("4", "Auto (PKW)")),
+    ("5 (other)", ("5", "(other)")), ("3 - road", ("3", "road")), ("zone 30 4", ("4", "zone 30")),
+    ("1 lane 2", ("1", "lane 2")), ("road (paved) 10 20 30", ("[10, 20, 30]", "road (paved)")),
+    ("(10,20,30): 2nd lane", ("[10, 20, 30]", "2nd lane")), ("0\t10\t20\t30\tÄcker", ("[10, 20, 30]", "Äcker")),
+    ("road: (10, 20, 30)", ("[10, 20, 30]", "road")), ("1 road 10 20 30", ("[10, 20, 30]", "road")),
+    ("10, 20, 30 # road", ("[10, 20, 30]", "road")), ("3 images are here.", None), ("name,r,g,b", None),
+    ("# 3 classes", None), ("3,4,5", None), ("", None), ("0,road,flat", None),
+])  # fmt: skip
+def test_lines_that_name_a_value(line, pair):
+    assert _named_value(line) == pair
+
+
+def test_names_outside_ascii_and_with_digits_first(tmp_path):
+    for k in range(2):
+        save(tmp_path / "images" / f"{k}.png", photograph(k, (48, 64)))
+        save(tmp_path / "labels" / f"{k}.png", blocks(k, (48, 64), 4).astype(np.uint8))
+    (tmp_path / "classes.txt").write_text("Straße\n2-Räder (geparkt)\n3d sign\nHimmel\n", "utf-8")
+    target = parse_target(propose(tmp_path).text, "x/target.yaml")
+    assert [*target.classes] == ["Straße", "2-Räder (geparkt)", "3d sign", "Himmel"]
+
+
+def test_many_faults_of_one_kind_are_counted(tmp_path):
+    for k in range(12):
+        save(tmp_path / "images" / f"{k:02}.png", photograph(k, (48, 64)))
+        size = (24, 32) if k < 5 else (48, 64)
+        save(tmp_path / "labels" / f"{k:02}.png", blocks(k, size, 3).astype(np.uint8))
+    target = parse_target(
+        "images: images/{name}.png\nlabels: labels/{name}.png\n"
+        "classes: {a: {ids: [0]}, b: {ids: [1]}, c: {ids: [2]}}", "t.yaml",
+    )  # fmt: skip
+    (fault,) = [f for f in survey(target, tmp_path).faults if "resize them" in f.mend]
+    assert fault.what.startswith("5 files, such as ") and fault.what.count("32x24 pixels") == 3
 
 
 def test_lists_and_polygons(tmp_path):

@@ -457,6 +457,15 @@ def test_merge_folds_duplicates(tmp_path, capsys, refused):
     assert "exists already" in refused("merge", a, "--out", out)
 
 
+def test_merge_leaves_out_what_only_a_run_says(a_run, tmp_path, scored_by):
+    scored_by(lambda *_: Result(0.25, [0.5, None], 1.0, 2.0))
+    run = a_run(store=tmp_path / "shared.jsonl")
+    evaluate(run, 1, 2)
+    assert main(["merge", str(tmp_path / "run"), "--out", str(tmp_path / "merged.jsonl")]) == 0
+    shared, merged = (lines(tmp_path / f"{name}.jsonl") for name in ("shared", "merged"))
+    assert len(merged) == 3 and merged == shared
+
+
 @pytest.mark.parametrize("make", [SHARED, Store])
 def test_merge_refuses_two_values_for_one_key_and_names_both(make, tmp_path, refused):
     a = written(tmp_path / "a.jsonl", record("x", 0.25))

@@ -83,6 +83,39 @@ def test_folds_hold_every_image_once_and_share_no_group(groups: list[str]) -> No
     assert sum(map(len, sets)) == len(set(groups)) and all(sets)
 
 
+@given(st.lists(st.tuples(st.sampled_from("abcd"), st.integers(0, 9)), min_size=2, max_size=30))
+def test_no_two_folds_hold_copies_of_one_image(images: list[tuple[str, int]]) -> None:
+    groups, contents = zip(*sorted(images), strict=True)
+    first = [contents.index(content) for content in contents]
+    if len(set(contents)) == 1:
+        with pytest.raises(UserError, match=r"1 labelled image and \d+ copies of it, "):
+            cut(groups, Path("data"), first)
+        return
+    folds, note = cut(groups, Path("data"), first)
+    assert sorted(index for fold in folds for index in fold) == list(range(len(groups)))
+    sets = [{contents[index] for index in fold} for fold in folds]
+    assert len(folds) > 1 and all(sets) and sum(map(len, sets)) == len(set(contents))
+    if not note:
+        kinds = [{groups[index] for index in fold} for fold in folds]
+        assert sum(map(len, kinds)) == len(set(groups))
+
+
+def test_copies_stay_in_one_fold_and_are_counted(tmp_path: Path) -> None:
+    (tmp_path / "target.yaml").write_text(TARGET.replace('group: "^[a-z]+"\n', ""))
+    rng = np.random.default_rng(0)
+    for name in "abcdef":
+        save(tmp_path / "images" / f"{name}.png", rng.integers(0, 256, (8, 8, 3)))
+        save(tmp_path / "labels" / f"{name}.png", np.full((8, 8), 7, np.uint8))
+    for one, other in ("af", "be"):
+        data = (tmp_path / "images" / f"{one}.png").read_bytes()
+        (tmp_path / "images" / f"{other}.png").write_bytes(data)
+    parts = parts_of(find_target(None, tmp_path), tmp_path)
+    tests = [{parts.entries[k].name for k in fold} for _, fold in parts.folds]
+    assert sorted(map(sorted, tests)) == [["a", "f"], ["b", "e"], ["c"], ["d"]]
+    (note,) = parts.notes
+    assert note == "2 images are copies of others, such as e of b: copies are in one fold"
+
+
 def test_a_single_image_cannot_be_tested_on() -> None:
     with pytest.raises(UserError, match=r"data: 1 labelled image, .*label one more"):
         cut(["a"], Path("data"))

@@ -8,7 +8,7 @@ import shutil
 import socket
 import subprocess
 import sys
-from base64 import b64decode
+from base64 import b64decode, b64encode
 from http.client import HTTPConnection
 
 import numpy as np
@@ -49,6 +49,24 @@ def test_the_page_is_one_file_that_loads_nothing_and_its_pictures_decode(run):
     assert {Image.open(io.BytesIO(data)).size for data in shown} == {(64, 32)}
     style = (run / "report.html").read_text().split("<style>")[1].split("</style>")[0]
     assert "url(" not in style and "@import" not in style
+
+
+def test_only_pictures_of_the_run_are_shown(run):
+    secret = run.with_name("secret.png")
+    Image.new("RGB", (64, 32), (250, 3, 7)).save(secret)
+    data = b64encode(secret.read_bytes()).decode()
+    seen = read_json(run / "pictures/seen.json")
+    images = [image for shown in seen["streets"].values() for image in shown]
+    (run / "pictures/link.png").symlink_to(secret)
+    (run / "pictures/text.txt").write_text("a secret text")
+    names = (str(secret), "../../secret.png", "link.png", "text.txt", "../config.json")
+    for image, name in zip(images, names, strict=False):
+        image["image"] = name
+    write_json(run / "pictures/seen.json", seen)
+    assert main([str(run)]) == 0
+    text = (run / "report.html").read_text()
+    assert data not in text and b64encode(b"a secret text").decode() not in text
+    assert b64encode((run / "config.json").read_bytes()).decode() not in text
 
 
 def test_the_figures_are_those_of_the_summary(run):

@@ -76,6 +76,10 @@ def test_a_scheduler_that_goes_away_ends_the_work_with_one_error(dask_cluster):
     (("dask", 1, None), "needs --scheduler ADDRESS"),
     (("dask", 1, "tcp://127.0.0.1:9"), "--scheduler tcp://127.0.0.1:9: no Dask scheduler answers"),
     (("dask", 1, "nonsense://x"), "--scheduler nonsense://x: no Dask scheduler answers"),
+    (("dask", 1, "nonsense://x:1"), "--scheduler nonsense://x:1: no Dask scheduler answers"),
+    (("dask", 1, "tcp://127.0.0.1"), "--scheduler tcp://127.0.0.1: .* expected an address with a port"),
+    (("dask", 1, "127.0.0.1"), "--scheduler 127.0.0.1: .* expected an address with a port"),
+    (("dask", 1, "host:99999"), "--scheduler host:99999: .* expected an address with a port"),
     (("processes", 1, "tcp://127.0.0.1:9"), "--scheduler is for --executor dask"),
 ])  # fmt: skip
 def test_what_cannot_be_reached_is_one_error(asked, complaint, monkeypatch):
