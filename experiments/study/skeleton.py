@@ -114,7 +114,7 @@ class Row(NamedTuple):
     """Gives the training set of a seed's net."""
     fidelity: Fidelity
     what: str
-    """The kind of its nets in the run folder; nets of one kind have the same recipe."""
+    """The kind of its nets in the run folder, in words. Rows of one kind train one after the other."""
     name: str
     """The name of the row in the run folder."""
     after: str = ""
@@ -191,9 +191,9 @@ def _jobs(run: Run[Any], rows: Sequence[Row], made: Made) -> Iterator[tuple[Row,
     ready = [row for row in rows if not row.after or row.after in made]
     for what in dict.fromkeys(row.what for row in ready):
         own = sorted((row for row in ready if row.what == what), key=lambda row: row.order)
-        recipe = run.recipe(own[0].fidelity, **own[0].pool)
         for seed in paired_seeds(run):
             for row in own:
+                recipe = run.recipe(row.fidelity, **row.pool)
                 notes = {"nets": what, "row": row.name, "seed": seed}
                 yield row, Job(recipe, row.source(run, made, seed), seed, notes)
 
