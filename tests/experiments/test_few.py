@@ -90,6 +90,23 @@ def test_a_sequence_without_classes_is_refused(few, sequence, words, camvid, out
     assert words in error_line(begun=True) and not out.exists()
 
 
+@pytest.mark.parametrize("left", [True, False])
+def test_images_left_for_the_reward_must_show_a_class(left, tiny_camvid, out, error_line):
+    """The labelled ones are all among the few, and nets would be scored on nothing."""
+    few = named_target(replace(tiny_camvid, few=2), POOL).few_names
+    (*paths,) = (p for p in tiny_camvid.data.glob("trainannot/*.png") if p.stem not in few)
+    assert len(paths) == 2
+    for path in paths[not left :]:  # one of the two is enough
+        flat(11)(path)
+    flags = ("--data", str(tiny_camvid.data), "--out", str(out), "--few", "2")
+    if not left:
+        named_target(replace(tiny_camvid, few=2), POOL).at(12, 16)
+        return
+    assert main_job("camvid", *flags) == 2
+    said = "--few 2: the 2 images left for the reward show none of the 11 classes of camvid"
+    assert said in error_line(begun=True) and not out.exists()
+
+
 def test_an_evaluation_is_named_by_its_few(tmp_path):
     runner = runner_of(TARGET, tmp_path)
     few, other = LabelledSubset(REAL, (1, 2)), LabelledSubset(REAL, (1, 3))

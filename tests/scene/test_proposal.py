@@ -66,6 +66,15 @@ def test_a_street_does_not_depend_on_how_many_there_are_and_all_fill_their_inter
     np.testing.assert_array_equal(draw(extended, 3, 4)[0, :23], draw(default_proposal(), 3, 4)[0])
 
 
+def test_streets_from_a_later_one_on_are_those_of_the_whole_dataset():
+    mixed = module.streets_named("mixed", "scenex", 0.2)
+    for streets in (random_proposal(), mixed, histogram(np.ones((23, 4)))):
+        whole = draw(streets, 3, 9)
+        assert len(np.unique(whole, axis=0)) == 9
+        for start, count in ((0, 9), (1, 8), (5, 3), (8, 1)):
+            np.testing.assert_array_equal(draw(streets, 3, count, start), whole[start:][:count])
+
+
 def test_a_file_gives_values_or_intervals_and_a_description_says_where_they_lie_in_metres():
     short = {"centre": 0.5, "width": 0.2}
     long = {"unit": {"centre": 0.8, "width": 0.4}, "physical": {}, "meaning": "x"}
