@@ -40,7 +40,7 @@ from experiments.study.skeleton import (
     learnt_from,
     of_rows,
 )
-from experiments.study.stats import estimated, gain
+from experiments.study.stats import bounded, estimated, gain
 from experiments.target.base import Target
 from shell.errors import UserError
 
@@ -97,7 +97,7 @@ def derive(report: Report) -> Report:
     for row in report["rows"]:
         values = miou(row["nets"])
         more = gain(best[row["images"]], values) if row["fraction"] != most else None
-        rows.append({**row, **estimated(values), "more_assets": more})
+        rows.append({**row, **bounded(estimated(values)), "more_assets": more})
     return {**report, "rows": rows}
 
 

@@ -44,7 +44,7 @@ from experiments.study.skeleton import (
     learnt_from,
     of_rows,
 )
-from experiments.study.stats import estimated, gain, mean, worth
+from experiments.study.stats import bounded, estimated, gain, mean, worth
 from experiments.target.base import Target
 from experiments.target.few import spread
 from seg.beside import TrainingSet
@@ -145,7 +145,7 @@ def derive(report: Report) -> Report:
     rows = []
     for row in report["rows"]:
         own = values[row["labels"], row["renders"]]
-        found = estimated(own)
+        found = bounded(estimated(own))
         share = None if found["mean"] is None or not best else 100 * found["mean"] / best
         add, over = (_over(values, row, other) for other in (ALONE, "random"))
         rows.append({**row, **found, "renders_add": add, "over_random": over, "of_all": share})

@@ -44,7 +44,7 @@ from experiments.study.form import (
 )
 from experiments.study.searches import core_seconds, failed_evaluations, rewards, selection, thirds
 from experiments.study.skeleton import Made, Row, Search, do, of_rows
-from experiments.study.stats import Table, gain, less, mean, over_both
+from experiments.study.stats import Table, bounded, gain, less, mean, over_both
 from experiments.target.base import Target
 from scene.proposal import describe
 from shell.errors import UserError
@@ -187,7 +187,7 @@ def derive(report: Report) -> Report:
     real = mean(baselines["real"])
 
     def row(name: str, values: Table, searches: int, judged: bool = True) -> Report:
-        own = over_both(values)
+        own = bounded(over_both(values))
         gains = {
             f"gain_over_{base}": None
             if name in BASELINES

@@ -13,7 +13,7 @@ from experiments.run.context import Run
 from experiments.run.learn import Learnt
 from experiments.study.form import Report, about, class_means, miou, nets, starts
 from experiments.study.searches import selection
-from experiments.study.stats import statistics
+from experiments.study.stats import TOO_FEW, statistics
 from scene.attributes import names
 from scene.proposal import describe
 from shell.command import given
@@ -144,6 +144,6 @@ def _said(entry: Report, form: str) -> str:
     """A mean and its interval, in columns."""
     mean = "    -" if entry["mean"] is None else format(entry["mean"], form)
     ci95 = entry["ci95"]
-    return f"{mean}  " + (
-        "[    one seed   ]" if ci95 is None else f"[{ci95[0]:6.1f}, {ci95[1]:6.1f}]"
-    )
+    if entry["mean"] is not None and ci95 is None:
+        return f"{mean}  {TOO_FEW}"
+    return f"{mean}  " + (" " * 16 if ci95 is None else f"[{ci95[0]:6.1f}, {ci95[1]:6.1f}]")

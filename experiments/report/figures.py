@@ -11,7 +11,7 @@ import numpy as np
 from experiments.evaluation.store import each
 from experiments.report.folder import RunFolder
 from experiments.study.form import Report, interval, number, words
-from experiments.study.stats import statistics
+from experiments.study.stats import TOO_FEW, statistics
 from scene.attributes import BY_NAME, Attribute
 
 Figure = dict[str, Any]
@@ -54,7 +54,7 @@ def ordered(report: Report) -> list[str]:
 
 def said(entry: Report) -> str:
     """An interval in words."""
-    return interval(entry["ci95"]) or "one seed"
+    return interval(entry["ci95"]) or TOO_FEW
 
 
 def rows(report: Report, order: Sequence[str]) -> Figure:
@@ -379,7 +379,7 @@ def _bars(x: list, y: list, hover: str, name: str, hue: str) -> Figure:
 
 
 def _around(entries: Sequence[Report], hue: str, thick: float) -> Figure:
-    """Intervals as error bars; none for one seed."""
+    """Intervals as error bars, where there are any."""
     half = [0.0 if e["ci95"] is None else e["ci95"][1] - e["mean"] for e in entries]
     return {"type": "data", "array": half, "color": hue, "thickness": thick, "width": 0}
 

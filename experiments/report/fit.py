@@ -19,7 +19,7 @@ from experiments.study.form import (
     starts,
     table,
 )
-from experiments.study.stats import crossed
+from experiments.study.stats import bounded, crossed
 from shell.interrupt import PROGRAM
 from shell.progress import duration
 
@@ -44,7 +44,7 @@ def derive(report: Report) -> Report:
     values = {row: _miou(own) for row, own in report["nets"].items()}
     rows = {
         row: {
-            **_estimate(values[row]),
+            **bounded(_estimate(values[row])),
             "miou": miou(flat),
             "per_class": class_means(flat, report["classes"]),
         }
@@ -252,4 +252,4 @@ def by_class(folds: Sequence[Sequence[Report | None]], count: int) -> list[Repor
         [[absent if net is None else net["class_iou"] for net in fold] for fold in folds], float
     )
     known = np.isfinite(values).any(axis=1)  # folds, classes
-    return [_estimate(values[known[:, k], :, k]) for k in range(count)]
+    return [bounded(_estimate(values[known[:, k], :, k])) for k in range(count)]

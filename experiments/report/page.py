@@ -25,6 +25,7 @@ from experiments.report.matters import matters
 from experiments.report.templates import templates
 from experiments.run import few
 from experiments.study.form import Report, cells, number, starts, words
+from experiments.study.stats import TOO_FEW
 from scene.held import hold
 from scene.proposal import default_proposal, describe
 from shell.files import read_bytes
@@ -192,7 +193,7 @@ def _compared(gain: Report, other: str) -> str:
         return f"not compared with {other}"
     apart = f"{abs(mean):.1f} points {'above' if mean >= 0 else 'below'} {other}"
     if ci95 is None:
-        return f"{apart} (one seed)"
+        return f"{apart} ({TOO_FEW})"
     return apart if ci95[0] * ci95[1] > 0 else f"not clearly different from {other}"
 
 

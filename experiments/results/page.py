@@ -9,7 +9,7 @@ from pathlib import Path
 from experiments.evaluation.store import LOGS, read, result_of
 from experiments.results.parts import GROUPS, Part
 from experiments.study.form import ONE_SEARCH, Column, Report, estimate, table
-from experiments.study.stats import estimated
+from experiments.study.stats import bounded, estimated
 from scene.version import ENGINE
 from shell import files
 from shell.progress import duration
@@ -120,7 +120,11 @@ def _means(rows: Sequence[Report]) -> Iterator[Report]:
         names = [name for name in own[0] if name != "name"]
         yield {
             "name": f"mean of {len(own)} {kind}",
-            **{name: estimated([row[name]["mean"] for row in own]) for name in names},
+            **{
+                name: found if name.startswith("over") else bounded(found)
+                for name in names
+                for found in [estimated([row[name]["mean"] for row in own])]
+            },
         }
 
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from experiments.config import Fidelity, NetsConfig
 from experiments.evaluation.job import Result
 from experiments.run.context import Run
-from experiments.study.stats import mean
+from experiments.study.stats import TOO_FEW, mean
 from scene.held import in_words
 from seg.classes import class_table
 from seg.weights import described
@@ -135,8 +135,9 @@ def interval(ci95: Sequence[float] | None, form: str = ".1f") -> str:
 
 def cells(entry: Report | None, form: str = ".1f") -> list[str]:
     """Mean and interval of a row or a gain as two cells of a table; only the mean has a sign."""
-    known = entry or {"mean": None, "ci95": None}
-    return [number(known["mean"], form), interval(known["ci95"], form.lstrip("+"))]
+    if entry is None or entry["mean"] is None:
+        return ["", ""]
+    return [number(entry["mean"], form), interval(entry["ci95"], form.lstrip("+")) or TOO_FEW]
 
 
 def half(row: Report) -> float:

@@ -47,6 +47,20 @@ def estimated(values: Values) -> dict[str, Any]:
     return {"mean": average, "ci95": ci95}
 
 
+TOO_FEW = "too few nets for an interval"
+"""The words in place of an interval that is None."""
+
+
+def bounded(entry: dict[str, Any]) -> dict[str, Any]:
+    """The estimate of an mIoU in percent; an interval that leaves [0, 100] becomes None.
+
+    Student's t knows no bounds: so wide an interval comes of a few nets that differ much.
+    """
+    ci95 = entry["ci95"]
+    outside = ci95 is not None and (ci95[0] < 0 or ci95[1] > 100)
+    return {**entry, "ci95": None} if outside else entry
+
+
 def gain(ours: Values, theirs: Values) -> dict[str, Any] | None:
     """``mean`` and ``ci95`` of the differences of paired nets; None without a known pair."""
     pairs = zip(ours, theirs, strict=True)
@@ -55,8 +69,11 @@ def gain(ours: Values, theirs: Values) -> dict[str, Any] | None:
 
 
 def statistics(values: Values, baseline: Values | None = None) -> dict[str, Any]:
-    """The result of `estimated`, and the ``gain`` over a baseline with the same seeds."""
-    return {**estimated(values), "gain": None if baseline is None else gain(values, baseline)}
+    """The estimate of an mIoU in percent, and its ``gain`` over a baseline with the same seeds."""
+    return {
+        **bounded(estimated(values)),
+        "gain": None if baseline is None else gain(values, baseline),
+    }
 
 
 def crossed(values: Sequence[Sequence[float]]) -> tuple[float, list[float] | None]:

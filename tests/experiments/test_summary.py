@@ -63,7 +63,7 @@ def test_keys_are_those_that_scripts_rely_on(tmp_path):
         assert summary[row] == summary["rows"][row]
     for entry in summary["rows"].values():
         assert set(entry) == {"miou", "mean", "ci95", "per_class"}
-        assert len(entry["miou"]) == 2 and len(entry["ci95"]) == 2
+        assert len(entry["miou"]) == 2
         assert set(entry["per_class"]) == set(CLASSES)
     assert set(summary["gain"]) == {"mean", "ci95"}
 
@@ -72,7 +72,7 @@ def test_figures_by_hand():
     summary = made()
     random, gain = summary["random"], summary["gain"]
     assert [*random["miou"], random["mean"]] == pytest.approx([10, 20, 15])
-    assert random["ci95"] == pytest.approx([15 - 63.53, 15 + 63.53], abs=0.01)
+    assert random["ci95"] is None  # 15 +- 63.53 is below 0: two nets are too few
     # Differences by seed: 20 and 30; t(0.975, 1) = 12.706.
     assert [gain["mean"], *gain["ci95"]] == pytest.approx([25, 25 - 63.53, 25 + 63.53], abs=0.01)
     assert summary["learnt"]["per_class"]["road"] == pytest.approx(40)
@@ -93,7 +93,7 @@ def test_figures_by_hand():
     assert summary["recovery"]["learnt_error"] == summary["recovery"]["centre_error"]
     one = made(seeds=1)
     assert one["random"]["ci95"] is None and one["gain"]["ci95"] is None
-    assert "one seed" in text(one)
+    assert "too few nets for an interval" in text(one)
 
 
 @pytest.mark.parametrize("learnt", [23, 40])
