@@ -116,6 +116,8 @@ def check() -> Parser:
     )
     add("--overlap", choices=OVERLAPS, default="", help="whether their objects may; see render")
     add("--space", choices=SPACES, default="extended", help="attributes of these streets")
+    for flag in ("--overlap", "--space"):
+        options.needs(flag, "--overlaps")
     return options
 
 
@@ -161,6 +163,8 @@ def preview() -> Parser:
     add("--steps", type=int, default=7, metavar="N", help="values of a sweep")
     add("--count", type=int, default=12, metavar="N", help="assets of a class")
     add("--columns", type=int, metavar="N", help="assets in a row")
+    for flag, mode in (("--steps", "--sweep"), ("--count", "--asset"), ("--columns", "--asset")):
+        options.needs(flag, mode)
     add = options.group("assets")
     for flag, told in ASSETS.items():
         add(flag, **told)
@@ -176,4 +180,5 @@ def catalogue() -> Parser:
     options.add_argument(
         "--pairs", type=int, default=10, metavar="N", help="pairs to print with --closest"
     )
+    options.needs("--pairs", "--closest")
     return options

@@ -25,6 +25,9 @@ USAGE, MISTAKE, UNREAD = 2, 70, 141
 DEBUG = "--debug"
 """Flag of every command: show where an error comes from."""
 HELP = ("-h", "--help", "--help-all")
+SIMILAR = 0.75
+"""The least similarity of a suggestion, see `difflib.get_close_matches`: seed has it to sede, start not to
+target."""
 
 
 class _Layout(argparse.HelpFormatter):
@@ -92,6 +95,7 @@ class Parser(argparse.ArgumentParser):
         )
         self._positionals.title = "arguments"
         self._rare: list[argparse._ArgumentGroup] = []
+        self._needs: list[tuple[str, tuple[str, ...]]] = []
         self._common = self.add_argument_group("about this command")
         add = self._common.add_argument
         add("-h", "--help", action=_Help, everything=False, help="show this help")
@@ -103,6 +107,10 @@ class Parser(argparse.ArgumentParser):
             self._common.add_argument("--help-all", action=_Help, everything=True)
         self._rare.append(self.add_argument_group(title))
         return self._rare[-1].add_argument
+
+    def needs(self, flag: str, *others: str) -> None:
+        """Refuse a flag that has no effect without one of the others."""
+        self._needs.append((flag, others))
 
     def flags(self) -> dict[str, list[str]]:
         """All flags but hidden ones, each with the words that may follow it; none where any may."""
@@ -161,7 +169,12 @@ class Parser(argparse.ArgumentParser):
                 shown = [own for own, a in known.items() if a.help != argparse.SUPPRESS]
                 self.error(f"no option {word.partition('=')[0]}{meant(flag, shown)}")
             words[k] = flag + equals + value
-        return super().parse_args(words, namespace)
+        parsed = super().parse_args(words, namespace)
+        typed = {word.partition("=")[0] for word in takewhile("--".__ne__, words)}
+        for flag, others in self._needs:
+            if flag in typed and typed.isdisjoint(others):
+                self.error(f"{flag} needs {' or '.join(others)}")
+        return parsed
 
     def error(self, message: str) -> NoReturn:
         """Print one line and end with exit code 2."""
@@ -184,7 +197,9 @@ def meant(word: str, known: Iterable[str]) -> str:
     known = list(known)
     leaf = word.lstrip("-")
     found = [own for own in known if own.rpartition(".")[2] == leaf][:2]
-    found = found or get_close_matches(word, known, 1)
+    if not found:  # dashes alone make no word similar
+        bare = {own.lstrip("-"): own for own in known}
+        found = [bare[own] for own in get_close_matches(leaf, bare, 1, SIMILAR)]
     return f"; did you mean {' or '.join(found)}?" if found else ""
 
 

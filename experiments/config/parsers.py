@@ -139,6 +139,7 @@ def predict() -> Parser:
         metavar="N",
         help="with --rank: images with pre-labels",
     )
+    options.needs("--first", "--rank")
     return options
 
 

@@ -163,6 +163,10 @@ def test_what_cannot_be_ranked_is_one_line(folder, images, tmp_path, capsys):
     ):
         assert main([*words, *flags]) == 2
         assert message in one_line(capsys)
+    for first in ("0", "5"):  # without --rank it would do nothing
+        with pytest.raises(SystemExit, match=r"^2$"):
+            main([folder, str(images), "--out", str(out), f"--first={first}"])
+        assert capsys.readouterr().err.endswith("error: --first needs --rank\n")
     video(tmp_path / "drive.avi")
     assert main([folder, str(tmp_path / "drive.avi"), "--rank", "--out", str(out)]) == 2
     assert "drive.avi is a video; put its frames" in one_line(capsys)

@@ -202,6 +202,7 @@ def test_what_meets_in_streets_is_counted(overlap, code, capsys):
         ("streets --overlaps 2", "either a dataset or --overlaps"),
         ("--overlaps 0", "--overlaps must be 1 or more, not 0"),
         ("--overlaps 2 --overlap maybe", "'maybe'"),
+        ("streets --space scenex", "--space needs --overlaps"),
     ],
 )
 def test_a_wish_that_makes_no_sense_is_refused(line, message, capsys):

@@ -118,10 +118,28 @@ def test_a_help_keeps_to_the_width_and_leaves_rare_options_to_all_of_it(monkeypa
 
 
 @pytest.mark.parametrize(("word", "said"), [
-    ("rendr", "; did you mean render?"), ("xyz", ""), ("--lr", "; did you mean --a.lr or --b.c.lr?"),
+    ("rendr", "; did you mean render?"), ("xyz", ""), ("--fat", ""), ("--fitt", "; did you mean fit?"),
+    ("--lr", "; did you mean --a.lr or --b.c.lr?"),
 ])  # fmt: skip
 def test_what_was_meant(word, said):
     assert meant(word, ["render", "fit", "--a.lr", "--b.c.lr", "--b.d.lr"]) == said
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    (["--first", "3"], "--first needs --rank or --order"), (["--first=3"], "--first needs"),
+    (["--first", "3", "--order=x"], ""), (["--rank"], ""), ([], ""),
+])  # fmt: skip
+def test_a_flag_may_need_another(words, said, capsys):
+    parser = Parser("x", "")
+    for flag in ("--first", "--order"):
+        parser.add_argument(flag)
+    parser.add_argument("--rank", action="store_true")
+    parser.needs("--first", "--rank", "--order")
+    if not said:
+        parser.parse_args(words)
+        return
+    refused(SystemExit, "^2$", parser.parse_args, words)
+    assert said in capsys.readouterr().err
 
 
 def test_sizes_and_repeats():
