@@ -53,6 +53,7 @@ from experiments.study.skeleton import Study, do, learnt_attributes, learnt_from
 from experiments.study.stats import holm, stars, statistics, welch
 from experiments.target.base import Target, with_reward
 from scene.proposal import Streets
+from seg.data import subset
 from shell.errors import UserError
 
 SUBSET_STREAM = 3
@@ -82,11 +83,15 @@ def check(config: PretrainConfig) -> None:
     """Raise UserError with the flag for a field out of range."""
     if config.learn_on == "share" and config.learnt is not None:
         raise UserError("--learn-on share searches on every share itself; leave out --learnt")
+    if config.learnt is not None and "learnt" not in config.rows:
+        raise UserError(f"--learnt is of no use with --rows {' '.join(config.rows)}")
 
 
 def refuse_empty(config: PretrainConfig, target: Target) -> None:
     """Raise UserError for a fraction that selects no image."""
     images = len(target.reward_names)
+    if "learnt" in config.rows and config.learnt is None:
+        reward_parts(_searched(config, target), config)
     for fraction in config.fractions:
         if chosen_images(images, fraction) == 0:
             raise UserError(
@@ -129,7 +134,7 @@ def scores(run: Run[PretrainConfig], _: None) -> Report:
     before, fine = run.recipe(config.final), run.recipe(fine_fidelity(config))
     alike = config.seed if own else None
     if learnt and not own:
-        proposals["learnt"] = learnt_attributes(run)
+        proposals["learnt"] = learnt_attributes(replace(run, target=_searched(config, run.target)))
     starts = {
         str(row): Start(before, proposals.get(row), row == "longer", len(config.fractions))
         for row in config.rows
@@ -138,7 +143,10 @@ def scores(run: Run[PretrainConfig], _: None) -> Report:
     found = tuned(run, starts, fine, config.fractions, alike)
     for fraction in config.fractions if learnt and own else ():
         part = replace(run, target=_share(config, run.target, fraction))
-        start = Start(before, learn(part, name=f"learnt-{fraction:g}").streets)
+        name = f"learnt-{fraction!r}".removesuffix(
+            ".0"
+        )  # exact: another fraction has another search
+        start = Start(before, learn(part, name=name).streets)
         found |= tuned(run, {"learnt": start}, fine, [fraction], alike)
     train = fine.fidelity.train
     rows = []
@@ -152,6 +160,7 @@ def scores(run: Run[PretrainConfig], _: None) -> Report:
         "learn_on": config.learn_on,
         "net": train.net,
         "weights": train.weights,
+        "search_images": config.search_images,
         "pretraining": {"images": config.final.images, "steps": config.final.train.steps},
         "finetuning": {"steps": train.steps, "lr": train.lr},
         "rows": rows,
@@ -209,10 +218,17 @@ def chosen_images(images: int, fraction: float) -> int:
     return math.floor(images * fraction + 0.5)
 
 
+def _searched(config: PretrainConfig, target: Target) -> Target:
+    """The target with only the images of the search, those that ``--reward-images`` chooses in other jobs."""
+    images = range(len(target.reward_names))
+    chosen = subset(images, config.search_images)
+    return target if len(chosen) == len(images) else with_reward(target, np.array(chosen))
+
+
 def _share(config: PretrainConfig, target: Target, fraction: float) -> Target:
     """The target with only the images of a fraction, the same for all seeds."""
     (chosen,) = subsets(len(target.reward_names), [fraction], config.seed)
-    return with_reward(target, chosen)
+    return _searched(config, with_reward(target, chosen))
 
 
 def derive(report: Report) -> Report:
@@ -258,6 +274,8 @@ def text(report: Report) -> str:
     sharing = "all rows of a seed"
     if report.get("learn_on") == "share":
         sharing = "all rows and seeds; attributes are learnt with the labels of that share alone"
+    images = report.get("search_images")
+    searched = "" if images is None else f" The search used {images} of these images at most."
     begun: Column = ("begun with", lambda row: names[row["row"]])
 
     def share(row: Report) -> str:
@@ -275,7 +293,7 @@ def text(report: Report) -> str:
         f"Nets ({report['net']}) are pre-trained with {before['steps']} steps on {before['images']} "
         f"rendered images, then fine-tuned with {after['steps']} steps (learning rate {after['lr']:.3g}) on "
         f"a share of the {report['reward_images']} reward images, the same for {sharing}. "
-        f"Rows from {names['scratch']} get the steps of the fine-tuning only.",
+        f"Rows from {names['scratch']} get the steps of the fine-tuning only." + searched,
         "",
         *table(columns, report["rows"]),
     ]

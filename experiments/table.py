@@ -22,6 +22,7 @@ import numpy as np
 from experiments.config import (
     Fidelity,
     check_net,
+    refuse_unstarted,
 )
 from experiments.config.cli import command
 from experiments.config.studies import TableConfig
@@ -58,10 +59,11 @@ from experiments.study.stats import gain, mean, statistics
 from experiments.target.base import Target
 from seg.classes import CITYSCAPES_19, IGNORE_LABEL, SYNTHIA_13, SYNTHIA_16, class_table
 from seg.data import LabelledImages, load, subset
-from seg.settings import FILELESS_NETS, VGG_NETS, NetName
+from seg.settings import VGG_NETS, NetName
 from seg.weights import described
 from shell.errors import UserError
 from shell.listing import list_all
+from shell.memory import refuse_larger
 from shell.target_file import shipped
 
 BASELINE, EYE = "random", "default"
@@ -107,10 +109,10 @@ PAPER: dict[str, dict[str, tuple[int, float, float]]] = {
 
 def check(config: TableConfig) -> None:
     """Raise UserError with the flag for a field out of range."""
-    if config.weights is not None and set(config.nets) <= set(FILELESS_NETS):
-        raise UserError("--weights are for VGG nets or dinov2; --nets names none")
     for name in config.nets:
-        check_net("--nets", "--nets", fidelity_of(config, name))
+        fidelity = fidelity_of(config, name)
+        check_net("--nets", "--nets", fidelity)
+        refuse_unstarted(config, "--nets", fidelity.train)
 
 
 def fidelity_of(config: TableConfig, name: NetName) -> Fidelity:
@@ -134,8 +136,11 @@ def others(config: TableConfig, target: Target, fidelity: Fidelity) -> dict[str,
     for layout, root in zip(OTHERS, (config.gta5, config.synthia, config.kitti), strict=True):
         if root is not None:
             files = shipped(layout)
-            entries = [entry for own in list_all(files, root).values() for entry in own]
-            data = load(subset(sorted(entries), limit, config.seed), files, size)
+            listed = [entry for own in list_all(files, root).values() for entry in own]
+            entries = subset(sorted(listed), limit, config.seed)
+            of = f"images of {fidelity.size} (--no-all-images takes {fidelity.images})"
+            refuse_larger(f"--{layout}", len(entries), lambda n: 4 * n * size[0] * size[1], of)
+            data = load(entries, files, size)
             labels = class_table(target.table).from_train_id[data.labels]
             if np.all(labels == IGNORE_LABEL):
                 raise UserError(f"--{layout} {root}: all labels are void")

@@ -1,6 +1,6 @@
 """What a job can be told, its defaults by target and preset, what is refused, and its command line."""
 
-from experiments.config.check import check, check_net
+from experiments.config.check import check, check_net, refuse_unstarted
 from experiments.config.config import (
     NETS,
     SEED_END,
@@ -59,5 +59,6 @@ __all__ = [
     "make_method",
     "make_space",
     "read_attributes",
+    "refuse_unstarted",
     "start_of",
 ]

@@ -22,6 +22,7 @@ from scene.assets.catalogue import check_pool
 from scene.render import check_settings
 from seg.beside import drawn
 from seg.nets.trunks import trunk_of
+from seg.settings import FILELESS_NETS, VGG_NETS, TrainSettings
 from seg.settings import check_settings as check_train_settings
 from seg.weights import check as check_weights
 from shell.bounds import check_bounds
@@ -50,6 +51,32 @@ def _check_target(config: Config) -> None:
         check_pool(config.pool, "--asset-")
     for name, fidelity in fidelities(config).items():
         _check_fidelity(f"--{name}", fidelity)
+
+
+def _check_weights(config: Config) -> None:
+    if config.from_scratch and config.weights is not None:
+        raise UserError("--weights and --from-scratch exclude each other")
+    if config.from_scratch and config.preset != "paper":
+        raise UserError(f"--from-scratch is for --preset paper, not {config.preset}")
+    if config.weights is not None and set(config.nets_trained) <= set(FILELESS_NETS):
+        nets = ", ".join(dict.fromkeys(config.nets_trained))
+        raise UserError(f"--weights are for VGG nets or dinov2; this job trains {nets}")
+    for name, fidelity in fidelities(config).items():
+        if name in ("reward", "final") and config.nets_trained:
+            refuse_unstarted(config, f"--{name}.train", fidelity.train)
+
+
+def refuse_unstarted(config: Config, flag: str, train: TrainSettings) -> None:
+    """Raise UserError for a VGG net of ``--preset paper`` without weights or ``--from-scratch``."""
+    if config.preset != "paper" or config.from_scratch:
+        return
+    if train.net in VGG_NETS and train.weights is None:
+        raise UserError(
+            f"--preset paper starts {train.net} ({flag}) from ImageNet weights, without which it hardly "
+            "learns: give --weights vgg16.npz, or --from-scratch. To make that file: download "
+            "https://download.pytorch.org/models/vgg16-397923af.pth, then sdr-jax weights convert "
+            "vgg16-397923af.pth --out vgg16.npz"
+        )
 
 
 def _check_fidelity(flag: str, fidelity: Fidelity) -> None:
@@ -115,6 +142,7 @@ def _check_share(config: ShareConfig) -> None:
 
 
 _RELATIONS: tuple[tuple[type, Callable[[Any], None]], ...] = (
+    (Config, _check_weights),
     (Config, _check_target),
     (GroupsConfig, _check_search),
     (RewardConfig, _check_reward),

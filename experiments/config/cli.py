@@ -18,22 +18,26 @@ from typing import Any
 from experiments.config.config import (
     AnyConfig,
     Config,
+    FewConfig,
+    GroupsConfig,
+    LearntConfig,
     Preset,
     TargetName,
     fidelities,
 )
 from experiments.config.presets import in_space
-from experiments.config.studies import JOBS, defaults_of
+from experiments.config.studies import JOBS, SensitivityConfig, TableConfig, defaults_of, methods_of
 from scene.attributes import SpaceName
 from scene.workers import WorkerError
 from seg.recipes import with_net
+from seg.settings import VGG_NETS
 from shell.command import HELP, Parser, docstring, exit_code
 from shell.errors import UserError
 from shell.flags import Field, add_flag, filled, flags_of
 
 COMMON = (
     "target", "data", "out", "preset", "holdout", "few", "learnt", "search.method", "space", "seed",
-    "seeds", "workers", "store", "rederive",
+    "seeds", "weights", "workers", "store", "rederive",
 )  # fmt: skip
 """Fields in the short help, beside a study's own."""
 TOPICS = {
@@ -60,9 +64,12 @@ TOPICS = {
     "size of rewards": ("reward",),
     "size of final nets": ("final",),
     "size of other nets": ("compact", "vgg"),
+    "nets without weights": ("from_scratch",),
 }
 """Titles and fields of the other groups; nested fields go by their outermost name."""
 OTHERS = "other options"
+STARTED_NETS = (*VGG_NETS, "dinov2")
+"""Nets that start from the file of --weights."""
 
 
 class Unmet(Exception):
@@ -139,6 +146,9 @@ def main(
 
     asked = [word for word in words if word in HELP]
     parser = _parser(name, configured({})[0], description)
+    if target is not None and any(word.partition("=")[0] == "--target" for word in words):
+        mains = ", ".join(own for own, job in JOBS.items() if job.target is not None)
+        parser.error(f"no option --target: the command names the target; there are {mains}")
     given = vars(parser.parse_args([word for word in words if word not in asked]))
     if asked:  # show the defaults that the other flags lead to
         default, of = configured(given)
@@ -151,12 +161,54 @@ def main(
         from scene.render import RendererError  # the help needs no engine
 
         config = filled(configured(given)[0], given)
+        if given.get("rederive") is None:
+            refuse_unused(config, given)
         try:
             do(config)
         except RendererError as error:  # also from a worker
             raise UserError(str(error)) from None
 
     return exit_code(run, also=(WorkerError, Unmet), debug=debug)
+
+
+SDR = ("learning_rate", "baseline", "normalise", "squared_reward", "unoptimised")
+"""Options of the search that only ``sdr`` has."""
+
+
+def refuse_unused(config: Config, given: Mapping[str, Any]) -> None:
+    """Raise UserError for a flag that has no effect beside the others.
+
+    Args:
+        config: the configuration with the flags.
+        given: values of the flags by their dotted names.
+    """
+    for flag in ("twin", "twin_seed"):
+        if (
+            flag in given and config.target != "twin" and config.twin != "far"
+        ):  # far has its own error
+            raise UserError(f"{_flag(flag)} is for --target twin, not {config.target}")
+    if isinstance(config, FewConfig) and "few_share" in given and config.few is None:
+        raise UserError("--few-share needs --few")
+    if isinstance(config, TableConfig) and given.get("all_images"):
+        if config.gta5 is config.synthia is config.kitti is None:
+            raise UserError("--all-images needs --gta5, --synthia or --kitti")
+    if isinstance(config, SensitivityConfig) and config.records and "evaluations" in given:
+        raise UserError("--evaluations is of no use with --records, which are all analysed")
+    if not isinstance(config, GroupsConfig):
+        return
+    searched = [name for name in given if name.startswith("search.")]
+    if searched and isinstance(config, LearntConfig) and config.learnt is not None:
+        raise UserError(f"{_flag(searched[0])} is of no use with --learnt: nothing is searched")
+    methods = methods_of(config)
+    for name in SDR:
+        if f"search.{name}" in given and "sdr" not in methods:
+            raise UserError(f"--search.{_flag(name)[2:]} is for sdr, not {', '.join(methods)}")
+    if "search.start" in given and "intervals" not in methods:
+        raise UserError(f"--search.start is for intervals, not {', '.join(methods)}")
+
+
+def _flag(name: str) -> str:
+    return "--" + name.replace("_", "-")
 
 
 def _loaded(place: str) -> Callable[[Any], object]:
@@ -184,10 +236,13 @@ def _parser(name: str, default: Config, description: str | None) -> Parser:
 
 
 def _with_nets(default: AnyConfig, given: Mapping[str, Any]) -> AnyConfig:
-    """Defaults with the recipes of the chosen nets."""
+    """Defaults with the recipes of the chosen nets, and with their weights."""
     for name, fidelity in fidelities(default).items():
         flags = {key: given.get(f"{name}.train.{key}") for key in ("net", "trunk", "weights")}
         changes = {key: value for key, value in flags.items() if value is not None}
+        weights = given.get("weights")
+        if weights is not None and changes.get("net", fidelity.train.net) in STARTED_NETS:
+            changes.setdefault("weights", str(weights))
         if changes and name in ("reward", "final"):
             train = with_net(fidelity.train, **changes)
             own: dict[str, Any] = {name: replace(fidelity, train=train)}

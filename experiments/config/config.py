@@ -63,6 +63,10 @@ class Config:
     labelmefacade."""
     out: Path = Path("runs/run")
     """The run folder. The same command continues a run that was stopped."""
+    weights: Path | None = None
+    """ImageNet weights that VGG nets start from (see `sdr-jax weights`); or the weights of dinov2's trunk."""
+    from_scratch: bool = False
+    """Allow --preset paper to train VGG nets without --weights, though they hardly learn then."""
     seed: Annotated[int, at_least(0), at_most(SEED_END - 1)] = 0
     """Seed of all random choices except the twin and the choice of real images."""
     renderer: Literal["embree", "opengl"] = "embree"
@@ -117,6 +121,12 @@ class Config:
         """Names of the other attributes, in the order of the space."""
         held = self.held
         return tuple(name for name in names(self.space) if name not in held)
+
+    @property
+    def nets_trained(self) -> tuple[str, ...]:
+        """Names of the nets that the job may train."""
+        own = fidelities(self)
+        return tuple(own[name].train.net for name in ("reward", "final") if name in own)
 
     def streets(self, name: str) -> Proposal:
         """The proposal ``random`` or ``default`` with the held attributes."""

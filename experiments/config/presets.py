@@ -99,6 +99,7 @@ _QUICK_REAL: Table = {
 
 _PAPER_NET = {"recipe": "paper"}
 _PAPER_FINAL = {"streets": 45, "shots": 10, "samples": 1}
+_LARGE = {"width": 1024, "height": 512}
 _PAPER: Table = {
     "search": {"method": "sdr", "updates_per_group": 50, "datasets_per_update": 1},
     "reward": {"streets": 18, "shots": 10, "samples": 1, "train": _PAPER_NET},
@@ -116,9 +117,11 @@ TABLES: tuple[tuple[Preset, tuple[TargetName, ...], Table], ...] = (
     ("quick", (*FOUR_BY_THREE, "cityscapes"), _QUICK_REAL),
     ("quick", ("cityscapes",), {"reward_images": 500}),
     ("paper", TARGETS, _PAPER),
-    ("paper", TWO_BY_ONE, {"reward_images": 500}),
-)
-"""Changes by a preset for some targets; later rows override earlier ones."""
+    ("paper", TWO_BY_ONE, {
+        "reward_images": 500, "final": _LARGE, "compact": _LARGE, "vgg": _LARGE,
+    }),
+)  # fmt: skip
+"""Changes by a preset for some targets; later rows override earlier ones, and all of them `SIZES`."""
 Size = tuple[int, int]
 SIZES: tuple[tuple[Preset, tuple[TargetName, ...], Size, Size], ...] = (
     ("smoke", FOUR_BY_THREE, (64, 48), (64, 48)),
@@ -146,13 +149,13 @@ def defaults(kind: type[AnyConfig], target: TargetName, preset: Preset, **own: A
     values: Table = {"target": target, "preset": preset, "groups": groups}
     if folder := data_of(target):
         values["data"] = folder
-    for name, targets, table in TABLES:
-        if name == preset and target in targets:
-            values = _merged(values, table)
     for name, targets, usual, others in SIZES:
         if name == preset and target in targets:
             sizes = {"reward": usual, "final": usual, "compact": others, "vgg": others}
             values = _merged(values, {k: {"width": w, "height": h} for k, (w, h) in sizes.items()})
+    for name, targets, table in TABLES:
+        if name == preset and target in targets:
+            values = _merged(values, table)
     return _made(kind, _merged(values, own))
 
 

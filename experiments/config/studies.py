@@ -14,6 +14,7 @@ from experiments.config.config import (
     Config,
     FewConfig,
     Group,
+    GroupsConfig,
     LearntConfig,
     MainConfig,
     Preset,
@@ -60,9 +61,6 @@ class TableConfig(LearntConfig, FewConfig):
     """The fidelity of the compact net, if it is not the net of --final."""
     vgg: Fidelity
     """The fidelity of FCN8s and DeepLabv2, if neither is the net of --final."""
-    weights: Path | None = None
-    """ImageNet weights from which the VGG nets start (see `sdr-jax weights`), by default from scratch; or the
-    weights of dinov2's trunk."""
     gta5: Path | None = None
     """Folder of GTA5 to train on."""
     synthia: Path | None = None
@@ -71,6 +69,11 @@ class TableConfig(LearntConfig, FewConfig):
     """Folder of KITTI semantics."""
     all_images: bool = False
     """Train on all images of these; by default on a seeded choice of as many as a rendered dataset has."""
+
+    @property
+    def nets_trained(self) -> tuple[str, ...]:
+        """Names of the nets that the job may train."""
+        return (*self.nets, *super().nets_trained)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,6 +108,8 @@ class PretrainConfig(LearntConfig):
     learn_on: Literal["all", "share"] = "all"
     """The labels that the search uses: of all reward images, or of the share for fine-tuning, which takes a
     search for every fraction and the same images for all seeds."""
+    search_images: Annotated[int | None, at_least(1)] = None
+    """The most reward images that the search uses, chosen at random; by default all."""
     finetune_steps: Annotated[int | None, at_least(1)] = None
     """Updates of the fine-tuning; by default a third of --final.train.steps."""
     finetune_lr: Annotated[float | None, POSITIVE] = None
@@ -193,6 +198,11 @@ class SensitivityConfig(BinsConfig, Rederived):
     """Without --records: the number of rewards, with those in --store; missing ones are made of random
     attributes."""
 
+    @property
+    def nets_trained(self) -> tuple[str, ...]:
+        """Names of the nets that the job may train."""
+        return () if self.records else super().nets_trained
+
 
 @dataclass(frozen=True, kw_only=True)
 class FidelityConfig(RewardConfig, BinsConfig, Rederived):
@@ -212,6 +222,13 @@ class FidelityConfig(RewardConfig, BinsConfig, Rederived):
     require_signal: Annotated[float | None, POSITIVE] = None
     """End with exit code 1 if the signal of the cheapest reward, which a search would use, is less than so
     many times its noise. 2 is a good demand before a search with a net that may learn nothing."""
+
+
+def methods_of(config: GroupsConfig) -> tuple[MethodName, ...]:
+    """The methods by which a job searches."""
+    if isinstance(config, ManyConfig | CompareConfig):
+        return config.methods
+    return (config.search.method,) if isinstance(config.search, MethodOptions) else ()
 
 
 class Job(NamedTuple):
@@ -240,11 +257,17 @@ _EIGHT: Table = {"search": {"datasets_per_update": 8}, "seeds": 3}
 _PAPERS: Table = {"evaluations": 300}  # the budget of its six groups, 50 updates each
 # Ten images of each street, as in the paper's presets, divide all numbers of images.
 _TEN: Table = {"final": {"streets": 45, "shots": 10}}
+_FCN8S: Table = {"final": {"train": {"net": "fcn8s"}}}
 
 STUDIES: dict[str, Job] = {
-    "table": _study("table", TableConfig, {"paper": {"nets": ("fcn8s", "deeplabv2")}}),
+    "table": _study("table", TableConfig, {
+        "paper": {"nets": ("fcn8s", "deeplabv2"), "all_images": True},
+    }),
     "labels": _study("labels", LabelsConfig, {"smoke": {"counts": (0, 2, 4)}}),
-    "pretrain": _study("pretrain", PretrainConfig, {"smoke": {"fractions": (0.25, 1.0)}}),
+    "pretrain": _study("pretrain", PretrainConfig, {
+        "smoke": {"fractions": (0.25, 1.0)},
+        "paper": {"reward_images": None, "search_images": 500, **_FCN8S},
+    }),
     "ablation": _study("ablation", AblationConfig, {
         # One of each kind, since compiling each variant's search takes most of the time.
         "smoke": {
@@ -255,7 +278,9 @@ STUDIES: dict[str, Job] = {
         "paper": _PAPERS,
     }),
     "assets": _study("assets", AssetsConfig, {
-        "smoke": {"images": (2, 4)}, "quick": {**_TEN, "seeds": 3}, "paper": _TEN,
+        "smoke": {"images": (2, 4)},
+        "quick": {**_TEN, "seeds": 3},
+        "paper": {**_TEN, "attributes": "learnt"},
     }),
     "searches": _study("searches", ManyConfig, {
         "smoke": {"searches": 2, "methods": ("intervals", "random_search")},
@@ -265,7 +290,9 @@ STUDIES: dict[str, Job] = {
     "compare": _study("compare", CompareConfig, {
         "smoke": {"evaluations": 4, "subsets": (POSITIONS[:2], POSITIONS[:3])},
         "quick": _EIGHT,
-        "paper": _PAPERS,
+        "paper": {**_PAPERS, "methods": (
+            "random_attributes", "random_search", "attribute_descent", "sdr",
+        )},
     }),
     "sensitivity": _study("sensitivity", SensitivityConfig, {
         "smoke": {"evaluations": 12}, "quick": {"evaluations": 128}, "paper": {"evaluations": 300},

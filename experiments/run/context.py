@@ -35,7 +35,7 @@ from shell.progress import Progress, Stage, duration
 
 PACKAGES = ("sdr-jax", "trimesh", "pyrender")
 """Packages with versions in ``config.json``, beside those that decide evaluations."""
-FREE_FIELDS = ("out", "workers", "executor", "scheduler", "store")
+FREE_FIELDS = ("out", "workers", "executor", "scheduler", "store", "from_scratch")
 """Fields that may differ when a job is continued."""
 AnyConfig = TypeVar("AnyConfig", bound=Config)
 

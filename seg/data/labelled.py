@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import cv2
 import numpy as np
@@ -24,6 +24,8 @@ from shell.target_file import TRAIN, Fit, TargetFile, find_target
 
 if TYPE_CHECKING:  # the nets load JAX
     from seg.nets.head import Maps
+
+Item = TypeVar("Item")
 
 
 class LabelledImages(NamedTuple):
@@ -59,11 +61,11 @@ class LabelledImages(NamedTuple):
         return LabelledImages(self.images[picked], self.labels[picked], names, sequences, maps)
 
 
-def subset(entries: Sequence[Entry], limit: int | None, seed: int = 0) -> tuple[Entry, ...]:
+def subset(entries: Sequence[Item], limit: int | None, seed: int = 0) -> tuple[Item, ...]:
     """Pick a random subset, the same for the same seed, in the order of the list.
 
     Args:
-        entries: the whole split.
+        entries: the whole split, or anything in order.
         limit: the number of images to keep; None, or a number above theirs, keeps all.
         seed: seed of the choice.
 

@@ -58,6 +58,11 @@ by_preset = pytest.mark.parametrize(("target", "preset"), [*product(TARGETS, PRE
 """A test of what a command does unless told otherwise."""
 
 
+def startable(config: Any) -> Any:
+    """The configuration, which may train without ImageNet weights under the preset paper, too."""
+    return replace(config, from_scratch=config.preset == "paper")
+
+
 class Page(HTMLParser):
     """What a browser would find in a page."""
 

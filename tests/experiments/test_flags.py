@@ -11,7 +11,15 @@ import numpy as np
 import pytest
 
 from experiments import table
-from experiments.config import Fidelity, MainConfig, check, fidelities, make_space, start_of
+from experiments.config import (
+    Fidelity,
+    GroupsConfig,
+    MainConfig,
+    check,
+    fidelities,
+    make_space,
+    start_of,
+)
 from experiments.config.cli import main
 from experiments.config.presets import (
     CAMVID_GROUPS,
@@ -22,7 +30,7 @@ from experiments.config.presets import (
     defaults,
     in_space,
 )
-from experiments.config.studies import TableConfig, defaults_of
+from experiments.config.studies import STUDIES, TableConfig, defaults_of, methods_of
 from experiments.main.job import MAIN
 from experiments.run.learn import plan_of
 from experiments.study.skeleton import check as refuse_wrong
@@ -37,7 +45,7 @@ from shell.errors import UserError
 from shell.files import write_json
 from shell.folder import plain
 
-from .conftest import by_preset, main_job, never, parsed, study
+from .conftest import by_preset, main_job, never, parsed, startable, study
 
 
 def parse(*arguments: str) -> MainConfig:
@@ -81,13 +89,73 @@ def test_the_paper_preset_has_the_papers_numbers(target):
     assert (config.reward.images, config.reward.train.steps) == (180, 1000)
     assert (config.final.images, config.final.train.steps) == (450, 20_000)
     four_by_three = target in ("camvid", "labelmefacade")
-    assert config.reward.size == ("480x360" if four_by_three else "640x320")
     assert config.reward_images == (None if four_by_three else 500)
+    assert config.reward.size == ("480x360" if four_by_three else "640x320")
+    large = "480x360" if four_by_three else "1024x512"
+    assert config.final.size == large
+    for name in (*STUDIES, "main"):  # every size of every command
+        own = config if name == "main" else defaults_of(name, target, "paper")
+        sizes = {field: fidelity.size for field, fidelity in fidelities(own).items()}
+        wanted = {"reward": config.reward.size, "final": large, "compact": large, "vgg": large}
+        assert sizes == {field: wanted[field] for field in sizes}
     for fidelity in (config.reward, config.final):
         net = fidelity.train
         assert (net.net, net.optimizer, net.lr, net.batch) == ("deeplabv2", "sgd", 5e-4, 4)
         assert (net.momentum, net.weight_decay, net.power, net.warmup) == (0.9, 1e-4, 0.9, 0)
         assert (net.mirror, net.colour, net.blur, net.weighted) == (True, False, False, False)
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_every_study_of_the_paper_preset_is_the_papers(target):
+    of = {name: defaults_of(name, target, "paper") for name in STUDIES}
+    for name, config in of.items():
+        methods = methods_of(config) if isinstance(config, GroupsConfig) else ()
+        rivals = ("random_attributes", "random_search", "attribute_descent")  # the paper's own
+        assert methods in ((), ("sdr",)) or (name, methods) == ("compare", (*rivals, "sdr"))
+    assert of["table"].nets == ("fcn8s", "deeplabv2") and of["table"].all_images
+    assert of["assets"].attributes == "learnt"
+    pretrain = of["pretrain"]  # fine-tuned on all 2,975 images of Cityscapes, searched on 500
+    assert (pretrain.reward_images, pretrain.search_images) == (None, 500)
+    assert pretrain.final.train == replace(RECIPES["paper"], net="fcn8s", steps=20_000)
+    assert {config.evaluations for config in (of["ablation"], of["compare"])} == {300}
+
+
+@pytest.mark.parametrize(("name", "flags", "said"), [
+    ("main", (), "--preset paper starts deeplabv2 (--reward.train) from ImageNet weights"),
+    ("main", ("--reward.train.net", "lite0"), "(--final.train) from ImageNet weights"),
+    ("main", ("--weights", "/no.npz"), "/no.npz: No such file"),
+    ("main", ("--weights", "/no.npz", "--from-scratch"), "exclude each other"),
+    ("main", ("--weights", "/no.npz", "--reward.train.net", "lite0", "--final.train.net", "lite0"),
+     "--weights are for VGG nets or dinov2; this job trains lite0"),
+    ("table", ("--reward.train.net", "lite0", "--final.train.net", "lite0"), "starts fcn8s (--nets)"),
+    ("pretrain", (), "starts deeplabv2 (--reward.train)"),
+    ("pretrain", ("--reward.train.net", "lite0"), "starts fcn8s (--final.train)"),
+])  # fmt: skip
+def test_the_paper_preset_needs_weights_and_says_how_to_get_them(
+    name, flags, said, error_line, out
+):
+    flags = ("--preset", "paper", "--data", "none", "--out", str(out), *flags)
+    code = (
+        main_job("camvid", *flags) if name == "main" else study(name, "--target", "camvid", *flags)
+    )
+    assert code == 2 and not out.exists()
+    line = error_line()
+    assert said in line
+    if "starts" in said:
+        assert "--weights vgg16.npz, or --from-scratch" in line
+        assert "sdr-jax weights convert vgg16-397923af.pth --out vgg16.npz" in line
+
+
+def test_weights_are_those_of_every_net_that_starts_from_a_file():
+    seen = []
+    own = ("--weights", "w.npz", "--final.train.weights", "v.npz", "--preset", "paper")
+    main("camvid", partial(defaults, MainConfig), seen.append, "", own, target="camvid")
+    own = ("--weights", "w.npz", "--reward.train.net", "lite0", "--preset", "paper")
+    main("camvid", partial(defaults, MainConfig), seen.append, "", own, target="camvid")
+    made = [[config.reward.train.weights, config.final.train.weights] for config in seen]
+    assert made == [["w.npz", "v.npz"], [None, "w.npz"]]
+    paper = replace(RECIPES["paper"], weights="w.npz", steps=20_000)
+    assert seen[1].final.train == paper
 
 
 def unknown(kind: type, values: dict) -> list[str]:
@@ -108,7 +176,7 @@ def test_the_tables_of_presets_name_fields_that_there_are():
 
 @by_preset
 def test_every_preset_is_sound_and_says_which_it_is(target, preset):
-    config = defaults(MainConfig, target, preset)
+    config = startable(defaults(MainConfig, target, preset))
     check(config)
     assert (config.preset, config.target) == (preset, target)
     plan = plan_of(config)
@@ -179,8 +247,9 @@ SIZES = ("--reward.streets", "--reward.shots", "--final.samples", "--final.train
     (["--final.height", "0"], ["--final", "64x0"]),
     (["--final.samples", "9"], ["--final", "samples", "1..8"]),
     (["--search.bins", "1"], ["--search.bins", "2 or more"]),
-    (["--search.datasets-per-update", "1", "--search.baseline", "leave_one_out"], ["2 or more"]),
-    (["--search.learning-rate", "-1"], ["--search.learning-rate", "positive"]),
+    (["--method", "sdr", "--search.datasets-per-update", "1", "--search.baseline", "leave_one_out"],
+     ["2 or more"]),
+    (["--method", "sdr", "--search.learning-rate", "-1"], ["--search.learning-rate", "positive"]),
     (["--search.relaxation", "2"], ["--search.relaxation", "[0, 1]"]),
     (["--search.relaxation", "2", "--search.method", "random_search"], ["--search.relaxation", "[0, 1]"]),
     (["--candidates"], ["--candidates", "at least one"]),
@@ -266,13 +335,15 @@ def test_a_net_of_the_table_needs_images_that_are_large_enough(error_line, out):
     (["--candidates", "camera"], ["--candidates", "argmax", "seen"]),
     (["--colour", "red"], ["--colour; did you mean --reward.train.colour"]),
     (["--sede", "1"], ["--sede; did you mean --seed?"]),
-    (["--target", "camvid"], ["--target"]),
+    (["--target", "camvid"], ["no option --target: the command names the target; there are", "camvid"]),
+    (["--stat", "random"], ["no option --stat; did you mean --start?"]),
 ])  # fmt: skip
 def test_what_the_parser_refuses_has_exit_code_2(arguments, words, capsys):
     with pytest.raises(SystemExit, match=r"^2$"):
         main_job("twin", *arguments)
     said = capsys.readouterr().err
     assert all(word in said for word in words) and said.count("\n") == 1
+    assert "--target" not in arguments or "did you mean" not in said
 
 
 @pytest.mark.parametrize("target", ["camvid", "labelmefacade"])

@@ -127,7 +127,8 @@ def test_what_a_store_or_half_a_run_knows_is_not_trained_again(command, learnt_f
 
     def asked(out, *flags):
         net = Counted(transferred)
-        assert command("pretrain", out, "--learnt", str(learnt_file), *flags, transfer=net) == 0
+        learnt = () if "--rows" in flags else ("--learnt", str(learnt_file))
+        assert command("pretrain", out, *learnt, *flags, transfer=net) == 0
         return [len(task[-2]) for task in net.calls]
 
     assert asked(out, *shared, *two) == [2] * 4
@@ -157,6 +158,59 @@ def test_nets_that_failed_are_told_and_left_out(measured):
     assert "p_value" not in test and "1 nets failed" in text
     assert FORM.derive(report) == report
     assert measured(transfer=never) == (report, text)  # a failure is remembered, too
+
+
+def test_tests_of_one_report_are_corrected_for_their_number(measured):
+    """Holm (1979): stars are those of corrected values, and one test alone stays as it is."""
+    report, _ = measured("--seeds", "3", "--fractions", "0.25")
+    rows = {"scratch": (10, 12, 14), "random": (15, 17, 19), "learnt": (15.2, 17.2, 19.2)}
+    for row in report["rows"]:
+        row["nets"] = [{"miou": value, "class_iou": [None] * 11} for value in rows[row["row"]]]
+    tests = FORM.derive(report)["tests"]
+    plain = [test["p_value"] for test in tests]
+    # 5.2 and 5 points at a standard error of 1.63: p = 0.034 and 0.037, by three and two tests 0.10.
+    assert [(test["row"], test["against"]) for test in tests] == [
+        ("learnt", "scratch"), ("random", "scratch"), ("learnt", "random"),
+    ]  # fmt: skip
+    assert 0.01 < plain[0] < plain[1] < 0.05 < plain[2]
+    wanted = [3 * plain[0], 3 * plain[0], plain[2]]
+    assert [test["p_corrected"] for test in tests] == pytest.approx(wanted)
+    assert [test["stars"] for test in tests] == ["", "", ""]
+    for row in report["rows"]:
+        row["nets"] = row["nets"] if row["row"] != "learnt" else [None] * 3
+    (alone,) = (test for test in FORM.derive(report)["tests"] if "p_value" in test)
+    assert alone["p_corrected"] == alone["p_value"] == plain[1] and alone["stars"] == "*"
+
+
+def test_a_search_may_use_some_of_the_images_that_nets_are_tuned_on(
+    reported, counted, command, tmp_path
+):
+    """As in the paper: 500 images of Cityscapes give the reward, and nets are tuned on all 2,975."""
+    seen, tuned = [], []
+
+    def scores(recipe, source, seed, truth, *more, **also):
+        seen.append(truth.images.tobytes())
+        return formula(recipe, source, seed, truth, *more, **also)
+
+    def tunes(start, fine, seed, real, chosen, truth):
+        tuned.append(len(real.images))
+        return transferred(start, fine, seed, real, chosen, truth)
+
+    words = ("--rows", "learnt", "--fractions", "1.0", "--method", "random_search")
+    report, text = reported(
+        "pretrain", *words, "--search-images", "2", evaluate=scores, transfer=tunes
+    )
+    assert len(set(seen)) == 1 and tuned == [4, 4]
+    assert [row["images"] for row in report["rows"]] == [4] and "used 2 of these images" in text
+    other, others = tmp_path / "other", []  # they are those of --reward-images in other jobs
+
+    def same(recipe, source, seed, truth, *more, **also):
+        others.append(truth.images.tobytes())
+        return formula(recipe, source, seed, truth, *more, **also)
+
+    own = ("--reward-images", "2", *words)
+    assert command("pretrain", other, *own, evaluate=same, transfer=transferred) == 0
+    assert set(others) == set(seen)
 
 
 def test_scratch_alone_needs_no_attributes(reported, out):

@@ -16,7 +16,15 @@ from experiments.evaluation.store import LOGS, Store
 from experiments.run.context import Work, opened, plan_text
 from experiments.run.nets import paired_seeds, training_sets
 from experiments.study import form
-from experiments.study.skeleton import Study, check, do, learnt_attributes, learnt_work
+from experiments.study.skeleton import (
+    Row,
+    Study,
+    check,
+    do,
+    learnt_attributes,
+    learnt_work,
+    of_rows,
+)
 from experiments.study.stats import statistics
 from scene.attributes import NAMES
 from scene.proposal import random_proposal
@@ -34,6 +42,7 @@ from .conftest import (
     never,
     results_of,
     searching,
+    startable,
     study,
     transferred,
 )
@@ -62,7 +71,7 @@ def config(tiny) -> LearntConfig:
 @pytest.mark.parametrize("name", (*TRAINED, "searches", "fidelity", "sensitivity"))
 def test_presets_are_sound(name, target, preset):
     job = job_of(name)
-    check(job.STUDY, defaults_of(name, target, preset))
+    check(job.STUDY, startable(defaults_of(name, target, preset)))
 
 
 @pytest.mark.parametrize(("name", "counts", "flags"), [
@@ -245,6 +254,42 @@ def test_nets_are_paired_and_made_once(config, counted):
     assert len(counted.calls) == len(made) == 8
 
 
+def test_rows_of_one_kind_keep_their_own_recipes(config, counted):
+    """The words of a kind are for people: rows that read alike may differ."""
+    fields = ((config.final, 0.5), (replace(config.final, samples=3), 1.0))
+    rows = [
+        Row({"row": k}, lambda *_: random_proposal(), fidelity, "nets", str(k), pool={"fraction": share})
+        for k, (fidelity, share) in enumerate(fields)
+    ]  # fmt: skip
+    plain = FORM._replace(derive=lambda report: report, text=lambda report: "", figures={})
+    of = of_rows(plain, lambda *_: rows, lambda run, made, told: {"rows": told})
+    do(of, config)
+    made = [(recipe.fidelity, recipe.pool.fraction) for recipe, *_ in counted.calls]
+    assert sorted(made, key=fields.index) == [fields[0]] * 2 + [fields[1]] * 2
+
+
+@pytest.mark.parametrize(("name", "flags", "said"), [
+    ("table", ("--learnt", "FILE", "--method", "sdr"), "--search.method is of no use with --learnt"),
+    ("table", ("--all-images",), "--all-images needs --gta5, --synthia or --kitti"),
+    ("table", ("--few-share", "0.4"), "--few-share needs --few"),
+    ("table", ("--twin-seed", "3"), "--twin-seed is for --target twin, not camvid"),
+    ("table", ("--twin", "near"), "--twin is for --target twin, not camvid"),
+    ("labels", ("--method", "tpe", "--start", "random"), "--search.start is for intervals, not tpe"),
+    ("searches", ("--methods", "tpe", "cma_es", "--search.squared-reward"),
+     "--search.squared-reward is for sdr, not tpe, cma_es"),
+    ("ablation", ("--method", "intervals", "--search.learning-rate", "1"),
+     "--search.learning-rate is for sdr, not intervals"),
+    ("pretrain", ("--learnt", "FILE", "--rows", "random"), "--learnt is of no use with --rows random"),
+    ("sensitivity", ("--records", "FILE", "--evaluations", "9"), "--evaluations is of no use with --rec"),
+    ("table", ("--from-scratch",), "--from-scratch is for --preset paper, not smoke"),
+    ("labels", ("--weights", "x.npz"), "--weights are for VGG nets or dinov2; this job trains compact"),
+])  # fmt: skip
+def test_a_flag_without_effect_is_refused(name, flags, said, command, out, error_line, learnt_file):
+    flags = [str(learnt_file) if flag == "FILE" else flag for flag in flags]
+    assert command(name, out, *flags, evaluate=never, transfer=never) == 2
+    assert said in error_line() and not out.exists()
+
+
 def test_what_cannot_be_done_shows_before_the_folder_is_made(config):
     def refuse(config, target):
         raise UserError(f"not on {target.name}")
@@ -284,6 +329,14 @@ def test_statistics_leave_failed_nets_out_and_figures_in_tables_by_hand():
     row = {"mean": 12.34, "ci95": [11.0, 13.68]}
     assert form.cells(row) == ["12.3", "11.0 to 13.7"] and form.half(row) == pytest.approx(1.34)
     assert form.cells(row, "+.2f") == ["+12.34", "11.00 to 13.68"]
+    none = "too few nets for an interval"
+    assert form.cells({"mean": 12.0, "ci95": None}) == ["12.0", none]  # one net
+    # 3 and 6: 4.5 +- 12.706 x 1.5, below 0; as a gain it may be.
+    assert form.cells(statistics([3.0, 6.0])) == ["4.5", none]
+    assert form.cells(statistics([3.0, 6.0], [0.0, 0.0])["gain"]) == ["4.5", "-14.6 to 23.6"]
+    assert (
+        form.cells(statistics([97.0, 94.0]))[1] == none and form.cells(statistics([None]))[1] == ""
+    )
     assert form.cells(None) == ["", ""] and form.half({"mean": 1.0, "ci95": None}) == 0
     assert form.markdown(["a", "b"], [["1", "2"]]) == ["| a | b |", "| --- | --- |", "| 1 | 2 |"]
 
