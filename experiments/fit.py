@@ -40,6 +40,7 @@ from experiments.target.folder import (
     Parts,
     Read,
     all_labelled,
+    common_size,
     fold_targets,
     parts_of,
     reader,
@@ -53,7 +54,6 @@ from scene.workers import WorkerError
 from seg.beside import TrainingSet
 from seg.classes import class_table, colorize
 from seg.data import LabelledImages
-from seg.data.images import read_image
 from seg.model import SEEN, Model, classes_of, load_model, refuse_others
 from seg.recipes import with_net
 from seg.settings import FILELESS_NETS, Trunk, TrunkName, check_settings
@@ -63,6 +63,7 @@ from shell.classes import NAMES
 from shell.command import exit_code, given
 from shell.errors import UserError, flagged
 from shell.files import digest, file_digest, write
+from shell.listing import list_all
 from shell.target_file import Fit, find_target
 
 SHOWN = 4
@@ -155,8 +156,8 @@ def config_of(
         )
     parts = parts_of(found, data, holdout, few)
     if size is None:
-        height, width = read_image(parts.entries[0].image_path).shape[:2]
-        size = suitable_size(width, height, preset)
+        every = [entry for split in list_all(found, data).values() for entry in split]
+        size = suitable_size(*common_size(every), preset)
     if min(size) < SMALLEST or any(side % UNIT for side in size):
         raise UserError(
             f"--size must be two multiples of {UNIT}, {SMALLEST} or more, not {size[0]}x{size[1]}"

@@ -27,7 +27,7 @@ from experiments.config import parsers
 from experiments.prelabels.files import CVAT, RANKING, STUDIO, write_files
 from experiments.prelabels.ranking import SCORES, Scores, ranked, refuse_unranked
 from scene.dataset.formats.png import encode
-from seg.data.frames import Frame, frames, list_sources
+from seg.data.frames import Frame, frames, list_sources, unread_words
 from seg.model import PACKAGES, As, Model, load_model
 from shell.command import exit_code
 from shell.errors import UserError
@@ -84,8 +84,11 @@ def predict(
         job["rank"] = True
     total = sum(source.frames for source in sources)
     bar = closing(Progress(total)) if progress else nullcontext()
+    unread = unread_words(images)
     done = 0
     with opened(out, job, packages=PACKAGES), bar as told:
+        if told is not None and unread:
+            told.say(f"{images}: {unread}")
         scores = None if rank is None else Scores(out / SCORES, len(model.classes))
 
         def there(name: str) -> bool:

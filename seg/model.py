@@ -77,10 +77,17 @@ def label_classes(
 
 
 def classes_of(target: TargetFile) -> tuple[LabelClass, ...]:
-    """The classes of a target, with the first of the ids of each; 0, 1, 2 and so on if one has none."""
-    given = [own.ids for own in target.classes.values()]
-    ids = [own[0] for own in given] if all(given) else None
-    return label_classes(target.class_names, ids, target.palette)
+    """The classes of a target, with the first of the ids of each; 0, 1, 2 and so on if they have none.
+
+    The class of the rest may lack ids beside others that have some, and gets the least that is free.
+    """
+    ids = {name: own.ids[0] for name, own in target.classes.items() if own.ids}
+    if len(ids) == len(target.classes) - 1 and target.rest not in (None, *ids):
+        taken = {*target.void, *(id for own in target.classes.values() for id in own.ids)}
+        ids[target.rest] = next(id for id in range(2**16) if id not in taken)
+    every = len(ids) == len(target.classes)
+    numbers = [ids[name] for name in target.classes] if every else None
+    return label_classes(target.class_names, numbers, target.palette)
 
 
 def _voc_color(number: int) -> tuple[int, int, int]:

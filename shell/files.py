@@ -22,6 +22,8 @@ from shell.errors import UserError
 
 FRESH = 2.0
 """Within so many seconds, a file's time does not tell whether it has changed."""
+IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
+"""Endings of the image files that are read, in small letters."""
 LARGEST = 2**30
 """The most bytes of a JSON file: the lists of a dataset of a million images."""
 
@@ -266,9 +268,17 @@ def file_digest(path: Path) -> str:
 
 
 def files_below(root: Path) -> list[Path]:
-    """All files below a folder, sorted, without hidden ones; folders may be links."""
+    """All files below a folder, sorted, without hidden ones; folders may be links.
+
+    Raises PermissionError for a folder that may not be read.
+    """
+
+    def refuse(error: OSError) -> None:
+        if isinstance(error, PermissionError):
+            raise error
+
     found, seen = [], set()
-    for folder, inner, names in os.walk(root, followlinks=True):
+    for folder, inner, names in os.walk(root, onerror=refuse, followlinks=True):
         seen.add(os.path.realpath(folder))
         inner[:] = [
             name for name in inner

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import NamedTuple, NoReturn, cast
 
 from shell.errors import UserError
-from shell.files import composed, leads_out, plain_path, spelled
-from shell.target_file import SUFFIXES, TRAIN, Files, TargetFile
+from shell.files import IMAGES, composed, leads_out, plain_path, spelled
+from shell.target_file import TRAIN, Files, TargetFile
 
 HELD_OUT = ("test", "testing", "val", "valid", "validation")
 """Names of a split for figures in any data, in the order of choice."""
@@ -187,7 +187,7 @@ def _shown(target: TargetFile, split: str = "{split}") -> str:
 
 # ---- patterns
 
-_ENDINGS = "|".join(re.escape(suffix) for suffix in SUFFIXES)
+_ENDINGS = "|".join(re.escape(suffix) for suffix in IMAGES)
 
 
 def _regex(pattern: str) -> str:
@@ -226,7 +226,7 @@ def matches(pattern: str, root: Path) -> Iterator[tuple[Path, dict[str, str]]]:
         found = expression.fullmatch(composed(path.relative_to(root).as_posix()))
         if path.name[0] == "." or not found or not path.is_file():
             continue
-        if exact or path.suffix.lower() in SUFFIXES:
+        if exact or path.suffix.lower() in IMAGES:
             yield path, found.groupdict()
 
 
@@ -255,7 +255,7 @@ def _splits_at(pattern: str, root: Path) -> set[str]:
 
 def _on_disk(path: Path, any_suffix: bool) -> Path | None:
     """The path, if need be with the suffix that the image has on this disk."""
-    endings = [own for s in SUFFIXES for own in (s, s.upper())] if any_suffix else [""]
+    endings = [own for s in IMAGES for own in (s, s.upper())] if any_suffix else [""]
     paths = [path.with_name(path.name + own) for own in endings]
     return next(filter(None, map(spelled, paths)), None)
 
@@ -425,7 +425,7 @@ def _pair(target: TargetFile, root: Path, where: str, pair: Sequence[str]) -> En
     """An image and its label by their paths."""
     image, label = (_tail(root, path, where) for path in pair)
     if not image.is_file():
-        raise UserError(f"{where}: no image {image}, neither as {' nor as '.join(SUFFIXES)}")
+        raise UserError(f"{where}: no image {image}, neither as {' nor as '.join(IMAGES)}")
     if not label.is_file():
         raise UserError(f"{image}: image without label; expected {label}")
     return _named(target, image, label, composed(image.stem))
@@ -444,7 +444,7 @@ def _tail(root: Path, path: str, where: str) -> Path:
         if leads_out(root, tail):
             raise UserError(f"{where}: {tail} leads out of {root}")
         whole = root / tail
-        for own in (whole, *(whole.with_suffix(suffix) for suffix in SUFFIXES)):
+        for own in (whole, *(whole.with_suffix(suffix) for suffix in IMAGES)):
             if (file := spelled(own)) is not None:
                 return file
     return root.joinpath(*tails[:1])

@@ -37,7 +37,8 @@ def too_large(data: bytes) -> str | None:
 def label_ids(data: bytes) -> np.ndarray:
     """Decode the ids of a label file as they are stored, u8[h, w], or u16[h, w] for 16 bits.
 
-    Ids of a palette are its indices. Pillow spreads grey of 2 and 4 bits over 0..255; this is undone.
+    Ids of a palette are its indices. Pillow spreads grey of 2 and 4 bits over 0..255; this is undone. Grey in
+    three equal channels, or with transparency, holds ids, too.
 
     Raises:
         UserError: the file is broken or in colours; the message does not name it.
@@ -51,6 +52,13 @@ def label_ids(data: bytes) -> np.ndarray:
     except Exception as error:  # Pillow has many errors
         why = f"not a readable image, broken or truncated ({error})"
         raise UserError(f"{why}; put an intact copy there") from error
+    if mode in ("LA", "RGB", "RGBA"):
+        grey = values[..., 0]
+        colours = values[..., : 1 if mode == "LA" else 3]
+        if (colours == grey[..., None]).all():
+            return grey
+    if mode.startswith("F"):
+        raise UserError(f"holds fractions (mode {mode}); save class ids as whole numbers, in a PNG")
     if mode not in ("P", "L", "1") and not mode.startswith("I"):
         raise UserError(
             f"a label of mode {mode}, that is colours; expected one channel of class ids"

@@ -40,8 +40,6 @@ MOST_BYTES, MOST_CLASSES = 1_000_000, 254
 """The most bytes of a target's file."""
 DEEPEST = 20
 """The most tables and lists inside one another."""
-SUFFIXES = (".png", ".jpg", ".jpeg")
-"""Suffixes of images for a pattern without a suffix."""
 PLACES = ("split", "group", "name")
 """Names that a pattern may have in braces."""
 TRAIN = "train"
@@ -101,6 +99,10 @@ class TargetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             whole match. By default the text at {group} in the pattern; without it each image is a group.
         fit: how an image of another shape than the size is treated: with a void margin, or with a cut
             around its centre.
+        rest: the class of all pixels whose value is in no class and not in `void`, those without a polygon
+            included, and of what the engine renders for no class; it needs no values, and comes last if
+            `classes` does not name it. By default such values are an error, and pixels
+            without a polygon void.
         unlabelled: whether an image at a pattern that has no label is an error, or left out.
         name: name of the target; by default that of its file.
         source: the file, for errors; it is no field of the file.
@@ -115,6 +117,7 @@ class TargetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     splits: str | dict[str, Split] = {}
     group: str | None = None
     fit: Fit = "pad"
+    rest: Name | None = None
     unlabelled: Unlabelled = "refuse"
     name: Name = "target"
     source: str = ""
@@ -133,13 +136,14 @@ class TargetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     @property
     def rendered(self) -> tuple[bool, ...]:
         """Whether the engine renders each class; other classes are learnt from labels alone."""
-        return tuple(bool(own.renders) for own in self.classes.values())
+        return tuple(bool(own.renders) or name == self.rest for name, own in self.classes.items())
 
     @property
     def of_engine(self) -> tuple[int, ...]:
-        """The target's class of each engine class, `shell.classes.VOID` for none."""
+        """The target's class of each engine class: by default that of the rest, or `shell.classes.VOID`."""
+        rest = engine.VOID if self.rest is None else self.class_names.index(self.rest)
         found = {name: k for k, own in enumerate(self.classes.values()) for name in own.renders}
-        return tuple(found.get(name, engine.VOID) for name in engine.NAMES)
+        return tuple(found.get(name, rest) for name in engine.NAMES)
 
     @property
     def palette(self) -> tuple[Colour, ...]:
@@ -244,6 +248,7 @@ def parse_target(text: bytes | str, source: str) -> TargetFile:
         found,
         name=plain.get("name", _own_name(source)),
         format=found.format or _format(found),
+        classes=found.classes if found.rest is None else {**found.classes, **_rest(found)},
         images=_plain(found.images),
         labels=_plain(found.labels),
         splits=_plain(found.splits),
@@ -258,6 +263,12 @@ def _plain(files: Any) -> Any:
     if isinstance(files, dict):
         return {split: _plain(entry) for split, entry in files.items()}
     return plain_path(files) if isinstance(files, str) else files
+
+
+def _rest(target: TargetFile) -> dict[str, TargetClass]:
+    """The class of the rest, if the others do not name it."""
+    assert target.rest is not None
+    return {} if target.rest in target.classes else {target.rest: TargetClass()}
 
 
 def _own_name(source: str) -> str:
@@ -353,8 +364,13 @@ def _in_words(why: str) -> str:
 
 def _check(target: TargetFile, lines: _Lines) -> None:
     """Refuse errors that types alone do not show."""
-    if not 0 < len(target.classes) <= MOST_CLASSES:
-        lines.refuse("classes", f"expected 1 to {MOST_CLASSES} classes, not {len(target.classes)}")
+    if not 2 <= len(target.classes) <= MOST_CLASSES:
+        alone = "; 'rest: background' makes a class of all other pixels" * (
+            len(target.classes) == 1
+        )
+        lines.refuse(
+            "classes", f"expected 2 to {MOST_CLASSES} classes, not {len(target.classes)}{alone}"
+        )
     _check_classes(target, lines)
     _check_splits(target, lines)
     for field in ("images", "labels"):
@@ -397,7 +413,7 @@ def _check_classes(target: TargetFile, lines: _Lines) -> None:
     rendered: dict[str, str] = {}
     for name, own in target.classes.items():
         field = f"classes.{name}"
-        if not getattr(own, kind):
+        if not getattr(own, kind) and name != target.rest:
             lines.refuse(field, f"lacks {kind}, by which labels of format {target.format} name it")
         for k, value in enumerate(getattr(own, kind)):
             if value in owners:

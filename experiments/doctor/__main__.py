@@ -111,8 +111,12 @@ def _folder(data: Path, target: str | None, write_to: Path | None, out: Path) ->
     print(f"  {'void':{wide}s}  {100 * seen.void:8.2f}  (of all pixels; {seen.read} label files)")
     for fault in seen.faults:
         print(f"! {fault.what}\n    {fault.mend}")
-    costs, cores, measured = _costs(own, data, seen.size)
-    if costs:
+    costs, cores, measured = _costs(own, data, seen.size) if any(own.rendered) else ([], 0, 0)
+    if not any(own.rendered):
+        print(
+            "! no class has 'renders', which fit needs: edit the file, then run doctor again for minutes"
+        )
+    elif costs:
         print(f"Minutes on {cores} cores, about, without compiling and testing:")
     else:
         print("! minutes are not known: nets or streets cannot be made here, see above")

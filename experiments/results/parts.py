@@ -53,8 +53,8 @@ GROUPS = {
     ),
     "paper": Group(
         "The paper's tables",
-        "Training sets, ablation, assets, pre-training and sensitivity, on a far twin and on CamVid: the paper's "
-        "questions with our nets, searches and sizes.",
+        "Training sets, ablation, assets, pre-training and sensitivity, on a far twin and on CamVid: the "
+        "paper's questions with our nets, searches and sizes.",
     ),
     "scale": Group("Scale", "What longer searches are worth.", summed=True),
     "images": Group("More images", "What larger sets of learnt and of random streets are worth."),

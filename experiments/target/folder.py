@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from PIL import Image
 
 from experiments.config import Preset
 from experiments.target.base import SIZES, Sides, Target, two_sides
@@ -21,6 +22,7 @@ from experiments.target.few import CHOICE, spread
 from experiments.target.real import reported_split
 from seg.classes import table_text
 from seg.data import Entry, LabelledImages, load, refuse_shared
+from seg.data.images import upright
 from shell.errors import UserError
 from shell.files import file_digest
 from shell.listing import list_all, shared_groups
@@ -32,6 +34,22 @@ AREAS: dict[Preset, int] = {"smoke": 64 * 48, "quick": 240 * 176}
 """Approximate pixels of the nets' images, for a training on two cores of one minute, or ten."""
 UNIT, SMALLEST = 8, 32
 """Width and height are multiples of the first and at least the second, the coarsest stride of a trunk."""
+
+
+def common_size(entries: Sequence[Entry]) -> tuple[int, int]:
+    """Width and height, upright, of most of the images; of the first of these where two are as frequent.
+
+    Raises:
+        UserError: the file of an image cannot be read.
+    """
+    sizes: Counter[tuple[int, int]] = Counter()
+    for entry in entries:
+        try:
+            with Image.open(entry.image_path) as picture:
+                sizes[upright(picture)] += 1
+        except OSError as error:
+            raise UserError(f"{entry.image_path}: not a readable image ({error})") from None
+    return sizes.most_common(1)[0][0]
 
 
 Read = Callable[[int, int], LabelledImages]

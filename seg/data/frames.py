@@ -1,5 +1,6 @@
 """Images to segment: single files, folders of files, and the frames of videos."""
 
+from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -9,11 +10,14 @@ import numpy as np
 
 from seg.data.images import read_image
 from seg.errors import DataError
-from shell.files import files_below
+from shell.files import IMAGES, files_below
 from shell.pictures import MOST_PIXELS
 
-IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
 VIDEOS = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg")
+
+
+PHOTOGRAPHS = (".heic", ".heif", ".avif", ".jp2", ".jxl", ".gif", ".dng", ".cr2", ".nef", ".arw")
+"""Endings of photographs that are not read."""
 
 
 class Source(NamedTuple):
@@ -53,7 +57,8 @@ def list_sources(path: str | Path) -> tuple[Source, ...]:
         paths = [p for p in files_below(path) if p.suffix.lower() in IMAGES + VIDEOS]
         if not paths:
             kinds = ", ".join(IMAGES + VIDEOS)
-            raise DataError(f"{path}: no images and no videos; expected files of {kinds}")
+            unread = f", and {unread_words(path)}" if unread_words(path) else ""
+            raise DataError(f"{path}: no images and no videos; expected files of {kinds}{unread}")
         named = [(p.relative_to(path).with_suffix("").as_posix(), p) for p in paths]
     else:
         named = [(path.stem, path)]
@@ -70,6 +75,15 @@ def list_sources(path: str | Path) -> tuple[Source, ...]:
                 "must differ"
             )
     return tuple(Source(name, own, _frames(own)) for name, own in named)
+
+
+def unread_words(path: Path) -> str:
+    """Say which photographs of a folder are not read, and what to do; empty if there are none."""
+    if not path.is_dir():
+        return ""
+    kinds = Counter(own.suffix.lower() for own in files_below(path))
+    counts = [f"{kinds[kind]} of {kind}" for kind in PHOTOGRAPHS if kinds[kind]]
+    return f"{', '.join(counts)} cannot be read: convert them to JPEG or PNG" if counts else ""
 
 
 def _frames(path: Path) -> int:

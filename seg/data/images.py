@@ -34,6 +34,50 @@ def read_file(path: Path) -> bytes:
     return data
 
 
+ORIENTATION = 0x112
+"""EXIF's tag of how an image is turned; values of 5 and above lay it on its side."""
+_BITS = 258
+"""TIFF's tag of the bits of each channel."""
+
+
+def upright(picture: Image.Image) -> tuple[int, int]:
+    """Width and height of an opened image as `read_image` turns it."""
+    width, height = picture.size
+    return (height, width) if picture.getexif().get(ORIENTATION, 1) >= 5 else (width, height)
+
+
+def is_deep(path: Path) -> bool:
+    """Whether an image file has 16 bits a channel, by its header; OSError if it cannot be opened."""
+    with Image.open(path) as picture:
+        if picture.format == "PNG":
+            with path.open("rb") as file:
+                return file.read(25)[24:] == b"\x10"
+        if picture.format == "TIFF":
+            bits = picture.tag_v2.get(_BITS, (8,))  # type: ignore[attr-defined]
+            return max(bits if isinstance(bits, tuple) else (bits,)) == 16
+    return False
+
+
+def check_end(path: Path) -> None:
+    """Refuse a PNG or a JPEG that was cut off, by its last bytes alone.
+
+    Raises:
+        DataError: the file has no end.
+        OSError: it cannot be read.
+    """
+    with path.open("rb") as file:
+        start = file.read(8)
+        file.seek(max(path.stat().st_size - 1024, 0))
+        end = file.read()
+    if start.startswith(b"\x89PNG") and b"IEND" not in end:
+        raise _unreadable(path, "its end is missing")
+    if start.startswith(_JPEG_START) and not end.rstrip(b"\0\r\n").endswith(_JPEG_END):
+        try:
+            Image.open(path).load()
+        except OSError as error:
+            raise _unreadable(path, error) from error
+
+
 def _unreadable(path: Path, why: object) -> DataError:
     return DataError(
         f"{path}: not a readable image, broken or truncated ({why}); put an intact copy there"
@@ -51,8 +95,23 @@ def decode(path: Path, data: bytes, flags: int) -> np.ndarray:
     except cv2.error as error:
         raise _unreadable(path, error) from error
     if pixels is None:
+        mode = _mode(data)
+        if mode.startswith("F"):
+            raise DataError(
+                f"{path}: holds fractions (mode {mode}); expected 8 or 16 bits a channel"
+            )
         raise _unreadable(path, "decoding failed" if data else "the file is empty")
     return pixels
+
+
+def _mode(data: bytes) -> str:
+    """The mode of an intact image file as Pillow has it, such as RGB, or F for fractions; else empty."""
+    try:
+        with Image.open(io.BytesIO(data)) as picture:
+            picture.load()
+            return picture.mode
+    except Exception:  # Pillow has many errors
+        return ""
 
 
 def read_image(path: Path) -> UInt8[np.ndarray, "h w 3"]:

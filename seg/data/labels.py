@@ -44,9 +44,11 @@ class LabelReader:
         self._class_of: dict[Any, int] = dict.fromkeys(target.void, IGNORE_LABEL)
         for k, own in enumerate(target.classes.values()):
             self._class_of |= dict.fromkeys(getattr(own, target.kind), k)
+        names = target.class_names
+        self._rest = _UNKNOWN if target.rest is None else names.index(target.rest)
         self._table = np.zeros(0, np.uint8)  # of polygons each file has its own
         if target.kind != "names":
-            self._table = np.full(1 << (16 if target.kind == "ids" else 24), _UNKNOWN, np.uint8)
+            self._table = np.full(1 << (16 if target.kind == "ids" else 24), self._rest, np.uint8)
             for value, k in self._class_of.items():
                 self._table[_code(value) if isinstance(value, tuple) else value] = k
 
@@ -69,11 +71,12 @@ class LabelReader:
         """
         codes, names = self._read(path)
         if self._target.kind == "names":
-            ids = [IGNORE_LABEL, *(self._of_name(name) for name in names)]
+            bare = IGNORE_LABEL if self._target.rest is None else self._rest
+            ids = [bare, *(self._of_name(name) for name in names)]
             label = np.array(ids, np.uint8)[codes]
         elif codes.size and (codes.min() < 0 or codes.max() >= len(self._table)):
             inside = (codes >= 0) & (codes < len(self._table))
-            label = np.where(inside, self._table[np.where(inside, codes, 0)], np.uint8(_UNKNOWN))
+            label = np.where(inside, self._table[np.where(inside, codes, 0)], np.uint8(self._rest))
         else:
             label = self._table[codes]
         wrong = label == _UNKNOWN
@@ -88,7 +91,7 @@ class LabelReader:
     def _of_name(self, name: str) -> int:
         # Cityscapes calls a crowd of cars "cargroup".
         single = name.removesuffix("group")
-        return self._class_of.get(name, self._class_of.get(single, _UNKNOWN))
+        return self._class_of.get(name, self._class_of.get(single, self._rest))
 
     def _shown(self, code: int, names: Sequence[str]) -> str:
         if self._target.kind == "names":
@@ -158,13 +161,14 @@ def read_labelme(path: Path) -> Values:
         where = f"shapes[{k}]"
         own = _table_at(path, shape, where)
         points = _points(path, own.get("points"), f"{where}.points")
-        kind = own.get("shape_type", "polygon")
+        kind = own.get("shape_type") or "polygon"
         if kind == "rectangle" and len(points) == 2:
             (left, top), (right, bottom) = points
             points = [(left, top), (right, top), (right, bottom), (left, bottom)]
-        elif kind != "polygon":
+        elif kind != "polygon" and not (kind == "rectangle" and len(points) == 4):
             raise DataError(
-                f"{path}: {where}.shape_type is {kind!r}; expected polygon, or rectangle of two points"
+                f"{path}: {where}.shape_type is {kind!r} of {len(points)} points; expected polygon, or "
+                "rectangle of two or four points"
             )
         polygons.append((_name(path, own, where), points))
     size = _size(path, found, "imageHeight", "imageWidth")

@@ -9,12 +9,11 @@ from jaxtyping import UInt8
 from seg.data.images import read_image
 from seg.data.labelled import cut, resize_image
 from seg.errors import DataError
-from shell.files import files_below
-from shell.target_file import SUFFIXES
+from shell.files import IMAGES, files_below
 
 
 def list_unlabelled(root: str | Path) -> tuple[Path, ...]:
-    """List the PNG and JPEG files in a folder and its sub-folders, sorted by path, without reading them.
+    """List the image files in a folder and its sub-folders, sorted by path, without reading them.
 
     Raises:
         DataError: there is no such folder, it holds no image, or two images share their name.
@@ -22,9 +21,9 @@ def list_unlabelled(root: str | Path) -> tuple[Path, ...]:
     root = Path(root)
     if not root.is_dir():
         raise DataError(f"{root}: no such folder; expected one with images")
-    paths = tuple(p for p in files_below(root) if p.suffix.lower() in SUFFIXES)
+    paths = tuple(p for p in files_below(root) if p.suffix.lower() in IMAGES)
     if not paths:
-        raise DataError(f"{root}: zero images; expected {', '.join(SUFFIXES)}")
+        raise DataError(f"{root}: zero images; expected {', '.join(IMAGES)}")
     seen: dict[str, Path] = {}
     for path in paths:
         if path.stem in seen:

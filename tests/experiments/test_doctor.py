@@ -1,8 +1,12 @@
 """What doctor finds: the machine, a file for a folder, what does not fit, what commands cost."""
 
+import json
 import re
 from itertools import product
+from pathlib import Path
 
+import cv2
+import msgspec
 import numpy as np
 import pytest
 from PIL import Image
@@ -11,12 +15,14 @@ from experiments.config import MainConfig
 from experiments.config.presets import defaults
 from experiments.doctor import costs, machine
 from experiments.doctor.__main__ import PAGE, SHEET, main
+from experiments.doctor.installed import EXTRAS
 from experiments.doctor.propose import _named_value, propose
 from experiments.doctor.survey import suitable, survey
-from experiments.fit import configured, planned
+from experiments.fit import config_of, configured, planned
 from experiments.main.job import plan
 from scene.render import RendererError
-from seg.data import read_target
+from seg.data import LabelReader, read_target
+from seg.data.images import read_image
 from shell.errors import UserError
 from shell.listing import list_all
 from shell.target_file import find_target, parse_target
@@ -138,12 +144,15 @@ def test_folders_of_splits_with_colours_that_a_file_names(tmp_path):
 
 @pytest.mark.parametrize(("line", "pair"), [
     ("0 road", ("0", "road")), ("7;Gehweg", ("7", "Gehweg")), ("road = 3", ("3", "road")),
-    ("3 Straße", ("3", "Straße")), ("Stra\u00dfe u\u0308ber,3", ("3", "Straße über")), ("道路 1", ("1", "道路")),
-    ("4: 2-wheeler", ("4", "2-wheeler")), ("2-wheeler,5", ("5", "2-wheeler")), ("1 3d sign", ("1", "3d sign")),
+    ("3 Straße", ("3", "Straße")), ("Stra\u00dfe u\u0308ber,3", ("3", "Straße über")),
+    ("道路 1", ("1", "道路")),
+    ("4: 2-wheeler", ("4", "2-wheeler")), ("2-wheeler,5", ("5", "2-wheeler")),
+    ("1 3d sign", ("1", "3d sign")),
     ("5 road (paved)", ("5", "road (paved)")), ("Auto (PKW): 4", ("4", "Auto (PKW)")),
     ("5 (other)", ("5", "(other)")), ("3 - road", ("3", "road")), ("zone 30 4", ("4", "zone 30")),
     ("1 lane 2", ("1", "lane 2")), ("road (paved) 10 20 30", ("[10, 20, 30]", "road (paved)")),
-    ("(10,20,30): 2nd lane", ("[10, 20, 30]", "2nd lane")), ("0\t10\t20\t30\tÄcker", ("[10, 20, 30]", "Äcker")),
+    ("(10,20,30): 2nd lane", ("[10, 20, 30]", "2nd lane")),
+    ("0\t10\t20\t30\tÄcker", ("[10, 20, 30]", "Äcker")),
     ("road: (10, 20, 30)", ("[10, 20, 30]", "road")), ("1 road 10 20 30", ("[10, 20, 30]", "road")),
     ("10, 20, 30 # road", ("[10, 20, 30]", "road")), ("3 images are here.", None), ("name,r,g,b", None),
     ("# 3 classes", None), ("3,4,5", None), ("", None), ("0,road,flat", None),
@@ -331,8 +340,10 @@ def test_labels_without_a_class_and_files_in_other_letters_are_refused(streets, 
     for path in (streets / "masks").rglob("*.png"):
         save(path, np.full((8, 8), 255))
     code, _, err = doctor(streets)
-    assert code == 2 and "mine: labels hold nothing but void (255); expected a class" in err
-    text = "images: 'a/{name}'\nlabels: 'b/{name}'\nclasses: {road: {ids: [0]}}\n"
+    assert (
+        code == 2 and "mine: labels hold one value alone (255); expected two classes or more" in err
+    )
+    text = "images: 'a/{name}'\nlabels: 'b/{name}'\nclasses: {road: {ids: [0]}, b: {ids: [1]}}\n"
     (streets / "target.yaml").write_text(text, encoding="utf-16")
     code, _, err = doctor(streets)
     assert code == 2 and "target.yaml: no UTF-8; save it as UTF-8" in err
@@ -361,8 +372,8 @@ def test_what_cannot_be_looked_at_is_refused_in_one_line(doctor, tmp_path, stree
     for words, message in (
         (("--write", "x.yaml"), "--target and --write need DATA"),
         ((tmp_path / "gone",), "gone: no such folder"),
-        ((empty,), "no images with labels of the same names are found, but nothing"),
-        ((tmp_path / "alone",), "are found, but 1 of .png"),
+        ((empty,), "no images with labels of the same names among nothing"),
+        ((tmp_path / "alone",), "among 1 of .png"),
         ((streets, "--write", taken), "taken.yaml exists; name another file"),
         ((streets, "--write", tmp_path / "no" / "t.yaml"), "t.yaml: no folder"),
         ((streets, "--target", "kity"), "--target kity: no such file"),
@@ -436,3 +447,227 @@ def test_the_machine_and_its_pace():
     )
     pace = costs.measure(0.5)
     assert 0.05 < pace.render < 50 and 0.05 < pace.train < 50
+
+
+def masks(root, values, dtype=np.uint8, names="", shape=(48, 64)):
+    """Six photographs, and masks of some values, the first of which has half of the pixels."""
+    for k in range(6):
+        save(root / "images" / f"{k:02d}.png", photograph(k, shape))
+        mask = np.full(shape, values[0], dtype)
+        for n, value in enumerate(values[1:], 1):
+            mask[8 * n : 8 * n + 8] = value
+        (root / "masks").mkdir(parents=True, exist_ok=True)
+        cv2.imwrite(str(root / "masks" / f"{k:02d}.png"), mask)
+    if names:
+        (root / "classes.txt").write_text(names)
+    return root
+
+
+@pytest.mark.parametrize(("values", "dtype", "names", "classes", "note"), [
+    ([0, 255], np.uint8, "", {"background": 0, "foreground": 255}, "255 has 16.7 % of the pixels"),
+    ([0, 65535], np.uint16, "", {"background": 0, "foreground": 65535}, "65535 has 16.7 %"),
+    ([0, 1], np.uint8, "", {"background": 0, "foreground": 1}, "names are not known"),
+    ([0, 1], np.uint8, "0 background\n1 road\n", {"background": 0, "road": 1}, "0 has 83.3 %"),
+    ([0, 1, 2, 255], np.uint8, "", {f"class {k}": k for k in range(3)}, "255 is void: 16.7 %"),
+    ([0, 1, 2], np.uint8, "0 other\n1 road\n2 sky\n", {"road": 1, "sky": 2}, "0 is void: 66.7 %"),
+])  # fmt: skip
+def test_masks_of_two_values_are_two_classes(tmp_path, values, dtype, names, classes, note):
+    found = propose(masks(tmp_path, values, dtype, names))
+    target = parse_target(found.text, "x")
+    assert {name: own.ids[0] for name, own in target.classes.items()} == classes
+    assert any(note in own for own in found.notes), found.notes
+    assert len(target.classes) + len(target.void) == len(values)
+
+
+def test_one_value_alone_is_no_target(tmp_path):
+    refuses(r"labels hold one value alone \(7\); expected two", propose, masks(tmp_path, [7]))
+
+
+def test_pixels_without_a_polygon_can_be_a_class(tmp_path):
+    for k in range(4):
+        save(tmp_path / "a" / f"{k}.jpg", photograph(k, (48, 64)))
+        shape = {
+            "label": "road",
+            "points": [[0, 24], [64, 24], [64, 48], [0, 48]],
+            "shape_type": None,
+        }
+        polygons = {"shapes": [shape], "imageHeight": 48, "imageWidth": 64}
+        (tmp_path / "a" / f"{k}.json").write_text(json.dumps(polygons))
+    found = propose(tmp_path)
+    target = parse_target(found.text, "x")
+    assert target.class_names == ("road", "background") and target.rest == "background"
+    assert any("pixels without a polygon, 50" in note for note in found.notes)
+    label = LabelReader(target)(tmp_path / "a" / "0.json")
+    assert (label[0] == 1).all() and (label[-1] == 0).all()
+    # What the engine renders for no class is the rest, too, so that renders show both.
+    assert target.rendered == (True, True)
+    assert [target.of_engine[k] for k in (0, 1)] == [0, 1]
+
+
+@pytest.mark.parametrize(("change", "reason"), [
+    ({"shape_type": "circle"}, "shape_type is 'circle' of 4 points; expected polygon, or rectangle"),
+    ({"shape_type": "mask"}, "shape_type is 'mask'"),
+    ({"points": "x"}, "points must be a list of points"),
+])  # fmt: skip
+def test_why_labels_cannot_be_read_is_said(tmp_path, change, reason):
+    points = [[0, 24], [64, 24], [64, 48], [0, 48]]
+    for k in range(4):
+        save(tmp_path / "a" / f"{k}.jpg", photograph(k, (48, 64)))
+        polygons = {"shapes": [{"label": "road", "points": points, **change}], "imageHeight": 48}
+        (tmp_path / "a" / f"{k}.json").write_text(json.dumps({**polygons, "imageWidth": 64}))
+    refuses(reason, propose, tmp_path)
+
+
+def test_a_height_of_nothing_is_said_and_rectangles_may_have_four_points(tmp_path):
+    points = [[0, 24], [64, 24], [64, 48], [0, 48]]
+    shapes = [{"label": "road", "points": points, "shape_type": "rectangle"}]
+    for k in range(4):
+        save(tmp_path / "a" / f"{k}.jpg", photograph(k, (48, 64)))
+        (tmp_path / "a" / f"{k}.json").write_text(
+            json.dumps({"shapes": shapes, "imageHeight": None})
+        )
+    refuses("imageHeight must be a positive whole number, not None", propose, tmp_path)
+    for k in range(4):
+        sizes = {"imageHeight": 48, "imageWidth": 64}
+        (tmp_path / "a" / f"{k}.json").write_text(json.dumps({"shapes": shapes, **sizes}))
+    assert parse_target(propose(tmp_path).text, "x").class_names == ("road", "background")
+
+
+@pytest.mark.parametrize("ending", ["tif", "bmp", "webp", "TIFF"])
+@pytest.mark.parametrize("kind", ["images", "masks"])
+def test_doctor_fit_and_predict_read_the_same_endings(tmp_path, ending, kind):
+    root = masks(tmp_path, [0, 1, 2])
+    for path in sorted((root / kind).iterdir()):
+        lossless = {"lossless": True} if ending == "webp" else {}
+        Image.open(path).save(path.with_suffix(f".{ending}"), **lossless)
+        path.unlink()
+    target = parse_target(propose(root).text, "x")
+    assert len(list_all(target, root)["train"]) == 6
+
+
+@pytest.mark.parametrize("way", ["jpeg", "smoothed"])
+def test_smoothed_labels_are_said_to_be_so(tmp_path, way):
+    root = masks(tmp_path, [0, 60, 120, 180])
+    for path in sorted((root / "masks").iterdir()):
+        # Noise stands for the many colours of anti-aliased edges.
+        mask = np.stack([blocks(1, (48, 64), 4)] * 3, axis=-1) * 60 + photograph(9, (48, 64)) // 12
+        path.unlink()
+        ending = ".jpg" if way == "jpeg" else ".png"
+        Image.fromarray(mask.astype(np.uint8)).save(path.with_suffix(ending))
+    refuses("masks/00.*values, as labels do that were resized with smoothing or saved as JPEG",
+            propose, root)  # fmt: skip
+
+
+def test_equal_channels_hold_ids_whatever_the_mode(tmp_path):
+    root = masks(tmp_path, [0, 1, 2])
+    for k, path in enumerate(sorted((root / "masks").iterdir())):
+        grey = Image.open(path)
+        alpha = Image.fromarray(np.where(np.asarray(grey) == 0, 0, 255).astype(np.uint8))
+        if k % 3:
+            grey = grey.convert("RGB") if k % 3 == 1 else Image.merge("LA", (grey, alpha))
+        grey.save(path)
+    target = parse_target(propose(root).text, "x")
+    assert {own.ids for own in target.classes.values()} == {(0,), (1,), (2,)}
+    reader = LabelReader(target)
+    labels = [reader(path) for path in sorted((root / "masks").iterdir())]
+    assert all((label == labels[0]).all() for label in labels)
+
+
+def test_a_grey_file_among_colours_is_in_colours(tmp_path):
+    root = masks(tmp_path, [0, 1, 2])
+    palette = np.array([[0, 0, 0], [255, 255, 255], [200, 0, 0], [0, 0, 200]])
+    for k, path in enumerate(sorted((root / "masks").iterdir())):
+        save(path, palette[blocks(k, (48, 64), 2 if k == 5 else 4)])
+    target = parse_target(propose(root).text, "x")
+    assert target.format == "colours" and target.void == ((0, 0, 0),)
+    assert {own.colours[0] for own in target.classes.values()} == {
+        *map(tuple, palette[1:].tolist())
+    }
+
+
+@pytest.mark.parametrize("depth", ["depth", "a_depth"])
+def test_depth_is_not_taken_for_photographs(tmp_path, depth):
+    root = masks(tmp_path, [0, 1, 2])
+    (root / "images").rename(root / "rgb")
+    for k in range(6):
+        far = np.random.default_rng(k).integers(0, 60000, (48, 64)).astype(np.uint16)
+        (root / depth).mkdir(exist_ok=True)
+        cv2.imwrite(str(root / depth / f"{k:02d}.png"), far)
+        save(root / "normals" / f"{k:02d}.png", photograph(k + 90, (48, 64)))
+    found = propose(root)
+    assert parse_target(found.text, "x").images == "rgb/{name}.png"
+
+
+def test_photographs_that_cannot_be_told_apart_are_asked_for(tmp_path):
+    root = masks(tmp_path, [0, 1, 2])
+    (root / "images").rename(root / "left")
+    for k in range(6):
+        save(root / "right" / f"{k:02d}.png", photograph(k + 90, (48, 64)))
+    refuses("images at left.* and at right.* have the same labels", propose, root)
+
+
+def test_images_that_are_cut_off_dark_or_turned_are_counted(tmp_path, doctor):
+    root = masks(tmp_path / "data", [0, 1, 2])
+    images = sorted((root / "images").iterdir())
+    images[0].write_bytes(images[0].read_bytes()[:-400])
+    dark = np.random.default_rng(0).integers(0, 4096, (48, 64, 3)).astype(np.uint16)
+    cv2.imwrite(str(images[1]), dark)
+    cv2.imwrite(str(images[2]), dark * 16)
+    turned = Image.Exif()
+    turned[0x112] = 3
+    Image.open(images[3]).save(images[3], exif=turned)
+    code, out, _ = doctor(root)
+    assert code == 2
+    assert f"{images[0]}: not a readable image, broken or truncated" in out
+    assert (
+        f"1 images of 16 bits use a part of them, such as {images[1]}, whose largest value is 409"
+        in out
+    )
+    assert f"1 images, such as {images[3]}, are turned by their EXIF orientation" in out
+
+
+def test_fractions_are_not_called_broken(tmp_path):
+    path = tmp_path / "a.tiff"
+    Image.fromarray(np.random.default_rng(0).random((8, 8), np.float32)).save(path)
+    refuses(r"a.tiff: holds fractions \(mode F\)", read_image, path)
+    refuses(
+        r"a.tiff: holds fractions \(mode F\)",
+        LabelReader(
+            parse_target(
+                "images: a/{name}\nlabels: b/{name}\nclasses: {a: {ids: [0]}, b: {ids: [1]}}", "x"
+            )
+        ),
+        path,
+    )
+
+
+def test_without_a_rendered_class_no_minutes_are_promised(tmp_path, doctor):
+    code, out, _ = doctor(masks(tmp_path / "data", [0, 1, 2]))
+    assert code == 0 and "no class has 'renders', which fit needs" in out
+    assert "Minutes on" not in out
+
+
+def test_a_blank_line_loses_no_names(tmp_path):
+    target = parse_target(
+        propose(masks(tmp_path, [0, 1, 2], names="road\nsky\n\ncar\n\n")).text, "x"
+    )
+    assert target.class_names == ("road", "sky", "car")
+
+
+def test_doctor_and_fit_take_the_size_of_most_images(tmp_path, doctor):
+    root = masks(tmp_path / "data", [0, 1, 2], names="road\nsky\ncar\n", shape=(48, 96))
+    for folder in ("images", "masks"):
+        first = root / folder / "00.png"
+        Image.open(first).transpose(Image.Transpose.ROTATE_90).save(first)
+    file = root / "target.yaml"
+    assert doctor(root, "--write", file)[0] == 0
+    width, height = survey(find_target(None, root), root).size
+    config = config_of(root, tmp_path / "fit", preset="smoke")
+    assert width > height and config.final.width > config.final.height
+
+
+def test_all_extras_that_bring_something_are_listed():
+    extras = set(
+        msgspec.toml.decode(Path("pyproject.toml").read_bytes())["project"]["optional-dependencies"]
+    )
+    assert extras - {"test", "docs"} <= set(EXTRAS)

@@ -88,6 +88,19 @@ def test_each_image_gets_labels_of_its_size(model, folder, images, tmp_path, cap
         assert found[name].shape == shape
 
 
+def test_photographs_that_are_not_read_are_counted(folder, images, tmp_path, capsys):
+    for name in ("x.HEIC", "y.heic", "z.avif", "w.jp2"):
+        (images / name).touch()
+    assert main([folder, str(images), "--out", str(tmp_path / "out")]) == 0
+    said = capsys.readouterr().out
+    assert "2 of .heic, 1 of .avif, 1 of .jp2 cannot be read: convert them to JPEG or PNG" in said
+    (tmp_path / "phone").mkdir()
+    (tmp_path / "phone" / "x.heic").touch()
+    assert main([folder, str(tmp_path / "phone"), "--out", str(tmp_path / "none")]) == 2
+    assert "expected files of .png, .jpg" in (error := capsys.readouterr().err)
+    assert "1 of .heic cannot be read" in error
+
+
 def test_colours_overlays_and_probabilities(model, images, tmp_path):
     image = read_image(images / "b.png")
     (labels,) = model.predict([image])

@@ -24,7 +24,9 @@ from seg.data import (
     subset,
 )
 from seg.data.labelled import cut, resize_image
+from seg.model import classes_of
 from shell.errors import UserError
+from shell.pictures import label_ids
 from shell.target_file import find_target, parse_target, shipped
 from tests.layouts import FACADE, FACADE_IDS, LAYOUTS, SIZE, save, write, write_packed
 
@@ -430,3 +432,36 @@ def test_real_labelmefacade_has_the_groups_and_shares_that_are_known(labelmefaca
         found = share[LABELMEFACADE_6.classes.index(name)]
         assert found == pytest.approx(expected, abs=0.06)
     assert 0 < share[IGNORE_LABEL] < 0.1
+
+
+def test_a_class_of_the_rest_takes_every_other_value(tmp_path):
+    head = "images: 'a/{name}'\nlabels: 'b/{name}'\nrest: other\nvoid: [9]\n"
+    target = parse_target(head + "classes: {road: {ids: [3], renders: [road]}}", "x")
+    assert target.class_names == ("road", "other") and target.rendered == (True, True)
+    ids = np.array([[3, 0, 1, 9, 200]], np.uint8)
+    Image.fromarray(ids).save(tmp_path / "a.png")
+    np.testing.assert_array_equal(LabelReader(target)(tmp_path / "a.png"), [[0, 1, 1, 255, 1]])
+    deep = Image.fromarray(np.array([[3, 40000]], np.uint16))
+    deep.save(tmp_path / "deep.png")
+    np.testing.assert_array_equal(LabelReader(target)(tmp_path / "deep.png"), [[0, 1]])
+    assert [own.id for own in classes_of(target)] == [3, 0]  # the least id that is free
+    # It may have values, and a place, of its own.
+    named = parse_target(head + "classes: {other: {ids: [0]}, road: {ids: [1]}}", "x")
+    assert named.class_names == ("other", "road")
+    np.testing.assert_array_equal(LabelReader(named)(tmp_path / "a.png"), [[0, 0, 1, 255, 0]])
+    shapes = [{"label": "tree", "points": [[0, 0], [4, 0], [4, 4], [0, 4]]}]
+    text = json.dumps({"shapes": shapes, "imageHeight": 4, "imageWidth": 8})
+    (tmp_path / "a.json").write_text(text)
+    named = parse_target(head.replace("[9]", "[]") + "classes: {road: {names: [road]}}", "x")
+    np.testing.assert_array_equal(LabelReader(named)(tmp_path / "a.json"), np.ones((4, 8)))
+
+
+@pytest.mark.parametrize("mode", ["RGB", "RGBA", "LA"])
+def test_equal_channels_are_ids_and_others_are_colours(tmp_path, mode):
+    grey = Image.fromarray(np.array([[0, 7], [200, 255]], np.uint8))
+    grey.convert(mode).save(tmp_path / "a.png")
+    np.testing.assert_array_equal(label_ids((tmp_path / "a.png").read_bytes()), np.asarray(grey))
+    if mode != "LA":
+        Image.new(mode, (2, 2), (1, 2, 3)).save(tmp_path / "a.png")
+        with pytest.raises(UserError, match=f"a label of mode {mode}, that is colours"):
+            label_ids((tmp_path / "a.png").read_bytes())

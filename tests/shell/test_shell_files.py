@@ -1,5 +1,6 @@
 """Whole files or none, and JSON that is read with suspicion."""
 
+import errno
 import json
 import math
 import os
@@ -14,6 +15,7 @@ from shell.files import (
     WIDE,
     check_file,
     digest,
+    files_below,
     folder_digest,
     json_text,
     read_json,
@@ -144,3 +146,19 @@ def test_canonical_json_by_hand_folders_by_names_and_bytes_and_versions(tmp_path
     assert len({*found, folder_digest(tmp_path)}) == 5
     (tmp_path / "c").rename(tmp_path / "a")
     assert folder_digest(tmp_path) == found[-1]
+
+
+def test_a_folder_that_may_not_be_read_is_no_empty_one(tmp_path, monkeypatch):
+    (tmp_path / "open").mkdir()
+    (tmp_path / "closed").mkdir()
+    (tmp_path / "open" / "a.png").touch()
+    scandir = os.scandir
+
+    def refusing(path):
+        if str(path).endswith("closed"):
+            raise PermissionError(errno.EACCES, "Permission denied", str(path))
+        return scandir(path)
+
+    monkeypatch.setattr(os, "scandir", refusing)
+    with pytest.raises(PermissionError, match="closed"):
+        files_below(tmp_path)

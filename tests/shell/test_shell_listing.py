@@ -14,7 +14,7 @@ from shell.errors import UserError
 from shell.listing import list_all, list_split, shared_groups, split_names
 from shell.target_file import parse_target, shipped
 
-CLASSES = "\nclasses: {road: {ids: [0]}}"
+CLASSES = "\nclasses: {road: {ids: [0]}, sky: {ids: [1]}}"
 
 
 def put(root: Path, *names: str, text: str = "never read") -> Path:

@@ -53,9 +53,7 @@ def test_the_format_follows_from_the_classes():
         ("ids", "[4]", "ids", "ids"), ("colours", "[[1, 2, 3]]", "colours", "colours"),
         ("names", "[Road]", "names", "labelme-json"),
     ):  # fmt: skip
-        text = (
-            f"images: i/{{name}}.png\nlabels: l/{{name}}\nclasses: {{road: {{{field}: {value}}}}}"
-        )
+        text = f"images: i/{{name}}.png\nlabels: l/{{name}}\nrest: b\nclasses: {{road: {{{field}: {value}}}}}"
         found = parse_target(text, "t.yaml")
         assert (found.format, found.kind, found.name) == (own, kind, "t")
     both = text.replace("{names", "{ids: [1], names").replace(
@@ -119,9 +117,7 @@ def test_what_is_wrong_is_said_with_its_line_and_field(old, new, words):
 
 def test_tables_of_splits():
     text = "images: {train: 'a/{name}.png', test: [b/x.png, b/y.png]}\n"
-    labels = (
-        "labels: {train: 'c/{name}.png', test: [d/x.png, d/y.png]}\nclasses: {road: {ids: [0]}}"
-    )
+    labels = "labels: {train: 'c/{name}.png', test: [d/x.png, d/y.png]}\nclasses: {road: {ids: [0]}, sky: {ids: [1]}}"
     found = parse_target(text + labels, "t.yaml")
     assert isinstance(found.images, dict) and found.images["test"] == ("b/x.png", "b/y.png")
     refuses(
@@ -141,8 +137,11 @@ def test_too_many_classes_and_none():
     refuses(
         "images: '{name}'\nlabels: '{name}'\nclasses: {}",
         "line 3: classes:",
-        "1 to 254 classes, not 0",
+        "2 to 254 classes, not 0",
     )
+    alone = "images: '{name}'\nlabels: '{name}'\nclasses: {road: {ids: [1]}}"
+    refuses(alone, "line 3: classes:", "2 to 254 classes, not 1; 'rest: background' makes a class")
+    assert parse_target(f"{alone}\nrest: background", "x").class_names == ("road", "background")
     many = "".join(f"\n  c{k}: {{ids: [{k}]}}" for k in range(255))
     refuses(f"images: '{{name}}'\nlabels: '{{name}}'\nclasses:{many}", "classes:", "not 255")
 
