@@ -579,7 +579,7 @@ _FIRST, _LAST = r"\d+(?:[^\w(-]|-\s)+", r"(?:[\s,;:=|\[(]|\s-)+\d+"
 
 def _named_value(line: str) -> tuple[str, str] | None:
     """The id or colour in a line, as `_key` writes it, and its name; None if the line has no such pair."""
-    line = re.sub(r"(?<=\d)[\s,;)\]]+$", "", composed(line).strip(" \t,;"))
+    line = re.sub(r"(?<=\d)[\s,;:)\]]+$", "", composed(line).strip(" \t,;"))
     parts = re.fullmatch(rf"[\s\[(]*((?:{_FIRST})*)(.*?)((?:{_LAST})*)", line)
     assert parts is not None
     name = parts[2]

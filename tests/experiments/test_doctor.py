@@ -144,8 +144,8 @@ def test_folders_of_splits_with_colours_that_a_file_names(tmp_path):
 
 @pytest.mark.parametrize(("line", "pair"), [
     ("0 road", ("0", "road")), ("7;Gehweg", ("7", "Gehweg")), ("road = 3", ("3", "road")),
-    ("3 Straße", ("3", "Straße")), ("Stra\u00dfe u\u0308ber,3", ("3", "Straße über")),
-    ("道路 1", ("1", "道路")),
+    ("3 Straße", ("3", "Straße")), ("道路 1", ("1", "道路")),
+    ("u\u0308ber,3", ("3", "über")), ("car:0,0,192::", ("[0, 0, 192]", "car")),
     ("4: 2-wheeler", ("4", "2-wheeler")), ("2-wheeler,5", ("5", "2-wheeler")),
     ("1 3d sign", ("1", "3d sign")),
     ("5 road (paved)", ("5", "road (paved)")), ("Auto (PKW): 4", ("4", "Auto (PKW)")),
