@@ -26,7 +26,7 @@ from scene.classes import CLASS_NAMES
 from scene.mesh.asset import Asset, rotate, translate
 from scene.mesh.file import SUFFIXES, MeshError, read_mesh
 from shell.errors import UserError
-from shell.files import folder_digest
+from shell.files import composed, folder_digest, plain_path
 from shell.sent import here
 
 MANIFEST = "assets.csv"
@@ -113,7 +113,10 @@ def _manifest(name: str) -> tuple[Row, ...]:
     files = _mesh_files(root)
     if not files:
         raise LibraryError(f"{root} holds no mesh file ({', '.join(SUFFIXES)}) in a class's folder")
-    rows = {row.file: row for row in _rows(root / MANIFEST)}
+    on_disk = {composed(file): file for file in files}
+    listed = _rows(root / MANIFEST)
+    rows = {on_disk.get(row.file, row.file): row for row in listed}
+    rows = {file: row._replace(file=file) for file, row in rows.items()}
     for file in files:
         if file not in rows:
             raise LibraryError(f"{root / MANIFEST} has no row for {file}")
@@ -200,7 +203,12 @@ def _rows(path: Path) -> list[Row]:
     """The manifest as it is written, whatever files there are."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
-            lines = list(csv.DictReader(file, restval=""))
+            head = file.readline()
+            separator = (
+                ";" if ";" in head and "," not in head else ","
+            )  # as some spreadsheets write
+            file.seek(0)
+            lines = list(csv.DictReader(file, restval="", delimiter=separator))
     except FileNotFoundError:
         raise LibraryError(
             f"{path} is missing; it needs a row for each asset, with {', '.join(REQUIRED)}"
@@ -215,6 +223,7 @@ def _rows(path: Path) -> list[Row]:
                 raise LibraryError(f"{path} has no column {column!r}")
             if not values[column]:
                 raise LibraryError(f"{path}, line {number}: {column} is empty")
+        values["file"] = plain_path(values["file"])
         if values["file"] in {row.file for row in rows}:
             raise LibraryError(f"{path}, line {number}: {values['file']} stands there twice")
         rows.append(
@@ -233,7 +242,7 @@ def _rows(path: Path) -> list[Row]:
 
 def _scale(text: str, path: Path, number: int) -> float:
     try:
-        value = float(text or 1)
+        value = float(text.replace(",", ".") or 1)  # such spreadsheets write decimal commas
     except ValueError:
         value = math.nan
     if not 0 < value < math.inf:

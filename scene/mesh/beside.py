@@ -9,7 +9,13 @@ from trimesh.resolvers import Resolver
 
 from scene.mesh.bombs import MOST_BYTES, MeshError
 from scene.mesh.mtl import texture
-from shell.files import leads_out, read_bytes
+from shell.files import leads_out, plain_path, read_bytes, spelled
+
+
+def path_beside(folder: Path, name: str) -> Path:
+    """The path of a file that a mesh names, also by backslashes or other forms of accents."""
+    path = folder / plain_path(name)
+    return spelled(path) or path
 
 
 class Beside(Resolver):
@@ -25,7 +31,7 @@ class Beside(Resolver):
 
     def check(self, name: str) -> Path:
         """The path of a file by name; MeshError if it is not there, or elsewhere."""
-        path = self._folder / name
+        path = path_beside(self._folder, name)
         if leads_out(self._root, str(path.absolute())):
             raise MeshError(f"refers to {name}, which leads out of {self._root}")
         if not path.is_file():

@@ -134,8 +134,10 @@ def referenced(path: Path) -> Iterator[str]:
 def _looks(path: Path) -> dict[str, Look]:
     """What an OBJ's libraries say of its materials, by name."""
     found: dict[str, Look] = {}
+    from scene.mesh.beside import path_beside
+
     for library in _words_after(path, "mtllib"):
-        with (path.parent / library).open(encoding="utf-8", errors="replace") as file:
+        with path_beside(path.parent, library).open(encoding="utf-8", errors="replace") as file:
             found |= looks(file)
     return found
 

@@ -14,6 +14,7 @@ from sdr_jax.space import Space
 from sdr_jax.space import space as make_space
 from sdr_jax.tune.units import Attribute
 from shell.errors import UserError
+from shell.files import read_bytes
 from shell.memory import refuse_larger
 
 TYPES = {
@@ -55,7 +56,8 @@ MEMORY = {
     "workers": 10_000_000,
 }  # fmt: skip
 """The least number of bytes of one record or process."""
-MOST_BINS = 1000
+MOST_BYTES, MOST_BINS = 1_000_000, 1000
+"""The most bytes of a file, and the most bins of an attribute."""
 LARGEST_SEED = 2**32 - 1
 FLAGS = {"timeout_seconds": "--timeout"}
 """Fields whose flags have other names."""
@@ -131,10 +133,12 @@ def read(path: Path, flags: Mapping[str, Any]) -> Settings:
 
 def _load(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(path.read_bytes().decode())
+        return tomllib.loads(read_bytes(path, MOST_BYTES).decode("utf-8-sig"))
     except OSError as error:
         raise UserError(f"{path}: {error.strerror or error}") from None
-    except ValueError as error:
+    except UserError:
+        raise
+    except (ValueError, RecursionError) as error:
         raise UserError(f"{path} is no TOML: {error}") from None
 
 

@@ -5,6 +5,7 @@ import json
 import re
 import struct
 from pathlib import Path
+from unicodedata import normalize
 
 import numpy as np
 import pytest
@@ -285,6 +286,26 @@ def test_a_missing_texture_is_named(shelf, tmp_path):
     path.write_text(json.dumps({**content, "images": [{"uri": "my%20paint.png"}]}))
     message = r"box\.gltf: refers to my paint\.png, which is not there"
     refused(LibraryError, message, load, "bus", scan(folder)["bus"][0])
+
+
+@pytest.mark.parametrize("form", ["NFC", "NFD"])
+def test_a_manifest_as_spreadsheets_and_other_systems_write_it(shelf, tmp_path, form):
+    folder = shelf("car/grün.stl", car())
+    disk, listed = normalize(form, "grün.stl"), normalize("NFC", ".\\car\\grün.stl")
+    (tmp_path / "own/car/grün.stl").rename(tmp_path / "own/car" / disk)
+    text = f"{HEAD};scale\n{listed};A, B;B;C;1,1\n".replace(",licence,source", ";licence;source")
+    (tmp_path / "own/assets.csv").write_text("\ufeff" + text.replace("file,", "file;"), "utf-8")
+    [row] = manifest(folder)
+    assert row[:4] == (f"car/{disk}", "A, B", "B", "C") and row.scale == 1.1
+    assert only(folder).mesh.bounds[1][2] == pytest.approx(1.1 * CAR[2], rel=1e-4)
+
+
+@pytest.mark.parametrize("name", ["parts\\grün.png", "./parts//grün.png", "parts/gru\u0308n.png"])
+def test_a_texture_may_be_named_in_other_ways(tmp_path, name):
+    (tmp_path / "parts").mkdir()
+    obj(tmp_path, "Kd 1 0 0", "parts/grün.png")
+    asset = obj(tmp_path, f"map_Kd {name}", "parts/grün.png")
+    assert (asset.color == BLUE).all()
 
 
 @pytest.mark.parametrize(("text", "complaint"), [

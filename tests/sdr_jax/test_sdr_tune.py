@@ -342,6 +342,12 @@ def test_the_folder_of_another_run_is_refused(runs, change, field) -> None:
     assert {p: p.read_bytes() for p in runs.out.iterdir() if p.is_file()} == before
 
 
+def test_a_file_may_begin_with_a_byte_order_mark(tmp_path) -> None:
+    path = tmp_path / "space.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + TWO.encode())
+    assert [attribute.name for attribute in read(path, {}).attributes] == ["a", "b"]
+
+
 @pytest.mark.parametrize(("text", "complaint"), [
     ("", "there are no attributes"), ("attributes = 3", "must be tables"),
     ("[[attributes]]\n", "attribute 1 has no name"),
@@ -377,7 +383,8 @@ def test_the_folder_of_another_run_is_refused(runs, change, field) -> None:
     (GAUSSIAN + "std = -7", "method gaussian: std is -7"),
     ('method = "cma_es"\n' + A, "cma_es needs at least 2 attributes, this space has 1"),
     ('method = "gaussian"\ndatasets_per_update = 1\n' + TWO, "leave_one_out needs at least 2"),
-    ("name = ", "is no TOML"), ("\xff\xfe", "is no TOML"),
+    ("name = ", "is no TOML"), ("\xff\xfe", "is no TOML"), ("a = " + "[" * 5000, "is no TOML"),
+    ("#" * 1_000_001, "space.toml has more than 1,000,000 bytes"),
 ])  # fmt: skip
 def test_a_bad_file_is_one_error_and_nothing_is_written(runs: Runs, text, complaint) -> None:
     error = runs.refused(*runs.arguments(text=text))
