@@ -163,6 +163,8 @@ def evaluate(
     among, table = mapping(model, data)
     if pictures is not None:
         _refuse_others(pictures)
+        pictures.mkdir(parents=True, exist_ok=True)
+        check_file("--pictures", pictures / _picture(0))
     scored: list[_Scored] = []
     with closing(Progress(len(data.entries))) if progress else nullcontext() as told:
         for entry, _, labels, found in _predicted(model, data, among, table, told):
@@ -269,7 +271,6 @@ def _show(
     table: np.ndarray,
 ) -> None:
     """Write each image beside its labels and its prediction."""
-    pictures.mkdir(parents=True, exist_ok=True)
     for k in range(WORST):  # pictures of an earlier call
         (pictures / _picture(k)).unlink(missing_ok=True)
     shown = _predicted(model, data._replace(entries=tuple(entries)), among, table)

@@ -23,6 +23,7 @@ from experiments.evaluation.made_with import told_apart
 from experiments.evaluation.store import kinds_of, merged, read, write_store
 from shell.command import exit_code
 from shell.errors import UserError
+from shell.files import check_file
 
 
 def merge(paths: Sequence[Path], out: Path) -> str:
@@ -37,6 +38,7 @@ def merge(paths: Sequence[Path], out: Path) -> str:
     """
     if out.exists():
         raise UserError(f"--out {out} exists already; name a new file")
+    check_file("--out", out)
     found = merged(entry for path in paths for entry in read(path).values())
     records = [record for record, _ in found.values()]
     write_store(out, records)

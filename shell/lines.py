@@ -24,7 +24,7 @@ except ImportError:  # Windows: one process at a time must write a file there
     LOCK_EX = 0
 
 from shell.errors import UserError
-from shell.files import naming, parse_json
+from shell.files import naming, parse_json, sync_folder
 
 Record = dict[str, Any]
 CURE = "remove it and all after it"
@@ -99,6 +99,8 @@ class JsonLines:
                     while rest:
                         rest = rest[file.write(rest) :]
                     os.fsync(file.fileno())
+                    if self._size == 0:
+                        sync_folder(self.path.parent)  # the file may be new
                 except OSError:
                     with suppress(OSError):
                         file.truncate(self._size)

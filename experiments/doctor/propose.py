@@ -17,7 +17,7 @@ from seg.data.images import read_image
 from seg.data.labels import FORMATS, LabelReader
 from shell import classes as engine
 from shell.errors import UserError
-from shell.files import IMAGES, composed, files_below
+from shell.files import IMAGES, composed, files_below, plain_path
 from shell.listing import list_split, matches, split_names
 from shell.target_file import FILE, SHIPPED, TRAIN, Format, find_target, shipped
 
@@ -439,7 +439,7 @@ def _lists(root: Path, known: Collection[str]) -> dict[str, str]:
             lines = path.read_text(encoding="utf-8-sig").split("\n")
         except (OSError, UnicodeDecodeError):
             continue
-        lines = [line.strip() for line in lines if line.strip()]
+        lines = [path for line in lines if (path := plain_path(line))]
         if lines and 2 * sum(map(names_one, lines)) > len(lines):
             found[path.stem] = path.relative_to(root).as_posix()
     # Others, such as trainval.txt, hold these again.

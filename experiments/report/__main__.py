@@ -19,7 +19,7 @@ from experiments.report import live, page
 from experiments.report.folder import NAME, SUMMARY, read
 from shell.command import exit_code
 from shell.errors import UserError
-from shell.files import write
+from shell.files import check_file, write
 
 
 def make(path: Path, out: Path | None) -> Path:
@@ -35,6 +35,8 @@ def make(path: Path, out: Path | None) -> Path:
     out = out or path / NAME
     if out.is_dir():
         raise UserError(f"--out {out} is a folder; name a file, such as {out / NAME}")
+    if path.is_dir():
+        check_file("--out", out)
     write(out, page.html(read(path).summary, path))
     return out
 

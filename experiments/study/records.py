@@ -6,7 +6,6 @@ A line of bins is ``{"bins": [23 integers], "reward": mIoU in percent}``, as in
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -20,7 +19,7 @@ from experiments.study.bins import relaxed
 from scene.attributes import SPACES, SpaceName, names
 from scene.proposal import shortest
 from shell.errors import UserError
-from shell.files import naming
+from shell.files import naming, parse_json
 from shell.lines import Record
 
 BINS = "bins"
@@ -133,7 +132,7 @@ def _first_line(path: Path) -> Any:
     with naming(path), open(path, "rb") as file:
         line = file.readline()
     try:
-        found = json.loads(line)
+        found = parse_json(line)
     except ValueError:
         return {}
     return found if isinstance(found, dict) else {}
@@ -146,7 +145,7 @@ def _read_bins(path: Path, config: Any) -> list[Record]:
         lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
     for number, line in enumerate(lines, 1):
         try:
-            record = json.loads(line)
+            record = parse_json(line)
             chosen, reward = record["bins"], float(record["reward"])
             whole = all(type(k) is int and 0 <= k < config.search.bins for k in chosen)
             if not (whole and len(chosen) == count and math.isfinite(reward)):

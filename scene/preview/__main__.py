@@ -125,6 +125,7 @@ def main(arguments: list[str] | None = None) -> int:
         line.error(f"--out: there is no folder {options.out.parent}")
 
     def work() -> None:
+        files.check_file("--out", options.out)
         picture = page(options)
         missing = absent(AssetPool(own=options.assets, use=options.asset_use))
         if missing:

@@ -14,7 +14,7 @@ from seg.classes import IGNORE_LABEL
 from seg.data.images import decode, read_file, read_image
 from seg.errors import DataError
 from shell.errors import UserError
-from shell.files import parse_json
+from shell.files import composed, parse_json
 from shell.pictures import MOST_PIXELS, label_ids
 from shell.target_file import MOST_CLASSES, Format, TargetFile
 
@@ -221,7 +221,7 @@ def _list_at(path: Path, table: dict[str, Any], name: str) -> list[Any]:
 def _name(path: Path, table: dict[str, Any], where: str) -> str:
     if not isinstance(table.get("label"), str):
         raise DataError(f"{path}: {where}.label must be text")
-    return table["label"]
+    return composed(table["label"])
 
 
 def _points(path: Path, value: Any, where: str) -> list[tuple[float, float]]:

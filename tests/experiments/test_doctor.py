@@ -170,6 +170,18 @@ def test_names_outside_ascii_and_with_digits_first(tmp_path):
     assert [*target.classes] == ["Straße", "2-Räder (geparkt)", "3d sign", "Himmel"]
 
 
+def test_lists_with_backslashes_are_found(tmp_path):
+    for k in range(4):
+        save(tmp_path / "images" / f"{k}.png", photograph(k, (48, 64)))
+        save(tmp_path / "labels" / f"{k}.png", blocks(k, (48, 64), 4).astype(np.uint8))
+    for split, names in (("train", "012"), ("test", "3")):
+        lines = "".join(f".\\images\\{k}.png\n" for k in names)
+        (tmp_path / f"{split}.txt").write_text(lines)
+    target = parse_target(propose(tmp_path).text, "x/target.yaml")
+    found = list_all(target, tmp_path)
+    assert {split: len(entries) for split, entries in found.items()} == {"train": 3, "test": 1}
+
+
 def test_many_faults_of_one_kind_are_counted(tmp_path):
     for k in range(12):
         save(tmp_path / "images" / f"{k:02}.png", photograph(k, (48, 64)))

@@ -230,6 +230,7 @@ def test_rewards_that_others_have_made_count(config, counted, tmp_path):
     (["--records", "few.jsonl"], "holds rewards of 2 proposals; 8 are the least"),
     (["--records", "same.jsonl"], "all 10 rewards are equal"),
     (["--records", "text.jsonl"], "text.jsonl: line 1 is not JSON"),
+    (["--records", "deep.jsonl"], "deep.jsonl"),
     (["--records", "store.jsonl", "other.jsonl"], "hold the same evaluation with different values"),
     (["--records", "store.jsonl", "--target", "twin"], "no rewards of target twin in --space scenex, but"),
     (["--records", "store.jsonl", "--records-config", "x"], "--records-config 'x'"),
@@ -245,6 +246,7 @@ def test_what_cannot_work_is_refused(flags, words, tmp_path, monkeypatch, error_
     write_lines(tmp_path / "few.jsonl", same[:3])  # 0, 1 slide together
     write_lines(tmp_path / "same.jsonl", same)
     (tmp_path / "text.jsonl").write_text("some text\n")
+    (tmp_path / "deep.jsonl").write_text("[" * 100_000 + "\n")
     write_lines(tmp_path / "store.jsonl", [HEADER, *(evaluation(k) for k in range(9))])
     write_lines(tmp_path / "other.jsonl", [HEADER, evaluation(3, reward=0.9)])
     assert study("sensitivity", *CAMVID, "--workers", "0", "--out", "run", *flags) == 2

@@ -24,6 +24,7 @@ from shell.files import (
     write,
     write_json,
 )
+from shell.lines import JsonLines
 from tests.conftest import refused
 
 
@@ -93,6 +94,11 @@ def test_files_and_folders_are_synced_with_the_folder_that_names_them(tmp_path, 
         (part / "inner" / "file").write_text("1")
     assert synced[2:] == ["file", "inner", "model.part", tmp_path.name]
     assert (tmp_path / "model" / "inner" / "file").read_text() == "1"
+    synced.clear()
+    lines = JsonLines(tmp_path / "lines")
+    lines.append({"a": 1})
+    lines.append({"a": 2})
+    assert synced == ["lines", tmp_path.name, "lines"]
 
 
 def test_a_folder_that_takes_no_file_is_refused_before_the_work(tmp_path, monkeypatch):

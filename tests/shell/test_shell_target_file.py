@@ -117,7 +117,10 @@ def test_what_is_wrong_is_said_with_its_line_and_field(old, new, words):
 
 def test_tables_of_splits():
     text = "images: {train: 'a/{name}.png', test: [b/x.png, b/y.png]}\n"
-    labels = "labels: {train: 'c/{name}.png', test: [d/x.png, d/y.png]}\nclasses: {road: {ids: [0]}, sky: {ids: [1]}}"
+    labels = (
+        "labels: {train: 'c/{name}.png', test: [d/x.png, d/y.png]}\n"
+        "classes: {road: {ids: [0]}, sky: {ids: [1]}}"
+    )
     found = parse_target(text + labels, "t.yaml")
     assert isinstance(found.images, dict) and found.images["test"] == ("b/x.png", "b/y.png")
     refuses(
