@@ -439,7 +439,7 @@ def _lists(root: Path, known: Collection[str]) -> dict[str, str]:
             lines = path.read_text(encoding="utf-8-sig").split("\n")
         except (OSError, UnicodeDecodeError):
             continue
-        lines = [path for line in lines if (path := plain_path(line))]
+        lines = [*filter(None, map(plain_path, lines))]
         if lines and 2 * sum(map(names_one, lines)) > len(lines):
             found[path.stem] = path.relative_to(root).as_posix()
     # Others, such as trainval.txt, hold these again.
