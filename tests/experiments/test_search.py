@@ -15,8 +15,9 @@ from experiments.evaluation.job import Result
 from experiments.run.context import opened
 from experiments.run.learn import plan_of
 from experiments.run.rewards import embed
-from experiments.run.search import search
+from experiments.run.search import _best, search
 from scene.attributes import NAMES
+from scene.proposal import slide
 from shell.errors import UserError
 
 from .conftest import Counted, Killed, diverge, formula, lines, main_job, never, searching, untimed
@@ -85,6 +86,12 @@ def test_killed_it_gives_the_same_answer_but_not_with_a_log_of_another_run(confi
     path.write_text(json.dumps({**lines(path)[0], "key": "0" * 64}) + "\n")
     with pytest.raises(UserError, match=f"{path}: update 0, dataset 0 was not made"):
         run(config)
+
+
+def test_the_dataset_with_the_best_reward_is_that_and_a_failed_one_is_not():
+    asked = [slide(np.full(23, k / 10), 0.0) for k in range(4)]
+    for rewards, best in (([2, 1, 3, 0], 2), ([np.nan, -5, -7, np.nan], 1), ([np.nan] * 4, 0)):
+        assert _best(asked, np.array(rewards, np.float32)) is asked[best]
 
 
 def test_attributes_outside_the_subset_stay_random(tiny_camvid, run):

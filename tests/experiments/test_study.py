@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from experiments.evaluation.store import LOGS, Store
 from experiments.run.context import Work, opened, plan_text
 from experiments.run.nets import paired_seeds, training_sets
 from experiments.study import form
+from experiments.study.bins import random_bins
 from experiments.study.skeleton import (
     Row,
     Study,
@@ -230,6 +232,16 @@ def test_learnt_attributes_are_made_once(config, counted, tmp_path):
     assert len(counted.calls) == 12 + 2
     for other in (found, read_attributes("--learnt", again.out / "attributes.json", "scenex")):
         np.testing.assert_array_equal(np.stack(other), np.stack(learnt))
+
+
+def test_seeds_of_nets_and_of_random_bins_begin_at_the_jobs_own(config):
+    def seeds(seed):
+        return paired_seeds(SimpleNamespace(config=replace(config, seed=seed, seeds=3)))
+
+    assert (seeds(0), seeds(5)) == ([0, 1, 2], [5, 6, 7])
+    one, other, again = (random_bins(replace(config, seed=seed), 2) for seed in (0, 5, 5))
+    assert not np.array_equal(one, other)
+    np.testing.assert_array_equal(other, again)
 
 
 def test_nets_are_paired_and_made_once(config, counted):

@@ -20,6 +20,7 @@ from seg.classes import CITYSCAPES_19, IGNORE_LABEL, SYNTHIA_13, SYNTHIA_16
 from seg.data import LabelledImages
 from seg.metrics import iou, mean_iou
 from seg.recipes import RECIPES
+from shell.memory import refuse_larger
 
 from .conftest import Counted, lines, never, write_pair
 
@@ -155,6 +156,27 @@ def test_every_net_gets_a_recipe_and_a_size_of_its_own():
         for weights in (None, "vgg16.npz"):
             own = replace(paper.final.train, net=name, weights=weights)
             assert with_net(paper.final, name, weights).train == own
+
+
+def test_data_of_others_that_no_memory_holds_are_refused_before_they_are_read(
+    command, gta5, out, error_line, monkeypatch
+):
+    """Under the preset paper all 24,966 images of GTA5 take part, 52 GB at 1024x512."""
+    for path in gta5.rglob("*.png"):
+        path.write_bytes(b"no image is read")
+    monkeypatch.setattr("experiments.table.refuse_larger", partial(small, monkeypatch))
+    assert command("table", out, "--gta5", str(gta5), "--all-images", evaluate=never) == 2
+    # 7 images of 64 x 48 pixels with 4 bytes are 86 kB, and 4 of them 49 kB.
+    line = error_line()
+    assert "--gta5 7 would take 86 kB" in line and "there are 50 kB: 4 is the most" in line
+    assert "(--no-all-images takes 6)" in line and not out.exists()
+
+
+def small(monkeypatch, *asked):
+    """Refuses what is larger than 50 kB."""
+    with monkeypatch.context() as patch:
+        patch.setattr("shell.memory.memory", lambda: 50_000)
+        refuse_larger(*asked)
 
 
 def test_broken_data_of_others_show_before_anything_is_written(command, gta5, out, error_line):
