@@ -112,19 +112,25 @@ def ground_height(ground: Ground, y: float, x: float = 0.0) -> float:
 
 def ground_heights(ground: Ground, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Heights f64[n] of the ground at places ``x``, ``y`` f64[n] of the road, metres."""
-    above = np.where(np.abs(y) < ground.half_width, 0.0, ground.kerb_height)
+    above = kerb_heights(ground, x, y)
     if not ground.shaped:
         return above
-    junction = ground.junction
     open_land = np.abs(y) > STRIP
-    if junction:
-        above[junction.paved(x, y)] = 0.0
-        open_land &= ~junction.beside(x, y)
+    if ground.junction:
+        open_land &= ~ground.junction.beside(x, y)
     heights = above + height_at(ground.path, x)
     if open_land.any():
         points = to_world(ground.path, x[open_land], y[open_land])
-        heights[open_land] = land_height(ground.path, points, junction)
+        heights[open_land] = land_height(ground.path, points, ground.junction)
     return heights
+
+
+def kerb_heights(ground: Ground, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Heights f64[n] above the carriageway: 0 between the kerbs, ``kerb_height`` beyond them."""
+    above = np.where(np.abs(y) < ground.half_width, 0.0, ground.kerb_height)
+    if ground.junction:
+        above[ground.junction.paved(x, y)] = 0.0
+    return above
 
 
 def along(ground: Ground, step: float) -> np.ndarray:

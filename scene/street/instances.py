@@ -13,7 +13,8 @@ from scene.assets import catalogue
 from scene.assets.families import FAMILIES
 from scene.assets.own_class import FAMILY
 from scene.classes import OWN, TrainId
-from scene.ground.ground import Ground, ground_heights
+from scene.ground.extent import STRIP
+from scene.ground.ground import Ground, ground_heights, kerb_heights
 from scene.ground.path import Path, heading_at, height_at, slope_at, to_world
 from scene.street.camera import DRIVE, SEARCH
 
@@ -32,6 +33,12 @@ TILTED = frozenset(
     }
 )
 """Families that lean with the slope of the road; all others stand upright."""
+WHEELED = frozenset({"car", "bus", "truck", "bicycle", "motorcycle", "rider"})
+"""Families that stand on wheels: they tilt where these stand on both sides of a kerb."""
+IN_LINE = frozenset({"bicycle", "motorcycle", "rider"})
+"""Families whose wheels are one behind the other."""
+CONTACT = 0.6, 0.78
+"""Where wheels and feet touch the ground: shares of half the length and half the width of a footprint."""
 FLAT = frozenset({"slab", "land", "paving"})
 """Families of flat tiles, on which others stand, and over which one may drive."""
 
@@ -48,7 +55,6 @@ class Stand(NamedTuple):
     y: float  # metres left of its centre line
     yaw: float  # radians left of the road's direction there
     lift: float = 0.0  # metres above the ground
-    roll: float = 0.0  # radians about its x axis, with its left side up
     part: bool = False  # whether it is a part of the object before it, whose place it shares
 
 
@@ -93,11 +99,12 @@ def placed(ground: Ground, stands: Sequence[Stand]) -> list[Placement]:
 def poses(ground: Ground, stands: Sequence[Stand]) -> np.ndarray:
     """Poses f64[n, 4, 4], asset frame -> world.
 
-    Vehicles and flat objects lean with the slope; houses go down to the lowest ground below them; the doors
-    of built-in buses are at the kerb.
+    Vehicles and flat objects lean with the slope; vehicles tilt over a kerb, other objects go down to the
+    lower side of it; houses go down to the lowest ground below them; the doors of built-in buses are at the
+    kerb.
     """
     path = ground.path
-    x, y, yaw, lift, roll = _numbers(stands)
+    x, y, yaw, lift = _numbers(stands)
     found = np.zeros((len(stands), 4, 4))
     found[:, 2, 2] = found[:, 3, 3] = 1.0
     found[:, :2, 3] = to_world(path, x, y) if path.bends else np.stack([x, y], axis=1)
@@ -106,12 +113,7 @@ def poses(ground: Ground, stands: Sequence[Stand]) -> np.ndarray:
     found[:, 0, 0] = found[:, 1, 1] = np.cos(heading)
     found[:, 1, 0] = np.sin(heading)
     found[:, 0, 1] = -found[:, 1, 0]
-    rolled = np.flatnonzero(roll)
-    if len(rolled):
-        c, s = np.cos(roll[rolled]), np.sin(roll[rolled])
-        left = found[rolled, :, 1].copy()
-        found[rolled, :, 1] = c[:, None] * left + s[:, None] * found[rolled, :, 2]
-        found[rolled, :, 2] = c[:, None] * found[rolled, :, 2] - s[:, None] * left
+    _over_kerbs(ground, stands, found)
     if path.slopes:
         families = [stand.family for stand in stands]
         tilted = np.array([family in TILTED for family in families], bool)
@@ -128,8 +130,56 @@ def poses(ground: Ground, stands: Sequence[Stand]) -> np.ndarray:
 
 
 def _numbers(stands: Sequence[Stand]) -> np.ndarray:
-    """x, y, yaw, lift and roll f64[5, n]."""
-    return np.array([stand[2:7] for stand in stands]).reshape(-1, 5).T
+    """x, y, yaw and lift f64[4, n]."""
+    return np.array([stand[2:6] for stand in stands]).reshape(-1, 4).T
+
+
+def _over_kerbs(ground: Ground, stands: Sequence[Stand], world: np.ndarray) -> None:
+    """Tilt wheeled objects that stand on both sides of a kerb, and lower all others to its lower side.
+
+    A vehicle takes the plane nearest to the ground at its four wheels. Parts follow the object before them.
+
+    Args:
+        ground: the ground.
+        stands: the objects, with their parts.
+        world: their poses f64[n, 4, 4], changed in place.
+    """
+    first = [k for k, stand in enumerate(stands) if not stand.part]
+    whole = list(objects(stands))
+    standing = [
+        parts[0].family not in FLAT and not parts[0].lift and abs(parts[0].y) < STRIP
+        for parts in whole
+    ]
+    whole = [parts for parts, on in zip(whole, standing, strict=True) if on]
+    if not whole:
+        return
+    at = np.array(first)[standing]
+    families = [parts[0].family for parts in whole]
+    wheeled = np.array([family in WHEELED for family in families])
+    in_line = np.array([family in IN_LINE for family in families])
+    own = np.array([footprint(*(part[:2] for part in parts)) for parts in whole])
+    x, y, yaw, _ = _numbers([parts[0] for parts in whole])
+    long = CONTACT[0] * own[:, 2]
+    wide = np.where(in_line, 0.0, np.where(wheeled, CONTACT[1], CONTACT[0]) * own[:, 3])
+    u = own[:, :1] + long[:, None] * [1, 1, -1, -1]
+    v = own[:, 1:2] + wide[:, None] * [1, -1, 1, -1]
+    c, s = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
+    places = x[:, None] + c * u - s * v, y[:, None] + s * u + c * v
+    height = kerb_heights(ground, places[0].ravel(), places[1].ravel()).reshape(-1, 4)
+    centre = kerb_heights(ground, x, y)
+    low = np.flatnonzero(~wheeled & (height.min(axis=1) < centre))
+    world[at[low], 2, 3] -= centre[low]
+    tilts = np.flatnonzero(wheeled & (height != centre[:, None]).any(axis=1))
+    height, at, own = height[tilts], at[tilts], own[tilts]
+    pitch = height @ [0.25, 0.25, -0.25, -0.25] / long[tilts]
+    roll = height @ [0.25, -0.25, 0.25, -0.25] / np.where(in_line, np.inf, wide)[tilts]
+    world[at, 2, 3] += height.mean(axis=1) - own[:, 0] * pitch - own[:, 1] * roll - centre[tilts]
+    ahead = world[at, :3, 0] + pitch[:, None] * [0, 0, 1]
+    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
+    left = world[at, :3, 1] + roll[:, None] * [0, 0, 1]
+    left -= (left * ahead).sum(axis=1, keepdims=True) * ahead
+    left /= np.linalg.norm(left, axis=1, keepdims=True)
+    world[at, :3, :3] = np.stack([ahead, left, np.cross(ahead, left)], axis=2)
 
 
 def _leaning(path: Path, found: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -148,7 +198,7 @@ def _corners(stands: Sequence[Stand]) -> np.ndarray:
     """Corners f64[n, 4, 2] of the areas below assets, in road coordinates as on a straight road."""
     if not stands:
         return np.zeros((0, 4, 2))
-    x, y, yaw, _, _ = _numbers(stands)
+    x, y, yaw, _ = _numbers(stands)
     own = np.array([_outline(stand.family, stand.ref) for stand in stands])
     u, v = own[:, (0, 2, 2, 0)], own[:, (1, 1, 3, 3)]
     c, s = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
@@ -191,7 +241,7 @@ def world_corners(path: Path, stands: Sequence[Stand]) -> np.ndarray:
     corners = _corners(stands)
     if not path.bends or not stands:
         return corners
-    x, y, _, _, _ = _numbers(stands)
+    x, y, _, _ = _numbers(stands)
     turn = heading_at(path, x)
     c, s = np.cos(turn)[:, None], np.sin(turn)[:, None]
     u, v = corners[:, :, 0] - x[:, None], corners[:, :, 1] - y[:, None]
@@ -223,7 +273,7 @@ def rectangles(path: Path, stands: Sequence[Stand]) -> np.ndarray:
     if not whole:
         return np.zeros((0, 6))
     own = np.array([footprint(*(part[:2] for part in parts)) for parts in whole])
-    x, y, yaw, _, _ = _numbers([parts[0] for parts in whole])
+    x, y, yaw, _ = _numbers([parts[0] for parts in whole])
     return turned_out(path, own, x, y, yaw)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from scene.assets.catalogue import chosen, in_season, parts_of
 from scene.assets.families import FAMILIES
 from scene.streams import stream
-from scene.street.instances import Stand, footprint
+from scene.street.instances import WHEELED, Stand, footprint
 from scene.street.plot import LINE_END, LINE_START, Setting
 
 JITTER = 0.25
@@ -29,6 +29,8 @@ RUN, LAP = 0.8, 0.04
 """Share of an interval that a run of panels may fill; metres by which a panel reaches into the next."""
 KERB = {"pole": 0.45, "bicycle": 0.55}
 """Least distance in metres of a line's objects from the kerb, if overlaps are avoided."""
+NARROW = 0.5
+"""Metres from its middle that an object may reach and still be moved off a kerb."""
 ORDER = ("building", "car", "fence", "tree", "pole", "bicycle", "person")
 """Order of the lines, if overlaps are avoided."""
 TOWARDS, ASIDE = 0.7, 0.25
@@ -76,6 +78,11 @@ def _line(
         yaw = _yaw(row.facing, side, forward, turned, free, wobbles[slot])
         long, wide = (2 * half for half in footprint((family, ref))[2:])
         panels = _panels(long, interval) if row.runs else [0.0]
+        step = STEP * (slot % 3) if row.front == "right" else 0.0
+        across = distance + step
+        if family not in WHEELED:
+            reach = (abs(math.sin(yaw)) * long + abs(math.cos(yaw)) * wide) / 2
+            across = _off_the_kerb(across, street.ground.half_width, reach)
         shift = (2 * jitter - 1) * JITTER * interval
         if apart:
             reach = abs(math.cos(yaw)) * long * len(panels) + abs(math.sin(yaw)) * wide
@@ -88,10 +95,9 @@ def _line(
             late += more / 2
             if x > LINE_END:
                 break
-        step = STEP * (slot % 3) if row.front == "right" else 0.0
         for panel in panels:
             for k, part in enumerate(parts_of(family, ref, chance, pool)):
-                found.append(Stand(*part, x + panel, side * (distance + step), yaw, part=k > 0))
+                found.append(Stand(*part, x + panel, side * across, yaw, part=k > 0))
     return found
 
 
@@ -127,6 +133,15 @@ def moves(street: Setting, stands: Sequence[Stand]) -> np.ndarray:
         (still, 2 * inwards),
     ]
     return np.array(tries).transpose(0, 2, 1)
+
+
+def _off_the_kerb(distance: float, kerb: float, reach: float) -> float:
+    """The nearest distance from the centre line at which a narrow object stands on one side of the kerb.
+
+    ``reach`` is how far it extends across the road from its middle, metres.
+    """
+    away = distance - kerb
+    return distance if abs(away) >= reach or reach > NARROW else kerb + math.copysign(reach, away)
 
 
 def _panels(long: float, interval: float) -> list[float]:

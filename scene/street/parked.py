@@ -25,8 +25,6 @@ LONGEST = 9.0
 """Metres; longer vehicles do not park."""
 PASSAGE = 2.9
 """Metres of carriageway that a row leaves free on its side of the centre line."""
-TRACK = 1.6
-"""Metres between a car's wheels."""
 STYLES = {
     "kerb": 0.6,
     "half on": 0.14,
@@ -84,7 +82,6 @@ def _along(plot: Plot, side: float, half_on: bool, rng: np.random.Generator) -> 
     ground, pool = plot.ground, plot.street.pool
     forward = 0.0 if side == plot.street.drive else math.pi
     closed = kept_free(ground, side)
-    lean = math.atan2(ground.kerb_height, TRACK)  # of a car with two wheels on the sidewalk
     x = LINE_START + float(rng.uniform(0, 6))
     while x < LINE_END:
         family = draw_family(PARKED, rng)
@@ -99,13 +96,9 @@ def _along(plot: Plot, side: float, half_on: bool, rng: np.random.Generator) -> 
             continue
         width = 2 * footprint((family, ref))[3]
         middle = ground.half_width - (0.15 if half_on else 0.2 + width / 2) + float(drift)
-        middle = min(middle, ground.half_width - 0.02)  # on the road, or it would be lifted
         yaw = forward + math.pi * turned + float(wobble)
-        leans = half_on and width < 2.0
-        roll = math.copysign(lean, side * math.cos(yaw)) if leans else 0.0
-        lift = ground.kerb_height / 2 if leans else 0.0
         stands = clear(closed, x, x + long) and plot.put(
-            family, ref, x + long / 2, side * middle, yaw, lift=lift, roll=roll
+            family, ref, x + long / 2, side * middle, yaw
         )
         x += long + float(gap) if stands else 0.7
 

@@ -107,8 +107,6 @@ class Plot:
         *,
         chance: float = 0.0,
         spare: float = SPARE,
-        lift: float = 0.0,
-        roll: float = 0.0,
         bare: bool = False,
     ) -> bool:
         """Place an object if there is room; returns whether there was.
@@ -121,8 +119,6 @@ class Plot:
             yaw: radians left of the driving direction.
             chance: in [0, 1), for its parts, see ``parts_of``.
             spare: least distance in metres from other objects.
-            lift: metres above the ground.
-            roll: radians about its own x axis.
             bare: whether it needs ground without tiles.
         """
         if ref is None or not LINE_START - 10 < x < LINE_END + 10:
@@ -138,7 +134,7 @@ class Plot:
         block = self._block(parts, box)
         if block is not None and not _bearable(block, self._blocks):
             return False
-        self._stand(parts, x, y, yaw, lift, roll, box, block)
+        self._stand(parts, x, y, yaw, 0.0, box, block)
         return True
 
     def lay(self, family: str, ref: int | str | None, x: float, y: float, yaw: float) -> bool:
@@ -163,7 +159,7 @@ class Plot:
         """Place an object on an existing one, ``lift`` metres above the ground."""
         parts = [(family, ref)]
         box = self._rectangle(parts, x, y, yaw)
-        self._stand(parts, x, y, yaw, lift, 0.0, box, self._block(parts, box))
+        self._stand(parts, x, y, yaw, lift, box, self._block(parts, box))
 
     def built(self, x: float, y: float) -> bool:
         """Whether a house, a wall or a fence stands at a place."""
@@ -188,12 +184,11 @@ class Plot:
         y: float,
         yaw: float,
         lift: float,
-        roll: float,
         box: Rectangle,
         block: tuple[float, float] | None,
     ) -> None:
         for k, (family, ref) in enumerate(parts):
-            self.stands.append(Stand(family, ref, x, y, yaw, lift, roll, k > 0))
+            self.stands.append(Stand(family, ref, x, y, yaw, lift, k > 0))
         self._taken.add(box)
         if block is not None:
             self._blocks.append(block)
