@@ -143,6 +143,11 @@ class StreetParams(NamedTuple):
     green_verge_share: float = BY_NAME["green_verge_share"].default
     road_wear: float = BY_NAME["road_wear"].default
 
+    @property
+    def space(self) -> SpaceName:
+        """The space that they come from; in ``scenex``, streets and camera are exactly where they say."""
+        return "scenex" if self.field_of_view is None else "extended"
+
 
 def names(space: SpaceName) -> tuple[str, ...]:
     """The names of a space's attributes, in order."""

@@ -18,6 +18,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import llvmlite.binding
 import numba
 
 VARIABLE = "NUMBA_CACHE_DIR"
@@ -38,6 +39,16 @@ def njit(**options: Any) -> Any:
             numba.config.CACHE_DIR = before
 
     return decorate
+
+
+def first_use(renderer: str) -> Path | None:
+    """The file that marks that a renderer's functions are kept, if they are not yet; else None.
+
+    Who makes the file has rendered with it.
+    """
+    cpu = llvmlite.binding.get_host_cpu_name()
+    marker = Path(_folder()) / f"{renderer}-{numba.__version__}-{cpu}"
+    return None if marker.exists() else marker
 
 
 @cache

@@ -30,6 +30,8 @@ LESS_URGENT = 10
 begun would wait for hours beside programs of others."""
 AHEAD = 2
 """Tasks per worker that are begun before their results are taken."""
+UNGUARDED = 78
+"""The exit code of a process that would start processes of its own while it starts."""
 PROCESS = 100_000_000
 """The least bytes of an idle worker."""
 
@@ -226,9 +228,15 @@ class WorkerPool(Workers):
 
     def _stop(self, behind: bool) -> None:
         executor = self._executors.pop(behind)
-        for process in list((executor._processes or {}).values()):
+        processes = list((executor._processes or {}).values())
+        for process in processes:
             process.terminate()
         executor.shutdown(wait=True, cancel_futures=True)
+        if any(process.exitcode == UNGUARDED for process in processes):
+            raise WorkerError(
+                "each worker process runs the main script again, which started workers again; "
+                'put the script\'s code under: if __name__ == "__main__":'
+            )
 
     def _submit(
         self, function: Callable[..., Any], task: tuple, net: bool, first: Any, behind: bool
@@ -245,6 +253,10 @@ class WorkerPool(Workers):
 
     def _executor(self, behind: bool) -> Executor:
         if behind not in self._executors:
+            if getattr(multiprocessing.current_process(), "_inheriting", False):
+                os._exit(
+                    UNGUARDED
+                )  # ``_stop`` explains it; an exception would print a traceback each
             context = multiprocessing.get_context("spawn")
             self._executors[behind] = ProcessPoolExecutor(
                 self.workers,

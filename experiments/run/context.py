@@ -23,6 +23,7 @@ from experiments.evaluation.runner import Runner
 from experiments.evaluation.store import LOGS, Store
 from experiments.target.base import Side, Target
 from experiments.target.named import named_target
+from scene.dataset.render import compile_first
 from scene.executors import workers_of
 from scene.render import RendererError, renderer
 from scene.version import ENGINE
@@ -168,6 +169,7 @@ def opened(
     plain = {"engine": ENGINE, **asdict(config)}
     with workers_for(config) as workers:
         answer = asked(workers)
+        compile_first(workers, config.renderer)
         target = find(config, workers)
         folder.refuse_foreign(config.out, plain, (*FREE_FIELDS, FIELD))
         if refuse is not None:

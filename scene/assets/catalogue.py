@@ -60,7 +60,7 @@ class AssetPool(NamedTuple):
 
     def overlap_of(self, params: StreetParams) -> str:
         """``overlap`` in a street; the default of ``scenex`` is "allow", as in the paper, else "avoid"."""
-        return self.overlap or ("allow" if params.field_of_view is None else "avoid")
+        return self.overlap or ("allow" if params.space == "scenex" else "avoid")
 
 
 MOST = 1_000_000

@@ -26,7 +26,7 @@ from scene.dataset.formats.labels import refuse_with_target, target_entry
 from scene.dataset.formats.layout import SPLITS, layout
 from scene.dataset.formats.shot import shot_files
 from scene.dataset.read import DESCRIPTION, WORK, describe, pictures
-from scene.dataset.render import Dataset, check_request, street_of
+from scene.dataset.render import Dataset, check_request, compile_first, street_of
 from scene.proposal import Streets
 from scene.render import RenderSettings, renderer
 from scene.version import MAKERS
@@ -162,9 +162,11 @@ def _export(
     (work / "streets").mkdir(exist_ok=True)
     done_before = set(_finished(plan, range(len(units))))
     done, written = sum(plan.shots_of(street) for street in done_before), 0
-    if progress is not None:
-        progress(done, plan.images, written)
     with opened(workers) as processes:
+        if len(done_before) < len(units):
+            compile_first(processes, plan.renderer)
+        if progress is not None:
+            progress(done, plan.images, written)
         sent = plan._replace(pool=plan.pool.called(processes.share))
         tasks = [(sent, k, unit) for k, unit in enumerate(units) if k not in done_before]
         for position, (files, record) in processes.map(_draw_street, tasks):

@@ -6,16 +6,18 @@ and the renderer, but not on the number of workers.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from scene.assets.catalogue import AssetPool
-from scene.attributes import check_unit, street_params
+from scene.attributes import check_unit, default_unit, street_params
+from scene.compiled import first_use
 from scene.render import Frame, RenderSettings, check_settings, renderer
 from scene.street.street import Street, sample_street
-from scene.workers import Workers, opened
+from scene.workers import WorkerPool, Workers, opened
 
 
 class Dataset(NamedTuple):
@@ -52,6 +54,30 @@ def images_and_labels(*task: Any) -> tuple[np.ndarray, np.ndarray]:
     """Render a street with `render_street`'s arguments: u8[shots, h, w, 3] and u8[shots, h, w]."""
     frames = render_street(*task)
     return np.stack([f.image for f in frames]), np.stack([f.label for f in frames])
+
+
+def compile_first(workers: Workers, renderer_name: str) -> None:
+    """Compile a renderer on its first use on this machine, and say so, since it takes minutes.
+
+    One of the workers does it before all others begin, which then find what it has kept. Workers of a cluster
+    compile where they are.
+    """
+    if isinstance(workers, WorkerPool) and first_use(renderer_name) is not None:
+        print("compiling the renderer (once per machine)...", file=sys.stderr, flush=True)
+        list(workers.map(_compile, [(renderer_name,)]))
+
+
+def _compile(renderer_name: str) -> None:
+    """Render one street of each kind for which other functions are needed: straight, bent, at night."""
+    settings, pool = RenderSettings(64, 48), AssetPool(size=1)
+    params = street_params(default_unit())
+    straight = params._replace(bend=0.0, gradient=0.0)
+    night = pool._replace(weather="night")
+    for of, assets in ((straight, pool), (params._replace(bend=20.0), pool), (params, night)):
+        renderer(renderer_name).render(sample_street(of, 0, 1, assets), settings)
+    marker = first_use(renderer_name)
+    if marker is not None:
+        marker.touch()
 
 
 def check_request(
@@ -108,6 +134,7 @@ def render_dataset(
     n, h, w = len(units) * shots, settings.height, settings.width
     images, labels = np.empty((n, h, w, 3), np.uint8), np.empty((n, h, w), np.uint8)
     with opened(workers) as processes:
+        compile_first(processes, renderer_name)
         pool = pool.called(processes.share)
         tasks = [(u, seed, i, shots, settings, renderer_name, pool) for i, u in enumerate(units)]
         for done, (i, result) in enumerate(processes.map(images_and_labels, tasks), start=1):

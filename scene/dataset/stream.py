@@ -17,7 +17,7 @@ from scene.dataset.formats.labels import (
     target_entry,
     target_labels,
 )
-from scene.dataset.render import check_request, images_and_labels
+from scene.dataset.render import check_request, compile_first, images_and_labels
 from scene.proposal import Streets, draw, read_streets
 from scene.render import RenderSettings
 from scene.workers import Workers, opened
@@ -116,6 +116,7 @@ def _samples(
     streets = count(first) if last is None else range(first, -(-last // shots))
     number = first * shots
     with opened(workers) as processes:
+        compile_first(processes, renderer_name)
         sent = pool.called(processes.share)
         tasks: Iterator[tuple[Any, ...]] = (
             (units(k), seed, k, shots, settings, renderer_name, sent) for k in streets

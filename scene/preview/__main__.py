@@ -22,6 +22,7 @@ import cv2
 import numpy as np
 
 from scene.assets.catalogue import AssetPool, absent, check_pool
+from scene.dataset.render import compile_first
 from scene.parsers import preview as parser
 from scene.preview.closeup import all_classes, class_page
 from scene.preview.layout import Studio
@@ -29,6 +30,7 @@ from scene.preview.streets import all_sweeps, contact_sheet, sweep
 from scene.preview.themes import all_themes, theme_page
 from scene.proposal import draw, streets_named
 from scene.render import RENDERERS, RendererError, RenderSettings, check_settings
+from scene.workers import WorkerPool
 from shell import files
 from shell.command import exit_code
 
@@ -76,6 +78,8 @@ def page(options: argparse.Namespace) -> np.ndarray:
     width, height = options.size or SIZES[f"{mode} all" if everything else mode]
     settings = check_settings(RenderSettings(width, height, samples=2))
     columns = options.columns or (8 if everything else min(options.count, 6))
+    for name in RENDERERS if options.renderer == BOTH else (options.renderer,):
+        compile_first(WorkerPool(0), name)
     studio = Studio(settings, options.renderer, pool)
     if mode == "sweep":
         if everything:

@@ -1,13 +1,11 @@
-"""Where spots lie on the road, by which textures of the ground and wetness go.
-
-On a straight and level road that is where they lie in the world.
-"""
+"""Where spots lie on the road and on their assets, by which textures and wetness go."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from scene.compiled import njit
+from scene.ground.build import GROUND_INSTANCES
 from scene.ground.land import road_height
 from scene.ground.path import Path
 from scene.render.geometry import Geometry
@@ -26,8 +24,9 @@ def on_road(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Points f32[m, 3] and normals f32[m, 3] of spots as shading wants them, see ``shade``.
 
-    Those of the ground in road coordinates; of the rest only the height of level faces changes, which is
-    that above the road.
+    Those of the ground are in road coordinates, those of objects in their asset's own frame, so that its
+    texture turns with it; but the height of level faces is that above the road, and the upward part of
+    normals that in the world.
 
     Args:
         geometry: of the street.
@@ -37,16 +36,38 @@ def on_road(
         points: f32[m, 3] in the world.
         flat: f32[m, 3] in the world.
     """
-    if path.straight:
-        return points, flat
     points, flat = points.copy(), flat.copy()
     if path.slopes:
-        level = np.flatnonzero((flat[:, 2] > LEVEL) & (instance > len(geometry.laid)))
+        level = np.flatnonzero((flat[:, 2] > LEVEL) & (instance > len(GROUND_INSTANCES)))
         points[level, 2] -= road_height(path, points[level])
+    _in_asset(len(GROUND_INSTANCES), geometry.pose, instance, points, flat)
     for ground, road in enumerate(geometry.laid, 1):
         shape = geometry.shapes[geometry.shape[ground]]
         _lay(ground, shape.faces, shape.vertices, road, instance, face, points, flat)
     return points, flat
+
+
+@njit(cache=True, error_model="numpy")
+def _in_asset(
+    ground: int, pose: np.ndarray, instance: np.ndarray, points: np.ndarray, flat: np.ndarray
+) -> None:
+    """Put the points and normals of objects, instances after ``ground``, into their assets' frames."""
+    for i in range(len(instance)):
+        j = instance[i]
+        if j <= ground:
+            continue
+        x, y, z = (
+            points[i, 0] - pose[j, 0, 3],
+            points[i, 1] - pose[j, 1, 3],
+            points[i, 2] - pose[j, 2, 3],
+        )
+        a, b, c = flat[i, 0], flat[i, 1], flat[i, 2]
+        points[i, 0] = x * pose[j, 0, 0] + y * pose[j, 1, 0] + z * pose[j, 2, 0]
+        points[i, 1] = x * pose[j, 0, 1] + y * pose[j, 1, 1] + z * pose[j, 2, 1]
+        if abs(c) <= LEVEL:
+            points[i, 2] = x * pose[j, 0, 2] + y * pose[j, 1, 2] + z * pose[j, 2, 2]
+        flat[i, 0] = a * pose[j, 0, 0] + b * pose[j, 1, 0] + c * pose[j, 2, 0]
+        flat[i, 1] = a * pose[j, 0, 1] + b * pose[j, 1, 1] + c * pose[j, 2, 1]
 
 
 @njit(cache=True, error_model="numpy")

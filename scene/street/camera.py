@@ -9,6 +9,7 @@ import numpy as np
 
 from scene.ground.ground import Ground, ground_height
 from scene.ground.path import Path, heading_at, place_at, slope_at, to_world
+from scene.street.clearance import Rectangle, Rectangles
 
 DRIVE = 60.0
 """Metres of road over which the camera takes its shots."""
@@ -55,35 +56,60 @@ def _forward(camera: Camera) -> tuple[float, float, float]:
     return along * math.cos(camera.yaw), -along * math.sin(camera.yaw), -math.sin(camera.pitch)
 
 
-def camera_path(
-    first: Camera,
-    shots: int,
-    taken: np.ndarray,
-    rng: np.random.Generator,
-    ground: Ground,
-) -> tuple[Camera, ...]:
-    """Poses spread over ``DRIVE`` metres, each with replacements ``further`` along the road.
+def places_along(shots: int, rng: np.random.Generator) -> np.ndarray:
+    """Metres along the road f64[shots, 1 + AGAIN] of each shot's place and its replacements.
 
-    All are as far from the centre line as ``first``, or at the nearest place with ``SPARE`` metres to all
-    objects. A place without free ground within ``ASIDE`` metres is left out, unless a shot has no other.
+    The shots are spread over ``DRIVE`` metres; consumes ``rng``.
+    """
+    along = np.linspace(0.0, SEARCH, 1 + AGAIN)
+    return np.array([(shot + rng.random()) * DRIVE / shots + along for shot in range(shots)])
+
+
+def camera_path(
+    first: Camera, x: np.ndarray, taken: np.ndarray, ground: Ground, fixed: bool
+) -> tuple[Camera, ...]:
+    """Poses along the road, each with replacements ``further`` along it.
+
+    All are as far from the centre line as ``first``. Where that is less than ``SPARE`` metres from an object,
+    a fixed camera has no replacement, and another one moves to the nearest free place across the road; a
+    place without free ground within ``ASIDE`` metres is left out, unless a shot has no other.
 
     Args:
         first: the camera at the start of the road, with its height above the ground.
-        shots: number of shots.
+        x: f64[shots, 1 + AGAIN] metres along the road, see ``places_along``.
         taken: f64[n, 6] the objects of the street, with rows as ``clearance.Rectangle``.
-        rng: consumed.
         ground: the ground, whose road the camera follows as if it were fixed to a car.
+        fixed: whether the camera keeps its distance; objects must be clear of its first places.
     """
-    along = np.linspace(0.0, SEARCH, 1 + AGAIN)
-    x = np.array([(shot + rng.random()) * DRIVE / shots + along for shot in range(shots)])
-    y = nearest_free(ground.path, x.ravel(), first.position[1], taken).reshape(x.shape)
-    y[np.isnan(y).all(axis=1)] = first.position[1]
+    lane = first.position[1]
+    if fixed:
+        solid = Rectangles()
+        solid.extend(taken)
+        room = camera_room(ground.path, x[:, 1:].ravel(), lane)
+        free = [not solid.meet(Rectangle(*row), 0.0) for row in room]
+        y = np.full(x.shape, lane)
+        y[:, 1:] = np.where(free, lane, np.nan).reshape(len(x), -1)
+    else:
+        y = nearest_free(ground.path, x.ravel(), lane, taken).reshape(x.shape)
+        y[np.isnan(y).all(axis=1)] = lane
     cameras = []
     for places in np.stack([x, y], axis=-1):
         free = places[~np.isnan(places[:, 1])].tolist()
         here, *further = [_driven(first, along, beside, ground) for along, beside in free]
         cameras.append(here._replace(further=tuple(further)))
     return tuple(cameras)
+
+
+def camera_room(path: Path, x: np.ndarray, y: float) -> np.ndarray:
+    """What a camera ``y`` metres left of the centre line at ``x`` f64[n] keeps free: f64[n, 6].
+
+    Rows are as ``clearance.Rectangle``: ``SPARE`` metres around the camera and ``VIEW`` metres before it.
+    """
+    heading = heading_at(path, x)
+    cos, sin = np.cos(heading), np.sin(heading)
+    middle = to_world(path, x, y) + VIEW / 2 * np.stack([cos, sin], axis=1)
+    size = np.broadcast_to([VIEW / 2 + SPARE, SPARE], middle.shape)
+    return np.column_stack([middle, cos, sin, size])
 
 
 def nearest_free(path: Path, x: np.ndarray, y: float, taken: np.ndarray) -> np.ndarray:

@@ -1,7 +1,8 @@
-"""Clears a junction of objects of lines and background in its carriageways or its houses."""
+"""Clears junctions and the camera's places of objects of lines and background."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -9,8 +10,18 @@ import numpy as np
 from scene.ground.extent import GROUND_START, STRIP_END
 from scene.ground.ground import Ground
 from scene.ground.junction import ARM_END
-from scene.ground.path import nearest
-from scene.street.instances import Stand, spans, world_corners
+from scene.ground.path import Path, nearest
+from scene.street.clearance import Rectangle, Rectangles
+from scene.street.instances import (
+    FLAT,
+    Stand,
+    footprint,
+    objects,
+    rectangles,
+    spans,
+    turned_out,
+    world_corners,
+)
 
 VEHICLES = ("car", "truck", "bus")
 """Families of the traffic."""
@@ -20,6 +31,16 @@ SOLID = frozenset({"building", "train", "fence", "wall"})
 """Families that may not reach over an arm."""
 CLEAR = 1.5
 """Metres by which a house may be nearer to the road than its front before it is left out."""
+FARTHEST, PACE = 16.0, 0.25
+"""Metres by which an object may be moved out of the camera's way, and in what steps."""
+MOVES = np.array(
+    [
+        move
+        for metres in np.arange(PACE, FARTHEST + PACE / 2, PACE).tolist()
+        for move in ((0.0, metres), (metres, 0.0), (-metres, 0.0))
+    ]
+)
+"""Moves to try, f64[n, 2] metres along the road and away from its centre line; short ones first."""
 
 
 def cleared(ground: Ground, stands: Sequence[Stand], houses: Sequence[Stand]) -> list[Stand]:
@@ -54,6 +75,38 @@ def cleared(ground: Ground, stands: Sequence[Stand], houses: Sequence[Stand]) ->
     for begin, end in zip(*spans(ground.path, houses, junction.x), strict=True):
         bad |= ((first < end) & (last > begin)).all(axis=1)
     return _whole(stands, bad)
+
+
+def clear_of_camera(path: Path, stands: Sequence[Stand], room: np.ndarray) -> list[Stand]:
+    """Move objects out of the camera's room, as little as possible: along the road or away from it.
+
+    Objects for which no place is free within ``FARTHEST`` metres are left out.
+
+    Args:
+        path: path of the road.
+        stands: objects with their parts.
+        room: f64[n, 6] what the camera keeps free, see ``camera_room``.
+    """
+    if not len(room) or not stands:
+        return list(stands)
+    kept = Rectangles()
+    kept.extend(room)
+    found: list[Stand] = []
+    for parts, row in zip(objects(stands), rectangles(path, stands), strict=True):
+        if parts[0].family in FLAT or not kept.meet(Rectangle(*row), 0.0):
+            found += parts
+            continue
+        first = parts[0]
+        own = np.array([footprint(*(part[:2] for part in parts))])
+        shifts = MOVES * [1.0, math.copysign(1.0, first.y)]
+        x, y = (first[2:4] + shifts).T
+        rows = turned_out(path, np.repeat(own, len(x), axis=0), x, y, np.full(len(x), first.yaw))
+        free = (k for k, row in enumerate(rows) if not kept.meet(Rectangle(*row), 0.0))
+        k = next(free, None)
+        if k is not None:
+            dx, dy = shifts[k].tolist()
+            found += [part._replace(x=part.x + dx, y=part.y + dy) for part in parts]
+    return found
 
 
 def off_the_road(ground: Ground, stands: Sequence[Stand], front: float) -> list[Stand]:

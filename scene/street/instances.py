@@ -24,6 +24,8 @@ FIRST_INSTANCE = 4
 """The first instance of objects; 1-3 are road, sidewalk and terrain (``ground/build.py``), 0 is the sky."""
 STEM = 0.3
 """Half the width in metres of the stems of trees, lamps and signs; other objects may stand below the rest."""
+EAVES = 0.35
+"""Metres by which roofs of houses reach over their neighbours', so that the walls of a row touch."""
 HELD = frozenset({TrainId.VEGETATION, TrainId.POLE, TrainId.TRAFFIC_SIGN, TrainId.TRAFFIC_LIGHT})
 """Classes with only a stem on the ground."""
 TILTED = frozenset(
@@ -261,6 +263,8 @@ def footprint(*parts: tuple[str, int | str]) -> tuple[float, float, float, float
         if TRAIN_IDS[family] in HELD and family != "bush":
             left, back = max(left, -STEM), max(back, -STEM)
             right, front = min(right, STEM), min(front, STEM)
+        if family == "building" and isinstance(ref, int):
+            left, right, front = left + EAVES, right - EAVES, front - EAVES
         boxes.append((left, back, right, front))
     lefts, backs, rights, fronts = zip(*boxes, strict=True)
     left, back, right, front = min(lefts), min(backs), max(rights), max(fronts)

@@ -15,11 +15,10 @@ from scene.assets.catalogue import parts_of, pick_in_season
 from scene.ground.junction import REACH, Junction
 from scene.street.background import WOODS
 from scene.street.clearing import VEHICLES
-from scene.street.instances import Stand, length, spans
+from scene.street.instances import EAVES, Stand, footprint, length, spans
+from scene.street.lines import STEP
 from scene.street.plot import Setting
 
-GAP = 0.25
-"""Least gap between houses of a row, metres."""
 SET_BACK = 6.0
 """Largest gap between an arm's sidewalk and its houses, metres."""
 VEHICLE_SHARES = (0.86, 0.08, 0.06)
@@ -103,7 +102,7 @@ def _houses(arm: Arm) -> list[Stand]:
             if arm.side < 0:
                 across = hand * (front + (high[0] if hand > 0 else -low[0]))
             found += arm.put("building", ref, at, across, yaw)
-            at += float(high[1]) + GAP
+            at += float(high[1]) - EAVES
         while at < REACH:
             kind = "building" if arm.rng.random() < town else "tree"
             ref = arm.pick(kind)
@@ -112,10 +111,10 @@ def _houses(arm: Arm) -> list[Stand]:
                     found += arm.stand("tree", at + 3, hand * (front + 3), 0.0)
                 at += float(arm.rng.uniform(5, 12))
                 continue
-            low, high = catalogue.bounds("building", ref)
-            width = float(high[0] - low[0])
-            found += arm.put("building", ref, at + width / 2, hand * front, _facing(hand))
-            at += width + GAP + (float(arm.rng.uniform(0, 6)) if arm.rng.random() < 0.2 else 0.0)
+            width = 2 * footprint(("building", ref))[2]
+            away = front + STEP * (len(found) % 3)
+            found += arm.put("building", ref, at + width / 2, hand * away, _facing(hand))
+            at += width + (float(arm.rng.uniform(0, 6)) if arm.rng.random() < 0.2 else 0.0)
     return found
 
 

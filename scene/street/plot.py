@@ -60,6 +60,10 @@ class Plot:
         # Possible places of the camera.
         self._path = to_world(street.ground.path, self._along, lane)
 
+    def keep_free(self, rows: np.ndarray) -> None:
+        """Keep rectangles f64[n, 6] free of all objects that are placed where there is room."""
+        self._taken.extend(rows + np.array([0.0, 0.0, 0.0, 0.0, -TOUCHING, -TOUCHING]))
+
     def add(self, stands: Sequence[Stand]) -> None:
         """Place objects with their parts, even where there is no room."""
         whole = list(objects(stands))

@@ -21,8 +21,8 @@ from scene.ground.path import folded, sample_path
 from scene.sky.sky import Sky, sample_sky
 from scene.streams import stream
 from scene.street.background import background, belt
-from scene.street.camera import Camera, camera_path
-from scene.street.clearing import cleared, off_the_road
+from scene.street.camera import Camera, camera_path, camera_room, places_along
+from scene.street.clearing import clear_of_camera, cleared, off_the_road
 from scene.street.extras import Mix, extras, open_sides
 from scene.street.furniture import own_class
 from scene.street.instances import Placement, Stand, placed, standing
@@ -83,34 +83,50 @@ def sample_street(
     verges = stream(seed, "verge", 0), stream(seed, "verge", 1)
     ground = with_sides(ground, params.green_verge_share, (fronts[0], fronts[1]), verges)
     ground = _shaped(ground, params, seed)
+    lane, x = drive * params.camera_position_x, places_along(shots, rng)
+    fixed = params.space == "scenex"
+    room = camera_room(ground.path, x[:, 0], lane)[: len(x) * fixed]
     plot = Plot(Setting(params, ground, pool, drive))
-    _fill(plot, seed, mix, apart=pool.overlap_of(params) == "avoid")
+    _fill(plot, seed, mix, room, apart=pool.overlap_of(params) == "avoid")
     placements = placed(ground, plot.stands)
-    place = (0.0, drive * params.camera_position_x, params.camera_position_y)
     first = Camera(
-        place, params.camera_rotation_y, params.camera_rotation_x, params.camera_roll,
-        params.field_of_view, params.exposure, params.white_balance,
+        (0.0, lane, params.camera_position_y), params.camera_rotation_y, params.camera_rotation_x,
+        params.camera_roll, params.field_of_view, params.exposure, params.white_balance,
     )  # fmt: skip
-    cameras = camera_path(first, shots, standing(placements)[1], rng, ground)
+    cameras = camera_path(first, x, standing(placements)[1], ground, fixed)
     return Street(tuple(placements), cameras, sky, ground, seed)
 
 
-def _fill(plot: Plot, seed: int, mix: Mix | None, apart: bool) -> None:
-    """Place all objects of a street; ``apart`` says whether its lines avoid each other."""
+def _fill(plot: Plot, seed: int, mix: Mix | None, room: np.ndarray, apart: bool) -> None:
+    """Place all objects of a street.
+
+    Args:
+        plot: the street without objects.
+        seed: seed of all random choices.
+        mix: probabilities of ingredients without an attribute.
+        room: f64[n, 6] what the camera keeps free, see ``camera_room``; empty if it moves aside.
+        apart: whether the lines avoid each other.
+    """
     setting, ground = plot.street, plot.ground
     front = setting.params.building_position
     is_open = open_sides(setting.params.open_share, seed)
-    corners = off_the_road(ground, junction_objects(setting, stream(seed, "corners")), front)
+    plot.keep_free(room)
+
+    def placeable(stands: list[Stand]) -> list[Stand]:
+        """Objects out of the camera's way, without houses across a bend."""
+        return off_the_road(ground, clear_of_camera(ground.path, stands, room), front)
+
+    corners = placeable(junction_objects(setting, stream(seed, "corners")))
     houses = [stand for stand in corners if stand.family == "building"]
     plot.admit(houses) if apart else plot.add(houses)
-    lines = off_the_road(ground, lines_of(setting, seed, is_open, apart), front)
+    lines = placeable(lines_of(setting, seed, is_open, apart))
     lines = cleared(ground, lines, houses)
     plot.admit(lines, moves(setting, lines)) if apart else plot.add(lines)
     plot.admit([s for s in corners if s.family != "building"], spare=SPARE)
     count = len(plot.stands)
     extras(plot, seed, mix)
     plot.stands[count:] = cleared(ground, plot.stands[count:], houses)
-    far = cleared(ground, off_the_road(ground, _background(setting, seed), front), houses)
+    far = cleared(ground, placeable(_background(setting, seed)), houses)
     plot.admit(far) if apart else plot.add(far)
     if setting.pool.own_class is not None:  # last, so that all other objects stay in place
         count = len(plot.stands)

@@ -10,7 +10,7 @@ import pytest
 from scene import AssetPool, default_unit, sample_street
 from scene.assets.families import FAMILIES
 from scene.callback import render_fn
-from scene.dataset.render import render_dataset, render_street, street_of
+from scene.dataset.render import compile_first, render_dataset, render_street, street_of
 from scene.workers import WorkerPool
 from tests.scene.conftest import DEFAULT, POOL, TINY, chosen, refused, units
 
@@ -104,3 +104,27 @@ def test_values_out_of_range_are_clipped_nan_is_the_middle_and_vmap_renders_one_
 def test_wrong_shapes_are_refused_before_the_call(compiled, unit, seeds):
     with pytest.raises(ValueError, match=r"expected unit|must have 23"):
         compiled(jnp.zeros(unit), jnp.zeros(seeds, jnp.uint32))
+
+
+def test_the_first_use_of_a_renderer_is_announced_before_it_compiles(tmp_path, monkeypatch, capsys):
+    """And not again, unless it was stopped before it had compiled."""
+    events = []
+
+    class Stub:
+        def render(self, street, settings):
+            events.append(capsys.readouterr().err)
+            if len(events) == 2:
+                raise KeyboardInterrupt
+
+    monkeypatch.setattr("scene.compiled._folder", lambda: str(tmp_path))
+    monkeypatch.setattr("scene.dataset.render.renderer", lambda name: Stub())
+    text = "compiling the renderer (once per machine)...\n"
+    with WorkerPool(0) as here:
+        with pytest.raises(KeyboardInterrupt):
+            compile_first(here, "embree")
+        compile_first(here, "embree")
+        compile_first(here, "embree")
+        assert events[0] == events[2] == text and set(events[3:]) == {""}
+        count = len(events)
+        compile_first(here, "opengl")  # has functions of its own
+        assert events[count] == text

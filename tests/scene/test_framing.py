@@ -12,7 +12,7 @@ from scene.assets.catalogue import bounds
 from scene.classes import OWN
 from scene.dataset.render import street_of
 from scene.ground.ground import ground_height
-from scene.ground.path import STRAIGHT, nearest
+from scene.ground.path import STRAIGHT, nearest, to_world
 from scene.proposal import draw, random_proposal
 from scene.render import RenderSettings, renderer
 from scene.render.embree import depth_buffer
@@ -93,6 +93,11 @@ def test_cameras_stand_a_metre_beside_all_that_stands_at_their_own_height(seed, 
                 assert (
                     away(place.position[:2], corners).min() > SPARE - 0.01
                 )  # what leans is shorter from above
+    if space == "scenex":  # where its attribute says
+        lane = of.ground.drive * params.camera_position_x
+        assert to_world(of.ground.path, x, lane) == pytest.approx(
+            np.array([place.position[:2] for place in places]), abs=0.01
+        )
     level = math.hypot(*(np.subtract(places[0].position, places[-1].position)[:2])) > 0
     assert level  # it drives on
     if of.ground.path.straight:

@@ -2,7 +2,10 @@
 
 import os
 import signal
+import subprocess
+import sys
 from itertools import islice
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +20,7 @@ from tests.scene.conftest import refused
 SETTINGS = RenderSettings(width=64, height=48)
 OPTIONS = {"shots": 2, "settings": SETTINGS, "pool": AssetPool(0, 3)}
 SEED, STREETS = 7, 3
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(scope="module")
@@ -85,3 +89,23 @@ def test_endless_tasks_come_in_order_and_one_death_of_a_worker_is_survived(tmp_p
         found.close()
         refused(WorkerError, "died twice", list, pool.in_order(squared, tasks("always", 9)))
         assert list(pool.in_order(squared, [(str(tmp_path / "once"), 1, 4)])) == [16]
+
+
+UNGUARDED = """
+import scene
+found = scene.stream("random", 0, images=1, workers=2, settings=scene.RenderSettings(64, 48))
+print(len(list(found)))
+"""
+
+
+def test_workers_without_a_main_guard_are_explained_at_once(tmp_path):
+    script = tmp_path / "unguarded.py"
+    script.write_text(UNGUARDED)
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    ran = subprocess.run(
+        [sys.executable, str(script)], env=environment, capture_output=True, text=True
+    )
+    assert ran.returncode == 1 and ran.stdout == ""
+    assert ran.stderr.count("Traceback") == 1  # the script's own
+    last = ran.stderr.splitlines()[-1]
+    assert 'if __name__ == "__main__":' in last and "died" not in ran.stderr

@@ -1,7 +1,7 @@
 """Lines of objects along a road, the camera's drive, and the background that closes the horizon."""
 
 import math
-from itertools import groupby, pairwise
+from itertools import groupby, pairwise, product
 
 import numpy as np
 import pytest
@@ -11,11 +11,23 @@ from hypothesis import strategies as st
 
 from scene import AssetPool, TrainId
 from scene.assets import catalogue
-from scene.ground.ground import ground_height
+from scene.ground.ground import ground_height, ground_heights
+from scene.ground.path import STRAIGHT
 from scene.look.materials import material_id
 from scene.street.background import BEHIND, LINES_END, VISTA_END, background
-from scene.street.instances import FIRST_INSTANCE, Placement, Stand, bounds, poses
-from scene.street.lines import JITTER, LINE_END, LINE_START, LINES
+from scene.street.camera import camera_room
+from scene.street.clearing import clear_of_camera
+from scene.street.instances import (
+    FIRST_INSTANCE,
+    WHEELED,
+    Placement,
+    Stand,
+    bounds,
+    footprint,
+    poses,
+)
+from scene.street.lines import JITTER, LINE_END, LINE_START, LINES, NARROW, lines_of
+from scene.street.plot import Setting
 from tests.scene.conftest import DEFAULT, POOL, SEEDS, UNITS, lines_alone, street
 
 LINE_OF = {family: line for line, mix in LINES.items() for family in mix}
@@ -60,11 +72,14 @@ def test_the_same_arguments_give_the_same_street_and_another_seed_another(unit, 
 def test_every_object_stands_on_the_ground_and_the_camera_drives_on_at_its_height(unit, seed):
     params = lines_alone(unit)
     drawn = street(params, seed)
+    wheeled = {id(p.pose) for p in drawn.placements if p.family in WHEELED}
     for number, p in enumerate(drawn.placements, FIRST_INSTANCE):
         assert p.instance == number
         y, z = p.pose[1:3, 3]
-        assert z == ground_height(drawn.ground, y)
-        assert p.pose[:3, 2].tolist() == [0, 0, 1]  # upright
+        if id(p.pose) not in wheeled:  # by a kerb they stand on its lower side
+            by_kerb = abs(abs(y) - drawn.ground.half_width) < 8
+            assert z == ground_height(drawn.ground, y) or (by_kerb and z == 0)
+            assert p.pose[:3, 2].tolist() == [0, 0, 1]  # upright
         assert p.pose[:3, :3] @ p.pose[:3, :3].T == pytest.approx(np.eye(3))
         low = catalogue.bounds(p.family, p.asset)[0, 2]
         lifted = p.family in ("rider", "traffic sign", "traffic light")  # by a machine or a post
@@ -89,12 +104,46 @@ def test_only_greenery_that_no_camera_comes_near_is_far():
 @given(UNITS, SEEDS)
 def test_all_objects_of_a_line_share_its_distance_on_both_sides(unit, seed):
     params = lines_alone(unit)
-    for name, placements in by_line(params, seed).items():
-        y = np.array([p.pose[1, 3] for p in placements])
-        distance = getattr(params, f"{name}_position")
+    ground = street(params, seed).ground
+    setting = Setting(params, ground, POOL, ground.drive)
+    for stand in lines_of(setting, seed, (), apart=False):
+        name = LINE_OF.get(stand.family, "pole")
+        distance = getattr(params, f"{name}_position") if not stand.part else abs(stand.y)
         # Facades step back by up to 10 cm, lest neighbours that overlap lie in one plane.
         spare = 0.1 if name in ("building", "fence") else 0.0
-        assert ((np.abs(y) >= distance - 1e-9) & (np.abs(y) <= distance + spare + 1e-9)).all()
+        if -1e-9 <= abs(stand.y) - distance <= spare + 1e-9:
+            continue
+        assert stand.family not in WHEELED  # what is narrow stands on one side of the kerb
+        assert abs(abs(stand.y) - distance) < NARROW
+        assert abs(distance - ground.half_width) < NARROW + spare
+
+
+def wheels(family, ref):
+    """Where an asset touches the ground at each end and side, f64[n, 2] in its own frame."""
+    corners = catalogue.asset(family, ref).mesh.vertices
+    low = corners[corners[:, 2] < 0.03]
+    quarters = (low[np.all(low[:, :2] * signs > 0, axis=1)] for signs in product((1, -1), repeat=2))
+    return np.array([of.mean(axis=0)[:2] for of in quarters if len(of)])
+
+
+@pytest.mark.parametrize("position", [3.4, 4.3])
+def test_no_wheel_of_a_vehicle_over_a_kerb_is_in_the_air_or_in_the_ground(position):
+    params = DEFAULT._replace(car_position=position, car_interval=8.0, parked_share=0.5)
+    off, tilted = [], 0
+    for seed in range(12):
+        drawn = street(params, seed, pool=AssetPool())
+        for p in foreground(drawn.placements):
+            if p.family not in ("car", "bus", "truck"):
+                continue
+            touching = np.pad(wheels(p.family, p.asset), ((0, 0), (0, 1)))
+            x, y, z = (touching @ p.pose[:3, :3].T + p.pose[:3, 3]).T
+            # The ground below the middle of a tyre, or below one of its sides.
+            below = [ground_heights(drawn.ground, x, y + edge) for edge in (-0.1, 0.0, 0.1)]
+            off.append(np.abs(z - below).min(axis=0).max())
+            tilted += p.pose[2, 2] < 1 - 1e-6
+    assert len(off) > 300 and tilted > 30
+    # Of a vehicle that stands askew over a kerb only three wheels can be on the ground.
+    assert np.mean(np.array(off) > 0.05) < 0.04
 
 
 def test_buildings_are_placed_by_their_near_face_and_look_at_the_road():
@@ -197,23 +246,51 @@ def test_doors_of_buses_are_on_the_side_of_the_kerb(drive):
             y = corners[doors][..., 1].mean()
             sides.append(abs(p.pose[1, 3] + p.pose[1, 1] * y) - abs(p.pose[1, 3]))
     assert len(sides) > 20 and min(sides) > 1
-    row = [Stand(*what, 0, 0, 0) for what in (("bus", 0), ("bus", "their/own.glb"), ("car", 0))]
+    row = [Stand(*what, 0, 100, 0) for what in (("bus", 0), ("bus", "their/own.glb"), ("car", 0))]
     ground = street().ground._replace(drive=drive)
     assert (np.linalg.det(poses(ground, row)) < 0).tolist() == [drive > 0, False, False]
 
 
-def test_the_camera_moves_aside_out_of_a_bus_in_its_way():
+@pytest.mark.parametrize("space", ["scenex", "extended"])
+def test_a_bus_and_the_camera_in_its_way_keep_apart(space):
     # A line of vehicles where the camera drives.
     blocked = {"camera_position_x": 3.0, "car_position": 3.0, "car_interval": 12.0}
     params = DEFAULT._replace(**blocked, camera_position_probability=0.0)
+    if space == "extended":
+        params = params._replace(field_of_view=1.0)
     moved = 0
-    for seed in range(30):
-        low, high = np.moveaxis(bounds(by_line(params, seed)["car"]), 1, 0)
-        for camera in street(params, seed, 4).cameras:
+    for seed in range(20):
+        drawn = street(params, seed, 4)
+        vehicles = [p for p in foreground(drawn.placements) if LINE_OF.get(p.family) == "car"]
+        low, high = np.moveaxis(bounds(vehicles), 1, 0)
+        aside = [abs(abs(p.pose[1, 3]) - 3.0) > 1e-9 for p in vehicles]
+        for camera in drawn.cameras:
             beside = np.maximum(low - camera.position, camera.position - high)[:, :2]
             assert beside.max(axis=1).min() > 0.5  # some stand askew in their boxes
-            moved += abs(camera.position[1]) != 3.0
+            elsewhere = abs(camera.position[1]) != 3.0
+            assert space == "extended" or not elsewhere
+            moved += elsewhere if space == "extended" else any(aside)
     assert moved > 30
+
+
+def test_an_object_in_the_camera_s_way_is_moved_no_farther_than_needed():
+    room = camera_room(STRAIGHT, np.array([20.0]), 1.8)
+    (x, y, _, _, long, wide) = room[0].tolist()
+    assert (x, y, long, wide) == pytest.approx((22.0, 1.8, 3.0, 1.0))
+    half = footprint(("car", 0))[3]
+    near = Stand("car", 0, 22.0, 1.8 + 1.0 + half - 0.1, 0.0)
+    far = [near._replace(x=40.0), near._replace(y=near.y + 0.2)]
+    sign = [
+        Stand("signpost", 0, 21.0, 1.8, 0.0),
+        Stand("traffic sign", 0, 21.0, 1.8, 0.0, part=True),
+    ]
+    found = clear_of_camera(STRAIGHT, [near, *far, *sign], room)
+    assert found[:3] == [near._replace(y=near.y + 0.25), *far]
+    assert found[3][2:4] == found[4][2:4] != (21.0, 1.8) and found[4].part
+    # One that no short move gets out is left out, with its parts.
+    wall = np.array([[22.0, 1.8, 1.0, 0.0, 50.0, 50.0]])
+    assert clear_of_camera(STRAIGHT, [near, *sign], wall) == []
+    assert clear_of_camera(STRAIGHT, [near], room[:0]) == [near]
 
 
 def stands(seed, params=DEFAULT):
