@@ -145,7 +145,7 @@ class StreetParams(NamedTuple):
 
     @property
     def space(self) -> SpaceName:
-        """The space that they come from; in ``scenex``, streets and camera are exactly where they say."""
+        """The space that they come from; only ``extended`` has a field of view."""
         return "scenex" if self.field_of_view is None else "extended"
 
 

@@ -234,9 +234,9 @@ class WorkerPool(Workers):
         executor.shutdown(wait=True, cancel_futures=True)
         if any(process.exitcode == UNGUARDED for process in processes):
             raise WorkerError(
-                "each worker process runs the main script again, which started workers again; "
-                'put the script\'s code under: if __name__ == "__main__":'
-            )
+                "each worker process runs the main script again, which then starts workers again; "
+                'put its code under: if __name__ == "__main__":'
+            ) from None
 
     def _submit(
         self, function: Callable[..., Any], task: tuple, net: bool, first: Any, behind: bool

@@ -30,7 +30,7 @@ from scene.dataset.render import Dataset, check_request, compile_first, street_o
 from scene.proposal import Streets
 from scene.render import RenderSettings, renderer
 from scene.version import MAKERS
-from scene.workers import Workers, opened
+from scene.workers import WorkerPool, Workers, opened
 from shell.errors import UserError
 from shell.files import read_json, write, write_json
 from shell.folder import differences
@@ -122,6 +122,7 @@ def export_dataset(
         )
     wanted = settings_of(plan, units, streets)
     if not _complete(plan.folder, wanted):
+        compile_first(WorkerPool(0), plan.renderer)
         _check_room(plan, units)
         (plan.work).mkdir(parents=True, exist_ok=True)
         with _locked(plan.folder):
@@ -162,11 +163,9 @@ def _export(
     (work / "streets").mkdir(exist_ok=True)
     done_before = set(_finished(plan, range(len(units))))
     done, written = sum(plan.shots_of(street) for street in done_before), 0
+    if progress is not None:
+        progress(done, plan.images, written)
     with opened(workers) as processes:
-        if len(done_before) < len(units):
-            compile_first(processes, plan.renderer)
-        if progress is not None:
-            progress(done, plan.images, written)
         sent = plan._replace(pool=plan.pool.called(processes.share))
         tasks = [(sent, k, unit) for k, unit in enumerate(units) if k not in done_before]
         for position, (files, record) in processes.map(_draw_street, tasks):

@@ -19,6 +19,8 @@ from scene.render import Frame, RenderSettings, check_settings, renderer
 from scene.street.street import Street, sample_street
 from scene.workers import WorkerPool, Workers, opened
 
+COMPILING = "compiling the renderer (once per machine, one to four minutes)..."
+
 
 class Dataset(NamedTuple):
     """Images and labels in the order of streets; shots of one street are consecutive."""
@@ -63,7 +65,7 @@ def compile_first(workers: Workers, renderer_name: str) -> None:
     compile where they are.
     """
     if isinstance(workers, WorkerPool) and first_use(renderer_name) is not None:
-        print("compiling the renderer (once per machine)...", file=sys.stderr, flush=True)
+        print(COMPILING, file=sys.stderr, flush=True)
         list(workers.map(_compile, [(renderer_name,)]))
 
 

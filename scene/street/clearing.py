@@ -89,24 +89,24 @@ def clear_of_camera(path: Path, stands: Sequence[Stand], room: np.ndarray) -> li
     """
     if not len(room) or not stands:
         return list(stands)
-    kept = Rectangles()
-    kept.extend(room)
-    found: list[Stand] = []
+    reserved = Rectangles()
+    reserved.extend(room)
+    clear: list[Stand] = []
     for parts, row in zip(objects(stands), rectangles(path, stands), strict=True):
-        if parts[0].family in FLAT or not kept.meet(Rectangle(*row), 0.0):
-            found += parts
+        if parts[0].family in FLAT or not reserved.meet(Rectangle(*row), 0.0):
+            clear += parts
             continue
         first = parts[0]
-        own = np.array([footprint(*(part[:2] for part in parts))])
+        size = np.array([footprint(*(part[:2] for part in parts))])
         shifts = MOVES * [1.0, math.copysign(1.0, first.y)]
         x, y = (first[2:4] + shifts).T
-        rows = turned_out(path, np.repeat(own, len(x), axis=0), x, y, np.full(len(x), first.yaw))
-        free = (k for k, row in enumerate(rows) if not kept.meet(Rectangle(*row), 0.0))
+        rows = turned_out(path, np.repeat(size, len(x), axis=0), x, y, np.full(len(x), first.yaw))
+        free = (k for k, row in enumerate(rows) if not reserved.meet(Rectangle(*row), 0.0))
         k = next(free, None)
         if k is not None:
             dx, dy = shifts[k].tolist()
-            found += [part._replace(x=part.x + dx, y=part.y + dy) for part in parts]
-    return found
+            clear += [part._replace(x=part.x + dx, y=part.y + dy) for part in parts]
+    return clear
 
 
 def off_the_road(ground: Ground, stands: Sequence[Stand], front: float) -> list[Stand]:

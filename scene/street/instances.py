@@ -148,23 +148,23 @@ def _over_kerbs(ground: Ground, stands: Sequence[Stand], world: np.ndarray) -> N
     """
     first = [k for k, stand in enumerate(stands) if not stand.part]
     whole = list(objects(stands))
-    standing = [
+    on_ground = [
         parts[0].family not in FLAT and not parts[0].lift and abs(parts[0].y) < STRIP
         for parts in whole
     ]
-    whole = [parts for parts, on in zip(whole, standing, strict=True) if on]
+    whole = [parts for parts, on in zip(whole, on_ground, strict=True) if on]
     if not whole:
         return
-    at = np.array(first)[standing]
+    at = np.array(first)[on_ground]
     families = [parts[0].family for parts in whole]
     wheeled = np.array([family in WHEELED for family in families])
     in_line = np.array([family in IN_LINE for family in families])
-    own = np.array([footprint(*(part[:2] for part in parts)) for parts in whole])
+    footprints = np.array([footprint(*(part[:2] for part in parts)) for parts in whole])
     x, y, yaw, _ = _numbers([parts[0] for parts in whole])
-    long = CONTACT[0] * own[:, 2]
-    wide = np.where(in_line, 0.0, np.where(wheeled, CONTACT[1], CONTACT[0]) * own[:, 3])
-    u = own[:, :1] + long[:, None] * [1, 1, -1, -1]
-    v = own[:, 1:2] + wide[:, None] * [1, -1, 1, -1]
+    long = CONTACT[0] * footprints[:, 2]
+    wide = np.where(in_line, 0.0, np.where(wheeled, CONTACT[1], CONTACT[0]) * footprints[:, 3])
+    u = footprints[:, :1] + long[:, None] * [1, 1, -1, -1]
+    v = footprints[:, 1:2] + wide[:, None] * [1, -1, 1, -1]
     c, s = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
     places = x[:, None] + c * u - s * v, y[:, None] + s * u + c * v
     height = kerb_heights(ground, places[0].ravel(), places[1].ravel()).reshape(-1, 4)
@@ -172,10 +172,12 @@ def _over_kerbs(ground: Ground, stands: Sequence[Stand], world: np.ndarray) -> N
     low = np.flatnonzero(~wheeled & (height.min(axis=1) < centre))
     world[at[low], 2, 3] -= centre[low]
     tilts = np.flatnonzero(wheeled & (height != centre[:, None]).any(axis=1))
-    height, at, own = height[tilts], at[tilts], own[tilts]
+    height, at, footprints = height[tilts], at[tilts], footprints[tilts]
     pitch = height @ [0.25, 0.25, -0.25, -0.25] / long[tilts]
     roll = height @ [0.25, -0.25, 0.25, -0.25] / np.where(in_line, np.inf, wide)[tilts]
-    world[at, 2, 3] += height.mean(axis=1) - own[:, 0] * pitch - own[:, 1] * roll - centre[tilts]
+    world[at, 2, 3] += (
+        height.mean(axis=1) - footprints[:, 0] * pitch - footprints[:, 1] * roll - centre[tilts]
+    )
     ahead = world[at, :3, 0] + pitch[:, None] * [0, 0, 1]
     ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
     left = world[at, :3, 1] + roll[:, None] * [0, 0, 1]

@@ -10,7 +10,7 @@ import pytest
 from scene import AssetPool, default_unit, sample_street
 from scene.assets.families import FAMILIES
 from scene.callback import render_fn
-from scene.dataset.render import compile_first, render_dataset, render_street, street_of
+from scene.dataset.render import COMPILING, compile_first, render_dataset, render_street, street_of
 from scene.workers import WorkerPool
 from tests.scene.conftest import DEFAULT, POOL, TINY, chosen, refused, units
 
@@ -118,7 +118,7 @@ def test_the_first_use_of_a_renderer_is_announced_before_it_compiles(tmp_path, m
 
     monkeypatch.setattr("scene.compiled._folder", lambda: str(tmp_path))
     monkeypatch.setattr("scene.dataset.render.renderer", lambda name: Stub())
-    text = "compiling the renderer (once per machine)...\n"
+    text = COMPILING + "\n"
     with WorkerPool(0) as here:
         with pytest.raises(KeyboardInterrupt):
             compile_first(here, "embree")

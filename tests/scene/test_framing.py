@@ -22,7 +22,7 @@ from scene.render.geometry import build
 from scene.render.protocol import seen_through
 from scene.render.shot import sample_rays
 from scene.street.camera import AGAIN, ASIDE, DRIVE, SEARCH, SPARE, Camera, nearest_free
-from scene.street.instances import standing
+from scene.street.instances import EAVES, standing
 from tests.scene.conftest import SEEDS, chosen, street
 
 SETTINGS = RenderSettings(64, 32)
@@ -44,6 +44,8 @@ def seen(of, settings=SETTINGS):
 def corners_of(placements):
     """Corners f64[n, 4, 2] in the world of the rectangles below placements."""
     own = np.stack([bounds(p.family, p.asset)[:, :2] for p in placements])
+    houses = [p.family == "building" for p in placements]
+    own[houses] += [[EAVES, 0.0], [-EAVES, -EAVES]]  # overhead
     poses = np.stack([p.pose for p in placements])
     corners = np.stack([own[:, (0, 1, 1, 0), 0], own[:, (0, 0, 1, 1), 1]], axis=2)
     return np.einsum("nij,nkj->nki", poses[:, :2, :2], corners) + poses[:, None, :2, 3]

@@ -1,12 +1,14 @@
 """Roads that bend and slope, and junctions: where things stand, and what labels say of the ground."""
 
 import math
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 
 from scene import RenderSettings, TrainId
+from scene.assets.catalogue import asset
 from scene.ground import path as paths
 from scene.ground.extent import STRIP
 from scene.ground.ground import ground_height
@@ -16,7 +18,9 @@ from scene.render.road import on_road
 from scene.street.camera import Camera
 from scene.street.clearing import VEHICLES
 from scene.street.instances import bounds
-from tests.scene.conftest import DEFAULT, SEEDS, chosen, street
+from scene.street.junction import junction_objects
+from scene.street.plot import Setting
+from tests.scene.conftest import DEFAULT, POOL, SEEDS, chosen, street
 
 SHAPED = DEFAULT._replace(bend=25.0, gradient=10.0, junction_share=1.0)
 
@@ -126,5 +130,53 @@ def test_points_of_the_ground_are_found_again_where_the_road_goes(seed):
         assert level.any() and (turned[level & ~land, 2] > 0.999).all()
         steep = ~land & (np.abs(normals[:, 2]) < 0.3)  # kerbs face the road, whichever way it goes
         assert (np.abs(turned[steep, 1]) > 0.95).sum() >= 0.8 * steep.sum()
-    plain = points, normals
-    assert on_road(geometry, paths.STRAIGHT, instance, faces, *plain) == plain
+    unchanged = on_road(
+        geometry._replace(laid=()), paths.STRAIGHT, instance, faces, points, normals
+    )
+    assert np.array_equal(unchanged, (points, normals))
+
+
+def test_points_of_a_house_are_found_in_its_own_frame_however_it_stands():
+    """Else textures stretch where a wall stands askew to the world's axes."""
+    drawn = street(SHAPED, 3)
+    path, geometry = drawn.ground.path, build(drawn)
+    turned = 0
+    for placement in drawn.placements:
+        if placement.family not in ("building", "wall"):
+            continue
+        shape = geometry.shapes[geometry.shape[placement.instance]]
+        count = min(len(shape.faces), 40)
+        faces = np.arange(count, dtype=np.int32)
+        asset_points, pose = shape.vertices[shape.faces[faces, 0]], placement.pose
+        points = (asset_points @ pose[:3, :3].T + pose[:3, 3]).astype(np.float32)
+        normals = (shape.normal[faces] @ pose[:3, :3].T).astype(np.float32)
+        instance = np.full(count, placement.instance, np.int32)
+        places, flat = on_road(geometry, path, instance, faces, points, normals)
+        assert places[:, :2] == pytest.approx(asset_points[:, :2], abs=0.01)
+        assert flat[:, :2] == pytest.approx(shape.normal[faces, :2], abs=0.01)
+        steep = np.abs(normals[:, 2]) < 0.5
+        assert places[steep, 2] == pytest.approx(asset_points[steep, 2], abs=0.01)
+        turned += abs(pose[0, 0]) < 0.95
+    assert turned > 5
+
+
+def test_no_sky_shows_between_the_houses_of_a_row_along_an_arm():
+    gaps = []
+    params = SHAPED._replace(building_probability=1.0)
+    for seed in range(8):
+        ground = street(SHAPED, seed).ground
+        found = junction_objects(
+            Setting(params, ground, POOL, ground.drive), np.random.default_rng(seed)
+        )
+        for side, hand in product(ground.junction.arms, (1.0, -1.0)):
+            row = []
+            for s in found:
+                beside = s.y * side > 0 and (s.x - ground.junction.x) * hand > 0
+                if beside and s.family == "building" and abs(abs(s.yaw) - math.pi / 2) < 0.01:
+                    corners = asset("building", s.ref).mesh.vertices
+                    walls = corners[corners[:, 2] < 2.0, 0]  # below the eaves
+                    row.append((abs(s.y) + walls.min(), abs(s.y) + walls.max()))
+            gaps += [begin - end for (_, end), (begin, _) in pairwise(sorted(row))]
+    gaps = np.array(gaps)
+    assert len(gaps) > 30 and gaps.min() > -0.5
+    assert np.mean(gaps < 0.01) > 0.7  # the others have a passage beside them
