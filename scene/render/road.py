@@ -37,10 +37,10 @@ def on_road(
         flat: f32[m, 3] in the world.
     """
     points, flat = points.copy(), flat.copy()
-    if path.slopes:
-        level = np.flatnonzero((flat[:, 2] > LEVEL) & (instance > len(GROUND_INSTANCES)))
-        points[level, 2] -= road_height(path, points[level])
+    level = np.flatnonzero((flat[:, 2] > LEVEL) & (instance > len(GROUND_INSTANCES)))
+    below = road_height(path, points[level]) if path.slopes else 0.0
     _in_asset(len(GROUND_INSTANCES), geometry.pose, instance, points, flat)
+    points[level, 2] -= below
     for ground, road in enumerate(geometry.laid, 1):
         shape = geometry.shapes[geometry.shape[ground]]
         _lay(ground, shape.faces, shape.vertices, road, instance, face, points, flat)

@@ -33,6 +33,7 @@ from experiments.study.skeleton import do
 from experiments.target.base import Target
 from scene.assets.catalogue import AssetPool
 from scene.attributes import NAMES
+from scene.dataset.render import COMPILING
 from scene.proposal import components, describe, moments, slide
 from scene.workers import WorkerPool
 from seg.beside import TrainingSet
@@ -368,12 +369,16 @@ class Job:
             signal.signal(signal.SIGINT, before)
 
     def finish(self, timeout: float = 300) -> tuple[int, str, str]:
-        """Exit code, standard output, standard error; the whole group is gone afterwards."""
+        """Exit code, standard output, standard error; the whole group is gone afterwards.
+
+        Whether the renderer had to be compiled depends on which test comes first.
+        """
         try:
             code = self.process.wait(timeout)
         finally:
             self.kill()
-        return code, *(path.read_text() for path in self._said)
+        stdout, stderr = (path.read_text() for path in self._said)
+        return code, stdout, stderr.replace(f"{COMPILING}\n", "")
 
     def send(self, number: signal.Signals) -> None:
         """Signal the whole group, as a terminal does."""

@@ -17,7 +17,7 @@ from scene.render.geometry import build
 from scene.render.road import on_road
 from scene.street.camera import Camera
 from scene.street.clearing import VEHICLES
-from scene.street.instances import bounds
+from scene.street.instances import WHEELED, bounds
 from scene.street.junction import junction_objects
 from scene.street.plot import Setting
 from tests.scene.conftest import DEFAULT, POOL, SEEDS, chosen, street
@@ -75,17 +75,22 @@ def test_what_stands_in_a_shaped_street_stands_on_its_ground_and_out_of_the_arms
     origin[:2, 3] = -to_world(ground.path, junction.x, 0.0)
     boxed = bounds([p._replace(pose=turn @ origin @ p.pose) for p in drawn.placements])[:, :, :2]
     boxed = zip(drawn.placements, *np.moveaxis(boxed, 1, 0), strict=True)
+    exact = []
     for k, (p, low, high) in enumerate(boxed):
         assert p.pose[:3, :3] @ p.pose[:3, :3].T == pytest.approx(np.eye(3))
         if near[k] and p.family != "building":  # houses go down to the lowest ground below them
             height = ground_height(ground, float(left[k]), float(along[k]))
-            assert p.pose[2, 3] == pytest.approx(height, abs=0.01)
+            # By a kerb, vehicles tilt, and all else goes down to its lower side.
+            off, kerb = p.pose[2, 3] - height, ground.kerb_height
+            exact.append(abs(off) < 0.01)
+            assert -kerb - 0.01 < off < (kerb if p.family in WHEELED else 0) + 0.01
         x, y = (low + high) / 2
         if math.copysign(1, y) in junction.arms and 14 < abs(y) < 80:
             if p.family in VEHICLES and abs(x) < junction.outer:
                 assert -junction.half_width < low[0] and high[0] < junction.half_width
             if p.family == "building":  # steps and awnings stand out by less than a metre
                 assert low[0] > junction.outer - 1 or high[0] < 1 - junction.outer
+    assert np.mean(exact) > 0.8
 
 
 @pytest.mark.parametrize("seed", [3, 11, 13])
