@@ -5,7 +5,6 @@ A command is a row of `experiments.config.studies`; its work is loaded once its 
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -126,10 +125,6 @@ def main(
         The exit code: 2 for errors of the user, 1 for workers that died or `Unmet`, 130 after Ctrl-C.
     """
     words = sys.argv[1:] if arguments is None else list(arguments)
-    # A GPU's memory is for the workers' nets.
-    os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
-    # XLA's threads: with --workers 0 nets are the same as those of workers.
-    os.environ["NPROC"] = "1"
     others = ("--preset", *(["--data DIR"] if with_data else [] if target else ["--target"]))
 
     def configured(given: Mapping[str, Any]) -> tuple[AnyConfig, str]:

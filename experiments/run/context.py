@@ -9,6 +9,7 @@ A restarted job does the rest, since its folder holds all evaluations so far.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
@@ -146,6 +147,14 @@ def workers_for(config: Config) -> Workers:
     return workers_of(config.executor, workers, config.scheduler, worker_environment())
 
 
+def set_up_process() -> None:
+    """Set the environment of this process as jobs need it; it has no effect once JAX has started."""
+    # A GPU's memory is for the workers' nets.
+    os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
+    # XLA's threads: nets of this process are the same as those of workers.
+    os.environ["NPROC"] = "1"
+
+
 @contextmanager
 def opened(
     config: AnyConfig,
@@ -162,6 +171,7 @@ def opened(
     Raises:
         UserError, DataError: errors of the user.
     """
+    set_up_process()
     try:
         renderer(config.renderer)
     except RendererError as error:

@@ -21,7 +21,7 @@ from experiments.config import Fidelity, LearntConfig, Rederived, SearchConfig, 
 from experiments.config import check as check_flags
 from experiments.evaluation.cost import cost_of, training_cost
 from experiments.evaluation.job import Job, Result, Source
-from experiments.run.context import AnyConfig, Run, Work, opened
+from experiments.run.context import AnyConfig, Run, Work, opened, set_up_process
 from experiments.run.learn import learn, reward_parts, work_of
 from experiments.run.nets import paired_seeds
 from experiments.study.form import Form, Report, about, nets, rewrite, write_report
@@ -70,6 +70,7 @@ def do(study: Study[AnyConfig], config: AnyConfig) -> Report:
         report = rewrite(study.form, config.rederive, config.out)
         print(study.form.text(report), flush=True)
         return report
+    set_up_process()  # checks of search methods start JAX
     check(study, config)
     made: list[Any] = []
 

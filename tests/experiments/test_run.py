@@ -1,6 +1,7 @@
 """A run as the command line opens it: what its folder says, and which folders are refused."""
 
 import json
+import os
 from dataclasses import asdict, replace
 from functools import partial
 from unittest.mock import Mock
@@ -16,6 +17,7 @@ from experiments.evaluation.job import Recipe
 from experiments.evaluation.made_with import made_with
 from experiments.evaluation.mmd import train_features
 from experiments.evaluation.store import digest_of, read, write_store
+from experiments.main.job import RUN
 from experiments.run import context
 from experiments.store import main as merge_stores
 from scene.assets.catalogue import AssetPool
@@ -49,6 +51,20 @@ def test_a_folder_says_everything_needed_to_repeat_the_run(tiny_camvid):
     assert set(stored.pop("versions")) >= {"sdr-jax"} and stored.pop("version") == 1
     own = {"engine": context.ENGINE, "made_with": dict(made_with())}
     assert stored == plain({**own, **asdict(tiny_camvid)})
+
+
+def test_jobs_called_from_python_set_up_their_process_like_commands(tiny_camvid, monkeypatch):
+    for name in ("NPROC", "XLA_PYTHON_CLIENT_PREALLOCATE"):
+        monkeypatch.setenv(name, "7")
+        monkeypatch.delenv(name)
+    with context.opened(tiny_camvid):
+        environment = worker_environment()
+        for name in ("NPROC", "XLA_PYTHON_CLIENT_PREALLOCATE"):
+            assert os.environ[name] == environment[name]
+    monkeypatch.delenv("NPROC")
+    with pytest.raises(UserError, match="--seeds"):  # before any check can start JAX
+        RUN(replace(tiny_camvid, out=tiny_camvid.out / "none", seeds=0))
+    assert os.environ["NPROC"] == "1"
 
 
 def test_a_run_goes_on_with_other_workers_and_another_store(tiny_camvid, scored_by, capsys):
