@@ -12,6 +12,7 @@ seen. If the data have no split, these are the folds of your images, by group, i
 
 from __future__ import annotations
 
+import shlex
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -63,6 +64,7 @@ from shell.classes import NAMES
 from shell.command import exit_code, given
 from shell.errors import UserError, flagged
 from shell.files import digest, file_digest, write
+from shell.interrupt import PROGRAM
 from shell.listing import list_all
 from shell.target_file import Fit, find_target
 
@@ -432,7 +434,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         given = {name: value for name, value in vars(options).items() if name != "debug"}
         config = config_of(given.pop("data"), given.pop("out"), **given)
         fit(config)
-        print(f"Use the net: sdr-jax predict {config.out / MODEL} IMAGES --out DIR")
+        command = shlex.join([PROGRAM, "predict", str(config.out / MODEL)])
+        print(f"Use the net: {command} IMAGES --out DIR")
         print(f"Look at {config.out / NAME}")
 
     from scene.render import RendererError  # the help needs no engine

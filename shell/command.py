@@ -28,6 +28,9 @@ HELP = ("-h", "--help", "--help-all")
 SIMILAR = 0.75
 """The least similarity of a suggestion, see `difflib.get_close_matches`: seed has it to sede, start not to
 target."""
+_parsed: str | None = None
+_at_work: str | None = None
+"""The last command line that was parsed, and the one that `exit_code` carries out."""
 
 
 class _Layout(argparse.HelpFormatter):
@@ -169,11 +172,13 @@ class Parser(argparse.ArgumentParser):
                 shown = [own for own, a in known.items() if a.help != argparse.SUPPRESS]
                 self.error(f"no option {word.partition('=')[0]}{meant(flag, shown)}")
             words[k] = flag + equals + value
+        global _parsed
         parsed = super().parse_args(words, namespace)
         typed = {word.partition("=")[0] for word in takewhile("--".__ne__, words)}
         for flag, others in self._needs:
             if flag in typed and typed.isdisjoint(others):
                 self.error(f"{flag} needs {' or '.join(others)}")
+        _parsed = shlex.join([*self.prog.split(), *words])
         return parsed
 
     def error(self, message: str) -> NoReturn:
@@ -217,12 +222,9 @@ def path_of(module: str) -> Path:
     return place / "__main__.py" if place.is_dir() else place.with_suffix(".py")
 
 
-def given() -> str:
-    """The command that started this process, as one would type it."""
-    words = sys.orig_argv[1:]
-    if words and Path(words[0]).name == PROGRAM:
-        return shlex.join([PROGRAM, *words[1:]])
-    return shlex.join(["python", *words])
+def given() -> str | None:
+    """The command line that is at work, as one would type it; None in a job called from Python."""
+    return _at_work
 
 
 def size(text: str) -> tuple[int, int]:
@@ -253,6 +255,8 @@ def exit_code(
         debug: whether to print the traceback before the line.
         goes_on: whether the same command continues a stopped job.
     """
+    global _parsed, _at_work
+    outer, _at_work, _parsed = _at_work, _parsed, None
     cure = "; once that is put right, the same command goes on" if goes_on else ""
     try:
         with while_working():
@@ -281,6 +285,8 @@ def exit_code(
         where = f"{os.path.basename(last.filename)}, line {last.lineno}"
         said = f"a mistake of this program: {type(error).__name__}: {error} ({where})"
         return _fail(error, f"{said}; {DEBUG} shows all of it", MISTAKE, debug)
+    finally:
+        _at_work = outer
 
 
 def _fail(error: Exception, message: str, code: int, debug: bool) -> int:

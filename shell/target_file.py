@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import colorsys
 import re
+import shlex
 from collections import Counter
 from collections.abc import Iterator
 from functools import lru_cache
@@ -31,6 +32,7 @@ from shell import classes as engine
 from shell.errors import UserError
 from shell.expression import expression_fault
 from shell.files import composed, plain_path, read_bytes
+from shell.interrupt import PROGRAM
 
 FILE = "target.yaml"
 """The name of a target's file beside its images."""
@@ -180,8 +182,9 @@ def find_target(target: str | Path | None, data: Path | None = None) -> TargetFi
         if not data.is_dir():
             raise UserError(f"{data}: no such folder; expected one with images and {FILE}")
         if not (data / FILE).is_file():
+            command = shlex.join([PROGRAM, "doctor", str(data), "--write", str(data / FILE)])
             raise UserError(
-                f"{data}: no {FILE} in it; sdr-jax doctor {data} --write {data / FILE} proposes one, "
+                f"{data}: no {FILE} in it; {command} proposes one, "
                 f"and --target names another file, or one of {', '.join(SHIPPED)}"
             )
         target = data / FILE

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -25,6 +26,7 @@ from scene.render import RenderSettings
 from seg.recipes import RECIPES
 from seg.train import train
 from shell.errors import UserError
+from shell.interrupt import PROGRAM
 from shell.target_file import TargetFile
 
 SIZE = (240, 176)
@@ -100,13 +102,16 @@ def commands(
     streets = Fidelity(*size, streets=400, shots=1, samples=1, train=RECIPES["lite0-frozen"])
     training = training_cost(streets)
     words = f"--images 400 --shots 1 --size {size[0]}x{size[1]}"
-    found = {f"sdr-jax render {words} --out DIR": Cost(cost_of(streets) - training, 0.0)}
+    found = {f"{PROGRAM} render {words} --out DIR": Cost(cost_of(streets) - training, 0.0)}
     with suppress(UserError):  # errors of the images are reported elsewhere
         folds = len(parts_of(target, data).folds)
-        found[f"sdr-jax fit {data} --out DIR"] = cost(planned(configured(size), folds))
+        found[f"{shlex.join([PROGRAM, 'fit', str(data)])} --out DIR"] = cost(
+            planned(configured(size), folds)
+        )
     if target.name in known:
         presets: tuple[Preset, ...] = ("smoke", "quick")
         for preset in presets:
             config = defaults(MainConfig, known[target.name], preset)
-            found[f"sdr-jax {target.name} --data {data} --preset {preset}"] = cost(plan(config))
+            command = [PROGRAM, target.name, "--data", str(data), "--preset", preset]
+            found[shlex.join(command)] = cost(plan(config))
     return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
@@ -31,9 +32,8 @@ def watch(run: Run[Any], known: Report) -> None:
         text = page.under_way(found, page.Status(share, said))
         write(out / NAME, text, sync=False)
 
-    run.progress.say(
-        f"Page: {out / NAME}, as the run goes on; {PROGRAM} report {out} --serve shows it"
-    )
+    command = shlex.join([PROGRAM, "report", str(out), "--serve"])
+    run.progress.say(f"Page: {out / NAME}, as the run goes on; {command} shows it")
     run.progress.tell(page.EVERY, told)
 
 

@@ -6,6 +6,7 @@ of their images before the conversion.
 """
 
 import io
+import shlex
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -88,7 +89,7 @@ def _default(arrays: Mapping[str, np.ndarray], source: Path) -> Normalisation:
 def _contents(arrays: Mapping[str, np.ndarray], path: Path) -> Contents:
     if _MARK not in arrays:
         raise WeightsError(
-            f"{path}: not converted yet: sdr-jax weights convert {path} --out vgg16.npz"
+            f"{path}: not converted yet: sdr-jax weights convert {shlex.quote(str(path))} --out vgg16.npz"
         )
     source = str(arrays.get(_SOURCE, "VGG16 of a file that was not noted"))
     return Contents(source, str(arrays[_MARK]), any(n.startswith("fc") for n in arrays))

@@ -445,6 +445,8 @@ def test_costs_scale_with_the_pace_of_both_parts(tmp_path):
         assert own.render > 0 < own.train
         assert costs.Pace(3.0, 2.0).seconds(own) == pytest.approx(2 * expected + own.render)
     (tmp_path / "none").mkdir()  # nothing to fit
+    spaces = costs.commands(find_target("camvid"), Path("my data"), (64, 48), {"camvid": "camvid"})
+    assert "sdr-jax camvid --data 'my data' --preset quick" in spaces
     mine = costs.commands(find_target("kitti"), tmp_path / "none", (64, 48), {"camvid": "camvid"})
     assert list(mine) == ["sdr-jax render --images 400 --shots 1 --size 64x48 --out DIR"]
 

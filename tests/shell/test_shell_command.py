@@ -10,7 +10,7 @@ from unittest.mock import Mock
 
 import pytest
 
-from shell.command import MISTAKE, UNREAD, Parser, exit_code, meant, size
+from shell.command import MISTAKE, UNREAD, Parser, exit_code, given, meant, size
 from shell.errors import UserError, refuse_repeats
 from shell.interrupt import INTERRUPTED
 from tests.conftest import ROOT, refused
@@ -42,6 +42,20 @@ def test_our_own_mistakes_say_where_and_with_debug_how(capsys):
     first, second, *_ = capsys.readouterr().err.splitlines()
     assert codes == [MISTAKE] * 2 and second.startswith("Traceback ")
     assert "ZeroDivisionError: division by zero" in first and where in first
+
+
+def test_a_job_knows_its_command_line_and_that_it_has_none_in_python():
+    parser = Parser("fit", None)
+    parser.add_argument("data")
+    found = []
+
+    def work() -> None:
+        found.append(given())
+
+    parser.parse_args(["my photos"])
+    assert exit_code(work) == 0 and exit_code(work) == 0
+    work()  # called from Python or a notebook, whatever started this process
+    assert found == ["sdr-jax fit 'my photos'", None, None]
 
 
 COMMANDS = ("experiments.cityscapes", "experiments.table", "scene.render", "scene.check",
