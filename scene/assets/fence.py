@@ -190,7 +190,7 @@ def _beam(p: FenceParams) -> list[Asset]:
     half = p.length / 2
     rings = [np.column_stack([np.full(7, x), y, level]) for x in (-half, half)]
     band = loft(np.array(rings), p.color, p.material, closed=False, caps=False)
-    marks = [box((0.08, 0.01, 0.1), (x, -p.post_width / 2 - 0.03, p.height - 0.2), p.second, "lamp")
+    marks = [box((0.08, 0.01, 0.1), (x, -p.post_width / 2 - 0.03, p.height - 0.2), p.second, "metal")
              for x in (-half / 2, half / 2)]  # fmt: skip
     return [band, *marks]
 

@@ -162,7 +162,7 @@ def _front(p: MotorcycleParams) -> list[Asset]:
                 (crown[0] + 0.06, side * 0.16, z - 0.12),
                 (0.035, 0.035, 0.025),
                 AMBER,
-                "lamp",
+                "paint",
                 subdivisions=0,
             )
         )
@@ -301,7 +301,7 @@ def _scooter_details(p: MotorcycleParams) -> list[Asset]:
                 "paint",
             )
         ),
-        pair(ellipsoid((0.43, 0.13, 0.72), (0.04, 0.035, 0.05), AMBER, "lamp", subdivisions=0)),
+        pair(ellipsoid((0.43, 0.13, 0.72), (0.04, 0.035, 0.05), AMBER, "paint", subdivisions=0)),
     ]
     if p.front_box:
         parts.append(block((0.46, -0.15, 0.76), (0.66, 0.15, 0.98), p.second, "plain"))

@@ -19,7 +19,7 @@ WHITE: Color = (0.95, 0.95, 0.92)
 BLACK: Color = (0.012, 0.013, 0.014)
 YELLOW: Color = (0.55, 0.33, 0.02)
 UNLIT = 0.05
-"""Brightness of a lamp that is off, as a share of its lit colour."""
+"""Brightness of a lamp that is off, as a share of its lit colour; it is of glass, which does not shine."""
 
 
 class Head(NamedTuple):
@@ -78,16 +78,17 @@ KINDS: tuple[str, ...] = tuple(_KINDS)
 
 
 def sample_traffic_light(rng: np.random.Generator, kind: str) -> TrafficLightParams:
-    """Draw a light of one of ``KINDS``; beyond the first ones the lit lamp is drawn, too."""
+    """Draw a light of one of ``KINDS``; a second head shows the first one's colour, or its own first lamp."""
     p = _KINDS[kind]
     radius = float(rng.uniform(0.10, 0.118))
     spread = float(rng.uniform(0.26, 0.32))
     places = (0.0,) if len(p.columns) == 1 else (-spread, spread)
+    shown = p.columns[0][0][p.lit]
+    lit = [lamps.index(shown) if shown in lamps else 0 for lamps, _ in p.columns]
+    lit[0] = p.lit  # of two lamps of its colour
     heads = tuple(
-        Head(
-            y, lamps, min(p.lit, len(lamps) - 1) if k == 0 else int(rng.integers(len(lamps))), scale
-        )
-        for k, (y, (lamps, scale)) in enumerate(zip(places, p.columns, strict=True))
+        Head(y, lamps, shining, scale)
+        for y, (lamps, scale), shining in zip(places, p.columns, lit, strict=True)
     )
     half = max(len(h.lamps) * h.scale for h in heads) * (radius + 0.03)
     # The housing must reach down to the shortest post.
@@ -98,10 +99,14 @@ def sample_traffic_light(rng: np.random.Generator, kind: str) -> TrafficLightPar
     )  # fmt: skip
 
 
-def _lamp(p: TrafficLightParams, y: float, z: float, radius: float, color: Color) -> list[Asset]:
+def _lamp(
+    p: TrafficLightParams, y: float, z: float, radius: float, color: Color, *, lit: bool
+) -> list[Asset]:
     """A lens and the visor over it, in front of the housing."""
     front = -MAX_RADIUS - p.depth
-    lens = disc((front - 0.006, y, z), radius, color, "lamp", sides=16)
+    red, green, blue = np.asarray(color) * (1.0 if lit else UNLIT)
+    material = "lamp" if lit else "glass"
+    lens = disc((front - 0.006, y, z), radius, (red, green, blue), material, sides=16)
     reach = 0.19 if p.hoods else 0.07
     # A visor is a piece of pipe, open below, cut back from its top to its sides.
     turn = np.radians(np.linspace(-40, 220, 15))
@@ -137,8 +142,7 @@ def _head(p: TrafficLightParams, head: Head) -> list[Asset]:
     ]
     for i, color in enumerate(head.lamps):
         z = p.centre + ((len(head.lamps) - 1) / 2 - i) * spacing
-        red, green, blue = np.asarray(color) * (1.0 if i == head.lit else UNLIT)
-        parts += _lamp(p, head.y, z, radius, (red, green, blue))
+        parts += _lamp(p, head.y, z, radius, color, lit=i == head.lit)
     if p.board:
         for depth, margin, color in (
             (0.035, p.board, p.board_edge),

@@ -137,10 +137,17 @@ def _control(arm: Arm) -> list[Stand]:
     along = arm.junction.stop - 0.2
     if arm.junction.control != "lights":
         return arm.stand("traffic sign", along, arm.ours * edge, arm.inwards)
-    found = arm.stand("traffic light", along, arm.ours * edge, arm.inwards)
-    if arm.rng.random() < 0.6:
-        found += arm.stand("traffic light", along, -arm.ours * edge, arm.inwards)
-    return found
+    return _approach_lights(arm, [(along, side * edge) for side in (arm.ours, -arm.ours)], arm.inwards)
+
+
+def _approach_lights(arm: Arm, places: list[tuple[float, float]], yaw: float) -> list[Stand]:
+    """One light at the first place and often at the second, so that an approach has one colour."""
+    ref = arm.pick("traffic light")
+    if ref is None:
+        return []
+    if arm.rng.random() >= 0.6:
+        places = places[:1]
+    return [stand for place in places for stand in arm.put("traffic light", ref, *place, yaw)]
 
 
 def _road_lights(arm: Arm) -> list[Stand]:
@@ -152,9 +159,7 @@ def _road_lights(arm: Arm) -> list[Stand]:
     edge = junction.road_half_width + 0.55
     for heading, yaw in ((1.0, 0.0), (-1.0, math.pi)):
         across = -heading * (junction.road_stop - 0.2)
-        found += arm.stand("traffic light", heading * edge, across, yaw)
-        if arm.rng.random() < 0.6:
-            found += arm.stand("traffic light", -heading * edge, across, yaw)
+        found += _approach_lights(arm, [(heading * edge, across), (-heading * edge, across)], yaw)
     return found
 
 

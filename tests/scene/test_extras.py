@@ -124,6 +124,25 @@ def test_at_junctions_what_drives_and_what_it_heeds_are_on_the_traffic_s_side(dr
     assert min(found.values()) > 5, found
 
 
+def test_an_approach_to_a_junction_has_lights_of_one_colour():
+    pairs = 0
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        ground = sample_ground(rng)
+        junction = sample_junction(rng, 1.0, ground.half_width, ground.footway)
+        setting = Setting(DEFAULT, with_junction(ground, junction), AssetPool(), -1.0)
+        approaches: dict[tuple[float, float], list[int | str]] = {}
+        for stand in junction_objects(setting, rng):
+            if stand.family == "traffic light":
+                of_road = stand.yaw in (0.0, math.pi)
+                key = stand.yaw, (stand.x if of_road else stand.y)
+                approaches.setdefault(key, []).append(stand.ref)
+        for lights in approaches.values():
+            pairs += len(lights) > 1
+            assert len(set(lights)) == 1
+    assert pairs > 5
+
+
 def in_something(ground, before, stands, passed_over=()):
     """Of objects in their order, those that stand in something that stood before them."""
     taken, found = Rectangles(), []

@@ -190,6 +190,16 @@ def test_wheels_stand_on_the_ground_behind_their_outer_face(style, radius):
     assert top - foot == pytest.approx(2 * radius, rel=0.05) and right <= 1e-9 and left >= -0.2
 
 
+@pytest.mark.parametrize("style", wheel.STYLES)
+def test_no_ray_goes_through_a_wheel(style):
+    radius = 0.3
+    mesh = solid(wheel.wheel(wheel.Wheel(radius, 0.2, style)).mesh)
+    x, z = np.random.default_rng(0).uniform(-radius, radius, (2, 4000))
+    inside = np.hypot(x, z) < 0.96 * radius  # within the flat sides of its outline
+    starts = np.column_stack([x, np.ones(4000), z + radius])[inside]
+    assert hits(mesh, starts, np.array([[0.0, -1.0, 0.0]])).all()
+
+
 BODIES = tuple(car._MODELS)
 """Kinds of cars with a shell."""
 

@@ -123,9 +123,21 @@ def test_one_lamp_shines_in_each_head(seed):
     for kind in traffic_light.KINDS:
         params = traffic_light.sample_traffic_light(np.random.default_rng(seed), kind)
         asset = traffic_light.traffic_light(params)
-        lenses = asset.color[asset.material == material_id("lamp")].max(axis=1).reshape(-1, 16)
-        assert (lenses.min(axis=1) > 0.9).sum() == len(params.heads)
-        assert len(lenses) == sum(len(head.lamps) for head in params.heads)
+        shining = asset.color[asset.material == material_id("lamp")].reshape(-1, 16, 3)
+        dark = asset.color[asset.material == material_id("glass")].reshape(-1, 16, 3)
+        assert len(shining) == len(params.heads) and shining.max(axis=2).min() > 0.9
+        assert len(shining) + len(dark) == sum(len(head.lamps) for head in params.heads)
+        assert dark.size == 0 or dark.max() < 0.1  # and glass that is dark does not shine, either
+
+
+@given(seed=SEEDS)
+def test_heads_side_by_side_show_one_colour_or_stop(seed):
+    for kind in traffic_light.KINDS:
+        first, *others = traffic_light.sample_traffic_light(np.random.default_rng(seed), kind).heads
+        shown = first.lamps[first.lit]
+        for head in others:
+            expected = shown if shown in head.lamps else traffic_light.RED
+            assert head.lamps[head.lit] == expected
 
 
 def test_lights_show_red_amber_and_green():

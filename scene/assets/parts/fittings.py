@@ -124,7 +124,7 @@ def _front(b: Body, f: Fittings) -> list[Asset]:
     parts = [
         _both(b, 0, (inner, 1.0), (down, up), _LENS),
         on_flank(b, (0.0, f.wrap), (down + 0.05, up), _LENS, "lamp", lift=0.012),
-        on_flank(b, (f.wrap, f.wrap + 0.012), (down + 0.08, up - 0.05), AMBER, "lamp", lift=0.012),
+        on_flank(b, (f.wrap, f.wrap + 0.012), (down + 0.08, up - 0.05), AMBER, "paint", lift=0.012),
         _both(b, 0, (inner + 0.06, inner + 0.2), (down + 0.05, up - 0.06), _REFLECTOR, lift=0.016),
         on_nose(b, 0, (-edge, edge), (base, crest), BLACK, lift=0.012),
         on_nose(b, 0, (-0.62, 0.62), (0.07, 0.27), BLACK, lift=0.008),

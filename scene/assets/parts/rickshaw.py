@@ -144,7 +144,7 @@ def _front(r: Rickshaw) -> list[Asset]:
         for z, back, wide in ((1.0, 0.5, 0.95), (top - 0.14, 0.68, 0.93))
     ]
     mirror = ellipsoid((nose - 0.5, half + 0.05, 1.12), (0.02, 0.07, 0.05), BLACK)
-    signal = ellipsoid((nose - 0.42, 0.55 * half, 0.66), (0.03, 0.04, 0.03), AMBER, "lamp")
+    signal = ellipsoid((nose - 0.42, 0.55 * half, 0.66), (0.03, 0.04, 0.03), AMBER, "paint")
     guard = ellipsoid((nose - 0.3, 0, 0.4), (0.3, 0.1, 0.12), r.tub, "paint")
     lamp = tube((nose - 0.36, 0, 0.72), (nose - 0.18, 0, 0.72), 0.09, HEADLAMP, "lamp", sides=10)
     trim = block((nose - 0.3, -0.2, 0.9), (nose - 0.25, 0.2, 0.94), CHROME, "metal")

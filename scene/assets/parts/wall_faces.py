@@ -162,7 +162,7 @@ def _profile(p: WallParams, rng: np.random.Generator) -> list[Asset]:
     slots = [_front(x - 0.3, x + 0.3, 0.0, 0.08, -0.04, (0.02, 0.02, 0.02), "plain")
              for x in (-0.25 * p.length, 0.25 * p.length)]  # fmt: skip
     y = 0.36 * p.thickness
-    marks = [box((0.09, 0.04, 0.09), (x, y - 0.02, 0.78 * p.height), p.second, "lamp")
+    marks = [box((0.09, 0.04, 0.09), (x, y - 0.02, 0.78 * p.height), p.second, "metal")
              for x in (-0.3 * p.length, 0.0, 0.3 * p.length)]  # fmt: skip
     return slots + marks
 

@@ -37,7 +37,7 @@ def wheel(w: Wheel, *, sides: int = 14) -> Asset:
     parts = [
         revolve(tread[::-1], TYRE, "rubber", sides=sides),
         revolve([(0.92 * rim, dish), (rim, 0.0)][::-1], w.color, "metal", sides=sides),
-        _blades(np.zeros(1), (0.0, 0.93 * rim), 2 * np.pi, dish, floor, sides=sides // 2),
+        _blades(np.zeros(1), (0.0, 0.93 * rim), 2 * np.pi, dish, floor, sides=sides),
         _blades(np.zeros(1), (0.0, 0.2 * rim), 2 * np.pi, 0.1 * dish, w.color, sides=6),
     ]
     turn = np.arange(w.spokes) * 2 * np.pi / w.spokes + np.pi / 2
