@@ -171,7 +171,10 @@ def test_a_file_beside_the_images_or_anywhere(tmp_path):
     data = tmp_path / "my streets"
     refuses_call("no such folder", find_target, None, data, error=UserError)
     data.mkdir()
-    said = r"no target\.yaml in it; sdr-jax doctor '.*my streets' --write .*names another file, or one of camvid"
+    said = (
+        r"no target\.yaml in it; sdr-jax doctor '.*my streets' --write .*names another file, "
+        "or one of camvid"
+    )
     refuses_call(said, find_target, None, data, error=UserError)
     refuses_call(
         r"--target .*a\.yaml: no such file", find_target, tmp_path / "a.yaml", error=UserError
