@@ -48,7 +48,7 @@ from seg.metrics import mean_iou
 from seg.nets import net_of, normalise
 from seg.nets.ops.normalise import MEAN, STD
 from seg.pyramid import features
-from seg.recipes import RECIPES, with_net
+from seg.recipes import RECIPES, with_net, with_steps
 from seg.settings import VGG_NETS, NetName, TrainSettings, Trunk
 from seg.step import Data, Functions, TrainState, functions, plan
 from seg.train import score, train
@@ -85,6 +85,7 @@ class Job(NamedTuple):
             net=self.net,
             batch=self.batch,
             steps=1,
+            warmup=0,
             lr=0.0,
             lr_multipliers="none",
             mirror=False,
@@ -266,13 +267,13 @@ def reward_row(number: int = REAL, steps: int | None = None, images: int | None 
     """
     config = defaults(MainConfig, "camvid", "quick")
     stage = config.reward
-    settings = replace(stage.train, steps=steps or stage.train.steps)
+    settings = with_steps(stage.train, steps or stage.train.steps)
     stage = replace(stage, streets=(images or stage.images) // stage.shots, train=settings)
     recipe = Recipe(stage, "camvid", config.renderer, config.pool)
     truth = random_truth(stage, number)
     if settings.frozen:
         truth = truth._replace(features=features(truth.images, settings))
-    brief = recipe._replace(fidelity=replace(stage, train=replace(settings, steps=1)))
+    brief = recipe._replace(fidelity=replace(stage, train=with_steps(settings, 1)))
 
     rendered_set(brief, random_proposal(), 0)  # builds and keeps assets, and loads the renderer
     render_s, own = timed(lambda: rendered_set(recipe, random_proposal(), 0))
@@ -312,7 +313,7 @@ def learning_row(sides: Sides, settings: TrainSettings, classes: int, seeds: Seq
         looks = view_images(own.images, settings)
         features_s, maps = core_timed(lambda: features(looks, settings))
     # Compiles.
-    train(0, *own[:2], replace(settings, steps=1), classes, features=maps)
+    train(0, *own[:2], with_steps(settings, 1), classes, features=maps)
     mious, times = [], []
     for seed in seeds:
         fit = partial(train, seed, *own[:2], settings, classes, features=maps)
@@ -347,7 +348,7 @@ def learning_rows(options: argparse.Namespace) -> list[Row]:
     classes = len(class_table(target.table).classes)
     for name in options.nets:
         settings = with_net(RECIPES["lite0-frozen"], net=name, trunk=options.trunk)
-        settings = replace(settings, steps=options.steps or settings.steps)
+        settings = with_steps(settings, options.steps or settings.steps)
         for width, height in options.sizes:
             sides = target.at(height, width)
             row = learning_row(sides, settings, classes, range(options.seeds))

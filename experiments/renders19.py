@@ -23,7 +23,7 @@ from experiments.config.parsers import STEPS
 from scene.dataset.export import read_dataset
 from scene.dataset.read import DESCRIPTION
 from seg.model import Model, classes_of
-from seg.recipes import RECIPES
+from seg.recipes import RECIPES, with_steps
 from seg.train import CHUNK, TrainingError, train
 from shell.command import exit_code
 from shell.errors import UserError
@@ -57,7 +57,7 @@ def make(datasets: Sequence[Path], steps: int = RECIPE.steps, seed: int = 0) -> 
                     f"{path}: {own[1]}x{own[0]} pixels where {datasets[0]} has "
                     f"{sizes[0][1]}x{sizes[0][0]}; one size is right"
                 )
-        settings, classes = replace(RECIPE, steps=steps), classes_of(shipped("cityscapes"))
+        settings, classes = with_steps(RECIPE, steps), classes_of(shipped("cityscapes"))
         images, labels = (np.concatenate(column) for column in zip(*renders, strict=True))
         with closing(Progress(steps)) as progress:
 

@@ -26,9 +26,10 @@ from seg.data.labelled import fitted, resize_image
 from seg.errors import ModelError
 from seg.names import As
 from seg.nets.trunks import trunk_of
-from seg.settings import TrainSettings, check_settings
+from seg.settings import TrainSettings, check_net
 from seg.train import Params, logits, outline
 from seg.uncertainty import Uncertainty, uncertainty
+from shell.bounds import check_fields
 from shell.errors import UserError
 from shell.files import digest, read_bytes, read_json, versions, whole_folder, write, write_json
 from shell.target_file import TargetFile
@@ -122,7 +123,7 @@ class Model:
     versions: Mapping[str, str] = field(default_factory=lambda: versions(PACKAGES))
 
     def __post_init__(self) -> None:
-        check_settings(self.settings)
+        check_net(self.settings)
         _check_classes(self.classes, self.written)
         least = max(trunk_of(self.settings).strides) if self.settings.has_trunk else 1
         if min(self.size) < least:
@@ -362,15 +363,12 @@ def _field(value: Any, name: str, kind: type) -> Any:
 
 
 def _settings(recipe: dict[str, Any]) -> TrainSettings:
-    known = {own.name: own.default for own in fields(TrainSettings)}
-    for name, value in recipe.items():
-        if name not in known:
-            raise ValueError(f"recipe.{name}: there is no such setting")
-        default = known[name]
-        if default is not None and type(value) is not type(default):
-            if not (isinstance(default, float) and type(value) is int):
-                raise ValueError(f"recipe.{name} is {value!r}; expected {type(default).__name__}")
-    return TrainSettings(**recipe)
+    if stray := sorted(recipe.keys() - {setting.name for setting in fields(TrainSettings)}):
+        raise ValueError(f"recipe.{stray[0]}: there is no such setting")
+    check_fields(TrainSettings, recipe, "recipe.")
+    settings = TrainSettings(**recipe)
+    check_net(settings)
+    return settings
 
 
 def _label_class(where: str, row: Any) -> LabelClass:

@@ -95,7 +95,7 @@ def with_net(settings: TrainSettings, **changes: Any) -> TrainSettings:
     """Change net, trunk or weights of settings, and take the recipe that suits them.
 
     If the recipe stays the same, so do all other fields. Otherwise the new recipe decides them. A number of
-    steps that was not the old recipe's own stays.
+    steps that was not the old recipe's own stays (`with_steps`).
 
     Args:
         settings: settings of the old net.
@@ -114,4 +114,9 @@ def with_net(settings: TrainSettings, **changes: Any) -> TrainSettings:
     steps = own.steps if settings.steps == RECIPES[before].steps else settings.steps
     names = ("net", "trunk", "weights", "dtype")
     kept = {name: getattr(wanted, name) for name in names}
-    return replace(own, **kept, steps=steps)
+    return with_steps(replace(own, **kept), steps)
+
+
+def with_steps(settings: TrainSettings, steps: int) -> TrainSettings:
+    """Change the number of steps; a warm-up that does not fit into them becomes shorter."""
+    return replace(settings, steps=steps, warmup=max(min(settings.warmup, steps - 1), 0))

@@ -118,13 +118,31 @@ def check_settings(settings: TrainSettings) -> None:
     """Refuse settings that do not allow training; files are not read.
 
     Raises:
-        ValueError: a field is out of range; the message names it.
+        ValueError: a field is of another type or out of range, or fields do not fit together; the message
+            names them.
     """
-    check_bounds(settings)
+    check_net(settings)
+    if settings.warmup >= settings.steps:
+        raise ValueError(
+            f"warmup must be less than the {settings.steps} steps, not {settings.warmup}"
+        )
     if settings.batch % settings.accumulate:
         raise ValueError(
             f"accumulate must divide the batch of {settings.batch} evenly, not {settings.accumulate}"
         )
+
+
+def check_net(settings: TrainSettings) -> None:
+    """Refuse settings that no net can have, whatever the course of its training.
+
+    Raises:
+        ValueError: as `check_settings`.
+    """
+    check_bounds(settings)
+    if settings.has_trunk:
+        from seg.nets.trunks import check_name  # users add trunks; and flags' help needs no JAX
+
+        check_name(settings.net)
     if settings.norm and settings.weights is not None:
         raise ValueError("norm is for training from scratch: the nets of weights have no GroupNorm")
     if settings.net == "dinov2":

@@ -1,4 +1,4 @@
-"""Bounds of values, which are annotations on the fields of dataclasses, and their check.
+"""Types and bounds of values, which are annotations on the fields of dataclasses, and their check.
 
 @dataclass(frozen=True)
 class Settings:
@@ -10,10 +10,12 @@ check_bounds(Settings(steps=0))  # UserError: steps must be 1 or more, not 0
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
-from typing import Any, NamedTuple, get_args, get_type_hints
+from numbers import Integral, Real
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
 
 from shell.errors import UserError, refuse_repeats
 
@@ -25,7 +27,7 @@ class Bound(NamedTuple):
 
 
 def check_bounds(value: Any, prefix: str = "") -> None:
-    """Raise UserError for the first field of a dataclass that is out of bounds.
+    """Raise UserError for the first field of a dataclass that is of another type, or out of bounds.
 
     Fields that are dataclasses are checked as well. None is within all bounds.
 
@@ -33,25 +35,84 @@ def check_bounds(value: Any, prefix: str = "") -> None:
         value: the dataclass.
         prefix: prefix of names in the message; ``--`` makes them flags: ``--reward.train.head-width``.
     """
-    kind: Any = type(value)  # mypy takes no type for hashable
-    for name, bounds in _bounds(kind):
-        own = vars(value)[name]
+    check_fields(type(value), vars(value), prefix)
+
+
+def check_fields(kind: Any, values: Mapping[str, Any], prefix: str = "") -> None:
+    """Raise UserError as `check_bounds` for values of some of a dataclass's fields, by name."""
+    for name, annotation, bounds in _annotated(kind):
+        if name not in values:
+            continue
+        held = values[name]
         word = prefix + (name.replace("_", "-") if prefix.startswith("--") else name)
-        if is_dataclass(own):
-            check_bounds(own, f"{word}.")
-        elif own is not None:
+        if is_dataclass(held):
+            check_bounds(held, f"{word}.")
+            continue
+        if not _fits(held, annotation):
+            shown = held if get_origin(annotation) is Literal else repr(held)
+            raise UserError(f"{word} must be {_in_words(annotation)}, not {shown}")
+        if held is not None:
             for bound in bounds:
-                bound.refuse(word, own)
+                bound.refuse(word, held)
 
 
 @lru_cache
-def _bounds(kind: type) -> tuple[tuple[str, tuple[Bound, ...]], ...]:
-    """The fields of a dataclass with their bounds."""
+def _annotated(kind: type) -> tuple[tuple[str, Any, tuple[Bound, ...]], ...]:
+    """The fields of a dataclass with their types and bounds."""
     hints = get_type_hints(kind, include_extras=True)
+    plain = get_type_hints(kind)
     return tuple(
-        (field.name, tuple(m for m in get_args(hints[field.name]) if isinstance(m, Bound)))
+        (
+            field.name,
+            plain[field.name],
+            tuple(m for m in get_args(hints[field.name]) if isinstance(m, Bound)),
+        )
         for field in fields(kind)
     )
+
+
+_PLAIN: dict[Any, tuple[type, str]] = {
+    bool: (bool, "True or False"),
+    int: (Integral, "a whole number"),
+    float: (Real, "a number"),
+    str: (str, "text"),
+    NoneType: (NoneType, "None"),
+}
+"""The types of plain values, and their names; NumPy's numbers are numbers, but True is none."""
+
+
+def _fits(value: Any, annotation: Any) -> bool:
+    """Whether a value is of a plain type, or of a union or tuple of these; other types are not checked."""
+    kind, parts = get_origin(annotation), get_args(annotation)
+    if kind is Annotated:
+        return _fits(value, parts[0])
+    if kind is Literal:
+        return any(type(value) is type(part) and value == part for part in parts)
+    if kind in (Union, UnionType):
+        return any(_fits(value, part) for part in parts)
+    if kind is tuple:
+        if not isinstance(value, tuple):
+            return False
+        if parts[-1] is ...:
+            return all(_fits(part, parts[0]) for part in value)
+        return len(value) == len(parts) and all(map(_fits, value, parts))
+    if annotation not in _PLAIN:
+        return True
+    return isinstance(value, _PLAIN[annotation][0]) and (
+        annotation is bool or not isinstance(value, bool)
+    )
+
+
+def _in_words(annotation: Any) -> str:
+    """A type in words."""
+    kind, parts = get_origin(annotation), get_args(annotation)
+    if kind is Literal:
+        return f"one of {', '.join(map(str, parts))}"
+    if kind in (Union, UnionType):
+        return " or ".join(map(_in_words, parts))
+    if kind is tuple:
+        return f"a tuple, each {_in_words(parts[0])}"
+    return _PLAIN[annotation][1] if annotation in _PLAIN else getattr(annotation, "__name__", "set")
 
 
 def must(be: str, holds: Callable[[Any], bool]) -> Bound:

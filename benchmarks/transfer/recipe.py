@@ -6,7 +6,6 @@ The functions here run in worker processes and are pure in their arguments.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,7 +20,7 @@ from scene.render import RenderSettings
 from seg.classes import ClassTable, table_of
 from seg.data import LabelledImages, load
 from seg.pyramid import features
-from seg.recipes import RECIPES
+from seg.recipes import RECIPES, with_steps
 from seg.train import TrainSettings, score, train
 from seg.views import view_images
 from shell.target_file import find_target
@@ -49,7 +48,7 @@ class Recipe(NamedTuple):
     def train(self) -> TrainSettings:
         """How a net is trained."""
         own = RECIPES[self.training]
-        return own if self.steps is None else replace(own, steps=self.steps)
+        return own if self.steps is None else with_steps(own, self.steps)
 
     @property
     def classes(self) -> ClassTable:

@@ -28,7 +28,7 @@ from experiments.config.presets import in_space
 from experiments.config.studies import JOBS, SensitivityConfig, TableConfig, defaults_of, methods_of
 from scene.attributes import SpaceName
 from scene.workers import WorkerError
-from seg.recipes import with_net
+from seg.recipes import with_net, with_steps
 from seg.settings import VGG_NETS
 from shell.command import HELP, Parser, docstring, exit_code
 from shell.errors import UserError
@@ -231,15 +231,19 @@ def _parser(name: str, default: Config, description: str | None) -> Parser:
 
 
 def _with_nets(default: AnyConfig, given: Mapping[str, Any]) -> AnyConfig:
-    """Defaults with the recipes of the chosen nets, and with their weights."""
+    """Defaults with the recipes of the chosen nets, their weights, and a warm-up that fits the steps."""
     for name, fidelity in fidelities(default).items():
         flags = {key: given.get(f"{name}.train.{key}") for key in ("net", "trunk", "weights")}
         changes = {key: value for key, value in flags.items() if value is not None}
-        weights = given.get("weights")
-        if weights is not None and changes.get("net", fidelity.train.net) in STARTED_NETS:
+        weights, train = given.get("weights"), fidelity.train
+        if weights is not None and changes.get("net", train.net) in STARTED_NETS:
             changes.setdefault("weights", str(weights))
         if changes and name in ("reward", "final"):
-            train = with_net(fidelity.train, **changes)
+            train = with_net(train, **changes)
+        steps = given.get(f"{name}.train.steps")
+        if isinstance(steps, int):
+            train = with_steps(train, steps)
+        if train is not fidelity.train:
             own: dict[str, Any] = {name: replace(fidelity, train=train)}
             default = replace(default, **own)
     return default

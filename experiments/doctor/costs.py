@@ -23,7 +23,7 @@ from experiments.target.folder import parts_of
 from scene.attributes import default_unit
 from scene.dataset.render import render_dataset
 from scene.render import RenderSettings
-from seg.recipes import RECIPES
+from seg.recipes import RECIPES, with_steps
 from seg.train import train
 from shell.errors import UserError
 from shell.interrupt import PROGRAM
@@ -72,7 +72,7 @@ def measure(seconds: float = SECONDS) -> Pace:
         cost_of(streets) - training_cost(streets),
         seconds,
     )
-    brief = replace(streets, train=replace(streets.train, steps=20))
+    brief = replace(streets, train=with_steps(streets.train, 20))
     learn = partial(train, 0, rendered.images, rendered.labels, brief.train, 19)
     learn()
     return Pace(render, _ratio(learn, training_cost(brief), seconds))

@@ -27,6 +27,7 @@ from scene.proposal import Streets, random_proposal
 from scene.workers import Workers
 from seg.features import features
 from seg.mmd import mmd2
+from seg.recipes import with_steps
 from seg.train import TrainingError, TrainSettings, train
 from shell.errors import UserError
 from shell.files import write
@@ -87,7 +88,7 @@ def train_features(recipe: Recipe) -> Any:
     """Train a compact net on streets with all attributes random; its parameters."""
     own = recipe.fidelity.train
     # The net is compact, with its own settings, whatever net the recipe has.
-    settings = TrainSettings(steps=own.steps, batch=own.batch)
+    settings = with_steps(TrainSettings(batch=own.batch), own.steps)
     refuse_other(recipe.made_with)
     images, labels, *_ = training_set(recipe, random_proposal(), SEED)
     params = train(SEED, images, labels, settings, len(recipe.classes.classes))

@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 from experiments.config import Fidelity
+from seg.recipes import with_steps
 
 
 def middle(low: Fidelity, high: Fidelity) -> Fidelity:
@@ -20,7 +21,7 @@ def middle(low: Fidelity, high: Fidelity) -> Fidelity:
         height=between(low.height, high.height, 8),
         streets=between(low.streets, high.streets),
         shots=between(low.shots, high.shots),
-        train=replace(high.train, steps=between(low.train.steps, high.train.steps)),
+        train=with_steps(high.train, between(low.train.steps, high.train.steps)),
     )
 
 

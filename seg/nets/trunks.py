@@ -76,6 +76,15 @@ def trunk_of(settings: TrainSettings) -> Trunk:
     return trunk(settings.net, settings.weights)
 
 
+def check_name(net: str) -> None:
+    """Raise UserError unless a trunk has the name of its net."""
+    if net not in TRUNKS:
+        if net in WHOLE_NETS:
+            raise UserError(f"there is no trunk {net}; known trunks: {', '.join(TRUNKS)}")
+        known = ", ".join(sorted((*WHOLE_NETS, *TRUNKS)))
+        raise UserError(f"unknown net {net!r}; known nets: {known}")
+
+
 @lru_cache(maxsize=4)
 def trunk(net: str, weights: str | None = None) -> Trunk:
     """Make a trunk by the name of its net, once for each file.
@@ -88,11 +97,7 @@ def trunk(net: str, weights: str | None = None) -> Trunk:
         UserError: no trunk has that name.
         WeightsError: the file cannot be used.
     """
-    if net not in TRUNKS:
-        if net in WHOLE_NETS:
-            raise UserError(f"there is no trunk {net}; known trunks: {', '.join(TRUNKS)}")
-        known = ", ".join(sorted((*WHOLE_NETS, *TRUNKS)))
-        raise UserError(f"unknown net {net!r}; known nets: {known}")
+    check_name(net)
     found = TRUNKS[net](weights)
     if any(stride % found.strides[0] for stride in found.strides):
         raise ValueError(f"strides of {net} are {found.strides}; the first must divide the others")

@@ -44,7 +44,7 @@ def test_what_a_net_learns_is_a_row_with_its_cost():
         "labelled": LabelledImages(images, labels),
         "test": LabelledImages(images[:3], labels[:3]),
     }
-    settings = TrainSettings(steps=2, batch=2, predict_batch=3)
+    settings = TrainSettings(steps=2, warmup=1, batch=2, predict_batch=3)
     row = benchmark.learning_row(sides, settings, 2, range(2))
     assert (row["net"], row["steps"], row["images"], row["tested"]) == ("compact", 2, 4, 3)
     mious = [float(miou) for miou in row["mious"].split()]

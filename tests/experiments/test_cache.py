@@ -28,7 +28,7 @@ from shell.files import read_json, write_json
 
 from .conftest import POOL, Counted, Killed, never, runner_of, target_of
 
-TRAIN = replace(RECIPES["lite0-frozen"], steps=2, batch=2, scale=True)
+TRAIN = replace(RECIPES["lite0-frozen"], steps=2, warmup=1, batch=2, scale=True)
 RECIPE = Recipe(Fidelity(64, 48, 1, 2, samples=1, train=TRAIN), "camvid", "embree", AssetPool(0, 2))
 COUNT = 25  # two tasks, of 16 and 9
 

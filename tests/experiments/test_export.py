@@ -18,13 +18,13 @@ from tests.conftest import refused
 
 SIZE = (36, 44)  # no multiple of any stride
 CLASSES = label_classes(["road", "sky", "car"], ids=[7, 23, 26])
-LITE0 = replace(seg.RECIPES["lite0-frozen"], steps=1, batch=1, views=1, head_width=8)
+LITE0 = replace(seg.RECIPES["lite0-frozen"], steps=1, warmup=0, batch=1, views=1, head_width=8)
 NETS = {
-    "compact": TrainSettings(steps=1, batch=1),
+    "compact": TrainSettings(steps=1, warmup=0, batch=1),
     "frozen": LITE0,
     "tuned": replace(LITE0, trunk="tuned", average=0.0),
-    "fcn8s": replace(seg.RECIPES["scratch"], net="fcn8s", steps=1),
-    "deeplabv2": replace(seg.RECIPES["scratch"], norm=False, steps=1),
+    "fcn8s": replace(seg.RECIPES["scratch"], net="fcn8s", steps=1, warmup=0),
+    "deeplabv2": replace(seg.RECIPES["scratch"], norm=False, steps=1, warmup=0),
 }
 
 

@@ -39,7 +39,7 @@ from experiments.target.twin import FIRST_ASSET
 from scene.attributes import NAMES, names
 from scene.proposal import Histogram, describe, mixture, moments, random_proposal
 from scene.version import ENGINE
-from seg.recipes import RECIPES
+from seg.recipes import RECIPES, with_steps
 from seg.settings import TrainSettings
 from shell.errors import UserError
 from shell.files import write_json
@@ -308,6 +308,7 @@ def test_every_number_of_every_fidelity_is_checked(name):
 @pytest.mark.parametrize("name", FIDELITIES)
 @pytest.mark.parametrize(("flags", "said"), [
     (("train.lr=-1",), ".train.lr must be positive, not -1.0"),
+    (("train.warmup=500",), ".train: warmup must be less than the "),
     (("train.net=lite0", "width=24"), ": images of 24x48 are too small for lite0"),
 ])  # fmt: skip
 def test_a_wrong_fidelity_has_exit_code_2(name, flags, said, error_line, out):
@@ -445,11 +446,12 @@ def test_a_folder_with_the_twins_sizes_is_not_continued_with_others(
     (["--final.train.net=fcn8s"], "scratch", 1000),
     (["--final.train.net", "fcn8s", "--final.train.weights", "w.npz"], "vgg-adam", 1000),
     (["--final.train.trunk", "tuned", "--final.train.steps", "7"], "lite0-tuned", 7),
+    (["--final.train.steps", "7"], "lite0-frozen", 7),
     (["--preset", "smoke", "--final.train.net", "lite0"], "lite0-frozen", 20),
 ])  # fmt: skip
 def test_the_net_decides_how_it_is_trained(arguments, recipe, steps):
     seen = []
     main("camvid", partial(defaults, MainConfig), seen.append, "", arguments, target="camvid")
     train, own = seen[0].final.train, RECIPES[recipe]
-    assert train == replace(own, net=train.net, steps=steps, weights=train.weights)
+    assert train == replace(with_steps(own, steps), net=train.net, weights=train.weights)
     assert seen[0].reward.train.net == ("compact" if "smoke" in arguments else "lite0")

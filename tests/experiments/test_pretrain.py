@@ -77,7 +77,9 @@ def way(monkeypatch):
 
     def way(row):
         recipe = Recipe(fidelity, "camvid", "embree", AssetPool())
-        fine = recipe._replace(fidelity=replace(fidelity, train=replace(fidelity.train, steps=3)))
+        fine = recipe._replace(
+            fidelity=replace(fidelity, train=replace(fidelity.train, steps=3, warmup=0))
+        )
         proposal = random_proposal() if row in ("random", "learnt") else None
         start = Start(recipe, proposal, on_subset=row == "longer")
         return transfer.transfer(

@@ -36,7 +36,7 @@ def test_every_batch_holds_the_share_and_every_image_its_part(seed, share, ours,
 
 
 def test_a_set_with_none_beside_it_is_drawn_as_ever():
-    settings = TrainSettings(steps=5, batch=4)
+    settings = TrainSettings(steps=5, batch=4, warmup=4)
     one, same = plan(7, 6, settings), plan(7, [6], settings, 1.0)
     np.testing.assert_array_equal(one.picks, same.picks)
     rng = np.random.default_rng(7)

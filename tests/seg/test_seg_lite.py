@@ -51,7 +51,7 @@ SETTINGS = TrainSettings(
     net="lite0", steps=40, batch=2, warmup=5, lr=3e-3, predict_batch=4,
     weighted=False, colour=False, blur=False,
 )  # fmt: skip
-BRIEF = replace(SETTINGS, steps=3)
+BRIEF = replace(SETTINGS, steps=3, warmup=1)
 TOY = toy(4, (48, 64))
 SMALL = pixels(1, 31, 64, 3), np.zeros((1, 31, 64), np.uint8)
 

@@ -22,7 +22,9 @@ from .conftest import assert_same, pixels, toy
 
 SIZE = (32, 40)
 COMPACT = TrainSettings(steps=2, batch=2, warmup=1, predict_batch=2)
-LITE0 = replace(seg.RECIPES["lite0-frozen"], steps=2, batch=2, predict_batch=2, head_width=8)
+LITE0 = replace(
+    seg.RECIPES["lite0-frozen"], steps=2, warmup=1, batch=2, predict_batch=2, head_width=8
+)
 SETTINGS = {
     "compact": COMPACT,
     "frozen": LITE0,

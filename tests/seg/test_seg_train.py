@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import pytest
 from jax.flatten_util import ravel_pytree
 
 import seg
-from seg import TrainingError, TrainSettings, mean_iou, predict, score
+from seg import TrainingError, TrainSettings, check_settings, mean_iou, predict, score
 from seg.data import list_split, load, read_split
 from seg.step import Data, functions, plan
 from seg.train import _check, train
@@ -33,7 +34,7 @@ def test_two_images_are_learnt_training_can_go_on_and_padding_changes_nothing(fi
     confusion = score(fitted, images, labels, SETTINGS, 11)
     assert confusion.sum() == (labels != 255).sum() and mean_iou(confusion) > 0.9
     before = jax.tree.map(np.array, fitted)
-    further = train(3, *toy(), replace(SETTINGS, steps=1, lr=1e-4), 11, params=fitted)
+    further = train(3, *toy(), replace(SETTINGS, steps=1, warmup=0, lr=1e-4), 11, params=fitted)
     assert_same(fitted, before)
     assert_close(fitted, further, atol=2e-4)
     images, _ = toy(6)
@@ -47,13 +48,13 @@ def test_same_seed_same_net_other_seed_another_and_progress_is_told(fitted):
     again = train(0, *toy(), SETTINGS, 11, progress=lambda *args: told.append(args))
     assert [step for step, _ in told] == [50, 100, 150] and told[-1][1] < told[0][1]
     assert_same(fitted, again)
-    nets = (train(seed, *toy(), replace(SETTINGS, steps=3), 11) for seed in (0, 1))
+    nets = (train(seed, *toy(), replace(SETTINGS, steps=3, warmup=1), 11) for seed in (0, 1))
     one, other = (ravel_pytree(params)[0] for params in nets)
     assert not np.array_equal(one, other)
 
 
 def test_scanned_steps_are_the_same_steps():
-    settings = replace(SETTINGS, steps=3, lr=1e-3)
+    settings = replace(SETTINGS, steps=3, warmup=1, lr=1e-3)
     fitted = (train(0, *toy(), settings, 11, stepwise=stepwise) for stepwise in (True, False))
     assert_close(*fitted, atol=1e-4)
 
@@ -75,17 +76,17 @@ def test_the_trained_net_is_the_mean_over_the_last_steps(average, averaged):
 
 
 def test_means_are_the_same_scanned_and_where_training_goes_on(fitted):
-    settings = replace(SETTINGS, steps=4, lr=1e-3, average=0.5)
+    settings = replace(SETTINGS, steps=4, warmup=1, lr=1e-3, average=0.5)
     ways = (train(0, *toy(), settings, 11, stepwise=stepwise) for stepwise in (True, False))
     assert_close(*ways, atol=1e-4)
-    last = replace(settings, steps=1)
+    last = replace(settings, steps=1, warmup=0)
     ways = (train(0, *toy(), s, 11, params=fitted) for s in (last, replace(last, average=0.0)))
     assert_same(*ways)  # not the mean with the parameters it went on from
 
 
 def test_all_void_labels_do_no_harm_and_a_loss_that_is_not_finite_is_an_error():
     images, labels = toy()
-    params = train(0, images, np.full_like(labels, 255), replace(SETTINGS, steps=2), 11)
+    params = train(0, images, np.full_like(labels, 255), replace(SETTINGS, steps=2, warmup=1), 11)
     assert np.isfinite(ravel_pytree(params)[0]).all()
     with pytest.raises(TrainingError, match=r"loss is nan after 50 of 60 steps; .*1e\+30"):
         train(0, *toy(), replace(SETTINGS, steps=60, lr=1e30), 11)
@@ -147,11 +148,23 @@ def test_arrays_that_do_not_fit(images, labels, message):
     (LITE0 | {"head_width": 0}, "head_width must be 1 or more, not 0"),
     (LITE0 | {"head_dropout": 1.0}, r"head_dropout must lie in \[0, 1\), not 1\.0"),
     ({"average": 1.0}, r"average must lie in \[0, 1\), not 1\.0"),
+    ({"dtype": "float16"}, "dtype must be one of float32, bfloat16, not float16"),
+    ({"optimizer": "lion"}, "optimizer must be one of adam, sgd, not lion"),
+    ({"net": "fcn8"}, "unknown net 'fcn8'; known nets: compact, deeplabv2, dinov2, fcn8s, lite0"),
+    (LITE0 | {"trunk": "Tuned"}, "trunk must be one of frozen, tuned, not Tuned"),
+    (LITE0 | {"head_statistics": "both"}, "head_statistics must be one of training, target, not both"),
+    ({"lr_multipliers": "caffe"}, "lr_multipliers must be one of none, deeplab, not caffe"),
+    ({"mirror": "no"}, "mirror must be True or False, not 'no'"),
+    ({"steps": 100.5}, "steps must be a whole number, not 100.5"),
+    ({"steps": 100, "warmup": 100}, "warmup must be less than the 100 steps, not 100"),
     ({"average": -0.1}, r"average must lie in \[0, 1\), not -0\.1"),
 ])  # fmt: skip
 def test_settings_that_make_no_sense(change, message):
     images, labels = toy()
-    refuses(message, train, 0, images, labels, replace(SETTINGS, **change), 11)
+    settings = copy(SETTINGS)
+    vars(settings).update(change)  # `replace` refuses other types here, but not where users are
+    refuses(message, check_settings, settings)
+    refuses(message, train, 0, images, labels, settings, 11)
     for seed in (-1, 2**32):
         refuses("rng_seed must be in", train, seed, images, labels, SETTINGS, 11)
     with pytest.raises(ValueError, match=r"label 11 is none of 11 .* 0\.\.10, or 255 for void"):

@@ -115,7 +115,7 @@ def test_what_a_trunk_cannot_be_is_refused(monkeypatch, tmp_path):
     monkeypatch.setitem(TRUNKS, "odd", lambda weights: patches(weights)._replace(strides=(8, 12)))
     refuses(r"strides of odd are \(8, 12\); the first must divide", trunk, "odd")
     # The head is for the features of these weights, and of no others.
-    net = train(0, *TOY, replace(settings, steps=1), 2)
+    net = train(0, *TOY, replace(settings, steps=1, warmup=0), 2)
     Model(settings, net, SIZE, label_classes(["road", "sky"])).save(tmp_path / "model")
     monkeypatch.setitem(
         TRUNKS, "patches", lambda weights: patches(weights)._replace(source={"name": "other"})

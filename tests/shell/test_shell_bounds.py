@@ -2,8 +2,9 @@
 
 import math
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, Literal
 
+import numpy as np
 import pytest
 
 from shell.bounds import DISTINCT, POSITIVE, at_least, at_most, check_bounds, within
@@ -22,6 +23,11 @@ class Outer:
     own_share: Annotated[float | None, within(0, 1, "(]")] = None
     counts: Annotated[tuple[int, ...] | None, at_least(1), DISTINCT] = None
     net: Inner = field(default_factory=Inner)
+    dtype: Literal["float32", "bfloat16"] = "float32"
+    mirror: bool = True
+    rate: float = 0.5
+    candidates: tuple[Literal["argmax", "broad"], ...] = ("argmax",)
+    grid: tuple[int, int] | None = None
 
 
 @pytest.mark.parametrize(("bound", "inside", "outside", "be"), [
@@ -49,6 +55,19 @@ def test_a_bound_takes_what_is_inside_and_says_what_the_others_must_be(bound, in
     (Outer(counts=(2, 0)), "--counts must be 1 or more, not 0", "counts"),
     (Outer(counts=()), "--counts needs at least one value", "counts"),
     (Outer(counts=(2, 2)), "--counts 2 2 names one of them twice", "counts"),
+    (Outer(dtype="float16"), "--dtype must be one of float32, bfloat16, not float16", "dtype"),
+    (Outer(dtype=None), "--dtype must be one of float32, bfloat16, not None", "dtype"),
+    (Outer(mirror="no"), "--mirror must be True or False, not 'no'", "mirror"),
+    (Outer(mirror=1), "--mirror must be True or False, not 1", "mirror"),
+    (Outer(seed=1.5), "--seed must be a whole number, not 1.5", "seed"),
+    (Outer(seed=True), "--seed must be a whole number, not True", "seed"),
+    (Outer(seed=None), "--seed must be a whole number, not None", "seed"),
+    (Outer(rate="high"), "--rate must be a number, not 'high'", "rate"),
+    (Outer(own_share="x"), "--own-share must be a number or None, not 'x'", "own_share"),
+    (Outer(candidates=("x",)), "--candidates must be a tuple, each one of argmax, broad, not ('x',)",
+     "candidates"),
+    (Outer(grid=(1, 2, 3)), "--grid must be a tuple, each a whole number or None, not (1, 2, 3)", "grid"),
+    (Outer(net=Inner(words=5)), "--net.words must be text, not 5", "net.words"),
     (Outer(net=Inner(0)), "--net.head-width must be 1 or more, not 0", "net.head_width"),
 ])  # fmt: skip
 def test_the_field_is_named_as_a_flag_or_as_python_has_it(wrong, flag, name):
@@ -63,3 +82,6 @@ def test_the_field_is_named_as_a_flag_or_as_python_has_it(wrong, flag, name):
 def test_what_is_within_its_bounds_passes_and_none_is_never_asked():
     check_bounds(Outer())
     check_bounds(Outer(9, 1.0, (1, 2), Inner(7)))
+    check_bounds(
+        Outer(np.int32(9), 1, None, Inner(7), "bfloat16", False, np.float32(1), grid=(1, 2))
+    )
