@@ -425,7 +425,9 @@ def _variables(path: Path, expected: str, settings: TrainSettings, classes: int)
             )
         if not np.isfinite(array).all():
             raise ModelError(f"{path}: {name}: holds values that are not finite")
-    return jax.tree.unflatten(jax.tree.structure(net), [arrays[name] for name in wanted])
+    # On the device, or every call of the net would send them again.
+    leaves = jax.device_put([arrays[name] for name in wanted])
+    return jax.tree.unflatten(jax.tree.structure(net), leaves)
 
 
 def _named(tree: Params) -> Iterator[tuple[str, Any]]:

@@ -130,6 +130,8 @@ def _compiled(settings: TrainSettings, classes: int) -> Functions:
 
     method = OnTrunk.from_maps if settings.frozen else None
 
+    # Under `vmap` this generator has other numbers for the same seed, so that seeds go one by one.
+    @jax.custom_batching.sequential_vmap
     def init(seed: UInt32[Array, ""], images: Any) -> TrainState:
         blank = jax.tree.map(lambda a: jnp.zeros((1, *a.shape[1:])), images)
         given = (blank, (8, 8)) if settings.frozen else (blank,)

@@ -7,6 +7,7 @@ run ten times slower inside `lax.scan`. On accelerators the same step is scanned
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache, partial
+from itertools import pairwise
 from typing import Any
 
 import jax
@@ -172,6 +173,8 @@ def train(
     statistics: Statistics | None = None,
     beside: LabelledImages | None = None,
     share: float = 0.5,
+    checkpoints: int = 1,
+    at_checkpoint: Callable[[Variables], None] | None = None,
 ) -> Variables:
     """Train a net; the same arguments give the same variables.
 
@@ -189,11 +192,15 @@ def train(
         features: for a frozen trunk, the features of all views of the images, `seg.pyramid.features` of
             `seg.views.view_images`; None computes them.
         statistics: for a net with a trunk and `head_statistics` "target": the fixed statistics of its head,
-            from `channel_statistics` of real images.
+            from `channel_statistics` of real images. Not needed, and not used, with ``params``.
         beside: more images of the same size, such as labelled real ones beside renders; for a frozen trunk
             they may have the features of all their views. Class weights and training statistics are those
             of the images in the batches.
         share: share of ``beside`` in the images of all batches, in (0, 1), even if they are few.
+        checkpoints: number of evenly spaced steps after which `at_checkpoint` is called, at most all; the
+            last one is the end.
+        at_checkpoint: called with the net's variables, which are valid until it returns. Until the steps
+            begin that the settings average, they are those after the step.
 
     Returns:
         The net's variables by collection: `params` after the last step, or their mean over the steps that
@@ -210,13 +217,17 @@ def train(
     own = training_set(LabelledImages(images, labels, features=features), beside, share)
     for part in own.parts:
         _check_part(part, settings, classes)
-    if (settings.head_statistics == "target") != (statistics is not None):
-        raise ValueError(
-            f'statistics are for head_statistics "target", and needed there; the settings say '
-            f'"{settings.head_statistics}"'
-        )
+    of_target = settings.head_statistics == "target"
+    if statistics is not None and not of_target:
+        raise ValueError('statistics are for head_statistics "target"; the settings say "training"')
+    if statistics is None and of_target and params is None:
+        raise ValueError('head_statistics "target" needs statistics, or params that have them')
     if not 0 <= rng_seed < 2**32:
         raise ValueError(f"rng_seed must be in 0..2**32 - 1; got {rng_seed}")
+    if not 1 <= checkpoints <= settings.steps:
+        raise ValueError(
+            f"checkpoints must lie in 1..{settings.steps}, the steps; got {checkpoints}"
+        )
     compiled = functions(settings, classes)
     class_weights = np.ones(classes, np.float32)
     if settings.weighted:
@@ -243,8 +254,9 @@ def train(
             state = _started(state, compiled, settings, statistics)
     if stepwise is None:
         stepwise = jax.default_backend() == "cpu"
-    for start in range(0, settings.steps, CHUNK):
-        stop = min(start + CHUNK, settings.steps)
+    checked = {settings.steps, *range(CHUNK, settings.steps, CHUNK)}
+    kept = {settings.steps * k // checkpoints for k in range(1, checkpoints + 1)}
+    for start, stop in pairwise(sorted({0, *checked, *kept})):
         if stepwise:
             for i in range(start, stop):
                 state, loss = compiled.step(state, data, rows.rows(i))
@@ -257,8 +269,11 @@ def train(
                 f"the loss is {value} after {stop} of {settings.steps} steps; "
                 f"a lower learning rate than {settings.lr} may help"
             )
-        if progress is not None:
+        if progress is not None and stop in checked:
             progress(stop, value)
+        if at_checkpoint is not None and stop in kept:
+            averages = rows.weight[stop - 1] > 0
+            at_checkpoint(state.trained if averages else state._replace(mean=None).trained)
     return state.trained
 
 
@@ -313,7 +328,7 @@ def _of_batches(
     """Compute labels, or the scores of all classes."""
     _check(images)
     _check_net(images, settings, features)
-    variables = variables_of(params)
+    variables = jax.device_put(variables_of(params))  # once, not for every batch
     if settings.frozen:
         size = (images.shape[1], images.shape[2])
         maps = features or pyramid.features(images, settings)

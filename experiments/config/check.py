@@ -109,6 +109,11 @@ def _check_search(config: GroupsConfig) -> None:
         raise UserError(
             "--search.baseline leave_one_out needs --search.datasets-per-update 2 or more"
         )
+    if search.checkpoints > config.reward.train.steps:
+        raise UserError(
+            f"--search.checkpoints {search.checkpoints} needs as many --reward.train.steps, not "
+            f"{config.reward.train.steps}"
+        )
 
 
 def _check_reward(config: RewardConfig) -> None:
@@ -121,6 +126,10 @@ def _check_answer(config: SearchConfig) -> None:
         raise UserError("--unlabelled needs --reward-kind mmd: mIoU needs labels")
     if config.reward_kind == "mmd" and config.search.squared_reward:
         raise UserError("--search.squared-reward needs --reward-kind miou: squares have no sign")
+    if config.reward_kind == "mmd" and config.search.checkpoints > 1:
+        raise UserError(
+            "--search.checkpoints needs --reward-kind miou: no net is trained for -MMD^2"
+        )
     make_method(config, config.search.method, make_space(config), 1)
 
 

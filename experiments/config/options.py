@@ -76,6 +76,9 @@ class SearchOptions(Bins):
     """Divide advantages by their size (sdr; not in the paper)."""
     squared_reward: bool = False
     """Take (100 mIoU)^2, as in the authors' code, instead of mIoU (sdr)."""
+    checkpoints: Annotated[int, at_least(1)] = 1
+    """Checkpoints of a reward's training, evenly spaced. The reward is the mIoU of the best one, as in the
+    authors' code; with 1 it is that of the trained net."""
     common_random_numbers: bool = False
     """Give the datasets of an update the same seed, and their streets the same places in the intervals."""
     start: Annotated[str, Alias("--start")] = "default"

@@ -144,8 +144,17 @@ def evaluate_miou(
     if ready is None and not isinstance(source, LabelledImages):
         rendered = time.perf_counter() - started
     began = time.perf_counter()
-    params = trained(recipe, own, seed, source=source)
-    return tested(recipe, params, real, rendered, time.perf_counter() - began, parts, keeps)
+    if recipe.checkpoints == 1:
+        params = trained(recipe, own, seed, source=source)
+        return tested(recipe, params, real, rendered, time.perf_counter() - began, parts, keeps)
+    results: list[Result] = []
+
+    def test(params: Params) -> None:
+        results.append(tested(recipe, params, real, rendered, 0.0, parts, keeps))
+
+    trained(recipe, own, seed, source=source, test=test)
+    best = max(results, key=lambda result: result.reward)
+    return best._replace(train_seconds=time.perf_counter() - began)
 
 
 def trained(
@@ -154,10 +163,11 @@ def trained(
     seed: int,
     params: Params | None = None,
     source: Source | None = None,
+    test: Callable[[Params], None] | None = None,
 ) -> Params:
     """Train a net on a set, and beside it on the second part of its source if there is one.
 
-    It starts from given parameters, or anew.
+    It starts from given parameters, or anew. Each of the recipe's checkpoints goes to `test`.
 
     Raises:
         TrainingError: training diverged.
@@ -176,6 +186,8 @@ def trained(
         params=params,
         features=own.features,
         statistics=recipe.statistics,
+        checkpoints=recipe.checkpoints,
+        at_checkpoint=test,
         **second,
     )
 

@@ -32,6 +32,7 @@ class Recipe(NamedTuple):
     renderer: str
     pool: AssetPool  # the assets that may appear
     statistics: Statistics | None = None  # of a trunk's head; None: those of its training set
+    checkpoints: int = 1  # of the training, the best of which gives the reward
     made_with: MadeWith = ()  # backend and versions of all workers of the run
 
     @property

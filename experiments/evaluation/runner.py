@@ -428,6 +428,8 @@ def about(recipe: Recipe, target: Target, side: Side, real: LabelledImages | Ref
         "engine": ENGINE,
         FIELD: dict(recipe.made_with),
     }
+    if recipe.checkpoints > 1:
+        decides["checkpoints"] = recipe.checkpoints
     if kind == "miou" and by_target(fidelity.train):
         own = target.at(fidelity.height, fidelity.width)["reward"]
         decides["statistics"] = digest_of(own.images)

@@ -91,7 +91,7 @@ class Rewards:
         self._known = {
             tuple(line.get(name) for name in PLACE): line["key"] for line in run.evaluations.records
         }
-        recipe = run.recipe(run.config.reward)
+        recipe = run.recipe(run.config.reward)._replace(checkpoints=plan.options.checkpoints)
         self._job = Job(recipe, random_proposal(plan.space), 0, {}, "reward", kind)
         run.runner.about(self._job)  # here, since it needs JAX
         self._update = 0

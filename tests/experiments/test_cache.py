@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from experiments.config import Fidelity
-from experiments.evaluation import cache
+from experiments.evaluation import cache, evaluate
 from experiments.evaluation.cache import ABOUT, FOLDER, Cache
 from experiments.evaluation.cached import loaded
 from experiments.evaluation.evaluate import evaluate_miou, worker_environment
-from experiments.evaluation.job import Job, Recipe
+from experiments.evaluation.job import Job, Recipe, Result
 from experiments.evaluation.runner import Runner, about
 from experiments.evaluation.store import result_of
 from scene.assets.catalogue import AssetPool
@@ -48,6 +48,20 @@ def made(runner: Runner, recipe: Recipe = RECIPE) -> list[tuple]:
     jobs = [Job(recipe, REAL, 5 + k, {}) for k in range(2)]
     found = runner.run(jobs)
     return [(runner.key(job), r.reward, r.class_iou) for job, r in zip(jobs, found, strict=True)]
+
+
+def test_the_reward_is_that_of_the_best_checkpoint(monkeypatch):
+    def train(*_, checkpoints, at_checkpoint, **__):
+        for number in range(checkpoints):
+            at_checkpoint(number)
+
+    def tested(recipe, number, *_):
+        return Result((0.2, 0.7, 0.4)[number], [number], 0.0, 0.0)
+
+    monkeypatch.setattr(evaluate, "train", train)
+    monkeypatch.setattr(evaluate, "tested", tested)
+    result = evaluate_miou(RECIPE._replace(checkpoints=3), REAL, 5, TEST)
+    assert (result.reward, result.class_iou) == (0.7, [1]) and result.train_seconds > 0
 
 
 def plain(recipe: Recipe = RECIPE) -> list[tuple]:

@@ -32,6 +32,7 @@ from experiments.evaluation.store import (
 from experiments.run.context import Run
 from experiments.run.learn import plan_of
 from experiments.run.nets import jobs_of
+from experiments.run.rewards import Rewards
 from experiments.run.search import search
 from experiments.store import main
 from scene.assets.own_class import OwnClass
@@ -82,6 +83,14 @@ def a_run(tmp_path):
         return Run(config, TARGET, pool, *logs, shared, Progress(1))
 
     return opened
+
+
+def test_a_search_asks_for_its_checkpoints(a_run):
+    for checkpoints in (1, 3):
+        config = searching(CONFIG, checkpoints=checkpoints)
+        run = a_run(search=config.search)
+        job = Rewards(run, plan_of(config), "miou")._job
+        assert job.recipe == run.recipe(CONFIG.reward)._replace(checkpoints=checkpoints)
 
 
 def evaluate(run: Run[MainConfig], *seeds: int) -> list[Result]:
@@ -183,9 +192,9 @@ def test_a_class_of_one_s_own_counts_by_its_name_and_the_content_of_its_file(a_r
 def test_a_configuration_is_all_that_decides_a_reward(a_run, tmp_path, monkeypatch):
     (tmp_path / "own" / "car").mkdir(parents=True)
 
-    def name(target=TARGET, side="reward", truth=TRUTH, table="camvid", **changes):
+    def name(target=TARGET, side="reward", truth=TRUTH, table="camvid", checkpoints=1, **changes):
         run = a_run(**changes)
-        recipe = run.recipe(run.config.reward)._replace(table=table)
+        recipe = run.recipe(run.config.reward)._replace(table=table, checkpoints=checkpoints)
         return runner.about(recipe, target, side, truth)["config"]
 
     reward = CONFIG.reward
@@ -195,7 +204,8 @@ def test_a_configuration_is_all_that_decides_a_reward(a_run, tmp_path, monkeypat
         *(name(reward=replace(reward, **k)) for k in ({"shots": 3}, {"samples": 2})),
         *(name(reward=replace(reward, train=replace(train, **k))) for k in ({"steps": 13}, {"lr": 0.5})),
         name(renderer="opengl"), name(asset_fraction=0.5), name(asset_count=5), name(**own),
-        name(table="cityscapes"), name(target=TARGET._replace(name="twin")), name(target=asked),
+        name(table="cityscapes"), name(checkpoints=2),
+        name(target=TARGET._replace(name="twin")), name(target=asked),
         name(side="test"), name(truth=TRUTH._replace(labels=TRUTH.labels + 1)),
         name(truth=mmd.Reference(np.zeros((2, 3)), "net", "images")),
     ]  # fmt: skip

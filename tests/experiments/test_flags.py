@@ -441,6 +441,13 @@ def test_a_folder_with_the_twins_sizes_is_not_continued_with_others(
     assert [path.name for path in out.iterdir()] == ["config.json"]
 
 
+def test_a_training_has_as_many_steps_as_checkpoints(error_line, out):
+    flags = ("--target", "camvid", "--data", "none", "--out", str(out), "--reward.train.steps", "9")
+    assert study("ablation", *flags, "--search.checkpoints", "10") == 2
+    line = "error: --search.checkpoints 10 needs as many --reward.train.steps, not 9"
+    assert error_line().startswith(line) and not out.exists()
+
+
 @pytest.mark.parametrize(("arguments", "recipe", "steps"), [
     (["--final.train.net", "compact"], "compact", 1000),
     (["--final.train.net=fcn8s"], "scratch", 1000),

@@ -15,7 +15,7 @@ import seg.views
 from seg import RECIPES, TrainSettings, WeightsError, check_settings, mean_iou, predict, score
 from seg.nets import OnTrunk, net, variables_of
 from seg.nets.head import Head, statistics
-from seg.nets.lite import SIZES, STRIDES, Lite, blocks_of, channels_of, taps_of
+from seg.nets.lite import SIZES, STRIDES, Block, Lite, _Block, blocks_of, channels_of, taps_of
 from seg.nets.ops.conv import xla_conv
 from seg.nets.ops.depthwise import (
     Pointwise,
@@ -39,6 +39,7 @@ from seg.weights.read import read
 from .conftest import (
     assert_close,
     assert_same,
+    filled,
     normal,
     pixels,
     refuses,
@@ -377,8 +378,49 @@ def test_features_of_other_images_are_refused():
     refuses("features are for a frozen trunk", fit, compact, features=maps)
     target, statistics = 'statistics are for head_statistics "target"', channel_statistics(maps)
     refuses(target, fit, compact, statistics=statistics)
-    needed = 'needed there; the settings say "target"'
+    needed = 'head_statistics "target" needs statistics, or params that have them'
     refuses(needed, fit, replace(SETTINGS, head_statistics="target"))
+
+
+def test_training_from_params_needs_no_statistics(fitted):
+    nets = (
+        train(0, *TOY, replace(BRIEF, head_statistics=of), 2, params=fitted)
+        for of in ("training", "target")
+    )
+    assert_same(*nets)
+
+
+def test_every_step_has_a_dropout_of_its_own():
+    def losses(dropout):
+        settings = replace(BRIEF, head_dropout=dropout, lr=1.0)
+        compiled = functions(settings, 2)
+        data = Data(MAPS(), TOY[1], np.ones(2, np.float32), np.uint32(0))
+        state = compiled.init(np.uint32(0), data.images)
+        row = plan(0, len(TOY[1]), settings).rows(0)._replace(lr=np.float32(0))
+        found = []
+        for _ in range(3):  # of the same images and parameters
+            state, loss = compiled.step(state, data, row)
+            found.append(float(loss))
+        return len(set(found))
+
+    assert (losses(0.5), losses(0.0)) == (3, 1)
+
+
+def test_a_block_is_clipped_to_0_and_6_but_at_its_end():
+    block, x = _Block(Block(3, 1, 6, 5)), normal(1, 4, 4, 5)
+    params = filled(block, x)
+    run = jax.jit(block.apply)
+
+    def with_layer(name, bias, kernel=None):
+        layer = {"kernel": params[name]["kernel"], "bias": np.full_like(params[name]["bias"], bias)}
+        if kernel is not None:
+            layer["kernel"] = np.full_like(layer["kernel"], kernel)
+        return run({"params": {**params, name: layer}}, x)
+
+    for name in ("expand", "depthwise"):
+        for far, end in ((-1e6, 0), (1e6, 6)):
+            np.testing.assert_array_equal(with_layer(name, far), with_layer(name, end, 0))
+    np.testing.assert_allclose(with_layer("project", -9.0, 0) - x, -9, atol=1e-5)
 
 
 def test_prediction_is_that_of_the_whole_net(fitted):

@@ -4,6 +4,7 @@ import json
 import os
 from dataclasses import replace
 
+import jax
 import numpy as np
 import pytest
 from safetensors.numpy import load_file
@@ -14,7 +15,7 @@ from seg.card import card as card_of
 from seg.data.labelled import fitted
 from seg.model import CONFIG, SHIPPED, WEIGHTS, Model, classes_of, label_classes, load_model
 from seg.model import shipped as shipped_models
-from seg.train import logits, predict, train
+from seg.train import _of_net, _predictor, logits, predict, train
 from shell.target_file import parse_target, shipped
 from tests.conftest import refused
 
@@ -47,6 +48,20 @@ def compact() -> Model:
 def saved(compact, tmp_path):
     compact.save(tmp_path / "model")
     return tmp_path / "model"
+
+
+def test_weights_go_to_the_device_once(compact, saved, monkeypatch):
+    assert all(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(load_model(saved).variables))
+    seen, run = [], _predictor(_of_net(COMPACT), 3, False)
+
+    def noting(variables, batch):
+        seen.append(jax.tree.leaves(variables))
+        return run(variables, batch)
+
+    monkeypatch.setattr("seg.train._predictor", lambda *_: noting)
+    predict(jax.tree.map(np.asarray, compact.variables), pixels(4, *SIZE, 3), COMPACT, 3)
+    first, second = seen
+    assert all(a is b and isinstance(a, jax.Array) for a, b in zip(first, second, strict=True))
 
 
 @pytest.mark.parametrize("kind", SETTINGS)
@@ -146,7 +161,7 @@ def test_classes_of_a_target_have_the_values_of_its_files():
     ({"size": {"width": 4}}, f"{CONFIG}: height is missing"),
     ({"written": "words"}, f"{CONFIG}: written is 'words'; expected ids or colours"),
     ({"recipe": {"net": "compact", "stride": 2}}, r"recipe\.stride: there is no such setting"),
-    ({"recipe": {"net": "compact", "lr": "high"}}, r"recipe\.lr is 'high'; expected float"),
+    ({"recipe": {"net": "compact", "lr": "high"}}, r"recipe\.lr must be a number, not 'high'"),
     ({"recipe": {"net": "compact", "norm": True, "weights": "x"}}, f"{CONFIG}: norm is for"),
     ({"recipe": {"net": "fcn8s"}}, f"{WEIGHTS}: .* of another net"),
 ])  # fmt: skip

@@ -79,6 +79,63 @@ def test_narrow_vgg_nets_run_and_drop_out(kind):
     assert not np.allclose(first, other)
 
 
+def layers(monkeypatch, module, *shape):
+    """Side and rate of each convolution by name, and side and stride of each pooling."""
+    convolutions, pools = {}, []
+
+    def note(call, args, kwargs, context):
+        if isinstance(context.module, Conv):
+            convolutions[context.module.name] = (context.module.side, context.module.rate)
+        return call(*args, **kwargs)
+
+    def pool(x, side, stride):
+        pools.append((side, stride))
+        return max_pool(x, side, stride)
+
+    monkeypatch.setattr("seg.nets.vgg16.max_pool", pool)
+    with nn.intercept_methods(note):
+        jax.eval_shape(module.init, jax.random.key(0), jax.ShapeDtypeStruct(shape, jnp.float32))
+    return convolutions, pools
+
+
+def test_sides_rates_and_strides_of_the_vgg_nets_as_published(monkeypatch):
+    stages = {1: 2, 2: 2, 3: 3, 4: 3, 5: 3}
+    names = [f"conv{stage}_{k}" for stage, count in stages.items() for k in range(1, count + 1)]
+    plain = dict.fromkeys(names, (3, 1))
+    convolutions, pools = layers(monkeypatch, FCN8s(3), 1, 32, 32, 3)
+    assert convolutions == plain | {"fc6": (7, 1), "fc7": (1, 1)}
+    assert pools == [(2, 2)] * 5
+    convolutions, pools = layers(monkeypatch, DeepLabV2(3), 1, 32, 32, 3)
+    atrous = plain | dict.fromkeys(("conv5_1", "conv5_2", "conv5_3"), (3, 2))
+    aspp = {f"fc6_{k}": (3, rate) for k, rate in enumerate((6, 12, 18, 24), 1)}
+    assert convolutions == atrous | aspp | {f"fc7_{k}": (1, 1) for k in (1, 2, 3, 4)}
+    assert pools == [(3, 2)] * 3 + [(3, 1)] * 2
+
+
+@pytest.mark.parametrize("kind", [FCN8s, DeepLabV2])
+def test_every_hidden_convolution_of_the_vgg_nets_has_a_relu(kind):
+    """A bias far below 0 does the same as a layer of zeros."""
+    module, images = kind(3, width=2, hidden=3), normal(1, 32, 32, 3)
+    params = filled(module, images)
+    run = jax.jit(module.apply)
+
+    def changed(tree, name, layer):
+        return {
+            key: layer if key == name else changed(own, name, layer) if key == "vgg16" else own
+            for key, own in tree.items()
+        }
+
+    hidden = params["vgg16"] | {k: own for k, own in params.items() if k.startswith(("fc6", "fc7"))}
+    assert len(hidden) == 13 + (2 if kind is FCN8s else 8)
+    for name, layer in hidden.items():
+        zeros = jax.tree.map(np.zeros_like, layer)
+        below = {**layer, "bias": zeros["bias"] - np.float32(1e6)}
+        found, expected = (
+            run({"params": changed(params, name, own)}, images) for own in (below, zeros)
+        )
+        np.testing.assert_array_equal(found, expected, name)
+
+
 @pytest.mark.parametrize(("dtype", "wide"), [(None, 1e-4), (jnp.bfloat16, 0.1)])
 def test_our_group_norm_and_its_gradients_are_flax_s(dtype, wide):
     x = 3 + normal(2, 5, 7, 6)

@@ -17,6 +17,7 @@ import seg.train
 import seg.weights.vgg16 as names
 from seg import RECIPES, TrainSettings, WeightsError, check_settings, predict
 from seg.nets import Compact, DeepLabV2, FCN8s, net
+from seg.recipes import with_net
 from seg.step import accumulated, functions
 from seg.train import train
 from seg.weights import check
@@ -60,6 +61,31 @@ def test_recipes_train_both_nets(recipe, name):
     params = train(0, *data(2), settings, 11)["params"]
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(params))
     assert ("norm1_1" in params["vgg16"]) == settings.norm
+
+
+def test_the_paper_s_recipe_has_its_numbers_and_the_warm_up_fits_fewer_steps():
+    paper = RECIPES["paper"]
+    assert (paper.optimizer, paper.lr, paper.momentum, paper.weight_decay) == (
+        "sgd",
+        5e-4,
+        0.9,
+        1e-4,
+    )
+    assert (paper.power, paper.warmup, paper.steps, paper.batch) == (0.9, 0, 1000, 4)
+    assert paper.lr_multipliers == "deeplab" and paper.mirror and not paper.weighted
+    assert not (paper.colour or paper.mix or paper.blur or paper.noise or paper.scale or paper.norm)
+    assert paper.average == 0 and paper.dtype == "float32"
+    ours = replace(paper, optimizer="adam", lr=1e-4, weighted=True)
+    assert RECIPES["vgg-adam"] == ours
+    rates = {name: (own.optimizer, own.lr, own.warmup, own.weight_decay, own.power)
+             for name, own in RECIPES.items()}  # fmt: skip
+    assert rates == {
+        "compact": ("adam", 1e-2, 20, 0, 0.9), "paper": ("sgd", 5e-4, 0, 1e-4, 0.9),
+        "vgg-adam": ("adam", 1e-4, 0, 1e-4, 0.9), "scratch": ("adam", 1e-3, 50, 0, 0.9),
+        "lite0-frozen": ("adam", 1e-2, 20, 0, 0.9), "lite0-tuned": ("adam", 1e-3, 20, 0, 0.9),
+    }  # fmt: skip
+    short = with_net(replace(RECIPES["compact"], steps=7, warmup=0), net="fcn8s")
+    assert (short.steps, short.warmup) == (7, 6)
 
 
 @pytest.mark.parametrize("parts", [2, pytest.param(4, marks=pytest.mark.slow)])

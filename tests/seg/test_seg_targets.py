@@ -23,7 +23,7 @@ from seg.data import (
     refuse_shared,
     subset,
 )
-from seg.data.labelled import cut, resize_image
+from seg.data.labelled import _fit, cut, resize_image
 from seg.model import classes_of
 from shell.errors import UserError
 from shell.pictures import label_ids
@@ -231,6 +231,12 @@ def test_images_of_other_shapes_are_padded_with_void_or_cut(tmp_path, shape, fit
         list_split(target, tmp_path, "train"), target, (6, 8), "pad" if fit == "cut" else "cut"
     )
     assert digest(whole) == digest(data) or shape != (12, 16)
+
+
+def test_a_smaller_label_has_the_pixels_at_its_centres():
+    label = np.arange(36, dtype=np.uint8).reshape(6, 6)
+    _, small = _fit(np.zeros((6, 6, 3), np.uint8), label, (2, 2), "cut")
+    np.testing.assert_array_equal(small, [[7, 10], [25, 28]])
 
 
 def test_images_of_three_shapes_come_at_one_size(tmp_path):

@@ -4,6 +4,7 @@ import subprocess
 import sys
 from copy import copy
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import jax
@@ -12,7 +13,15 @@ import pytest
 from jax.flatten_util import ravel_pytree
 
 import seg
-from seg import TrainingError, TrainSettings, check_settings, mean_iou, predict, score
+from seg import (
+    TrainingError,
+    TrainSettings,
+    check_settings,
+    class_weights,
+    mean_iou,
+    predict,
+    score,
+)
 from seg.data import list_split, load, read_split
 from seg.step import Data, functions, plan
 from seg.train import _check, train
@@ -53,6 +62,29 @@ def test_same_seed_same_net_other_seed_another_and_progress_is_told(fitted):
     assert not np.array_equal(one, other)
 
 
+def test_every_step_has_noise_of_its_own_and_seeds_drawn_at_once_are_those_alone():
+    images, labels = toy()
+
+    def losses(noise):
+        settings = replace(SETTINGS, noise=noise, colour=False, blur=False)
+        compiled = functions(settings, 11)
+        data = Data(images, labels, np.ones(11, np.float32), np.uint32(0))
+        state = compiled.init(np.uint32(0), images)
+        row = plan(0, len(images), settings).rows(0)._replace(lr=np.float32(0))
+        found = []
+        for _ in range(3):  # of the same images and parameters
+            state, loss = compiled.step(state, data, row)
+            found.append(float(loss))
+        return len(set(found))
+
+    assert (losses(True), losses(False)) == (3, 1)
+    init = partial(functions(SETTINGS, 11).init, images=images)
+    seeds = np.array([3, 8], np.uint32)
+    together = jax.vmap(lambda seed: init(seed).params)(seeds)
+    for k, seed in enumerate(seeds):
+        assert_same(jax.tree.map(lambda leaf, k=k: leaf[k], together), init(seed).params)
+
+
 def test_scanned_steps_are_the_same_steps():
     settings = replace(SETTINGS, steps=3, warmup=1, lr=1e-3)
     fitted = (train(0, *toy(), settings, 11, stepwise=stepwise) for stepwise in (True, False))
@@ -73,6 +105,35 @@ def test_the_trained_net_is_the_mean_over_the_last_steps(average, averaged):
     expected = jax.tree.map(lambda *leaves: np.mean(leaves, axis=0, dtype=np.float64), *last)
     assert_close(train(0, images, labels, settings, 11), expected, atol=1e-6)
     assert_same(train(0, images, labels, replace(settings, average=0.0), 11), nets[-1])
+
+
+def test_checkpoints_are_the_nets_of_their_steps_and_change_none():
+    settings = replace(SETTINGS, steps=10, lr=1e-3, average=0.4)
+    seen = []
+
+    def train_(**more):
+        keep = {"at_checkpoint": lambda net: seen.append(jax.tree.map(np.array, net))}
+        return train(0, *toy(), settings, 11, **(keep | more))
+
+    plain = train_(at_checkpoint=None)
+    for checkpoints in (1, 4):
+        assert_same(train_(checkpoints=checkpoints), plain)
+    one, first, second, third, last = seen  # after 2, 5, 7 and 10 steps; the last 4 are averaged
+    for net in (one, last):
+        assert_same(net, plain)
+    nets = []
+    rows, compiled = plan(0, 2, settings), functions(settings, 11)
+    weights = class_weights(toy()[1], 11)
+    data = jax.device_put(Data(*toy(), weights, np.uint32(0)))
+    state = compiled.init(data.seed, data.images)
+    for i in range(10):
+        state, _ = compiled.step(state, data, rows.rows(i))
+        nets.append({"params": jax.tree.map(np.array, state.params)})
+    for found, step in ((first, 2), (second, 5), (third, 7)):
+        assert_same(found, nets[step - 1])
+    for count in (0, 11):
+        with pytest.raises(ValueError, match=rf"checkpoints must lie in 1\.\.10, .* got {count}"):
+            train_(checkpoints=count)
 
 
 def test_means_are_the_same_scanned_and_where_training_goes_on(fitted):
