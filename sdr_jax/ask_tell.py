@@ -195,7 +195,8 @@ class AskTell:
         known = np.concatenate([rewards for _, rewards in self._updates])
         known = known[np.isfinite(known)]
         if self._offset is None or _loses_digits(known, self._offset):
-            self._offset = float(np.median(known)) if len(known) else None
+            first = self._offset is None
+            self._offset = float((np.median if first else _median)(known)) if len(known) else None
             self.state, self.clipped = self._start, 0
             for update in self._updates:
                 self._learn(*update)
@@ -224,12 +225,21 @@ class AskTell:
         self._take(ours["id"], np.nan if reward is None else reward)
 
 
+def _median(rewards: np.ndarray) -> float:
+    """The upper median of the distinct rewards, so that a repeated penalty counts once."""
+    return float(np.quantile(np.unique(rewards), 0.5, method="higher"))
+
+
 def _loses_digits(rewards: np.ndarray, offset: float) -> bool:
-    """Whether single precision, after an offset, blurs the differences between most rewards."""
-    low, median, high = (
-        np.quantile(np.unique(rewards), [0.25, 0.5, 0.75]) if len(rewards) else (0, 0, 0)
-    )
-    return bool(np.spacing(np.float32(abs(median - offset))) > RESOLUTION * (high - low) > 0)
+    """Whether single precision, after an offset, blurs the differences between most rewards.
+
+    The spread of the distinct rewards is that of `history.py`: the lower quartile may be a penalty.
+    """
+    if not len(rewards):
+        return False
+    low, median, high = np.quantile(np.unique(rewards), [0.25, 0.5, 0.75], method="higher")
+    spread = min(high - low, 4 * (high - median))
+    return bool(np.spacing(np.float32(abs(median - offset))) > RESOLUTION * spread > 0)
 
 
 def _plain(centre: Any, width: Any) -> Proposal:

@@ -147,13 +147,17 @@ def drive(
         steps_key = jax.random.split(rng_key)[1]
         state = first_state(rng_key, method)
         for t in range(updates):
+            key = jax.random.fold_in(steps_key, t)
             if isinstance(reward_fn, HostReward):
                 # JAX would print a traceback of what the callback raises.
                 reward_fn.deferring = True
-            next_state, record = step(jax.random.fold_in(steps_key, t), state)
-            if isinstance(reward_fn, HostReward):
-                reward_fn.reraise()
-                reward_fn.deferring = False
+                try:
+                    next_state, record = step(key, state)
+                    reward_fn.reraise()
+                finally:
+                    reward_fn.deferring = False
+            else:
+                next_state, record = step(key, state)
             refuse_not_finite(record.info)
             state = next_state
             yield state, record

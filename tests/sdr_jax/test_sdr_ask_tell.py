@@ -58,6 +58,18 @@ def test_it_tries_what_the_loop_on_the_host_tries() -> None:
     assert_close(search.state.params, state.params, rtol=1e-4, atol=1e-5)
 
 
+def test_data_sets_and_their_seeds_come_from_different_keys_in_every_update() -> None:
+    search = AskTell(SPACE, sdr_jax.random_search(SPACE), n=N)
+    seeds = []
+    for _ in range(3):
+        with jax.debug_key_reuse(True):
+            trials = search.ask()
+        for trial in trials:
+            seeds.append(trial.seed)
+            search.tell(trial.id, 0.5)
+    assert len(set(seeds)) == 3 * N
+
+
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[pytest.mark.slow] * (name == "sdr")) for name in METHODS]
 )
@@ -126,6 +138,30 @@ def test_a_first_penalty_costs_later_scores_no_digits(name: str, n: int) -> None
             search.tell(trial.id, reward)
     np.testing.assert_allclose(search.solution().centre, best, atol=1e-6)
     assert max(line["reward"] for line in search.history) == 0
+
+
+@pytest.mark.parametrize(("share", "spread"), [(0.3, 0.0), (0.6, 0.0), (0.3, 1e3), (0.45, 1e3)])
+def test_many_or_different_penalties_cost_other_scores_no_digits(
+    share: float, spread: float
+) -> None:
+    """A method gets the differences between successes; it learns again a few times, not in every update."""
+    plain, learnt, rng = sdr_jax.random_search(SPACE), [], np.random.default_rng(0)
+
+    def update(state: object, actions: jax.Array, rewards: jax.Array) -> tuple:
+        learnt.append(np.asarray(rewards))
+        return plain.update(state, actions, rewards)
+
+    search = AskTell(SPACE, plain._replace(update=update), n=4)
+    scores = rng.uniform(-3, 0, 80)
+    failed = (rng.permutation(80) < share * 80) | (np.arange(80) < 3)
+    scores[failed] = -1e9 - spread * rng.uniform(size=failed.sum())
+    for _ in range(20):
+        for trial in search.ask():
+            search.tell(trial.id, float(scores[trial.id]))
+    found = np.concatenate(learnt[-4:])[~failed[-16:]]
+    expected = scores[-16:][~failed[-16:]]
+    np.testing.assert_allclose(found - found[0], expected - expected[0], atol=1e-3)
+    assert len(learnt) < 20 + 3 * 20
 
 
 @pytest.mark.parametrize("name", sdr_jax.METHODS)

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import sdr_jax
-from sdr_jax import METHODS, Method, MethodName, Proposal, relax, run, space
+from sdr_jax import METHODS, Method, MethodName, Proposal, make_step, relax, run, space
 from sdr_jax.registry import make, options_of
 from sdr_jax.relaxation import bin_mask
 
@@ -28,6 +28,7 @@ SDR = sdr_jax.sdr(SPACE, optax.sgd(0.3), hidden=8, baseline=sdr_jax.leave_one_ou
 ALL = {name: SDR if name == "sdr" else make(name, SPACE) for name in METHODS}
 PURE = {name: method for name, method in ALL.items() if method.traced}
 HOST = {name: method for name, method in ALL.items() if not method.traced}
+WITHOUT_CHANCE = ("attribute_descent", "random_attributes")
 LEARNING = [name for name in ALL if name not in ("random_attributes", "sdr")]
 
 
@@ -102,6 +103,31 @@ def test_update_keeps_structure_shapes_and_dtypes(method: Method, n: int) -> Non
     assert jax.tree.structure(state) == jax.tree.structure(after)
     types = (jax.tree.map(lambda x: (x.shape, x.dtype, x.weak_type), s) for s in (state, after))
     assert next(types) == next(types)
+
+
+@pytest.mark.parametrize("name", PURE)
+def test_no_key_is_used_twice(name: str) -> None:
+    # Groups of one shape, as JAX takes two selections from an array of keys for two uses of one.
+    method = make(name, space(list("abcd"), bins=4, groups=[["a", "b"], ["c", "d"]]))
+    with jax.debug_key_reuse(True):  # it looks while functions are traced
+        state = jax.eval_shape(method.init, KEY)
+        jax.eval_shape(make_step(method, reward_of_any, 4), KEY, state)
+
+
+def reward_of_any(rng_key: jax.Array, proposals: Proposal) -> jax.Array:
+    return proposals.centre.sum(axis=1) + jax.random.normal(rng_key, proposals.centre.shape[:1])
+
+
+@pytest.mark.parametrize("name", [name for name in PURE if name not in WITHOUT_CHANCE])
+def test_no_two_attributes_and_no_two_data_sets_share_their_chance(name: str) -> None:
+    """At first, attributes are drawn independently, and so are data sets: correlations are 0."""
+    pair = space(["a", "b"], bins=8)
+    method = sdr_jax.sdr(pair, hidden=8) if name == "sdr" else make(name, pair)
+    _, proposals = method.sample(jax.random.key(3), method.init(KEY), 4000)
+    drawn = slice(1, None, 2) if name == "intervals" else slice(None)  # in turn with the start
+    a, b = np.asarray(proposals.centre)[drawn].T
+    for first, second in ((a, b), (a[:-1], a[1:]), (b[:-1], b[1:])):
+        assert abs(np.corrcoef(first, second)[0, 1]) < 0.08
 
 
 def check_inside(proposal: Proposal, shape: tuple[int, ...]) -> None:

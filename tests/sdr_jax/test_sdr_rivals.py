@@ -59,6 +59,8 @@ def test_the_gradient_of_the_gaussian_by_hand_and_of_one_data_set() -> None:
     state, _ = tell(method, np.float32(1.5 * whitened), [0, 0])
     after, info = tell(method, np.float32(1.5 * whitened), [3, 1], state)
     np.testing.assert_allclose(info.advantages, [3, 1])
+    both = np.asarray(state.params.log_std, float) + 0.5 * np.log(2 * np.pi * np.e)
+    assert float(info.entropy) == pytest.approx(both.sum(), rel=1e-5)
     expected = np.log(1.5) + ([[3.0], [1.0]] * (whitened**2 - 1)).mean(axis=0)
     np.testing.assert_allclose(after.params.log_std, expected, rtol=1e-5)
     refuses("at least 2 data sets", tell, GAUSSIAN, jnp.zeros((1, 2)), [1])
@@ -257,3 +259,14 @@ def test_a_gaussian_process_looks_where_it_expects_to_improve() -> None:
     state, _ = tell(method, tried, tried.sum(axis=1))
     actions = np.asarray(method.sample(KEY, state, 3)[0])
     assert np.all(actions >= 4) and np.any(actions >= 6)
+
+
+def test_a_gaussian_process_leaves_a_best_that_is_certain_for_bins_that_are_not() -> None:
+    """Its expected gain is about 0, and that of bins without evaluations large, each time of another one."""
+    method = gaussian_process(space(["a"], bins=[10]), startup=1)
+    tried = np.asarray([4] * 20 + [0, 2, 8], np.int32)
+    worth = np.where(tried == 4, 1.0, 0.0) + 0.05 * np.tile([1.0, -1.0], 12)[: len(tried)]
+    state, _ = tell(method, tried[:, None], worth)
+    np.testing.assert_allclose(method.solution(state).centre, [0.45])
+    chosen = method.sample(KEY, state, 4)[0].ravel().tolist()
+    assert len(set(chosen)) == 4 and not set(chosen) & set(tried.tolist())

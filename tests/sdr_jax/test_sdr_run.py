@@ -168,6 +168,14 @@ def test_drive_raises_the_error_before_its_update_counts(capfd) -> None:
     assert "Traceback" not in capfd.readouterr().err  # JAX prints what a callback raises
 
 
+def test_an_error_in_drive_hides_none_of_a_later_run() -> None:
+    evaluate = Evaluate(0, OSError("worker died"))
+    reward_fn = host_reward(evaluate)
+    refuses("worker died", next, drive(KEY, METHOD, reward_fn, n=2), error=OSError)
+    evaluate.fail_at, evaluate.error = 1, OSError("disk full")
+    refuses("disk full", run, KEY, METHOD, reward_fn, n=2, error=OSError)
+
+
 @pytest.mark.parametrize(("returned", "message"), [
     (np.zeros(2), r"float64\[2\], not float32\[2\]"),
     (np.zeros(3, np.float32), r"float32\[3\], not float32\[2\]"),
