@@ -159,7 +159,7 @@ class AskTell:
 
     @property
     def _answering(self) -> State:
-        rewards = np.concatenate([rewards for _, rewards in self._updates] or [[]])
+        rewards = np.concatenate([np.zeros(0), *(rewards for _, rewards in self._updates)])
         known = rewards[np.isfinite(rewards)]
         return self.state if np.any(known != known[:1]) else self._start
 

@@ -83,7 +83,7 @@ def classes_of(target: TargetFile) -> tuple[LabelClass, ...]:
     The class of the rest may lack ids beside others that have some, and gets the least that is free.
     """
     ids = {name: own.ids[0] for name, own in target.classes.items() if own.ids}
-    if len(ids) == len(target.classes) - 1 and target.rest not in (None, *ids):
+    if target.rest is not None and {*target.classes} - {*ids} == {target.rest} and ids:
         taken = {*target.void, *(id for own in target.classes.values() for id in own.ids)}
         ids[target.rest] = next(id for id in range(2**16) if id not in taken)
     every = len(ids) == len(target.classes)

@@ -14,20 +14,19 @@ from typing import Any
 
 from filelock import FileLock
 
-try:
-    from fcntl import LOCK_EX, flock
-except ImportError:  # Windows: one process at a time must write a file there
-
-    def flock(file: Any, operation: int) -> None:
-        """Lock nothing."""
-
-    LOCK_EX = 0
-
 from shell.errors import UserError
 from shell.files import naming, parse_json, sync_folder
 
 Record = dict[str, Any]
 CURE = "remove it and all after it"
+
+
+def _lock(file: Any) -> None:
+    """Let other processes wait until an open file is closed; on Windows one process at a time must write."""
+    with suppress(ImportError):
+        import fcntl
+
+        fcntl.flock(file, fcntl.LOCK_EX)
 
 
 class JsonLines:
@@ -88,7 +87,7 @@ class JsonLines:
         text = "".join(json.dumps(record, allow_nan=False) + "\n" for record in records).encode()
         if self.path is not None:
             with naming(self.path), open(self.path, "a+b", buffering=0) as file:
-                flock(file, LOCK_EX)  # until it is closed
+                _lock(file)
                 shrunk = file.seek(0, os.SEEK_END) < self._size
                 file.seek(self._size)
                 if shrunk or b"\n" in file.read():

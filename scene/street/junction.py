@@ -137,7 +137,9 @@ def _control(arm: Arm) -> list[Stand]:
     along = arm.junction.stop - 0.2
     if arm.junction.control != "lights":
         return arm.stand("traffic sign", along, arm.ours * edge, arm.inwards)
-    return _approach_lights(arm, [(along, side * edge) for side in (arm.ours, -arm.ours)], arm.inwards)
+    return _approach_lights(
+        arm, [(along, side * edge) for side in (arm.ours, -arm.ours)], arm.inwards
+    )
 
 
 def _approach_lights(arm: Arm, places: list[tuple[float, float]], yaw: float) -> list[Stand]:
