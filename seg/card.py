@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import json
+import math
+import re
 from collections.abc import Mapping
 from typing import Any
+
+from shell.errors import printable
 
 README = "README.md"
 HEAD = """\
@@ -35,16 +39,18 @@ def card(config: Mapping[str, Any]) -> str:
     It gives the mIoU if the notes have it with ``target`` and ``reported_on``, as those of `fit` do.
     """
     notes, size, classes = config["notes"], config["size"], config["classes"]
-    told = {"target", "reported_on"} <= notes.keys() and notes.get("miou") is not None
+    miou = notes.get("miou")
+    measured = isinstance(miou, float) and math.isfinite(miou)
+    told = {"target", "reported_on"} <= notes.keys() and measured
     title = f"{config['net']} for {notes.get('target', 'streets')}"
-    trained = str(notes.get("trained_on", "images that its notes do not name"))
+    trained = plain(notes.get("trained_on", "images that its notes do not name"))
     if "labelled_images" in notes:
         beside = " and renders beside them" if "+" in trained else ""
-        trained = f"{notes['labelled_images']} labelled images{beside}"
+        trained = f"{plain(notes['labelled_images'])} labelled images{beside}"
     lines = [
-        f"# {title}",
+        f"# {plain(title)}",
         f"Tells {len(classes)} classes apart in images of streets. Trained at {size['width']}x"
-        f"{size['height']} pixels on {trained}, by sdr-jax {config['versions'].get('sdr-jax', '?')}.",
+        f"{size['height']} pixels on {trained}, by sdr-jax {plain(config['versions'].get('sdr-jax', '?'))}.",
     ]
     if config["trunk"] is not None:
         lines.append(
@@ -55,13 +61,20 @@ def card(config: Mapping[str, Any]) -> str:
         lines += [
             "",
             "## How good it is",
-            f"Nets that were trained like it come to {notes['miou']:.1f} % mIoU on images that they have not "
-            f"seen ({notes['reported_on']}). {notes.get('verdict', '')}".rstrip(),
+            f"Nets that were trained like it come to {miou:.1f} % mIoU on images that they have not "
+            f"seen ({plain(notes['reported_on'])}). {plain(notes.get('verdict', ''))}".rstrip(),
         ]
-    rows = [f"| {c['id']} | {c['name']} | {' '.join(map(str, c['color']))} |" for c in classes]
+    rows = [
+        f"| {c['id']} | {plain(c['name'])} | {' '.join(map(str, c['color']))} |" for c in classes
+    ]
     table = ["", "## Classes", "| id | class | colour |", "| --- | --- | --- |", *rows]
     front = HEAD + (_index(notes, title) if told else "")
     return f"---\n{front}---\n" + "\n".join(lines) + "\n" + USE + "\n".join(table) + "\n"
+
+
+def plain(value: Any) -> str:
+    """A value as one line of plain text in Markdown: neither links, nor HTML, nor another cell of a table."""
+    return re.sub(r"([\\`*|<>\[\]&~])", r"\\\1", printable(" ".join(str(value).split())))
 
 
 def _index(notes: Mapping[str, Any], title: str) -> str:

@@ -30,8 +30,9 @@ from seg.settings import TrainSettings, check_net
 from seg.train import Params, logits, outline
 from seg.uncertainty import Uncertainty, uncertainty
 from shell.bounds import check_fields
-from shell.errors import UserError
+from shell.errors import UserError, printable
 from shell.files import digest, read_bytes, read_json, versions, whole_folder, write, write_json
+from shell.memory import refuse_larger
 from shell.target_file import TargetFile
 
 FORMAT = 1
@@ -128,6 +129,11 @@ class Model:
         least = max(trunk_of(self.settings).strides) if self.settings.has_trunk else 1
         if min(self.size) < least:
             raise ValueError(f"size must be (height, width) of {least} or more; got {self.size}")
+        # Of a pixel: its colour, and the scores of all classes.
+        pixel, pixels = 3 + 4 * len(self.classes), self.size[0] * self.size[1]
+        refuse_larger("size, in pixels,", pixels, lambda n: n * pixel, "scores")
+        batch = self.settings.predict_batch
+        refuse_larger("predict_batch", batch, lambda n: n * pixels * pixel, "scores")
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -304,7 +310,7 @@ def load_model(path: str | Path) -> Model:
     except OSError as error:
         raise ModelError(f"{error.filename or folder}: {error.strerror or error}") from None
     except (UserError, ValueError) as error:
-        raise ModelError(f"{file}: {str(error).removeprefix(f'{file}: ')}") from None
+        raise ModelError(f"{file}: {printable(str(error).removeprefix(f'{file}: '))}") from None
 
 
 def shipped() -> tuple[str, ...]:
@@ -404,7 +410,7 @@ def _variables(path: Path, expected: str, settings: TrainSettings, classes: int)
     found = hashlib.sha256(data).hexdigest()
     if found != expected:
         raise ModelError(
-            f"{path}: its SHA-256 is {found[:8]}..., not {expected[:8]}... as {CONFIG} says: "
+            f"{path}: its SHA-256 is {found[:8]}..., not {printable(expected[:8])}... as {CONFIG} says: "
             "it is damaged, or of another model"
         )
     try:
@@ -451,9 +457,9 @@ def _trunk_file(folder: Path, file: Path) -> Path:
     )
 
 
-def _said(source: Mapping[str, str]) -> str:
+def _said(source: Mapping[str, Any]) -> str:
     """Describe the weights of a trunk in words."""
-    return " ".join(f"{v[:8]}..." if k == "sha256" else str(v) for k, v in source.items())
+    return " ".join(f"{str(v)[:8]}..." if k == "sha256" else str(v) for k, v in source.items())
 
 
 def _plane(scores: np.ndarray, place: int, size: tuple[int, int]) -> np.ndarray:

@@ -99,7 +99,7 @@ class TrainSettings:
     views: Annotated[int, at_least(1)] = 2
     head_statistics: HeadStatistics = "training"
     loss_stride: Annotated[int, _STRIDE] = 1
-    head_width: Annotated[int, at_least(1)] = 64
+    head_width: Annotated[int, at_least(1), at_most(2**16)] = 64
     head_dropout: Annotated[float, within(0, 1, "[)")] = 0.0
     average: Annotated[float, within(0, 1, "[)")] = 0.0
 

@@ -17,7 +17,7 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any, NoReturn
 
-from shell.errors import UserError
+from shell.errors import UserError, printable
 from shell.interrupt import INTERRUPTED, PROGRAM, while_working
 
 USAGE, MISTAKE, UNREAD = 2, 70, 141
@@ -183,7 +183,7 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Print one line and end with exit code 2."""
-        self.exit(USAGE, f"{self.prog}: error: {' '.join(message.split())}\n")
+        self.exit(USAGE, f"{self.prog}: error: {printable(' '.join(message.split()))}\n")
 
 
 class _Help(argparse.Action):
@@ -292,5 +292,5 @@ def exit_code(
 def _fail(error: Exception, message: str, code: int, debug: bool) -> int:
     if debug:
         traceback.print_exception(error)
-    print(f"error: {' '.join(message.split())}", file=sys.stderr, flush=True)
+    print(f"error: {printable(' '.join(message.split()))}", file=sys.stderr, flush=True)
     return code

@@ -10,6 +10,11 @@ class UserError(ValueError):
     """An argument, a file or a folder is wrong; the message names it and says what would be right."""
 
 
+def printable(text: str) -> str:
+    """Text of others with codes for its control characters, which a terminal would obey."""
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
+
+
 def refuse_repeats(flag: str, values: Sequence[object]) -> None:
     """Raise UserError if a flag names one value twice."""
     if len(set(values)) < len(values):

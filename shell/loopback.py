@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import socket
 from typing import Protocol
-from urllib.parse import urlsplit
 
 from shell.errors import UserError
 
@@ -30,12 +29,13 @@ def refusal(headers: Headers) -> int:
     host, origin = headers.get("host", ""), headers.get("origin", "")
     if host.partition(":")[0].lower() not in NAMES:
         return 400
-    if origin and urlsplit(origin).netloc != host:
+    if origin and origin.partition("://")[2] != host:  # no address is parsed: it may be malformed
         return 403
     if headers.get("transfer-encoding", ""):
         return 411
     length = headers.get("content-length", "0")
-    return 0 if length.isdigit() and int(length) <= MOST_BYTES else 413
+    few = length.isascii() and length.isdigit() and len(length) <= len(str(MOST_BYTES))
+    return 0 if few and int(length) <= MOST_BYTES else 413
 
 
 def check_port(port: int, flag: str = "--port") -> None:

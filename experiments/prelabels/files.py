@@ -14,7 +14,7 @@ import numpy as np
 from experiments.prelabels import cvat, label_studio
 from seg.classes import IGNORE_LABEL
 from seg.model import LabelClass, Model
-from shell.errors import UserError
+from shell.errors import UserError, printable
 from shell.files import read_bytes, write
 
 RANKING, CVAT, CVAT_LABELS = "ranking.csv", "cvat.zip", "cvat_labels.json"
@@ -44,7 +44,7 @@ def write_files(out: Path, ranked: Sequence[Ranked], first: int, model: Model) -
         OSError: a file cannot be written; the error names it.
     """
     classes, some = model.classes, ranked[:first]
-    rows = ((k, own.file, f"{own.uncertainty:.6f}") for k, own in enumerate(ranked, 1))
+    rows = ((k, printable(own.file), f"{own.uncertainty:.6f}") for k, own in enumerate(ranked, 1))
     table = io.StringIO()
     csv.writer(table, lineterminator="\n").writerows([("rank", "image", "uncertainty"), *rows])
     write(out / CVAT, cvat.archive(_labelled(some, classes), classes))

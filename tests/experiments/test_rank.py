@@ -15,6 +15,7 @@ from PIL import Image
 
 from experiments.predict import main, predict
 from experiments.prelabels import cvat, label_studio
+from experiments.prelabels.files import Ranked, write_files
 from seg.data.images import read_image
 from seg.model import label_classes
 from seg.uncertainty import order as in_order
@@ -63,6 +64,13 @@ def colors_in(label_map: str) -> dict[tuple[int, ...], str]:
 def test_a_brush_mask_is_the_pictures_four_channels(mask):
     found = unpacked(label_studio.runs(mask)).reshape(*mask.shape, 4)
     np.testing.assert_array_equal(found, np.repeat(255 * mask[..., None], 4, axis=-1))
+
+
+def test_names_in_the_ranking_have_no_control_characters(model, tmp_path):
+    row = Ranked("x", "a/x\x1b[31m.png", 0.5, tmp_path / "x.png")
+    write_files(tmp_path, [row], 0, model)
+    (_, cells) = csv.reader(io.StringIO((tmp_path / "ranking.csv").read_text()))
+    assert cells == ["1", r"a/x\x1b[31m.png", "0.500000"]
 
 
 def test_images_are_in_order_and_their_labels_in_the_files_of_both_tools(

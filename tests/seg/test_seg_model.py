@@ -164,6 +164,14 @@ def test_classes_of_a_target_have_the_values_of_its_files():
     ({"recipe": {"net": "compact", "lr": "high"}}, r"recipe\.lr must be a number, not 'high'"),
     ({"recipe": {"net": "compact", "norm": True, "weights": "x"}}, f"{CONFIG}: norm is for"),
     ({"recipe": {"net": "fcn8s"}}, f"{WEIGHTS}: .* of another net"),
+    ({"recipe": {"net": "compact", "dtype": "half"}}, r"recipe\.dtype must be one of float32, bfloat16"),
+    ({"recipe": {"net": "compact", "lr": []}}, r"recipe\.lr must be a number, not \[\]"),
+    ({"recipe": {"net": "dinov2", "weights": 5}}, r"recipe\.weights must be text or None, not 5"),
+    ({"recipe": {"net": "lite0", "head_width": 2**63}}, r"recipe\.head_width must be 65536 or less"),
+    ({"recipe": {"net": "compact", "predict_batch": 2**63}}, f"{CONFIG}: predict_batch .* of memory"),
+    ({"recipe": {"net": "compact", "dtype": "\x1b[31m"}}, r"bfloat16, not \\x1b\[31m"),
+    ({"recipe": {"net": "lite0"}, "trunk": {"sha256": None}}, r"its head is for the trunk of None\.\.\."),
+    ({"size": {"width": 2**31, "height": 2**31}}, f"{CONFIG}: size, in pixels, .* of memory"),
 ])  # fmt: skip
 def test_a_model_that_is_not_right_is_refused_by_name(changes, message, saved):
     config = json.loads((saved / CONFIG).read_text())
@@ -202,6 +210,17 @@ def test_the_model_that_comes_with_the_package_is_there_and_small():
     sky_above_ground[:44] = (150, 190, 240)
     (labels,) = model.predict([sky_above_ground])
     assert labels.shape == (88, 120) and labels.max() < 19
+
+
+def test_text_of_others_is_plain_in_a_card(compact):
+    names = ("a|b", "<img src=x>", "[x](http://e)\n# c")
+    notes = {"target": "<b>\x1b[31m", "miou": "37", "reported_on": "`x`", "trained_on": "|"}
+    card = card_of(replace(compact, classes=label_classes(names), notes=notes).config())
+    body = card.partition("---\n")[2].partition("---\n")[2]
+    assert r"| 0 | a\|b |" in body and r"| 1 | \<img src=x\> |" in body
+    assert r"| 2 | \[x\](http://e) # c |" in body
+    assert r"# compact for \<b\>\\x1b\[31m" in body and "\x1b" not in card
+    assert "mIoU" not in body and r"on \|, by" in body
 
 
 def test_damaged_files_are_refused_by_name(saved):

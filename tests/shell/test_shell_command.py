@@ -10,6 +10,7 @@ from unittest.mock import Mock
 
 import pytest
 
+from shell import loopback
 from shell.command import MISTAKE, UNREAD, Parser, exit_code, given, meant, size
 from shell.errors import UserError, refuse_repeats
 from shell.interrupt import INTERRUPTED
@@ -163,3 +164,20 @@ def test_sizes_and_repeats():
     refuse_repeats("--nets", ["a", "b"])
     with pytest.raises(UserError, match="--nets a b a names one of them twice"):
         refuse_repeats("--nets", ["a", "b", "a"])
+
+
+def test_control_characters_of_a_message_are_shown_not_sent(capsys):
+    error = UserError("a\x1b[31m/é: no image")
+    assert exit_code(Mock(side_effect=error)) == 2
+    assert capsys.readouterr().err == "error: a\\x1b[31m/é: no image\n"
+
+
+@pytest.mark.parametrize(("origin", "host", "length", "status"), [
+    ("http://127.0.0.1:8080", "127.0.0.1:8080", "0", 0), ("", "localhost:8080", "12", 0),
+    ("http://[", "localhost:8080", "0", 403), ("http://evil", "localhost:8080", "0", 403),
+    ("null", "localhost:8080", "0", 403), ("", "evil", "0", 400),
+    ("", "localhost", "\xb2", 413), ("", "localhost", "9" * 5000, 413), ("", "localhost", "-1", 413),
+])  # fmt: skip
+def test_headers_of_any_form_have_a_status(origin, host, length, status):
+    headers = {"origin": origin, "host": host, "content-length": length}
+    assert loopback.refusal({name: value for name, value in headers.items() if value}) == status
