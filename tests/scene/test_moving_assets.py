@@ -247,6 +247,23 @@ def test_seats_and_drivers_are_seen_just_outside_the_glass_they_are_laid_on(kind
         assert laid_on(params.body, glazing(params.body, g, (True, True)), glass_only=True), seed
 
 
+@pytest.mark.parametrize("kind", BODIES)
+def test_a_driver_s_head_is_upright_hair_behind_its_seat_from_behind_and_deep_from_the_side(kind):
+    params = car.sample_car(np.random.default_rng(1), kind)
+    b, g = params.body, params.glazing._replace(skin=RED, seats=(0, 0.5, 0), side=1.0)
+    head_of = {}
+    for windows in ((True, True), (False, True), (True, False)):
+        whole = merge(*glazing(b, g, windows))
+        centre = whole.mesh.vertices[whole.mesh.faces].mean(axis=1)
+        head_of[windows] = centre[(whole.color == np.float32(RED)).all(axis=1)]
+    behind = head_of[False, True]
+    assert len(behind) and (behind[:, 0] > 0).all()  # skin is seen ahead alone
+    spread = np.ptp(behind[:, 1])
+    assert spread < 0.25
+    sides = head_of[True, False][np.abs(head_of[True, False][:, 1]) > 0.5 * b.width / 2]
+    assert len(sides) == 0 or np.ptp(sides[:, 0]) > 0.05
+
+
 @pytest.mark.parametrize("kind", car._VANS)
 def test_panels_seams_and_names_are_seen_just_outside_the_sides_of_vans(kind):
     for seed in range(4):

@@ -15,6 +15,7 @@ import numpy as np
 
 from scene.assets.parts.bodywork import ROOF, Body, roof, stations
 from scene.assets.parts.fittings import on_cabin
+from scene.assets.parts.palette import darker
 from scene.assets.parts.skin import sheet
 from scene.mesh.asset import Asset, Color, solid, vary
 from scene.mesh.mesh import cross, twice_areas
@@ -22,10 +23,15 @@ from scene.mesh.solids import quads
 
 SEAT = ((0.1, 0.30), (0.40, 0.27), (0.47, 0.11), (0.52, 0.15), (0.68, 0.13), (0.72, 0.08))
 """Outline of a seat from behind or ahead: heights as shares of a car's window, half widths in metres."""
-PERSON = ((0.1, 0.27), (0.38, 0.23), (0.46, 0.07), (0.54, 0.09), (0.68, 0.10), (0.78, 0.06))
-"""That of somebody at the wheel; the head begins in the third row."""
+PERSON = (
+    (0.1, 0.27), (0.36, 0.23), (0.44, 0.055), (0.50, 0.075), (0.58, 0.088), (0.70, 0.086),
+    (0.78, 0.064), (0.83, 0.03),
+)  # fmt: skip
+"""That of somebody at the wheel; the head, as deep as wide, begins in the third row."""
 NARROW = 0.42
-"""Share of these widths that is seen from the side."""
+"""Share of the widths of seats and shoulders that is seen from the side."""
+HAIR = 0.2
+"""Brightness of hair, which is what is seen of a head from behind, as a share of the skin's."""
 LEAN = 0.10
 """Metres that the top of a seat lies behind its foot."""
 UPRIGHT = 0.025
@@ -90,20 +96,24 @@ def inside(
     *,
     narrow: float = 1.0,
     lean: float = 0.0,
+    from_behind: bool = False,
 ) -> list[Asset]:
     """Seats at ``seats`` metres across a window and whoever drives at ``driver``, as ``lay`` lays them."""
-    shapes: list[tuple[tuple[tuple[float, float], ...], float, Color, float]] = [
-        (SEAT, at, g.seats, _LIFTS[1]) for at in seats
+    low, high = _LIFTS[1:]
+    if from_behind:
+        low, high = high, low  # the seats hide who sits in them
+    shapes: list[tuple[tuple[tuple[float, float], ...], float, Color, float, float]] = [
+        (SEAT, at, g.seats, low, narrow) for at in seats
     ]
     if driver is not None and g.skin is not None:
         shapes += [
-            (PERSON[:3], driver, g.clothes, _LIFTS[2]),
-            (PERSON[2:], driver, g.skin, _LIFTS[2]),
+            (PERSON[:3], driver, g.clothes, high, narrow),
+            (PERSON[2:], driver, darker(g.skin, HAIR) if from_behind else g.skin, high, 1.0),
         ]
     parts = []
-    for rows, at, color, lift in shapes:
+    for rows, at, color, lift, share in shapes:
         up, half = np.array(rows).T[:, :, None]
-        parts.append(lay(up, at + lean * (up - 0.1) + narrow * half * [-1, 1], color, lift))
+        parts.append(lay(up, at + lean * (up - 0.1) + share * half * [-1, 1], color, lift))
     return parts
 
 
@@ -144,10 +154,21 @@ def _screen(b: Body, g: Glazing, end: int) -> list[Asset]:
     light = np.array([-0.66, *_ACROSS[np.abs(_ACROSS) < 0.6], 0.66])[None] * wide
     rows = np.array([[0.3], [0.6 if end else 0.5], [0.84]])
     parts = [lay(rows, light, dimmed(g, g.dim if end else 1.0), _LIFTS[0])]
-    parts += inside(lay, g, (-_SEAT, _SEAT), g.side * _SEAT)
+    parts += inside(
+        partial(_upright, b, end), g, (-_SEAT, _SEAT), g.side * _SEAT, from_behind=end == 1
+    )
     if end == 0:
         parts.append(lay(np.array([[0.72], [0.83]]), np.array([[-0.1, 0.1]]), g.seats, _LIFTS[2]))
     return parts
+
+
+def _upright(
+    b: Body, end: int, up: np.ndarray, across: np.ndarray, color: Color, lift: float
+) -> Asset:
+    """A sheet on a screen that stands upright, though the screen is narrower above."""
+    foot, ridge = (b.cowl, b.roof_front) if end == 0 else (b.tail, b.roof_rear)
+    edge = roof(b, foot + up * (ridge - foot), np.ones_like(up))[..., 1]
+    return on_screen(b, end, up, across * edge.min() / edge, color, lift)
 
 
 def on_screen(
