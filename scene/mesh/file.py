@@ -7,6 +7,7 @@ along x, and colours are sRGB. Colours are not mixed: a face is opaque, left out
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,6 +18,7 @@ import numpy as np
 from scene.look.materials import material_id
 from scene.mesh.asset import Asset, merge
 from scene.mesh.bombs import MeshError, gltf_content, refuse_bomb
+from scene.mesh.gltf import TexturePlacement, readable
 from scene.mesh.mesh import Mesh
 from scene.mesh.mtl import Look, looks
 from shell.pictures import MOST_PIXELS
@@ -71,17 +73,16 @@ def read_mesh(
     try:
         for name in referenced(path):
             beside.check(name)
-        with path.open("rb") as file:
-            kind = path.suffix[1:].lower()
-            loaded = trimesh.load_scene(file, file_type=kind, resolver=beside, process=False)
+        kind, gltf = path.suffix[1:].lower(), path.suffix.lower() in GLTF
+        source, placements = readable(path) if gltf else (io.BytesIO(path.read_bytes()), [])
+        loaded = trimesh.load_scene(source, file_type=kind, resolver=beside, process=False)
         libraries = _looks(path) if kind == "obj" else {}
         pieces, left = [], MOST_FACES
         for geometry, matrix in _placed(loaded):
             left -= len(geometry.faces)
             if left < 0:  # one mesh may stand in many places
                 raise MeshError(f"has more than {MOST_FACES:,} faces, the most that are allowed")
-            gltf = path.suffix.lower() in GLTF
-            pieces.append(_piece(geometry, np.asarray(matrix), gltf, libraries))
+            pieces.append(_piece(geometry, np.asarray(matrix), gltf, libraries, placements))
     except MeshError:
         raise
     except Exception as error:  # loaders raise whatever their formats make them stumble over
@@ -165,12 +166,17 @@ def _placed(loaded: trimesh.Scene) -> Iterator[tuple[trimesh.Trimesh, np.ndarray
 
 
 def _piece(
-    mesh: trimesh.Trimesh, matrix: np.ndarray, gltf: bool, libraries: dict[str, Look]
+    mesh: trimesh.Trimesh,
+    matrix: np.ndarray,
+    gltf: bool,
+    libraries: dict[str, Look],
+    placements: list[TexturePlacement],
 ) -> Asset:
     """One mesh of a file in the file's own axes, its see-through faces left out."""
     own = getattr(mesh.visual, "material", None)
     look = libraries.get(getattr(own, "name", ""), Look())
-    rgba, textured = _colors(mesh, gltf, look)
+    placement = placements[int(own.name)] if gltf and own is not None else None
+    rgba, textured = _colors(mesh, gltf, look, placement)
     mode = getattr(own, "alphaMode", None) or ("OPAQUE" if gltf else "BLEND")
     if mode == "OPAQUE":
         rgba[..., 3] = 1
@@ -190,8 +196,31 @@ def _piece(
     )
 
 
-def _colors(mesh: trimesh.Trimesh, linear: bool, look: Look) -> tuple[np.ndarray, bool]:
+def _colors(
+    mesh: trimesh.Trimesh, linear: bool, look: Look, placement: TexturePlacement | None
+) -> tuple[np.ndarray, bool]:
     """Linear RGB and opacity f64[faces, points, 4] of a mesh, and whether they come from a texture."""
+    rgba, textured = _of_material(mesh, linear, look, placement)
+    vertex_attributes = getattr(mesh.visual, "vertex_attributes", {})
+    if linear and "color" in vertex_attributes:  # glTF multiplies the two
+        rgba = rgba * _of_vertices(mesh, np.asarray(vertex_attributes["color"]))[:, None]
+    return rgba, textured
+
+
+def _of_vertices(mesh: trimesh.Trimesh, colors: np.ndarray) -> np.ndarray:
+    """Mean linear RGB and opacity f64[faces, 4] of the corners of each face."""
+    shares = colors / np.iinfo(colors.dtype).max if colors.dtype.kind in "iu" else colors
+    if not np.isfinite(shares).all():
+        raise MeshError("has colours of vertices that are not finite numbers")
+    opaque = np.ones((len(shares), 4))
+    opaque[:, : shares.shape[1]] = shares
+    return opaque[np.asarray(mesh.faces)].mean(axis=1)
+
+
+def _of_material(
+    mesh: trimesh.Trimesh, linear: bool, look: Look, placement: TexturePlacement | None
+) -> tuple[np.ndarray, bool]:
+    """Linear RGB and opacity f64[faces, points, 4] by colour and texture, and whether there is one."""
     count = len(mesh.faces)
     visual = mesh.visual
     plain = np.tile((*GREY, 1.0), (count, 1, 1))
@@ -213,6 +242,7 @@ def _colors(mesh: trimesh.Trimesh, linear: bool, look: Look) -> tuple[np.ndarray
         raise MeshError(f"has a texture of more than {MOST_PIXELS:,} pixels")
     pixels = np.asarray(picture.convert("RGBA"))
     uv = np.asarray(visual.uv)[:, :2] * look.scale + look.offset
+    uv = uv if placement is None else placement.of(uv)
     uv = np.einsum("sk,fkc->fsc", SAMPLES, uv[np.asarray(mesh.faces)])
     if not np.isfinite(uv).all():
         raise MeshError("has texture coordinates that are not finite numbers")

@@ -18,6 +18,7 @@ from scene.assets import catalogue, library
 from scene.assets.library import FOLDERS, LibraryError, check, load, manifest, scan
 from scene.look.materials import material_id
 from scene.mesh.file import MeshError, read_mesh
+from scene.mesh.gltf import TexturePlacement
 from tests.scene.conftest import refused, solid
 
 CAR = (4.4, 1.8, 1.5)
@@ -165,6 +166,51 @@ def test_gltf_says_what_opacity_means(tmp_path, material, alpha, expected):
     red = asset.color[:, 1] == 0
     assert (~red).sum() == 1 and red.sum() == (expected is not None)
     assert set(asset.material[red]) == ({material_id(expected)} if expected else set())
+
+
+def changed(change, material=None, alpha=None):
+    """The file of ``glb`` with its JSON changed in place by ``change``."""
+    data = glb(material or {}, alpha)
+    end = 20 + struct.unpack_from("<I", data, 12)[0]
+    content = json.loads(data[20:end])
+    change(content)
+    text = json.dumps(content).encode()
+    text += b" " * (-len(text) % 4)
+    body = struct.pack("<I", len(text)) + b"JSON" + text + data[end:]
+    return data[:8] + struct.pack("<I", 12 + len(body)) + body
+
+
+@pytest.mark.parametrize(("change", "complaint"), [
+    (lambda c: c.update(extensionsRequired=["KHR_draco_mesh_compression"]), "KHR_draco"),
+    (lambda c: c.update(extensionsRequired=["EXT_meshopt_compression"]), "EXT_meshopt"),
+    (lambda c: c.update(extensionsRequired=["KHR_mesh_quantization"]), "KHR_mesh_quantization"),
+    (lambda c: c["accessors"][0].update(sparse={"count": 1}), "sparse"),
+    (lambda c: c["accessors"][1].update(componentType=5121, normalized=True), "TEXCOORD_0"),
+    (lambda c: c["images"][0].update(mimeType="image/ktx2"), "KTX2"),
+])  # fmt: skip
+def test_what_is_not_read_of_gltf_is_refused_by_name(tmp_path, change, complaint):
+    (path := tmp_path / "two.glb").write_bytes(changed(change, alpha=255))
+    with pytest.raises(MeshError, match=complaint):
+        read_mesh(path)
+
+
+def test_gltf_without_a_colour_is_white_and_colours_of_vertices_tint_a_material(tmp_path):
+    (path := tmp_path / "two.glb").write_bytes(glb({}))
+    assert read_mesh(path).color == pytest.approx(1.0)
+
+    def tint(content):  # the corners, as colours: their mean is a third red and green
+        content["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = 0
+
+    path.write_bytes(changed(tint, base(1)))
+    assert read_mesh(path).color[0] == pytest.approx([1 / 3, 0, 0], abs=1e-3)
+
+
+def test_a_texture_of_gltf_is_moved_and_turned_by_its_transform():
+    uv = np.array([[0.0, 1.0], [0.5, 0.75]])  # the loader's v is up: (0, 0) and (0.5, 0.25) of glTF
+    moved = TexturePlacement((0.1, 0.2), 0.0, (2.0, 4.0)).of(uv)
+    assert moved == pytest.approx(np.array([[0.1, 0.8], [1.1, -0.2]]))
+    turned = TexturePlacement(rotation=np.pi / 2).of(uv)
+    assert turned == pytest.approx(np.array([[0.0, 1.0], [0.25, 1.5]]))
 
 
 def obj(folder, library, picture="my paint.png"):
