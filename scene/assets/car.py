@@ -325,6 +325,7 @@ def car(params: CarParams | Rickshaw) -> Asset:
 
 FAMILY = Family(
     "car", TrainId.CAR, KINDS, sample_car, car,
+    classes=(("pickup", TrainId.TRUCK),),  # Cityscapes: the loading area is apart from the cab
     count=195, size=Size((2.2, 7), (0.9, 3)), tone=0.95, line=("car", 0.9),
     facing="lane", stage=ROAD, again=(175,), more=_MORE,
 )  # fmt: skip

@@ -268,6 +268,13 @@ def kind(family: str, ref: int | str) -> str:
     return turns[ref % len(turns)]
 
 
+def train_id(family: str, ref: int | str) -> int:
+    """The class of an asset: that of its kind, if that has one, else of its family."""
+    row = FAMILIES[family]
+    of_kind = dict(row.classes) if isinstance(ref, int) else {}
+    return int(of_kind.get(kind(family, ref), row.train_id))
+
+
 def families_of(name: str) -> tuple[str, ...]:
     """The families of a class, or the one family called ``name``.
 

@@ -61,6 +61,7 @@ class Family:
     on: str | Mapping[str, str] = ""  # family of the post or machine it comes on, or that by kind
     runs: bool = False  # one asset is a panel; up to three stand in a row
     more: tuple[str, ...] = ()  # kinds that are met more often, each once for every time more
+    classes: tuple[tuple[str, TrainId], ...] = ()  # of kinds whose class is not ``train_id``
     again: tuple[int, ...] = ()  # whose first draw looked like an earlier one: the second is taken
 
     @property

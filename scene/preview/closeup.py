@@ -98,7 +98,7 @@ def asset_street(family: str, ref: int | str, aspect: float, fov: float) -> Stre
     if isinstance(ref, int) and row.on:
         parts.append((row.base(kind(family, ref)), ref))
     placements = tuple(
-        Placement(name, part, int(FAMILIES[name].train_id), FIRST_INSTANCE + k, pose)
+        Placement(name, part, catalogue.train_id(name, part), FIRST_INSTANCE + k, pose)
         for k, (name, part) in enumerate(parts)
     )
     shown = parts[:1] if row.front == "back" else parts  # a sign itself, not its post

@@ -91,7 +91,8 @@ def placed(ground: Ground, stands: Sequence[Stand]) -> list[Placement]:
     away = ((world[:, None, :2, 3] - drive) ** 2).sum(axis=2).min(axis=1) > FAR**2
     found: list[Placement] = []
     for k, (stand, distant) in enumerate(zip(stands, away.tolist(), strict=True)):
-        train_id = TRAIN_IDS[stand.family]
+        own_class = stand.family == FAMILY
+        train_id = OWN if own_class else catalogue.train_id(stand.family, stand.ref)
         pose = found[-1].pose if stand.part else world[k]
         far = distant and train_id == TrainId.VEGETATION
         found.append(Placement(stand.family, stand.ref, train_id, FIRST_INSTANCE + k, pose, far))

@@ -160,3 +160,9 @@ def test_the_catalogue_and_the_closest_pairs_are_printed(printed, refusal):
     assert lines[0].startswith("train: 8 assets; ") and len(lines) == 3
     assert "no assets of class 'boat'; known: building" in refusal(main, "--closest", "boat")
     assert "--pairs must be 1 or more, not -3" in refusal(main, "--closest", "bus", "--pairs", -3)
+
+
+def test_a_pickup_is_a_truck_as_in_cityscapes_and_other_cars_are_cars():
+    for ref, name in enumerate(FAMILIES["car"].turns):
+        assert catalogue.train_id("car", ref) == (14 if name == "pickup" else 13), name
+    assert catalogue.train_id("car", "an own pickup.glb") == 13
