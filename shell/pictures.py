@@ -34,6 +34,14 @@ def too_large(data: bytes) -> str | None:
     return None
 
 
+def _as_stored(data: bytes, values: np.ndarray) -> np.ndarray:
+    """The channels of an image with all of their bits; grey with alpha comes as four channels."""
+    import cv2  # only for files of 16 bits and of other formats than PNG
+
+    stored = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    return values if stored is None or stored.ndim != 3 else stored
+
+
 def label_ids(data: bytes) -> np.ndarray:
     """Decode the ids of a label file as they are stored, u8[h, w], or u16[h, w] for 16 bits.
 
@@ -53,10 +61,11 @@ def label_ids(data: bytes) -> np.ndarray:
         why = f"not a readable image, broken or truncated ({error})"
         raise UserError(f"{why}; put an intact copy there") from error
     if mode in ("LA", "RGB", "RGBA"):
-        grey = values[..., 0]
-        colours = values[..., : 1 if mode == "LA" else 3]
-        if (colours == grey[..., None]).all():
-            return grey
+        if kind != "PNG" or data[24] == 16:  # in the header; Pillow halves the bits of colours
+            values = _as_stored(data, values)
+        colours = values[..., : 1 if mode == "LA" and values.shape[-1] == 2 else 3]
+        if (colours == values[..., :1]).all():
+            return values[..., 0]
     if mode.startswith("F"):
         raise UserError(f"holds fractions (mode {mode}); save class ids as whole numbers, in a PNG")
     if mode not in ("P", "L", "1") and not mode.startswith("I"):

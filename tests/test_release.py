@@ -83,12 +83,7 @@ def test_what_is_installed_is_told_without_starting_anything(capsys):
     assert first == f"sdr-jax {PROJECT['version']}"
     assert second.startswith(f"Python {platform.python_version()}, jax ") and "NVIDIA GPU" in second
     assert third.startswith("extras: ") and "sdr-jax doctor tries the GPU" in third
-    tools = {
-        "docs",
-        "test",
-        "lite1",
-        "lite2",
-    }  # what developers use; weights, which nets ask for by name
+    tools = {"docs", "test"}  # what developers use
     assert EXTRAS.keys() == PROJECT["optional-dependencies"].keys() - tools
 
 

@@ -34,7 +34,7 @@ GROUPS = (r"^(.*)__", r"^(.*?)[_-]*\d+\D*$", r"^[^_-]+")
 """Expressions for groups of names, in the order of trial."""
 _CITYSCAPES = re.compile(r"_label(?:Ids|((?:cs)?TrainIds))\.")
 """Label files with the ids of Cityscapes, or with those of its 19 classes (the parenthesis)."""
-_MAPS = re.compile(r"depth|dispar|normals?\b|flow|instance|panoptic|thermal", re.IGNORECASE)
+_MAPS = re.compile(r"depth|dispar|normals?(?![a-z])|flow|instance|panoptic|thermal", re.IGNORECASE)
 """Names of images that hold a number or an object for each pixel."""
 _PHOTOGRAPHS = re.compile(r"rgb|ima?ge?|photo|picture|camera|frame|colou?r", re.IGNORECASE)
 """Names of photographs."""
@@ -473,11 +473,16 @@ def _values(labels: Sequence[Path]) -> tuple[Format, Counter[int], Counter[str]]
         with suppress(UserError):  # the survey reports it
             looks.append((path, *_looked_at(path)))
     forms = {look[1] for look in looks}
+    # Every other pixel will do where there are several values: the survey reads whole files.
+    step = (
+        2
+        if len({value for _, _, codes, _ in looks for value in np.unique(codes[::2, ::2])}) > 1
+        else 1
+    )
     for path, form, codes, found in looks:
         if form == "ids" and "colours" in forms:
             form, (codes, found) = "colours", FORMATS["colours"](path)
-        # Every other pixel will do: the survey, which reads whole files, finds rarer values.
-        own, counts = np.unique(codes[::2, ::2], return_counts=True)
+        own, counts = np.unique(codes[::step, ::step], return_counts=True)
         for value, count in zip(own.tolist(), counts.tolist(), strict=True):
             if path.suffix != ".json":
                 values[value] += count

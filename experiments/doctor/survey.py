@@ -129,7 +129,7 @@ def _sizes(entries: Sequence[Entry], faults: list[Fault]) -> list[tuple[tuple[in
             sizes[size] += 1
             if is_deep(path):
                 largest = int(decode(path, read_file(path), cv2.IMREAD_UNCHANGED).max())
-                if 255 < largest < 2**15:
+                if 0 < largest < 2**15:
                     dark.append((path, largest))
             if orientation != 1 and size == stored:
                 turned.append(path)

@@ -179,7 +179,6 @@ def opened(
     plain = {"engine": ENGINE, **asdict(config)}
     with workers_for(config) as workers:
         answer = asked(workers)
-        compile_first(workers, config.renderer)
         target = find(config, workers)
         folder.refuse_foreign(config.out, plain, (*FREE_FIELDS, FIELD))
         if refuse is not None:
@@ -188,6 +187,7 @@ def opened(
         title = f"Target: {target.title}"
         if not target.real:  # rendering it takes a while, so this is said first
             print(title, flush=True)
+        compile_first(workers, config.renderer)  # after all that is refused at once
         target.at(config.reward.height, config.reward.width)
         if target.real:
             print(title, flush=True)

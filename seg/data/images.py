@@ -59,10 +59,10 @@ def is_deep(path: Path) -> bool:
 
 
 def check_end(path: Path) -> None:
-    """Refuse a PNG or a JPEG that was cut off, by its last bytes alone.
+    """Refuse an image that was cut off: a PNG or a JPEG by its last bytes alone, others by decoding them.
 
     Raises:
-        DataError: the file has no end.
+        DataError: the file has no end, or is broken.
         OSError: it cannot be read.
     """
     with path.open("rb") as file:
@@ -71,6 +71,8 @@ def check_end(path: Path) -> None:
         end = file.read()
     if start.startswith(b"\x89PNG") and b"IEND" not in end:
         raise _unreadable(path, "its end is missing")
+    if not start.startswith((b"\x89PNG", _JPEG_START)):
+        read_image(path)
     if start.startswith(_JPEG_START) and not end.rstrip(b"\0\r\n").endswith(_JPEG_END):
         try:
             Image.open(path).load()

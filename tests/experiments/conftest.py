@@ -345,9 +345,10 @@ def error_line(capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
 
     def read(begun: bool = False) -> str:
         captured = capsys.readouterr()
-        assert captured.err.count("\n") == 1 and captured.err.startswith("error: ")
+        error = captured.err.replace(f"{COMPILING}\n", "")
+        assert error.count("\n") == 1 and error.startswith("error: ")
         assert begun or captured.out == ""
-        return captured.err
+        return error
 
     return read
 

@@ -22,9 +22,10 @@ from experiments.fit import config_of, configured, planned
 from experiments.main.job import plan
 from scene.render import RendererError
 from seg.data import LabelReader, read_target
-from seg.data.images import read_image
+from seg.data.images import check_end, read_image
 from shell.errors import UserError
 from shell.listing import list_all
+from shell.pictures import label_ids
 from shell.target_file import find_target, parse_target
 from tests.conftest import refuses
 from tests.layouts import LAYOUTS, save, write
@@ -587,6 +588,23 @@ def test_equal_channels_hold_ids_whatever_the_mode(tmp_path):
     assert all((label == labels[0]).all() for label in labels)
 
 
+@pytest.mark.parametrize(("channels", "ending"), [(3, "png"), (4, "png"), (3, "tiff")])
+def test_ids_of_16_bits_in_equal_channels_keep_their_value(tmp_path, channels, ending):
+    path = tmp_path / f"a.{ending}"
+    ids = np.array([[0, 1], [2, 300]], np.uint16)
+    assert cv2.imwrite(str(path), np.repeat(ids[..., None], channels, axis=2))
+    np.testing.assert_array_equal(label_ids(path.read_bytes()), ids)
+
+
+def test_a_thin_mask_is_seen(tmp_path):
+    root = masks(tmp_path, [0])
+    for path in (root / "masks").iterdir():
+        mask = np.zeros((48, 64), np.uint8)
+        mask[13] = 255
+        cv2.imwrite(str(path), mask)
+    assert parse_target(propose(root).text, "x").class_names == ("background", "foreground")
+
+
 def test_a_grey_file_among_colours_is_in_colours(tmp_path):
     root = masks(tmp_path, [0, 1, 2])
     palette = np.array([[0, 0, 0], [255, 255, 255], [200, 0, 0], [0, 0, 200]])
@@ -627,6 +645,7 @@ def test_images_that_are_cut_off_dark_or_turned_are_counted(tmp_path, doctor):
     dark = np.random.default_rng(0).integers(0, 4096, (48, 64, 3)).astype(np.uint16)
     cv2.imwrite(str(images[1]), dark)
     cv2.imwrite(str(images[2]), dark * 16)
+    cv2.imwrite(str(images[4]), dark // 16)
     turned = Image.Exif()
     turned[0x112] = 3
     Image.open(images[3]).save(images[3], exif=turned)
@@ -634,10 +653,19 @@ def test_images_that_are_cut_off_dark_or_turned_are_counted(tmp_path, doctor):
     assert code == 2
     assert f"{images[0]}: not a readable image, broken or truncated" in out
     assert (
-        f"1 images of 16 bits use a part of them, such as {images[1]}, whose largest value is 409"
+        f"2 images of 16 bits use a part of them, such as {images[1]}, whose largest value is 409"
         in out
     )
     assert f"1 images, such as {images[3]}, are turned by their EXIF orientation" in out
+
+
+@pytest.mark.parametrize("ending", ["png", "jpg", "tiff", "bmp", "webp"])
+def test_an_image_that_was_cut_off_is_found(tmp_path, ending):
+    path = tmp_path / f"a.{ending}"
+    Image.fromarray(photograph(0, (48, 64)).astype(np.uint8)).save(path)
+    check_end(path)
+    path.write_bytes(path.read_bytes()[:-400])
+    refuses(f"a.{ending}: not a readable image, broken or truncated", check_end, path)
 
 
 def test_fractions_are_not_called_broken(tmp_path):

@@ -182,7 +182,7 @@ def test_a_file_beside_the_images_or_anywhere(tmp_path):
     refuses_call("neither a target nor a folder", find_target, None, error=UserError)
     (data / "target.yaml").write_text(TEXT)
     (tmp_path / "other.yaml").write_text(f"name: theirs\n{TEXT}")
-    assert find_target(None, data).name == "streets"
+    assert find_target(None, data).name == "my streets"
     assert find_target(tmp_path / "other.yaml", data).name == "theirs"
     (data / "target.yaml").write_text("#" * 1_000_001)
     refuses_call("more than 1,000,000 bytes", find_target, None, data, error=UserError)
