@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, Int, Real
 from sdr_jax.callback import HostReward
 from sdr_jax.method import Info, Method, RngKey, State, refuse_not_finite
 from sdr_jax.space import Proposal
-from shell.errors import UserError
+from shell.errors import Unfinished
 
 MOST_FAILED = 0.1
 """Share of a search's evaluations that may fail; one failure is always allowed."""
@@ -189,10 +189,10 @@ def refuse_failures(failed: int, total: int, reason: str) -> None:
         reason: the message of the last failure.
 
     Raises:
-        UserError: more than a tenth of the evaluations, and more than one, have failed.
+        Unfinished: more than a tenth of the evaluations, and more than one, have failed.
     """
     if failed > max(1, int(MOST_FAILED * total)):
-        raise UserError(
+        raise Unfinished(
             f"{failed} of {total} evaluations failed, more than a tenth of them; the last said: "
             f"{reason}"
         )

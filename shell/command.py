@@ -17,7 +17,7 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any, NoReturn
 
-from shell.errors import UserError, printable
+from shell.errors import Unfinished, UserError, printable
 from shell.interrupt import INTERRUPTED, PROGRAM, while_working
 
 USAGE, MISTAKE, UNREAD = 2, 70, 141
@@ -251,7 +251,7 @@ def exit_code(
     Args:
         work: the job, which may return an exit code.
         also: errors that end with code 1 and are nobody's fault, such as workers that died.
-        users: errors that end with code 2, which the user can mend.
+        users: errors that end with code 2, which the user can mend; `Unfinished` ends with 1.
         debug: whether to print the traceback before the line.
         goes_on: whether the same command continues a stopped job.
     """
@@ -263,6 +263,8 @@ def exit_code(
             code = work()
             sys.stdout.flush()  # at exit an error would have another code
             return code or 0
+    except Unfinished as error:
+        return _fail(error, str(error), 1, debug)
     except users as error:
         return _fail(error, str(error), USAGE, debug)
     except BrokenPipeError:  # as with ``| head``; the rest cannot be written at exit either

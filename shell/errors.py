@@ -10,6 +10,10 @@ class UserError(ValueError):
     """An argument, a file or a folder is wrong; the message names it and says what would be right."""
 
 
+class Unfinished(UserError):
+    """The work could not be finished, as too many evaluations failed; a command ends with code 1, not 2."""
+
+
 def printable(text: str) -> str:
     """Text of others with codes for its control characters, which a terminal would obey."""
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import asdict
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +18,11 @@ import jax.numpy as jnp
 from sdr_jax.ask_tell import AskTell
 from sdr_jax.method import Method, on_clipping
 from sdr_jax.registry import make
-from sdr_jax.run import on_processor, refuse_failures
+from sdr_jax.run import on_processor
 from sdr_jax.tune.settings import Settings
 from sdr_jax.tune.simulator import Outcome, Simulator, check_command
 from sdr_jax.tune.units import describe
-from shell.errors import UserError
+from shell.errors import Unfinished, UserError
 from shell.files import write, write_json
 from shell.folder import CONFIG, opened
 from shell.lines import JsonLines
@@ -35,6 +36,10 @@ HISTORY, EVALUATIONS = "evaluations.jsonl", "evaluations"
 """The file of lines, and the folder of folders, of all evaluations."""
 ANSWER, RETRIED = "answer.json", "retried.jsonl"
 """The files of the answer and of the lines of repeated evaluations."""
+
+OUTAGE = 20
+"""After so many failures in a row, and no fewer than two updates of them, the simulator counts as broken.
+Fewer, or others between successes, are data: the attributes are infeasible."""
 
 
 class _NeverWorked(UserError):
@@ -57,6 +62,7 @@ def tune(
 
     Raises:
         UserError: an error that the user can mend.
+        Unfinished: many evaluations failed in a row.
         OSError: the folder cannot be written.
     """
     check_command(command)
@@ -154,10 +160,10 @@ def _search(
         progress.say(f"continuing {out}: {told} of {total} evaluations are done")
     pool = ThreadPoolExecutor(settings.workers)
     try:
-        _refuse_failures(search, settings, command, out)
+        _refuse_failures(search, told, command, out)
         while search.updates * n < total:
             _one_update(search, simulator, pool, progress, settings)
-            _refuse_failures(search, settings, command, out)
+            _refuse_failures(search, told, command, out)
         return _answer(search, settings)
     finally:
         # On Ctrl-C, too, no simulator is left running, and the threads end.
@@ -210,9 +216,11 @@ def _scores(search: AskTell, update: int, minimize: bool) -> str:
     return f"{mean}best {best:.4g}" + (f", {failed} failed" if failed else "")
 
 
-def _refuse_failures(
-    search: AskTell, settings: Settings, command: Sequence[str], out: Path
-) -> None:
+def _refuse_failures(search: AskTell, begun: int, command: Sequence[str], out: Path) -> None:
+    """Raises an error if the simulator has never worked, or seems to have stopped working.
+
+    Failures among the first `begun` lines of the history do not count, so that the same command goes on.
+    """
     failed = [line for line in search.history if line["reward"] is None]
     if not failed:
         return
@@ -223,8 +231,14 @@ def _refuse_failures(
             f"all {search.n} evaluations of the first update failed; the simulator "
             f"{' '.join(command)}: {reason} {where}"
         )
-    cure = "once the simulator works again, --retry-failed repeats the last ones that failed"
-    refuse_failures(len(failed), settings.evaluations, f"{reason} {where}; {cure}")
+    latest = reversed(search.history[begun:])
+    in_a_row = sum(1 for _ in takewhile(lambda line: line["reward"] is None, latest))
+    if in_a_row >= max(OUTAGE, 2 * search.n):
+        raise Unfinished(
+            f"the last {in_a_row} evaluations failed; the last one: {reason} {where}; once the simulator "
+            "works again, --retry-failed repeats them; the same command without it takes these attributes "
+            "for infeasible and goes on"
+        )
 
 
 def _answer(search: AskTell, settings: Settings) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import pytest
 from sdr_jax import AskTell, Method, Proposal, leave_one_out, random_search, relax, sdr, space
 from sdr_jax.callback import DataSets, host_reward
 from sdr_jax.run import drive, first_state, make_step, refuse_failures, run
-from shell.errors import UserError
+from shell.errors import Unfinished
 
 from .conftest import KEY, assert_close, assert_same, refuses
 
@@ -114,7 +114,7 @@ def test_updates_must_be_known_none_leaves_the_first_state_and_a_tenth_may_fail(
         refuses(message, loop, *endless, *updates)
     for most, total in ((1, 1), (1, 8), (3, 30), (7, 70)):  # a tenth of them may fail
         refuse_failures(most, total, "why")
-        with pytest.raises(UserError, match=f"{most + 1} of {total} evaluations failed.*: why"):
+        with pytest.raises(Unfinished, match=f"{most + 1} of {total} evaluations failed.*: why"):
             refuse_failures(most + 1, total, "why")
 
 

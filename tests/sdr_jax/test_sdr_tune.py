@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from sdr_jax import Proposal, Trial
+from sdr_jax.tune import search
 from sdr_jax.tune import simulator as simulators
 from sdr_jax.tune.__main__ import main
 from sdr_jax.tune.search import outage
@@ -61,14 +62,14 @@ class Runs:
         assert main(self.arguments(*options, **content)) == 0
         return self._capsys.readouterr().out
 
-    def refused(self, *arguments: str) -> str:
+    def refused(self, *arguments: str, code: int = 2) -> str:
         """The one line that a run ends with."""
         try:
-            code = main(arguments)
+            ended = main(arguments)
         except SystemExit as end:  # argparse
-            code = end.code
+            ended = end.code
         error = self._capsys.readouterr().err
-        assert code == 2 and error.count("\n") == 1
+        assert ended == code and error.count("\n") == 1
         return error
 
     def lines(self) -> list[dict]:
@@ -227,18 +228,17 @@ def test_the_table_has_the_values_of_attributes_without_an_order(runs: Runs) -> 
     assert line == ["road", *map("|".join, both)]
 
 
-def test_failed_evaluations_are_recorded_and_more_than_a_tenth_are_one_error(runs: Runs) -> None:
-    code = "print(1 if at['evaluation'] > 1 else 'rubbish')"
-    error = runs.refused(*runs.arguments("--retries", "1", code=code))
-    assert "2 of 6 evaluations failed" in error and "'rubbish'" in error
-    assert len(runs.lines()) == 3
-    runs.done("--evaluations", "30", "--retries", "0", code=code)
-    assert read_json(runs.out / "answer.json")["failed"] == 2
-    rewards = {line["id"]: line["reward"] for line in runs.lines()}
-    assert rewards == {k: None if k < 2 else 1.0 for k in range(30)}
-    # A single one is passed by.
+def test_evaluations_without_a_score_are_data_however_many_there_are(runs: Runs) -> None:
+    code = "print(a['centre'] if at['evaluation'] % 3 == 0 else 'rubbish')"
+    printed = runs.done("--evaluations", "30", "--retries", "0", code=code)
+    assert "30 evaluations by random_search, 20 failed" in printed
+    assert read_json(runs.out / "answer.json")["failed"] == 20
+    assert {line["id"]: line["reward"] is None for line in runs.lines()} == {
+        k: k % 3 > 0 for k in range(30)
+    }
     runs.out = runs.folder / "other"
-    printed = runs.done("--retries", "1", code=code.replace("> 1", ""))
+    code = "print(1 if at['evaluation'] else 'rubbish')"
+    printed = runs.done("--retries", "1", code=code)
     assert "evaluation 0 failed after 2 attempts: the last line printed is 'rubbish'" in printed
 
 
@@ -269,7 +269,8 @@ def failing(down: Path) -> str:
     )
 
 
-def test_after_an_outage_what_failed_is_repeated_and_its_lines_are_kept(runs: Runs) -> None:
+def test_after_an_outage_what_failed_is_repeated_and_its_lines_are_kept(runs, monkeypatch) -> None:
+    monkeypatch.setattr(search, "OUTAGE", 5)
     down = runs.folder / "down"
     code = failing(down)
     options = ["--evaluations", "30"]
@@ -283,12 +284,12 @@ def test_after_an_outage_what_failed_is_repeated_and_its_lines_are_kept(runs: Ru
     shutil.rmtree(runs.out)
 
     down.write_text("7")
-    assert "5 of 30 evaluations failed" in (error := runs.refused(*command))
+    assert "the last 5 evaluations failed" in (error := runs.refused(*command, code=1))
     assert "exit code 1: down" in error and "--retry-failed" in error
     failed = (runs.out / LOG).read_bytes().splitlines(keepends=True)[6:]
-    assert len(failed) == 6 and runs.refused(*command) == error
+    assert len(failed) == 6
     # The simulator is down still: as before, and nothing is lost.
-    assert runs.refused(*runs.arguments(*again, code=code)) == error
+    assert runs.refused(*runs.arguments(*again, code=code), code=1) == error
     down.unlink()
     assert "repeats 6 evaluations" in runs.done(*again, code=code)
     assert (runs.out / "answer.json").read_bytes() == whole
@@ -299,11 +300,21 @@ def test_after_an_outage_what_failed_is_repeated_and_its_lines_are_kept(runs: Ru
     assert [path.name for path in (runs.out / "evaluations/000007").iterdir()] == ["run-0-0"]
 
 
-def test_a_folder_can_be_used_after_a_retry_without_a_score(runs: Runs) -> None:
+def test_the_same_command_goes_on_after_many_failures_in_a_row(runs: Runs, monkeypatch) -> None:
+    monkeypatch.setattr(search, "OUTAGE", 9)
+    code = "print(1) if at['evaluation'] in (0, 20) else sys.exit('infeasible')"
+    arguments = runs.arguments("--evaluations", "24", "--retries", "0", code=code)
+    assert "infeasible" in runs.refused(*arguments, code=1) and len(runs.lines()) == 12
+    assert "infeasible" in runs.refused(*arguments, code=1) and len(runs.lines()) == 21
+    assert main(arguments) == 0 and read_json(runs.out / "answer.json")["failed"] == 22
+
+
+def test_a_folder_can_be_used_after_a_retry_without_a_score(runs: Runs, monkeypatch) -> None:
+    monkeypatch.setattr(search, "OUTAGE", 5)
     (down := runs.folder / "down").write_text("1")
     code = failing(down)
-    assert "5 of 30 evaluations failed" in runs.refused(
-        *runs.arguments("--evaluations", "30", code=code)
+    assert "the last 5 evaluations failed" in runs.refused(
+        *runs.arguments("--evaluations", "30", code=code), code=1
     )
     down.write_text("0")
     again = runs.arguments("--retry-failed", "--evaluations", "30", code=code)

@@ -12,7 +12,7 @@ import pytest
 
 from shell import loopback
 from shell.command import MISTAKE, UNREAD, Parser, exit_code, given, meant, size
-from shell.errors import UserError, refuse_repeats
+from shell.errors import Unfinished, UserError, refuse_repeats
 from shell.interrupt import INTERRUPTED
 from tests.conftest import ROOT, refused
 
@@ -23,6 +23,7 @@ PRINT = "import sys; from shell.command import *; sys.exit(exit_code(lambda: pri
 
 @pytest.mark.parametrize(("error", "code", "text"), [
     (None, 0, ""), (UserError("--out:\n  no"), 2, "error: --out: no\n"),
+    (Unfinished("3 failed"), 1, "error: 3 failed\n"),
     (FULL, 2, f"error: x.json: No space left on device; {CURE}\n"),
     (OSError("odd"), 2, f"error: odd; {CURE}\n"),
     (EOFError("workers died"), 1, "error: workers died\n"),
