@@ -284,25 +284,25 @@ def test_after_an_outage_what_failed_is_repeated_and_its_lines_are_kept(runs, mo
     shutil.rmtree(runs.out)
 
     down.write_text("7")
-    assert "the last 5 evaluations failed" in (error := runs.refused(*command, code=1))
+    assert "the last 8 evaluations failed" in (error := runs.refused(*command, code=1))
     assert "exit code 1: down" in error and "--retry-failed" in error
     failed = (runs.out / LOG).read_bytes().splitlines(keepends=True)[6:]
-    assert len(failed) == 6
+    assert len(failed) == 9
     # The simulator is down still: as before, and nothing is lost.
     assert runs.refused(*runs.arguments(*again, code=code), code=1) == error
     down.unlink()
-    assert "repeats 6 evaluations" in runs.done(*again, code=code)
+    assert "repeats 9 evaluations" in runs.done(*again, code=code)
     assert (runs.out / "answer.json").read_bytes() == whole
     assert [line["id"] for line in runs.lines()] == list(range(30))
     aside = (runs.out / "retried.jsonl").read_bytes().splitlines(keepends=True)
-    assert aside[:6] == failed and len(aside) == 12
+    assert aside[:9] == failed and len(aside) == 18
     # An attempt at it failed before.
     assert [path.name for path in (runs.out / "evaluations/000007").iterdir()] == ["run-0-0"]
 
 
 def test_the_same_command_goes_on_after_many_failures_in_a_row(runs: Runs, monkeypatch) -> None:
     monkeypatch.setattr(search, "OUTAGE", 9)
-    code = "print(1) if at['evaluation'] in (0, 20) else sys.exit('infeasible')"
+    code = "print(1) if at['evaluation'] in (0, 22) else sys.exit('infeasible')"
     arguments = runs.arguments("--evaluations", "24", "--retries", "0", code=code)
     assert "infeasible" in runs.refused(*arguments, code=1) and len(runs.lines()) == 12
     assert "infeasible" in runs.refused(*arguments, code=1) and len(runs.lines()) == 21
@@ -313,13 +313,13 @@ def test_a_folder_can_be_used_after_a_retry_without_a_score(runs: Runs, monkeypa
     monkeypatch.setattr(search, "OUTAGE", 5)
     (down := runs.folder / "down").write_text("1")
     code = failing(down)
-    assert "the last 5 evaluations failed" in runs.refused(
+    assert "the last 8 evaluations failed" in runs.refused(
         *runs.arguments("--evaluations", "30", code=code), code=1
     )
     down.write_text("0")
     again = runs.arguments("--retry-failed", "--evaluations", "30", code=code)
     assert "all 3 evaluations of the first update failed" in runs.refused(*again)
-    assert len((runs.out / "retried.jsonl").read_bytes().splitlines()) == 6
+    assert len((runs.out / "retried.jsonl").read_bytes().splitlines()) == 9
     down.unlink()
     runs.done("--evaluations", "6", code=code)
 
