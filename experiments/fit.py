@@ -2,7 +2,7 @@
 
     sdr-jax fit photographs --out runs/fit                       # photographs/target.yaml says what is where
     sdr-jax fit CamVid --target camvid --few 14 --holdout 0006R0 --out runs/fit14
-    sdr-jax fit photographs --preset smoke --out runs/try        # under a minute
+    sdr-jax fit photographs --preset smoke --out runs/try        # a minute or two
 
 It saves the net in OUT/model (see `sdr-jax predict`) and a report in OUT/report.html on nets that are trained
 on your labels alone, with renders beside them, and on renders alone, and tested on images that they have not
@@ -12,6 +12,7 @@ seen. If the data have no split, these are the folds of your images, by group, i
 
 from __future__ import annotations
 
+import math
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
@@ -22,14 +23,16 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from experiments.config import FewConfig, Fidelity, Preset, parsers
+from experiments.config.limits import PIXEL, training_bytes
 from experiments.config.presets import defaults, in_space
-from experiments.evaluation.cost import head_cost, street_cost
+from experiments.evaluation.cached import Cached
+from experiments.evaluation.cost import head_cost, job_cost, street_cost
 from experiments.evaluation.job import Job, Keeps, LabelledSubset, Source, StreetPool
 from experiments.evaluation.predictions import file_of, load
 from experiments.report import live, page
 from experiments.report.fit import MODEL, STRIP, Row, derive, rows_of, text
 from experiments.report.folder import NAME
-from experiments.run.context import Run, Work
+from experiments.run.context import Run, Work, set_up_process
 from experiments.run.learn import learn, work_of
 from experiments.run.nets import paired_seeds
 from experiments.study.form import Form, Report, about, nets
@@ -51,10 +54,12 @@ from scene.attributes import SpaceName
 from scene.dataset.formats.png import encode
 from scene.held import read_fixed
 from scene.proposal import Streets, draw
+from scene.render.protocol import MAX_PIXELS
 from scene.workers import WorkerError
 from seg.beside import TrainingSet
 from seg.classes import class_table, colorize
 from seg.data import LabelledImages
+from seg.errors import ModelError
 from seg.model import SEEN, Model, classes_of, load_model, refuse_others
 from seg.recipes import with_net
 from seg.settings import FILELESS_NETS, Trunk, TrunkName, check_settings
@@ -63,9 +68,11 @@ from seg.weights import check as check_weights
 from shell.classes import NAMES
 from shell.command import exit_code, given
 from shell.errors import UserError, flagged
-from shell.files import digest, file_digest, write
+from shell.files import digest, file_digest, read_json, write
+from shell.folder import plain
 from shell.interrupt import PROGRAM
 from shell.listing import list_all
+from shell.memory import in_words, memory
 from shell.target_file import Fit, find_target
 
 SHOWN = 4
@@ -85,6 +92,8 @@ STREETS = "streets"
 class FitConfig(FewConfig):
     """One job; the command line has a few of these fields."""
 
+    target: str = "camvid"  # type: ignore[assignment]
+    """The name of the target, which may be the user's own."""
     file: str | None = None
     """The target's file, or its name; by default target.yaml beside the images."""
     shape: Fit | None = None
@@ -173,8 +182,11 @@ def config_of(
     with flagged("--net"):
         check_settings(base.final.train)
     check_weights(base.final.train, 1)
+    workers = base.workers if workers is None else workers
+    _refuse_large(base.final, len(parts.every), max(workers, 1))
     return replace(
         base,
+        target=found.name,
         data=data,
         out=out,
         few_share=0.25 if len(parts.entries) < FEW else 0.5,
@@ -187,8 +199,30 @@ def config_of(
         init=init,
         store=store,
         fix=tuple(fix),
-        workers=base.workers if workers is None else workers,
+        workers=workers,
     )
+
+
+def _refuse_large(final: Fidelity, labelled: int, workers: int) -> None:
+    """Raise UserError with the flags of `fit` for a size whose arrays do not fit into memory.
+
+    Args:
+        final: the fidelity of the nets.
+        labelled: number of the user's images; this process holds all of them, and those of a fold.
+        workers: number of processes, each with a training set of its own.
+    """
+    pixels = final.width * final.height
+    if pixels > MAX_PIXELS:
+        raise UserError(f"--size {final.size} has more than {MAX_PIXELS:,} pixels, the most")
+    need = workers * training_bytes(final, labelled) + 2 * labelled * pixels * PIXEL
+    if need > memory():
+        scale = math.sqrt(memory() / need)
+        width, height = (int(scale * side / UNIT) * UNIT for side in (final.width, final.height))
+        fewer = ", or fewer --workers" if workers > 1 else ""
+        raise UserError(
+            f"--size {final.size} would take {in_words(need)} of memory to train nets in {workers} "
+            f"worker(s), and there are {in_words(memory())}: use --size {width}x{height} or less{fewer}"
+        )
 
 
 def configured(
@@ -244,11 +278,16 @@ def _start(config: FitConfig, target: Target) -> Params:
             f"--init {config.init}: a model of other classes, {', '.join(model.names)}; the target has "
             f"{', '.join(classes)}"
         )
-    ours, theirs = ((own.net, own.trunk, outline(own, 1)) for own in (train, model.settings))
-    if ours != theirs:
+    for flag, ours, theirs in (
+        ("--net", train.net, model.settings.net),
+        ("--trunk", train.trunk, model.settings.trunk),
+    ):
+        if ours != theirs:
+            raise UserError(f"--init {config.init}: a model with {flag} {theirs}, not {ours}")
+    if outline(train, 1) != outline(model.settings, 1):
         raise UserError(
-            f"--init {config.init}: a model of the net {theirs[0]}, {theirs[1]}; --net and --trunk say "
-            f"{ours[0]}, {ours[1]}"
+            f"--init {config.init}: a model whose head has {model.settings.head_width} channels; fit "
+            f"trains heads of {train.head_width}"
         )
     return model.variables
 
@@ -265,8 +304,8 @@ def planned(config: FitConfig, folds: int) -> list[Work]:
     searches = [work._replace(nets=work.nets * folds) for work in work_of(config)]
     count = len(rows_of(config.learnt)) * folds * config.seeds
     return [
-        Work(STREETS, kinds * config.seeds * final.streets, final, street_cost(final)),
         *(searches if config.learnt else []),
+        Work(STREETS, kinds * config.seeds * final.streets, final, street_cost(final)),
         Work("nets, each of which is tested", count, final, head_cost(final)),
         Work("the net that is left", 1, final, head_cost(final)),
     ]
@@ -275,7 +314,6 @@ def planned(config: FitConfig, folds: int) -> list[Work]:
 def scores(run: Run[FitConfig], known: Prepared) -> Report:
     """Do the whole job, or the rest of it."""
     config, seeds = run.config, paired_seeds(run)
-    recipe = run.recipe(config.final)
     folds = [replace(run, target=target) for target in known.folds]
     target = known.parts.target
     facts = {
@@ -294,59 +332,137 @@ def scores(run: Run[FitConfig], known: Prepared) -> Report:
         "net": config.final.train.net,
     }
     live.watch(run, facts)
-    mixed = attributes(run, {}, RENDERED)
-    renders = {seed: rendered(run, mixed, seed) for seed in seeds}
-    learnt: list[dict[int, StreetPool]] = []
-    for number, fold in enumerate(folds, 1):
-        if config.learnt:
-            streets = learn(fold, name=f"fold-{number}").streets
-            learnt.append({seed: rendered(run, streets, seed) for seed in seeds})
-    found: dict[Row, list[Any]] = {row: [] for row in rows_of(config.learnt)}
+    kinds = [attributes(run, {}, RENDERED)]
+    if config.learnt:
+        kinds += [learn(fold, name=f"fold-{k}").streets for k, fold in enumerate(folds, 1)]
+    pools = [{seed: _pool(run, streets, seed) for seed in seeds} for streets in kinds]
+    jobs = [_jobs(fold, number, pools) for number, fold in enumerate(folds)]
+    streets = _Rendered(run, [pool for by_seed in pools for pool in by_seed.values()])
+    tested = [all(fold.runner.known(some)) for fold, some in zip(folds, jobs, strict=True)]
+    if not all(tested):
+        streets.make()
+    scored: dict[Row, list[Any]] = {row: [] for row in rows_of(config.learnt)}
     for number, fold in enumerate(folds):
-        labels = fold.images(config.final, "labelled")
-        own: list[Job] = []
-        for seed in seeds:
-            sources: dict[Row, Source] = {
-                "labels": labels,
-                "labels+renders": _beside(config, renders[seed], labels),
-                "renders": renders[seed],
-            }
-            if config.learnt:
-                sources["labels+learnt"] = _beside(config, learnt[number][seed], labels)
-            for row, source in sources.items():
-                notes = {"nets": f"fold {number + 1}", "row": row, "seed": seed}
-                keeps: Keeps | None = "predictions" if number == 0 and seed == seeds[0] else None
-                own.append(Job(recipe, source, seed, notes, keeps=keeps))
-        results = fold.runner.test(own)
-        for row, values in found.items():
-            chosen = [r for job, r in zip(own, results, strict=True) if job.notes["row"] == row]
+        results = fold.runner.test([streets.of(job) for job in jobs[number]])
+        for row, values in scored.items():
+            chosen = [
+                result
+                for job, result in zip(jobs[number], results, strict=True)
+                if job.notes["row"] == row
+            ]
             values.append(nets(chosen))
         if number == 0:
-            _show(run, fold, [job for job in own if job.keeps])
-    seconds = {"total": round(run.progress.elapsed, 1)}
-    report = {**facts, "seconds": seconds, "nets": found}
-    beside: dict[Row, Source] = {"labels+renders": renders[seeds[0]]}
+            _show(run, fold, [job for job in jobs[0] if job.keeps])
+    extra: dict[Row, Source] = {"labels+renders": pools[0][seeds[0]].pool}
     if config.learnt:
-        beside["labels+learnt"] = learnt[0][seeds[0]]
-    _leave(run, known, beside, derive(report))
-    for made in (renders, *learnt):
-        for pool in made.values():
-            run.runner.cache.forget(pool.name, recipe)
-    return report
+        extra["labels+learnt"] = pools[1][seeds[0]].pool
+    report = {**facts, "nets": scored}
+    _leave(run, known, extra, derive(report), streets, finished=all(tested))
+    seconds = {"streets": streets.seconds(), "total": round(run.progress.elapsed, 1)}
+    streets.forget()
+    return {**report, "seconds": seconds}
 
 
-def rendered(run: Run[FitConfig], streets: Streets, seed: int) -> StreetPool:
-    """Render streets of one shot with their features, which all nets of a seed share."""
-    config, recipe = run.config, run.recipe(run.config.final)
+class _Pool(NamedTuple):
+    """A pool whose streets may not be rendered yet."""
+
+    units: np.ndarray  # f32[streets, attributes]
+    seed: int
+    pool: StreetPool
+
+
+def _pool(run: Run[FitConfig], streets: Streets, seed: int) -> _Pool:
+    """Name the pool of streets of one shot that all nets of a seed share."""
+    config = run.config
     units = draw(streets, seed, config.final.streets)
     name = digest([digest(units.tolist()), seed, config.final.size])
-    cost = street_cost(config.final)
+    return _Pool(units, seed, StreetPool(name, Cached("")))
 
-    def done(count: int) -> None:
-        run.progress.advance(count * cost)
-        run.progress.update(f"streets of seed {seed}")
 
-    return StreetPool(name, run.runner.cache.streets(name, recipe, units, seed, done))
+class _Rendered:
+    """Pools of streets, rendered when the first net needs them: a finished job needs none.
+
+    Args:
+        run: the job.
+        pools: the pools.
+    """
+
+    def __init__(self, run: Run[FitConfig], pools: Sequence[_Pool]) -> None:
+        self._run, self._pools = run, pools
+        self._recipe = run.recipe(run.config.final)
+        self._held: dict[str, Cached] = {}
+
+    def make(self) -> None:
+        """Render all streets with their features."""
+        progress, cost = self._run.progress, street_cost(self._run.config.final)
+        for units, seed, pool in self._pools:
+
+            def done(count: int, seed: int = seed) -> None:
+                progress.advance(count * cost)
+                progress.update(f"streets of seed {seed}")
+
+            if pool.name not in self._held:
+                cache = self._run.runner.cache
+                self._held[pool.name] = cache.streets(pool.name, self._recipe, units, seed, done)
+
+    def skip(self) -> None:
+        """Count streets as done that no net needs."""
+        if not self._held:
+            count = sum(len(pool.units) for pool in self._pools)
+            cost = count * street_cost(self._run.config.final)
+            self._run.progress.advance(cost, replayed=True)
+
+    def of(self, job: Job) -> Job:
+        """A job with the rendered streets of its pool, if they are rendered."""
+        return job._replace(source=self._filled(job.source))
+
+    def _filled(self, source: Any) -> Any:
+        if isinstance(source, TrainingSet):
+            return source._replace(parts=tuple(map(self._filled, source.parts)))
+        if isinstance(source, StreetPool) and source.name in self._held:
+            return source._replace(held=self._held[source.name])
+        return source
+
+    def seconds(self) -> float:
+        """The core seconds of rendering, also of an earlier call that rendered the streets."""
+        if self._held:
+            cache = self._run.runner.cache
+            return round(sum(cache.seconds(name, self._recipe) for name in self._held), 1)
+        file = self._run.config.out / f"{FORM.name}.json"
+        earlier = read_json(file) if file.exists() else {}
+        return float(earlier.get("seconds", {}).get("streets", 0.0))
+
+    def forget(self) -> None:
+        """Remove the files of the streets."""
+        for name in self._held:
+            self._run.runner.cache.forget(name, self._recipe)
+
+
+def _jobs(fold: Run[FitConfig], number: int, pools: Sequence[Mapping[int, _Pool]]) -> list[Job]:
+    """The nets of all rows of a fold.
+
+    Args:
+        fold: the run on this fold's target.
+        number: index of the fold.
+        pools: by seed, those of mixed streets, then of the streets that each fold has learnt.
+    """
+    config, recipe = fold.config, fold.recipe(fold.config.final)
+    labels, seeds = fold.images(config.final, "labelled"), paired_seeds(fold)
+    jobs: list[Job] = []
+    for seed in seeds:
+        renders = pools[0][seed].pool
+        sources: dict[Row, Source] = {
+            "labels": labels,
+            "labels+renders": _beside(config, renders, labels),
+            "renders": renders,
+        }
+        if config.learnt:
+            sources["labels+learnt"] = _beside(config, pools[1 + number][seed].pool, labels)
+        for row, source in sources.items():
+            notes = {"nets": f"fold {number + 1}", "row": row, "seed": seed}
+            keeps: Keeps | None = "predictions" if number == 0 and seed == seeds[0] else None
+            jobs.append(Job(recipe, source, seed, notes, keeps=keeps))
+    return jobs
 
 
 def _beside(
@@ -356,11 +472,18 @@ def _beside(
 
 
 def _leave(
-    run: Run[FitConfig], known: Prepared, beside: Mapping[Row, Source], report: Report
+    run: Run[FitConfig],
+    known: Prepared,
+    extra: Mapping[Row, Source],
+    report: Report,
+    streets: _Rendered,
+    *,
+    finished: bool,
 ) -> None:
     """Train the net on all labels in the way of the best row with labels, and save it.
 
-    The learnt streets are those of the first fold, whose search has seen most of the labels.
+    The learnt streets are those of the first fold, whose search has seen most of the labels. If
+    all tests were ``finished`` before, a model of the same images and results stays.
     """
     config, parts = run.config, known.parts
     assert config.data is not None
@@ -368,26 +491,46 @@ def _leave(
     whole = replace(run, target=target)
     labels = whole.images(config.final, "labelled")
     best = report["recipe"]
-    source = labels if best == "labels" else _beside(config, beside[best], labels)
+    notes = {
+        "target": parts.target.name,
+        "labelled_images": len(labels.images),
+        SEEN: sorted(file_digest(entry.image_path) for entry in parts.seen),
+        "trained_on": report["recipe"],
+        "verdict": report["verdict"],
+        "miou": report["rows"][report["recipe"]]["mean"],
+        "reported_on": report["where"],
+    }
+    if config.init is not None:
+        notes["started_from"] = load_model(config.init).digest
     seed, recipe = config.seed, run.recipe(config.final)
-    variables = whole.runner.train(Job(recipe, source, seed, {}), known.init)
+    source = labels if best == "labels" else _beside(config, extra[best], labels)
+    job = Job(recipe, source, seed, {})
+    if finished and _is_saved(config, notes):
+        streets.skip()
+        run.progress.advance(job_cost(job), replayed=True)
+        return
+    if best == "labels":
+        streets.skip()
+    else:
+        streets.make()
+    variables = whole.runner.train(streets.of(job), known.init)
     Model(
         config.final.train,
         variables,
         (config.final.height, config.final.width),
         classes_of(parts.target),
         "colours" if parts.target.kind == "colours" else "ids",
-        {
-            "target": parts.target.name,
-            "labelled_images": len(labels.images),
-            SEEN: sorted(file_digest(entry.image_path) for entry in parts.seen),
-            "trained_on": report["recipe"],
-            "verdict": report["verdict"],
-            "miou": report["rows"][report["recipe"]]["mean"],
-            "reported_on": report["where"],
-        },
+        notes,
     ).save(config.out / MODEL)
-    run.progress.advance(head_cost(config.final))
+    run.progress.advance(job_cost(job))
+
+
+def _is_saved(config: FitConfig, notes: Mapping[str, Any]) -> bool:
+    """Whether the run folder holds the model that these notes describe."""
+    try:
+        return load_model(config.out / MODEL).notes == plain(notes)
+    except ModelError:
+        return False  # there is none, or it is damaged
 
 
 def _show(run: Run[FitConfig], fold: Run[FitConfig], jobs: Sequence[Job]) -> None:
@@ -419,6 +562,7 @@ def fit(config: FitConfig) -> Report:
         UserError, DataError: errors of the user.
         WorkerError: worker processes keep dying.
     """
+    set_up_process()  # a model of --init starts JAX
     own = prepared(config)
     study: Study[FitConfig] = Study(
         FORM, plan, scores, prepare=lambda *_: own, target=lambda *_: own.folds[0]

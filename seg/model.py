@@ -38,6 +38,8 @@ from shell.target_file import TargetFile
 FORMAT = 1
 """The version of the folder's format; a newer one is refused."""
 CONFIG, WEIGHTS = "config.json", "weights.safetensors"
+OF_RUN = "model"
+"""The folder of the model in the folder of `sdr-jax fit`."""
 SEEN = "image_files"
 """The note with the SHA-256 of each labelled image's file on which the net was trained, if it is known."""
 SHIPPED = Path(__file__).parent / "models"
@@ -298,6 +300,8 @@ def load_model(path: str | Path) -> Model:
     if str(path) in shipped():
         folder = SHIPPED / str(path)
     file = folder / CONFIG
+    if not (folder / WEIGHTS).is_file() and (folder / OF_RUN / CONFIG).is_file():
+        raise ModelError(f"{folder} is the folder of a run, whose model is {folder / OF_RUN}")
     if not file.is_file():
         names = f", or one of the names {', '.join(shipped())}" if shipped() else ""
         raise ModelError(

@@ -64,6 +64,12 @@ def refuse_foreign(
     except UserError as error:
         raise UserError(f"{error}; use another --out") from None
     found.pop("versions", None)
+    begun = found.get("preset")
+    if begun is not None and config.get("preset") not in (None, begun):  # it decides other values
+        raise UserError(
+            f"--out {path} holds a run that was begun with --preset {begun}; use that preset to continue it, "
+            "or another --out"
+        )
     for name, mine, theirs in differences(plain(config), found):
         if name not in free:
             raise UserError(

@@ -31,6 +31,18 @@ def _times(each: float) -> Callable[[int], int]:
     return lambda count: count * math.ceil(each)
 
 
+def training_bytes(fidelity: Fidelity, labelled: int = 0) -> int:
+    """The least bytes that a process needs to train a net on renders plus labelled images.
+
+    The arrays of both parts are joined, which copies them, and copied to JAX.
+    """
+    train, pixels = fidelity.train, fidelity.width * fidelity.height
+    count = (fidelity.images + labelled) * (train.views if train.frozen else 1)
+    each = 1 + (trunk_of(train).pixel_bytes if train.frozen else 3)  # labels; features or colours
+    copies = 2 if labelled else 1
+    return math.ceil(copies * count * pixels * each + train.batch * pixels * SCORES)
+
+
 def _refuse_fidelity(flag: str, fidelity: Fidelity) -> None:
     train, pixels = fidelity.train, fidelity.width * fidelity.height
     if pixels > MAX_PIXELS:

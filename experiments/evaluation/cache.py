@@ -16,6 +16,7 @@ from __future__ import annotations
 import io
 import os
 import shutil
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -39,7 +40,7 @@ from seg.views import LOOKS, view_images
 from shell.errors import UserError
 from shell.files import digest, file_digest, read_json, whole_folder, write, write_json
 
-FOLDER, ABOUT = "shared", "about.json"
+FOLDER, ABOUT, SECONDS = "shared", "about.json", "seconds"
 CHUNK = 16
 """Images per task of a worker, in whole batches of the trunk."""
 
@@ -121,7 +122,7 @@ class Cache:
         pieces = folder.with_name(f"{folder.name}.pieces")
         starts = range(0, len(units), CHUNK)
 
-        def fill(part: Path) -> None:
+        def fill(part: Path) -> dict[str, Any]:
             pieces.mkdir(exist_ok=True)
             files = {start: pieces / f"{start:06d}.npz" for start in starts}
             missing = [start for start in starts if _piece(files[start]) is None]
@@ -134,13 +135,17 @@ class Cache:
                 np.savez(buffer, **made)
                 write(files[start], buffer.getvalue(), sync=False)
                 done(len(units[start : start + CHUNK]))
-            _assemble(part, [files[start] for start in starts], len(units))
+            return {SECONDS: _assemble(part, [files[start] for start in starts], len(units))}
 
         self._keep(folder, {"streets": name}, fill)
         shutil.rmtree(pieces, ignore_errors=True)
         held = self._workers.share(str(folder))
         maps = held if recipe.fidelity.train.frozen else None
         return Cached(held, maps)
+
+    def seconds(self, name: str, recipe: Recipe) -> float:
+        """The core seconds in which the streets of a name were rendered, with their features."""
+        return float(read_json(self._pool(name, recipe) / ABOUT).get(SECONDS, 0.0))
 
     def forget(self, name: str, recipe: Recipe) -> None:
         """Remove the streets of a name once all their nets are trained."""
@@ -176,15 +181,23 @@ class Cache:
                 done += stop - start
                 self._say(f"features of {what} images, once per run: {done} of {count}")
 
-    def _keep(self, folder: Path, told: Mapping[str, Any], fill: Callable[[Path], None]) -> None:
-        """Write a folder if it does not exist; check once per run that it is right."""
+    def _keep(
+        self,
+        folder: Path,
+        told: Mapping[str, Any],
+        fill: Callable[[Path], dict[str, Any] | None],
+    ) -> None:
+        """Write a folder if it does not exist; check once per run that it is right.
+
+        ``fill`` writes its files, and may return more fields of `ABOUT`.
+        """
         if folder in self._checked:
             return
         if not _is_whole(folder, told):
             with whole_folder(folder) as part:
-                fill(part)
+                more = fill(part) or {}
                 files = {path.name: file_digest(path) for path in sorted(part.iterdir())}
-                write_json(part / ABOUT, {**told, "files": files})
+                write_json(part / ABOUT, {**told, **more, "files": files})
         self._checked.add(folder)
 
 
@@ -236,6 +249,7 @@ def _made_streets(
     recipe: Recipe, units: np.ndarray, seed: int, start: int
 ) -> dict[str, np.ndarray]:
     """Render some streets of a pool from an index on; runs in a worker."""
+    started = time.perf_counter()
     fidelity, name, pool = recipe.fidelity, recipe.renderer, recipe.pool
     settings = fidelity.render_settings()
     frames = [
@@ -245,7 +259,8 @@ def _made_streets(
     images = np.stack([frame.image for frame in frames])
     labels = recipe.classes.from_train_id[np.stack([frame.label for frame in frames])]
     maps = _features(images, fidelity.train, True) if fidelity.train.frozen else ()
-    return {"images": images, "labels": labels, **_files(maps)}
+    seconds = np.array(time.perf_counter() - started)
+    return {"images": images, "labels": labels, **_files(maps), SECONDS: seconds}
 
 
 def _piece(path: Path) -> dict[str, np.ndarray] | None:
@@ -257,9 +272,13 @@ def _piece(path: Path) -> dict[str, np.ndarray] | None:
         return None
 
 
-def _assemble(part: Path, pieces: Sequence[Path], count: int) -> None:
-    """Assemble the files of a pool from its pieces, with features view after view."""
-    first = 0
+def _assemble(part: Path, pieces: Sequence[Path], count: int) -> float:
+    """Assemble the files of a pool from its pieces, with features view after view.
+
+    Returns:
+        The core seconds in which the pieces were made.
+    """
+    first, seconds = 0, 0.0
     with _Arrays(part, count) as arrays:
         for path in pieces:
             piece = _piece(path)
@@ -267,9 +286,11 @@ def _assemble(part: Path, pieces: Sequence[Path], count: int) -> None:
                 raise UserError(
                     f"{path} was damaged after it was made; the same command makes it anew"
                 )
+            seconds += float(piece.pop(SECONDS, 0.0))
             end = first + len(piece["images"])
             arrays.write(piece, first, end)
             first = end
+    return round(seconds, 3)
 
 
 class _Arrays:

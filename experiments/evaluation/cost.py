@@ -45,7 +45,7 @@ def _view_cost(train: TrainSettings) -> float:
 
 
 def head_cost(fidelity: Fidelity) -> float:
-    """The part of `training_cost` without the features."""
+    """The part of `training_cost` without the features; the cost of a net on labelled images or a pool."""
     train = fidelity.train
     pixels = fidelity.width * fidelity.height
     step = STEP_COST[recipe_for(train)]
@@ -60,13 +60,14 @@ def training_cost(fidelity: Fidelity) -> float:
 
 
 def job_cost(job: Job) -> float:
-    """Estimate the CPU seconds of a job, with its share of the work before the fine-tuning."""
+    """Estimate the CPU seconds of a job, with its share of the work before the fine-tuning.
+
+    Labelled images and pools have their features already, which nets of all seeds share.
+    """
     fidelity, start, before = job.recipe.fidelity, job.start, 0.0
     if start is not None and start.on_subset:
-        before = training_cost(start.recipe.fidelity)
+        before = head_cost(start.recipe.fidelity)
     elif start is not None and start.streets is not None:
         before = cost_of(start.recipe.fidelity) / start.nets
-    if isinstance(job.source, Given):
-        return before + training_cost(fidelity)
-    pooled = isinstance(rendered_of(job.source), StreetPool)
-    return before + (head_cost if pooled else cost_of)(fidelity)
+    featured = isinstance(rendered_of(job.source), Given | StreetPool)
+    return before + (head_cost if featured else cost_of)(fidelity)

@@ -333,6 +333,8 @@ def costs(run: RunFolder) -> dict[str, dict[str, float]]:
     found: dict[str, dict[str, float]] = defaultdict(
         lambda: {"nets": 0, "render": 0.0, "train": 0.0}
     )
+    if streets := run.summary.get("seconds", {}).get("streets"):
+        found["streets, shared by nets"] = {"nets": 0, "render": streets, "train": 0.0}
     staged = [("search", line) for line in each(run.evaluations)]
     for line in each(run.finals):
         name = str(line.get("nets", "other nets"))

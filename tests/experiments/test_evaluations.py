@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
 from experiments.evaluation import mmd, runner, store
-from experiments.evaluation.cost import cost_of, training_cost
+from experiments.evaluation.cost import cost_of, head_cost
 from experiments.evaluation.evaluate import attempt, worker_environment
 from experiments.evaluation.job import Job, Result
 from experiments.evaluation.store import (
@@ -396,7 +396,7 @@ def test_prefetched_nets_are_made_once_with_the_same_values(killed, a_run, score
         assert [o.reward for o in own] == [o.reward for o in plain[name]]
     kept = [line for line in run.finals.records if "nets" in line]
     assert len(kept) == len({(line["nets"], line["row"], line["seed"]) for line in kept}) == 7
-    full, real = cost_of(CONFIG.final), training_cost(CONFIG.final)
+    full, real = cost_of(CONFIG.final), head_cost(CONFIG.final)
     costs = sum(real if line["row"] == "real" else full for line in kept)
     costs += 2 * cost_of(CONFIG.reward)
     assert run.progress._done == pytest.approx(costs)

@@ -4,8 +4,10 @@ import json
 import re
 import shlex
 from base64 import b64encode
+from dataclasses import replace
 from pathlib import Path
 
+import jax
 import numpy as np
 import pytest
 import yaml
@@ -17,25 +19,40 @@ from safetensors.numpy import save_file
 import experiments.fit
 from experiments.config import parsers
 from experiments.evaluate import evaluate, labelled
+from experiments.evaluation.cache import Cache
 from experiments.evaluation.job import Source
-from experiments.fit import FitConfig, _beside, config_of, derive, fit, main, text
+from experiments.evaluation.runner import Runner
+from experiments.fit import (
+    FitConfig,
+    _beside,
+    config_of,
+    configured,
+    derive,
+    fit,
+    main,
+    planned,
+    text,
+)
 from experiments.report import live
 from experiments.report import page as page_of_runs
 from experiments.report.__main__ import main as make_report
 from experiments.report.fit import by_class, verdict
+from experiments.run import context
 from experiments.study.form import Report
 from experiments.target.folder import FOLDS, cut, fold_targets, parts_of, reader, suitable_size
 from scene.held import hold, read_fixed
 from scene.proposal import Streets, describe, draw, streets_named
 from seg.beside import TrainingSet
 from seg.data import LabelledImages
-from seg.model import load_model
+from seg.model import Model, label_classes, load_model
+from seg.train import outline
 from shell.errors import UserError
 from shell.files import write as write_file
+from shell.progress import Progress
 from shell.target_file import find_target
 from tests.layouts import save, write
 
-from .conftest import Page
+from .conftest import Page, never
 
 TARGET = """
 images: images/{name}.png
@@ -229,10 +246,24 @@ def test_from_a_folder_of_ones_own_to_a_net(folder, tmp_path, capsys, monkeypatc
     monkeypatch.setattr(live, "write", write_live)
     monkeypatch.setattr(experiments.fit, "draw", draw_kept)
     monkeypatch.setattr(page_of_runs, "EVERY", 0)
+    charges: list[float] = []
+
+    class Charged(Progress):
+        def advance(self, units: float = 1.0, *, replayed: bool = False) -> None:
+            charges.append(units)
+            super().advance(units, replayed=replayed)
+
+    monkeypatch.setattr(context, "Progress", Charged)
     arguments = [str(folder), "--out", str(tmp_path / "run"), "--preset", "smoke", "--seeds", "1"]
     arguments += ["--size", "64x48", "--workers", "1", "--fix", "field_of_view=90"]
     assert main(arguments) == 0
     said = capsys.readouterr().out
+    # The plan is the sum of what is charged, and the last piece of work completes it.
+    config = json.loads((tmp_path / "run" / "config.json").read_bytes())
+    work = planned(config_of(folder, tmp_path, preset="smoke", seeds=1, size=(64, 48)), 2)
+    assert sum(charges) == pytest.approx(sum(stage.cost for stage in work))
+    assert charges[-1] == pytest.approx(work[-1].cost) and min(charges[-7:]) > 0
+    assert config["target"] == find_target(None, folder).name != "camvid"
     held = "Held in all streets: field_of_view 90 deg."
     assert (
         "By fold, renders add" in said
@@ -247,6 +278,8 @@ def test_from_a_folder_of_ones_own_to_a_net(folder, tmp_path, capsys, monkeypatc
     assert [len(fold) for fold in summary["nets"]["labels"]] == [1, 1]
     file = tmp_path / "run" / "report.html"
     page, data = Page(file), b64encode((tmp_path / "run" / "predictions.png").read_bytes()).decode()
+    assert summary["seconds"]["streets"] > 0
+    assert "streets, shared by nets" in [row[0] for row in page.rows]
     assert summary["verdict"] in page.texts and held in page.text
     assert held in said and [a["src"] for t, a in page.tags if t == "img"] == [
         f"data:image/png;base64,{data}"
@@ -277,12 +310,20 @@ def test_from_a_folder_of_ones_own_to_a_net(folder, tmp_path, capsys, monkeypatc
     assert told["metrics"][0]["value"] == round(summary["rows"][summary["recipe"]]["mean"], 2)
     (labels,) = model.predict([np.zeros((30, 70, 3), np.uint8)])
     assert labels.shape == (30, 70)
-    # Again: everything is known, and the answer is the same.
-    again = fit(
-        config_of(
-            folder, tmp_path / "run", preset="smoke", seeds=1, size=(64, 48), workers=1, fix=FIX
-        )
-    )
+    with pytest.raises(UserError, match=re.escape(f"whose model is {tmp_path / 'run' / 'model'}")):
+        load_model(tmp_path / "run")
+    options = {"seeds": 1, "size": (64, 48), "workers": 1, "fix": FIX}
+    with pytest.raises(UserError, match="begun with --preset smoke"):
+        fit(config_of(folder, tmp_path / "run", **options))
+    # Again: everything is known, nothing is rendered or trained, and the answer is the same.
+    charges.clear()
+    with monkeypatch.context() as patch:
+        patch.setattr(Cache, "streets", never)
+        patch.setattr(Runner, "train", never)
+        again = fit(config_of(folder, tmp_path / "run", preset="smoke", **options))
+    assert sum(charges) == pytest.approx(sum(stage.cost for stage in work))
+    assert again["seconds"]["streets"] == summary["seconds"]["streets"] and again["command"] is None
+    assert load_model(tmp_path / "run" / "model").digest == model.digest
     assert again["nets"] == summary["nets"] and text(again) in said
     # Labels were added: the net that is left starts from the model before.
     config = config_of(
@@ -324,9 +365,7 @@ def test_a_tuned_net_of_another_name_is_fitted_and_its_model_has_all_of_it(folde
     model = load_model(out / "model")
     assert (model.settings.net, model.settings.trunk) == ("lite2", "tuned")
     assert "block20" in model.variables["params"]["trunk"]
-    with pytest.raises(
-        UserError, match="a model of the net lite2, tuned; --net and --trunk say lite0"
-    ):
+    with pytest.raises(UserError, match="a model with --net lite2, not lite0"):
         fit(config_of(folder, tmp_path / "next", preset="smoke", init=out / "model"))
 
 
@@ -364,3 +403,45 @@ def test_what_cannot_be_fitted_is_one_line(folder: Path, tmp_path: Path, capsys)
     assert main([str(folder), *out]) == 2
     assert "holds other files, such as letter.txt" in capsys.readouterr().err.splitlines()[-1]
     assert [*(tmp_path / "run").rglob("*.*")] == [letter]
+
+
+@pytest.mark.parametrize("size", [(800, 8000), (80_000, 8000)])
+def test_a_size_that_does_not_fit_is_refused_with_flags_of_fit(folder, tmp_path, monkeypatch, size):
+    monkeypatch.setattr(experiments.fit, "memory", lambda: 24_000_000_000)
+    with pytest.raises(UserError, match=r"^--size .*(use --size \d+x\d+ or less|pixels)") as error:
+        config_of(folder, tmp_path / "run", size=size, workers=2)
+    assert set(re.findall(r"--[a-z.-]+", str(error.value))) <= parsers.fit().flags().keys()
+
+
+def test_memory_counts_every_worker_and_both_copies_of_a_training_set(
+    folder, tmp_path, monkeypatch
+):
+    size = (240, 176)
+    final = configured(size).final
+    features = final.images * final.train.views * size[0] * size[1] * 3.5
+    monkeypatch.setattr(experiments.fit, "memory", lambda: int(6 * features))
+    config_of(folder, tmp_path / "run", size=size, workers=1)
+    with pytest.raises(UserError, match="in 4 worker"):
+        config_of(folder, tmp_path / "run", size=size, workers=4)
+
+
+def test_init_names_the_one_thing_that_differs(folder, tmp_path) -> None:
+    classes = label_classes(find_target(None, folder).class_names)
+    train = configured((64, 48), "smoke").final.train
+    for changes, message in (
+        ({"head_width": 8}, "whose head has 8 channels; fit trains heads of 64"),
+        ({"trunk": "tuned"}, "a model with --trunk tuned, not frozen"),
+    ):
+        settings = replace(train, **changes)
+        shapes = jax.tree.map(lambda leaf: np.zeros(leaf.shape, leaf.dtype), outline(settings, 5))
+        Model(settings, shapes, (48, 64), classes).save(tmp_path / "model")
+        config = config_of(folder, tmp_path / "run", preset="smoke", init=tmp_path / "model")
+        with pytest.raises(UserError, match=message):
+            fit(config)
+
+
+def test_smoke_nets_end_their_warm_up_before_they_end() -> None:
+    for net in ("lite0", "dinov2"):
+        config = configured((64, 48), "smoke", net)
+        for fidelity in (config.reward, config.final):
+            assert fidelity.train.warmup < fidelity.train.steps
