@@ -2,7 +2,7 @@
 
     sdr-jax study ablation --target camvid --data DIR --holdout 0006R0
     sdr-jax study ablation --target camvid --data DIR --method sdr       # the paper's search
-    sdr-jax study ablation --target twin --preset smoke                  # under a minute
+    sdr-jax study ablation --target twin --preset smoke                  # a minute or two
     sdr-jax study ablation --rederive runs/a/ablation.json --out runs/b  # no net at all
 
 Every variant is a search with the same number of evaluations: without relaxation, with all attributes in one

@@ -2,7 +2,7 @@
 
     sdr-jax study assets --target camvid --data DIR --holdout 0006R0
     sdr-jax study assets --target camvid --data DIR --attributes learnt --learnt a.json
-    sdr-jax study assets --target twin --preset smoke                  # under a minute
+    sdr-jax study assets --target twin --preset smoke                  # a minute or two
     sdr-jax study assets --rederive runs/a/assets.json --out runs/b    # no net at all
 
 Nets are trained on 90 to 1350 images with all assets or with the first half of each class, and tested on the

@@ -2,7 +2,7 @@
 
     sdr-jax camvid --data DIR                     # reward: train, reported: test
     sdr-jax camvid --data DIR --holdout 0006R0    # reported on a sequence left out
-    sdr-jax camvid --data DIR --preset smoke      # under a minute
+    sdr-jax camvid --data DIR --preset smoke      # a minute or two
 
 The same command continues a killed run.
 """

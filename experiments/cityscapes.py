@@ -2,7 +2,7 @@
 
     sdr-jax cityscapes                       # the twin: a stand-in, not real data
     sdr-jax cityscapes --data DIR            # real Cityscapes
-    sdr-jax cityscapes --preset smoke        # under a minute
+    sdr-jax cityscapes --preset smoke        # a minute or two
 
 The same command continues a killed run.
 """

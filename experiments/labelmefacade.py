@@ -2,7 +2,7 @@
 
     sdr-jax labelmefacade --data DIR                    # reward: train, reported: test
     sdr-jax labelmefacade --data DIR --holdout ALBUM    # reported on an album left out
-    sdr-jax labelmefacade --data DIR --preset smoke     # under a minute
+    sdr-jax labelmefacade --data DIR --preset smoke     # a minute or two
 
 The same command continues a killed run.
 """

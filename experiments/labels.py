@@ -2,7 +2,7 @@
 
     sdr-jax study labels --target camvid --data DIR --holdout 0006R0
     sdr-jax study labels --target camvid --data DIR --learnt a.json --counts 0 14 266
-    sdr-jax study labels --target twin --preset smoke                  # under a minute
+    sdr-jax study labels --target twin --preset smoke                  # a minute or two
     sdr-jax study labels --rederive runs/a/labels.json --out runs/b    # no net at all
 
 Nets are trained on 0, 7, 14, ... labelled images (a seeded choice, spread over sequences and time), on these

@@ -2,7 +2,7 @@
 
     sdr-jax study pretrain --target camvid --data DIR --holdout 0006R0
     sdr-jax study pretrain --target camvid --data DIR --fractions 0.05 1.0 --seeds 8
-    sdr-jax study pretrain --target twin --preset smoke                  # under a minute
+    sdr-jax study pretrain --target twin --preset smoke                  # a minute or two
     sdr-jax study pretrain --rederive runs/a/pretrain.json --out runs/b  # no net at all
 
 Nets from scratch (or from ImageNet weights, with --final.train.weights) and nets pre-trained on random and on

@@ -2,7 +2,7 @@
 
     sdr-jax study sensitivity --target camvid --records benchmarks/data/camvid.jsonl
     sdr-jax study sensitivity --target camvid --data DIR --holdout 0006R0 --store FILE
-    sdr-jax study sensitivity --target twin --preset smoke                # under a minute
+    sdr-jax study sensitivity --target twin --preset smoke                # a minute or two
 
 With --records nothing is rendered and no data are needed. Otherwise rewards come from the store and the run
 folder, and missing ones are made first. The same command continues a killed run.

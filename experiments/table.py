@@ -2,7 +2,7 @@
 
     sdr-jax study table --target camvid --data DIR --holdout 0006R0
     sdr-jax study table --target camvid --data DIR --gta5 DIR --synthia DIR --nets compact fcn8s
-    sdr-jax study table --target twin --preset smoke                     # under a minute
+    sdr-jax study table --target twin --preset smoke                     # a minute or two
     sdr-jax study table --rederive runs/a/table.json --out runs/b        # no net at all
 
 Training sets are SceneX with random attributes, with the hand-set street and with learnt attributes, other

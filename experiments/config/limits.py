@@ -22,6 +22,9 @@ def refuse_too_large(config: Config) -> None:
     """Raise UserError for a size that does not fit into memory; it names flag, memory and bound."""
     for name, fidelity in fidelities(config).items():
         _refuse_fidelity(f"--{name}", fidelity)
+        if config.executor == "processes" and fidelity.width * fidelity.height <= MAX_PIXELS:
+            sets = _times(training_bytes(fidelity))
+            refuse_larger("--workers", max(config.workers, 1), sets, f"training sets of --{name}")
     if isinstance(config, GroupsConfig):
         _refuse_search(config.search)
 

@@ -284,7 +284,8 @@ def test_from_a_folder_of_ones_own_to_a_net(folder, tmp_path, capsys, monkeypatc
     assert held in said and [a["src"] for t, a in page.tags if t == "img"] == [
         f"data:image/png;base64,{data}"
     ]
-    predict, test = (text for text in page.texts if text.startswith("sdr-jax "))
+    predict, test, command = (text for text in page.texts if text.startswith("sdr-jax "))
+    assert command == summary["command"] == shlex.join(["sdr-jax", "fit", *arguments])
     assert parsers.predict().parse_args(shlex.split(predict)[2:]).model == f"{tmp_path}/run/model"
     assert parsers.evaluate().parse_args(shlex.split(test)[2:]).json == Path("FILE")
     titles = [a["id"] for t, a in page.tags if t == "section"]

@@ -21,6 +21,7 @@ from experiments.config import (
     start_of,
 )
 from experiments.config.cli import main
+from experiments.config.limits import training_bytes
 from experiments.config.presets import (
     CAMVID_GROUPS,
     CITYSCAPES_GROUPS,
@@ -284,6 +285,17 @@ def test_a_wrong_option_is_one_line_and_exit_code_2(arguments, words, error_line
     line = error_line()
     assert all(word in line for word in words), line
     assert not out.parent.exists()
+
+
+def test_memory_is_counted_for_all_workers(monkeypatch):
+    config = defaults(MainConfig, "camvid", "quick")
+    need = training_bytes(config.final)
+    monkeypatch.setattr("shell.memory.memory", lambda: 4 * need)
+    check(replace(config, workers=4))
+    with pytest.raises(
+        UserError, match=r"--workers 5 .*for training sets of --final.* 4 is the most"
+    ):
+        check(replace(config, workers=5))
 
 
 FIDELITIES = [*fidelities(defaults_of("table", "camvid", "smoke"))]
