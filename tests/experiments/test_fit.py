@@ -290,7 +290,8 @@ def test_from_a_folder_of_ones_own_to_a_net(folder, tmp_path, capsys, monkeypatc
     assert parsers.evaluate().parse_args(shlex.split(test)[2:]).json == Path("FILE")
     titles = [a["id"] for t, a in page.tags if t == "section"]
     assert titles == ["result", "examples", "classes", "cost", "made"]
-    assert ["your labels add to renders", f"{summary['labels_add']['mean']:+.1f}", ""] in page.rows
+    gained = f"{summary['labels_add']['mean']:+.1f}"
+    assert ["your labels add to renders", gained, "too few nets for an interval"] in page.rows
     assert "Learnt from labels alone: bench." in page.text and "by fold" in page.text.lower()
     # While it went on, the page had the nets so far.
     early = pages[0]
