@@ -1,4 +1,4 @@
-"""People who sit on their piece of a bench, and people with dogs (class person, with what is theirs)."""
+"""People who sit on their piece of a bench, and people with dogs (class person; dogs, benches: none)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from scene.assets.parts.human import ANKLE, Pose, limb
 from scene.assets.parts.palette import STEEL, pick
 from scene.assets.person import PersonParams, sample_person
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, Point, merge, translate
+from scene.mesh.asset import Asset, Color, Point, ignore, merge, translate
 from scene.mesh.solids import box, ellipsoid
 
 BENCH = 0.62
@@ -93,10 +93,10 @@ def company(params: CompanyParams) -> Asset:
     """Build the person, facing +x, with bench or dogs."""
     p = params
     if p.hands is not None:
-        return merge(_sitter(p, p.hands), *_bench(p.wood))
+        return merge(_sitter(p, p.hands), ignore(merge(*_bench(p.wood))))
     parts = [person.person(p.person)]
     for dog in p.dogs:
-        parts += [_build(dog), _lead(dog)]
+        parts.append(ignore(merge(_build(dog), _lead(dog))))
     return merge(*parts)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from scene.assets.family import FRONTAGE, Family, Size
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, Point, merge, shade, vary
+from scene.mesh.asset import Asset, Color, Point, ignore, merge, shade, vary
 from scene.mesh.solids import box, loft, polygon, triangles, tube
 
 BLACK: Color = (0.014, 0.015, 0.016)
@@ -300,7 +300,8 @@ def fence(params: FenceParams) -> Asset:
             p.material)
         for share in p.rails
     ]  # fmt: skip
-    return merge(*posts, *rails, *_INFILLS[p.infill](p))
+    panel = merge(*posts, *rails, *_INFILLS[p.infill](p))
+    return ignore(panel) if p.infill == "beam" else panel  # a guard rail is no fence in Cityscapes
 
 
 FAMILY = Family(

@@ -1,4 +1,4 @@
-"""Tiles of asphalt or paving for parking places (class road), laid side by side on the ground."""
+"""Tiles of asphalt or paving for parking places (class road; pavers: none), side by side on the ground."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from scene.assets.family import FOOTWAY, Family, Size
 from scene.assets.parts.palette import darker
 from scene.classes import TrainId
 from scene.look.surfaces import ROAD_TONE
-from scene.mesh.asset import Asset, Color, merge, vary
+from scene.mesh.asset import Asset, Color, ignore, merge, vary
 from scene.mesh.solids import box, polygon
 
 BAY: tuple[float, float] = (2.5, 5.2)
@@ -70,7 +70,8 @@ def slab(params: SlabParams) -> Asset:
     outline = np.column_stack([at_x + rim * np.cos(turn), at_y + 1.3 * rim * np.sin(turn)])
     flat = np.column_stack([outline, np.full(9, (THICK + PAINT) / 2)])
     marks.append(polygon(flat, darker(p.color, 0.7), p.material))
-    return merge(box((*BAY, THICK), (0, 0, 0), p.color, p.material), *marks)
+    tile = merge(box((*BAY, THICK), (0, 0, 0), p.color, p.material), *marks)
+    return ignore(tile) if p.material == "pavers" else tile  # parking that is set off from the road
 
 
 FAMILY = Family(

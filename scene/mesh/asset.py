@@ -23,6 +23,7 @@ class Asset(NamedTuple):
     mesh: Mesh
     color: np.ndarray  # f32[faces, 3] linear RGB
     material: np.ndarray  # u8[faces] index into MATERIALS
+    ignored: np.ndarray | None = None  # bool[faces] that labels leave void; None: no face
 
 
 def solid(vertices: np.ndarray, faces: np.ndarray, color: Color, material: str) -> Asset:
@@ -39,6 +40,11 @@ def merge(*parts: Asset) -> Asset:
     meshes = [p.mesh for p in parts]
     sizes = [len(m.vertices) for m in meshes]
     first = np.cumsum([0, *sizes[:-1]]).repeat([len(m.faces) for m in meshes])
+    ignored = None
+    if any(p.ignored is not None for p in parts):
+        ignored = np.concatenate(
+            [np.zeros(len(p.color), bool) if p.ignored is None else p.ignored for p in parts]
+        )
     return Asset(
         Mesh(
             np.concatenate([m.vertices for m in meshes]),
@@ -46,7 +52,13 @@ def merge(*parts: Asset) -> Asset:
         ),
         np.concatenate([p.color for p in parts]),
         np.concatenate([p.material for p in parts]),
+        ignored,
     )
+
+
+def ignore(asset: Asset) -> Asset:
+    """The asset with all its faces void in labels, for what its class does not include."""
+    return asset._replace(ignored=np.ones(len(asset.color), bool))
 
 
 def reshaped(asset: Asset, vertices: np.ndarray) -> Asset:

@@ -40,13 +40,16 @@ MOST = 12
 """Leaves that do so."""
 ROW = 16
 """Floats in a row of a surface: 64 bytes, one line of a processor's cache."""
+IGNORED = 0.5
+"""What a face that labels ignore adds to its material, which is a whole number."""
 
 
 class Shape(NamedTuple):
     """One mesh, ready to be placed; metres in its own frame.
 
     All that shading asks about a face lies in one row of ``surface``: its normal (0-2), the smoothed
-    normals at its corners (3-11), its linear RGB albedo (12-14), its index into MATERIALS (15).
+    normals at its corners (3-11), its linear RGB albedo (12-14), its index into MATERIALS (15), and a half
+    on top of that where labels ignore the face.
     """
 
     vertices: np.ndarray  # f32[v, 3]
@@ -130,6 +133,8 @@ def shape_of(asset: Asset, tone: float = 1.0) -> Shape:
     _normals(vertices, faces, _meeting(vertices, faces), math.cos(math.radians(CREASE)), surface)
     surface[:, 12:15] = np.minimum(tone * np.asarray(asset.color), 1.0)
     surface[:, 15] = asset.material
+    if asset.ignored is not None:
+        surface[asset.ignored, 15] += IGNORED
     return Shape.of(vertices, faces, surface)
 
 

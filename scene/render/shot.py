@@ -10,13 +10,16 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numba import carray
 
+from scene.classes import VOID
 from scene.compiled import njit
 from scene.ground.land import road_height
 from scene.render import shade, visibility
+from scene.render.address import float_pointer
 from scene.render.buffers import Hits, Light, Rays, Segments, Visible
 from scene.render.contact import darken, standing_boxes
-from scene.render.geometry import Geometry
+from scene.render.geometry import ROW, Geometry
 from scene.render.protocol import Frame, RenderSettings, pixel_rays, through_middles
 from scene.render.road import on_road
 from scene.render.sensor import develop, set_to, vary
@@ -206,12 +209,33 @@ def expose(
     _turn(middles.smooth, middles.spots.first, instance, axes, normal)
     return Frame(
         image=image,
-        label=around.geometry.train_id[instance],
+        label=labelled(around.geometry, instance, pixels(hits.face)),
         instance=instance,
         depth=pixels(hits.distance) * pixels(rays.along),  # a miss has distance 0
         normal=normal,
         camera=camera,
     )
+
+
+def labelled(geometry: Geometry, instance: np.ndarray, face: np.ndarray) -> np.ndarray:
+    """Train ids u8[h, w] of instances and their faces, both [h, w]; void where a face is ignored."""
+    label = geometry.train_id[instance]
+    _ignore(geometry.surfaces, instance, face, label)
+    return label
+
+
+@njit(cache=True)
+def _ignore(
+    surfaces: np.ndarray, instance: np.ndarray, face: np.ndarray, label: np.ndarray
+) -> None:
+    """Make the pixels u8[h, w] whose face labels ignore void."""
+    for row in range(label.shape[0]):
+        for column in range(label.shape[1]):
+            f, j = face[row, column], instance[row, column]
+            if j > 0:
+                kind = carray(float_pointer(surfaces[j]), (f + 1, ROW))[f, 15]
+                if kind != math.floor(kind):
+                    label[row, column] = VOID
 
 
 @njit(cache=True, fastmath=True)

@@ -12,6 +12,7 @@ from PIL import Image
 
 from scene import AssetPool, RenderSettings, export_dataset, render_street
 from scene.check import findings
+from scene.classes import VOID
 from scene.dataset.export import read_dataset
 from scene.dataset.formats import layout, parquet, yolo
 from scene.dataset.formats.labels import engine_labels, target_entry, target_labels
@@ -180,8 +181,9 @@ def test_yolo_polygons_enclose_each_object_as_ultralytics_reads_them(exported, f
     for path, frame in zip(paths, frames, strict=True):
         lines = (folder / "labels" / "train" / f"{path.stem}.txt").read_text().splitlines()
         left = {}
-        for instance in np.unique(frame.instance[frame.label >= FIRST_THING]):
-            mask = frame.instance == instance
+        thing = (frame.label >= FIRST_THING) & (frame.label != VOID)
+        for instance in np.unique(frame.instance[thing]):
+            mask = thing & (frame.instance == instance)
             left.setdefault(int(frame.label[mask][0]) - FIRST_THING, []).append(mask)
         for line in lines:
             own, *shares = line.split()

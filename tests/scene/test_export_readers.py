@@ -42,8 +42,8 @@ def cityscapes(exported):
 
 def objects(frame):
     """(labelId, mask) of every thing in a frame."""
-    things = np.unique(frame.instance[frame.label >= 11])
-    masks = [frame.instance == instance for instance in things]
+    thing = (frame.label >= 11) & (frame.label != 255)
+    masks = [thing & (frame.instance == k) for k in np.unique(frame.instance[thing])]
     return [(int(segments.LABEL_OF_TRAIN[frame.label[mask][0]]), mask) for mask in masks]
 
 

@@ -7,8 +7,11 @@ import numpy as np
 import pytest
 
 from scene import AssetPool, CameraResponse, RenderSettings, TrainId, default_unit, street_params
+from scene.assets.families import FAMILIES
 from scene.attributes import BY_NAME
+from scene.classes import VOID
 from scene.dataset.render import render_dataset
+from scene.preview.closeup import asset_street
 from scene.render import RendererError, renderer
 from scene.street.extras import Mix
 from scene.street.street import sample_street
@@ -45,6 +48,13 @@ def test_labels_instances_and_depth_agree_with_embree(opengl, seed, random):
         assert (a.instance != b.instance).mean() < 0.005
         same = (a.instance == b.instance) & (a.depth > 0)
         assert np.quantile(np.abs(b.depth[same] / a.depth[same] - 1), 0.99) < 1e-4
+
+
+@pytest.mark.parametrize(("family", "kind"), [("fence", "guard rail"), ("person", "suitcase")])
+def test_both_leave_the_same_pixels_void(opengl, family, kind):
+    drawn = asset_street(family, FAMILIES[family].turns.index(kind), 4 / 3, 50)
+    a, b = both(opengl, drawn, RenderSettings(400, 300, shadows=False, occlusion=False))
+    assert (a.label == VOID).mean() > 0.03 and (a.label != b.label).mean() < 0.001
 
 
 @pytest.mark.slow

@@ -8,9 +8,12 @@ import pytest
 from scene import CLASS_NAMES, CameraResponse, Street, TrainId
 from scene.assets.families import FAMILIES
 from scene.attributes import BY_NAME
+from scene.classes import VOID
+from scene.dataset.formats.segments import panoptic_ids
 from scene.ground.ground import plain, sample_ground
 from scene.ground.path import STRAIGHT, Path, place_at
 from scene.mesh.solids import box
+from scene.preview.closeup import asset_street
 from scene.render import RENDERERS, RenderSettings, check_settings, renderer, shot
 from scene.render.embree import depth_buffer, sunlight
 from scene.render.geometry import SKY_INSTANCE, build
@@ -168,13 +171,32 @@ def test_faces_are_seen_from_both_sides(draw):
         assert (frame.label == TrainId.TRAFFIC_SIGN).sum() > 20
 
 
+@pytest.mark.parametrize(("family", "kind", "share"), [
+    ("fence", "guard rail", 1.0), ("fence", "bow top", 0.0),
+    ("slab", "paved bay", 1.0), ("slab", "asphalt bay", 0.0),
+    ("person", "suitcase", 0.3), ("person", "pushing a pram", 0.5), ("person", "pushing a buggy", 0.4),
+    ("person", "shopping bags", 0.0), ("company", "with a large dog", 0.4),
+    ("company", "sitting with a phone", 0.25),
+])  # fmt: skip
+def test_labels_ignore_what_cityscapes_gives_no_class(draw, family, kind, share):
+    """Guard rails, parking that is set off, wheeled luggage, prams, dogs and benches; not what is carried."""
+    row = FAMILIES[family]
+    frame = draw(asset_street(family, row.turns.index(kind), 96 / 64, 50))
+    label, void = frame.label[frame.instance == 4], frame.label == VOID
+    assert set(np.unique(label)) <= {row.train_id, VOID} and len(label) > 300
+    assert (label == VOID).mean() == pytest.approx(share, abs=0.1 if 0 < share < 1 else 0)
+    assert (frame.instance[void] == 4).all()
+    assert ((panoptic_ids(frame.label, frame.instance) == 0) == void).all()
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_the_parts_of_a_frame_agree(draw, seed):
     drawn = street(seed=seed)
     frame = draw(drawn, SMALL)
     assert frame.image.shape == (64, 96, 3)
     assert [a.dtype for a in frame[:5]] == [np.uint8, np.uint8, np.uint16, np.float32, np.float32]
-    assert np.array_equal(frame.label, build(drawn).train_id[frame.instance])
+    void = frame.label == VOID  # what labels ignore
+    assert np.array_equal(frame.label[~void], build(drawn).train_id[frame.instance][~void])
     sky = frame.instance == SKY_INSTANCE
     assert ((frame.depth == 0) == sky).all() and ((frame.label == TrainId.SKY) == sky).all()
     assert (frame.depth[~sky] > 0.04).all() and frame.depth.max() < 1000

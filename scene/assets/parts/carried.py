@@ -1,4 +1,7 @@
-"""What people carry or push: bags, cases, umbrellas, sticks, prams; metres, beside the body."""
+"""What people carry or push: bags, cases, umbrellas, sticks, prams; metres, beside the body.
+
+In Cityscapes what is carried is part of the person; what stands or rolls on the ground has no class.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,7 @@ import numpy as np
 
 from scene.assets.parts.human import Body, Pose, limb, shoulders, skin, spine
 from scene.assets.parts.palette import STEEL, darker
-from scene.mesh.asset import Asset, Color, Point, merge, rotate, solid, translate
+from scene.mesh.asset import Asset, Color, Point, ignore, merge, rotate, solid, translate
 from scene.mesh.solids import block, box, ring
 
 CARRIED: tuple[str, ...] = (
@@ -166,6 +169,7 @@ def _pram(pose: Pose, color: Color, buggy: bool) -> Asset:
         for a in np.linspace(2.8, 1.0, 5)
     ]  # fmt: skip
     parts.append(skin(np.array(hood), darker(color, 0.75)))
+    parts = [ignore(merge(*parts))]
     if buggy:
         for z, r, c in ((0.72, 0.12, (0.45, 0.30, 0.22)), (0.55, 0.14, (0.35, 0.06, 0.08))):
             rings = [
@@ -200,7 +204,7 @@ def carried(name: str, body: Body, pose: Pose, color: Color, second: Color) -> A
             grip = box((0.14, 0.02, 0.04), (x, y, z - 0.14), _STRAP)
             return merge(block(low, high, color, "plain"), grip)
         case "suitcase":
-            return _suitcase(body, pose, color)
+            return ignore(_suitcase(body, pose, color))
         case "umbrella":
             return _umbrella(right, body, color, second)
         case "stick":
