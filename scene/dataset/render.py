@@ -26,7 +26,7 @@ class Dataset(NamedTuple):
     """Images and labels in the order of streets; shots of one street are consecutive."""
 
     images: np.ndarray  # u8[n, h, w, 3] sRGB
-    labels: np.ndarray  # u8[n, h, w] train ids; 19 is a pool's own class
+    labels: np.ndarray  # u8[n, h, w] train ids; 19 is a pool's own class, 255 void
 
 
 def street_of(unit: np.ndarray, seed: int, index: int, shots: int, pool: AssetPool) -> Street:

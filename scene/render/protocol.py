@@ -33,7 +33,7 @@ class Frame(NamedTuple):
     """One shot with everything that is exactly known about it."""
 
     image: np.ndarray  # u8[h, w, 3] sRGB
-    label: np.ndarray  # u8[h, w] train ids
+    label: np.ndarray  # u8[h, w] train ids, VOID where nothing has a class
     instance: np.ndarray  # u16[h, w], 0 is the sky
     depth: np.ndarray  # f32[h, w] metres along the optical axis, 0 for the sky
     normal: np.ndarray  # f32[h, w, 3] unit, in the camera's frame, 0 for the sky; see below
