@@ -222,8 +222,12 @@ def accumulated(
 
     cut = jax.tree.map(lambda a: a.reshape(parts, a.shape[0] // parts, *a.shape[1:]), (x, y))
     zero = (jnp.float32(0), jnp.float32(0), jax.tree.map(jnp.zeros_like, params))
+    rows = (*cut, jnp.arange(parts))
+
+    def sums(unroll: int) -> Callable[..., Any]:
+        return lambda zero, rows: jax.lax.scan(add, zero, rows, unroll=unroll)[0]
+
     # Gradient convolutions are slow inside a loop of XLA's CPU backend.
-    unroll = parts if jax.default_backend() == "cpu" else 1
-    (nats, total, gradient), _ = jax.lax.scan(add, zero, (*cut, jnp.arange(parts)), unroll=unroll)
+    nats, total, gradient = jax.lax.platform_dependent(zero, rows, cpu=sums(parts), default=sums(1))
     total = jnp.where(total > 0, total, 1)
     return nats / total, jax.tree.map(lambda g: g / total, gradient)

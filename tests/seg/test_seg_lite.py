@@ -12,7 +12,16 @@ from flax.traverse_util import flatten_dict, unflatten_dict
 from PIL import Image
 
 import seg.views
-from seg import RECIPES, TrainSettings, WeightsError, check_settings, mean_iou, predict, score
+from seg import (
+    RECIPES,
+    TrainSettings,
+    WeightsError,
+    check_settings,
+    mean_iou,
+    predict,
+    pyramid,
+    score,
+)
 from seg.nets import OnTrunk, net, variables_of
 from seg.nets.head import Head, statistics
 from seg.nets.lite import SIZES, STRIDES, Block, Lite, _Block, blocks_of, channels_of, taps_of
@@ -30,7 +39,7 @@ from seg.nets.ops.normalise import denormalise, normalise
 from seg.nets.ops.resize import strided
 from seg.optim import trunk_multiplier
 from seg.pyramid import channel_statistics, features, trunk_params
-from seg.step import Data, functions, plan
+from seg.step import Data, accumulated, functions, plan
 from seg.train import train
 from seg.views import view_images
 from seg.weights import check, lite
@@ -456,3 +465,28 @@ def test_rates_by_path_and_recipes():
         check_settings(recipe)
         assert (recipe.net, recipe.trunk, recipe.optimizer) == ("lite0", trunk, "adam")
         assert (recipe.steps, recipe.loss_stride) == (steps, 2)
+
+
+@pytest.mark.parametrize("platform", ["cpu", "cuda"])
+def test_parts_of_a_batch_are_unrolled_on_a_cpu_alone(platform):
+    def sums_of(params, x, y, part):
+        return (params * x).sum(), jnp.float32(1)
+
+    def gradient(params, x):
+        return accumulated(sums_of, params, x, jnp.zeros((3, 8, 8), jnp.uint8), 3)
+
+    traced = jax.jit(gradient).trace(jnp.float32(1), jnp.ones(3))
+    text = traced.lower(lowering_platforms=(platform,)).as_text()
+    assert text.count("stablehlo.while") == (platform != "cpu")
+
+
+@pytest.mark.parametrize("platform", ["cpu", "cuda"])
+def test_features_are_taken_image_by_image_on_a_cpu_alone(platform, monkeypatch):
+    def maps_of(params, images, settings):
+        return (params * images,)
+
+    monkeypatch.setattr(pyramid, "maps_of", maps_of)
+    extract = pyramid._extractor.__wrapped__(SETTINGS)
+    traced = extract.trace(jnp.float32(1), jnp.zeros((3, 8, 8, 3), jnp.uint8))
+    text = traced.lower(lowering_platforms=(platform,)).as_text()
+    assert text.count("stablehlo.while") == (platform == "cpu")
