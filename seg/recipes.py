@@ -118,5 +118,6 @@ def with_net(settings: TrainSettings, **changes: Any) -> TrainSettings:
 
 
 def with_steps(settings: TrainSettings, steps: int) -> TrainSettings:
-    """Change the number of steps; a warm-up that does not fit into them becomes shorter."""
-    return replace(settings, steps=steps, warmup=max(min(settings.warmup, steps - 1), 0))
+    """Change the number of steps; a warm-up that does not fit into them becomes a sixth of them."""
+    warmup = settings.warmup if settings.warmup < steps else steps // 6
+    return replace(settings, steps=steps, warmup=warmup)
