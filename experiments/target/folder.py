@@ -189,7 +189,13 @@ def cut(
         own.setdefault(group, []).append(index)
     different = sorted({*first})
     if len(different) < 2:
-        copies = f" and {len(groups) - 1} copies of it" if len(groups) > 1 else ""
+        copies = (
+            ""
+            if len(groups) == 1
+            else f" and {len(groups) - 1} copies of it"
+            if len(groups) > 2
+            else " and a copy of it"
+        )
         raise UserError(
             f"{data}: {len(different)} labelled image{copies}, and figures need another to be tested on; "
             "label one more"

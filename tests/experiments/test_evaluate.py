@@ -19,7 +19,7 @@ from shell.files import file_digest
 from shell.target_file import shipped
 from tests.conftest import refused
 
-SETTINGS = TrainSettings(steps=1, batch=2, warmup=1, predict_batch=2)
+SETTINGS = TrainSettings(steps=1, batch=2, warmup=0, predict_batch=2)
 NAMES = ("road", "sky", "car")
 
 

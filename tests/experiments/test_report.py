@@ -72,7 +72,7 @@ def test_only_pictures_of_the_run_are_shown(run):
 
 def test_the_figures_are_those_of_the_summary(run):
     summary, page = read_json(run / "summary.json"), Page(run / "report.html")
-    assert "not a result on real data" in page.text and "experiments.cityscapes" in page.text
+    assert "not a result on real data" in page.text and "sdr-jax cityscapes" in page.text
     for row in ROWS:
         entry = summary["rows"][row]
         said = [f"{entry['mean']:.1f}", interval(entry["ci95"]) or "too few nets for an interval"]

@@ -180,6 +180,7 @@ def small(monkeypatch, *asked):
 
 
 def test_broken_data_of_others_show_before_anything_is_written(command, gta5, out, error_line):
-    Image.fromarray(np.zeros((12, 16, 3), np.uint8)).save(gta5 / "labels" / "00003.png")
+    colours = np.full((12, 16, 3), (1, 2, 3), np.uint8)
+    Image.fromarray(colours).save(gta5 / "labels" / "00003.png")
     assert command("table", out, "--gta5", str(gta5), "--all-images", evaluate=never) == 2
     assert "00003.png" in error_line() and not out.exists()

@@ -320,7 +320,8 @@ def test_damage_to_masks_and_polygons_is_found(exported, tmp_path):
 ])  # fmt: skip
 def test_bad_targets_are_one_line(flags, message, tmp_path, refusal, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    text = 'images: "{name}.png"\nlabels: "{name}_l.png"\nclasses:\n  ground: {ids: [0]RENDERS}\n'
+    text = 'images: "{name}.png"\nlabels: "{name}_l.png"\nclasses:\n  b: {ids: [1]}\n'
+    text += "  ground: {ids: [0]RENDERS}\n"
     (tmp_path / "own.yaml").write_text(text.replace("RENDERS", ""))
     (tmp_path / "flat.yaml").write_text(text.replace("RENDERS", ", renders: [road]"))
     assert message in refusal(main, "--images", "1", "--out", "a", *flags.split())

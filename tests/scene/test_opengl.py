@@ -81,7 +81,7 @@ def test_pictures_look_alike(opengl, seed):
     # Shadow maps and occlusion on screen are approximations; nothing else differs.
     assert np.abs(a.image - b.image).mean() < 8
     a, b = both(opengl, drawn, settings._replace(shadows=False, occlusion=False))
-    assert np.abs(a.image - b.image).mean() < 0.3  # levels of 255: the edges of leaves
+    assert np.abs(a.image - b.image).mean() < 0.35  # levels of 255: the edges of leaves
     for samples in (2, 3):
         a, b = both(opengl, drawn, SMALL._replace(samples=samples, occlusion=False))
         assert (a.label != b.label).mean() < 0.005 and np.abs(a.image - b.image).mean() < 3

@@ -31,7 +31,7 @@ def figures() -> dict[str, object]:
         units = draw(proposal, SEED, STREETS)
         images, labels = render_dataset(units, SEED, shots=1, settings=SETTINGS)
         cells = images.reshape(STREETS, 64 // CELL, CELL, 128 // CELL, CELL, 3).mean(axis=(2, 4))
-        shares = [np.bincount(label.ravel(), minlength=19) / label.size for label in labels]
+        shares = [np.bincount(label.ravel(), minlength=256)[:19] / label.size for label in labels]
         found[name] = {
             "cells": np.round(cells, 2).reshape(STREETS, -1).tolist(),
             "shares": np.round(shares, 5).tolist(),

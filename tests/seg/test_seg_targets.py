@@ -395,7 +395,7 @@ def test_polygons_and_rectangles_of_labelme(tmp_path):
     )
     accents = tmp_path / "accents.json"
     accents.write_text(json.dumps(plain | {"shapes": [shapes[0] | {"label": "a\u0308cker"}]}))
-    named = own("", "{äcker: {names: [äcker]}}")
+    named = own("", "{äcker: {names: [äcker]}, sky: {names: [sky]}}")
     alone = np.full((6, 8), 255)
     alone[3:] = 0
     np.testing.assert_array_equal(LabelReader(named)(accents), alone)
