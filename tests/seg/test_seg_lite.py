@@ -490,3 +490,14 @@ def test_features_are_taken_image_by_image_on_a_cpu_alone(platform, monkeypatch)
     traced = extract.trace(jnp.float32(1), jnp.zeros((3, 8, 8, 3), jnp.uint8))
     text = traced.lower(lowering_platforms=(platform,)).as_text()
     assert text.count("stablehlo.while") == (platform == "cpu")
+
+
+@pytest.mark.parametrize("platform", ["cpu", "cuda"])
+def test_a_tuned_trunk_goes_image_by_image_on_a_cpu_alone(platform):
+    trunk = Lite((Block(3, 1, 1, 8), *(Block(3, 2, 2, 8) for _ in range(4))))
+    images = jnp.zeros((3, 32, 32, 3))
+    weights = jax.eval_shape(trunk.init, jax.random.key(0), images)
+    text = (
+        jax.jit(trunk.apply).trace(weights, images).lower(lowering_platforms=(platform,)).as_text()
+    )
+    assert text.count("stablehlo.while") == (platform == "cpu")
