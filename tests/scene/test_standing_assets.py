@@ -25,7 +25,7 @@ def fill(asset, share):
 @pytest.mark.parametrize("kind", [k for k in building.KINDS if k != "car park"])
 @given(seed=SEEDS)
 def test_building_has_a_near_face_windows_sides_and_a_back(kind, seed):
-    plain, _, material = make("building", kind, seed)
+    plain, _, material, *_ = make("building", kind, seed)
     mesh = solid(plain)
     glass = material == material_id("glass")
     at_facade = np.abs(mesh.triangles[:, :, 1]).max(axis=1) < 1e-9
