@@ -26,7 +26,7 @@ from experiments.config import FewConfig, Fidelity, Preset, parsers
 from experiments.config.limits import PIXEL, training_bytes
 from experiments.config.presets import defaults, in_space
 from experiments.evaluation.cached import Cached
-from experiments.evaluation.cost import head_cost, job_cost, street_cost
+from experiments.evaluation.cost import Cost, job_cost, street_cost
 from experiments.evaluation.job import Job, Keeps, LabelledSubset, Source, StreetPool
 from experiments.evaluation.predictions import file_of, load
 from experiments.report import live, page
@@ -305,9 +305,9 @@ def planned(config: FitConfig, folds: int) -> list[Work]:
     count = len(rows_of(config.learnt)) * folds * config.seeds
     return [
         *(searches if config.learnt else []),
-        Work(STREETS, kinds * config.seeds * final.streets, final, street_cost(final)),
-        Work("nets, each of which is tested", count, final, head_cost(final)),
-        Work("the net that is left", 1, final, head_cost(final)),
+        Work(STREETS, kinds * config.seeds * final.streets, final, Cost(street_cost(final))),
+        Work.on_images("nets, each of which is tested", count, final),
+        Work.on_images("the net that is left", 1, final),
     ]
 
 

@@ -28,7 +28,6 @@ from experiments.config import (
 )
 from experiments.config.cli import command
 from experiments.config.studies import PretrainConfig
-from experiments.evaluation.cost import head_cost
 from experiments.evaluation.job import Job, LabelledSubset, Recipe, Result, Start
 from experiments.run.context import Run, Work
 from experiments.run.learn import learn, reward_parts
@@ -120,10 +119,10 @@ def plan(config: PretrainConfig, _: None) -> list[Work]:
         work.append(Work.at(what, (rendered + more) * seeds, config.final))
     if "longer" in config.rows:
         what = f"longer, {fractions} fractions x {seeds} seeds"
-        work.append(Work(what, fractions * seeds, config.final, head_cost(config.final)))
+        work.append(Work.on_images(what, fractions * seeds, config.final))
     what = f"fine-tuning, {len(config.rows)} rows x {fractions} fractions x {seeds} seeds"
     count = len(config.rows) * fractions * seeds
-    return [*work, Work(what, count, fine, head_cost(fine))]
+    return [*work, Work.on_images(what, count, fine)]
 
 
 def scores(run: Run[PretrainConfig], _: None) -> Report:

@@ -46,9 +46,14 @@ def first_use(renderer: str) -> Path | None:
 
     Who makes the file has rendered with it.
     """
-    cpu = llvmlite.binding.get_host_cpu_name()
-    marker = Path(_folder()) / f"{renderer}-{numba.__version__}-{cpu}"
+    marker = kept(renderer)
     return None if marker.exists() else marker
+
+
+def kept(name: str) -> Path:
+    """A file of this kind of processor that is kept as long as the compiled functions."""
+    cpu = llvmlite.binding.get_host_cpu_name()
+    return Path(_folder()) / f"{numba.__version__}-{cpu}-{name}"
 
 
 @cache

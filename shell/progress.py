@@ -22,6 +22,10 @@ def duration(seconds: float) -> str:
     return f"{seconds / 3600:.1f} h"
 
 
+TRUST = 0.1
+"""The share of the work after which the measured pace counts as much as the expected one."""
+
+
 class Stage(NamedTuple):
     """Nets of one kind; a job goes through its stages in order."""
 
@@ -70,7 +74,7 @@ class Progress:
         self._total, self._label, self._before = total, label, elapsed
         self._stages, self._workers = stages, workers
         self.standing = ""
-        self._done = self._worked = 0.0
+        self._done = self._worked = self._expected = self._start = 0.0
         self._nets = 0
         self._started = self._paced = self._latest = time.perf_counter()
         self._stream = stream or sys.stdout
@@ -97,16 +101,27 @@ class Progress:
         """Seconds spent on the job, with earlier sessions."""
         return self._before + time.perf_counter() - self._started
 
+    def expect(self, seconds: float, start: float) -> None:
+        """Tell how long all work is expected to take: ``start`` seconds from now, then ``seconds``."""
+        self._expected, self._start = seconds, start
+        self._paced = self._latest = time.perf_counter()
+
     @property
     def left(self) -> float | None:
-        """Seconds left at the pace of this session, None before it has done a hundredth of the work.
+        """Seconds left: as expected at first, then ever more at the pace of this session.
 
-        The first pieces compile, so that their pace says little.
+        Without an expected time it is None until a hundredth is done, since the first pieces compile.
         """
+        left, spent = max(self._total - self._done, 0.0), time.perf_counter() - self._paced
+        if self._expected:
+            trust = TRUST * self._total
+            pace = self._expected / self._total
+            if self._worked <= 0:
+                return max(self._start - spent, 0.0) + left * pace
+            return left * (spent + trust * pace) / (self._worked + trust)
         if self._worked <= 0 or self._worked < self._total / 100:
             return None
-        pace = (time.perf_counter() - self._paced) / self._worked
-        return max(self._total - self._done, 0.0) * pace
+        return left * spent / self._worked
 
     def advance(self, units: float = 1.0, *, replayed: bool = False) -> None:
         """Count work as done; replayed work and its time do not enter the estimate."""
@@ -115,6 +130,8 @@ class Progress:
         if replayed:
             self._paced += now - self._latest
         else:
+            if not self._worked:
+                self._paced += min(self._start, now - self._paced)
             self._worked += units
             self._nets += 1
         self._latest = now

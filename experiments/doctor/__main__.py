@@ -117,7 +117,7 @@ def _folder(data: Path, target: str | None, write_to: Path | None, out: Path) ->
             "! no class has 'renders', which fit needs: edit the file, then run doctor again for minutes"
         )
     elif costs:
-        print(f"Minutes on {cores} cores, about, without compiling and testing:")
+        print(f"Minutes on {cores} cores, about, after {round(measured)} seconds of measurement:")
     else:
         print("! minutes are not known: nets or streets cannot be made here, see above")
     for command, minutes in costs:
@@ -141,18 +141,23 @@ def _costs(
     target: Any, data: Path, size: tuple[int, int]
 ) -> tuple[list[tuple[str, str]], int, int]:
     """Commands with their minutes, none where nothing runs; the number of cores, and the measured seconds."""
+    import jax
+
     from experiments.doctor import costs, machine
+    from experiments.evaluation import pace as paces
+    from experiments.evaluation.cost import Cost
 
     cores = machine.cores()
     try:
-        pace = costs.measure()
+        pace = paces.measure()
     except RuntimeError:  # a RendererError, or JAX finds no device
         return [], cores, 0
+    paces.keep(paces.kind("processes", jax.default_backend()), pace)
     rows = []
     for command, cost in costs.commands(target, data, size, OF_COMMANDS).items():
-        minutes = pace.seconds(cost) / cores / 60
-        rows.append((command, f"{max(minutes, 0.1):.1f}" if minutes < 10 else f"{minutes:.0f}"))
-    return rows, cores, round(2 * costs.SECONDS)
+        minutes = (pace.wall(cost, cores) + pace.start(Cost(), cores)) / 60
+        rows.append((command, f"{minutes:.1f}" if minutes < 10 else f"{minutes:.0f}"))
+    return rows, cores, round(2 * paces.SECONDS)
 
 
 def _pictures(

@@ -1,9 +1,11 @@
-"""Estimates the cost of evaluations in CPU seconds.
+"""Estimates the cost of evaluations in CPU seconds of the machine of `docs/benchmarks.md`.
 
-Source: `docs/benchmarks.md`.
+`experiments.evaluation.pace` says how fast this machine is beside that one.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 from experiments.config import Fidelity
 from experiments.evaluation.job import Given, Job, StreetPool, rendered_of
@@ -13,10 +15,29 @@ from seg.settings import TrainSettings
 STEP_COST = {"compact": 2.5e-7, "paper": 5e-5, "vgg-adam": 5e-5, "scratch": 5e-5}
 STEP_COST |= {"lite0-frozen": 4.5e-8, "lite0-tuned": 2e-6}
 """Approximate CPU seconds of one update per pixel of its images, by recipe."""
-STREET_COST = 0.02
+STREET_COST = 0.035
 """CPU seconds of sampling a street and its geometry."""
+IMAGE_COST = 0.014, 2.5e-7
+"""CPU seconds of rendering an image: of each image, and of each ray."""
 VIEW_COST = {"lite0": 2.5e-7, "lite1": 3.1e-7, "lite2": 3.3e-7, "dinov2": 3e-6}
 """CPU seconds per pixel of a frozen trunk's features of one view; other trunks count as lite0."""
+
+
+COMPILE_COST = 45.0
+"""CPU seconds of compiling the renderer, once per machine."""
+START_COST = 12.0
+"""CPU seconds until a worker has its first result: with its assets and compiled networks."""
+
+
+class Cost(NamedTuple):
+    """CPU seconds of the machine of `docs/benchmarks.md`, which others multiply by a pace each."""
+
+    render: float = 0.0
+    train: float = 0.0
+
+    def times(self, count: float) -> Cost:
+        """The cost of so many."""
+        return Cost(count * self.render, count * self.train)
 
 
 def cost_of(fidelity: Fidelity) -> float:
@@ -26,7 +47,8 @@ def cost_of(fidelity: Fidelity) -> float:
 
 
 def _image_cost(fidelity: Fidelity) -> float:
-    return 0.012 + 1.6e-7 * fidelity.width * fidelity.height * fidelity.samples**2
+    image, ray = IMAGE_COST
+    return image + ray * fidelity.width * fidelity.height * fidelity.samples**2
 
 
 def street_cost(fidelity: Fidelity) -> float:
@@ -57,6 +79,14 @@ def head_cost(fidelity: Fidelity) -> float:
 def training_cost(fidelity: Fidelity) -> float:
     """The part of `cost_of` without the images."""
     return fidelity.images * _views_cost(fidelity) + head_cost(fidelity)
+
+
+def prepare_cost(fidelity: Fidelity, images: int) -> Cost:
+    """The cost of a frozen backbone's features of labelled images, to train on and to test on."""
+    if not fidelity.train.frozen:
+        return Cost()
+    tested = fidelity.width * fidelity.height * _view_cost(fidelity.train)
+    return Cost(train=images * (_views_cost(fidelity) + tested))
 
 
 def job_cost(job: Job) -> float:

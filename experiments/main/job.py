@@ -7,7 +7,6 @@ from functools import partial
 from typing import Any
 
 from experiments.config import MainConfig
-from experiments.evaluation.cost import head_cost
 from experiments.evaluation.evaluate import render
 from experiments.evaluation.job import Recipe
 from experiments.main import note, pictures, summary
@@ -33,9 +32,8 @@ def plan(config: MainConfig, _: Any = None) -> list[Work]:
     nets = 3 * (1 + few) * config.seeds
     work = [*work_of(config), Work.at("nets on rendered images", nets, config.final)]
     if real:
-        each = head_cost(config.final)
         nets = (1 + few) * config.seeds
-        work.append(Work("nets on labelled images alone", nets, config.final, each))
+        work.append(Work.on_images("nets on labelled images alone", nets, config.final))
     return work
 
 

@@ -16,14 +16,24 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from experiments.config import Config, Fidelity
-from experiments.evaluation.cost import cost_of
+from experiments.evaluation import pace as paces
+from experiments.evaluation.cost import (
+    COMPILE_COST,
+    Cost,
+    cost_of,
+    head_cost,
+    prepare_cost,
+    training_cost,
+)
 from experiments.evaluation.evaluate import worker_environment
 from experiments.evaluation.job import Recipe
 from experiments.evaluation.made_with import FIELD, MadeWith, asked
+from experiments.evaluation.pace import REFERENCE, WORTH, Pace
 from experiments.evaluation.runner import Runner
 from experiments.evaluation.store import LOGS, Store
 from experiments.target.base import Side, Target
 from experiments.target.named import named_target
+from scene.compiled import first_use
 from scene.dataset.render import compile_first
 from scene.executors import workers_of
 from scene.render import RendererError, renderer
@@ -48,17 +58,33 @@ class Work(NamedTuple):
     what: str  # such as "rewards of the search"
     nets: int
     fidelity: Fidelity
-    seconds: float  # approximate CPU seconds of each
+    each: Cost  # of one
 
     @classmethod
     def at(cls, what: str, nets: int, fidelity: Fidelity) -> Work:
         """Nets that are trained on rendered datasets."""
-        return cls(what, nets, fidelity, cost_of(fidelity))
+        training = training_cost(fidelity)
+        return cls(what, nets, fidelity, Cost(cost_of(fidelity) - training, training))
+
+    @classmethod
+    def on_images(cls, what: str, nets: int, fidelity: Fidelity) -> Work:
+        """Nets that are trained on images that exist, with their features."""
+        return cls(what, nets, fidelity, Cost(train=head_cost(fidelity)))
 
     @property
     def cost(self) -> float:
         """The total cost in the units of ``cost_of``."""
-        return self.nets * self.seconds
+        return sum(self.total)
+
+    @property
+    def total(self) -> Cost:
+        """The total cost of rendering and of training."""
+        return self.each.times(self.nets)
+
+
+def total_of(plan: Sequence[Work]) -> Cost:
+    """The cost of a whole plan."""
+    return Cost(*map(sum, zip(*(work.total for work in plan), strict=True)))
 
 
 @dataclass
@@ -103,9 +129,10 @@ class Run(Generic[AnyConfig]):
         lines = self.evaluations.records + self.finals.records
         elapsed = max((line.get("elapsed", 0.0) for line in lines), default=0.0)
         stages = [Stage(work.what, work.nets, work.cost) for work in plan]
-        total, workers = sum(work.cost for work in plan), max(self.workers.workers, 1)
-        self.progress = Progress(total, elapsed, label, stages=stages, workers=workers)
-        self.progress.say(plan_text(plan, self.workers.workers))
+        cost, workers = total_of(plan), max(self.workers.workers, 1)
+        self.progress = Progress(sum(cost), elapsed, label, stages=stages, workers=workers)
+        pace, start = paces.read(self._kind), self._prepare_cost()
+        self.progress.say(plan_text(plan, workers, pace or REFERENCE, start))
         if self.workers.dashboard is not None:
             self.progress.say(f"Dashboard: {self.workers.dashboard}")
         shared = "" if self.store is None else f" | {self._held(self.store)}"
@@ -115,6 +142,34 @@ class Run(Generic[AnyConfig]):
                 f"Continuing: {len(self.evaluations.records)} rewards and "
                 f"{len(self.finals.records)} other nets are done, in {duration(elapsed)}"
             )
+        self._expect(cost, pace or REFERENCE, start)
+        compile_first(self.workers, self.config.renderer)
+        if pace is None and sum(cost) > WORTH:
+            pace = self._measured()
+            start = start._replace(render=0.0)  # compiled
+            self.progress.say(time_text(cost, workers, pace, start))
+        self._expect(cost, pace or REFERENCE, start)
+
+    def _expect(self, cost: Cost, pace: Pace, start: Cost) -> None:
+        workers = max(self.workers.workers, 1)
+        self.progress.expect(pace.wall(cost, workers), pace.start(start, workers))
+
+    def _measured(self) -> Pace:
+        self.progress.say("Measuring how fast this machine is (once per machine)...")
+        pace = paces.measured_by(self.workers)
+        paces.keep(self._kind, pace)
+        return pace
+
+    @property
+    def _kind(self) -> str:
+        return paces.kind(self.config.executor, dict(self.made_with).get("backend", "cpu"))
+
+    def _prepare_cost(self) -> Cost:
+        """The cost of what precedes the plan: compiling the renderer, and features of labelled images."""
+        target = self.target
+        images = len(target.reward_names) + len(target.test_names) + len(target.few_names)
+        compiling = COMPILE_COST if first_use(self.config.renderer) is not None else 0.0
+        return prepare_cost(self.config.reward, images)._replace(render=compiling)
 
     def _held(self, store: Store) -> str:
         """The number of evaluations in a store, and of those that this run may use."""
@@ -124,21 +179,34 @@ class Run(Generic[AnyConfig]):
         return f"{store.path} holds {len(store)}{note}"
 
 
-def plan_text(plan: Sequence[Work], workers: int) -> str:
-    """The plan in words: one line per kind of net, the weights, and the approximate time."""
+def plan_text(plan: Sequence[Work], workers: int, pace: Pace, start: Cost) -> str:
+    """The plan in words: one line per kind of net, the weights, and the approximate time.
+
+    Args:
+        plan: the nets.
+        workers: number of workers.
+        pace: the pace of each.
+        start: the cost of what precedes the nets.
+    """
     lines = ["Plan, in CPU seconds:"]
-    for what, nets, fidelity, seconds in plan:
-        train = fidelity.train
+    for what, nets, fidelity, each in plan:
+        train, seconds = fidelity.train, pace.seconds(each)
         size = f"{fidelity.size}, {fidelity.images} images, {train.steps} steps"
         decimals = 1 if seconds >= 1 else 2
         lines.append(f"  {nets:5d} x {seconds:6.{decimals}f}  {what} ({train.net}, {size})")
     starts = (described(work.fidelity.train) for work in plan)
     lines += [f"  {start}" for start in dict.fromkeys(starts) if start]
-    total = duration(sum(work.cost for work in plan) / max(workers, 1))
     lines.append(
-        f"About {total} on {max(workers, 1)} worker(s), without compiling; what is known takes no time"
+        f"{time_text(total_of(plan), workers, pace, start)}; known evaluations take no time"
     )
     return "\n".join(lines)
+
+
+def time_text(cost: Cost, workers: int, pace: Pace, start: Cost) -> str:
+    """The approximate time of a plan in words; arguments as of `plan_text`."""
+    first = pace.start(start, workers)
+    whole = duration(first + pace.wall(cost, workers))
+    return f"About {whole} on {workers} worker(s), {duration(first)} of it to start and compile"
 
 
 def workers_for(config: Config) -> Workers:
@@ -187,7 +255,7 @@ def opened(
         title = f"Target: {target.title}"
         if not target.real:  # rendering it takes a while, so this is said first
             print(title, flush=True)
-        compile_first(workers, config.renderer)  # after all that is refused at once
+            compile_first(workers, config.renderer)  # after all that is refused at once
         target.at(config.reward.height, config.reward.width)
         if target.real:
             print(title, flush=True)

@@ -19,7 +19,6 @@ from typing import Any, Generic, NamedTuple
 
 from experiments.config import Fidelity, LearntConfig, Rederived, SearchConfig, read_attributes
 from experiments.config import check as check_flags
-from experiments.evaluation.cost import cost_of, head_cost
 from experiments.evaluation.job import Job, Result, Source
 from experiments.run.context import AnyConfig, Run, Work, opened, set_up_process
 from experiments.run.learn import learn, reward_parts, work_of
@@ -183,8 +182,8 @@ def _planned(rows: Sequence[Row], seeds: int) -> Iterator[Work]:
     for fidelity, real in dict.fromkeys(kinds):
         count = kinds.count((fidelity, real))
         what = "images alone" if real else "rendered images"
-        cost = (head_cost if real else cost_of)(fidelity)
-        yield Work(f"nets on {what}, {count} rows x {seeds} seeds", count * seeds, fidelity, cost)
+        work = Work.on_images if real else Work.at
+        yield work(f"nets on {what}, {count} rows x {seeds} seeds", count * seeds, fidelity)
 
 
 def _jobs(run: Run[Any], rows: Sequence[Row], made: Made) -> Iterator[tuple[Row, Job]]:

@@ -19,7 +19,7 @@ from scene.render import Frame, RenderSettings, check_settings, renderer
 from scene.street.street import Street, sample_street
 from scene.workers import WorkerPool, Workers, opened
 
-COMPILING = "compiling the renderer (once per machine, one to four minutes)..."
+COMPILING = "compiling the renderer (once per machine, about a minute)..."
 
 
 class Dataset(NamedTuple):

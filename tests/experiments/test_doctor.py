@@ -18,6 +18,8 @@ from experiments.doctor.__main__ import PAGE, SHEET, main
 from experiments.doctor.installed import EXTRAS
 from experiments.doctor.propose import _named_value, propose
 from experiments.doctor.survey import suitable, survey
+from experiments.evaluation import pace
+from experiments.evaluation.pace import Pace
 from experiments.fit import config_of, configured, planned
 from experiments.main.job import plan
 from scene.render import RendererError
@@ -65,7 +67,8 @@ def streets(tmp_path):
 @pytest.fixture
 def doctor(tmp_path, monkeypatch, capsys):
     """The command without its measurement and its look at the machine; returns code, output and error."""
-    monkeypatch.setattr(costs, "measure", lambda: costs.Pace(1.0, 2.0))
+    monkeypatch.setattr(pace, "measure", lambda: Pace(1.0, 2.0))
+    monkeypatch.setattr(pace, "kept", lambda name: tmp_path / name)
     monkeypatch.setattr(machine, "look", lambda: machine.Machine([("GPU", "none")], ["a warning"]))
 
     def run(*words):
@@ -368,7 +371,7 @@ def test_a_folder_is_looked_at_where_nothing_can_be_rendered(
     def measure():
         raise RendererError("Embree is missing")
 
-    monkeypatch.setattr(costs, "measure", measure)
+    monkeypatch.setattr(pace, "measure", measure)
     code, out, err = doctor(streets)
     assert (code, err) == (0, "") and "! minutes are not known" in out
     assert "sdr-jax render" not in out and "The file that is proposed" in out
@@ -436,15 +439,19 @@ def test_costs_scale_with_the_pace_of_both_parts(tmp_path):
     found = costs.commands(find_target("camvid"), data, (480, 360), {"camvid": "camvid"})
     assert [name.split()[1] for name in found] == ["render", "fit", "camvid", "camvid"]
     renders, fit, smoke, quick = found.values()
-    assert renders.train == 0 and renders.render == pytest.approx(23.86, abs=0.01)
-    expected = sum(work.cost for work in planned(configured((480, 360)), 1))
-    assert costs.Pace(1.0, 1.0).seconds(fit) == pytest.approx(expected)
+    assert renders.train == 0  # 400 x (0.035 + 0.014 + 2.5e-7 x 480 x 360)
+    assert renders.render == pytest.approx(36.88, abs=0.01)
+    config, images = configured((480, 360)), sum(1 for _ in (data).rglob("*.png")) // 2
+    expected = sum(work.cost for work in planned(config, 1))
+    # Features of every image: two views to train on, one to test on.
+    features = images * 3 * 480 * 360 * 2.5e-7
+    assert Pace(1.0, 1.0).seconds(fit) == pytest.approx(expected + features)
     assert fit.render > 3 * renders.render and fit.train > 0
     for preset, own in (("smoke", smoke), ("quick", quick)):
         expected = sum(work.cost for work in plan(defaults(MainConfig, "camvid", preset)))
-        assert costs.Pace(1.0, 1.0).seconds(own) == pytest.approx(expected)
+        assert Pace(1.0, 1.0).seconds(own) == pytest.approx(expected)
         assert own.render > 0 < own.train
-        assert costs.Pace(3.0, 2.0).seconds(own) == pytest.approx(2 * expected + own.render)
+        assert Pace(3.0, 2.0).seconds(own) == pytest.approx(2 * expected + own.render)
     (tmp_path / "none").mkdir()  # nothing to fit
     spaces = costs.commands(find_target("camvid"), Path("my data"), (64, 48), {"camvid": "camvid"})
     assert "sdr-jax camvid --data 'my data' --preset quick" in spaces
@@ -460,8 +467,8 @@ def test_the_machine_and_its_pace():
     assert facts["extra dask"].startswith(
         ("installed", "not installed: pip install 'sdr-jax[dask]'")
     )
-    pace = costs.measure(0.5)
-    assert 0.05 < pace.render < 50 and 0.05 < pace.train < 50
+    measured = pace.measure(0.5)
+    assert 0.05 < measured.render < 50 and 0.05 < measured.train < 50
 
 
 def masks(root, values, dtype=np.uint8, names="", shape=(48, 64)):

@@ -12,7 +12,10 @@ from PIL import Image
 from experiments.config import LearntConfig, read_attributes
 from experiments.config.presets import defaults
 from experiments.config.studies import defaults_of
+from experiments.evaluation import pace as paces
+from experiments.evaluation.cost import Cost
 from experiments.evaluation.job import Result
+from experiments.evaluation.pace import REFERENCE, Pace
 from experiments.evaluation.store import LOGS, Store
 from experiments.run.context import Work, opened, plan_text
 from experiments.run.nets import paired_seeds, training_sets
@@ -313,17 +316,26 @@ def test_what_cannot_be_done_shows_before_the_folder_is_made(config):
 
 def test_the_plan_tells_nets_seconds_and_time_and_what_nets_start_from(tmp_path):
     final = defaults(LearntConfig, "camvid", "quick").final
-    text = plan_text([Work.at("nets, 3 sets x 5 seeds", 15, final), Work("b", 10, final, 6.0)], 2)
-    # 400 x (0.02 + 0.019) s of rendering, 42240 pixels x (800 views x 2.5e-7 s + 4000 in updates x 4.5e-8 s)
-    assert "15 x   31.6  nets, 3 sets x 5 seeds (lite0, 240x176, 400 images, 1000 steps)" in text
-    # (15 x 31.6 + 10 x 6) / 2 = 267 s
-    assert "About 4 min on 2 worker(s), without compiling" in text
+    plan = [Work.at("nets, 3 sets x 5 seeds", 15, final), Work("b", 10, final, Cost(2.0, 4.0))]
+    text = plan_text(plan, 2, REFERENCE, Cost())
+    # 400 x (0.035 + 0.025) s of rendering, 42240 pixels x (800 views x 2.5e-7 s + 4000 in updates x 4.5e-8 s)
+    assert "15 x   39.9  nets, 3 sets x 5 seeds (lite0, 240x176, 400 images, 1000 steps)" in text
+    # (15 x 39.9 + 10 x 6) / 2 + 12 = 341 s, then (15 x (23.8 + 2 x 16.1) + 10 x 10) / 2 + 31 = 501 s
+    assert "About 6 min on 2 worker(s), 12 s of it to start and compile" in text
+    text = plan_text(plan, 2, Pace(1.0, 2.0), Cost(5.0, 2.0))
+    assert "About 8 min on 2 worker(s), 31 s of it to start and compile" in text
+    assert "10 x   10.0  b" in text
     path = tmp_path / "hed.npz"
     np.savez(path, normalisation="hed", source="VGG16, fine-tuned")
     other = replace(final, train=replace(final.train, net="fcn8s", weights=str(path)))
     alone = "the 13 convolutions alone, fc6 and fc7 start at random"
     said = f"fcn8s starts from {path}: VGG16, fine-tuned; {alone}"
-    assert plan_text([Work("a", 1, f, 6.0) for f in (final, other, other)], 2).count(said) == 1
+    assert (
+        plan_text(
+            [Work("a", 1, f, Cost()) for f in (final, other, other)], 2, REFERENCE, Cost()
+        ).count(said)
+        == 1
+    )
     assert form.starts({"starts": [said]}) == f" {said}." and form.starts({}) == ""
 
 
@@ -381,3 +393,32 @@ def test_other_files_are_neither_attributes_nor_reports(config, out, content, at
     with pytest.raises(UserError, match=report):
         form.rewrite(FORM, file, out)
     assert not out.exists()
+
+
+def test_a_long_job_measures_the_pace_of_the_machine_once(config, monkeypatch, tmp_path, capsys):
+    measured = []
+
+    def measure(workers):
+        measured.append(workers)
+        return Pace(2.0, 3.0)
+
+    monkeypatch.setattr(paces, "kept", lambda name: tmp_path / name)
+    monkeypatch.setattr(paces, "measured_by", measure)
+    kind = paces.kind("processes", "cpu")
+    brief, long = (Work("nets", 10, config.final, Cost(n, n)) for n in (1.0, 30.0))
+    with opened(config) as run:
+        run.begin([brief])
+        assert not measured and paces.read(kind) is None
+        run.begin([long])
+        assert len(measured) == 1 and paces.read(kind) == Pace(2.0, 3.0)
+        # 10 x (2 x 30 + 3 x 30) on one worker, and 36 s of start
+        assert run.progress.left == pytest.approx(1536, abs=5)
+        run.begin([long])
+    assert len(measured) == 1
+    out = capsys.readouterr().out
+    assert out.count("Measuring how fast this machine is") == 1 and out.count("About 26 min") == 2
+    (tmp_path / f"pace-{kind}.json").write_text('{"render": -1, "train": 1}')
+    assert paces.read(kind) is None  # and so is any other content
+    for text in ("", "[1, 2]", '{"render": 1}', '{"render": "x", "train": 1}'):
+        (tmp_path / f"pace-{kind}.json").write_text(text)
+        assert paces.read(kind) is None

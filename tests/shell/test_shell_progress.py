@@ -55,6 +55,27 @@ def test_time_left_by_hand_and_replayed_work_does_not_set_the_pace(clock):
     clock.now += 8
     told.advance(1)
     assert told.left == pytest.approx(3 * 8) and told.elapsed == 528
+
+
+def test_time_left_begins_with_the_plan_and_ends_at_the_pace_that_is_seen(clock):
+    told = Progress(10.0)
+    clock.now += 50
+    told.expect(100.0, 20.0)  # 10 s a unit, after a start of 20 s
+    assert told.left == pytest.approx(120)
+    clock.now += 15
+    assert told.left == pytest.approx(105)
+    clock.now += 15  # the start took as long as expected, and 10 s are work
+    told.advance()
+    assert told.left == pytest.approx(90)
+    told.advance(2.0, replayed=True)
+    clock.now += 80
+    told.advance(4.0)
+    # 90 s for 5 units, and as much trust in the plan as in one more unit of 10 s
+    assert told.left == pytest.approx(3 * (90 + 10) / 6)
+    slow = Progress(10.0)
+    slow.expect(100.0, 20.0)
+    clock.now += 200
+    assert slow.left == pytest.approx(100)  # a start that takes longer leaves the work
     told = [duration(seconds) for seconds in (0.2, 75, 99.4, 120, 3600, 9000)]
     assert told == ["0 s", "75 s", "99 s", "2 min", "60 min", "2.5 h"]
 
