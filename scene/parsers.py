@@ -52,7 +52,7 @@ def render() -> Parser:
         help="default (around a hand-set street), random, mixed (half of either), or a JSON file: a "
         "run's attributes.json, or every attribute's name with a value in [0, 1]",
     )
-    add("--space", choices=SPACES, default="scenex", help="attributes of streets given by name")
+    add("--space", choices=SPACES, help="attributes of streets given by name (default: scenex)")
     add("--fix", action="append", default=[], metavar="NAME=VALUE", help=HELD)
     add(
         "--images",
@@ -165,6 +165,8 @@ def preview() -> Parser:
     add("--columns", type=int, metavar="N", help="assets in a row")
     for flag, mode in (("--steps", "--sweep"), ("--count", "--asset"), ("--columns", "--asset")):
         options.needs(flag, mode)
+    for flag in ("--attributes", "--space"):
+        options.excludes(flag, "--sweep", "--theme", "--asset")
     add = options.group("assets")
     for flag, told in ASSETS.items():
         add(flag, **told)

@@ -290,9 +290,19 @@ def streets_in(path: Path) -> Streets:
         raise ValueError(f"{where}{error}") from None
 
 
-def read_streets(source: str, space: SpaceName) -> Streets:
-    """The streets of a name (`NAMES`) in a space, or of a file; raises as `streets_in`."""
-    return streets_named(source, space) if source in NAMES else streets_in(Path(source))
+def read_streets(source: str, space: SpaceName | None) -> Streets:
+    """The streets of a name (`NAMES`) in a space, by default scenex, or of a file, which has its own.
+
+    Raises:
+        OSError: the file cannot be read.
+        ValueError: as `streets_in`, or the file has another space.
+    """
+    if source in NAMES:
+        return streets_named(source, space or "scenex")
+    streets = streets_in(Path(source))
+    if space not in (None, space_in(streets)):
+        raise ValueError(f"{source} has attributes of space {space_in(streets)}, not {space}")
+    return streets
 
 
 def _parsed(value: Any, space: SpaceName | None, lacking: dict[str, None]) -> Component:

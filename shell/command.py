@@ -99,6 +99,7 @@ class Parser(argparse.ArgumentParser):
         self._positionals.title = "arguments"
         self._rare: list[argparse._ArgumentGroup] = []
         self._needs: list[tuple[str, tuple[str, ...]]] = []
+        self._excludes: list[tuple[str, tuple[str, ...]]] = []
         self._common = self.add_argument_group("about this command")
         add = self._common.add_argument
         add("-h", "--help", action=_Help, everything=False, help="show this help")
@@ -114,6 +115,10 @@ class Parser(argparse.ArgumentParser):
     def needs(self, flag: str, *others: str) -> None:
         """Refuse a flag that has no effect without one of the others."""
         self._needs.append((flag, others))
+
+    def excludes(self, flag: str, *others: str) -> None:
+        """Refuse a flag that has no effect with one of the others."""
+        self._excludes.append((flag, others))
 
     def flags(self) -> dict[str, list[str]]:
         """All flags but hidden ones, each with the words that may follow it; none where any may."""
@@ -178,6 +183,9 @@ class Parser(argparse.ArgumentParser):
         for flag, others in self._needs:
             if flag in typed and typed.isdisjoint(others):
                 self.error(f"{flag} needs {' or '.join(others)}")
+        for flag, others in self._excludes:
+            for other in typed.intersection(others) if flag in typed else ():
+                self.error(f"{flag} has no effect with {other}")
         _parsed = shlex.join([*self.prog.split(), *words])
         return parsed
 

@@ -12,6 +12,13 @@ from rich.progress import BarColumn, TextColumn
 from rich.progress import Progress as Bar
 from rich.text import Text
 
+from shell.errors import printable
+
+
+def _plain(text: str) -> str:
+    """Lines without control characters, which names of files may have."""
+    return "\n".join(map(printable, text.split("\n")))
+
 
 def duration(seconds: float) -> str:
     """``75 s``, ``12 min`` or ``3.4 h``."""
@@ -137,7 +144,8 @@ class Progress:
         self._latest = now
 
     def say(self, text: str) -> None:
-        """Print a line that stays."""
+        """Print a line that stays, or several."""
+        text = _plain(text)
         if self._bar is not None:
             self._console.print(Text(text), soft_wrap=True)
         else:
@@ -145,6 +153,7 @@ class Progress:
 
     def update(self, text: str, *, minor: bool = False) -> None:
         """Show the state of the job; a minor one has no line of its own while the percentage is the same."""
+        text = printable(text)
         share = min(self._done / self._total, 1) if self._total > 0 else 1.0
         left = [] if self.left is None else [f"{duration(self.left)} left"]
         if self._told is not None and time.perf_counter() >= self._due:

@@ -34,9 +34,8 @@ def doctor() -> Parser:
     add(
         "--out",
         type=Path,
-        default=Path("runs/doctor"),
         metavar="DIR",
-        help="folder of the page and the picture",
+        help="folder of the page and the picture (default: runs/doctor)",
     )
     return options
 
@@ -240,7 +239,7 @@ def playground() -> Parser:
         metavar="NAME|FILE",
         help="default, random, mixed, or a JSON file to begin with",
     )
-    add("--space", choices=SPACES, default="scenex", help="attributes of streets given by name")
+    add("--space", choices=SPACES, help="attributes of streets given by name (default: scenex)")
     add("--real", type=Path, metavar="DIR", help="real images to look at beside the street")
     add("--size", type=size, default="480x270", metavar="WxH", help="in pixels")
     add("--samples", type=int, default=2, metavar="N", help="rays per pixel along each axis")

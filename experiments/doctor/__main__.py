@@ -40,7 +40,10 @@ WIDE = 640
 
 
 def diagnose(
-    data: Path | None, target: str | None = None, write_to: Path | None = None, out: Path = OUT
+    data: Path | None,
+    target: str | None = None,
+    write_to: Path | None = None,
+    out: Path | None = None,
 ) -> int:
     """Check the machine and a folder, and print the findings.
 
@@ -48,7 +51,7 @@ def diagnose(
         data: folder of labelled images; None checks the machine alone.
         target: name or path of a target's file; by default the folder's own, or a proposal.
         write_to: where to write the proposal.
-        out: folder of the page and the picture.
+        out: folder of the page and the picture, by default `OUT`.
 
     Returns:
         0, or 2 if the folder cannot be used as it is.
@@ -59,8 +62,8 @@ def diagnose(
     """
     from experiments.doctor import machine
 
-    if data is None and (target is not None or write_to is not None):
-        raise UserError("--target and --write need DATA, the folder that the file describes")
+    if data is None and not (target is None and write_to is None and out is None):
+        raise UserError("--target, --write and --out need DATA, a folder of labelled images")
     if target is not None and write_to is not None:
         raise UserError(
             f"--write {write_to} writes a proposed file, --target {target} names one that exists; give one"
@@ -75,7 +78,7 @@ def diagnose(
         print(f"{name:{width}s}  {value}")
     for line in found.amiss:
         print(f"! {line}")
-    return 0 if data is None else _folder(data, target, write_to, out)
+    return 0 if data is None else _folder(data, target, write_to, out or OUT)
 
 
 def _folder(data: Path, target: str | None, write_to: Path | None, out: Path) -> int:

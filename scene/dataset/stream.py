@@ -43,7 +43,7 @@ def stream(
     shots: int = 1,
     start: int = 0,
     images: int | None = None,
-    space: SpaceName = "scenex",
+    space: SpaceName | None = None,
     renderer_name: str = "embree",
     pool: AssetPool | None = None,
     target: TargetFile | str | Path | None = None,
@@ -60,7 +60,7 @@ def stream(
         shots: images per street.
         start: number of the first image, to continue a stream.
         images: number of images; by default the stream is endless.
-        space: space of streets given by name.
+        space: space of streets given by name, by default scenex.
         renderer_name: ``embree`` or ``opengl``.
         pool: the assets that may appear, and the user's own class, whose label is 19.
         target: the target, or its name or file, of the labels' classes; by default labels are train ids.

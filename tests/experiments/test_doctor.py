@@ -386,7 +386,7 @@ def test_what_cannot_be_looked_at_is_refused_in_one_line(doctor, tmp_path, stree
     save(tmp_path / "alone" / "a.png", photograph(0, (16, 16)))
     (streets / "target.yaml").write_text("images: 7\n")
     for words, message in (
-        (("--write", "x.yaml"), "--target and --write need DATA"),
+        (("--write", "x.yaml"), "--target, --write and --out need DATA"),
         ((tmp_path / "gone",), "gone: no such folder"),
         ((empty,), "no images with labels of the same names among nothing"),
         ((tmp_path / "alone",), "among 1 of .png"),

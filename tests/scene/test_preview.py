@@ -144,6 +144,8 @@ def test_own_assets_are_shown_and_what_is_left_out_is_said(folder, tmp_path, pri
     ("--streets 0", "--streets must lie in 1..400, not 0"),
     ("--shots -1", "--shots must lie in 1..400, not -1"),
     ("--sweep all --steps 1", "--steps must lie in 2..400, not 1"),
+    ("--sweep all --attributes random", "--attributes has no effect with --sweep"),
+    ("--asset car --space=extended", "--space has no effect with --asset"),
     ("--steps 3", "--steps needs --sweep"), ("--columns 3", "--columns needs --asset"),
     ("--asset all --count 9999", "--count must lie in 1..400, not 9999"),
     ("--seed -1", "--seed must be 0 or more, not -1"),

@@ -195,9 +195,20 @@ def test_streets_by_name_and_half_of_either():
     near = (np.abs(units - by_eye.centre) <= by_eye.width / 2 + 1e-6).all(axis=1)
     assert near.sum() == 4 and mixed.shares == (0.5, 0.5)
     assert module.space_in(module.read_streets("mixed", "scenex")) == "scenex"
+    assert module.space_in(module.read_streets("mixed", None)) == "scenex"
+
     np.testing.assert_array_equal(module.streets_named("default", "extended", 0.3), by_eye)
     complaint = "unknown streets 'half'; known: default, random, mixed"
     refused(ValueError, complaint, module.streets_named, "half", "scenex")
+
+
+def test_a_file_has_its_own_space_and_another_is_refused(tmp_path):
+    file = tmp_path / "attributes.json"
+    file.write_text(json.dumps(describe(random_proposal("extended"))))
+    for space in (None, "extended"):
+        assert module.space_in(module.read_streets(str(file), space)) == "extended"
+    complaint = "attributes.json has attributes of space extended, not scenex"
+    refused(ValueError, complaint, module.read_streets, str(file), "scenex")
 
 
 def test_components_that_are_equal_are_one():

@@ -158,6 +158,24 @@ def test_a_flag_may_need_another(words, said, capsys):
     assert said in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("words, said", [
+    (["--first", "3", "--rank"], "--first has no effect with --rank"),
+    (["--first=3", "--order=x"], "--first has no effect with --order"),
+    (["--first", "3"], ""), (["--rank", "--order=x"], ""),
+])  # fmt: skip
+def test_a_flag_may_exclude_another(words, said, capsys):
+    parser = Parser("x", "")
+    for flag in ("--first", "--order"):
+        parser.add_argument(flag)
+    parser.add_argument("--rank", action="store_true")
+    parser.excludes("--first", "--rank", "--order")
+    if not said:
+        parser.parse_args(words)
+        return
+    refused(SystemExit, "^2$", parser.parse_args, words)
+    assert said in capsys.readouterr().err
+
+
 def test_sizes_and_repeats():
     assert size("640x320") == (640, 320)
     for text in ("640", "x320", "640x", "640x320x3", "axb", ""):

@@ -180,3 +180,14 @@ def test_someone_else_is_told_at_once_and_then_not_too_often(clock):
     assert heard == [
         (0.25, "at 100 | 0 s left"), (0.75, "at 110 | 3 s left"), (1.0, "at 120 | 0 s left"),
     ]  # fmt: skip
+
+
+def test_names_of_files_send_no_codes_to_the_terminal():
+    stream = io.StringIO()
+    told = Progress(2.0, stream=stream)
+    told.say("a\x1b[2Jb\nc")
+    told.advance()
+    told.update("net \x1b]0;x\x07\r of a\nb")
+    assert stream.getvalue().split("\n") == [
+        "a\\x1b[2Jb", "c", "[ 50 %] net \\x1b]0;x\\x07\\r of a\\nb | 0 s left", ""
+    ]  # fmt: skip
