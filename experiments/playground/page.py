@@ -17,7 +17,6 @@ from nicegui.events import (
 )
 
 from experiments.playground import state as states
-from experiments.playground.dataset_panel import DatasetPanel
 from experiments.playground.guard import Guard
 from experiments.playground.photographs import photograph
 from experiments.playground.rendering import (
@@ -114,9 +113,7 @@ class Page:
                 with ui.element("div").classes("panels"):
                     self._view_panel()
                     self._asset_panel()
-                    self._dataset = DatasetPanel(lambda: self._state)
         self._fill()
-        ui.context.client.on_delete(self._dataset.close)
 
     async def begin(self) -> None:
         """Ask for the first picture once the page is loaded: of the first street with a free view."""

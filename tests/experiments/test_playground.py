@@ -4,7 +4,6 @@ import asyncio
 import json
 import shlex
 import socket
-import time
 
 import cv2
 import numpy as np
@@ -14,7 +13,7 @@ from starlette.responses import PlainTextResponse
 
 from benchmarks.playground import browser, served
 from experiments.playground import __main__ as command
-from experiments.playground import exporting, guard
+from experiments.playground import guard
 from experiments.playground.rendering import (
     LatestOnly,
     coloured,
@@ -168,28 +167,6 @@ def test_of_wishes_that_wait_only_the_last_is_made_and_then_refined():
         return seen
 
     assert asyncio.run(drag([])) == [(0, True), (4, True), (4, False)]
-
-
-def test_an_export_of_a_view_out_of_range_is_refused_before_it_begins(tmp_path):
-    state = MIXED._replace(view=VIEW._replace(shots=0))
-    with pytest.raises(ValueError, match=r"shots must lie in 1\.\."):
-        exporting.Export(state, 4, "cityscapes", str(tmp_path / "out"))
-
-
-@pytest.mark.slow
-def test_an_export_can_be_cancelled_and_continued_and_refuses_a_foreign_folder(tmp_path):
-    def last(folder, enough):
-        export = exporting.Export(MIXED, 40, "cityscapes", str(folder))
-        while not enough(export.news()):
-            time.sleep(0.05)
-        export.cancel()  # changes nothing where all is over
-        return export.news()
-
-    made = tmp_path / "made"
-    assert "cancelled" in last(made, lambda news: news.done).error
-    assert made.exists() and not (made / "dataset.json").exists()
-    assert last(made, lambda news: news.over) == (40, 40, "") and (made / "dataset.json").exists()
-    assert "holds other files" in last(tmp_path, lambda news: news.over).error
 
 
 @pytest.mark.parametrize(("headers", "status"), [
