@@ -1,6 +1,7 @@
 """What Griffe is told about our sources: what packages offer, and that a "Source:" is a paragraph."""
 
 import re
+from pathlib import Path
 from typing import Any
 
 import griffe
@@ -13,6 +14,7 @@ class Sources(griffe.Extension):
 
     def on_package(self, *, pkg: griffe.Module, **_: Any) -> None:
         """Called once for every package: it offers what its stub imports (``shell.lazy``)."""
+        assert isinstance(pkg.filepath, Path)
         stub = pkg.filepath.with_suffix(".pyi")
         if stub.exists():
             pkg.exports = re.findall(r" as (\w+)$", stub.read_text(encoding="utf-8"), re.MULTILINE)

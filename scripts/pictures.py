@@ -68,7 +68,9 @@ def streets() -> np.ndarray:
 
 def small(screenshot: Path) -> np.ndarray:
     """The top of a screenshot, no larger than `SMALL`."""
-    whole = cv2.imread(str(screenshot))[:, :, ::-1]
+    read = cv2.imread(str(screenshot))
+    assert read is not None
+    whole = read[:, :, ::-1]
     height = round(whole.shape[0] * SMALL[1] / whole.shape[1])
     return cv2.resize(whole, (SMALL[1], height), interpolation=cv2.INTER_AREA)[: SMALL[0]]
 

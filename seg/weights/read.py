@@ -1,26 +1,26 @@
 """Reads named arrays from any kind of weights file; the first bytes tell the kind."""
 
 import math
+import shlex
 import zipfile
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from seg.errors import WeightsError
-from seg.weights.h5_file import read_h5
 from seg.weights.safetensors_file import read_safetensors
 from seg.weights.torch_file import read_legacy, read_zip
 
-_KINDS = "a .pth of torch.save, .safetensors, .npz, a Keras .h5 or a wheel with one in it"
+_KINDS = "a .pth of torch.save, .safetensors or .npz"
+_HDF5 = b"\x89HDF\r\n\x1a\n"
 _LARGEST = 2**31  # bytes of all arrays: VGG16 has 553 MB, twice that in double precision
 
 
 def read(path: Path) -> dict[str, np.ndarray]:
     """Read the arrays of a weights file by name, whatever the file is called.
 
-    It may be a `.pth`, `.safetensors`, `.npz`, `.h5`, or a wheel that holds one `.h5`.
+    It may be a `.pth`, `.safetensors` or `.npz`.
 
     Raises:
         WeightsError: there is no such file, or it is damaged or of an unknown kind.
@@ -30,9 +30,8 @@ def read(path: Path) -> dict[str, np.ndarray]:
             head = file.read(9)
         if head.startswith(b"PK\x03\x04"):
             return _read_archive(path)
-        if head.startswith(b"\x89HDF\r\n\x1a\n"):
-            with open(path, "rb") as file:
-                return read_h5(file, str(path))
+        if head.startswith(_HDF5):
+            raise _keras(path)
         if head[8:9] == b"{":
             return read_safetensors(path)
         if head.startswith(b"\x80"):
@@ -43,25 +42,20 @@ def read(path: Path) -> dict[str, np.ndarray]:
 
 
 def _read_archive(path: Path) -> dict[str, np.ndarray]:
-    """Read one of the three kinds that are zip archives."""
+    """Read one of the two kinds that are zip archives."""
     try:
         with zipfile.ZipFile(path) as archive:
             names = archive.namelist()
-            held = [name for name in names if name.endswith((".h5", ".hdf5"))]
-            if len(held) == 1:
-                return read_h5(_entry(archive, held[0], path), f"{path}: {held[0]}")
     except zipfile.BadZipFile as error:
         raise WeightsError(f"{path}: a damaged zip archive ({error})") from None
+    if any(name.endswith((".h5", ".hdf5")) for name in names):
+        raise _keras(path)
     return read_npz(path) if any(name.endswith(".npy") for name in names) else read_zip(path)
 
 
-def _entry(archive: zipfile.ZipFile, name: str, path: Path) -> BytesIO:
-    if archive.getinfo(name).file_size > _LARGEST:
-        raise WeightsError(f"{path}: {name}: larger than VGG16; expected its weights")
-    try:
-        return BytesIO(archive.read(name))
-    except Exception as error:  # zipfile and zlib have different errors
-        raise WeightsError(f"{path}: {name}: damaged ({error})") from None
+def _keras(path: Path) -> WeightsError:
+    made = f"python -m scripts.convert_weights {shlex.quote(str(path))} --out vgg16.safetensors"
+    return WeightsError(f"{path}: Keras's .h5 is not read; in a checkout, write it anew: {made}")
 
 
 def read_npz(path: Path, only: tuple[str, ...] | None = None) -> dict[str, np.ndarray]:
@@ -71,6 +65,9 @@ def read_npz(path: Path, only: tuple[str, ...] | None = None) -> dict[str, np.nd
         WeightsError: it cannot be read, is damaged, or holds other objects than arrays.
     """
     try:
+        with open(path, "rb") as file:
+            if file.read(8) == _HDF5:
+                raise _keras(path)
         with np.load(path, allow_pickle=False) as archive:
             names = archive.files if only is None else [n for n in archive.files if n in only]
             _refuse_bomb(archive.zip, [f"{name}.npy" for name in names], path)

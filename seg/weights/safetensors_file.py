@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import numpy as np
-from safetensors import SafetensorError, deserialize
+from safetensors import SafetensorError, deserialize, safe_open
 
 from seg.errors import WeightsError
 from seg.weights.tensors import from_bytes
@@ -32,3 +32,12 @@ def read_safetensors(path: Path) -> dict[str, np.ndarray]:
         name: from_bytes(memoryview(own["data"]), _DTYPES[own["dtype"]]).reshape(own["shape"])
         for name, own in tensors.items()
     }
+
+
+def source_of(path: Path) -> str | None:
+    """The description of the weights in a file's metadata; None without one, or for another kind of file."""
+    try:
+        with safe_open(path, "np") as file:
+            return (file.metadata() or {}).get("source")
+    except SafetensorError:
+        return None

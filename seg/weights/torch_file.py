@@ -34,7 +34,7 @@ def read_zip(path: Path) -> dict[str, np.ndarray]:
             pickled = [n for n in archive.namelist() if n.rsplit("/", 1)[-1] == "data.pkl"]
             if len(pickled) != 1:
                 raise WeightsError(
-                    f"{path}: a zip archive, but neither of torch.save (no data.pkl) nor with one .h5 in it"
+                    f"{path}: a zip archive, but not of torch.save (it has no data.pkl)"
                 )
             root = pickled[0].removesuffix("data.pkl")
             if _entry(archive, f"{root}byteorder", b"little", path).strip() != b"little":

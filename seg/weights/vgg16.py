@@ -1,8 +1,8 @@
 """Reads VGG16's layers under the names of common files, and checks each one.
 
 It knows torchvision's names (`features.0.weight`, `classifier.0.weight`), those of its `features` alone
-(`0.weight`), timm's, which differ in the classifier (`pre_logits.fc1.weight`), Keras's
-(`block1_conv1/kernel`, `fc1/kernel`), and ours (`conv1_1/kernel`, `fc6/kernel`). The classifier's fc6 and fc7
+(`0.weight`), timm's, which differ in the classifier (`pre_logits.fc1.weight`), and ours (`conv1_1/kernel`,
+`fc6/kernel`). The classifier's fc6 and fc7
 become convolutions of 7x7 and 1x1, as in FCN8s; its last layer, over ImageNet's classes, is left out. A file
 may also hold the 13 convolutions alone.
 """
@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from seg.errors import WeightsError
-from seg.weights.normalisation import Normalisation
+from seg.names import Normalisation
 
 CONVS = tuple(
     f"conv{s}_{n}" for s, count in enumerate((2, 2, 3, 3, 3), 1) for n in range(1, count + 1)
@@ -28,10 +28,7 @@ _HIDDEN = 4096
 _FEATURES = (0, 2, 5, 7, 10, 12, 14, 17, 19, 21, 24, 26, 28)
 _TORCHVISION = (*(f"features.{i}" for i in _FEATURES), "classifier.0", "classifier.3")
 _TIMM = (*_TORCHVISION[:13], "pre_logits.fc1", "pre_logits.fc2")
-_KERAS = (*(f"block{name[4]}_conv{name[6]}" for name in CONVS), "fc1", "fc2")
-HED_SIDES = ("dsn1/", "dsn2/", "dsn3/", "dsn4/", "dsn5/", "fuse/")
-"""Prefixes of the arrays that HED has besides VGG16's convolutions."""
-_IGNORED = ("classifier.6.", "head.", "fc8/", "predictions/", *HED_SIDES)
+_IGNORED = ("classifier.6.", "head.", "fc8/")
 
 
 class Scheme(NamedTuple):
@@ -49,7 +46,6 @@ SCHEMES = (
     Scheme("torchvision", _TORCHVISION, (".weight", ".bias"), True, "torchvision"),
     Scheme("timm", _TIMM, (".weight", ".bias"), True, "torchvision"),
     Scheme("features", tuple(map(str, _FEATURES)), (".weight", ".bias"), True, None),
-    Scheme("Keras", _KERAS, ("/kernel", "/bias"), False, "caffe"),
 )
 
 
@@ -77,7 +73,7 @@ def scheme_of(names: Iterable[str], where: str) -> Scheme:
         first = ", ".join(sorted(have)[:3]) or "nothing"
         raise WeightsError(
             f"{where}: no layer of VGG16 in it (it holds {first} ...); expected names such as "
-            "features.0.weight (torchvision), block1_conv1/kernel (Keras) or conv1_1/kernel"
+            "features.0.weight (torchvision) or conv1_1/kernel"
         )
     return best
 
@@ -131,12 +127,11 @@ def _array(
     allowed = [ours]
     if len(ours) == 4:
         rows, columns, c_in, c_out = ours
-        flat = c_in * rows * columns
         # A convolution kernel and a fully connected one of the file: PyTorch flattens the input channel by
-        # channel, Keras pixel by pixel.
+        # channel.
         allowed = [(c_out, c_in, rows, columns) if scheme.torch else ours]
-        if name.startswith("fc") and scheme.name != "our own":
-            allowed.append((c_out, flat) if scheme.torch else (flat, c_out))
+        if name.startswith("fc") and scheme.torch:
+            allowed.append((c_out, c_in * rows * columns))
     if array.shape not in allowed or array.dtype.kind != "f":
         raise WeightsError(
             f"{where}: {array.dtype}{list(array.shape)}; "

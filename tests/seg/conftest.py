@@ -100,7 +100,7 @@ def check_ours(path, normalisation, layers=vgg16.LAYERS):
     expected = {n: a for n, a in ours().items() if n.split("/")[0] in layers}
     if normalisation != "torchvision":
         first = "conv1_1/kernel", "conv1_1/bias"
-        expected |= zip(first, from_bgr(*(expected[n] for n in first), normalisation), strict=True)
+        expected |= zip(first, from_bgr(*(expected[n] for n in first)), strict=True)
     assert_same(arrays, expected)
     return source
 

