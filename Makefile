@@ -43,7 +43,7 @@ test: setup
 	@$(BIN)/python -m pytest -n "$(JOBS)" --dist loadfile -m "not slow and not robust" --durations=20 $(ARGS)
 
 results: setup
-	@$(BIN)/python -m experiments.results $(if $(DATA),--data "$(DATA)") $(if $(FACADES),--facades "$(FACADES)") $(if $(WEIGHTS),--weights "$(WEIGHTS)") $(if $(STORE),--store "$(STORE)") --docs docs
+	@$(BIN)/python -m scripts.results $(if $(DATA),--data "$(DATA)") $(if $(FACADES),--facades "$(FACADES)") $(if $(WEIGHTS),--weights "$(WEIGHTS)") $(if $(STORE),--store "$(STORE)") --docs docs
 
 # Compiled as users have it, see tests/conftest.py.
 nightly: setup

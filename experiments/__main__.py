@@ -38,24 +38,25 @@ GROUPS = {
         "tune": "sdr_jax.tune",
         "report": "experiments.report",
         "store": "experiments.store",
-    },
-    "How our nets and results were made": {
-        "results": "experiments.results",
         "weights": "seg.weights",
-        "renders19": "experiments.renders19",
     },
 }
 """Modules of the commands by task, in the order of the help."""
 STUDIES = {
     name: f"experiments.{name}"
     for name in (
-        "table", "labels", "pretrain", "ablation", "assets", "searches", "compare", "sensitivity",
-        "fidelity",
+        "table", "labels", "pretrain", "ablation", "assets", "searches", "sensitivity", "fidelity",
     )
 }  # fmt: skip
 """Modules of the paper's studies, `sdr-jax study NAME`."""
 COMMANDS = {name: module for group in GROUPS.values() for name, module in group.items()} | STUDIES
 """Modules of all commands; a study is a command, too."""
+MOVED = {
+    "compare": f"use {PROGRAM} study searches --core-minutes",
+    "results": "in a checkout, make results or python -m scripts.results",
+    "renders19": "in a checkout, python -m scripts.renders19",
+}
+"""Commands that are gone, and what to use."""
 STUDY = "study"
 WIDE = 80
 """The most characters of a line of the help."""
@@ -86,7 +87,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(script(PROGRAM, parsers, STUDY, [*STUDIES]), end="")
         return 0
     if name not in known:
-        cure = meant(name, known) or f"; {called} --help lists all"
+        cure = f"; {MOVED[name]}" if name in MOVED else meant(name, known)
+        cure = cure or f"; {called} --help lists all"
         print(f"{called}: error: no {kind} {name!r}{cure}", file=sys.stderr)
         return USAGE
     return run(name, rest[:-1])

@@ -1,14 +1,16 @@
-"""Compares several searches of several methods with equal numbers of rewards, each as in the main job.
+"""Compares several searches of several methods, at equal numbers of rewards or at equal cost.
 
     sdr-jax study searches --target camvid --data DIR --holdout 0006R0 --space extended
     sdr-jax study searches --target camvid --data DIR --methods intervals --searches 3
+    sdr-jax study searches --target camvid --data DIR --core-minutes 15   # methods at equal cost
     sdr-jax study searches --target twin --preset smoke                   # about a minute
     sdr-jax study searches --rederive runs/a/searches.json --out runs/b   # no net at all
 
 The k-th search of every method has the seed --seed + k and equals the search of the main job with that seed
-and method: with its --store, nothing is evaluated twice. Final nets of all answers, of random attributes, of
-the hand-set street and of the reward images share their seeds, and intervals are over searches and nets.
-The same command continues a killed run.
+and method: with its --store, nothing is evaluated twice. With --core-minutes a search has as many rewards as
+take so long, and its answer is its method's own; --subset then optimises some attributes alone. Final nets of
+all answers, of random attributes, of the hand-set street and of the reward images share their seeds, and
+intervals are over searches and nets. The same command continues a killed run.
 """
 
 from __future__ import annotations
@@ -46,6 +48,7 @@ from experiments.study.searches import core_seconds, failed_evaluations, rewards
 from experiments.study.skeleton import Made, Row, Search, do, of_rows
 from experiments.study.stats import Table, bounded, gain, less, mean, over_both
 from experiments.target.base import Target
+from scene.attributes import names
 from scene.proposal import describe
 from shell.errors import UserError
 
@@ -68,9 +71,23 @@ def check(config: ManyConfig) -> None:
     """Raise UserError with the flag for a field out of range."""
     if "random_attributes" in config.methods:
         raise UserError("--methods random_attributes searches for nothing: it is the row random")
+    if config.subset is not None:
+        check_subset(config.subset, config)
     for name, own in configured(config).items():
         check_flags(own)
         plan_of(own, name)
+
+
+def check_subset(subset: tuple[str, ...], config: ManyConfig) -> None:
+    """Raise UserError for attributes that are unknown or held, or for a subset that has no effect."""
+    if config.core_minutes is None:
+        raise UserError("--subset needs --core-minutes")
+    known = names(config.space)
+    for name in subset:
+        if name not in known:
+            raise UserError(f"--subset: attribute {name!r} is unknown; known: {', '.join(known)}")
+        if name in config.held:
+            raise UserError(f"--subset: attribute {name} is held by --fix")
 
 
 def configured(config: ManyConfig) -> dict[str, ManyConfig]:
@@ -93,7 +110,8 @@ def plan_of(config: ManyConfig, name: str) -> SearchPlan:
     if config.core_minutes is None:
         return learn.plan_of(config, name)
     method = config.search.method
-    return plans.within(config, name, method, config.varied, config.core_minutes)
+    subset = config.subset or config.varied
+    return plans.within(config, name, method, subset, config.core_minutes)
 
 
 def searches(config: ManyConfig) -> dict[str, Search]:
@@ -157,6 +175,7 @@ def report(run: Run[ManyConfig], made: Made, rows: list[Report]) -> Report:
         **few.about(run),
         "rewards_at": config.reward.size,
         "core_minutes": config.core_minutes,
+        "subset": config.subset,
         "evaluations": None if config.core_minutes else learn.plan_of(config).evaluations,
         "space": config.space,
         "baselines": {name: own for name, own in scored.items() if name in BASELINES},
@@ -255,8 +274,8 @@ def text(report: Report) -> str:
     lines = [
         introduction(report),
         "",
-        f"{_spent(report)} at {report['rewards_at']} in the space {report['space']}; {_chosen(report)}. "
-        + _intervals(report),
+        f"{_spent(report)} at {report['rewards_at']} in the space {report['space']}; {_chosen(report)}"
+        f"{_subset(report)}. " + _intervals(report),
         *([f"All rendered sets stand beside {beside} labelled images."] if beside else []),
         "",
         *table(COLUMNS, report["rows"]),
@@ -302,6 +321,12 @@ def _chosen(report: Report) -> str:
         "its answer was chosen on the reward images, among its method's in several readings and the "
         "hand-set street"
     )
+
+
+def _subset(report: Report) -> str:
+    """Which attributes were optimised, in words; nothing where all were."""
+    subset = report.get("subset")
+    return f"; {', '.join(subset)} were optimised, the others are random" if subset else ""
 
 
 def _hand_set(searches: list[Report]) -> list[str]:

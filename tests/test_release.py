@@ -60,6 +60,10 @@ def test_a_command_has_one_name_however_it_is_called(words, said):
     (["rendr"], "sdr-jax: error: no command 'rendr'; did you mean render?"),
     (["xyz"], "sdr-jax: error: no command 'xyz'; sdr-jax --help lists all"),
     (["study", "ablatoin"], "sdr-jax study: error: no study 'ablatoin'; did you mean ablation?"),
+    (["study", "compare"],
+     "sdr-jax study: error: no study 'compare'; use sdr-jax study searches --core-minutes"),
+    (["results"],
+     "sdr-jax: error: no command 'results'; in a checkout, make results or python -m scripts.results"),
     (["study", "fit"], "sdr-jax study: error: no study 'fit'; sdr-jax study --help lists all"),
 ])  # fmt: skip
 def test_a_misspelt_command_is_one_line_and_exit_code_2(words, said, capsys):
@@ -101,7 +105,7 @@ def script() -> str:
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="needs bash")
 @pytest.mark.parametrize(("words", "some"), [
-    (["re"], {"render", "report", "renders19", "results"}),
+    (["re"], {"render", "report"}),
     (["study", "ta"], {"table"}),
     (["render", "--as"], {"--assets", "--asset-use", "--asset-fraction", "--asset-count"}),
     (["render", "--format", "co"], {"coco"}),

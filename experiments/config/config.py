@@ -254,14 +254,6 @@ class LearntConfig(SearchConfig, Rederived):
     """attributes.json of an earlier run; by default the search runs here."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class SearchesConfig(GroupsConfig, Rederived):
-    """More fields of a study of many searches."""
-
-    evaluations: Annotated[int, at_least(1), NETS]
-    """Rewards of each search."""
-
-
 AnyConfig = TypeVar("AnyConfig", bound=Config)
 
 

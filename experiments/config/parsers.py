@@ -14,8 +14,6 @@ from shell.target_file import SHIPPED, Fit
 
 PORT, REPORT_PORT = 8420, 8421
 """Ports of the playground and of a served report."""
-STEPS = 3000
-"""The training of renders19."""
 WORST = 6
 """Number of images that `sdr-jax evaluate` shows."""
 
@@ -213,17 +211,6 @@ def store() -> Parser:
         "files", type=Path, nargs="+", metavar="FILE", help="stores, or run folders"
     )
     options.add_argument("--out", type=Path, metavar="FILE", help="the new store that merge writes")
-    return options
-
-
-def renders19() -> Parser:
-    """The command line of `sdr-jax renders19`."""
-    options = Parser("renders19", docstring("experiments.renders19"))
-    add = options.add_argument
-    add("datasets", type=Path, nargs="+", metavar="DATASET", help="folder of `sdr-jax render`")
-    add("--out", type=Path, required=True, metavar="DIR", help="folder of the model")
-    add("--steps", type=int, default=STEPS, metavar="N", help="of training")
-    add("--seed", type=int, default=0, metavar="N", help="seed of the net")
     return options
 
 

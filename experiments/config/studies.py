@@ -13,7 +13,6 @@ from experiments.config.config import (
     BinsConfig,
     Config,
     FewConfig,
-    Group,
     GroupsConfig,
     LearntConfig,
     MainConfig,
@@ -21,12 +20,11 @@ from experiments.config.config import (
     Rederived,
     RewardConfig,
     RewardKind,
-    SearchesConfig,
     ShareConfig,
     TargetName,
 )
 from experiments.config.options import Fidelity, MethodOptions, Search
-from experiments.config.presets import POSITIONS, Table
+from experiments.config.presets import Table
 from sdr_jax.names import MethodName
 from seg.settings import NetName
 from shell.bounds import DISTINCT, POSITIVE, at_least, within
@@ -117,11 +115,12 @@ class PretrainConfig(LearntConfig):
 
 
 @dataclass(frozen=True, kw_only=True)
-class AblationConfig(SearchesConfig):
+class AblationConfig(GroupsConfig, Rederived):
     """One ablation. Every field is a flag."""
 
     search: MethodOptions
     evaluations: Annotated[int, at_least(1), NETS] = 96
+    """Rewards of each search."""
     variants: Annotated[tuple[Variant, ...], DISTINCT] = VARIANTS
     """The variants to compare, with full among them."""
 
@@ -164,25 +163,8 @@ class ManyConfig(FewConfig, Rederived):
     core_minutes: Annotated[float | None, POSITIVE] = None
     """As many rewards for each search as take about so many minutes of a core, without model selection; by
     default as many as the preset has."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class CompareConfig(SearchesConfig):
-    """One comparison. Every field is a flag."""
-
-    evaluations: Annotated[int, at_least(1), NETS] = 48
-    core_minutes: Annotated[float | None, POSITIVE] = None
-    """Instead of --evaluations: as many rewards for each search as take about so many minutes of a core."""
-    methods: Annotated[tuple[MethodName, ...], DISTINCT] = (
-        "random_attributes", "random_search", "attribute_descent", "sdr", "surrogate",
-    )  # fmt: skip
-    """The search methods."""
-    subsets: tuple[Group, ...] = tuple(POSITIONS[:count] for count in (3, 5, 7))
-    """Attributes to optimise, one word per subset, or the word all; the others stay random."""
-    finals: bool = True
-    """Train the final nets; without them only the rewards are recorded."""
-    cheap_finals: bool = True
-    """Also train nets at the reward's size and at one between, to see whether the gain grows or vanishes."""
+    subset: Annotated[tuple[str, ...] | None, DISTINCT] = None
+    """With --core-minutes: the attributes to optimise; the others stay random. By default all."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -226,7 +208,7 @@ class FidelityConfig(RewardConfig, BinsConfig, Rederived):
 
 def methods_of(config: GroupsConfig) -> tuple[MethodName, ...]:
     """The methods by which a job searches."""
-    if isinstance(config, ManyConfig | CompareConfig):
+    if isinstance(config, ManyConfig):
         return config.methods
     return (config.search.method,) if isinstance(config.search, MethodOptions) else ()
 
@@ -252,9 +234,6 @@ def _study(name: str, kind: type[Config], own: Mapping[Preset, Table]) -> Job:
     return Job(kind, f"experiments.{name}", f"experiments.{name}:RUN", f"study {name}", own)
 
 
-# With eight, methods that go group by group have no rewards left over.
-_EIGHT: Table = {"search": {"datasets_per_update": 8}, "seeds": 3}
-_PAPERS: Table = {"evaluations": 300}  # the budget of its six groups, 50 updates each
 # Ten images of each street, as in the paper's presets, divide all numbers of images.
 _TEN: Table = {"final": {"streets": 45, "shots": 10}}
 _FCN8S: Table = {"final": {"train": {"net": "fcn8s"}}}
@@ -274,8 +253,9 @@ STUDIES: dict[str, Job] = {
             "evaluations": 4,
             "variants": ("full", "no_relaxation", "shuffled_groups", "no_positions"),
         },
-        "quick": {**_EIGHT, "search": {"datasets_per_update": 8, "method": "intervals"}},
-        "paper": _PAPERS,
+        # With eight, methods that go group by group have no rewards left over.
+        "quick": {"search": {"datasets_per_update": 8, "method": "intervals"}, "seeds": 3},
+        "paper": {"evaluations": 300},  # the budget of its six groups, 50 updates each
     }),
     "assets": _study("assets", AssetsConfig, {
         "smoke": {"images": (2, 4)},
@@ -286,13 +266,6 @@ STUDIES: dict[str, Job] = {
         "smoke": {"searches": 2, "methods": ("intervals", "random_search")},
         "quick": {"seeds": 3},
         "paper": {"searches": 1, "methods": ("sdr",)},
-    }),
-    "compare": _study("compare", CompareConfig, {
-        "smoke": {"evaluations": 4, "subsets": (POSITIONS[:2], POSITIONS[:3])},
-        "quick": _EIGHT,
-        "paper": {**_PAPERS, "methods": (
-            "random_attributes", "random_search", "attribute_descent", "sdr",
-        )},
     }),
     "sensitivity": _study("sensitivity", SensitivityConfig, {
         "smoke": {"evaluations": 12}, "quick": {"evaluations": 128}, "paper": {"evaluations": 300},

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -60,20 +59,6 @@ def embed(plan: SearchPlan, proposals: Any) -> Proposal:
     return Proposal(*whole)
 
 
-class Stopwatch:
-    """CPU and wall seconds of this process while it runs, without those of a stopwatch inside."""
-
-    def __init__(self) -> None:
-        self.cpu = self.wall = 0.0
-
-    def __enter__(self) -> None:
-        self._started = time.process_time(), time.perf_counter()
-
-    def __exit__(self, *_: object) -> None:
-        self.cpu += time.process_time() - self._started[0]
-        self.wall += time.perf_counter() - self._started[1]
-
-
 class Rewards:
     """Evaluates the data sets of one update after the other.
 
@@ -95,7 +80,6 @@ class Rewards:
         self._job = Job(recipe, random_proposal(plan.space), 0, {}, "reward", kind)
         run.runner.about(self._job)  # here, since it needs JAX
         self._update = 0
-        self.watch = Stopwatch()
         self.results: list[Result] = []
         self.asked: list[Proposal] = []
 
@@ -105,26 +89,25 @@ class Rewards:
         Raises:
             UserError: more than a tenth of the evaluations failed, or the log is from another run.
         """
-        with self.watch:
-            run, proposals = self._run, embed(self._plan, asked.proposals)
-            own = [Proposal(*each) for each in zip(*proposals, strict=True)]
-            jobs = [
-                self._job._replace(
-                    source=beside(run, run.config.reward, proposal),
-                    seed=seed,
-                    notes={**self._place(k), "actions": actions},
-                )
-                for k, (proposal, seed, actions) in enumerate(
-                    zip(own, asked.seeds.tolist(), asked.actions.tolist(), strict=True)
-                )
-            ]
-            self._refuse_another(jobs)
-            self.asked += own
-            results = run.runner.run(jobs, run.evaluations)
-            self.results += results
-            self._update += 1
-            refuse_failed(self.results, self._plan.evaluations)
-            return np.array([result.reward for result in results], np.float32)
+        run, proposals = self._run, embed(self._plan, asked.proposals)
+        own = [Proposal(*each) for each in zip(*proposals, strict=True)]
+        jobs = [
+            self._job._replace(
+                source=beside(run, run.config.reward, proposal),
+                seed=seed,
+                notes={**self._place(k), "actions": actions},
+            )
+            for k, (proposal, seed, actions) in enumerate(
+                zip(own, asked.seeds.tolist(), asked.actions.tolist(), strict=True)
+            )
+        ]
+        self._refuse_another(jobs)
+        self.asked += own
+        results = run.runner.run(jobs, run.evaluations)
+        self.results += results
+        self._update += 1
+        refuse_failed(self.results, self._plan.evaluations)
+        return np.array([result.reward for result in results], np.float32)
 
     def _refuse_another(self, jobs: Sequence[Job]) -> None:
         """Raise UserError if the run folder has another reward at the place of a job."""

@@ -12,7 +12,7 @@ import sdr_jax
 from experiments.config import RewardKind
 from experiments.evaluation.job import REWARD_NAMES, Result, in_words
 from experiments.run.context import Run
-from experiments.run.rewards import Rewards, SearchPlan, Stopwatch, embed
+from experiments.run.rewards import Rewards, SearchPlan, embed
 from scene.proposal import Proposal
 from sdr_jax.method import on_clipping
 from sdr_jax.run import on_processor
@@ -29,8 +29,6 @@ class Found(NamedTuple):
     baselines: np.ndarray  # f32[updates]
     groups: np.ndarray  # i32[updates]
     probabilities: np.ndarray  # f32[updates, attributes of the subset, bins], after each update
-    cpu_seconds: float  # of the method itself, with compilation
-    wall_seconds: float
     expected: np.ndarray | None = None
     """f32[updates, datasets, 2]: the model's prior mean and standard deviation of each reward, NaN before the
     first rewards; None without a model."""
@@ -52,8 +50,7 @@ def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
     Raises:
         UserError: more than a tenth of the evaluations failed, or the log is from another run.
     """
-    method, watch = plan.search, Stopwatch()
-    rewards = Rewards(run, plan, kind)
+    method, rewards = plan.search, Rewards(run, plan, kind)
     reward_fn = sdr_jax.host_reward(rewards, common=plan.options.common_random_numbers)
     steps = sdr_jax.drive(jax.random.key(plan.seed), method, reward_fn, plan.updates, plan.datasets)
     history: list[tuple] = []
@@ -61,12 +58,11 @@ def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
     state: Any = None  # there are no expectations before the first update
     clipped = False
     for update in range(plan.updates):
-        with watch:
-            before = state
-            state, record = next(steps)
-            foreseen += _foreseen(method, before, record)
-            info = jax.device_get(record.info)
-            probabilities = np.asarray(method.probabilities(state))
+        before = state
+        state, record = next(steps)
+        foreseen += _foreseen(method, before, record)
+        info = jax.device_get(record.info)
+        probabilities = np.asarray(method.probabilities(state))
         own = np.array([result.reward for result in rewards.results[-plan.datasets :]], np.float32)
         history.append((own, float(info.baseline), int(info.group), probabilities))
         if info.clipped and not clipped:
@@ -75,9 +71,8 @@ def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
             run.progress.say(f"{plan.name}: {on_clipping(int(info.clipped), told)}")
         run.progress.standing = standing(kind, [rewards for rewards, *_ in history])
         run.progress.update(_said(plan, kind, update, history))
-    with watch:
-        solution = embed(plan, jax.device_get(method.solution(state)))
-        spread = embed(plan, jax.device_get(method.spread(state)))
+    solution = embed(plan, jax.device_get(method.solution(state)))
+    spread = embed(plan, jax.device_get(method.spread(state)))
     by_update, baselines, groups, distributions = zip(*history, strict=True)
     return Found(
         solution,
@@ -88,8 +83,6 @@ def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
         baselines=np.array(baselines, np.float32),
         groups=np.array(groups, np.int32),
         probabilities=np.stack(distributions),
-        cpu_seconds=max(watch.cpu - rewards.watch.cpu, 0.0),
-        wall_seconds=max(watch.wall - rewards.watch.wall, 0.0),
         expected=np.stack(foreseen) if foreseen else None,
     )
 

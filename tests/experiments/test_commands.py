@@ -15,7 +15,7 @@ from tests.guard_files import as_recorded, keys_of
 
 from .conftest import ROOT, TINY, main_job
 
-NETS = ("table", "pretrain", "assets", "ablation", "compare", "labels")
+NETS = ("table", "pretrain", "assets", "ablation", "labels")
 """Studies whose rows are of nets."""
 
 

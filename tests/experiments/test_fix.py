@@ -38,7 +38,6 @@ def checked(scores: Counted) -> int:
     ("table", 6, "--learnt FILE"), ("pretrain", 2, "--learnt FILE"), ("assets", 4, ""),
     ("labels", 2, "--learnt FILE --renders default learnt"),
     ("ablation", 8, "--variants full random no_positions --search.method random_search"),
-    ("compare", 8, "--methods random_attributes random_search --subsets all"),
     ("searches", 20, "--methods random_search --few 2"),
     ("fidelity", 6, ""), pytest.param("sensitivity", 12, "", marks=pytest.mark.slow),
 ])  # fmt: skip

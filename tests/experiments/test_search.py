@@ -57,7 +57,6 @@ def test_every_reward_is_logged_with_its_actions(config, run):
     assert found.probabilities.shape == (12, 23, 5)
     np.testing.assert_allclose(found.probabilities.sum(-1), 1, atol=1e-5)
     assert [result.reward for result in found.results] == [r["reward"] for r in logged]
-    assert found.wall_seconds > 0
     seeds = [r["seed"] for r in logged]  # random numbers are common to an update
     assert seeds[::2] == seeds[1::2] and len(set(seeds)) == 12
     # An attribute has an action from its group's turn on, and keeps it once learnt.

@@ -31,7 +31,6 @@ from experiments.study.skeleton import (
     of_rows,
 )
 from experiments.study.stats import statistics
-from scene.attributes import NAMES
 from scene.proposal import random_proposal
 from shell.errors import UserError
 from shell.files import read_json
@@ -52,7 +51,7 @@ from .conftest import (
     transferred,
 )
 
-TRAINED = ("table", "pretrain", "assets", "ablation", "compare", "labels")  # their rows are of nets
+TRAINED = ("table", "pretrain", "assets", "ablation", "labels")  # their rows are of nets
 RECORDED = [
     path for path in sorted((ROOT / "docs" / "results").rglob("*.json"))
     if not path.name.startswith(("attributes", "fidelity"))  # none; not of nets
@@ -173,20 +172,18 @@ def test_a_recorded_report_is_derived_anew(recorded, out):
     ("searches", ("--searches", "0"), "--searches must be 1 or more, not 0"),
     ("searches", ("--methods", "sdr", "sdr"), "--methods sdr sdr names one of them twice"),
     ("searches", ("--methods", "random_attributes"), "searches for nothing"),
+    ("searches", ("--groups", "car_position"), "--groups: in no group"),
+    ("searches", ("--core-minutes", "0.0001"), "0.0001 are too few for one update of intervals"),
+    ("searches", ("--subset", "car_position"), "--subset needs --core-minutes"),
+    ("searches", ("--subset", "fog", "--core-minutes", "1"), "--subset: attribute 'fog' is unknown"),
+    ("searches", ("--subset", "bend", "bend", "--core-minutes", "1"), "--subset bend bend names one"),
     ("table", ("--few", "4"), "--few 4 selects all 4 labelled images of camvid"),
     ("ablation", ("--variants", "full", "full"), "--variants full full names one of them twice"),
     ("ablation", ("--variants", "no_groups"), "--variants must hold full"),
     ("ablation", ("--method", "sdr"), "--evaluations 4 are too few for sdr on 23 attributes"),
     ("ablation", ("--method", "random_attributes"), "random_attributes searches for nothing"),
-    ("compare", ("--methods", "sdr", "sdr"), "--methods sdr sdr names one of them twice"),
-    ("compare", ("--subsets", "car_position,fog"), "attribute 'fog' is unknown"),
-    ("compare", ("--subsets", "car_position,car_position"), "--subsets car_position car_position names"),
-    ("compare", ("--subsets", "all", ",".join(NAMES)), "names one of them twice"),
-    ("compare", ("--subsets",), "--subsets needs at least one"),
-    ("compare", ("--groups", "car_position"), "--groups: in no group"),
-    ("compare", ("--evaluations", "0"), "--evaluations must be 1 or more, not 0"),
-    ("compare", ("--evaluations", "3"), "multiple of --search.datasets-per-update 2, not 3"),
-    ("compare", ("--subsets", "all", "--methods", "sdr"), "too few for sdr on 23 attributes: 6 groups"),
+    ("ablation", ("--evaluations", "0"), "--evaluations must be 1 or more, not 0"),
+    ("ablation", ("--evaluations", "3"), "multiple of --search.datasets-per-update 2, not 3"),
     ("fidelity", ("--proposals", "1"), "--proposals must be 2 or more"),
     ("fidelity", ("--repeated", "9"), "--repeated must be 5 or less, the number of proposals, not 9"),
     ("fidelity", ("--repeats", "1"), "--repeats must lie in [2, "),
@@ -212,9 +209,8 @@ def test_bad_input_is_one_line(name, flags, complaint, command, out, error_line,
     ("assets", ("--asset-fraction", "0.5")),
     ("ablation", ("--variants", "no_fog")), ("ablation", ("--learnt", "x.json")),
     ("ablation", ("--reward-kind", "mmd")), ("ablation", ("--candidates", "argmax")),
-    ("compare", ("--methods", "descent")), ("compare", ("--search.method", "sdr")),
-    ("searches", ("--method", "sdr")),
-    ("compare", ("--search.updates-per-group", "3")), ("compare", ("--candidates", "seen")),
+    ("searches", ("--methods", "descent")), ("searches", ("--search.method", "sdr")),
+    ("searches", ("--method", "sdr")), ("ablation", ("--search.updates-per-group", "3")),
 ])  # fmt: skip
 def test_flags_that_cannot_be_are_refused_by_name(name, flags, command, out, capsys):
     with pytest.raises(SystemExit, match=r"^2$"):

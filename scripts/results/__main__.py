@@ -1,8 +1,8 @@
 """Makes every recorded result and their page from one commit: `make results`.
 
-    sdr-jax results --data CAMVID --facades LABELMEFACADE      # all; hours on two cores
-    sdr-jax results --data CAMVID --only camvid --docs docs
-    sdr-jax results --data CAMVID --preset smoke               # all of it, tiny: only a trial
+    python -m scripts.results --data CAMVID --facades LABELMEFACADE      # all; hours on two cores
+    python -m scripts.results --data CAMVID --only camvid --docs docs
+    python -m scripts.results --data CAMVID --preset smoke               # all of it, tiny: only a trial
 
 Each part is a command with its own folder, in the order of the page; all share a store, so that nothing is
 evaluated twice. Parts on data that is not given are left out. The same command continues a killed run. A
@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from experiments.config.presets import data_of
-from experiments.results.parts import Data, Size, parts
+from scripts.results.parts import Data, Size, parts
 from shell.command import Parser, docstring, exit_code
 from shell.errors import UserError, refuse_repeats
 from shell.flags import add_flag, filled, flags_of
@@ -49,8 +49,9 @@ class ResultsConfig:
 
 
 def parser() -> Parser:
-    """The command line of `sdr-jax results`."""
-    options = Parser("results", docstring("experiments.results"))
+    """The command line of `python -m scripts.results`."""
+    options = Parser("results", docstring("scripts.results"))
+    options.prog = "python -m scripts.results"
     for field in flags_of(ResultsConfig()):
         add_flag(options.add_argument, field)
     return options
@@ -60,7 +61,7 @@ def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
     default, options = ResultsConfig(), parser()
     given = vars(options.parse_args(arguments))
-    from experiments.results.making import make  # the help needs no job
+    from scripts.results.making import make  # the help needs no job
 
     def work() -> None:
         config = filled(default, given)

@@ -1,14 +1,21 @@
-"""What the report of many searches says of methods, with model selection and without."""
+"""Many searches: plans at equal cost, some attributes alone, and what the report says of methods."""
 
 from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from experiments.config.studies import defaults_of
 from experiments.evaluation.cost import cost_of
+from experiments.run.plans import plan, schedule
 from experiments.searches import check, configured, derive, plan_of, rows, text, work
+from scene.attributes import NAMES
 from shell.errors import UserError
+from shell.files import read_json
+
+from .conftest import lines
 
 
 def nets(*scores):
@@ -79,3 +86,42 @@ def test_searches_at_equal_core_minutes_have_no_selection_and_end_with_their_met
         check(replace(config, core_minutes=0.1))
     page = text(report(search(0, "argmax", nets(36.0, 38.0)), core_minutes=15.0))
     assert "rewards for 15 minutes of a core" in page and "its answer is its method's own" in page
+
+
+def test_failed_evaluations_are_told():
+    failing = search(0, "argmax", nets(36.0, 38.0), rewards=[None, 30.0, 40.0])
+    page = text(report(failing, core_minutes=15.0))
+    assert "1 evaluations failed and are left out of their update." in page
+
+
+def test_at_equal_cost_some_attributes_are_searched_and_the_others_random(command, out):
+    subset = ("building_position", "fence_position")
+    flags = ("--methods", "intervals", "random_search", "--searches", "1", "--core-minutes", "0.05")
+    assert command("searches", out, *flags, "--subset", *subset) == 0
+    found = read_json(out / "searches.json")
+    assert (found["core_minutes"], found["subset"]) == (0.05, [*subset])
+    ours, theirs = (len(own["rewards"]) for own in found["searches"])
+    logged = lines(out / "evaluations.jsonl")
+    assert len(logged) == ours + theirs and 1 <= ours == theirs
+    others = [k for k, name in enumerate(NAMES) if name not in subset]
+    assert {(line["centre"][k], line["width"][k]) for line in logged for k in others} == {(0.5, 1)}
+    assert any(line["width"] != [1] * len(NAMES) for line in logged)
+    said = (out / "searches.md").read_text()
+    assert "; building_position, fence_position were optimised, the others are random. " in said
+
+
+def test_schedules_and_groups_by_hand():
+    assert [schedule(48, 2, 8), schedule(48, 3, 8), schedule(8, 2, 8)] == [(8, 3), (8, 2), (4, 1)]
+    assert schedule(48, 4, 8) == (6, 2)  # with 8, two of six updates would be left over
+    assert schedule(300, 4, 1) == (1, 75)
+    assert schedule(50, 3, 10) == (10, 1)  # no number does; two updates try the answer
+    three = ("car_position", "tree_position", "building_position")  # in as many groups
+    config = defaults_of("ablation", "camvid", "quick")
+    made = plan(config, "some", "sdr", three, 48)
+    assert (made.subset, made.datasets, made.updates, made.search.updates) == (three, 8, 6, 6)
+
+
+@given(st.integers(1, 400), st.integers(1, 6), st.integers(1, 10))
+def test_schedules_never_go_over_the_budget(evaluations, groups, datasets):
+    n, each = schedule(evaluations, groups, datasets)
+    assert min(datasets, 2) <= n <= datasets and n * each * groups <= evaluations

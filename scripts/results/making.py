@@ -8,9 +8,9 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-from experiments.results import page
-from experiments.results.parts import Part
 from scene.version import ENGINE
+from scripts.results import page
+from scripts.results.parts import Part
 from shell import folder
 from shell.errors import UserError
 from shell.files import read_json, write_json

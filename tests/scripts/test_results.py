@@ -8,16 +8,15 @@ import pytest
 
 from experiments.config import presets
 from experiments.config.studies import defaults_of
-from experiments.results import __main__ as command
-from experiments.results import making
-from experiments.results import parts as results
-from experiments.results.page import text
 from experiments.searches import OVER
 from experiments.study.skeleton import check
+from scripts.results import __main__ as command
+from scripts.results import making
+from scripts.results import parts as results
+from scripts.results.page import text
 from shell.errors import UserError
 from shell.files import write, write_json
-
-from .conftest import job_of, parsed
+from tests.experiments.conftest import job_of, parsed
 
 SOME = [
     results.Part(name, "main", "experiments.some", ("--data", "/mine", "--weights", "/mine"))

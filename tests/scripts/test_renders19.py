@@ -1,10 +1,10 @@
-"""`sdr-jax renders19`: a net of renders alone, from exported datasets to a model that predicts."""
+"""`scripts.renders19`: a net of renders alone, from exported datasets to a model that predicts."""
 
 import numpy as np
 
-from experiments.renders19 import main
 from scene.dataset.formats.png import encode
 from scene.render.__main__ import main as render
+from scripts.renders19 import main
 from seg.classes import CITYSCAPES_19
 from seg.model import load_model
 

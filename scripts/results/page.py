@@ -7,10 +7,10 @@ from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
 from experiments.evaluation.store import LOGS, read, result_of
-from experiments.results.parts import GROUPS, Part
 from experiments.study.form import ONE_SEARCH, Column, Report, estimate, table
 from experiments.study.stats import bounded, estimated
 from scene.version import ENGINE
+from scripts.results.parts import GROUPS, Part
 from shell import files
 from shell.progress import duration
 

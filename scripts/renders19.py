@@ -1,6 +1,6 @@
 """Trains a net on rendered streets alone, such as `renders19`, which comes with the package.
 
-    sdr-jax renders19 runs/streets/* --out seg/models/renders19
+    python -m scripts.renders19 runs/streets/* --out seg/models/renders19
 
 The net has the engine's 19 classes: a head on lite0's frozen trunk, trained on datasets of `sdr-jax render`.
 It sees no photograph, so it can be tested on any. docs/models.md describes the streets of renders19, which
@@ -18,20 +18,18 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.config import parsers
-from experiments.config.parsers import STEPS
 from scene.dataset.export import read_dataset
 from scene.dataset.read import DESCRIPTION
 from seg.model import Model, classes_of
 from seg.recipes import RECIPES, with_steps
 from seg.train import CHUNK, TrainingError, train
-from shell.command import exit_code
+from shell.command import Parser, docstring, exit_code
 from shell.errors import UserError
 from shell.files import file_digest, read_json
 from shell.progress import Progress
 from shell.target_file import shipped
 
-RECIPE = replace(RECIPES["lite0-frozen"], steps=STEPS, batch=8, head_width=128)
+RECIPE = replace(RECIPES["lite0-frozen"], steps=3000, batch=8, head_width=128)
 """For ten times the images of a run's nets: ten times the steps, and a head twice as wide."""
 
 
@@ -76,9 +74,21 @@ def make(datasets: Sequence[Path], steps: int = RECIPE.steps, seed: int = 0) -> 
     return Model(settings, variables, sizes[0], classes, notes=notes)
 
 
+def parser() -> Parser:
+    """The command line of `python -m scripts.renders19`."""
+    options = Parser("renders19", docstring("scripts.renders19"))
+    options.prog = "python -m scripts.renders19"
+    add = options.add_argument
+    add("datasets", type=Path, nargs="+", metavar="DATASET", help="folder of `sdr-jax render`")
+    add("--out", type=Path, required=True, metavar="DIR", help="folder of the model")
+    add("--steps", type=int, default=RECIPE.steps, metavar="N", help="of training")
+    add("--seed", type=int, default=0, metavar="N", help="seed of the net")
+    return options
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line; returns the exit code."""
-    options = parsers.renders19().parse_args(arguments)
+    options = parser().parse_args(arguments)
     os.environ["NPROC"] = "1"  # XLA's threads, so that more cores give the same sums
 
     def work() -> None:
