@@ -42,7 +42,7 @@ def found() -> Found:
     """A search that chose the lowest bin of ten everywhere, and is unsure."""
     answers = (slide(np.full(23, at), width) for at, width in ((0.05, 0.1), (0.1, 0.2), (0.7, 0.1)))
     nothing = np.zeros((1, 1))
-    return Found(*answers, [], nothing, nothing, nothing, nothing, 0.0, 0.0)
+    return Found(*answers, [], nothing, nothing, nothing, nothing)
 
 
 def test_candidates_by_hand(found):
