@@ -172,7 +172,7 @@ def _trim(rng: np.random.Generator, params: BuildingParams) -> list[Part]:
                 parts.append(
                     relief((span[0], -ornament.BOARD, low), (span[1], 0.05, high), p.accent)
                 )
-                parts += ornament.lettering(
+                parts += ornament.capitals(
                     rng, (0.55 * span[0], 0.6 * span[1]), (low + 0.09, high - 0.09),
                     -ornament.BOARD - PROUD, ornament.contrast(p.accent),
                 )  # fmt: skip

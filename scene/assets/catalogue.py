@@ -110,7 +110,7 @@ def check_pool(pool: AssetPool, named: str = "asset ") -> AssetPool:
     return pool.called(lambda path: str(Path(path).absolute()) if path else path)
 
 
-def pick(pool: AssetPool, family: str, rng: np.random.Generator) -> int | str | None:
+def draw_asset(pool: AssetPool, family: str, rng: np.random.Generator) -> int | str | None:
     """Draw one asset of ``family`` as ``chosen`` does. Always takes one number from ``rng``."""
     return chosen(pool, family, rng.random())
 
@@ -128,11 +128,11 @@ def chosen(pool: AssetPool, family: str, share: float) -> int | str | None:
     return pool.first + drawn if drawn < count else own[drawn - count]
 
 
-def pick_in_season(
+def draw_in_season(
     pool: AssetPool, family: str, bare: float | None, rng: np.random.Generator
 ) -> int | str | None:
-    """Draw one asset of ``family`` as ``pick`` does, trees with or without leaves as ``in_season`` says."""
-    ref = pick(pool, family, rng)
+    """Draw one asset as ``draw_asset`` does, trees with or without leaves as ``in_season`` says."""
+    ref = draw_asset(pool, family, rng)
     return None if ref is None else in_season(family, ref, bare, pool, rng.random())
 
 

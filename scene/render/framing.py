@@ -9,14 +9,12 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numba import types
 
 from scene.classes import OWN, TrainId
-from scene.compiled import njit
 from scene.ground.build import GROUND_INSTANCES
-from scene.render.embree.api import LANES, SceneBVH, query_arguments
+from scene.render.embree.api import SceneBVH
 from scene.render.embree.depth_buffer import nearest
-from scene.render.embree.rays import EVERYTHING, RAY_FIELDS, aligned, by_tiles
+from scene.render.embree.rays import NOTHING, by_tiles, first_met
 from scene.render.geometry import Geometry
 from scene.render.protocol import RenderSettings, seen_through
 from scene.render.shot import sample_rays
@@ -33,15 +31,6 @@ MOST_OF_ONE = 0.85
 MAY_FILL = [TrainId.SKY, TrainId.BUILDING, TrainId.ROAD]
 """Classes that may have a larger share."""
 GROUND = list(GROUND_INSTANCES.values())
-
-FIELDS = RAY_FIELDS + 9
-"""Words per ray in packets of rays and hits: those of a ray, normal, u, v, and four numbers."""
-GEOMETRY, INSTANCE = RAY_FIELDS + 6, RAY_FIELDS + 8
-"""Words with the numbers of the mesh and of its instance in the street; all bits of the first are set if
-nothing was hit."""
-
-intersect8 = types.ExternalFunction("rtcIntersect8", types.void(*[types.uintp] * 4))
-"""For compiled code: (valid, scene, packet of rays and hits, arguments), all as addresses."""
 
 
 def framed(street: Street, geometry: Geometry, bvh: SceneBVH, settings: RenderSettings) -> Street:
@@ -92,10 +81,9 @@ def class_shares(
     }
     hits = nearest(geometry._replace(**ground), camera, small, rays)
     reach = np.where(hits.instance > 0, hits.distance, np.float32(np.inf))
-    _meet(
-        bvh.scene, query_arguments(), rays.origin, rays.directions, _order(), reach, hits.instance
-    )  # fmt: skip
-    label = geometry.train_id[hits.instance]
+    met = first_met(bvh, rays.origin[None], rays.directions, _order(), reach)
+    instance = np.where(met == NOTHING, hits.instance, FIRST_INSTANCE + met)
+    label = geometry.train_id[instance]
     return np.bincount(label, minlength=OWN + 1) / label.size
 
 
@@ -107,35 +95,3 @@ def _may_fill() -> np.ndarray:
 @cache
 def _order() -> np.ndarray:
     return by_tiles(np.ones(WIDTH * HEIGHT, np.uint8), WIDTH, HEIGHT, 4, 2)
-
-
-@njit(cache=True)
-def _meet(
-    scene: int,
-    arguments: int,
-    origin: np.ndarray,
-    directions: np.ndarray,
-    order: np.ndarray,
-    reach: np.ndarray,
-    instance: np.ndarray,
-) -> None:
-    """Set ``instance`` to the first hit of each ray within its ``reach``, in packets of eight."""
-    packet = aligned(FIELDS * LANES)
-    ray = packet.reshape(FIELDS, LANES)
-    words = packet.view(np.uint32).reshape(FIELDS, LANES)
-    valid = aligned(LANES).view(np.int32)
-    valid[:] = -1
-    words[9] = EVERYTHING
-    for a in range(3):
-        ray[a] = origin[a]
-    for begin in range(0, len(order), LANES):
-        lanes = order[begin : begin + LANES]
-        for k in range(LANES):
-            for a in range(3):
-                ray[4 + a, k] = directions[lanes[k], a]
-            ray[8, k] = reach[lanes[k]]
-            words[GEOMETRY, k] = words[INSTANCE, k] = EVERYTHING
-        intersect8(valid.ctypes.data, scene, packet.ctypes.data, arguments)
-        for k in range(LANES):
-            if words[GEOMETRY, k] != EVERYTHING:
-                instance[lanes[k]] = FIRST_INSTANCE + words[INSTANCE, k]

@@ -50,10 +50,12 @@ class CameraResponse(NamedTuple):
     fringe: float = 0.0  # pixels by which red is larger than blue in the corners
     halo: float = 0.1  # strength of the sharpening
     jpeg: int = 0  # quality 1..100; 0 stores without loss
-    variation: float = 1.0  # between the cameras of streets, see ``vary``; 0 gives all the same
+    variation: float = (
+        1.0  # between the cameras of streets, see ``camera_of_street``; 0 gives all the same
+    )
 
 
-def vary(response: CameraResponse, rng: np.random.Generator) -> CameraResponse:
+def camera_of_street(response: CameraResponse, rng: np.random.Generator) -> CameraResponse:
     """One street's camera around ``response``: each value times a random factor near 1.
 
     What is switched off stays off. A variation of 0 returns ``response`` itself.

@@ -22,7 +22,7 @@ from scene.render.contact import darken, standing_boxes
 from scene.render.geometry import ROW, Geometry
 from scene.render.protocol import Frame, RenderSettings, pixel_rays, through_middles
 from scene.render.road import on_road
-from scene.render.sensor import develop, set_to, vary
+from scene.render.sensor import camera_of_street, develop, set_to
 from scene.render.spots import group
 from scene.sky.sky import panorama
 from scene.streams import stream
@@ -192,7 +192,7 @@ def expose(
     street = around.street
     image = radiance(around, seen, light, settings)
     camera = street.cameras[shot]
-    usual = vary(settings.response, stream(street.seed, "camera"))
+    usual = camera_of_street(settings.response, stream(street.seed, "camera"))
     response = set_to(usual, camera.exposure, camera.warmth)
     image = develop(image, response, stream(street.seed, "noise", shot))
 

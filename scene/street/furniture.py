@@ -10,7 +10,7 @@ import numpy as np
 from scene.assets import catalogue
 from scene.assets.bollard import BEACONS
 from scene.assets.bollard import KINDS as BOLLARDS
-from scene.assets.catalogue import pick
+from scene.assets.catalogue import draw_asset
 from scene.assets.own_class import FAMILY, OwnClass
 from scene.assets.person import STANDING
 from scene.assets.shelter import SHELTERS, STALLS
@@ -137,7 +137,7 @@ def scaffolds(plot: Plot, side: float, share: float, rng: np.random.Generator) -
     """Scaffolding before houses of the building line."""
     distance = plot.street.params.building_position
     for stretch in np.arange(0.0, END, 30.0).tolist():
-        ref = pick(plot.street.pool, "scaffold", rng)
+        ref = draw_asset(plot.street.pool, "scaffold", rng)
         wanted, places = rng.random() < share, stretch + rng.uniform(0, 30, 6)
         if not wanted or ref is None:
             continue
@@ -166,7 +166,7 @@ def gardens(plot: Plot, side: float, share: float, rng: np.random.Generator) -> 
         run(plot, family, ref, side * (edge + 0.3 * (family == "bush")), (start, x),
             [*closed, (gate, gate + 1.0)])  # fmt: skip
         for _ in range(int(rng.integers(0, 1 + int(0.8 * width)))):
-            bush = pick(pool, "bush", rng)
+            bush = draw_asset(pool, "bush", rng)
             y = float(rng.uniform(min(edge + 0.8, back), back))
             turn = float(rng.uniform(-math.pi, math.pi))
             plot.put(

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets import catalogue
-from scene.assets.catalogue import parts_of, pick_in_season
+from scene.assets.catalogue import draw_in_season, parts_of
 from scene.ground.junction import REACH, Junction
 from scene.street.background import WOODS
 from scene.street.clearing import VEHICLES
@@ -51,7 +51,7 @@ class Arm(NamedTuple):
     def pick(self, family: str) -> int | str | None:
         """An asset of a family in its season."""
         pool, bare = self.street.pool, self.street.params.bare_tree_share
-        return pick_in_season(pool, family, bare, self.rng)
+        return draw_in_season(pool, family, bare, self.rng)
 
     def put(
         self, family: str, ref: int | str, along: float, across: float, yaw: float

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from scene.assets.catalogue import pick_in_season
+from scene.assets.catalogue import draw_in_season
 from scene.assets.paving import PATH
 from scene.street.background import BEHIND
 from scene.street.parked import kept_free
@@ -101,7 +101,7 @@ def _trees(
         x, y = float(rng.uniform(*SPAN)), float(rng.uniform(*reach))
         for _ in range(1 if rng.random() < 0.7 else 3):
             family = "tree" if rng.random() < 0.75 else "bush"
-            ref = pick_in_season(pool, family, bare, rng)
+            ref = draw_in_season(pool, family, bare, rng)
             plot.put(
                 family, ref, x, side * y, float(rng.uniform(-math.pi, math.pi)), bare=area < 300
             )

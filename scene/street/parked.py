@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from scene.assets import catalogue
-from scene.assets.catalogue import pick
+from scene.assets.catalogue import draw_asset
 from scene.assets.slab import BAY
 from scene.ground.extent import KERB_WIDTH
 from scene.ground.ground import Ground
@@ -85,7 +85,7 @@ def _along(plot: Plot, side: float, half_on: bool, rng: np.random.Generator) -> 
     x = LINE_START + float(rng.uniform(0, 6))
     while x < LINE_END:
         family = draw_family(PARKED, rng)
-        ref = pick(pool, family, rng)
+        ref = draw_asset(pool, family, rng)
         gap, wobble, drift = rng.uniform(0.6, 2.0), 0.02 * rng.normal(), 0.07 * rng.normal()
         turned, free = rng.random() < AGAINST, rng.random() < FREE
         if free or ref is None or (long := length(family, ref)) > LONGEST:
@@ -106,7 +106,7 @@ def _along(plot: Plot, side: float, half_on: bool, rng: np.random.Generator) -> 
 def _huddle(plot: Plot, side: float, x: float, rng: np.random.Generator) -> float:
     """Park motorcycles side by side in one place, tails to the kerb; returns the end of the place."""
     for _ in range(int(rng.integers(2, 6))):
-        ref = pick(plot.street.pool, "motorcycle", rng)
+        ref = draw_asset(plot.street.pool, "motorcycle", rng)
         yaw = -side * (math.pi / 2 + float(rng.normal(0, 0.12)))
         if clear(kept_free(plot.ground, side), x, x + 1):
             plot.put(
@@ -124,11 +124,11 @@ def _across(
     start = float(rng.uniform(LINE_START, 25)) if bays else LINE_START
     end = start + float(rng.uniform(25, 80)) if bays else LINE_END
     closed = kept_free(plot.ground, side)
-    slab = pick(pool, "slab", rng)
+    slab = draw_asset(pool, "slab", rng)
     heading = 1.0 if side == plot.street.drive else -1.0
     pitch = BAY[0] / math.sin(angle)
     for x in np.arange(start, end, pitch).tolist():
-        ref = pick(pool, "car", rng)
+        ref = draw_asset(pool, "car", rng)
         taken, tail_in, wobble = rng.random() > FREE, rng.random() < 0.25, 0.03 * rng.normal()
         if ref is None or not clear(closed, x - pitch / 2, x + pitch / 2):
             continue
@@ -162,7 +162,7 @@ def _car_park(plot: Plot, side: float, rng: np.random.Generator) -> None:
         # In a bend, lines beside the road are longer or shorter than the road.
         pitch = BAY[0] / (1 + distance * plot.street.params.bend / 1000)
         for x in start + pitch * np.arange(math.ceil(places * BAY[0] / pitch)):
-            ref = pick(pool, "car", rng)
+            ref = draw_asset(pool, "car", rng)
             taken, tail_in, wobble = rng.random() < full, rng.random() < 0.25, 0.03 * rng.normal()
             laid = plot.lay(
                 "slab", tile, float(x), side * distance, 0.0 if side * nose > 0 else math.pi

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from scene.assets import company
-from scene.assets.catalogue import pick
+from scene.assets.catalogue import draw_asset
 from scene.assets.person import STANDING, WALKING
 from scene.assets.rider import MOUNT
 from scene.street.parked import kept_free
@@ -159,7 +159,7 @@ def cycle_stands(plot: Plot, side: float, share: float, rng: np.random.Generator
         x = stretch + float(rng.uniform(0, 20))
         closed = kept_free(ground, side)
         for _ in range(int(rng.integers(4, 16))):
-            ref = pick(plot.street.pool, family, rng)
+            ref = draw_asset(plot.street.pool, family, rng)
             yaw = side * (angle + math.pi * (rng.random() < 0.25)) + 0.06 * rng.normal()
             free = rng.random() < 0.15
             if not free and all(x < a or x > b for a, b in closed):

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from scene.assets.catalogue import pick
+from scene.assets.catalogue import draw_asset
 from scene.assets.rider import MOUNT
 from scene.streams import child
 from scene.street.instances import length
@@ -64,7 +64,7 @@ def _fill(plot: Plot, side: float, centre: float, rng: np.random.Generator) -> N
         ref = (
             draw_kind(pool, family, ON_MOTORCYCLES, rng)
             if family == "rider"
-            else pick(pool, family, rng)
+            else draw_asset(pool, family, rng)
         )
         gap, drift, wobble = rng.uniform(*gaps), 0.12 * rng.normal(), 0.015 * rng.normal()
         chance, pause = rng.random(), float(rng.uniform(12, 40))

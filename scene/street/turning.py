@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from scene.assets.catalogue import pick
+from scene.assets.catalogue import draw_asset
 from scene.street.instances import length
 from scene.street.plot import Plot, draw_family
 
@@ -41,7 +41,7 @@ def _vehicle(
 ) -> tuple[str, int | str | None, float]:
     """Family, asset and length of a vehicle that is not too long, or none."""
     family = draw_family(VEHICLES, rng)
-    ref = pick(plot.street.pool, family, rng)
+    ref = draw_asset(plot.street.pool, family, rng)
     if ref is None:
         return family, None, 0.0
     long = length(family, ref)

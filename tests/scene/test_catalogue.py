@@ -10,7 +10,7 @@ import trimesh
 
 from scene.assets import car, catalogue
 from scene.assets.__main__ import main
-from scene.assets.catalogue import AssetPool, asset, bounds, check_pool, in_season, kind, pick
+from scene.assets.catalogue import AssetPool, asset, bounds, check_pool, draw_asset, in_season, kind
 from scene.assets.families import FAMILIES
 from scene.assets.library import LibraryError
 from scene.assets.likeness import closest, looks
@@ -30,7 +30,7 @@ WANTED = {"person": 200, "car": 195, "building": 106, "truck": 39, "traffic sign
 
 def drawn(pool, family, draws=200):
     rng = np.random.default_rng(0)
-    return [pick(pool, family, rng) for _ in range(draws)]
+    return [draw_asset(pool, family, rng) for _ in range(draws)]
 
 
 @pytest.fixture
@@ -132,7 +132,7 @@ def test_own_assets_are_drawn_beside_the_built_in_ones_or_alone(folder):
 @pytest.mark.parametrize("pool", [AssetPool(), AssetPool(size=1), AssetPool(use="own")])
 def test_a_draw_takes_one_number_whatever_is_there(pool, folder):
     rng = np.random.default_rng(7)
-    pick(pool._replace(own=folder), "person", rng)
+    draw_asset(pool._replace(own=folder), "person", rng)
     assert rng.random() == np.random.default_rng(7).random(2)[1]
 
 

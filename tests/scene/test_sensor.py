@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scene.render.sensor import KEY, MIDDLE, CameraResponse, develop, vary
+from scene.render.sensor import KEY, MIDDLE, CameraResponse, camera_of_street, develop
 from tests.scene.conftest import SEEDS
 
 QUIET = CameraResponse(noise=0.0)
@@ -122,11 +122,11 @@ def test_the_same_generator_gives_the_same_grain_and_jpeg_keeps_the_colours():
 @given(SEEDS)
 def test_every_street_has_its_own_camera_but_what_is_off_stays_off(seed):
     full = CameraResponse(blur=0.5, fringe=0.5, jpeg=90)
-    drawn = vary(full, np.random.default_rng(seed))
-    assert drawn == vary(full, np.random.default_rng(seed))
+    drawn = camera_of_street(full, np.random.default_rng(seed))
+    assert drawn == camera_of_street(full, np.random.default_rng(seed))
     assert 0.4 < drawn.exposure < 2.5 and drawn.exposure != full.exposure
     assert 1 <= drawn.jpeg <= 100
     still = full._replace(variation=0.0)
-    assert vary(still, np.random.default_rng(seed)) == still
-    off = vary(PLAIN, np.random.default_rng(seed))
+    assert camera_of_street(still, np.random.default_rng(seed)) == still
+    off = camera_of_street(PLAIN, np.random.default_rng(seed))
     assert (off.noise, off.blur, off.fringe, off.halo, off.vignette, off.jpeg) == (0,) * 6

@@ -26,7 +26,7 @@ def band(span: tuple[float, float], out: float, base: float, height: float, colo
     return relief((span[0], -out, base), (span[1], 0.05, base + height), color, "concrete")
 
 
-def lettering(
+def capitals(
     rng: np.random.Generator,
     span: tuple[float, float],
     levels: tuple[float, float],
@@ -76,7 +76,7 @@ def shop_front(
     low, high, half = 0.77 * ground, 0.97 * ground, 0.48 * width
     parts: list[Part] = [relief((-half, -BOARD, low), (half, 0.05, high), board, "paint")]
     span = (-0.3 * width, float(rng.uniform(0.1, 0.32)) * width)
-    parts += lettering(rng, span, (low + 0.15, high - 0.15), -BOARD - PROUD, contrast(board))
+    parts += capitals(rng, span, (low + 0.15, high - 0.15), -BOARD - PROUD, contrast(board))
     for s in (-1, 1):
         x = s * (width / 2 - 0.16)
         parts.append(relief((x - 0.14, -PILASTER, 0), (x + 0.14, 0.05, high), board, "paint"))

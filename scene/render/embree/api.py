@@ -122,7 +122,8 @@ def query_arguments() -> int:
 
 _packet = types.void(types.uintp, types.uintp, types.uintp, types.uintp)
 occluded8 = types.ExternalFunction("rtcOccluded8", _packet)
-"""For compiled code: (valid, scene, ray packet, arguments), all addresses."""
+intersect8 = types.ExternalFunction("rtcIntersect8", _packet)
+"""For compiled code: (valid, scene, packet of rays, or of rays and hits, arguments), all addresses."""
 
 
 class MeshBVH:

@@ -1,16 +1,20 @@
-"""Asking Embree whether anything is in the way of rays, in packets of eight from compiled loops."""
+"""Asking Embree what lies along rays, or whether anything does, in packets of eight from a compiled loop."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from scene.compiled import njit
-from scene.render.embree.api import LANES, SceneBVH, occluded8, query_arguments
+from scene.render.embree.api import LANES, SceneBVH, intersect8, occluded8, query_arguments
 
 EVERYTHING = 0xFFFFFFFF
 """Mask of a ray that nothing is hidden from."""
-RAY_FIELDS = 12
-"""Words per ray of Embree's packets: origin, near, direction, time, far, mask, id, flags."""
+NOTHING = 0xFFFFFFFF
+"""The number of what a ray meets where it meets nothing."""
+FIELDS = 21
+"""Words per ray of Embree's packets of rays and hits: origin, near, direction, time, far, mask, id, flags;
+normal, u, v, and the numbers of triangle, mesh and instance. Rays alone end with the flags."""
+DIRECTION, FAR, MASK, GEOMETRY, INSTANCE = 4, 8, 9, 18, 20
 
 
 def free(
@@ -29,11 +33,31 @@ def free(
         order: i64[m] indices of the rays that are wanted; eight in turn should be neighbours.
         reach: metres within which it would be in the way.
     """
-    found = np.zeros(len(starts), np.float32)
-    _probe(
-        bvh.scene, query_arguments(), starts, directions, order, np.float32(reach), found,
-    )  # fmt: skip
-    return found
+    met = np.zeros(len(starts), np.uint32)
+    far = np.full(1, reach, np.float32)
+    _cast(bvh.scene, query_arguments(), starts, directions, order, far, False, met)
+    return (met == NOTHING).astype(np.float32)
+
+
+def first_met(
+    bvh: SceneBVH,
+    starts: np.ndarray,
+    directions: np.ndarray,
+    order: np.ndarray,
+    reach: np.ndarray,
+) -> np.ndarray:
+    """The number u32[n] of the first instance along each ray of ``order``; `NOTHING` where none is in reach.
+
+    Args:
+        bvh: what may be in the way.
+        starts: f32[n, 3] or, where all begin alike, f32[1, 3].
+        directions: f32[n, 3].
+        order: i64[m] indices of the rays that are wanted; eight in turn should be neighbours.
+        reach: f32[n] metres within which it is met.
+    """
+    met = np.full(len(directions), NOTHING, np.uint32)
+    _cast(bvh.scene, query_arguments(), starts, directions, order, reach, True, met)
+    return met
 
 
 @njit(cache=True)
@@ -59,34 +83,43 @@ def aligned(words: int) -> np.ndarray:
 
 
 @njit(cache=True)
-def _probe(
+def _cast(
     scene: int,
     arguments: int,
     starts: np.ndarray,
     directions: np.ndarray,
     order: np.ndarray,
-    reach: np.float32,
-    found: np.ndarray,
+    reach: np.ndarray,
+    closest: bool,
+    met: np.ndarray,
 ) -> None:
-    """Set ``found`` to 1 where nothing is in the way of a ray of ``order``, in packets of eight."""
-    packet = aligned(RAY_FIELDS * LANES)
-    ray = packet.reshape(RAY_FIELDS, LANES)
+    """Set ``met`` for the rays of ``order``, in packets of eight: see `first_met`.
+
+    With ``closest`` false it is any other number where something is in the way, which is found sooner.
+    """
+    packet = aligned(FIELDS * LANES)
+    ray = packet.reshape(FIELDS, LANES)
+    words = packet.view(np.uint32).reshape(FIELDS, LANES)
     valid = aligned(LANES).view(np.int32)
-    alike = directions.shape[0] == 1
-    packet.view(np.uint32).reshape(RAY_FIELDS, LANES)[9] = EVERYTHING
-    for k in range(LANES):  # the rest of a ray is 0
-        for a in range(3):
-            ray[4 + a, k] = directions[0, a]
+    words[MASK] = EVERYTHING
+    start_step = 1 if len(starts) > 1 else 0
+    direction_step = 1 if len(directions) > 1 else 0
+    reach_step = 1 if len(reach) > 1 else 0
     for begin in range(0, len(order), LANES):
         lanes = order[begin : begin + LANES]
         for k in range(LANES):
             valid[k] = -1 if k < len(lanes) else 0
-            ray[8, k] = reach
         for k in range(len(lanes)):
             for a in range(3):
-                ray[a, k] = starts[lanes[k], a]
-                if not alike:
-                    ray[4 + a, k] = directions[lanes[k], a]
-        occluded8(valid.ctypes.data, scene, packet.ctypes.data, arguments)
-        for k in range(len(lanes)):
-            found[lanes[k]] = 0.0 if ray[8, k] < 0 else 1.0
+                ray[a, k] = starts[lanes[k] * start_step, a]
+                ray[DIRECTION + a, k] = directions[lanes[k] * direction_step, a]
+            ray[FAR, k] = reach[lanes[k] * reach_step]
+            words[GEOMETRY, k] = words[INSTANCE, k] = NOTHING
+        if closest:
+            intersect8(valid.ctypes.data, scene, packet.ctypes.data, arguments)
+            for k in range(len(lanes)):
+                met[lanes[k]] = words[INSTANCE, k] if words[GEOMETRY, k] != NOTHING else NOTHING
+        else:
+            occluded8(valid.ctypes.data, scene, packet.ctypes.data, arguments)
+            for k in range(len(lanes)):
+                met[lanes[k]] = 0 if ray[FAR, k] < 0 else NOTHING
