@@ -50,9 +50,7 @@ class CameraResponse(NamedTuple):
     fringe: float = 0.0  # pixels by which red is larger than blue in the corners
     halo: float = 0.1  # strength of the sharpening
     jpeg: int = 0  # quality 1..100; 0 stores without loss
-    variation: float = (
-        1.0  # between the cameras of streets, see ``camera_of_street``; 0 gives all the same
-    )
+    variation: float = 1.0  # between streets, see ``camera_of_street``; 0 gives all the same
 
 
 def camera_of_street(response: CameraResponse, rng: np.random.Generator) -> CameraResponse:

@@ -124,7 +124,7 @@ def test_every_street_has_its_own_camera_but_what_is_off_stays_off(seed):
     full = CameraResponse(blur=0.5, fringe=0.5, jpeg=90)
     drawn = camera_of_street(full, np.random.default_rng(seed))
     assert drawn == camera_of_street(full, np.random.default_rng(seed))
-    assert 0.4 < drawn.exposure < 2.5 and drawn.exposure != full.exposure
+    assert 0.25 <= drawn.exposure <= 4 and drawn.exposure != full.exposure  # a factor is cut there
     assert 1 <= drawn.jpeg <= 100
     still = full._replace(variation=0.0)
     assert camera_of_street(still, np.random.default_rng(seed)) == still
