@@ -1,0 +1,124 @@
+"""Draws labels as annotators do: an outline around a whole crown or fence, with its holes.
+
+Rendered labels are exact to the pixel. An `Outline` closes the holes of a class that lie behind it and drops
+its loose twigs; every pixel that changes gets class and instance of another pixel of the image.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from scene.render.protocol import Frame
+
+LEAST = 12 / (240 * 176)
+"""Connected parts of an outlined class with a smaller share of the image are loose twigs."""
+SMALLEST = 3
+"""The smallest width of a kernel in pixels."""
+
+
+class Outline(NamedTuple):
+    """How annotators draw a class."""
+
+    train_ids: tuple[int, ...]  # the engine's classes in it
+    width: float  # of the widest holes that are closed, as a share of the image's width
+
+
+def outlined(frame: Frame, outlines: Sequence[Outline]) -> Frame:
+    """The frame with classes and instances as annotators draw them; image, depth and normals are kept."""
+    if not outlines:
+        return frame
+    source = sources(frame.label, frame.depth, outlines)
+    return frame._replace(label=frame.label.take(source), instance=frame.instance.take(source))
+
+
+def sources(label: np.ndarray, depth: np.ndarray, outlines: Sequence[Outline]) -> np.ndarray:
+    """The pixel i64[h, w] of the flat image from which every pixel takes its class.
+
+    For each outline, let q be the inverse depth, 0 for the sky, and c equal q inside the class and 0 outside.
+    A pixel belongs to the class where the grey closing of c exceeds q: the surface that spans the class is
+    nearer than what is seen there. It takes the class of the nearest pixel that had it. Connected parts that
+    are still smaller than `LEAST` then take the class of their deepest neighbour.
+
+    Args:
+        label: train ids u8[h, w].
+        depth: f32[h, w] in metres, 0 for the sky.
+        outlines: applied one after another; a later one does not cover the surface of an earlier one that is
+            nearer.
+    """
+    nearness = np.divide(1, depth, out=np.zeros(depth.shape, np.float32), where=depth > 0)
+    source = np.arange(label.size).reshape(label.shape)
+    for train_ids, share in outlines:
+        members = np.zeros(256, bool)
+        members[list(train_ids)] = True
+        inside = members.take(label.take(source))
+        if inside.any():
+            window = _window(inside)
+            inside, surface, taken = inside[window], nearness[window], source[window]
+            _close_holes(inside, surface, taken, share * label.shape[1])
+            _drop_twigs(inside, surface, taken, LEAST * label.size)
+    return source
+
+
+def _window(inside: np.ndarray) -> tuple[slice, slice]:
+    """The rows and columns of a mask that has some pixels, with a margin of one."""
+    rows, columns = (np.flatnonzero(inside.any(axis=axis)) for axis in (1, 0))
+    return slice(max(rows[0] - 1, 0), rows[-1] + 2), slice(max(columns[0] - 1, 0), columns[-1] + 2)
+
+
+def _close_holes(inside: np.ndarray, nearness: np.ndarray, source: np.ndarray, size: float) -> None:
+    """Let holes of a mask that lie behind its surface take the class of its nearest pixel, in place."""
+    closed = _closed(np.where(inside, nearness, np.float32(0)), size)
+    holes = ~inside & (closed > nearness)
+    if holes.any():
+        source[holes] = source.take(_nearest(inside)[holes])
+        nearness[holes] = closed[holes]
+        inside |= holes
+
+
+def _closed(nearness: np.ndarray, size: float) -> np.ndarray:
+    """Grey closing with an ellipse as wide as an odd number of pixels; holes go on beyond the image."""
+    radius = max(round((size - 1) / 2), SMALLEST // 2)
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    wide = cv2.copyMakeBorder(nearness, *4 * [radius], cv2.BORDER_REPLICATE)
+    closed = cv2.morphologyEx(wide, cv2.MORPH_CLOSE, kernel)
+    return closed[radius:-radius, radius:-radius]
+
+
+def _nearest(inside: np.ndarray) -> np.ndarray:
+    """The nearest pixel i64[h, w] of a mask that has some, for every pixel of the flat image."""
+    _, number = cv2.distanceTransformWithLabels(
+        (~inside).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    places = np.flatnonzero(inside)
+    found = np.empty(number.max() + 1, np.int64)
+    found[number.take(places)] = places
+    return found.take(number)
+
+
+def _drop_twigs(inside: np.ndarray, nearness: np.ndarray, source: np.ndarray, least: float) -> None:
+    """Let small parts of a mask take the class of their deepest neighbour, in place."""
+    _, parts, statistics, _ = cv2.connectedComponentsWithStats(inside.astype(np.uint8))
+    small = statistics[:, cv2.CC_STAT_AREA] < least
+    small[0] = False
+    rows, columns = np.nonzero(small.take(parts))
+    if not len(rows):
+        return
+    height, width = inside.shape
+    steps = np.array([(dy, dx) for dy in (-1, 0, 1) for dx in (-1, 0, 1) if dy or dx])
+    y = np.clip(rows + steps[:, :1], 0, height - 1)
+    x = np.clip(columns + steps[:, 1:], 0, width - 1)
+    outside = ~inside[y, x]
+    part = np.broadcast_to(parts[rows, columns], y.shape)[outside]
+    neighbours = (y * width + x)[outside]
+    order = np.lexsort((neighbours, nearness.take(neighbours), part))
+    with_neighbours, first = np.unique(part[order], return_index=True)
+    deepest = np.full(len(small), -1)
+    deepest[with_neighbours] = neighbours[order[first]]
+    behind = deepest[parts[rows, columns]]
+    rows, columns, behind = rows[behind >= 0], columns[behind >= 0], behind[behind >= 0]
+    nearness[rows, columns] = nearness.take(behind)
+    source[rows, columns] = source.take(behind)
