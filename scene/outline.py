@@ -7,15 +7,18 @@ its loose twigs; every pixel that changes gets class and instance of another pix
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import cv2
 import numpy as np
 
-from scene.render.protocol import Frame
+if TYPE_CHECKING:
+    from scene.render.protocol import Frame
 
 LEAST = 12 / (240 * 176)
 """Connected parts of an outlined class with a smaller share of the image are loose twigs."""
+RADIUS = 3
+"""Wider kernels are made of several of this radius in pixels, in a tenth of the time."""
 SMALLEST = 3
 """The smallest width of a kernel in pixels."""
 
@@ -27,7 +30,11 @@ class Outline(NamedTuple):
     width: float  # of the widest holes that are closed, as a share of the image's width
 
 
-def outlined(frame: Frame, outlines: Sequence[Outline]) -> Frame:
+Outlines = Sequence[Outline | tuple[tuple[int, ...], float]]
+"""Those of a target's classes (`shell.target_file`); they are applied one after another."""
+
+
+def outlined(frame: Frame, outlines: Outlines) -> Frame:
     """The frame with classes and instances as annotators draw them; image, depth and normals are kept."""
     if not outlines:
         return frame
@@ -35,7 +42,7 @@ def outlined(frame: Frame, outlines: Sequence[Outline]) -> Frame:
     return frame._replace(label=frame.label.take(source), instance=frame.instance.take(source))
 
 
-def sources(label: np.ndarray, depth: np.ndarray, outlines: Sequence[Outline]) -> np.ndarray:
+def sources(label: np.ndarray, depth: np.ndarray, outlines: Outlines) -> np.ndarray:
     """The pixel i64[h, w] of the flat image from which every pixel takes its class.
 
     For each outline, let q be the inverse depth, 0 for the sky, and c equal q inside the class and 0 outside.
@@ -49,7 +56,7 @@ def sources(label: np.ndarray, depth: np.ndarray, outlines: Sequence[Outline]) -
         outlines: applied one after another; a later one does not cover the surface of an earlier one that is
             nearer.
     """
-    nearness = np.divide(1, depth, out=np.zeros(depth.shape, np.float32), where=depth > 0)
+    nearness = inverse(depth)
     source = np.arange(label.size).reshape(label.shape)
     for train_ids, share in outlines:
         members = np.zeros(256, bool)
@@ -59,8 +66,13 @@ def sources(label: np.ndarray, depth: np.ndarray, outlines: Sequence[Outline]) -
             window = _window(inside)
             inside, surface, taken = inside[window], nearness[window], source[window]
             _close_holes(inside, surface, taken, share * label.shape[1])
-            _drop_twigs(inside, surface, taken, LEAST * label.size)
+            drop_parts(inside, surface, taken, LEAST * label.size)
     return source
+
+
+def inverse(depth: np.ndarray) -> np.ndarray:
+    """1 over depth f32[h, w], which is 0 for the sky."""
+    return np.divide(1, depth, out=np.zeros(depth.shape, np.float32), where=depth > 0)
 
 
 def _window(inside: np.ndarray) -> tuple[slice, slice]:
@@ -82,9 +94,11 @@ def _close_holes(inside: np.ndarray, nearness: np.ndarray, source: np.ndarray, s
 def _closed(nearness: np.ndarray, size: float) -> np.ndarray:
     """Grey closing with an ellipse as wide as an odd number of pixels; holes go on beyond the image."""
     radius = max(round((size - 1) / 2), SMALLEST // 2)
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
-    wide = cv2.copyMakeBorder(nearness, *4 * [radius], cv2.BORDER_REPLICATE)
-    closed = cv2.morphologyEx(wide, cv2.MORPH_CLOSE, kernel)
+    rounds = max(radius // RADIUS, 1)
+    side = 2 * round(radius / rounds) + 1
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
+    wide = np.pad(nearness, radius, "edge")
+    closed = cv2.morphologyEx(wide, cv2.MORPH_CLOSE, kernel, iterations=rounds)
     return closed[radius:-radius, radius:-radius]
 
 
@@ -99,8 +113,8 @@ def _nearest(inside: np.ndarray) -> np.ndarray:
     return found.take(number)
 
 
-def _drop_twigs(inside: np.ndarray, nearness: np.ndarray, source: np.ndarray, least: float) -> None:
-    """Let small parts of a mask take the class of their deepest neighbour, in place."""
+def drop_parts(inside: np.ndarray, nearness: np.ndarray, source: np.ndarray, least: float) -> None:
+    """Let connected parts under ``least`` pixels take the class of their deepest neighbour, in place."""
     _, parts, statistics, _ = cv2.connectedComponentsWithStats(inside.astype(np.uint8))
     small = statistics[:, cv2.CC_STAT_AREA] < least
     small[0] = False

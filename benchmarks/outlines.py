@@ -1,0 +1,484 @@
+"""What do outlines as annotators draw them gain, against labels that are exact to the pixel?
+
+    python -m benchmarks.outlines --target camvid --data DIR --holdout 0006R0 --seeds 5
+    python -m benchmarks.outlines --target camvid --data DIR --holdout 0006R0 --few 14 --attributes random
+    python -m benchmarks.outlines --data DIR --rules tree=3% tree=3%,fence=2% tree=3%,band=1px
+
+Networks are trained on the same renders with exact labels and with those of each rule, alone or mixed with
+``--few`` labelled images of the target. They are tested on its development images, without those few, and on
+its reported images: a split, or what ``--holdout`` names. Gains are paired by seed.
+
+A rule is a list of parts: ``tree=3%`` outlines a class as `outlines` in target.yaml does, ``thin:pole=2px``
+lets pixels of a class become what is behind them where it is thinner, ``small:pedestrian=12px`` where its
+connected part has fewer pixels (at 240x176), and ``band=1px`` ignores pixels so close to an edge.
+
+``--out`` remembers renders and finished networks: the same command resumes, also with more rules or seeds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import sys
+import time
+from collections.abc import Sequence
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+
+from benchmarks.report import Row, count, parser, table, write
+from experiments.evaluation.evaluate import worker_environment
+from experiments.fit import FEW
+from experiments.study.stats import paired_gain
+from experiments.target.few import CHOICE, spread
+from experiments.target.folder import parts_of
+from scene import outline
+from scene.assets.catalogue import AssetPool
+from scene.attributes import SpaceName
+from scene.dataset.formats.png import encode
+from scene.dataset.render import render_street
+from scene.outline import Outline, drop_parts, inverse, sources
+from scene.proposal import NAMES, draw, read_streets
+from scene.render import RenderSettings
+from scene.version import ENGINE
+from scene.workers import WorkerError, WorkerPool
+from seg.classes import IGNORE_LABEL, ClassTable, colorize, table_of
+from seg.data import DataError, LabelledImages, load
+from seg.metrics import iou, mean_iou
+from seg.pyramid import features
+from seg.recipes import RECIPES, with_steps
+from seg.train import TrainingError, TrainSettings, score, train
+from seg.views import view_images
+from shell import files
+from shell.command import exit_code
+from shell.errors import UserError
+from shell.lines import JsonLines
+from shell.progress import Progress
+from shell.target_file import SHIPPED, TargetFile, find_target
+
+EXACT = "exact"
+DEVELOPMENT, REPORTED = "development", "reported"
+NETWORKS = "networks.jsonl"
+SHOWN = 6
+"""Rows of the sheet."""
+PIXELS = 240 * 176
+"""Pixels of the image for which the smallest parts are given."""
+
+
+class Recipe(NamedTuple):
+    """The same for every network of a table but its labels."""
+
+    data: str
+    target: str | None = None
+    holdout: str | None = None
+    attributes: str = "default"  # a name, or a file of attributes
+    space: SpaceName = "extended"
+    width: int = 240
+    height: int = 176
+    streets: int = 300
+    few: int = 0  # labelled images in every training set
+    training: str = "lite0-frozen"
+    steps: int = 500
+
+    @property
+    def train(self) -> TrainSettings:
+        """How a network is trained."""
+        return with_steps(RECIPES[self.training], self.steps)
+
+    @property
+    def file(self) -> TargetFile:
+        """The target's file."""
+        return find_target(self.target, Path(self.data))
+
+    @property
+    def rendered(self) -> dict[str, Any]:
+        """What decides renders, but their seed."""
+        names = ("space", "width", "height", "streets")
+        path = Path(self.attributes)
+        source = self.attributes if self.attributes in NAMES else files.file_digest(path)
+        return {"engine": ENGINE, "attributes": source, **{n: getattr(self, n) for n in names}}
+
+    def key(self, rule: str, seed: int) -> dict[str, Any]:
+        """What decides a network; the sources of outlines are part of it, since these are being changed."""
+        names = ("holdout", "few", "training", "steps")
+        source = None if rule == EXACT else files.file_digest(Path(outline.__file__))[:16]
+        return {
+            "target": self.file.name,
+            **self.rendered,
+            **{name: getattr(self, name) for name in names},
+            "rule": rule,
+            "outline": source,
+            "seed": seed,
+        }
+
+
+# ---- rules
+
+
+class Part(NamedTuple):
+    """A part of a rule."""
+
+    kind: str  # outline, thin, small or band
+    name: str  # of the class; empty for a band
+    amount: float  # share of the width, or pixels
+
+
+def parse_rule(text: str, target: TargetFile) -> tuple[Part, ...]:
+    """The parts of a rule.
+
+    Raises:
+        UserError: the text is none, or names no class of the target.
+    """
+    parts = []
+    for item in [] if text == EXACT else text.split(","):
+        if match := re.fullmatch(r"(.+)=([\d.]+)%", item):
+            part = Part("outline", match[1], float(match[2]) / 100)
+        elif match := re.fullmatch(r"(thin|small):(.+)=([\d.]+)px", item):
+            part = Part(match[1], match[2], float(match[3]))
+        elif match := re.fullmatch(r"band=([\d.]+)px", item):
+            part = Part("band", "", float(match[1]))
+        else:
+            raise UserError(
+                f"--rules {item}: expected such as tree=3%, thin:pole=2px, small:pedestrian=12px or band=1px"
+            )
+        if part.name and part.name not in target.classes:
+            raise UserError(f"--rules {item}: no such class; there are {', '.join(target.classes)}")
+        parts.append(part)
+    return tuple(parts)
+
+
+def labels_by(
+    rule: Sequence[Part], label: np.ndarray, depth: np.ndarray, table: ClassTable
+) -> np.ndarray:
+    """Labels u8[h, w] of a table from train ids and depth by a rule."""
+
+    def members(name: str) -> np.ndarray:
+        return table.from_train_id == table.classes.index(name)
+
+    outlines = [
+        Outline(tuple(np.flatnonzero(members(name)).tolist()), amount)
+        for kind, name, amount in rule
+        if kind == "outline"
+    ]
+    source = sources(label, depth, outlines)
+    for kind, name, amount in rule:
+        if kind in ("thin", "small"):
+            inside = members(name).take(label.take(source))
+            if kind == "small":
+                drop_parts(inside, inverse(depth), source, amount * label.size / PIXELS)
+            else:
+                _drop_thin(inside, inverse(depth), source, round(amount))
+    classes = table.from_train_id.take(label.take(source))
+    for kind, _, amount in rule:
+        if kind == "band":
+            classes = without_band(classes, round(amount))
+    return classes
+
+
+def labels_of(
+    rule: str, train_ids: np.ndarray, depths: np.ndarray, target: TargetFile
+) -> np.ndarray:
+    """Labels u8[n, h, w] of a target from train ids and depths by the text of a rule."""
+    parts, table = parse_rule(rule, target), table_of(target)
+    pairs = zip(train_ids, depths, strict=True)
+    return np.stack([labels_by(parts, *pair, table) for pair in pairs])
+
+
+def _drop_thin(inside: np.ndarray, nearness: np.ndarray, source: np.ndarray, size: int) -> None:
+    """Let a mask's pixels where it is thinner than ``size`` become the deepest pixel near them, in place."""
+    kernel = np.ones((size, size), np.uint8)
+    stays = cv2.morphologyEx(inside.astype(np.uint8), cv2.MORPH_OPEN, kernel) > 0
+    rows, columns = np.nonzero(inside & ~stays)
+    steps = np.mgrid[-size : size + 1, -size : size + 1].reshape(2, -1, 1)
+    height, width = inside.shape
+    y = np.clip(rows + steps[0], 0, height - 1)
+    x = np.clip(columns + steps[1], 0, width - 1)
+    deepest = np.where(inside, np.inf, nearness)[y, x].argmin(axis=0)[None]
+    y, x = (np.take_along_axis(axis, deepest, 0)[0] for axis in (y, x))
+    changed = ~inside[y, x]
+    source[rows[changed], columns[changed]] = source[y[changed], x[changed]]
+
+
+def without_band(label: np.ndarray, size: int) -> np.ndarray:
+    """Labels whose pixels within ``size`` pixels of an edge between classes are ignored."""
+    kernel = np.ones((2 * size + 1, 2 * size + 1), np.uint8)
+    edge = cv2.dilate(label, kernel) != cv2.erode(label, kernel)
+    return np.where(edge, IGNORE_LABEL, label).astype(np.uint8)
+
+
+# ---- images
+
+
+class Renders(NamedTuple):
+    """Rendered images with what labels follow from."""
+
+    images: np.ndarray  # u8[n, h, w, 3]
+    labels: np.ndarray  # u8[n, h, w] train ids
+    depths: np.ndarray  # f32[n, h, w]
+
+
+def renders(recipe: Recipe, seed: int, folder: Path) -> Renders:
+    """The renders of a seed, which a file remembers."""
+    key = files.digest({**recipe.rendered, "seed": seed})[:16]
+    path = folder / f"renders-{key}.npz"
+    if not path.exists():
+        settings, pool = RenderSettings(recipe.width, recipe.height, 1), AssetPool()
+        streets = read_streets(recipe.attributes, recipe.space)
+        frames = [
+            render_street(unit, seed, k, 1, settings, "embree", pool)[0]
+            for k, unit in enumerate(draw(streets, seed, recipe.streets))
+        ]
+        part = path.with_name(f"{path.stem}.part.npz")
+        np.savez(
+            part,
+            images=np.stack([frame.image for frame in frames]),
+            labels=np.stack([frame.label for frame in frames]),
+            depths=np.stack([frame.depth for frame in frames]),
+        )
+        part.replace(path)
+    with np.load(path) as arrays:
+        return Renders(*(arrays[name] for name in Renders._fields))
+
+
+class Real(NamedTuple):
+    """A target's labelled images by their use."""
+
+    few: LabelledImages | None
+    development: LabelledImages
+    reported: LabelledImages | None
+
+
+@lru_cache(maxsize=1)
+def real_images(recipe: Recipe) -> Real:
+    """The labelled images, with features for testing; those of the few for training."""
+    target, size, settings = recipe.file, (recipe.height, recipe.width), recipe.train
+    parts = parts_of(target, Path(recipe.data), recipe.holdout)
+    entries = parts.entries
+    names, sequences = zip(*((e.name, e.sequence) for e in entries), strict=True)
+    chosen = {*spread(names, sequences, recipe.few, CHOICE).tolist()} if recipe.few else set()
+
+    def seen(entries: Sequence[Any], training: bool = False) -> LabelledImages | None:
+        if not entries:
+            return None
+        images = load(entries, target, size)
+        shown = view_images(images.images, settings) if training else images.images
+        return images._replace(features=features(shown, settings) if settings.frozen else None)
+
+    few = seen([entry for k, entry in enumerate(entries) if k in chosen], training=True)
+    development = seen([entry for k, entry in enumerate(entries) if k not in chosen])
+    assert development is not None
+    return Real(few, development, seen(parts.held_out))
+
+
+# ---- networks
+
+
+def networks(recipe: Recipe, seed: int, rules: Sequence[str], folder: Path) -> list[dict[str, Any]]:
+    """Train and test a network of each rule on the renders of a seed, whose features all share.
+
+    Each line is written at once; runs in a worker.
+    """
+    settings, table = recipe.train, table_of(recipe.file)
+    real, (images, train_ids, depths) = real_images(recipe), renders(recipe, seed, folder)
+    maps = features(view_images(images, settings), settings) if settings.frozen else None
+    log, lines, classes = JsonLines(folder / NETWORKS), [], len(table.classes)
+    mixed: dict[str, Any] = {}
+    if real.few is not None:
+        mixed = {"beside": real.few, "share": 0.25 if recipe.few < FEW else 0.5}
+    for rule in rules:
+        began = time.process_time()
+        labels = labels_of(rule, train_ids, depths, recipe.file)
+        spent = 1000 * (time.process_time() - began) / len(labels)
+        params = train(seed, images, labels, settings, classes, features=maps, **mixed)
+        confusions = {}
+        for side, tested in ((DEVELOPMENT, real.development), (REPORTED, real.reported)):
+            if tested is not None:
+                pair, maps_of = (tested.images, tested.labels), tested.features
+                confusion = score(params, *pair, settings, classes, features=maps_of)
+                confusions[side] = confusion.tolist()
+        line = {"key": recipe.key(rule, seed), "ms": spent, "scores": confusions}
+        with log.shared():
+            log.append(line)
+        lines.append(line)
+    return lines
+
+
+# ---- tables
+
+
+def gain_rows(scores: dict[str, dict[int, np.ndarray]], classes: Sequence[str]) -> list[Row]:
+    """The gain of each rule over exact labels: by seed, its mean with the 95 % interval, and by class."""
+    exact, rows = scores[EXACT], []
+    for rule, by_seed in scores.items():
+        seeds = sorted(by_seed)
+        ours, theirs = ([100 * mean_iou(c[s]) for s in seeds] for c in (by_seed, exact))
+        row: Row = {"labels": rule, "mIoU": float(np.mean(ours))}
+        row |= {"gain by seed": "", "gain": "", "95 %": "", "classes": ""}
+        if rule != EXACT:
+            gain, ci95 = paired_gain(ours, theirs)
+            one, other = (np.nanmean([iou(c[s]) for s in seeds], axis=0) for c in (by_seed, exact))
+            changes = dict(zip(classes, (100 * (one - other)).tolist(), strict=True))
+            largest = sorted(changes.items(), key=lambda item: -abs(np.nan_to_num(item[1])))
+            row |= {
+                "gain by seed": " ".join(
+                    f"{a - b:+.2f}" for a, b in zip(ours, theirs, strict=True)
+                ),
+                "gain": f"{gain:+.2f}",
+                "95 %": ci95 and "{:+.2f} to {:+.2f}".format(*ci95),
+                "classes": ", ".join(f"{name} {change:+.1f}" for name, change in largest),
+            }
+        rows.append(row)
+    return rows
+
+
+def shape_rows(sets: dict[str, np.ndarray], classes: Sequence[str]) -> list[Row]:
+    """Boundary pixels per pixel of each class, and its connected parts per image, in sets of labels."""
+    rows: list[Row] = []
+    for k, name in enumerate(classes):
+        row: Row = {"class": name}
+        for title, labels in sets.items():
+            edge, area, parts = 0, 0, 0
+            for label in labels:
+                inside = label == k
+                edge += int(boundary(label, inside).sum())
+                area += int(inside.sum())
+                parts += cv2.connectedComponents(inside.astype(np.uint8))[0] - 1
+            row[title] = f"{edge / area:.2f}; {parts / len(labels):.0f}" if area else "-"
+        rows.append(row)
+    return rows
+
+
+def boundary(label: np.ndarray, inside: np.ndarray) -> np.ndarray:
+    """The pixels of a class beside a pixel above, below, left or right of another class."""
+    edge = np.zeros(label.shape, bool)
+    for axis in (0, 1):
+        one, other = ([slice(None)] * 2 for _ in range(2))
+        one[axis], other[axis] = slice(1, None), slice(None, -1)
+        differs = label[tuple(one)] != label[tuple(other)]
+        edge[tuple(one)] |= differs
+        edge[tuple(other)] |= differs
+    return edge & inside
+
+
+def sheet(recipe: Recipe, rules: Sequence[str], folder: Path) -> np.ndarray:
+    """Rows of a rendered image, its labels by each rule, a real label and its image."""
+    table, real = table_of(recipe.file), real_images(recipe).development
+    images, train_ids, depths = (array[:SHOWN] for array in renders(recipe, 0, folder))
+    picked = np.linspace(0, len(real.images) - 1, len(images)).round().astype(int)
+    labels = [labels_of(rule, train_ids, depths, recipe.file) for rule in rules]
+    columns = [colorize(column, table.colors) for column in (*labels, real.labels[picked])]
+    return np.vstack(list(np.concatenate([images, *columns, real.images[picked]], axis=2)))
+
+
+# ---- command line
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The command line; returns the exit code."""
+    options = _options(arguments)
+
+    def work() -> None:
+        try:
+            _run(options)
+        except (DataError, TrainingError) as error:
+            raise UserError(str(error)) from error
+
+    return exit_code(work, also=(WorkerError,))
+
+
+def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
+    command = parser(__doc__)
+    command.prog = "python -m benchmarks.outlines"
+    add = command.add_argument
+    add("--data", required=True, help="folder of labelled images")
+    add("--target", help=f"{', '.join(SHIPPED)}, or a target's file; by default the folder's")
+    add("--holdout", help="a group of images that is reported on, such as 0006R0")
+    add("--rules", nargs="+", default=["tree=3%"], help="rules beside exact labels (tree=3%%)")
+    add("--attributes", default="default", help=f"{', '.join(NAMES)}, or a file (default)")
+    add("--out", type=Path, default=Path("runs/outlines"), help="folder of renders and results")
+    for name, least, meaning in (
+        ("width", 32, "pixels across"), ("height", 32, "pixels down"),
+        ("streets", 1, "images of each training set"), ("steps", 1, "of a network"),
+        ("few", 0, "labelled images in every training set"),
+    ):  # fmt: skip
+        default = Recipe._field_defaults[name]
+        help = f"{meaning} ({default})"
+        add(f"--{name}", type=partial(count, least), default=default, help=help)
+    add("--training", choices=tuple(RECIPES), default="lite0-frozen", help="(lite0-frozen)")
+    add("--seeds", type=partial(count, 1), default=5, help="networks of each row (5)")
+    add("--workers", type=partial(count, 0), default=2, help="processes, one core each (2)")
+    return command.parse_args(arguments)
+
+
+def _run(options: argparse.Namespace) -> None:
+    values = vars(options)
+    recipe = Recipe(**{name: values[name] for name in Recipe._fields if name in values})
+    rules = [EXACT, *(rule for rule in dict.fromkeys(options.rules) if rule != EXACT)]
+    for rule in rules:
+        parse_rule(rule, recipe.file)
+    read_streets(recipe.attributes, recipe.space)
+    with files.naming(options.out):
+        options.out.mkdir(parents=True, exist_ok=True)
+    lines = _train(recipe, rules, options)
+    real, classes = real_images(recipe), recipe.file.class_names
+    tables: dict[str, list[Row]] = {}
+    for side in (DEVELOPMENT, REPORTED):
+        scores = {
+            rule: {
+                seed: np.array(lines[rule, seed]["scores"][side]) for seed in range(options.seeds)
+            }
+            for rule in rules
+            if side in lines[rule, 0]["scores"]
+        }
+        if scores:
+            tables[f"tested on {side} images"] = gain_rows(scores, classes)
+    _, train_ids, depths = renders(recipe, 0, options.out)
+    sets = {"real": real.development.labels}
+    sets |= {rule: labels_of(rule, train_ids, depths, recipe.file) for rule in rules}
+    tables["boundary per area; parts per image"] = shape_rows(sets, classes)
+    spent = {rule: [lines[rule, seed]["ms"] for seed in range(options.seeds)] for rule in rules}
+    tables["labels, milliseconds per image"] = [
+        {"labels": rule, "ms": float(np.median(times))} for rule, times in spent.items()
+    ]
+    for title, rows in tables.items():
+        print(f"\n{title}\n{table(rows)}")
+    files.write(options.out / "sheet.png", encode(sheet(recipe, rules, options.out)))
+    print(
+        f"\n{options.out / 'sheet.png'}: image, labels {', '.join(rules)}, real label, real image"
+    )
+    write(options.json, recipe=recipe._asdict(), seeds=options.seeds, **tables)
+
+
+def _train(
+    recipe: Recipe, rules: Sequence[str], options: argparse.Namespace
+) -> dict[tuple[str, int], dict[str, Any]]:
+    """The lines of all networks by rule and seed, trained now or stored."""
+    log = JsonLines(options.out / NETWORKS)
+    done = {json.dumps(line["key"], sort_keys=True): line for line in log.lines}
+
+    def name(rule: str, seed: int) -> str:
+        return json.dumps(recipe.key(rule, seed), sort_keys=True)
+
+    tasks = []
+    for seed in range(options.seeds):
+        missing = [rule for rule in rules if name(rule, seed) not in done]
+        if missing:
+            tasks.append((recipe, seed, missing, options.out))
+    total = len(rules) * options.seeds
+    progress = Progress(total)
+    progress.advance(total - sum(len(task[2]) for task in tasks), replayed=True)
+    with WorkerPool(options.workers, worker_environment()) as workers:
+        for index, lines in workers.map(networks, tasks):
+            done |= {json.dumps(line["key"], sort_keys=True): line for line in lines}
+            progress.advance(len(lines))
+            progress.update(f"seed {tasks[index][1]}")
+    progress.close()
+    return {(rule, seed): done[name(rule, seed)] for rule in rules for seed in range(options.seeds)}
+
+
+if __name__ == "__main__":
+    sys.exit(main())
