@@ -46,6 +46,7 @@ from scene.proposal import NAMES, draw, read_streets
 from scene.render import RenderSettings
 from scene.version import ENGINE
 from scene.workers import WorkerError, WorkerPool
+from seg.boundary import perimeters
 from seg.classes import IGNORE_LABEL, ClassTable, colorize, table_of
 from seg.data import DataError, LabelledImages, load
 from seg.metrics import iou, mean_iou
@@ -336,32 +337,15 @@ def gain_rows(scores: dict[str, dict[int, np.ndarray]], classes: Sequence[str]) 
 
 
 def shape_rows(sets: dict[str, np.ndarray], classes: Sequence[str]) -> list[Row]:
-    """Boundary pixels per pixel of each class, and its connected parts per image, in sets of labels."""
-    rows: list[Row] = []
-    for k, name in enumerate(classes):
-        row: Row = {"class": name}
-        for title, labels in sets.items():
-            edge, area, parts = 0, 0, 0
-            for label in labels:
-                inside = label == k
-                edge += int(boundary(label, inside).sum())
-                area += int(inside.sum())
-                parts += cv2.connectedComponents(inside.astype(np.uint8))[0] - 1
-            row[title] = f"{edge / area:.2f}; {parts / len(labels):.0f}" if area else "-"
-        rows.append(row)
+    """Boundary per area of each class, and its connected parts per image, in sets of labels."""
+    rows: list[Row] = [{"class": name} for name in classes]
+    for title, labels in sets.items():
+        sides, areas = perimeters(labels, len(classes))
+        for k, row in enumerate(rows):
+            masks = (labels == k).astype(np.uint8)
+            parts = sum(cv2.connectedComponents(mask)[0] - 1 for mask in masks) / len(masks)
+            row[title] = f"{sides[k] / areas[k]:.2f}; {parts:.0f}" if areas[k] else "-"
     return rows
-
-
-def boundary(label: np.ndarray, inside: np.ndarray) -> np.ndarray:
-    """The pixels of a class beside a pixel above, below, left or right of another class."""
-    edge = np.zeros(label.shape, bool)
-    for axis in (0, 1):
-        one, other = ([slice(None)] * 2 for _ in range(2))
-        one[axis], other[axis] = slice(1, None), slice(None, -1)
-        differs = label[tuple(one)] != label[tuple(other)]
-        edge[tuple(one)] |= differs
-        edge[tuple(other)] |= differs
-    return edge & inside
 
 
 def sheet(recipe: Recipe, rules: Sequence[str], folder: Path) -> np.ndarray:
