@@ -26,12 +26,14 @@ class ClassTable:
         classes: class names, in the order of the ids.
         colors: u8[classes, 3], RGB for pictures.
         from_train_id: u8[256], Cityscapes train id -> id of this table, `IGNORE_LABEL` for void.
+        outlines: train ids of the classes that are drawn as a whole, with their share of the image's width.
     """
 
     name: str
     classes: tuple[str, ...]
     colors: UInt8[np.ndarray, "classes 3"]
     from_train_id: UInt8[np.ndarray, "256"]
+    outlines: tuple[tuple[tuple[int, ...], float], ...] = ()
 
 
 def table_of(target: TargetFile) -> ClassTable:
@@ -41,14 +43,19 @@ def table_of(target: TargetFile) -> ClassTable:
     from_train_id[: len(target.of_engine)] = target.of_engine
     for array in (colors, from_train_id):
         array.flags.writeable = False
-    return ClassTable(target.name, target.class_names, colors, from_train_id)
+    return ClassTable(
+        target.name, target.class_names, colors, from_train_id, target.engine_outlines
+    )
 
 
 def table_text(target: TargetFile) -> str:
     """The text by which `class_table` finds a target: its name if the package has its file, else its file."""
     if target.name in SHIPPED and target == shipped(target.name):
         return target.name
-    return msgspec.json.encode(target).decode()
+    fields = msgspec.to_builtins(target)
+    if not target.outlines:
+        del fields["outlines"]  # evaluations of targets without any keep their keys
+    return msgspec.json.encode(fields).decode()
 
 
 @lru_cache

@@ -44,6 +44,8 @@ DEEPEST = 20
 """The most tables and lists inside one another."""
 PLACES = ("split", "group", "name")
 """Names that a pattern may have in braces."""
+WIDEST = 0.1
+"""The largest outline, as a share of an image's width."""
 TRAIN = "train"
 """The split of all images that no other share or group takes."""
 
@@ -106,6 +108,9 @@ class TargetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             `classes` does not name it. By default such values are an error, and pixels
             without a polygon void.
         unlabelled: whether an image at a pattern that has no label is an error, or left out.
+        outlines: classes that annotators draw as a whole, holes included, with the width of the widest holes
+            as a share of the image's width: renders' labels of these are drawn in the same way
+            (`scene.outline`). In the file a share is such as "3 %".
         name: name of the target; by default that of its file.
         source: the file, for errors; it is no field of the file.
     """
@@ -121,6 +126,7 @@ class TargetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     fit: Fit = "pad"
     rest: Name | None = None
     unlabelled: Unlabelled = "refuse"
+    outlines: dict[Name, float] = {}
     name: Name = "target"
     source: str = ""
 
@@ -146,6 +152,15 @@ class TargetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         rest = engine.VOID if self.rest is None else self.class_names.index(self.rest)
         found = {name: k for k, own in enumerate(self.classes.values()) for name in own.renders}
         return tuple(found.get(name, rest) for name in engine.NAMES)
+
+    @property
+    def engine_outlines(self) -> tuple[tuple[tuple[int, ...], float], ...]:
+        """The engine's classes of each class with an outline, and its share of the width; in order of ids."""
+        return tuple(
+            (tuple(id for id, k in enumerate(self.of_engine) if k == number), self.outlines[name])
+            for number, name in enumerate(self.classes)
+            if name in self.outlines
+        )
 
     @property
     def palette(self) -> tuple[Colour, ...]:
@@ -246,6 +261,12 @@ def parse_target(text: bytes | str, source: str) -> TargetFile:
         if isinstance(plain.get(field), dict):
             for name, value in plain[field].items():
                 lines.checked(value, kind, f"{field}.{name}")
+    if isinstance(plain.get("outlines"), dict):
+        shares = {
+            name: lines.share(value, f"outlines.{name}")
+            for name, value in plain["outlines"].items()
+        }
+        plain["outlines"] = {name: share for name, share in shares.items() if share}
     found = lines.checked(plain, TargetFile, "")
     found = msgspec.structs.replace(
         found,
@@ -335,6 +356,16 @@ class _Lines:
             self._of[own] = key.start_mark.line + 1
         return found
 
+    def share(self, value: Any, field: str) -> float:
+        """Convert a text such as "3 %" to a share of an image's width; raises UserError for any other."""
+        match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*%", value) if isinstance(value, str) else None
+        if match is None or float(match[1]) > 100 * WIDEST:
+            self.refuse(
+                field,
+                f"expected 0 to {100 * WIDEST:g} % of the image's width, such as 3 %, not {value}",
+            )
+        return float(match[1]) / 100
+
     def checked(self, value: Any, kind: Any, field: str) -> Any:
         """Convert a value to a type; raises UserError at the part that does not fit."""
         try:
@@ -375,6 +406,11 @@ def _check(target: TargetFile, lines: _Lines) -> None:
             "classes", f"expected 2 to {MOST_CLASSES} classes, not {len(target.classes)}{alone}"
         )
     _check_classes(target, lines)
+    rendered = [name for name, has in zip(target.classes, target.rendered, strict=True) if has]
+    for name in target.outlines:
+        if name not in rendered:
+            what = "has no renders" if name in target.classes else "is no class"
+            lines.refuse(f"outlines.{name}", f"{what}; outlines are for {', '.join(rendered)}")
     _check_splits(target, lines)
     for field in ("images", "labels"):
         own = getattr(target, field)

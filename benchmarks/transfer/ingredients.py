@@ -12,6 +12,7 @@ from scene.attributes import StreetParams, street_params
 from scene.dataset.render import street_of
 from scene.ground.ground import plain, sample_ground
 from scene.ground.path import nearest
+from scene.outline import outlined
 from scene.render import RenderSettings, renderer
 from scene.sky.sky import sample_sky
 from scene.street.background import BEHIND, LINES_END
@@ -143,5 +144,5 @@ def render_world(
             street = alter(street, street_params(unit))
         for frame in engine.render(street, world.settings):
             images.append(frame.image)
-            labels.append(frame.label)
+            labels.append(outlined(frame, table.outlines).label)
     return np.stack(images), table.from_train_id[np.stack(labels)]

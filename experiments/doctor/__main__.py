@@ -82,6 +82,7 @@ def diagnose(
 
 
 def _folder(data: Path, target: str | None, write_to: Path | None, out: Path) -> int:
+    from experiments.doctor.outlines import line
     from experiments.doctor.propose import Proposal, propose
     from experiments.doctor.survey import survey
     from shell.target_file import find_target, parse_target
@@ -94,9 +95,12 @@ def _folder(data: Path, target: str | None, write_to: Path | None, out: Path) ->
     else:
         proposal = propose(data)
         own = parse_target(proposal.text, str(data / "target.yaml"))
+    seen = survey(own, data)
+    drawn, pair = _outlines(own, seen)
+    if proposal.text and (outlines := line(drawn)) and not own.outlines:
+        proposal = Proposal(f"{proposal.text.rstrip()}\n{outlines}", proposal.notes)
     if write_to is not None:
         write(write_to, proposal.text)
-    seen = survey(own, data)
     print(f"\n{data} as {own.name}: {_counted(seen)}")
     for note in proposal.notes:
         print(f"  {note}")
@@ -112,6 +116,14 @@ def _folder(data: Path, target: str | None, write_to: Path | None, out: Path) ->
             f"  {one.name:{wide}s}  {100 * one.share:8.2f}  {100 * one.images:8.0f}  {row}  {renders}"
         )
     print(f"  {'void':{wide}s}  {100 * seen.void:8.2f}  (of all pixels; {seen.read} label files)")
+    if drawn:
+        print(
+            "  boundary per area: sides of a class's pixels at which another begins, over its pixels"
+        )
+        print(f"  {'class':{wide}s}  labels  renders  outlined by")
+        for row in drawn:
+            by = f"{100 * row.outline:g} %: {row.outlined:.2f}" if row.outline else "-"
+            print(f"  {row.name:{wide}s}  {row.real:6.2f}  {row.exact:7.2f}  {by}")
     for fault in seen.faults:
         print(f"! {fault.what}\n    {fault.mend}")
     costs, cores, measured = _costs(own, data, seen.size) if any(own.rendered) else ([], 0, 0)
@@ -125,7 +137,7 @@ def _folder(data: Path, target: str | None, write_to: Path | None, out: Path) ->
         print("! minutes are not known: nets or streets cannot be made here, see above")
     for command, minutes in costs:
         print(f"  {minutes:>6s}  {command}")
-    _pictures(own, seen, out, data, proposal.text or "", costs, cores, measured)
+    _pictures(own, seen, out, data, proposal.text, costs, cores, measured, drawn, pair)
     written = f"; {write_to} has the file" if write_to is not None else ""
     print(f"{out / PAGE} and {out / SHEET} show images with their labels{written}")
     if write_to is None and target is None and not (data / "target.yaml").exists():
@@ -138,6 +150,24 @@ def _counted(seen: Any) -> str:
         f"{count} images of {seen.groups[split]} groups in {split}"
         for split, count in seen.counts.items()
     ) or "no images"  # fmt: skip
+
+
+def _outlines(target: Any, seen: Any) -> tuple[list[Any], list[tuple[str, Any]]]:
+    """The boundaries of labels and renders, and pictures of both; none where nothing can be compared."""
+    from experiments.doctor import outlines
+    from scene.render import RendererError
+    from seg.data import load
+
+    if not seen.usable or not any(target.rendered):
+        return [], []
+    width, height = seen.size
+    labels = load(seen.labelled, target, (height, width)).labels
+    try:
+        renders = outlines.renders(seen.size)
+    except RendererError:  # the machine's own lines say so
+        return [], []
+    rows = outlines.compare(target, labels, renders)
+    return rows, outlines.pictures(target, labels, renders, rows)
 
 
 def _costs(
@@ -164,7 +194,16 @@ def _costs(
 
 
 def _pictures(
-    target: Any, seen: Any, out: Path, root: Path, text: str, costs: Any, cores: int, measured: int
+    target: Any,
+    seen: Any,
+    out: Path,
+    root: Path,
+    text: str,
+    costs: Any,
+    cores: int,
+    measured: int,
+    drawn: Any,
+    pair: Any,
 ) -> None:
     """Write the page and the picture."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -187,15 +226,19 @@ def _pictures(
         cores=cores,
         measured=measured,
         text=text,
-        pictures=[
-            {
-                "name": name,
-                "data": "data:image/png;base64," + base64.b64encode(_png(own)).decode(),
-            }
-            for name, own in shown
-        ],
+        drawn=drawn,
+        pair=_embedded(pair),
+        pictures=_embedded(shown),
     )
     write(out / PAGE, page)
+
+
+def _embedded(pictures: Any) -> list[dict[str, str]]:
+    """Pictures with their names, as data URIs."""
+    return [
+        {"name": name, "data": "data:image/png;base64," + base64.b64encode(_png(one)).decode()}
+        for name, one in pictures
+    ]
 
 
 def _png(picture: Any) -> bytes:

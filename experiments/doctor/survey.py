@@ -13,6 +13,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from experiments.target.folder import suitable_size
+from experiments.target.real import HELD_OUT
 from seg.classes import IGNORE_LABEL
 from seg.data import LabelReader, load
 from seg.data.images import ORIENTATION, check_end, decode, is_deep, read_file, upright
@@ -25,6 +26,8 @@ READ = 100
 """The most label files that are read whole."""
 HEAD = 65536
 """Number of first bytes by which copies of a file are found, beside its size."""
+LOADED = 60
+"""The most images whose labels are read at the size for nets."""
 SHOWN = 4
 """Number of images that are shown with their labels."""
 ALIKE = 0.03
@@ -61,6 +64,7 @@ class Survey(NamedTuple):
     void: float  # share of the pixels
     read: int  # number of label files read
     size: tuple[int, int]  # a suitable (width, height)
+    labelled: list[Entry]  # some for training, or of all splits if none is for testing
     shown: list[Entry]
     faults: list[Fault]
     usable: bool
@@ -103,6 +107,10 @@ def survey(target: TargetFile, root: Path) -> Survey:
         void,
         read,
         suitable(sizes),
+        _spread(
+            [e for split, some in splits.items() if split not in HELD_OUT for e in some], LOADED
+        )
+        or _spread(entries, LOADED),
         _spread(entries, SHOWN),
         merged(faults),
         usable,

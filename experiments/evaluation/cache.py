@@ -30,6 +30,7 @@ from experiments.evaluation.job import Recipe
 from experiments.evaluation.store import digest_of
 from experiments.target.base import Target
 from scene.dataset.render import render_street
+from scene.outline import outlined
 from scene.workers import Workers
 from seg.data import LabelledImages
 from seg.nets.head import Maps
@@ -155,7 +156,7 @@ class Cache:
 
     def _pool(self, name: str, recipe: Recipe) -> Path:
         # The name is that of evaluations, whose keys have the classes beside it.
-        return self._root / f"pool-{digest([name, recipe.table])[:16]}"
+        return self._root / f"pool-{digest([name, recipe.table, *recipe.classes.outlines])[:16]}"
 
     def normalised(self, recipe: Recipe, target: Target) -> Recipe:
         """Add the head's statistics to a recipe if they are those of the target.
@@ -251,9 +252,9 @@ def _made_streets(
     """Render some streets of a pool from an index on; runs in a worker."""
     started = time.perf_counter()
     fidelity, name, pool = recipe.fidelity, recipe.renderer, recipe.pool
-    settings = fidelity.render_settings()
+    settings, outlines = fidelity.render_settings(), recipe.classes.outlines
     frames = [
-        render_street(unit, seed, start + k, 1, settings, name, pool)[0]
+        outlined(render_street(unit, seed, start + k, 1, settings, name, pool)[0], outlines)
         for k, unit in enumerate(units)
     ]
     images = np.stack([frame.image for frame in frames])

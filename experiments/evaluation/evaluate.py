@@ -70,7 +70,8 @@ def attempt(evaluate: Callable[..., Any], *arguments: Any, ready: Rendered | Non
 def render(recipe: Recipe, streets: Streets, seed: int, workers: int | Workers = 0) -> Dataset:
     """Render the dataset of streets and a seed; by default in this process.
 
-    ``sdr-jax render --attributes FILE --seed SEED`` with the same sizes renders the same.
+    ``sdr-jax render --attributes FILE --seed SEED`` with the same sizes renders the same, but for outlines,
+    which need ``--target``.
     """
     fidelity = recipe.fidelity
     return render_dataset(
@@ -80,6 +81,7 @@ def render(recipe: Recipe, streets: Streets, seed: int, workers: int | Workers =
         settings=fidelity.render_settings(),
         renderer_name=recipe.renderer,
         pool=recipe.pool,
+        outlines=recipe.classes.outlines,
         workers=workers,
     )
 

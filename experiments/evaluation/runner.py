@@ -428,6 +428,9 @@ def about(recipe: Recipe, target: Target, side: Side, real: LabelledImages | Ref
         "engine": ENGINE,
         FIELD: dict(recipe.made_with),
     }
+    if recipe.classes.outlines:
+        # A target of the package is in the table by its name.
+        decides["outlines"] = recipe.classes.outlines
     if recipe.checkpoints > 1:
         decides["checkpoints"] = recipe.checkpoints
     if kind == "miou" and by_target(fidelity.train):

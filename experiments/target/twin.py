@@ -124,6 +124,7 @@ def twin_split(
     number = ("train", "test").index(split)
     rng = np.random.default_rng([world.seed, number])
     unit = world.centre + world.width * rng.uniform(-0.5, 0.5, (streets, len(world.centre)))
+    classes = class_table("cityscapes")
     dataset = render_dataset(
         np.clip(unit, 0, 1),
         world.seed + 1 + number,
@@ -131,7 +132,8 @@ def twin_split(
         settings=RenderSettings(size[1], size[0], samples=2, response=world.response),
         renderer_name=renderer,
         pool=AssetPool(FIRST_ASSET, assets),
+        outlines=classes.outlines,
         workers=workers,
     )
-    labels = class_table("cityscapes").from_train_id[dataset.labels[:count]]
+    labels = classes.from_train_id[dataset.labels[:count]]
     return LabelledImages(dataset.images[:count], labels, names, sequences)

@@ -27,6 +27,7 @@ from scene.dataset.formats.layout import SPLITS, layout
 from scene.dataset.formats.shot import shot_files
 from scene.dataset.read import DESCRIPTION, WORK, describe, pictures
 from scene.dataset.render import Dataset, check_request, compile_first, street_of
+from scene.outline import outlined
 from scene.proposal import Streets
 from scene.render import RenderSettings, renderer
 from scene.version import MAKERS
@@ -200,7 +201,11 @@ def _changed(plan: Plan, wanted: dict[str, Any]) -> str:
 def _draw_street(plan: Plan, index: int, unit: np.ndarray) -> tuple[Files, dict[str, Any]]:
     """Make the files of one street and its record; runs in a worker, which need not see the folder."""
     street = street_of(unit, plan.seed, index, plan.shots, plan.pool)
-    frames, labels = renderer(plan.renderer).render(street, plan.settings), plan.labels
+    labels = plan.labels
+    frames = [
+        outlined(frame, labels.outlines)
+        for frame in renderer(plan.renderer).render(street, plan.settings)
+    ]
     placed = Counter(labels.rendered[p.train_id] for p in street.placements)
     record: dict[str, Any] = {"placed": dict(sorted(placed.items())), "images": []}
     all_files: Files = []

@@ -15,6 +15,7 @@ import numpy as np
 from scene.assets.catalogue import AssetPool
 from scene.attributes import check_unit, default_unit, street_params
 from scene.compiled import first_use
+from scene.outline import Outlines, outlined
 from scene.render import Frame, RenderSettings, check_settings, renderer
 from scene.street.street import Street, sample_street
 from scene.workers import WorkerPool, Workers, opened
@@ -52,9 +53,9 @@ def render_street(
     return renderer(renderer_name).render(street_of(unit, seed, index, shots, pool), settings)
 
 
-def images_and_labels(*task: Any) -> tuple[np.ndarray, np.ndarray]:
+def images_and_labels(outlines: Outlines, *task: Any) -> tuple[np.ndarray, np.ndarray]:
     """Render a street with `render_street`'s arguments: u8[shots, h, w, 3] and u8[shots, h, w]."""
-    frames = render_street(*task)
+    frames = [outlined(frame, outlines) for frame in render_street(*task)]
     return np.stack([f.image for f in frames]), np.stack([f.label for f in frames])
 
 
@@ -111,6 +112,7 @@ def render_dataset(
     settings: RenderSettings,
     renderer_name: str = "embree",
     pool: AssetPool | None = None,
+    outlines: Outlines = (),
     workers: int | Workers = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> Dataset:
@@ -123,6 +125,7 @@ def render_dataset(
         settings: size and quality.
         renderer_name: ``embree`` or ``opengl``.
         pool: the assets that may appear.
+        outlines: how labels are drawn; by default they are exact.
         workers: processes to render in; 0 renders here, ``Workers`` are used and left open.
         progress: called with (streets done, streets).
 
@@ -138,7 +141,10 @@ def render_dataset(
     with opened(workers) as processes:
         compile_first(processes, renderer_name)
         pool = pool.called(processes.share)
-        tasks = [(u, seed, i, shots, settings, renderer_name, pool) for i, u in enumerate(units)]
+        tasks = [
+            (outlines, u, seed, i, shots, settings, renderer_name, pool)
+            for i, u in enumerate(units)
+        ]
         for done, (i, result) in enumerate(processes.map(images_and_labels, tasks), start=1):
             images[i * shots : (i + 1) * shots], labels[i * shots : (i + 1) * shots] = result
             if progress is not None:

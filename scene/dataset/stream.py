@@ -12,6 +12,7 @@ import numpy as np
 from scene.assets.catalogue import AssetPool, check_pool
 from scene.attributes import SpaceName
 from scene.dataset.formats.labels import (
+    Labels,
     engine_labels,
     refuse_with_target,
     target_entry,
@@ -91,9 +92,7 @@ def stream(
             refuse_with_target(pool.own_class.name, entry["name"])
         own = target_labels(entry)
     last = None if images is None else start + images
-    return _samples(
-        drawn, seed, start, last, shots, settings, renderer_name, pool, own.of_engine, workers
-    )
+    return _samples(drawn, seed, start, last, shots, settings, renderer_name, pool, own, workers)
 
 
 def _samples(
@@ -105,7 +104,7 @@ def _samples(
     settings: RenderSettings,
     renderer_name: str,
     pool: AssetPool,
-    of_engine: np.ndarray,
+    classes: Labels,
     workers: int | Workers,
 ) -> Generator[Sample, None, None]:
     first = start // shots
@@ -119,7 +118,8 @@ def _samples(
         compile_first(processes, renderer_name)
         sent = pool.called(processes.share)
         tasks: Iterator[tuple[Any, ...]] = (
-            (units(k), seed, k, shots, settings, renderer_name, sent) for k in streets
+            (classes.outlines, units(k), seed, k, shots, settings, renderer_name, sent)
+            for k in streets
         )
         for index, (images, labels) in enumerate(
             processes.in_order(images_and_labels, tasks), start=first
@@ -127,5 +127,5 @@ def _samples(
             street = units(index)
             for image, label in zip(images, labels, strict=True):
                 if start <= number and (last is None or number < last):
-                    yield Sample(image, of_engine[label], street)
+                    yield Sample(image, classes.of_engine[label], street)
                 number += 1

@@ -14,6 +14,7 @@ from shell.classes import OWN as OWN_ROW
 from shell.errors import UserError
 
 if TYPE_CHECKING:
+    from scene.outline import Outlines
     from shell.target_file import TargetFile
 
 ILLEGAL = 254
@@ -28,6 +29,7 @@ class Labels(NamedTuple):
     values: np.ndarray  # u8 or u16[256] ids, or u8[256, 3] colours, of each class and of VOID
     colours: np.ndarray  # u8[256, 3] for people, VOID is black
     things: tuple[int, ...]  # classes with instances
+    outlines: Outlines = ()  # those that are drawn as a whole
 
     @property
     def rendered(self) -> tuple[str, ...]:
@@ -128,6 +130,7 @@ def target_entry(target: TargetFile | str | Path) -> dict[str, Any]:
         "void": _plain(void),
         "classes": [
             {"name": name, "value": _plain(value), "colour": list(colour), "renders": list(own.renders)}
+            | ({"outline": target.outlines[name]} if name in target.outlines else {})
             for name, value, colour, own in zip(
                 names, values, target.palette, target.classes.values(), strict=True
             )
@@ -156,6 +159,13 @@ def target_labels(entry: Any) -> Labels:
         sound = shape in ((), (3,)) and whole.dtype.kind == "i" and 0 < len(rows) < ILLEGAL
         if not sound or whole.min() < 0 or whole.max() > bound or len(set(names)) < len(names):
             raise ValueError("classes, values or colours")
+        outlines = tuple(
+            (tuple(train_ids), float(row["outline"]))
+            for row, train_ids in zip(rows, renders, strict=True)
+            if "outline" in row
+        )
+        if not all(0 < share < 1 for _, share in outlines):
+            raise ValueError("outlines")
         of_engine = np.full(256, VOID, np.uint8)
         for k, train_ids in enumerate(renders):
             of_engine[train_ids] = k
@@ -165,6 +175,7 @@ def target_labels(entry: Any) -> Labels:
             _table(values, void, np.uint8 if whole.max() < 256 else np.uint16),
             _table(colours, (0, 0, 0), np.uint8),
             tuple(k for k, own in enumerate(renders) if own and all(map(is_thing, own))),
+            outlines,
         )
     except (LookupError, TypeError, ValueError, OverflowError) as error:
         raise ValueError(f"target is not as it was written: {error}") from None
