@@ -41,7 +41,7 @@ from scene.assets.catalogue import AssetPool
 from scene.attributes import SpaceName
 from scene.dataset.formats.png import encode
 from scene.dataset.render import render_street
-from scene.outline import Outline, drop_parts, inverse, sources
+from scene.outline import Outline, drop, inverse, small_parts, sources
 from scene.proposal import NAMES, draw, read_streets
 from scene.render import RenderSettings
 from scene.version import ENGINE
@@ -170,7 +170,8 @@ def labels_by(
         if kind in ("thin", "small"):
             inside = members(name).take(label.take(source))
             if kind == "small":
-                drop_parts(inside, inverse(depth), source, amount * label.size / PIXELS)
+                parts = small_parts(inside, amount * label.size / PIXELS)
+                drop(parts, ~inside, inverse(depth), source)
             else:
                 _drop_thin(inside, inverse(depth), source, round(amount))
     classes = table.from_train_id.take(label.take(source))

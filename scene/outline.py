@@ -65,8 +65,14 @@ def sources(label: np.ndarray, depth: np.ndarray, outlines: Outlines) -> np.ndar
         if inside.any():
             window = _window(inside)
             inside, surface, taken = inside[window], nearness[window], source[window]
-            _close_holes(inside, surface, taken, share * label.shape[1])
-            drop_parts(inside, surface, taken, LEAST * label.size)
+            closed = _closed(np.where(inside, surface, np.float32(0)), share * label.shape[1])
+            holes = ~inside & (closed > surface)
+            twigs = small_parts(inside | holes, LEAST * label.size)
+            holes &= twigs == 0
+            if holes.any():
+                taken[holes] = taken.take(_nearest(inside)[holes])
+                surface[holes] = closed[holes]
+            drop(twigs * inside, ~(inside | holes), surface, taken)
     return source
 
 
@@ -79,16 +85,6 @@ def _window(inside: np.ndarray) -> tuple[slice, slice]:
     """The rows and columns of a mask that has some pixels, with a margin of one."""
     rows, columns = (np.flatnonzero(inside.any(axis=axis)) for axis in (1, 0))
     return slice(max(rows[0] - 1, 0), rows[-1] + 2), slice(max(columns[0] - 1, 0), columns[-1] + 2)
-
-
-def _close_holes(inside: np.ndarray, nearness: np.ndarray, source: np.ndarray, size: float) -> None:
-    """Let holes of a mask that lie behind its surface take the class of its nearest pixel, in place."""
-    closed = _closed(np.where(inside, nearness, np.float32(0)), size)
-    holes = ~inside & (closed > nearness)
-    if holes.any():
-        source[holes] = source.take(_nearest(inside)[holes])
-        nearness[holes] = closed[holes]
-        inside |= holes
 
 
 def _closed(nearness: np.ndarray, size: float) -> np.ndarray:
@@ -113,24 +109,28 @@ def _nearest(inside: np.ndarray) -> np.ndarray:
     return found.take(number)
 
 
-def drop_parts(inside: np.ndarray, nearness: np.ndarray, source: np.ndarray, least: float) -> None:
-    """Let connected parts under ``least`` pixels take the class of their deepest neighbour, in place."""
-    _, parts, statistics, _ = cv2.connectedComponentsWithStats(inside.astype(np.uint8))
-    small = statistics[:, cv2.CC_STAT_AREA] < least
-    small[0] = False
-    rows, columns = np.nonzero(small.take(parts))
+def small_parts(mask: np.ndarray, least: float) -> np.ndarray:
+    """The number i32[h, w] of the connected part of each pixel of a mask, 0 for parts of ``least`` pixels."""
+    _, parts, statistics, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
+    numbers = np.arange(len(statistics), dtype=np.int32)
+    return np.where(statistics[:, cv2.CC_STAT_AREA] < least, numbers, 0).take(parts)
+
+
+def drop(parts: np.ndarray, outside: np.ndarray, nearness: np.ndarray, source: np.ndarray) -> None:
+    """Let each numbered part take the class of its deepest neighbour outside, in place."""
+    rows, columns = np.nonzero(parts)
     if not len(rows):
         return
-    height, width = inside.shape
+    height, width = parts.shape
     steps = np.array([(dy, dx) for dy in (-1, 0, 1) for dx in (-1, 0, 1) if dy or dx])
     y = np.clip(rows + steps[:, :1], 0, height - 1)
     x = np.clip(columns + steps[:, 1:], 0, width - 1)
-    outside = ~inside[y, x]
-    part = np.broadcast_to(parts[rows, columns], y.shape)[outside]
-    neighbours = (y * width + x)[outside]
+    beside = outside[y, x]
+    part = np.broadcast_to(parts[rows, columns], y.shape)[beside]
+    neighbours = (y * width + x)[beside]
     order = np.lexsort((neighbours, nearness.take(neighbours), part))
     with_neighbours, first = np.unique(part[order], return_index=True)
-    deepest = np.full(len(small), -1)
+    deepest = np.full(parts.max() + 1, -1)
     deepest[with_neighbours] = neighbours[order[first]]
     behind = deepest[parts[rows, columns]]
     rows, columns, behind = rows[behind >= 0], columns[behind >= 0], behind[behind >= 0]

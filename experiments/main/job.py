@@ -50,7 +50,7 @@ def scores(run: Run[MainConfig], _: Any) -> Report:
     pictures.search(folder / pictures.PICTURES, learnt.found)
     export(run, recipe, learnt.streets)
     test = target.at(config.final.height, config.final.width)["test"]
-    shown = _shown(run, recipe)
+    shown = _shown(run, recipe, learnt.streets)
     rows = by_row(final, run.runner.test(final))
     pictures.show(run, test, shown)
     told = matters(run.evaluations.records, target.name, config.space)
@@ -62,7 +62,7 @@ def scores(run: Run[MainConfig], _: Any) -> Report:
     }
 
 
-def _shown(run: Run[MainConfig], recipe: Recipe) -> dict[str, LabelledImages]:
+def _shown(run: Run[MainConfig], recipe: Recipe, learnt: Proposal) -> dict[str, LabelledImages]:
     """Training images with labels to show: some random and hand-set streets, all learnt ones, real images."""
     config, fidelity = run.config, recipe.fidelity
     some = replace(fidelity, streets=min(fidelity.streets, 12), shots=min(fidelity.shots, 2))
@@ -70,7 +70,10 @@ def _shown(run: Run[MainConfig], recipe: Recipe) -> dict[str, LabelledImages]:
     for name in ("random", "default"):
         streets = config.streets(name)
         sets[name] = render(recipe._replace(fidelity=some), streets, config.seed, run.workers)
-    sets["learnt"] = read_dataset(config.out / "dataset")
+    if recipe.classes.outlines:  # the exported labels are exact
+        sets["learnt"] = render(recipe, learnt, config.seed, run.workers)
+    else:
+        sets["learnt"] = read_dataset(config.out / "dataset")
     found = {
         name: LabelledImages(own.images, recipe.classes.from_train_id[own.labels])
         for name, own in sets.items()

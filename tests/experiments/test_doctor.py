@@ -13,7 +13,7 @@ from PIL import Image
 
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
-from experiments.doctor import costs, machine
+from experiments.doctor import costs, machine, outlines
 from experiments.doctor.__main__ import PAGE, SHEET, main
 from experiments.doctor.installed import EXTRAS
 from experiments.doctor.propose import _named_value, propose
@@ -22,6 +22,7 @@ from experiments.evaluation import pace
 from experiments.evaluation.pace import Pace
 from experiments.fit import config_of, configured, planned
 from experiments.main.job import plan
+from scene.classes import TrainId
 from scene.render import RendererError
 from seg.data import LabelReader, read_target
 from seg.data.images import check_end, read_image
@@ -64,11 +65,22 @@ def streets(tmp_path):
     return root
 
 
+def renders(size, streets=2):
+    """Stands for streets: a tree of stripes before a road, below the sky."""
+    width, height = size
+    label = np.full((height, width), TrainId.ROAD, np.uint8)
+    label[: height // 4] = TrainId.SKY
+    label[height // 4 : height // 2, ::2] = TrainId.VEGETATION
+    depth = np.where(label == TrainId.ROAD, 20, 10) * (label != TrainId.SKY)
+    return outlines.Drawn(np.stack([label] * 2), np.stack([depth.astype(np.float32)] * 2))
+
+
 @pytest.fixture
 def doctor(tmp_path, monkeypatch, capsys):
     """The command without its measurement and its look at the machine; returns code, output and error."""
     monkeypatch.setattr(pace, "measure", lambda: Pace(1.0, 2.0))
     monkeypatch.setattr(pace, "kept", lambda name: tmp_path / name)
+    monkeypatch.setattr(outlines, "renders", renders)
     monkeypatch.setattr(machine, "look", lambda: machine.Machine([("GPU", "none")], ["a warning"]))
 
     def run(*words):

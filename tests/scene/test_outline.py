@@ -19,8 +19,8 @@ from shell.target_file import parse_target
 ROAD, TREE, SKY, CAR, POLE, FENCE = (
     int(TrainId[name]) for name in ("ROAD", "VEGETATION", "SKY", "CAR", "POLE", "FENCE")
 )
-WIDTH, HEIGHT = 100, 60
-RULE = (((TREE,), 0.05),)
+WIDTH, HEIGHT = 200, 120
+RULE = (((TREE,), 0.025),)
 """A kernel of 5 pixels."""
 METRES = {ROAD: 30.0, TREE: 10.0, SKY: 0.0, CAR: 5.0, POLE: 5.0, FENCE: 20.0}
 
@@ -97,7 +97,7 @@ def test_the_nearer_of_two_outlines_wins_in_any_order():
     label = np.full((HEIGHT, WIDTH), ROAD, np.uint8)
     label[20:40, 20:80:2] = FENCE  # a fence of bars, and a bush of stripes before it
     label[20:40:2, 40:60] = TREE
-    for order in (RULE + (((FENCE,), 0.05),), (((FENCE,), 0.05), *RULE)):
+    for order in (RULE + (((FENCE,), 0.025),), (((FENCE,), 0.025), *RULE)):
         found = drawn(label, order)
         assert (found[24:36, 44:56] == TREE).all()
         assert (found[24:36, 24:36] == FENCE).all() and (found[24:36, 64:76] == FENCE).all()
@@ -107,7 +107,7 @@ def test_a_class_of_several_fills_with_the_nearest(crown):
     crown[20:40, 45:60] = FENCE
     whole = crown.copy()
     crown[30, 35], crown[30, 55] = SKY, SKY
-    np.testing.assert_array_equal(drawn(crown, (((TREE, FENCE), 0.05),)), whole)
+    np.testing.assert_array_equal(drawn(crown, (((TREE, FENCE), 0.025),)), whole)
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.01, 0.03, 0.1]))
