@@ -57,11 +57,11 @@ def sources(label: np.ndarray, depth: np.ndarray, outlines: Outlines) -> np.ndar
             nearer.
     """
     nearness = inverse(depth)
-    source = np.arange(label.size).reshape(label.shape)
+    current, source = label, np.arange(label.size).reshape(label.shape)
     for train_ids, share in outlines:
         members = np.zeros(256, bool)
         members[list(train_ids)] = True
-        inside = members.take(label.take(source))
+        inside = members.take(current)
         if inside.any():
             window = _window(inside)
             inside, surface, taken = inside[window], nearness[window], source[window]
@@ -73,6 +73,7 @@ def sources(label: np.ndarray, depth: np.ndarray, outlines: Outlines) -> np.ndar
                 taken[holes] = taken.take(_nearest(inside)[holes])
                 surface[holes] = closed[holes]
             drop(twigs * inside, ~(inside | holes), surface, taken)
+            current = label.take(source)
     return source
 
 
@@ -93,7 +94,7 @@ def _closed(nearness: np.ndarray, size: float) -> np.ndarray:
     rounds = max(radius // RADIUS, 1)
     side = 2 * round(radius / rounds) + 1
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
-    wide = np.pad(nearness, radius, "edge")
+    wide = cv2.copyMakeBorder(nearness, radius, radius, radius, radius, cv2.BORDER_REPLICATE)
     closed = cv2.morphologyEx(wide, cv2.MORPH_CLOSE, kernel, iterations=rounds)
     return closed[radius:-radius, radius:-radius]
 

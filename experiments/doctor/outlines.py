@@ -48,7 +48,7 @@ class Drawn(NamedTuple):
 
 
 class Compared(NamedTuple):
-    """The boundary per area of a class; NaN where it is too rare."""
+    """The boundary per area of a class that is not too rare."""
 
     name: str
     real: float
@@ -101,7 +101,7 @@ def compare(target: TargetFile, labels: np.ndarray, drawn: Drawn) -> list[Compar
     return [
         Compared(name, float(real[k]), float(exact[k]), float(now[k]), shares.get(name, 0.0))
         for k, name in enumerate(names)
-        if target.rendered[k]
+        if target.rendered[k] and np.isfinite(real[k] + exact[k])
     ]
 
 

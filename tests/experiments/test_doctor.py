@@ -120,7 +120,7 @@ def test_a_folder_of_your_own_becomes_a_target(streets, doctor, tmp_path):
         assert words in out, words
     page = (tmp_path / "out" / PAGE).read_text()
     assert all(f"</i>{name}</th>" in page for name in target.classes)
-    assert page.count("data:image/png") == 4 and "without &#39;renders&#39;" in page
+    assert page.count("data:image/png") == 4 + 2 and "without &#39;renders&#39;" in page
     assert not re.findall(r"(?:src|href)=\"(?!data:)", page)
     with Image.open(tmp_path / "out" / SHEET) as picture:
         assert picture.width == 2 * 64 and picture.height > 2 * 48
