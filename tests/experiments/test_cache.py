@@ -5,6 +5,7 @@ from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -20,16 +21,19 @@ from scene.assets.catalogue import AssetPool
 from scene.proposal import default_proposal, draw
 from scene.workers import WorkerPool
 from seg import pyramid
+from seg.classes import table_text
 from seg.data import LabelledImages
 from seg.recipes import RECIPES
 from seg.views import view_images
 from shell.errors import UserError
 from shell.files import read_json, write_json
+from shell.target_file import shipped
 
 from .conftest import POOL, Counted, Killed, never, runner_of, target_of
 
 TRAIN = replace(RECIPES["lite0-frozen"], steps=2, warmup=1, batch=2, scale=True)
 RECIPE = Recipe(Fidelity(64, 48, 1, 2, samples=1, train=TRAIN), "camvid", "embree", AssetPool(0, 2))
+OUTLINED = table_text(msgspec.structs.replace(shipped("camvid"), outlines={"tree": 0.05}))
 COUNT = 25  # two tasks, of 16 and 9
 
 
@@ -172,6 +176,15 @@ def test_streets_are_rendered_once_and_whole_pieces_outlive_a_kill(opened, monke
     # The same streets with other classes have other labels.
     other = loaded(opened().streets("a" * 64, RECIPE._replace(table="cityscapes"), units, 3, int))
     assert same([other.images], whole[:1]) and not same([other.labels], whole[1:2])
+    outlined, fresh = RECIPE._replace(table=OUTLINED), draw(default_proposal(), 3, 12)
+    other = loaded(opened().streets("b" * 64, outlined, fresh, 3, int))
+    fidelity = replace(RECIPE.fidelity, streets=12, shots=1)
+    exact, again = (
+        evaluate.rendered_set(recipe._replace(fidelity=fidelity), default_proposal(), 3)
+        for recipe in (RECIPE, outlined)
+    )
+    assert same([again.images, again.labels], [other.images, other.labels])
+    assert same([exact.images], [again.images]) and not same([exact.labels], [again.labels])
     for limit, missing in ((7, 7), (12, 0)):
         opened().forget("a" * 64, RECIPE)
         with pytest.raises(Killed):

@@ -22,12 +22,14 @@ from experiments.evaluation import pace
 from experiments.evaluation.pace import Pace
 from experiments.fit import config_of, configured, planned
 from experiments.main.job import plan
+from experiments.target.twin import twin_split, twin_world
 from scene.classes import TrainId
 from scene.render import RendererError
-from seg.data import LabelReader, read_target
+from scene.workers import WorkerPool
+from seg.data import LabelReader, load, read_target, subset
 from seg.data.images import check_end, read_image
 from shell.errors import UserError
-from shell.listing import list_all
+from shell.listing import list_all, list_split
 from shell.pictures import label_ids
 from shell.target_file import find_target, parse_target
 from tests.conftest import refuses
@@ -732,3 +734,90 @@ def test_all_extras_that_bring_something_are_listed():
         msgspec.toml.decode(Path("pyproject.toml").read_bytes())["project"]["optional-dependencies"]
     )
     assert extras - {"test", "docs"} <= set(EXTRAS)
+
+
+TREES = """
+images: images/{name}.png
+labels: labels/{name}.png
+classes:
+  road: {ids: [0], renders: [road]}
+  a tree: {ids: [1], renders: [vegetation]}
+  sky: {ids: [2], renders: [sky]}
+"""
+
+
+@pytest.fixture
+def trees(tmp_path):
+    """Writes images whose trees have a gap in every so many columns."""
+
+    def written(every):
+        for k in range(4):
+            label = np.zeros((120, 160), np.uint8)
+            label[:30] = 2
+            label[30:60] = 1
+            label[30:60, ::every] = 0
+            save(tmp_path / "trees" / "images" / f"{k}.png", photograph(k, label.shape))
+            save(tmp_path / "trees" / "labels" / f"{k}.png", label)
+        (tmp_path / "trees" / "target.yaml").write_text(TREES)
+        return tmp_path / "trees"
+
+    return written
+
+
+def test_outlines_are_proposed_where_annotators_draw_whole_crowns(doctor, trees, tmp_path):
+    data, file = trees(16), tmp_path / "new.yaml"
+    code, out, _ = doctor(data, "--write", file)
+    assert code == 0 and re.search(r"a tree +0\.20 +2\.05  1 %: 0\.\d\d", out), out
+    assert re.search(r"sky +0\.03 +0\.03  -", out)
+    target = find_target(file)
+    assert target.outlines == {"a tree": 0.01} and file.read_text().startswith(TREES)
+    page = (tmp_path / "out" / PAGE).read_text()
+    assert all(f"<figcaption>{words}" in page for words in (
+        "your labels", "rendered labels, exact", "rendered labels, outlined",
+    ))  # fmt: skip
+    # A file with outlines stays as it is, and renders are compared with them.
+    (data / "target.yaml").write_text(file.read_text().replace("1 %", "4 %"))
+    code, out, _ = doctor(data, "--write", tmp_path / "same.yaml")
+    assert code == 0 and "4 %: 0." in out
+    assert find_target(tmp_path / "same.yaml").outlines == {"a tree": 0.04}
+
+
+def test_no_outline_is_proposed_for_labels_that_are_exact_to_the_pixel(doctor, trees, tmp_path):
+    code, out, _ = doctor(trees(2), "--write", tmp_path / "new.yaml")
+    assert code == 0 and re.search(r"a tree +2\.05 +2\.05  -", out), out
+    assert (tmp_path / "new.yaml").read_text() == TREES
+    assert "rendered labels, outlined" not in (tmp_path / "out" / PAGE).read_text()
+
+
+def test_without_a_renderer_nothing_is_compared(doctor, trees, monkeypatch):
+    def lacking(size):
+        raise RendererError("none")
+
+    monkeypatch.setattr(outlines, "renders", lacking)
+    code, out, _ = doctor(trees(16))
+    assert code == 0 and "boundary per area" not in out
+
+
+@pytest.fixture(scope="module")
+def street_labels():
+    return outlines.renders((240, 176))
+
+
+@pytest.mark.slow
+def test_camvid_outlines_its_trees_and_no_other_class(street_labels, camvid_dir):
+    target = find_target("camvid")
+    entries = subset(list_split(target, camvid_dir, "train"), 60)
+    labels = load(entries, target, (176, 240)).labels
+    shares = {row.name: row.outline for row in outlines.compare(target, labels, street_labels)}
+    assert 0.02 <= shares.pop("tree") <= 0.04 and set(shares.values()) == {0}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("twin", ["near", "far"])
+def test_twins_are_exact_to_the_pixel(street_labels, twin):
+    world = twin_world(0, twin)
+    labels = twin_split(
+        world, "train", (176, 240), images=30, renderer="embree", workers=WorkerPool(0)
+    ).labels
+    rows = outlines.compare(find_target("cityscapes"), labels, street_labels)
+    assert len(rows) > 10 and not outlines.line(rows)

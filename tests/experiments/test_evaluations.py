@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
-from experiments.evaluation import mmd, runner, store
+from experiments.evaluation import job, mmd, runner, store
 from experiments.evaluation.cost import cost_of, head_cost
 from experiments.evaluation.evaluate import attempt, worker_environment
 from experiments.evaluation.job import Job, Result
@@ -39,6 +39,7 @@ from scene.assets.own_class import OwnClass
 from scene.attributes import NAMES
 from scene.proposal import Histogram, Proposal, default_proposal, mixture, random_proposal
 from scene.workers import WorkerPool
+from seg.classes import CAMVID_11
 from seg.data import LabelledImages
 from shell.errors import UserError
 from shell.progress import Progress
@@ -228,6 +229,12 @@ def test_a_configuration_is_all_that_decides_a_reward(a_run, tmp_path, monkeypat
     free = {"seed": 5, "workers": 7, "seeds": 9, "store": tmp_path / "s", "twin_seed": 3}
     assert name(**free, final=reward) == name() == name(target=TARGET._replace(test_names=("x",)))
     others += [name()]
+    with monkeypatch.context() as patch:  # as if the package's file had outlines
+        for share in (0.02, 0.03):
+            table = replace(CAMVID_11, outlines=(((8, 9), share),))
+            patch.setattr(job, "class_table", lambda _, table=table: table)
+            assert name() not in others
+            others += [name()]
     monkeypatch.setattr(runner, "ENGINE", runner.ENGINE + 1)
     assert name() not in others
 

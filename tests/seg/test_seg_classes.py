@@ -12,7 +12,7 @@ from seg.classes import (
     SYNTHIA_13,
     SYNTHIA_16,
 )
-from shell.target_file import SHIPPED, shipped
+from shell.target_file import SHIPPED, parse_target, shipped
 
 from .conftest import refuses
 
@@ -53,6 +53,22 @@ def test_sizes_labels_subsets_and_names_by_hand():
         classes.class_table,
         "kitty",
     )
+
+
+def test_a_table_is_found_by_its_text_which_names_outlines_only_where_there_are_some():
+    text = "images: '{name}'\nlabels: '{name}'\nclasses: {a: {ids: [1], renders: [sky]}, b: {ids: [2]}}"
+    plain = parse_target(text, "t.yaml")
+    assert classes.table_text(plain) == (
+        '{"images":"{name}","labels":"{name}","classes":{"a":{"ids":[1],"colours":[],"names":[],'
+        '"renders":["sky"]},"b":{"ids":[2],"colours":[],"names":[],"renders":[]}},"format":"ids",'
+        '"void":[],"splits":{},"group":null,"fit":"pad","rest":null,"unlabelled":"refuse",'
+        '"name":"t","source":"t.yaml"}'
+    )
+    outlined = classes.table_text(parse_target(f"{text}\noutlines: {{a: 3 %}}", "t.yaml"))
+    assert '"outlines":{"a":0.03}' in outlined
+    assert classes.class_table(outlined).outlines == (((10,), 0.03),)
+    assert classes.class_table(classes.table_text(plain)).outlines == () == CAMVID_11.outlines
+    assert classes.table_text(shipped("camvid")) == "camvid"
 
 
 @pytest.mark.parametrize("table", TABLES, ids=lambda table: table.name)

@@ -48,6 +48,18 @@ def test_what_a_file_says():
     assert target.splits == {"train": "train.txt", "test": "test.txt"} and target.void == (255,)
 
 
+def test_outlines_are_shares_of_the_width_by_engine_class():
+    outlines = "outlines: {building: 2.5%, road: 10 %}"
+    target = parse_target(f"{TEXT}{outlines}", "t.yaml")
+    assert target.outlines == {"building": 0.025, "road": 0.1}
+    assert target.engine_outlines == (((0,), 0.1), ((2, 3, 4), 0.025))
+    plain = parse_target(TEXT, "t.yaml")
+    assert plain.engine_outlines == () == shipped("camvid").engine_outlines
+    assert parse_target(f"{TEXT}outlines: {{road: 0 %}}", "t.yaml") == plain
+    rest = parse_target(f"{TEXT}rest: other\noutlines: {{other: 1 %}}", "t.yaml")
+    assert rest.engine_outlines == (((1, *range(5, 19)), 0.01),)
+
+
 def test_the_format_follows_from_the_classes():
     for field, value, kind, own in (
         ("ids", "[4]", "ids", "ids"), ("colours", "[[1, 2, 3]]", "colours", "colours"),
@@ -108,6 +120,13 @@ def test_the_format_follows_from_the_classes():
     ("void: [255]", "name: 7", ("line 5: name:", "expected text, not whole number")),
     ("void: [255]", "name: 2024-13-45", ("line 5: name:", "cannot be read")),
     ("void: [255]", "format: colours\nvoid: [255]", ("void[0]: expected a colour [red, green, blue]",)),
+    ("void: [255]", "outlines: 3 %", ("line 5: outlines:", "expected table, not text")),
+    ("void: [255]", "outlines: {road: 3}", ("line 5: outlines.road:", "0 to 10 % of the image's width")),
+    ("void: [255]", "outlines: {road: 10.1 %}", ("outlines.road:", "such as 3 %, not 10.1 %")),
+    ("void: [255]", "outlines: {road: -1 %}", ("line 5: outlines.road:", "0 to 10 %")),
+    ("void: [255]", "outlines:\n  road: 3 %\n  oak: 3 %", ("line 7: outlines.oak: is no class; outlines "
+     "are for road, building",)),
+    ("void: [255]", "outlines: {lane mark: 3 %}", ("line 5: outlines.lane mark: has no renders",)),
     ("void: [255]", "format: colours", ("line 7: classes.road:", "lacks colours")),
 ])  # fmt: skip
 def test_what_is_wrong_is_said_with_its_line_and_field(old, new, words):
