@@ -193,7 +193,9 @@ def labels_of(
 def _drop_thin(inside: np.ndarray, nearness: np.ndarray, source: np.ndarray, size: int) -> None:
     """Let a mask's pixels where it is thinner than ``size`` become the deepest pixel near them, in place."""
     kernel = np.ones((size, size), np.uint8)
-    stays = cv2.morphologyEx(inside.astype(np.uint8), cv2.MORPH_OPEN, kernel) > 0
+    # An even kernel has no centre, so the two anchors are opposite.
+    core = cv2.erode(inside.astype(np.uint8), kernel, anchor=(0, 0))
+    stays = cv2.dilate(core, kernel, anchor=(size - 1, size - 1)) > 0
     rows, columns = np.nonzero(inside & ~stays)
     steps = np.mgrid[-size : size + 1, -size : size + 1].reshape(2, -1, 1)
     height, width = inside.shape
@@ -322,7 +324,7 @@ def gain_rows(scores: dict[str, dict[int, np.ndarray]], classes: Sequence[str]) 
         row |= {"gain by seed": "", "gain": "", "95 %": "", "classes": ""}
         if rule != EXACT:
             gain, ci95 = paired_gain(ours, theirs)
-            one, other = (np.nanmean([iou(c[s]) for s in seeds], axis=0) for c in (by_seed, exact))
+            one, other = (np.mean([iou(c[s]) for s in seeds], axis=0) for c in (by_seed, exact))
             changes = dict(zip(classes, (100 * (one - other)).tolist(), strict=True))
             largest = sorted(changes.items(), key=lambda item: -abs(np.nan_to_num(item[1])))
             row |= {
@@ -406,6 +408,9 @@ def _run(options: argparse.Namespace) -> None:
     for rule in rules:
         parse_rule(rule, recipe.file)
     read_streets(recipe.attributes, recipe.space)
+    count = len(parts_of(recipe.file, Path(recipe.data), recipe.holdout).entries)
+    if recipe.few >= count:
+        raise UserError(f"--few {recipe.few} leaves none of {count} labelled images to test on")
     with files.naming(options.out):
         options.out.mkdir(parents=True, exist_ok=True)
     lines = _train(recipe, rules, options)

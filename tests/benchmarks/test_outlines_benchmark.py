@@ -1,0 +1,120 @@
+"""The benchmark of outlines: what its rules do to labels, and that finished networks are not made again."""
+
+import json
+import sys
+from zlib import crc32
+
+import numpy as np
+import pytest
+
+from benchmarks.outlines import (
+    EXACT,
+    NETWORKS,
+    Part,
+    gain_rows,
+    labels_by,
+    main,
+    parse_rule,
+    shape_rows,
+    without_band,
+)
+from scene.classes import TrainId
+from seg.classes import CAMVID_11
+from shell.target_file import shipped
+from tests.experiments.conftest import write_pair
+
+CAMVID = shipped("camvid")
+ROAD, POLE, SKY, PERSON = (int(TrainId[name]) for name in ("ROAD", "POLE", "SKY", "PERSON"))
+
+
+def test_rules_are_read_part_by_part():
+    rule = parse_rule("tree=2.5%,thin:pole=2px,small:pedestrian=12px,band=1px", CAMVID)
+    assert rule == (
+        Part("outline", "tree", 0.025), Part("thin", "pole", 2), Part("small", "pedestrian", 12),
+        Part("band", "", 1),
+    )  # fmt: skip
+    assert parse_rule(EXACT, CAMVID) == ()
+
+
+def test_what_annotators_leave_out_becomes_what_is_behind_it():
+    label = np.full((176, 240), SKY, np.uint8)
+    label[100:] = ROAD
+    label[50:120, 30:33], label[50:120, 60] = POLE, POLE
+    label[140:143, 100:103], label[140:143, 150:156] = PERSON, PERSON
+    depth = np.where(label == SKY, 0, 20).astype(np.float32)
+    wanted = label.copy()
+    wanted[50:100, 60], wanted[100:120, 60] = SKY, ROAD
+    # The sky is behind the road, where both are near.
+    wanted[100:102, 60] = SKY
+    wanted[140:143, 100:103] = ROAD
+    rule = parse_rule("thin:pole=2px,small:pedestrian=12px", CAMVID)
+    found = labels_by(rule, label, depth, CAMVID_11)
+    np.testing.assert_array_equal(found, CAMVID_11.from_train_id[wanted])
+
+
+def test_a_band_is_ignored_on_both_sides_of_an_edge():
+    label = np.repeat([[0, 0, 0, 0, 1, 1, 1, 1]], 5, axis=0).astype(np.uint8)
+    assert without_band(label, 1).tolist() == [[0, 0, 0, 255, 255, 1, 1, 1]] * 5
+    assert without_band(label, 2).tolist() == [[0, 0, 255, 255, 255, 255, 1, 1]] * 5
+
+
+def test_tables_by_hand():
+    good, bad = np.diag([8, 8]), np.array([[4, 4], [0, 8]])
+    exact, row = gain_rows({EXACT: {0: bad, 1: bad}, "a=3%": {0: good, 1: bad}}, ("a", "b"))
+    assert exact["gain"] == "" and row["gain by seed"] == "+41.67 +0.00"
+    assert row["gain"] == "+20.83" and row["classes"] == "a +25.0, b +16.7"
+    labels = np.array([[[0, 0, 1, 0]]], np.uint8)
+    assert [r["x"] for r in shape_rows({"x": labels}, ("a", "b", "c"))] == [
+        "0.67; 2",
+        "2.00; 1",
+        "-",
+    ]
+
+
+@pytest.fixture
+def camvid(tmp_path):
+    root = tmp_path / "camvid"
+    for split, names in (("train", ("0001TP_1", "0006R0_1")), ("val", ("0016E5_0", "0016E5_1"))):
+        for name in names:
+            paths = (root / folder / f"{name}.png" for folder in (split, f"{split}annot"))
+            write_pair(*paths, seed=crc32(name.encode()), highest=10)
+    return root
+
+
+FLAGS = (
+    "--streets 2 --steps 2 --training compact --workers 0 --width 32 --height 32 --target camvid "
+    "--holdout 0006R0 --data"
+)
+
+
+@pytest.mark.slow
+def test_more_rules_and_seeds_add_to_what_is_done(camvid, tmp_path, capsys):
+    command = [*FLAGS.split(), str(camvid), "--out", str(tmp_path / "out")]
+    command += ["--json", str(tmp_path / "t.json"), "--rules", "tree=10%"]
+    for flags, count in (
+        (["--seeds", "1"], 2), (["--seeds", "1"], 2),
+        (["--seeds", "2", "--rules", "tree=10%", "band=1px"], 6), (["--seeds", "1", "--few", "1"], 8),
+    ):  # fmt: skip
+        assert main([*command, *flags]) == 0
+        lines = (tmp_path / "out" / NETWORKS).read_text().splitlines()
+        assert len(lines) == count
+    keys = [json.loads(line)["key"] for line in lines]
+    assert [key["rule"] for key in keys[:2]] == [EXACT, "tree=10%"] and keys[0]["outline"] is None
+    tables = json.loads((tmp_path / "t.json").read_text())
+    assert {"tested on development images", "tested on reported images"} < set(tables)
+    assert (tmp_path / "out" / "sheet.png").stat().st_size > 1000
+    assert "milliseconds per image" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("change", "complaint"), [
+    (["--rules", "oak=3%"], "--rules oak=3%: no such class; there are sky, building"),
+    (["--rules", "tree=3"], "--rules tree=3: expected such as tree=3%, thin:pole=2px"),
+    (["--data", "nowhere"], "nowhere: no such folder"),
+    (["--attributes", "nowhere"], "nowhere"), (["--few", "3"], "--few 3 leaves none of 3"),
+])  # fmt: skip
+def test_bad_input_is_one_error_and_exit_code_2(camvid, tmp_path, capsys, change, complaint):
+    command = [*FLAGS.split(), str(camvid), "--out", str(tmp_path / "out"), *change]
+    with pytest.raises(SystemExit, match=r"^2$"):
+        sys.exit(main(command))
+    assert complaint in capsys.readouterr().err.splitlines()[-1]
+    assert not (tmp_path / "out").exists()
