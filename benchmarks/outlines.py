@@ -408,9 +408,9 @@ def _run(options: argparse.Namespace) -> None:
     for rule in rules:
         parse_rule(rule, recipe.file)
     read_streets(recipe.attributes, recipe.space)
-    count = len(parts_of(recipe.file, Path(recipe.data), recipe.holdout).entries)
-    if recipe.few >= count:
-        raise UserError(f"--few {recipe.few} leaves none of {count} labelled images to test on")
+    labelled = len(parts_of(recipe.file, Path(recipe.data), recipe.holdout).entries)
+    if recipe.few >= labelled:
+        raise UserError(f"--few {recipe.few} leaves none of {labelled} labelled images to test on")
     with files.naming(options.out):
         options.out.mkdir(parents=True, exist_ok=True)
     lines = _train(recipe, rules, options)

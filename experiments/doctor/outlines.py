@@ -146,10 +146,9 @@ def pictures(
     shown = int((exact != outlined).sum(axis=(1, 2)).argmax())
     ids = [target.class_names.index(name) for name in shares]
     likely = int(np.isin(labels, ids).sum(axis=(1, 2)).argmax())
-    chosen = {"rendered labels, exact": exact[shown], "your labels": labels[likely]}
-    if shares:
-        chosen["rendered labels, outlined"] = outlined[shown]
-    return [
-        (name, Image.fromarray(colorize(label, target.palette)))
-        for name, label in sorted(chosen.items(), reverse=True)
+    chosen = [
+        ("rendered labels, exact", exact[shown]),
+        *([("rendered labels, outlined", outlined[shown])] if shares else []),
+        ("your labels", labels[likely]),
     ]
+    return [(name, Image.fromarray(colorize(label, target.palette))) for name, label in chosen]
