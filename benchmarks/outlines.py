@@ -256,26 +256,28 @@ class Real(NamedTuple):
     reported: LabelledImages | None
 
 
-@lru_cache(maxsize=1)
-def real_images(recipe: Recipe) -> Real:
-    """The labelled images, with features for testing; those of the few for training."""
+@lru_cache(maxsize=2)
+def real_images(recipe: Recipe, seen: bool) -> Real:
+    """The labelled images; with what a frozen backbone sees in them, and in all views of the few."""
     target, size, settings = recipe.file, (recipe.height, recipe.width), recipe.train
     parts = parts_of(target, Path(recipe.data), recipe.holdout)
     entries = parts.entries
     names, sequences = zip(*((e.name, e.sequence) for e in entries), strict=True)
     chosen = {*spread(names, sequences, recipe.few, CHOICE).tolist()} if recipe.few else set()
 
-    def seen(entries: Sequence[Any], training: bool = False) -> LabelledImages | None:
+    def read(entries: Sequence[Any], training: bool = False) -> LabelledImages | None:
         if not entries:
             return None
         images = load(entries, target, size)
+        if not (seen and settings.frozen):
+            return images
         shown = view_images(images.images, settings) if training else images.images
-        return images._replace(features=features(shown, settings) if settings.frozen else None)
+        return images._replace(features=features(shown, settings))
 
-    few = seen([entry for k, entry in enumerate(entries) if k in chosen], training=True)
-    development = seen([entry for k, entry in enumerate(entries) if k not in chosen])
+    few = read([entry for k, entry in enumerate(entries) if k in chosen], training=True)
+    development = read([entry for k, entry in enumerate(entries) if k not in chosen])
     assert development is not None
-    return Real(few, development, seen(parts.held_out))
+    return Real(few, development, read(parts.held_out))
 
 
 # ---- networks
@@ -287,7 +289,7 @@ def networks(recipe: Recipe, seed: int, rules: Sequence[str], folder: Path) -> l
     Each line is written at once; runs in a worker.
     """
     settings, table = recipe.train, table_of(recipe.file)
-    real, (images, train_ids, depths) = real_images(recipe), renders(recipe, seed, folder)
+    real, (images, train_ids, depths) = real_images(recipe, True), renders(recipe, seed, folder)
     maps = features(view_images(images, settings), settings) if settings.frozen else None
     log, lines, classes = JsonLines(folder / NETWORKS), [], len(table.classes)
     mixed: dict[str, Any] = {}
@@ -353,7 +355,7 @@ def shape_rows(sets: dict[str, np.ndarray], classes: Sequence[str]) -> list[Row]
 
 def sheet(recipe: Recipe, rules: Sequence[str], folder: Path) -> np.ndarray:
     """Rows of a rendered image, its labels by each rule, a real label and its image."""
-    table, real = table_of(recipe.file), real_images(recipe).development
+    table, real = table_of(recipe.file), real_images(recipe, False).development
     images, train_ids, depths = (array[:SHOWN] for array in renders(recipe, 0, folder))
     picked = np.linspace(0, len(real.images) - 1, len(images)).round().astype(int)
     labels = [labels_of(rule, train_ids, depths, recipe.file) for rule in rules]
@@ -414,7 +416,7 @@ def _run(options: argparse.Namespace) -> None:
     with files.naming(options.out):
         options.out.mkdir(parents=True, exist_ok=True)
     lines = _train(recipe, rules, options)
-    real, classes = real_images(recipe), recipe.file.class_names
+    real, classes = real_images(recipe, False), recipe.file.class_names
     tables: dict[str, list[Row]] = {}
     for side in (DEVELOPMENT, REPORTED):
         scores = {
