@@ -3,19 +3,28 @@
 import os
 import signal
 from pathlib import Path
+from types import SimpleNamespace
 
+import msgspec
 import numpy as np
 import pytest
 from PIL import Image
 
+from experiments.config import MainConfig
+from experiments.config.presets import defaults
+from experiments.evaluation.job import Recipe
 from experiments.evaluation.store import LOGS
+from experiments.main import job
 from experiments.main.summary import ROWS
+from scene.assets.catalogue import AssetPool
 from scene.attributes import NAMES
 from scene.dataset.export import read_dataset
+from scene.proposal import default_proposal
 from scene.render.__main__ import main as scene_render
-from seg.classes import CITYSCAPES_19
-from seg.data import read_split
+from seg.classes import CAMVID_11, CITYSCAPES_19, table_text
+from seg.data import LabelledImages, read_split
 from shell.files import read_json
+from shell.target_file import shipped
 from tests.conftest import gone, wait_for_lines
 from tests.guard_files import as_recorded
 
@@ -28,6 +37,20 @@ def children(pid: int) -> list[int]:
     """Processes that a process started, as Linux tells; none elsewhere."""
     path = Path(f"/proc/{pid}/task/{pid}/children")
     return [int(child) for child in path.read_text().split()] if path.exists() else []
+
+
+def test_learnt_streets_are_shown_with_the_labels_that_nets_saw(monkeypatch):
+    seen = LabelledImages(np.zeros((1, 4, 6, 3), np.uint8), np.zeros((1, 4, 6), np.uint8))
+    exported = seen._replace(labels=seen.labels + 1)
+    monkeypatch.setattr(job, "render", lambda *_: seen)
+    monkeypatch.setattr(job, "read_dataset", lambda _: exported)
+    config = defaults(MainConfig, "camvid", "smoke")
+    run = SimpleNamespace(config=config, target=SimpleNamespace(labelled=False), workers=0)
+    outlined = table_text(msgspec.structs.replace(shipped("camvid"), outlines={"tree": 0.03}))
+    for table, source in (("camvid", exported), (outlined, seen)):
+        recipe = Recipe(config.final, table, "embree", AssetPool())
+        found = job._shown(run, recipe, default_proposal())["learnt"]
+        np.testing.assert_array_equal(found.labels, CAMVID_11.from_train_id[source.labels])
 
 
 def test_the_run_folder_is_complete(unbroken):

@@ -3,7 +3,7 @@
 import numpy as np
 from hypothesis import given
 
-from seg.boundary import boundary_counts, boundary_iou
+from seg.boundary import boundary_counts, boundary_iou, perimeters
 from seg.metrics import confusion_matrix, iou
 
 from .conftest import SEEDS
@@ -24,6 +24,16 @@ def test_strips_of_two_squares_by_hand():
     # The background's strip: the border of the image (44) and the pixels around the square, which touch it
     # by a corner at most: 7 x 7 - 25 = 24.
     assert boundary_counts(square(3, 3), square(3, 3), 2).tolist() == [[68, 16], [68, 16]]
+
+
+def test_sides_of_a_square_and_of_a_comb():
+    whole = square(3, 3, side=4)
+    comb = whole.copy()
+    comb[3:7, [4, 6]] = 255  # two of four columns are void
+    sides, areas = perimeters(np.stack([whole]), 2)
+    assert sides.tolist() == [16, 16] and areas.tolist() == [144 - 16, 16]
+    sides, areas = perimeters(np.stack([comb, whole]), 2)
+    assert sides.tolist() == [16 + 16, 2 * 10 + 16] and areas.tolist()[1] == 8 + 16
 
 
 def test_wide_strips_are_the_classes_themselves():
