@@ -125,7 +125,7 @@ def render_dataset(
         settings: size and quality.
         renderer_name: ``embree`` or ``opengl``.
         pool: the assets that may appear.
-        outlines: how labels are drawn; by default they are exact.
+        outlines: classes to draw as a whole, as `engine_outlines` of a target; by default labels are exact.
         workers: processes to render in; 0 renders here, ``Workers`` are used and left open.
         progress: called with (streets done, streets).
 
