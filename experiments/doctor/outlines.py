@@ -31,6 +31,7 @@ TYPICAL = 0.03
 """Width of the holes, as a share of the image's, that tell whether a class is drawn as a whole."""
 LEAST = 2000
 """The fewest pixels of a class with a figure."""
+TINY = 1e-9
 WIDTHS = tuple(percent / 100 for percent in range(1, round(100 * WIDEST) + 1))
 
 
@@ -87,7 +88,7 @@ def compare(target: TargetFile, labels: np.ndarray, drawn: Drawn) -> list[Compar
         return _figures(drawn.classes(target, outlines), len(names))
 
     now = outlined(shares) if shares else exact
-    for k in [] if shares else np.argsort(-exact / real, kind="stable"):
+    for k in [] if shares else np.argsort(-exact / np.maximum(real, TINY), kind="stable"):
         whole = target.rendered[k] and now[k] > CLEAR * real[k]
         if whole and _left(labels, k) > CLEAR * _left(drawn.classes(target, ()), k):
             # The widest first, which is enough for classes that no outline makes smooth.
@@ -108,12 +109,10 @@ def compare(target: TargetFile, labels: np.ndarray, drawn: Drawn) -> list[Compar
 def _left(labels: np.ndarray, k: int) -> float:
     """The share of the boundary of a class that is left when its holes are closed."""
     outlines = (((k,), TYPICAL),)
-    pairs = (
-        (label, np.where(label == k, 1, 2)) for label in labels
-    )  # the class is before all others
+    pairs = ((label, np.where(label == k, 1, 2)) for label in labels)  # the class is in front
     closed = np.stack([label.take(sources(label, depth, outlines)) for label, depth in pairs])
     before, after = (perimeters(some, 256)[0][k] for some in (labels, closed))
-    return float(after / before)
+    return float(after / before) if before else 1.0
 
 
 def _with(target: TargetFile, shares: dict[str, float]) -> TargetFile:

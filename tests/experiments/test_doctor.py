@@ -789,6 +789,12 @@ def test_no_outline_is_proposed_for_labels_that_are_exact_to_the_pixel(doctor, t
     assert "rendered labels, outlined" not in (tmp_path / "out" / PAGE).read_text()
 
 
+def test_a_class_without_a_boundary_is_compared():
+    target = parse_target(TREES, "t.yaml")
+    rows = outlines.compare(target, np.zeros((2, 120, 160), np.uint8), renders((160, 120)))
+    assert [(row.name, row.real, row.outline) for row in rows] == [("road", 0.0, 0.0)]
+
+
 def test_without_a_renderer_nothing_is_compared(doctor, trees, monkeypatch):
     def lacking(size):
         raise RendererError("none")
