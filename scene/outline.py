@@ -105,9 +105,9 @@ def _nearest(inside: np.ndarray) -> np.ndarray:
         (~inside).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
     )
     places = np.flatnonzero(inside)
-    found = np.empty(number.max() + 1, np.int64)
-    found[number.take(places)] = places
-    return found.take(number)
+    nearest = np.empty(number.max() + 1, np.int64)
+    nearest[number.take(places)] = places
+    return nearest.take(number)
 
 
 def small_parts(mask: np.ndarray, least: float) -> np.ndarray:
