@@ -9,7 +9,7 @@ import scene
 ROOMS = (
     "names", "classes", "attributes", "version", "cache", "compiled", "streams", "workers", "cluster",
     "executors", "proposal", "held", "look", "mesh", "sky", "ground", "assets", "street", "render",
-    "dataset", "preview", "check", "stats", "callback", "parsers",
+    "outline", "dataset", "preview", "check", "stats", "callback", "parsers",
 )  # fmt: skip
 """Each imports from those before it only."""
 
