@@ -12,7 +12,9 @@ command continues a killed run.
 
 from __future__ import annotations
 
+import math
 import sys
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,7 +28,6 @@ from experiments.config.cli import Unmet, command
 from experiments.config.studies import MOST_REPEATS, FidelityConfig
 from experiments.evaluation.job import REWARD_NAMES
 from experiments.run.context import Run, Work
-from experiments.run.fidelities import fidelities
 from experiments.run.nets import by_row, jobs_of
 from experiments.study.bins import random_bins
 from experiments.study.figure import plt, png
@@ -34,6 +35,7 @@ from experiments.study.form import Column, Form, Report, about, interval, number
 from experiments.study.skeleton import Study, do
 from experiments.study.stats import bootstrap, pairing, signal_to_noise, spearman
 from scene.proposal import Proposal
+from seg.recipes import with_steps
 from shell.errors import UserError
 
 FIDELITY_SEED = 10_000_000
@@ -64,11 +66,28 @@ class Rung(NamedTuple):
 def rungs(config: FidelityConfig) -> list[Rung]:
     """The rungs from the reward's size to the final one; -MMD^2 is compared with mIoU there."""
     kind = config.reward_kind
-    steps = fidelities(config.reward, config.final)[: config.rungs]
+    low, high = config.reward, config.final
+    steps = tuple(dict.fromkeys((low, middle(low, high), high)))[: config.rungs]
     found = [Rung(f"rung {k}", fidelity, kind) for k, fidelity in enumerate(steps, 1)]
     if kind != "miou" and config.rungs is None:
         found.append(Rung("final nets", config.final, "miou"))
     return found
+
+
+def middle(low: Fidelity, high: Fidelity) -> Fidelity:
+    """The fidelity half way between two on a logarithmic scale, with net and rays of the higher one."""
+
+    def between(a: int, b: int, unit: int = 1) -> int:
+        return max(round(math.sqrt(a * b) / unit), 1) * unit
+
+    return replace(
+        high,
+        width=between(low.width, high.width, 8),
+        height=between(low.height, high.height, 8),
+        streets=between(low.streets, high.streets),
+        shots=between(low.shots, high.shots),
+        train=with_steps(high.train, between(low.train.steps, high.train.steps)),
+    )
 
 
 def proposals(config: FidelityConfig) -> dict[str, Proposal]:

@@ -13,8 +13,9 @@ from PIL import Image
 
 from experiments import fidelity as module
 from experiments.config.studies import defaults_of
+from experiments.evaluation.cost import cost_of
 from experiments.evaluation.job import Result
-from experiments.fidelity import STUDY, proposals, rungs
+from experiments.fidelity import STUDY, middle, proposals, rungs
 from experiments.study import stats
 from experiments.study.skeleton import do
 from scene.attributes import NAMES
@@ -23,6 +24,26 @@ from shell.files import read_json
 from .conftest import Counted, by_preset
 
 defaults = partial(defaults_of, "fidelity")
+
+
+def test_the_middle_by_hand():
+    config = defaults("camvid", "quick")
+    between = middle(config.reward, config.final)
+    # sqrt(24 400), sqrt(4 1), sqrt(150 1000).
+    assert (between.size, between.streets, between.shots) == ("240x176", 98, 2)
+    assert (between.train.steps, between.train.net) == (387, config.final.train.net)
+    large = replace(config.final, width=480, height=360)
+    # sqrt(240 480) = 339.4 and sqrt(176 360) = 251.7, in multiples of 8.
+    assert middle(config.reward, large).size == "336x248"
+
+
+@by_preset
+def test_rungs_lead_from_the_reward_to_the_final_one(target, preset):
+    config = defaults(target, preset)
+    first, *_, last = found = [rung.fidelity for rung in rungs(config)]
+    assert (first, last) == (config.reward, config.final)
+    costs = [cost_of(fidelity) for fidelity in found]
+    assert costs == sorted(costs) and len(rungs(replace(config, reward=config.final))) == 1
 
 
 def table_of(worth, seeds, left):

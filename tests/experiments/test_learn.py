@@ -13,9 +13,8 @@ from scipy import stats
 
 from experiments.config import SEED_END, MainConfig, check, presets
 from experiments.config.presets import defaults
-from experiments.evaluation.cost import cost_of
 from experiments.evaluation.job import Result
-from experiments.run import fidelities, selection
+from experiments.run import selection
 from experiments.run.context import opened
 from experiments.run.learn import (
     BROAD,
@@ -31,7 +30,7 @@ from experiments.searches import ManyConfig, configured
 from scene.proposal import default_proposal, random_proposal, slide
 from shell.errors import UserError
 
-from .conftest import Counted, Killed, by_preset, lines
+from .conftest import Counted, Killed, lines
 
 NOISE = 1.0
 """Points of mIoU by which nets of one training set vary."""
@@ -161,26 +160,6 @@ def test_errors_of_both_kinds():
 
     assert 0.03 < 1 - taken(0)[REFERENCE] <= 0.07
     assert taken(2)["argmax"] >= 0.8
-
-
-def test_the_middle_by_hand():
-    config = defaults(MainConfig, "camvid", "quick")
-    between = fidelities.middle(config.reward, config.final)
-    # sqrt(24 400), sqrt(4 1), sqrt(150 1000).
-    assert (between.size, between.streets, between.shots) == ("240x176", 98, 2)
-    assert (between.train.steps, between.train.net) == (387, config.final.train.net)
-    large = replace(config.final, width=480, height=360)
-    # sqrt(240 480) = 339.4 and sqrt(176 360) = 251.7, in multiples of 8.
-    assert fidelities.middle(config.reward, large).size == "336x248"
-
-
-@by_preset
-def test_fidelities_lead_from_the_reward_to_the_final_one(target, preset):
-    config = defaults(MainConfig, target, preset)
-    found = fidelities.fidelities(config.reward, config.final)
-    assert (found[0], found[-1]) == (config.reward, config.final)
-    costs = [cost_of(each) for each in found]
-    assert costs == sorted(costs) and len(fidelities.fidelities(config.final, config.final)) == 1
 
 
 @given(st.integers(0, 2**31 - 1), st.integers(0, 2**31 - 1))
