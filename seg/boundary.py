@@ -44,18 +44,24 @@ def boundary_counts(
 
 
 def perimeters(
-    labels: UInt8[np.ndarray, "n h w"], classes: int
+    labels: UInt8[np.ndarray, "n h w"], classes: int, against: int | None = None
 ) -> tuple[Int64[np.ndarray, " classes"], Int64[np.ndarray, " classes"]]:
     """Count the sides of pixels at which each class meets another, or void; and the pixels of each class.
 
     Sides per pixel say how ragged a class is: an outline around a whole crown has fewer than its leaves.
+
+    Args:
+        labels: class ids.
+        classes: the number of classes.
+        against: count only sides at which a pixel meets this id.
     """
     sides = np.zeros(256, np.int64)
     for axis in (1, 2):
         lines = np.moveaxis(labels, axis, 0)
         differs = lines[1:] != lines[:-1]
-        for pixels in (lines[1:], lines[:-1]):
-            sides += np.bincount(pixels[differs], minlength=256)
+        for pixels, others in ((lines[1:], lines[:-1]), (lines[:-1], lines[1:])):
+            counted = differs if against is None else differs & (others == against)
+            sides += np.bincount(pixels[counted], minlength=256)
     return sides[:classes], np.bincount(labels.ravel(), minlength=256)[:classes]
 
 

@@ -118,7 +118,7 @@ def _folder(data: Path, target: str | None, write_to: Path | None, out: Path) ->
     print(f"  {'void':{wide}s}  {100 * seen.void:8.2f}  (of all pixels; {seen.read} label files)")
     if drawn:
         print(
-            "  boundary per area: sides of a class's pixels at which another begins, over its pixels"
+            "  boundary with the sky per area: sides at which the sky begins, over the pixels of a class"
         )
         print(f"  {'class':{wide}s}  labels  renders  outlined by")
         for row in drawn:

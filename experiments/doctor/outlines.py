@@ -1,7 +1,7 @@
 """Compares how annotators draw classes with how renders have them, and proposes outlines of target.yaml.
 
-Rendered labels are exact to the pixel, and annotators outline a whole crown. The measure is the boundary per
-area of a class: the sides of its pixels at which another class begins, over its pixels.
+Rendered labels are exact to the pixel, and annotators outline a whole crown. The measure is the boundary of a
+class with the sky per area: the sides of its pixels at which the sky begins, over its pixels.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 from PIL import Image
 
 from scene.assets.catalogue import AssetPool
+from scene.classes import TrainId
 from scene.dataset.render import compile_first, render_street
 from scene.outline import Outlines, sources
 from scene.proposal import draw, streets_named
@@ -31,6 +32,8 @@ TYPICAL = 0.03
 """Width of the holes, as a share of the image's, that tell whether a class is drawn as a whole."""
 LEAST = 2000
 """The fewest pixels of a class with a figure."""
+RAGGED = 0.05
+"""The least boundary with the sky per area of renders that an outline may shorten."""
 TINY = 1e-9
 WIDTHS = tuple(percent / 100 for percent in range(1, round(100 * WIDEST) + 1))
 
@@ -49,7 +52,7 @@ class Drawn(NamedTuple):
 
 
 class Compared(NamedTuple):
-    """The boundary per area of a class that is not too rare."""
+    """The boundary with the sky per area of a class that is not too rare."""
 
     name: str
     real: float
@@ -76,52 +79,54 @@ def compare(target: TargetFile, labels: np.ndarray, drawn: Drawn) -> list[Compar
 
     A class is drawn as a whole if renders exceed labels, and if closing its holes shortens the boundary of
     renders but hardly that of labels, whatever streets they show. It gets the smallest outline with which
-    renders are no longer above labels, if there is one. The class with the largest excess comes first, since
+    renders are no longer above labels, or the widest. The class with the largest excess comes first, since
     its outline changes others, too.
     """
     names = target.class_names
-    real, exact = _figures(labels, len(names)), _figures(drawn.classes(target, ()), len(names))
+    exact_labels, sky = drawn.classes(target, ()), int(table_of(target).from_train_id[TrainId.SKY])
+    real, exact = (_figures(own, len(names), sky) for own in (labels, exact_labels))
     shares = dict(target.outlines)
 
     def outlined(shares: dict[str, float]) -> np.ndarray:
         outlines = _with(target, shares).engine_outlines
-        return _figures(drawn.classes(target, outlines), len(names))
+        return _figures(drawn.classes(target, outlines), len(names), sky)
 
     now = outlined(shares) if shares else exact
-    for k in [] if shares else np.argsort(-exact / np.maximum(real, TINY), kind="stable"):
-        whole = target.rendered[k] and now[k] > CLEAR * real[k]
-        if whole and _left(labels, k) > CLEAR * _left(drawn.classes(target, ()), k):
-            # The widest first, which is enough for classes that no outline makes smooth.
-            if outlined({**shares, names[k]: WIDTHS[-1]})[k] <= real[k]:
-                trials = ({**shares, names[k]: width} for width in WIDTHS)
-                shares, now = next(
-                    (trial, figures)
-                    for trial in trials
-                    if (figures := outlined(trial))[k] <= real[k]
-                )
+    excess = np.divide(exact, real, out=np.full(len(names), np.inf), where=real > 0)
+    for k in [] if shares else np.argsort(-excess, kind="stable"):
+        whole = target.rendered[k] and k != sky and now[k] > max(RAGGED, CLEAR * real[k])
+        if whole and _left(labels, k, sky) > CLEAR * _left(exact_labels, k, sky):
+            for width in WIDTHS:
+                now = outlined({**shares, names[k]: width})
+                if now[k] <= real[k]:
+                    break
+            shares[names[k]] = width
     return [
         Compared(name, float(real[k]), float(exact[k]), float(now[k]), shares.get(name, 0.0))
         for k, name in enumerate(names)
-        if target.rendered[k] and np.isfinite(real[k] + exact[k])
+        if target.rendered[k] and k != sky and np.isfinite(real[k] + exact[k])
     ]
 
 
-def _left(labels: np.ndarray, k: int) -> float:
-    """The share of the boundary of a class that is left when its holes are closed."""
-    outlines = (((k,), TYPICAL),)
-    pairs = ((label, np.where(label == k, 1, 2)) for label in labels)  # the class is in front
-    closed = np.stack([label.take(sources(label, depth, outlines)) for label, depth in pairs])
-    before, after = (perimeters(some, 256)[0][k] for some in (labels, closed))
-    return float(after / before) if before else 1.0
+def _left(labels: np.ndarray, k: int, sky: int) -> float:
+    """The share of the boundary of a class with the sky that is left when its holes are closed."""
+    train_ids = np.full(256, TrainId.ROAD, np.uint8)
+    train_ids[[k, sky]] = TrainId.VEGETATION, TrainId.SKY
+    before = train_ids[labels]
+    outlines = (((int(TrainId.VEGETATION),), TYPICAL),)
+    pairs = ((label, label != TrainId.SKY) for label in before)
+    after = np.stack([label.take(sources(label, near, outlines)) for label, near in pairs])
+    sides = [perimeters(some, 19, TrainId.SKY)[0][TrainId.VEGETATION] for some in (after, before)]
+    return float(sides[0] / max(sides[1], 1))
 
 
 def _with(target: TargetFile, shares: dict[str, float]) -> TargetFile:
     return msgspec.structs.replace(target, outlines=shares)
 
 
-def _figures(labels: np.ndarray, classes: int) -> np.ndarray:
-    """Boundary per area f64[classes], NaN for rare classes."""
-    sides, areas = perimeters(labels, classes)
+def _figures(labels: np.ndarray, classes: int, sky: int) -> np.ndarray:
+    """Boundary with the sky per area f64[classes], NaN for rare classes."""
+    sides, areas = perimeters(labels, classes, sky)
     return np.where(areas >= LEAST, sides / np.maximum(areas, 1), np.nan)
 
 
