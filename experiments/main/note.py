@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from experiments.run.context import Run
+from seg.classes import class_table
 
 NOTE = "few.md"
 CODE = """
@@ -42,11 +43,16 @@ def text(run: Run[Any]) -> str:
     target, share = run.target, run.config.few_share
     names = target.few_names
     code = CODE.replace("{name}", target.name)
+    outlines = (
+        f"The run's networks saw labels with the `outlines` of {target.name}; the labels here are exact.\n"
+        if class_table(target.table).outlines
+        else ""
+    )
     return (
         f"# Renders to train on beside {len(names)} labelled images\n"
         f"These {run.config.final.images} rendered images were searched for beside {len(names)} labelled "
         f"images of {target.name}, which are not in this folder. Train on both: {100 * share:g} % of "
         "every batch from the labelled images, each of them as often as the others, and the rest from here. "
         f"`summary.json` of the run says what that is worth (row `few+learnt`).\n\n"
-        f"The labelled images: {', '.join(names)}.\n" + (code if target.real else "")
+        f"The labelled images: {', '.join(names)}.\n" + outlines + (code if target.real else "")
     )

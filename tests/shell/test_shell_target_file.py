@@ -54,7 +54,7 @@ def test_outlines_are_shares_of_the_width_by_engine_class():
     assert target.outlines == {"building": 0.025, "road": 0.1}
     assert target.engine_outlines == (((0,), 0.1), ((2, 3, 4), 0.025))
     plain = parse_target(TEXT, "t.yaml")
-    assert plain.engine_outlines == () == shipped("camvid").engine_outlines
+    assert plain.engine_outlines == () == shipped("kitti").engine_outlines
     assert parse_target(f"{TEXT}outlines: {{road: 0 %}}", "t.yaml") == plain
     rest = parse_target(f"{TEXT}rest: other\noutlines: {{other: 1 %}}", "t.yaml")
     assert rest.engine_outlines == (((1, *range(5, 19)), 0.01),)
