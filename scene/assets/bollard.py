@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
 from scene.assets.family import FOOTWAY, Family, Size
+from scene.assets.parts.draw import Near, Times, sampler
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, merge, vary
+from scene.mesh.asset import Asset, Color, merge
 from scene.mesh.solids import box, tube, turned
 
 WHITE: Color = (0.60, 0.60, 0.58)
@@ -34,7 +33,7 @@ class BollardParams(NamedTuple):
 
 _ROUND = ((0.0, 1.0), (0.93, 1.0), (0.98, 0.75), (1.0, 0.2))
 _POST = BollardParams(1.0, 0.055, _ROUND, (0.22, 0.225, 0.23), WHITE, (), "metal")
-_PATTERNS: dict[str, BollardParams] = {
+_KINDS: dict[str, BollardParams] = {
     "steel": _POST,
     "cast iron": _POST._replace(
         outline=((0.0, 1.5), (0.08, 1.5), (0.1, 1.0), (0.7, 0.72), (0.74, 1.05), (0.79, 0.7),
@@ -63,20 +62,9 @@ _PATTERNS: dict[str, BollardParams] = {
         color=RED, bands=((0.2, 0.4), (0.6, 0.8)), material="paint", radius=0.05, height=1.1
     ),
 }  # fmt: skip
-KINDS: tuple[str, ...] = tuple(_PATTERNS)
-BEACONS: tuple[str, ...] = tuple(name for name, p in _PATTERNS.items() if not p.outline)
+KINDS: tuple[str, ...] = tuple(_KINDS)
+BEACONS: tuple[str, ...] = tuple(name for name, p in _KINDS.items() if not p.outline)
 """Those that stand on traffic islands."""
-
-
-def sample_bollard(rng: np.random.Generator, kind: str) -> BollardParams:
-    """Draw a bollard of one of ``KINDS``."""
-    p = _PATTERNS[kind]
-    return p._replace(
-        height=float(p.height * rng.uniform(0.88, 1.15)),
-        radius=float(p.radius * rng.uniform(0.85, 1.25)),
-        color=vary(rng, p.color, 0.25),
-        band=vary(rng, p.band, 0.2),
-    )
 
 
 def bollard(params: BollardParams) -> Asset:
@@ -113,6 +101,8 @@ def _beacon(p: BollardParams) -> Asset:
 
 
 FAMILY = Family(
-    "bollard", TrainId.POLE, KINDS, sample_bollard, bollard,
+    "bollard", TrainId.POLE, KINDS,
+    sampler(_KINDS, height=Times(0.88, 1.15), radius=Times(0.85, 1.25), color=Near(0.25), band=Near(0.2)),
+    bollard,
     count=16, size=Size((0.4, 2), (0.4, 2)), tone=1.0, line=None, stage=FOOTWAY,
 )  # fmt: skip

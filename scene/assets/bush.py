@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from scene.assets.family import Family, Size
+from scene.assets.parts.draw import Between, Near, drawn
 from scene.assets.parts.foliage import AUTUMNS, GREENS, IVY, directions, leaf_cards, slivers, tufts
+from scene.assets.parts.palette import pick
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, merge, reshaped, shade, solid, vary
+from scene.mesh.asset import Asset, Color, merge, reshaped, shade, solid
 from scene.mesh.solids import box, triangles
-
-KINDS: tuple[str, ...] = (
-    "hedge", "round", "ivy", "tall", "bare", "beech hedge", "planter", "grass", "flowers",
-    "box balls", "laurel", "bramble",
-)  # fmt: skip
 
 PETALS: tuple[Color, ...] = (
     (0.55, 0.05, 0.06), (0.60, 0.45, 0.05), (0.50, 0.12, 0.35), (0.62, 0.60, 0.55),
@@ -38,77 +35,64 @@ class BushParams(NamedTuple):
     seed: int
 
 
+_KINDS: dict[str, dict[str, Any]] = {
+    "hedge": {},
+    "round": {},
+    "ivy": dict(
+        length=Between(2.4, 3.8), width=0.7, height=Between(1.2, 2.2), parts=7, leaves=1300,
+        leaf=0.15, color=Near(0.3, IVY),
+    ),
+    "tall": dict(
+        length=Between(0.9, 1.4), width=Between(0.9, 1.2), height=Between(1.8, 2.4), parts=7,
+        leaves=1100,
+    ),
+    "bare": dict(
+        form="stems", parts=130, leaves=0, height=Between(1.2, 2.1),
+        bloom=Near(0.35, (0.13, 0.06, 0.04)),
+    ),
+    "beech hedge": dict(color=Near(0.3, *AUTUMNS[1:]), height=Between(1.5, 2.3)),
+    "planter": dict(
+        form="trough", length=Between(1.2, 2.2), width=Between(0.5, 0.8), height=Between(0.8, 1.2),
+        parts=4, leaves=500, blooms=120,
+    ),
+    "grass": dict(
+        form="blades", length=Between(1.0, 2.6), width=Between(0.6, 1.2), height=Between(0.7, 1.3),
+        parts=900, leaves=0, color=Near(0.3, (0.21, 0.19, 0.085)),
+    ),
+    "flowers": dict(
+        length=Between(1.8, 3.4), width=Between(0.8, 1.3), height=Between(0.4, 0.7), parts=9,
+        leaves=700, leaf=0.09, blooms=420,
+    ),
+    "box balls": dict(
+        length=Between(2.0, 3.4), width=0.9, height=Between(0.7, 1.0), parts=3, leaves=1200,
+        leaf=0.06, color=Near(0.25, (0.065, 0.085, 0.04)),
+    ),
+    "laurel": dict(
+        length=Between(2.0, 3.2), width=Between(1.0, 1.6), height=Between(1.3, 2.0), parts=8,
+        leaf=0.19, color=Near(0.2, (0.085, 0.11, 0.05)),
+    ),
+    "bramble": dict(
+        form="stems", length=Between(1.8, 3.2), width=Between(1.0, 1.8), height=Between(0.8, 1.4),
+        parts=110, leaves=420, leaf=0.12, bloom=Near(0.2, (0.11, 0.05, 0.04)),
+    ),
+}  # fmt: skip
+"""By kind, what differs from a round bush or a hedge: values, and rules by which they are drawn."""
+KINDS: tuple[str, ...] = tuple(_KINDS)
+
+
 def sample_bush(rng: np.random.Generator, kind: str) -> BushParams:
     """Draw a bush of one of ``KINDS``."""
-    between = rng.uniform
-    size = float(between(0.9, 1.7))
+    size = float(rng.uniform(0.9, 1.7))
     round_ = BushParams(
-        form="mounds", length=size, width=size, height=size * float(between(0.7, 0.95)), parts=5,
-        leaves=900, leaf=0.11, color=vary(rng, GREENS[rng.integers(len(GREENS))], 0.3),
-        bloom=vary(rng, PETALS[rng.integers(len(PETALS))], 0.2), blooms=0,
+        form="mounds", length=size, width=size, height=size * float(rng.uniform(0.7, 0.95)), parts=5,
+        leaves=900, leaf=0.11, color=pick(rng, GREENS, 0.3), bloom=pick(rng, PETALS, 0.2), blooms=0,
         seed=int(rng.integers(2**31)),
     )  # fmt: skip
-    hedge = round_._replace(
-        form="box", length=float(between(2.8, 4.2)), width=float(between(0.6, 1.0)),
-        height=float(between(0.9, 1.9)), parts=0, leaves=1500, leaf=0.1,
+    hedge = drawn(
+        rng, round_, form="box", length=Between(2.8, 4.2), width=Between(0.6, 1.0),
+        height=Between(0.9, 1.9), parts=0, leaves=1500, leaf=0.1,
     )  # fmt: skip
-    match kind:
-        case "round":
-            return round_
-        case "hedge":
-            return hedge
-        case "ivy":
-            return round_._replace(
-                length=float(between(2.4, 3.8)), width=0.7, height=float(between(1.2, 2.2)),
-                parts=7, leaves=1300, leaf=0.15, color=vary(rng, IVY, 0.3),
-            )  # fmt: skip
-        case "tall":
-            return round_._replace(
-                length=float(between(0.9, 1.4)), width=float(between(0.9, 1.2)),
-                height=float(between(1.8, 2.4)), parts=7, leaves=1100,
-            )  # fmt: skip
-        case "bare":
-            return round_._replace(
-                form="stems", parts=130, leaves=0, height=float(between(1.2, 2.1)),
-                bloom=vary(rng, (0.13, 0.06, 0.04), 0.35),
-            )  # fmt: skip
-        case "beech hedge":
-            return hedge._replace(
-                color=vary(rng, AUTUMNS[1 + rng.integers(3)], 0.3), height=float(between(1.5, 2.3))
-            )
-        case "planter":
-            return round_._replace(
-                form="trough", length=float(between(1.2, 2.2)), width=float(between(0.5, 0.8)),
-                height=float(between(0.8, 1.2)), parts=4, leaves=500, blooms=120,
-            )  # fmt: skip
-        case "grass":
-            return round_._replace(
-                form="blades", length=float(between(1.0, 2.6)), width=float(between(0.6, 1.2)),
-                height=float(between(0.7, 1.3)), parts=900, leaves=0,
-                color=vary(rng, (0.21, 0.19, 0.085), 0.3),
-            )  # fmt: skip
-        case "flowers":
-            return round_._replace(
-                length=float(between(1.8, 3.4)), width=float(between(0.8, 1.3)), parts=9,
-                height=float(between(0.4, 0.7)), leaves=700, leaf=0.09, blooms=420,
-            )  # fmt: skip
-        case "box balls":
-            return round_._replace(
-                length=float(between(2.0, 3.4)), width=0.9, height=float(between(0.7, 1.0)), parts=3,
-                leaves=1200, leaf=0.06, color=vary(rng, (0.065, 0.085, 0.04), 0.25),
-            )  # fmt: skip
-        case "laurel":
-            return round_._replace(
-                length=float(between(2.0, 3.2)), width=float(between(1.0, 1.6)), parts=8,
-                height=float(between(1.3, 2.0)), leaf=0.19, color=vary(rng, (0.085, 0.11, 0.05), 0.2),
-            )  # fmt: skip
-        case "bramble":
-            return round_._replace(
-                form="stems", length=float(between(1.8, 3.2)), width=float(between(1.0, 1.8)),
-                height=float(between(0.8, 1.4)), parts=110, leaves=420, leaf=0.12,
-                bloom=vary(rng, (0.11, 0.05, 0.04), 0.2),
-            )  # fmt: skip
-    raise KeyError(kind)
+    return drawn(rng, hedge if "hedge" in kind else round_, **_KINDS[kind])
 
 
 def _box(rng: np.random.Generator, params: BushParams) -> tuple[Asset, np.ndarray]:

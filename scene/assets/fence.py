@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.family import FRONTAGE, Family, Size
+from scene.assets.parts.draw import SEED, Between, Near, Times, sampler
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, Point, ignore, merge, shade, vary
+from scene.mesh.asset import Asset, Color, Point, ignore, merge, shade
 from scene.mesh.solids import box, loft, polygon, triangles, tube
 
 BLACK: Color = (0.014, 0.015, 0.016)
@@ -42,7 +43,7 @@ class FenceParams(NamedTuple):
 _IRON = FenceParams(3.5, 1.4, 2, 0.06, (0.1, 0.9), 0.04, "bars", 0.12, 0.022, BLACK, "paint")
 _WOOD = _IRON._replace(posts=3, post_width=0.1, rail_size=0.08, color=TIMBER, material="wood",
                        rails=(0.25, 0.75), pitch=0.14, gauge=0.09)  # fmt: skip
-_PATTERNS: dict[str, FenceParams] = {
+_KINDS: dict[str, FenceParams] = {
     "spear railings": _IRON._replace(infill="spears", tip="ball", posts=2),
     "pickets": _WOOD._replace(height=1.0, infill="pickets", color=WHITE, material="paint"),
     "chain link": _IRON._replace(height=2.0, rails=(0.97,), infill="diamonds", pitch=0.16,
@@ -74,20 +75,7 @@ _PATTERNS: dict[str, FenceParams] = {
     "hurdles": _WOOD._replace(height=1.1, infill="slats", rails=(), pitch=0.17, gauge=0.085, posts=3,
                               color=(0.09, 0.05, 0.03), tip="point"),
 }  # fmt: skip
-KINDS: tuple[str, ...] = tuple(_PATTERNS)
-
-
-def sample_fence(rng: np.random.Generator, kind: str) -> FenceParams:
-    """Draw a panel of one of ``KINDS``."""
-    p = _PATTERNS[kind]
-    return p._replace(
-        length=float(rng.uniform(3.2, 3.8)),
-        height=float(p.height * rng.uniform(0.92, 1.07)),
-        pitch=float(p.pitch * rng.uniform(0.95, 1.08)),
-        color=vary(rng, p.color, 0.25),
-        second=vary(rng, p.second, 0.15),
-        seed=int(rng.integers(2**31)),
-    )
+KINDS: tuple[str, ...] = tuple(_KINDS)
 
 
 def _stations(p: FenceParams) -> np.ndarray:
@@ -305,7 +293,10 @@ def fence(params: FenceParams) -> Asset:
 
 
 FAMILY = Family(
-    "fence", TrainId.FENCE, KINDS, sample_fence, fence,
+    "fence", TrainId.FENCE, KINDS,
+    sampler(_KINDS, length=Between(3.2, 3.8), height=Times(0.92, 1.07), pitch=Times(0.95, 1.08),
+            color=Near(0.25), second=Near(0.15), seed=SEED),
+    fence,
     count=16, size=Size((0.5, 40), (0.3, 5)), tone=0.85, line=("fence", 0.6),
     facing="road", front="right", stage=FRONTAGE, runs=True,
 )  # fmt: skip

@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.family import Family, Size
+from scene.assets.parts.draw import Near, Times, drawn
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, merge, vary
+from scene.mesh.asset import Asset, Color, merge
 from scene.mesh.solids import box, loft, tube, turned
 
 GLOW: Color = (0.62, 0.60, 0.52)
@@ -37,65 +38,52 @@ class LampParams(NamedTuple):
     rings: int = 0  # collars around the column
     stay: bool = False  # a rod from the column to the arm
     box: bool = False  # a fuse box or a poster at eye level
+    spread: float = 0.12  # by how much the height differs among those of a kind, as a share
 
 
-def _kinds() -> dict[str, tuple[LampParams, float]]:
-    """One pattern of each kind, and how far its height may change, as a share."""
-    plain = LampParams(7.4, 0.09, 1.2, (-1.4,), 0.2, 0.0, "tray", 0.75, STEEL, "metal", below=0.0)
-    iron = plain._replace(color=IRON, material="paint", arms=(), rise=0.0, foot=0.9)
-    pole = plain._replace(color=TIMBER, material="bark", arms=(), foot=0.0, radius=0.12, height=8.0)
-    return {
-        "arm": (plain, 0.12),
-        "swan neck": (plain._replace(bend=1.0, rise=1.0, height=6.6, arms=(-1.8,)), 0.1),
-        "double": (plain._replace(arms=(-1.5, 1.5), bend=0.5, rise=0.5, height=7.8), 0.08),
-        "lantern": (iron._replace(height=3.9, head="lantern", head_size=0.7, rings=3), 0.12),
-        "telegraph": (pole._replace(head="crossbars", head_size=1.6), 0.08),
-        "globe": (iron._replace(height=4.2, head="globe", head_size=0.48, color=STEEL), 0.1),
-        "led blade": (
-            plain._replace(head="blade", head_size=0.85, arms=(-0.5,), rise=0.05, radius=0.075,
-                           foot=0.0, color=(0.05, 0.052, 0.056)), 0.15),
-        "heritage bracket": (
-            iron._replace(height=5.6, head="bell", head_size=0.5, arms=(-0.9,), rise=0.25, bend=1.0,
-                          below=0.35, stay=True, rings=2, color=GREEN), 0.08),
-        "concrete": (
-            plain._replace(color=CONCRETE, material="concrete", radius=0.13, foot=1.6, bend=0.9,
-                           rise=0.7, arms=(-1.2,), head_size=0.6, height=6.8), 0.08),
-        "post top": (iron._replace(height=4.8, head="disc", head_size=0.62, foot=0.0,
-                                   color=(0.06, 0.062, 0.066)), 0.12),
-        "telephone": (pole._replace(head="drop wires", head_size=0.5, box=True, height=7.2), 0.08),
-        "twin lantern": (
-            iron._replace(height=4.5, head="lantern", head_size=0.6, arms=(-0.65, 0.65), rise=0.2,
-                          bend=1.0, below=0.3, rings=3), 0.06),
-        "catenary mast": (
-            plain._replace(height=7.6, radius=0.13, arms=(-2.6,), rise=0.35, head="insulator",
-                           head_size=0.3, below=1.0, stay=True, foot=0.6,
-                           color=(0.075, 0.085, 0.08)), 0.06),
-        "floodlight": (
-            plain._replace(height=8.6, radius=0.13, arms=(), head="flood", head_size=1.5), 0.04),
-        "bollard": (iron._replace(height=1.0, radius=0.09, foot=0.0, head="louvre", head_size=0.28,
-                                  color=(0.045, 0.046, 0.05)), 0.15),
-        "camera pole": (
-            plain._replace(height=5.4, radius=0.1, foot=1.6, arms=(-0.7,), rise=0.0, below=0.4,
-                           head="camera", head_size=0.4, box=True,
-                           color=(0.13, 0.135, 0.14)), 0.12),
-    }  # fmt: skip
-
-
-_PATTERNS = _kinds()
-KINDS: tuple[str, ...] = tuple(_PATTERNS)
+_PLAIN = LampParams(7.4, 0.09, 1.2, (-1.4,), 0.2, 0.0, "tray", 0.75, STEEL, "metal")
+_IRON = _PLAIN._replace(color=IRON, material="paint", arms=(), rise=0.0, foot=0.9)
+_POLE = _PLAIN._replace(color=TIMBER, material="bark", arms=(), foot=0.0, radius=0.12, height=8.0,
+                        spread=0.08)  # fmt: skip
+_KINDS: dict[str, LampParams] = {
+    "arm": _PLAIN,
+    "swan neck": _PLAIN._replace(bend=1.0, rise=1.0, height=6.6, arms=(-1.8,), spread=0.1),
+    "double": _PLAIN._replace(arms=(-1.5, 1.5), bend=0.5, rise=0.5, height=7.8, spread=0.08),
+    "lantern": _IRON._replace(height=3.9, head="lantern", head_size=0.7, rings=3),
+    "telegraph": _POLE._replace(head="crossbars", head_size=1.6),
+    "globe": _IRON._replace(height=4.2, head="globe", head_size=0.48, color=STEEL, spread=0.1),
+    "led blade": _PLAIN._replace(head="blade", head_size=0.85, arms=(-0.5,), rise=0.05, radius=0.075,
+                                 foot=0.0, color=(0.05, 0.052, 0.056), spread=0.15),
+    "heritage bracket": _IRON._replace(height=5.6, head="bell", head_size=0.5, arms=(-0.9,), rise=0.25,
+                                       bend=1.0, below=0.35, stay=True, rings=2, color=GREEN,
+                                       spread=0.08),
+    "concrete": _PLAIN._replace(color=CONCRETE, material="concrete", radius=0.13, foot=1.6, bend=0.9,
+                                rise=0.7, arms=(-1.2,), head_size=0.6, height=6.8, spread=0.08),
+    "post top": _IRON._replace(height=4.8, head="disc", head_size=0.62, foot=0.0,
+                               color=(0.06, 0.062, 0.066)),
+    "telephone": _POLE._replace(head="drop wires", head_size=0.5, box=True, height=7.2),
+    "twin lantern": _IRON._replace(height=4.5, head="lantern", head_size=0.6, arms=(-0.65, 0.65),
+                                   rise=0.2, bend=1.0, below=0.3, rings=3, spread=0.06),
+    "catenary mast": _PLAIN._replace(height=7.6, radius=0.13, arms=(-2.6,), rise=0.35,
+                                     head="insulator", head_size=0.3, below=1.0, stay=True, foot=0.6,
+                                     color=(0.075, 0.085, 0.08), spread=0.06),
+    "floodlight": _PLAIN._replace(height=8.6, radius=0.13, arms=(), head="flood", head_size=1.5,
+                                  spread=0.04),
+    "bollard": _IRON._replace(height=1.0, radius=0.09, foot=0.0, head="louvre", head_size=0.28,
+                              color=(0.045, 0.046, 0.05), spread=0.15),
+    "camera pole": _PLAIN._replace(height=5.4, radius=0.1, foot=1.6, arms=(-0.7,), rise=0.0, below=0.4,
+                                   head="camera", head_size=0.4, box=True, color=(0.13, 0.135, 0.14)),
+}  # fmt: skip
+KINDS: tuple[str, ...] = tuple(_KINDS)
 
 
 def sample_lamp(rng: np.random.Generator, kind: str) -> LampParams:
     """Draw a lamp of one of ``KINDS``."""
-    p, spread = _PATTERNS[kind]
-    return p._replace(
-        height=float(p.height * rng.uniform(1 - spread, 1 + spread)),
-        radius=float(p.radius * rng.uniform(0.9, 1.1)),
-        arms=tuple(np.asarray(p.arms) * float(rng.uniform(0.85, 1.1))),
-        rise=float(p.rise * rng.uniform(0.85, 1.1)),
-        head_size=float(p.head_size * rng.uniform(0.9, 1.15)),
-        color=vary(rng, p.color, 0.3),
-    )
+    p = _KINDS[kind]
+    return drawn(
+        rng, p, height=Times(1 - p.spread, 1 + p.spread), radius=Times(0.9, 1.1),
+        arms=Times(0.85, 1.1), rise=Times(0.85, 1.1), head_size=Times(0.9, 1.15), color=Near(0.3),
+    )  # fmt: skip
 
 
 def _pipe(points: np.ndarray, radius: float, params: LampParams, sides: int = 6) -> Asset:

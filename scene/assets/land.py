@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.family import FRONTAGE, Family, Size
+from scene.assets.parts.draw import SEED, Near, Times, sampler
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, shade, solid, vary
+from scene.mesh.asset import Asset, Color, shade, solid
 from scene.mesh.quads import grid
 
 TILE = 8.0
@@ -42,16 +43,6 @@ _KINDS: dict[str, LandParams] = {
 KINDS: tuple[str, ...] = tuple(_KINDS)
 
 
-def sample_land(rng: np.random.Generator, kind: str) -> LandParams:
-    """Draw a tile of one of ``KINDS``."""
-    p = _KINDS[kind]
-    return p._replace(
-        color=vary(rng, p.color, 0.35),
-        ridge=float(p.ridge * rng.uniform(0.7, 1.3)),
-        seed=int(rng.integers(2**31)),
-    )
-
-
 def land(params: LandParams) -> Asset:
     """Build the tile, centred on the origin; its edges are those of its neighbours."""
     p, rng = params, np.random.default_rng(params.seed)
@@ -74,6 +65,7 @@ def land(params: LandParams) -> Asset:
 
 
 FAMILY = Family(
-    "land", TrainId.TERRAIN, KINDS, sample_land, land,
+    "land", TrainId.TERRAIN, KINDS,
+    sampler(_KINDS, color=Near(0.35), ridge=Times(0.7, 1.3), seed=SEED), land,
     count=14, size=Size((1, 60), (0.001, 1)), tone=1.0, line=None, stage=FRONTAGE,
 )  # fmt: skip

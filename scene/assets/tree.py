@@ -7,21 +7,18 @@ how they bend make the species; how many of the twigs carry a tuft makes the sea
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from scene.assets.family import Family, Size
+from scene.assets.parts.draw import Between, Near, drawn
 from scene.assets.parts.foliage import AUTUMNS, GREENS, IVY, leaf_cards, slivers, tubes, tufts
+from scene.assets.parts.palette import pick
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, merge, reshaped, translate, vary
 from scene.mesh.solids import tube
-
-KINDS: tuple[str, ...] = (
-    "bare lime", "plane", "half bare", "conifer", "bare broad", "poplar", "pollard", "willow",
-    "young", "birch", "spreading", "bare poplar", "autumn", "ivied", "pine", "young bare",
-    "cypress", "bare vase",
-)  # fmt: skip
 
 GOLDEN = 2.399963
 """The golden angle: limbs that follow one another around the trunk by it never line up (radians)."""
@@ -44,7 +41,7 @@ class TreeParams(NamedTuple):
     trunk: float  # height of the first limb, m
     radius: float  # of the trunk at the foot, m
     crown: float  # length of the longest limb, m
-    outline: str  # of the crown: "oval", "cone", "column", "vase" or "top"
+    outline: str  # of the crown, see ``_OUTLINES``
     leader: float  # share of the height that the trunk reaches
     limbs: int  # that leave the trunk
     angle: float  # between limb and trunk, degrees
@@ -61,138 +58,94 @@ class TreeParams(NamedTuple):
     seed: int
 
 
+class _Kind(NamedTuple):
+    """What sets a kind of tree apart: values, and rules by which they are drawn in this order."""
+
+    leafy: bool = False
+    height: Between | None = None  # m; None: as tall as most
+    shares: dict[str, Any] = {}  # of the height: trunk, crown and radius
+    fields: dict[str, Any] = {}
+    rusty: bool = False  # leaves in autumn's colours
+
+
+_KINDS: dict[str, _Kind] = {
+    "bare lime": _Kind(),
+    "plane": _Kind(True, None, dict(crown=0.38), dict(
+        angle=58.0, leader=0.8, bark_color=Near(0.2, (0.16, 0.15, 0.12)), tuft=0.5)),
+    "half bare": _Kind(fields=dict(
+        forks=(5, 4, 2), leafy=Between(0.25, 0.4), each=7, tuft=0.35, leaf=0.17), rusty=True),
+    "conifer": _Kind(True, None, dict(trunk=0.08, crown=0.24, radius=0.015), dict(
+        outline="cone", leader=1.0, limbs=38, angle=92.0, lift=-0.05, forks=(4, 0, 0), leafy=1.0,
+        each=15, tuft=0.36, leaf=0.26, leaf_color=Near(0.25, (0.055, 0.072, 0.052)))),
+    "bare broad": _Kind(False, None, dict(trunk=0.2, crown=Between(0.42, 0.5), radius=0.034), dict(
+        outline="vase", leader=0.6, limbs=11, angle=62.0, lift=0.2, forks=(7, 7, 5))),
+    "poplar": _Kind(True, Between(10, 13.8), dict(trunk=0.1, crown=0.19, radius=0.018), dict(
+        outline="column", leader=0.97, limbs=24, angle=20.0, lift=0.1, forks=(4, 2, 0), tuft=0.36,
+        each=15)),
+    "pollard": _Kind(False, Between(5, 7.5), dict(trunk=0.5, crown=0.2, radius=0.04), dict(
+        outline="top", leader=0.62, limbs=9, angle=65.0, lift=0.25, forks=(9, 4, 0),
+        bark_color=Near(0.2, (0.10, 0.085, 0.065)))),
+    "willow": _Kind(True, Between(6.5, 9.5), dict(trunk=0.28, crown=0.5, radius=0.035), dict(
+        outline="vase", leader=0.6, limbs=12, angle=40.0, lift=-0.35, forks=(7, 5, 0), leafy=1.0,
+        each=6, tuft=0.26, leaf=0.15, leaf_color=Near(0.2, (0.22, 0.215, 0.085)))),
+    "young": _Kind(True, Between(4.2, 6), dict(trunk=0.42, crown=0.2), dict(
+        radius=0.05, limbs=9, each=9, forks=(4, 2, 0), tuft=0.25, leaf=0.14, staked=True)),
+    "birch": _Kind(False, None, dict(trunk=0.25, crown=0.25, radius=0.013), dict(
+        angle=36.0, lift=-0.12, leader=1.0, limbs=18, forks=(5, 5, 2), leafy=0.3, each=5, leaf=0.12,
+        leaf_color=Near(0.25, (0.22, 0.18, 0.04)), bark_color=Near(0.1, (0.42, 0.41, 0.38)))),
+    "spreading": _Kind(True, Between(5.5, 7.5), dict(trunk=0.28, crown=0.62, radius=0.03), dict(
+        outline="vase", leader=0.62, limbs=11, angle=66.0, lift=0.1, tuft=0.5, each=20)),
+    "bare poplar": _Kind(False, Between(10.5, 14), dict(trunk=0.14, crown=0.2, radius=0.018), dict(
+        outline="column", leader=0.97, limbs=24, angle=16.0, lift=0.12, forks=(5, 4, 2))),
+    "autumn": _Kind(True, fields=dict(leafy=0.7, angle=45.0), rusty=True),
+    "ivied": _Kind(fields=dict(ivy=1100, leaf_color=IVY, leaf=0.22, limbs=12, forks=(5, 5, 3))),
+    "pine": _Kind(True, None, dict(trunk=0.55, crown=0.26), dict(
+        outline="top", leader=0.92, limbs=12, angle=78.0, lift=0.1, forks=(5, 3, 0), leafy=0.8,
+        each=14, tuft=0.36, leaf=0.2, bark_color=Near(0.2, (0.20, 0.09, 0.045)),
+        leaf_color=Near(0.25, (0.075, 0.095, 0.062)))),
+    "young bare": _Kind(False, Between(4.5, 6.5), dict(trunk=0.4, crown=0.2), dict(
+        radius=0.045, limbs=9, angle=38.0, forks=(4, 4, 2), staked=True)),
+    "cypress": _Kind(True, Between(5, 9), dict(trunk=0.05, crown=0.16, radius=0.016), dict(
+        outline="column", leader=0.97, limbs=30, angle=14.0, forks=(4, 2, 0), leafy=1.0, each=11,
+        tuft=0.28, leaf=0.21, leaf_color=Near(0.25, (0.050, 0.066, 0.046)))),
+    "bare vase": _Kind(False, Between(6.5, 9.5), dict(trunk=0.2, crown=0.62, radius=0.026), dict(
+        outline="vase", leader=0.32, limbs=8, angle=28.0, lift=0.04, forks=(7, 5, 4),
+        bark_color=Near(0.25, (0.085, 0.050, 0.042)))),
+}  # fmt: skip
+KINDS: tuple[str, ...] = tuple(_KINDS)
+
+
 def sample_tree(rng: np.random.Generator, kind: str) -> TreeParams:
     """Draw a tree of one of ``KINDS``."""
-    between = rng.uniform
+    between, row = rng.uniform, _KINDS[kind]
     tall = float(between(9, 15))
-    green = vary(rng, GREENS[rng.integers(len(GREENS))], 0.25)
-    rust = vary(rng, AUTUMNS[rng.integers(len(AUTUMNS))], 0.25)
+    green, rust = pick(rng, GREENS, 0.25), pick(rng, AUTUMNS, 0.25)
     bark = vary(rng, (0.105, 0.085, 0.070), 0.35)
-    bare = TreeParams(
+    p = TreeParams(
         height=tall, trunk=tall * float(between(0.18, 0.28)), radius=0.021 * tall,
         crown=tall * float(between(0.32, 0.40)), outline="oval", leader=0.9, limbs=15,
         angle=float(between(42, 58)), lift=0.16, forks=(6, 6, 5), leafy=0.0, each=0, tuft=0.3,
-        leaf=0.2, leaf_color=green, bark_color=bark, staked=False, ivy=0,
+        leaf=0.2, leaf_color=rust if row.rusty else green, bark_color=bark, staked=False, ivy=0,
         seed=int(rng.integers(2**31)),
     )  # fmt: skip
-    leafy = bare._replace(
-        forks=(5, 3, 0), leafy=float(between(0.85, 1.0)), each=20, tuft=0.6, leaf=0.29
-    )
-    match kind:
-        case "bare lime":
-            return bare
-        case "plane":
-            return leafy._replace(
-                outline="oval", crown=0.38 * tall, angle=58.0, leader=0.8,
-                bark_color=vary(rng, (0.16, 0.15, 0.12), 0.2), tuft=0.5,
-            )  # fmt: skip
-        case "half bare":
-            return bare._replace(
-                forks=(5, 4, 2), leafy=float(between(0.25, 0.4)), each=7, tuft=0.35, leaf=0.17,
-                leaf_color=rust,
-            )  # fmt: skip
-        case "conifer":
-            return leafy._replace(
-                trunk=0.08 * tall, crown=0.24 * tall, outline="cone", leader=1.0, limbs=38,
-                angle=92.0, lift=-0.05, forks=(4, 0, 0), leafy=1.0, each=15, tuft=0.36, leaf=0.26,
-                radius=0.015 * tall, leaf_color=vary(rng, (0.055, 0.072, 0.052), 0.25),
-            )  # fmt: skip
-        case "bare broad":
-            return bare._replace(
-                trunk=0.2 * tall, crown=float(between(0.42, 0.5)) * tall, outline="vase",
-                leader=0.6, limbs=11, angle=62.0, lift=0.2, radius=0.034 * tall, forks=(7, 7, 5),
-            )  # fmt: skip
-        case "poplar":
-            tall = float(between(10, 13.8))
-            return leafy._replace(
-                height=tall, trunk=0.1 * tall, crown=0.19 * tall, outline="column", leader=0.97,
-                limbs=24, angle=20.0, lift=0.1, forks=(4, 2, 0), radius=0.018 * tall, tuft=0.36, each=15,
-            )  # fmt: skip
-        case "pollard":
-            tall = float(between(5, 7.5))
-            return bare._replace(
-                height=tall, trunk=0.5 * tall, crown=0.2 * tall, outline="top", leader=0.62,
-                limbs=9, angle=65.0, lift=0.25, forks=(9, 4, 0), radius=0.04 * tall,
-                bark_color=vary(rng, (0.10, 0.085, 0.065), 0.2),
-            )  # fmt: skip
-        case "willow":
-            tall = float(between(6.5, 9.5))
-            return leafy._replace(
-                height=tall, trunk=0.28 * tall, crown=0.5 * tall, outline="vase", leader=0.6,
-                limbs=12, angle=40.0, lift=-0.35, forks=(7, 5, 0), leafy=1.0, each=6, tuft=0.26,
-                leaf=0.15, leaf_color=vary(rng, (0.22, 0.215, 0.085), 0.2), radius=0.035 * tall,
-            )  # fmt: skip
-        case "young":
-            tall = float(between(4.2, 6))
-            return leafy._replace(
-                height=tall, trunk=0.42 * tall, crown=0.2 * tall, radius=0.05, limbs=9, each=9,
-                forks=(4, 2, 0), tuft=0.25, leaf=0.14, staked=True,
-            )  # fmt: skip
-        case "birch":
-            return bare._replace(
-                trunk=0.25 * tall, crown=0.25 * tall, angle=36.0, lift=-0.12, leader=1.0, limbs=18,
-                forks=(5, 5, 2), radius=0.013 * tall, leafy=0.3, each=5, leaf=0.12,
-                leaf_color=vary(rng, (0.22, 0.18, 0.04), 0.25),
-                bark_color=vary(rng, (0.42, 0.41, 0.38), 0.1),
-            )  # fmt: skip
-        case "spreading":
-            tall = float(between(5.5, 7.5))
-            return leafy._replace(
-                height=tall, trunk=0.28 * tall, crown=0.62 * tall, outline="vase", leader=0.62,
-                limbs=11, angle=66.0, lift=0.1, radius=0.03 * tall, tuft=0.5, each=20,
-            )  # fmt: skip
-        case "bare poplar":
-            tall = float(between(10.5, 14))
-            return bare._replace(
-                height=tall, trunk=0.14 * tall, crown=0.2 * tall, outline="column", leader=0.97,
-                limbs=24, angle=16.0, lift=0.12, forks=(5, 4, 2), radius=0.018 * tall,
-            )  # fmt: skip
-        case "autumn":
-            return leafy._replace(leaf_color=rust, leafy=0.7, angle=45.0, outline="oval")
-        case "ivied":
-            return bare._replace(ivy=1100, leaf_color=IVY, leaf=0.22, limbs=12, forks=(5, 5, 3))
-        case "pine":
-            return leafy._replace(
-                trunk=0.55 * tall, crown=0.26 * tall, outline="top", leader=0.92, limbs=12,
-                angle=78.0, lift=0.1, forks=(5, 3, 0), leafy=0.8, each=14, tuft=0.36, leaf=0.2,
-                bark_color=vary(rng, (0.20, 0.09, 0.045), 0.2),
-                leaf_color=vary(rng, (0.075, 0.095, 0.062), 0.25),
-            )  # fmt: skip
-        case "young bare":
-            tall = float(between(4.5, 6.5))
-            return bare._replace(
-                height=tall, trunk=0.4 * tall, crown=0.2 * tall, radius=0.045, limbs=9, angle=38.0,
-                forks=(4, 4, 2), staked=True,
-            )  # fmt: skip
-        case "cypress":
-            tall = float(between(5, 9))
-            return leafy._replace(
-                height=tall, trunk=0.05 * tall, crown=0.16 * tall, outline="column", leader=0.97,
-                limbs=30, angle=14.0, forks=(4, 2, 0), leafy=1.0, each=11, tuft=0.28, leaf=0.21,
-                leaf_color=vary(rng, (0.050, 0.066, 0.046), 0.25), radius=0.016 * tall,
-            )  # fmt: skip
-        case "bare vase":
-            tall = float(between(6.5, 9.5))
-            return bare._replace(
-                height=tall, trunk=0.2 * tall, crown=0.62 * tall, outline="vase", leader=0.32,
-                limbs=8, angle=28.0, lift=0.04, forks=(7, 5, 4), radius=0.026 * tall,
-                bark_color=vary(rng, (0.085, 0.050, 0.042), 0.25),
-            )  # fmt: skip
-    raise KeyError(kind)
+    share = float(between(0.85, 1.0))
+    if row.leafy:
+        p = p._replace(forks=(5, 3, 0), leafy=share, each=20, tuft=0.6, leaf=0.29)
+    if row.height:
+        p = drawn(rng, p, height=row.height)
+    p = drawn(rng, p, **row.shares)
+    p = p._replace(**{name: getattr(p, name) * p.height for name in row.shares})
+    return drawn(rng, p, **row.fields)
 
 
-def _reach(outline: str, level: np.ndarray) -> np.ndarray:
-    """Length of limbs, as a share of the longest, by ``level`` in the crown (0 foot, 1 top)."""
-    match outline:
-        case "cone":
-            return 1.05 - 0.95 * level
-        case "column":
-            return 0.85 - 0.45 * level**2
-        case "vase":
-            return 1.0 - 0.35 * level
-        case "top":
-            return 0.75 + 0.25 * level
-    return np.sqrt(np.clip(1 - (1.5 * level - 0.55) ** 2, 0.06, 1))
+_OUTLINES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "oval": lambda level: np.sqrt(np.clip(1 - (1.5 * level - 0.55) ** 2, 0.06, 1)),
+    "cone": lambda level: 1.05 - 0.95 * level,
+    "column": lambda level: 0.85 - 0.45 * level**2,
+    "vase": lambda level: 1.0 - 0.35 * level,
+    "top": lambda level: 0.75 + 0.25 * level,
+}
+"""Of crowns: the length of limbs, as a share of the longest, by level (0 foot, 1 top)."""
 
 
 class _Wood(NamedTuple):
@@ -273,7 +226,7 @@ def _limbs(rng: np.random.Generator, params: TreeParams, trunk: _Wood) -> _Wood:
     tilt = np.radians(p.angle * (1.1 - 0.35 * level) * rng.uniform(0.85, 1.15, p.limbs))
     heading = np.column_stack([np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn),
                                np.cos(tilt)])  # fmt: skip
-    length = p.crown * _reach(p.outline, level) * rng.uniform(0.8, 1.1, p.limbs)
+    length = p.crown * _OUTLINES[p.outline](level) * rng.uniform(0.8, 1.1, p.limbs)
     radius = np.minimum(0.5 * np.interp(z, line[:, 2], thickness), 0.045 * length + 0.01)
     return _grow(rng, start, heading, length, radius, p.lift, 4 if p.limbs > 16 else 5)
 

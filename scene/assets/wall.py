@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from scene.assets.family import FRONTAGE, Family, Size
+from scene.assets.parts.draw import SEED, Between, Near, Times, sampler
 from scene.assets.parts.palette import darker
 from scene.assets.parts.wall_faces import FACES, RELIEF, TOPS, WallParams
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, merge, rotate, solid, translate, vary
+from scene.mesh.asset import Asset, Color, merge, rotate, solid, translate
 from scene.mesh.solids import box, extrude, turned
 
 BRICK: Color = (0.17, 0.085, 0.06)
@@ -20,7 +21,7 @@ CREAM: Color = (0.52, 0.49, 0.43)
 
 
 _BASE = WallParams(3.6, 1.6, 0.28, BRICK, "brick", PALE, 0.08)
-_PATTERNS: dict[str, WallParams] = {
+_KINDS: dict[str, WallParams] = {
     "brick": _BASE,
     "rubble stone": _BASE._replace(color=STONE, material="concrete", second=(0.12, 0.11, 0.10),
                                    thickness=0.42, height=1.3, coping=0.0, face="blocks"),
@@ -51,20 +52,7 @@ _PATTERNS: dict[str, WallParams] = {
                                     material="concrete", coping=0.0, face="profile",
                                     second=(0.5, 0.03, 0.02)),
 }  # fmt: skip
-KINDS: tuple[str, ...] = tuple(_PATTERNS)
-
-
-def sample_wall(rng: np.random.Generator, kind: str) -> WallParams:
-    """Draw a wall of one of ``KINDS``."""
-    p = _PATTERNS[kind]
-    return p._replace(
-        length=float(rng.uniform(3.3, 3.9)),
-        height=float(p.height * rng.uniform(0.9, 1.1)),
-        thickness=float(p.thickness * rng.uniform(0.95, 1.05)),
-        color=vary(rng, p.color, 0.22),
-        second=vary(rng, p.second, 0.2),
-        seed=int(rng.integers(2**31)),
-    )
+KINDS: tuple[str, ...] = tuple(_KINDS)
 
 
 def _leaning(p: WallParams, x: float, length: float, height: float, front: float) -> Asset:
@@ -130,7 +118,10 @@ def wall(params: WallParams) -> Asset:
 
 
 FAMILY = Family(
-    "wall", TrainId.WALL, KINDS, sample_wall, wall,
+    "wall", TrainId.WALL, KINDS,
+    sampler(_KINDS, length=Between(3.3, 3.9), height=Times(0.9, 1.1), thickness=Times(0.95, 1.05),
+            color=Near(0.22), second=Near(0.2), seed=SEED),
+    wall,
     count=16, size=Size((0.5, 40), (0.3, 8)), tone=0.66, line=("fence", 0.4),
     facing="road", front="right", stage=FRONTAGE, runs=True,
 )  # fmt: skip
