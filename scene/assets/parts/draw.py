@@ -60,6 +60,17 @@ class Whole(NamedTuple):
         return int(rng.integers(self.low, self.high))
 
 
+class OneOf:
+    """One of several values or rules, each as likely."""
+
+    def __init__(self, *options: Any) -> None:
+        self.options = options
+
+    def draw(self, rng: np.random.Generator, value: Any) -> Any:
+        """The option, whatever the kind's ``value``."""
+        return _resolved(rng, self.options[rng.integers(len(self.options))], value)
+
+
 SEED = Whole(0, 2**31)
 """Of what is drawn while the asset is built."""
 
@@ -70,13 +81,18 @@ def drawn(rng: np.random.Generator, kind: Params, **rules: Any) -> Params:
     Args:
         rng: draws them.
         kind: the parameters before.
-        **rules: by field, a rule or the value itself.
+        **rules: by field, a rule, the value itself, or a tuple of them.
     """
-    fields = {
-        name: rule.draw(rng, getattr(kind, name)) if hasattr(rule, "draw") else rule
-        for name, rule in rules.items()
-    }
+    fields = {name: _resolved(rng, rule, getattr(kind, name)) for name, rule in rules.items()}
     return kind._replace(**fields)
+
+
+def _resolved(rng: np.random.Generator, rule: Any, value: Any) -> Any:
+    if hasattr(rule, "draw"):
+        return rule.draw(rng, value)
+    if type(rule) is tuple:
+        return tuple(_resolved(rng, one, value) for one in rule)
+    return rule
 
 
 def sampler(
