@@ -25,12 +25,12 @@ from scene.assets.parts.vehicle import (
     Walls,
     arch,
     axle,
+    faces,
     hull,
     lamps,
     lettering,
     panel,
     panes,
-    walls,
     window_row,
     wrap,
 )
@@ -139,7 +139,7 @@ def bus(params: BusParams) -> Asset:
     """
     p = params
     shape = _shape(p)
-    side = walls(shape.length, p.width, _FLOOR, shape.high, x=shape.x)
+    side = faces(shape)
     parts = [
         hull(shape, p.color),
         *_livery(p, shape, side),
@@ -270,9 +270,7 @@ def _doors(p: BusParams, shape: Hull, side: Walls) -> list[Asset]:
 
 def _ends(p: BusParams, shape: Hull, side: Walls) -> list[Asset]:
     """Windscreens that reach round the corners, rear windows, boards, lamps, plates and bumpers."""
-    front, rear = side.front.copy(), side.rear.copy()
-    front[2:, 0] -= shape.nose
-    rear[2:, 0] += shape.tail
+    front, rear = side.front, side.rear
     parts = []
     for deck in range(p.decks - p.open_top):
         low, high = _glass(p, deck)
@@ -365,8 +363,7 @@ def _bonnet(p: BusParams) -> list[Asset]:
         0.2,
         0.12,
     )
-    front = walls(h.length, h.width, h.low, h.high, x=h.x).front
-    front[2:, 0] -= h.nose
+    front = faces(h).front
     return [
         hull(h, p.color),
         wrap(h, 1, (0.0, 0.2), 0.4, TRIM, lift=0.05),

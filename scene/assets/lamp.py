@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -128,14 +130,6 @@ def _slab(p: LampParams, y: float, z: float, side: float, high: float, wide: flo
     return [loft(np.array(rings), p.color, p.material), glass]
 
 
-def _tray(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
-    return _slab(p, y, z, side, 0.17, 0.3)
-
-
-def _blade(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
-    return _slab(p, y, z, side, 0.06, 0.36)
-
-
 def _lantern(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
     """A four-sided glass that widens upwards under a pointed roof."""
     s = p.head_size
@@ -234,9 +228,10 @@ def _drop_wires(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
     return [ring, *steps, box((0.22, 0.2, 0.3), (0.14, 0, z - 1.1), (0.03, 0.03, 0.03))]
 
 
-_HEADS = {
-    "tray": _tray, "blade": _blade, "lantern": _lantern, "globe": _globe, "bell": _bell,
-    "disc": _disc, "louvre": _louvre, "insulator": _insulator, "flood": _flood,
+_HEADS: dict[str, Callable[[LampParams, float, float, float], list[Asset]]] = {
+    "tray": partial(_slab, high=0.17, wide=0.3), "blade": partial(_slab, high=0.06, wide=0.36),
+    "lantern": _lantern, "globe": _globe, "bell": _bell, "disc": _disc,
+    "louvre": _louvre, "insulator": _insulator, "flood": _flood,
     "camera": _camera, "crossbars": _crossbars, "drop wires": _drop_wires,
 }  # fmt: skip
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from scene.assets.family import FRONTAGE, Family, Size
+from scene.assets.parts.draw import SEED, Between, Near, Whole, drawn
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, Point, merge, shade, vary
+from scene.mesh.asset import Asset, Color, Point, merge, shade
 from scene.mesh.solids import box, polygon, tube
 
 STEEL: Color = (0.24, 0.245, 0.25)
@@ -26,7 +27,7 @@ class ScaffoldParams(NamedTuple):
     lifts: int
     steel: Color
     boards: Color
-    net: Color
+    net: Color  # or of the hoarding
     netted: float  # share of the bays behind a net
     hoarding: bool
     fan: bool
@@ -40,33 +41,24 @@ _NETS: tuple[Color, ...] = (
     (0.24, 0.24, 0.23),
 )
 _HOARDINGS: tuple[Color, ...] = ((0.03, 0.10, 0.28), (0.50, 0.50, 0.48), (0.20, 0.145, 0.085))
-_KINDS: dict[str, tuple[float, bool, bool]] = {
-    "tubes": (0.0, False, False),
-    "netted": (1.0, False, False),
-    "over a hoarding": (0.0, True, False),
-    "with a fan": (0.3, False, True),
-    "netted over a hoarding": (0.8, True, True),
+_SCAFFOLD = ScaffoldParams(3, 2.0, 1.0, 3, STEEL, BOARDS, _NETS[0], 0.0, False, False, 0)
+_KINDS: dict[str, dict[str, Any]] = {
+    "tubes": {},
+    "netted": dict(netted=1.0),
+    "over a hoarding": dict(hoarding=True, net=Near(0.25, *_HOARDINGS)),
+    "with a fan": dict(netted=0.3, fan=True),
+    "netted over a hoarding": dict(netted=0.8, hoarding=True, fan=True),
 }
 KINDS: tuple[str, ...] = tuple(_KINDS)
 
 
 def sample_scaffold(rng: np.random.Generator, kind: str) -> ScaffoldParams:
     """Draw a scaffold of one of ``KINDS``."""
-    netted, hoarding, fan = _KINDS[kind]
-    cloth = _HOARDINGS if hoarding and not netted else _NETS
-    return ScaffoldParams(
-        bays=int(rng.integers(3, 6)),
-        bay=float(rng.uniform(1.8, 2.3)),
-        depth=float(rng.uniform(0.9, 1.25)),
-        lifts=int(rng.integers(2, 5)),
-        steel=vary(rng, STEEL, 0.3),
-        boards=vary(rng, BOARDS, 0.3),
-        net=vary(rng, cloth[rng.integers(len(cloth))], 0.25),
-        netted=netted,
-        hoarding=hoarding,
-        fan=fan,
-        seed=int(rng.integers(2**31)),
-    )
+    rules = dict(
+        bays=Whole(3, 6), bay=Between(1.8, 2.3), depth=Between(0.9, 1.25), lifts=Whole(2, 5),
+        steel=Near(0.3), boards=Near(0.3), net=Near(0.25, *_NETS), seed=SEED,
+    )  # fmt: skip
+    return drawn(rng, _SCAFFOLD, **{**rules, **_KINDS[kind]})
 
 
 def scaffold(params: ScaffoldParams) -> Asset:

@@ -28,12 +28,15 @@ from scene.assets.parts.vehicle import (
     Hull,
     Walls,
     axle,
+    faces,
+    hoop,
     hull,
     lamps,
     lettering,
     panel,
     panes,
     rod,
+    tank,
     walls,
     window_row,
     wrap,
@@ -155,13 +158,6 @@ def _pantograph(p: TrainParams) -> list[Asset]:
     ]
 
 
-def _face(wall: np.ndarray, rake: float) -> np.ndarray:
-    """An end wall whose top is set back towards the middle."""
-    leaning = wall.copy()
-    leaning[2:, 0] -= np.sign(leaning[2:, 0]) * rake
-    return leaning
-
-
 def _shape(p: TrainParams) -> Hull:
     return Hull(p.length, p.width, p.floor, p.height, 0.0, p.round, 0.3, p.rake, p.rake)
 
@@ -170,8 +166,7 @@ def _cab_ends(p: TrainParams, side: Walls, glass: tuple[float, float]) -> list[A
     """Windscreens that reach round the corners, lamps, couplers and destination boards."""
     shape = _shape(p)
     parts = []
-    for end, wall, lamp in ((1, side.front, HEADLAMP), (-1, side.rear, TAILLAMP)):
-        face = _face(wall, p.rake)
+    for end, face, lamp in ((1, side.front, HEADLAMP), (-1, side.rear, TAILLAMP)):
         if p.face is not None:
             parts.append(wrap(shape, end, (0.1, glass[0]), 0.5, p.face, "paint", lift=0.008))
         parts += [
@@ -191,7 +186,7 @@ def _cab_ends(p: TrainParams, side: Walls, glass: tuple[float, float]) -> list[A
 
 def _passenger(p: TrainParams, bays: int, doors: int, glass: tuple[float, float]) -> list[Asset]:
     """Sections with a continuous dark window band, doors, a coloured band and cab ends."""
-    side = walls(p.length, p.width, p.floor, p.height)
+    side = faces(_shape(p))
     inset = (p.rake * glass[1] + p.round + 0.1) / p.length
     parts = [hull(_shape(p), p.color)]
     parts += _cab_ends(p, side, (glass[0] - 0.03, glass[1]))
@@ -226,7 +221,7 @@ def _railcar(p: TrainParams) -> list[Asset]:
 
 
 def _locomotive(p: TrainParams) -> list[Asset]:
-    side = walls(p.length, p.width, p.floor, p.height)
+    side = faces(_shape(p))
     parts = [hull(_shape(p), p.color), *_cab_ends(p, side, (0.52, 0.84))]
     for wall in side[:2]:
         parts.append(panel(wall, (0.04, 0.96), (0.06, 0.22), p.band))
@@ -286,25 +281,19 @@ def _tank(p: TrainParams) -> list[Asset]:
     radius = (p.height - p.floor) / 2
     angle = np.arange(24) * np.pi / 12
     loop = np.column_stack([np.cos(angle), np.sin(angle)]) * radius
-    ends = ((-0.97, 0.5), (-0.95, 0.8), (-0.91, 0.96), (-0.86, 1.0))
-    rings = [
-        np.column_stack([np.full(24, share * end), scale * loop + [0, p.floor + radius]])
-        for share, scale in (*ends, *((-x, s) for x, s in ends[::-1]))
-    ]
+    ends = ((0.97, 0.5), (0.95, 0.8), (0.91, 0.96), (0.86, 1.0))
+    middle = p.floor + radius
     parts = [
         block((-end, -half, p.floor - 0.3), (end, half, p.floor), BLACK, "metal"),
-        loft(rings, p.color, "metal"),
+        tank(loop, 0.0, middle, end, ends, p.color),
         tube(
             (0, 0, p.height - 0.1), (0, 0, p.height + 0.25), 0.5, darker(p.color), "metal", sides=12
         ),
     ]
     for share in (-0.6, -0.2, 0.2, 0.6):
-        wide = np.concatenate([loop, loop[:1]]) * 1.01 + [0, p.floor + radius]
-        band = [np.column_stack([np.full(25, share * end + d), wide]) for d in (-0.06, 0.06)]
-        parts.append(loft(band, p.band, "metal", closed=False, caps=False))
+        parts.append(hoop(loop, (share * end - 0.06, share * end + 0.06), middle, 1.01, p.band))
     for x in (0.3, 0.7):
         parts.append(rod((x, -radius - 0.02, p.floor), (x, -0.4, p.height), 0.025, STEEL))
-    middle = p.floor + radius
     for wall in walls(1.4 * end, 2 * radius + 0.02, middle - 0.25, middle + 0.25)[:2]:
         parts.append(lettering(wall, (0.2, 0.8), (0.1, 0.9), p.band, p.seed))
     return parts

@@ -26,7 +26,18 @@ from scene.assets.parts.palette import (
     pick,
 )
 from scene.assets.parts.skin import pair
-from scene.assets.parts.vehicle import Hull, arch, axle, hull, lamps, panel, panes, walls, wrap
+from scene.assets.parts.vehicle import (
+    Hull,
+    arch,
+    axle,
+    faces,
+    hull,
+    lamps,
+    panel,
+    panes,
+    walls,
+    wrap,
+)
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, merge
 from scene.mesh.solids import block, tube
@@ -159,9 +170,8 @@ def _cab(p: TruckParams) -> list[Asset]:
     nose, low, width = p.length / 2, 0.38, p.width - 0.04
     middle = nose - p.cab_length / 2
     h = Hull(p.cab_length, width, low, p.cab_height, middle, p.round, 0.8 * p.round, p.rake)
-    side = walls(p.cab_length, width, low, p.cab_height, x=middle)
-    front = side.front.copy()
-    front[2:, 0] -= p.rake
+    side = faces(h)
+    front = side.front
     foot, top = p.windscreen
     back = (p.rake * top + p.round) / p.cab_length  # share of the side lost to the screen's lean
     door = (0.36, 0.97 - back)

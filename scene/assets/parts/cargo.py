@@ -7,7 +7,7 @@ import numpy as np
 from scene.assets.parts.lorry import WHITE, TruckParams, bed, floor, sign
 from scene.assets.parts.palette import AMBER, BLACK, STEEL, TAILLAMP, TRIM, darker
 from scene.assets.parts.skin import pair, revolve
-from scene.assets.parts.vehicle import lettering, panel, walls
+from scene.assets.parts.vehicle import hoop, lettering, panel, tank, walls
 from scene.mesh.asset import Asset, Color, repaint, reshaped, translate
 from scene.mesh.solids import block, loft, polygon, tube
 
@@ -131,20 +131,9 @@ def tanker(p: TruckParams) -> list[Asset]:
     middle = low + radius
     angle = np.arange(20) * np.pi / 10
     loop = np.column_stack([np.cos(angle) * 0.49 * width, np.sin(angle) * radius])
-    rings = []
-    for share, scale in (
-        (-0.5, 0.55),
-        (-0.49, 0.8),
-        (-0.46, 0.97),
-        (-0.44, 1.0),
-        (0.44, 1.0),
-        (0.46, 0.97),
-        (0.49, 0.8),
-        (0.5, 0.55),
-    ):
-        rings.append(np.column_stack([np.full(20, x + share * length), loop * scale + [0, middle]]))
+    ends = ((0.5, 0.55), (0.49, 0.8), (0.46, 0.97), (0.44, 1.0))
     parts = [
-        loft(rings, p.body, "metal"),
+        tank(loop, x, middle, length, ends, p.body),
         block(
             (x - 0.4 * length, -0.3, p.height - 0.04),
             (x + 0.4 * length, 0.3, p.height + 0.05),
@@ -167,11 +156,8 @@ def tanker(p: TruckParams) -> list[Asset]:
         ),
     ]
     for share in (-0.3, -0.05, 0.2):  # bands round the tank and manholes on it
-        wide = np.concatenate([loop, loop[:1]]) * 1.012 + [0, middle]
-        band = [
-            np.column_stack([np.full(21, x + (share + d) * length), wide]) for d in (-0.008, 0.008)
-        ]
-        parts.append(loft(band, p.band or STEEL, "metal", closed=False, caps=False))
+        span = x + (share - 0.008) * length, x + (share + 0.008) * length
+        parts.append(hoop(loop, span, middle, 1.012, p.band or STEEL))
         at = x + (share + 0.1) * length
         parts.append(
             tube((at, 0, p.height - 0.1), (at, 0, p.height + 0.16), 0.25, STEEL, "metal", sides=10)

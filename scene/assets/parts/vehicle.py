@@ -190,6 +190,14 @@ class Hull(NamedTuple):
     tail: float = 0.0  # that the top of the rear is set back
 
 
+def faces(h: Hull) -> Walls:
+    """The walls of ``h`` as if its corners were square; front and rear lean as it does."""
+    side = walls(h.length, h.width, h.low, h.high, x=h.x)
+    side.front[2:, 0] -= h.nose
+    side.rear[2:, 0] += h.tail
+    return side
+
+
 _ARC = np.linspace(0, np.pi / 2, 4)
 
 
@@ -238,6 +246,28 @@ def wrap(
         rows.append(np.column_stack([x, plan[:, 1], z]))
     grid = np.array(rows[::-1] if end > 0 else rows)
     return sheet(grid, color, material)
+
+
+def tank(
+    loop: np.ndarray, x: float, z: float, length: float, ends: Sequence[Span], color: Color
+) -> Asset:
+    """A tank of section ``loop`` f64[n, 2] around (x, z), rounded by ``ends``.
+
+    These are shares of ``length`` from the middle and of the section's size, the outermost first.
+    """
+    places = [*((-share, size) for share, size in ends), *ends[::-1]]
+    rings = [
+        np.column_stack([np.full(len(loop), x + share * length), size * loop + [0, z]])
+        for share, size in places
+    ]
+    return loft(rings, color, "metal")
+
+
+def hoop(loop: np.ndarray, x: Span, z: float, size: float, color: Color) -> Asset:
+    """A band around a tank from one place along it to another."""
+    wide = np.concatenate([loop, loop[:1]]) * size + [0, z]
+    rings = [np.column_stack([np.full(len(wide), at), wide]) for at in x]
+    return loft(rings, color, "metal", closed=False, caps=False)
 
 
 def lettering(

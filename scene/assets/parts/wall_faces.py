@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -46,7 +47,7 @@ def _front(left: float, right: float, low: float, high: float, y: float, color: 
     )
 
 
-def _blocks(p: WallParams, rows: int, wide: float, rng: np.random.Generator) -> list[Asset]:
+def _blocks(p: WallParams, rng: np.random.Generator, *, rows: int, wide: float) -> list[Asset]:
     """Courses of stones of uneven lengths and tones, joints between them."""
     parts, joint, half = [], 0.012, p.length / 2
     edges = np.linspace(0, p.height, rows + 1)
@@ -62,17 +63,9 @@ def _blocks(p: WallParams, rows: int, wide: float, rng: np.random.Generator) -> 
     return parts
 
 
-def _face_blocks(p: WallParams, rng: np.random.Generator) -> list[Asset]:
-    return _blocks(p, 6, 0.38, rng)
-
-
-def _beams(p: WallParams, rng: np.random.Generator) -> list[Asset]:
-    return _blocks(p, 5, 2.2, rng)
-
-
 def _stones(p: WallParams, rng: np.random.Generator) -> list[Asset]:
     """Small stones in wire baskets."""
-    parts = _blocks(p, 11, 0.16, rng)
+    parts = _blocks(p, rng, rows=11, wide=0.16)
     for x in np.linspace(-0.5, 0.5, 4) * (p.length - 0.03):
         parts.append(box((0.03, 0.03, p.height), (x, -0.05, 0), p.second, "metal"))
     for z in (0.0, p.height / 2 - 0.01, p.height - 0.03):
@@ -169,7 +162,8 @@ def _profile(p: WallParams, rng: np.random.Generator) -> list[Asset]:
 
 Add = Callable[[WallParams, np.random.Generator], list[Asset]]
 FACES: dict[str, Add] = {
-    "blocks": _face_blocks, "beams": _beams, "stones": _stones, "weep holes": _weep_holes,
+    "blocks": partial(_blocks, rows=6, wide=0.38), "beams": partial(_blocks, rows=5, wide=2.2),
+    "stones": _stones, "weep holes": _weep_holes,
     "graffiti": _graffiti, "ribs": _ribs, "bands": _bands, "ivy": _ivy, "profile": _profile,
 }  # fmt: skip
 
