@@ -18,6 +18,7 @@ from scene.assets.parts.palette import (
     STEEL,
     TAILLAMP,
     TRIM,
+    WHITE,
     pick,
 )
 from scene.assets.parts.vehicle import (
@@ -89,7 +90,7 @@ KINDS: tuple[str, ...] = tuple(_MODELS)
 
 _LIVERIES: tuple[Color, ...] = (
     (0.38, 0.016, 0.018),  # red
-    (0.62, 0.62, 0.60),  # white
+    WHITE,  # white
     (0.50, 0.45, 0.33),  # cream
     (0.52, 0.31, 0.025),  # yellow
     (0.025, 0.07, 0.22),  # blue
@@ -219,7 +220,7 @@ def _livery(p: BusParams, shape: Hull, side: Walls) -> list[Asset]:
             lower = (head + 0.025, _glass(p, 1)[0] - 0.02) if p.decks == 2 else (0.16, foot - 0.03)
             u = (0.3, 0.72)
             if lower[1] - lower[0] > 0.08 and p.livery != "two-tone":
-                light = (0.62, 0.62, 0.6) if max(p.advert) < 0.45 else (0.03, 0.03, 0.05)
+                light = WHITE if max(p.advert) < 0.45 else (0.03, 0.03, 0.05)
                 parts.append(panel(wall, u, lower, p.advert, "paint", lift=0.01))
                 middle = (
                     lower[0] + 0.2 * (lower[1] - lower[0]),

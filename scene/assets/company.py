@@ -12,7 +12,7 @@ from scene.assets.family import Family, Size
 from scene.assets.parts.body import figure
 from scene.assets.parts.head import head
 from scene.assets.parts.human import ANKLE, Pose, limb
-from scene.assets.parts.palette import STEEL, pick
+from scene.assets.parts.palette import BLACK, STEEL, pick
 from scene.assets.person import PersonParams, sample_person
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, Point, ignore, merge, translate
@@ -165,7 +165,7 @@ def _lead(dog: Dog) -> Asset:
     side = math.copysign(1.0, y)
     points = np.array([(0.05, 0.28 * side, 0.78), (0.5 * x, 0.5 * (y + 0.28 * side), 0.5),
                        (x + 0.5 * dog.height, y, 0.95 * dog.height)])  # fmt: skip
-    return limb(points, [0.008, 0.008, 0.008], (0.02, 0.02, 0.02), "cloth", 4)
+    return limb(points, [0.008, 0.008, 0.008], BLACK, "cloth", 4)
 
 
 FAMILY = Family(

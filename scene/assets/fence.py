@@ -9,13 +9,13 @@ import numpy as np
 
 from scene.assets.family import FRONTAGE, Family, Size
 from scene.assets.parts.draw import SEED, Between, Near, Times, sampler
+from scene.assets.parts.palette import GALVANISED
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, Point, ignore, merge, shade
 from scene.mesh.solids import box, loft, polygon, triangles, tube
 
 BLACK: Color = (0.014, 0.015, 0.016)
 GREEN: Color = (0.010, 0.040, 0.024)
-STEEL: Color = (0.20, 0.205, 0.21)
 WHITE: Color = (0.62, 0.62, 0.59)
 TIMBER: Color = (0.13, 0.085, 0.05)
 WEATHERED: Color = (0.16, 0.14, 0.115)
@@ -49,20 +49,20 @@ _KINDS: dict[str, FenceParams] = {
     "chain link": _IRON._replace(height=2.0, rails=(0.97,), infill="diamonds", pitch=0.16,
                                  gauge=0.010, color=GREEN, material="metal", posts=3),
     "guard rail": _IRON._replace(height=0.78, rails=(), infill="beam", posts=3, post_width=0.1,
-                                 gauge=0.31, color=STEEL, material="metal"),
+                                 gauge=0.31, color=GALVANISED, material="metal"),
     "boards": _WOOD._replace(height=1.75, infill="boards", gauge=0.15, pitch=0.172),
-    "pedestrian guard": _IRON._replace(height=1.05, rails=(0.14, 0.80, 0.97), color=STEEL, pitch=0.13,
+    "pedestrian guard": _IRON._replace(height=1.05, rails=(0.14, 0.80, 0.97), color=GALVANISED, pitch=0.13,
                                        gauge=0.02, material="metal", posts=3),
     "rails": _WOOD._replace(height=1.15, infill="none", rails=(0.3, 0.6, 0.9), rail_size=0.12,
                             color=WEATHERED),
     "heras": _IRON._replace(height=2.0, rails=(0.03, 0.97), infill="grid", pitch=0.14, gauge=0.008,
-                            color=STEEL, material="metal", tip="feet", post_width=0.045,
+                            color=GALVANISED, material="metal", tip="feet", post_width=0.045,
                             second=(0.30, 0.08, 0.02)),
     "bollard and chain": _IRON._replace(height=1.0, rails=(), infill="chain", posts=3,
                                         post_width=0.13, tip="ball"),
     "bow top": _IRON._replace(height=1.15, infill="bows", rails=(0.12, 0.72), color=GREEN, pitch=0.2),
     "palisade": _IRON._replace(height=2.3, infill="pales", rails=(0.15, 0.85), pitch=0.155,
-                               gauge=0.07, color=STEEL, material="metal", post_width=0.1),
+                               gauge=0.07, color=GALVANISED, material="metal", post_width=0.1),
     "barrier boards": _IRON._replace(height=1.05, rails=(), infill="stripes", posts=3, color=WHITE,
                                      second=(0.48, 0.03, 0.02), pitch=0.35, post_width=0.05,
                                      tip="feet"),
@@ -230,7 +230,7 @@ def _wires(p: FenceParams) -> list[Asset]:
     """Level wires from post to post."""
     half = p.length / 2
     levels = np.arange(0.25, p.height - 0.08, p.pitch)
-    return [tube((-half, 0, float(z)), (half, 0, float(z)), p.gauge / 2, STEEL, "metal", sides=4)
+    return [tube((-half, 0, float(z)), (half, 0, float(z)), p.gauge / 2, GALVANISED, "metal", sides=4)
             for z in levels]  # fmt: skip
 
 

@@ -15,6 +15,7 @@ from scene.assets.parts.palette import (
     STEEL,
     TAILLAMP,
     TRIM,
+    WHITE,
     darker,
     pick,
 )
@@ -81,7 +82,7 @@ _PAINTS: tuple[Color, ...] = (
     (0.33, 0.018, 0.018),
     (0.025, 0.06, 0.24),
     (0.04, 0.16, 0.05),
-    (0.62, 0.62, 0.60),
+    WHITE,
     (0.38, 0.39, 0.40),
     (0.45, 0.16, 0.015),
 )

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.family import ROAD, Family, Size
+from scene.assets.parts.palette import PALE_STONE
 from scene.classes import TrainId
 from scene.look.surfaces import SIDEWALK_TONE
 from scene.mesh.asset import Asset, Color, merge, vary
@@ -28,9 +29,8 @@ class PavingParams(NamedTuple):
     kerb: Color
 
 
-_STONE: Color = (0.30, 0.29, 0.27)
-_ISLAND = PavingParams((4.5, 1.5, 0.13), 0.7, (0.20, 0.195, 0.185), "paving", _STONE)
-_PATH = PavingParams((*PATH, 0.02), 0.0, (0.17, 0.165, 0.155), "paving", _STONE)
+_ISLAND = PavingParams((4.5, 1.5, 0.13), 0.7, (0.20, 0.195, 0.185), "paving", PALE_STONE)
+_PATH = PavingParams((*PATH, 0.02), 0.0, (0.17, 0.165, 0.155), "paving", PALE_STONE)
 _KINDS: dict[str, PavingParams] = {
     "slab island": _ISLAND,
     "asphalt path": _PATH._replace(color=(0.09, 0.09, 0.092), material="fresh asphalt"),

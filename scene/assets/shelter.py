@@ -8,15 +8,13 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.family import FRONTAGE, Family, Size
-from scene.assets.parts.palette import GLASS, darker
+from scene.assets.parts.palette import BRICK, GALVANISED, GLASS, darker
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, Point, merge, rotate, translate, vary
 from scene.mesh.solids import box, extrude, loft, polygon
 
-STEEL: Color = (0.20, 0.205, 0.21)
 DARK: Color = (0.03, 0.032, 0.035)
 TIMBER: Color = (0.14, 0.095, 0.06)
-BRICK: Color = (0.17, 0.085, 0.06)
 WHITE: Color = (0.55, 0.55, 0.52)
 CLOTHS: tuple[Color, ...] = (
     (0.38, 0.03, 0.03), (0.03, 0.10, 0.35), (0.04, 0.20, 0.09), (0.50, 0.32, 0.03), (0.30, 0.05, 0.16),
@@ -55,7 +53,10 @@ def sample_shelter(rng: np.random.Generator, kind: str) -> ShelterParams:
         "brick shelter": (BRICK, (0.10, 0.05, 0.035), TIMBER),
         "timber shelter": (TIMBER, (0.06, 0.055, 0.05), TIMBER),
         "kiosk": (CLOTHS[rng.integers(5)], DARK, CLOTHS[rng.integers(5)]),
-    }.get(kind, ((STEEL, DARK)[rng.integers(2)], CLOTHS[rng.integers(5)], POSTERS[rng.integers(5)]))
+    }.get(
+        kind,
+        ((GALVANISED, DARK)[rng.integers(2)], CLOTHS[rng.integers(5)], POSTERS[rng.integers(5)]),
+    )
     return ShelterParams(
         kind, size, vary(rng, frame, 0.3), vary(rng, cover, 0.25), vary(rng, second, 0.25),
         int(rng.integers(2**31)),
@@ -175,7 +176,7 @@ def _kiosk(p: ShelterParams) -> list[Asset]:
         box((x, y, z), (0, y / 2, 0), p.frame, "paint"),
         box((x + 0.25, y + 0.25, 0.18), (0, y / 2, z), p.cover, "metal"),
         box((0.72 * x, 0.06, 0.85), (0, -0.01, 1.05), GLASS, "glass"),
-        box((0.8 * x, 0.3, 0.05), (0, -0.12, 0.98), STEEL, "metal"),
+        box((0.8 * x, 0.3, 0.05), (0, -0.12, 0.98), GALVANISED, "metal"),
     ]
     for k in range(5):
         color = vary(rng, POSTERS[rng.integers(len(POSTERS))], 0.3)

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.family import Family, Size
+from scene.assets.parts.palette import WHITE
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, merge, vary
 from scene.mesh.solids import box, polygon, tube, turned
@@ -28,7 +29,6 @@ BLACK: Color = (0.016, 0.017, 0.018)
 STEEL: Color = (0.09, 0.093, 0.096)
 DARK: Color = (0.055, 0.058, 0.062)
 GREEN: Color = (0.012, 0.05, 0.028)
-WHITE: Color = (0.62, 0.62, 0.60)
 RED: Color = (0.42, 0.025, 0.02)
 YELLOW: Color = (0.58, 0.36, 0.02)
 GOLD: Color = (0.35, 0.24, 0.06)

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.family import SIGN, Family, Size
+from scene.assets.parts.palette import BLACK, GALVANISED
 from scene.assets.parts.pictogram import Layer
 from scene.assets.parts.sign_boards import Inks
 from scene.assets.parts.sign_faces import FACES
@@ -23,7 +24,6 @@ KINDS: tuple[str, ...] = tuple(FACES)
 
 LAYER = 0.006
 """Distance between the layers of a plate (metres)."""
-GREY: Color = (0.20, 0.205, 0.21)
 LOWEST, HIGHEST = 1.25, 3.05
 """No plate reaches lower or higher (metres)."""
 
@@ -50,7 +50,7 @@ def sample_traffic_sign(rng: np.random.Generator, kind: str) -> TrafficSignParam
     centre = float(np.clip(centre, LOWEST + 0.3 - low, HIGHEST - high))
     supplements = (None, None, (0.72, 0.72, 0.70), (0.60, 0.36, 0.02), (0.015, 0.07, 0.30))
     below = supplements[rng.integers(len(supplements))] if face.supplement else None
-    return TrafficSignParams(centre, radius, layers, below, vary(rng, GREY, 0.2))
+    return TrafficSignParams(centre, radius, layers, below, vary(rng, GALVANISED, 0.2))
 
 
 def _face(layer: Layer, params: TrafficSignParams, x: float) -> Asset:
@@ -64,7 +64,7 @@ def _face(layer: Layer, params: TrafficSignParams, x: float) -> Asset:
 def _supplement(params: TrafficSignParams, color: Color, x: float, top: float) -> list[Asset]:
     """A small plate with two rows of print."""
     r, dark = params.radius, max(color) < 0.5
-    ink = (0.7, 0.7, 0.68) if dark else (0.02, 0.02, 0.02)
+    ink = (0.7, 0.7, 0.68) if dark else BLACK
     plate = box((LAYER, 1.3 * r, 0.5 * r), (x, 0, top - 0.5 * r), color, "paint")
     rows = [
         box((LAYER, wide * r, 0.09 * r), (x - LAYER, 0, top - low * r), ink, "paint")

@@ -21,6 +21,7 @@ from scene.assets.parts.palette import (
     STEEL,
     TAILLAMP,
     TRIM,
+    WHITE,
     darker,
     pick,
 )
@@ -105,7 +106,7 @@ def sample_train(rng: np.random.Generator, kind: str) -> TrainParams:
         length=model.length * rng.uniform(0.94, 1.06),
         height=model.height * rng.uniform(0.98, 1.02),
         color=color,
-        band=pick(rng, _FREIGHT if freight else (*_LIVERIES, TRIM, (0.62, 0.62, 0.60))),
+        band=pick(rng, _FREIGHT if freight else (*_LIVERIES, TRIM, WHITE)),
         pantograph=bool(rng.random() < 0.8),
         bays=int(rng.integers(2, 5)),
         face=pick(rng, _LIVERIES) if rng.random() < 0.5 else None,

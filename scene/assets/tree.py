@@ -15,7 +15,7 @@ import numpy as np
 from scene.assets.family import Family, Size
 from scene.assets.parts.draw import Between, Near, drawn
 from scene.assets.parts.foliage import AUTUMNS, GREENS, IVY, leaf_cards, slivers, tubes, tufts
-from scene.assets.parts.palette import pick
+from scene.assets.parts.palette import BLACK, pick
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, merge, reshaped, translate, vary
 from scene.mesh.solids import tube
@@ -247,7 +247,7 @@ def _stakes(params: TreeParams) -> list[Asset]:
     """Two posts beside a young tree and the strap that ties it to them."""
     wood, side = (0.22, 0.15, 0.085), 0.28
     post = tube((0, 0, 0), (0, 0, 1.3), 0.04, wood, "wood", sides=6)
-    strap = tube((0, -side, 1.15), (0, side, 1.15), 0.025, (0.02, 0.02, 0.02), "rubber", sides=4)
+    strap = tube((0, -side, 1.15), (0, side, 1.15), 0.025, BLACK, "rubber", sides=4)
     return [translate(post, (0, -side, 0)), translate(post, (0, side, 0)), strap]
 
 

@@ -22,6 +22,7 @@ from scene.assets.parts.palette import (
     STEEL,
     TAILLAMP,
     TRIM,
+    WHITE,
     darker,
     pick,
 )
@@ -91,8 +92,8 @@ LOADS: dict[str, Callable[[TruckParams], list[Asset]]] = {
 """What a lorry may carry."""
 
 _CABS: tuple[Color, ...] = (
-    (0.62, 0.62, 0.60),
-    (0.62, 0.62, 0.60),
+    WHITE,
+    WHITE,
     (0.30, 0.018, 0.018),
     (0.025, 0.06, 0.19),
     (0.04, 0.13, 0.30),
@@ -112,11 +113,11 @@ _LOADS: dict[str, tuple[Color, ...]] = {
     "luton": _BOXES,
     "flatbed": ((0.16, 0.11, 0.07), (0.20, 0.20, 0.20)),
     "tipper": ((0.16, 0.16, 0.165), (0.42, 0.18, 0.02), (0.05, 0.09, 0.13), (0.30, 0.03, 0.02)),
-    "tanker": ((0.42, 0.43, 0.44), (0.62, 0.62, 0.60), (0.03, 0.12, 0.05), (0.50, 0.32, 0.03)),
+    "tanker": (CHROME, WHITE, (0.03, 0.12, 0.05), (0.50, 0.32, 0.03)),
     "refuse": ((0.60, 0.60, 0.57), (0.52, 0.20, 0.02), (0.05, 0.16, 0.07), (0.04, 0.09, 0.25)),
-    "mixer": ((0.62, 0.62, 0.60), (0.50, 0.16, 0.02), (0.30, 0.31, 0.32), (0.03, 0.1, 0.25)),
+    "mixer": (WHITE, (0.50, 0.16, 0.02), (0.30, 0.31, 0.32), (0.03, 0.1, 0.25)),
     "skip": ((0.50, 0.33, 0.03), (0.28, 0.05, 0.03), (0.04, 0.10, 0.2), (0.20, 0.20, 0.2)),
-    "recovery": ((0.50, 0.33, 0.03), (0.42, 0.43, 0.44), (0.25, 0.02, 0.02)),
+    "recovery": ((0.50, 0.33, 0.03), CHROME, (0.25, 0.02, 0.02)),
 }
 
 
@@ -126,7 +127,7 @@ def sample_truck(rng: np.random.Generator, kind: str) -> TruckParams:
     body, cab = pick(rng, _LOADS[model.load]), pick(rng, _CABS)
     long = rng.uniform(0.9, 1.06)
     dark = (0.03, 0.04, 0.12) if rng.random() < 0.5 else cab
-    accent = (0.62, 0.62, 0.60) if max(body) < 0.35 else dark if max(dark) < 0.4 else TRIM
+    accent = WHITE if max(body) < 0.35 else dark if max(dark) < 0.4 else TRIM
     grille = rng.uniform(0.16, 0.24)
     return model._replace(
         length=model.length * long,

@@ -6,21 +6,19 @@ import numpy as np
 
 from scene.assets.family import FRONTAGE, Family, Size
 from scene.assets.parts.draw import SEED, Between, Near, Times, sampler
-from scene.assets.parts.palette import darker
+from scene.assets.parts.palette import BRICK, GALVANISED, PALE_STONE, darker
 from scene.assets.parts.wall_faces import FACES, RELIEF, TOPS, WallParams
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, merge, rotate, solid, translate
 from scene.mesh.solids import box, extrude, turned
 
-BRICK: Color = (0.17, 0.085, 0.06)
 YELLOW_BRICK: Color = (0.27, 0.22, 0.15)
 STONE: Color = (0.24, 0.22, 0.18)
-PALE: Color = (0.30, 0.29, 0.27)
 GREY: Color = (0.25, 0.245, 0.235)
 CREAM: Color = (0.52, 0.49, 0.43)
 
 
-_BASE = WallParams(3.6, 1.6, 0.28, BRICK, "brick", PALE, 0.08)
+_BASE = WallParams(3.6, 1.6, 0.28, BRICK, "brick", PALE_STONE, 0.08)
 _KINDS: dict[str, WallParams] = {
     "brick": _BASE,
     "rubble stone": _BASE._replace(color=STONE, material="concrete", second=(0.12, 0.11, 0.10),
@@ -29,14 +27,14 @@ _KINDS: dict[str, WallParams] = {
                                       piers=(-1.0, 0.0, 1.0), second=GREY),
     "rendered": _BASE._replace(color=CREAM, material="plaster", plinth=0.35, second=BRICK, height=1.9,
                                ridge=True, coping=0.16),
-    "retaining": _BASE._replace(height=2.4, thickness=0.5, batter=0.22, color=PALE, face="weep holes",
+    "retaining": _BASE._replace(height=2.4, thickness=0.5, batter=0.22, color=PALE_STONE, face="weep holes",
                                 material="concrete", second=(0.05, 0.05, 0.05)),
     "piered": _BASE._replace(height=0.9, piers=(-0.95, 0.95), ball=True, color=YELLOW_BRICK),
     "railing top": _BASE._replace(height=0.75, top="railings", second=STONE, piers=(-1.0, 1.0)),
     "graffiti": _BASE._replace(height=2.3, color=GREY, material="concrete", coping=0.0,
                                face="graffiti"),
     "noise barrier": _BASE._replace(height=2.7, thickness=0.2, color=(0.05, 0.10, 0.065), coping=0.0,
-                                    material="metal", face="ribs", second=(0.2, 0.205, 0.21)),
+                                    material="metal", face="ribs", second=GALVANISED),
     "gabions": _BASE._replace(height=1.5, thickness=0.55, color=(0.19, 0.19, 0.185), coping=0.0,
                               material="concrete", face="stones", second=(0.06, 0.06, 0.06)),
     "banded brick": _BASE._replace(height=2.1, color=YELLOW_BRICK, face="bands",

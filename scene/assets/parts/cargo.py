@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from scene.assets.parts.lorry import WHITE, TruckParams, bed, floor, sign
-from scene.assets.parts.palette import AMBER, BLACK, STEEL, TAILLAMP, TRIM, darker
+from scene.assets.parts.lorry import TruckParams, bed, floor, sign
+from scene.assets.parts.palette import AMBER, BLACK, STEEL, TAILLAMP, TRIM, WHITE, darker
 from scene.assets.parts.skin import pair, revolve
 from scene.assets.parts.vehicle import hoop, lettering, panel, tank, walls
 from scene.mesh.asset import Asset, Color, repaint, reshaped, translate

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from scene.assets.parts.human import Body, Pose, limb, shoulders, skin, spine
-from scene.assets.parts.palette import STEEL, darker
+from scene.assets.parts.palette import BLACK, STEEL, darker
 from scene.mesh.asset import Asset, Color, Point, ignore, merge, rotate, solid, translate
 from scene.mesh.solids import block, box, ring
 
@@ -18,7 +18,6 @@ CARRIED: tuple[str, ...] = (
 )  # fmt: skip
 """Names that ``carried`` knows; "" is nothing."""
 
-_STRAP: Color = (0.02, 0.02, 0.02)
 PRAM_HANDLE = (0.42, 0.98)
 """How far ahead of the hips and how high a pram is held, m."""
 
@@ -58,7 +57,7 @@ def _shopping(hand: np.ndarray, h: float, color: Color) -> Asset:
     bag = block((x - 0.085 * h, y - 0.035 * h, top - 0.19 * h), (x + 0.085 * h, y + 0.035 * h, top),
                 color, "paint")  # fmt: skip
     loops = [limb(np.array([(x - 0.05 * h, y + d, top), (x, y, z - 0.06 * h),
-                            (x + 0.05 * h, y + d, top)]), [0.006] * 3, _STRAP, "cloth", 3)
+                            (x + 0.05 * h, y + d, top)]), [0.006] * 3, BLACK, "cloth", 3)
              for d in (0.03 * h, -0.03 * h)]  # fmt: skip
     return merge(bag, *loops)
 
@@ -90,8 +89,8 @@ def _suitcase(body: Body, pose: Pose, color: Color) -> Asset:
         box((0.02, 0.34, 0.02), (-0.12, 0, 0.2), darker(color, 0.5)),
         box((0.02, 0.34, 0.02), (-0.12, 0, 0.42), darker(color, 0.5)),
         *(box((0.02, 0.02, 0.42), (0.06, y, 0.6), STEEL, "metal") for y in (0.09, -0.09)),
-        box((0.03, 0.2, 0.03), (0.06, 0, 1.0), _STRAP),
-        *(ring((0.06, y, 0.0), 0.035, 0.03, _STRAP, sides=8) for y in (0.17, -0.17)),
+        box((0.03, 0.2, 0.03), (0.06, 0, 1.0), BLACK),
+        *(ring((0.06, y, 0.0), 0.035, 0.03, BLACK, sides=8) for y in (0.17, -0.17)),
     )
     reach = hand - foot
     tilt = float(np.arctan2(reach[0], max(reach[2] + 0.02 * h, 0.1)))
@@ -118,7 +117,7 @@ def _umbrella(hand: np.ndarray, body: Body, color: Color, second: Color) -> Asse
     canopy = solid(canopy.mesh.vertices, canopy.mesh.faces[:count], color, "cloth")._replace(
         color=colors
     )
-    stick = limb(np.array([hand + [0, 0, -0.12], centre + [0, 0, 0.22]]), [0.011, 0.008], _STRAP,
+    stick = limb(np.array([hand + [0, 0, -0.12], centre + [0, 0, 0.22]]), [0.011, 0.008], BLACK,
                  "metal", 5)  # fmt: skip
     return merge(canopy, stick)
 
@@ -132,7 +131,7 @@ def _stick(hand: np.ndarray, h: float, color: Color) -> Asset:
 def _wheels(places: list[Point], radius: float) -> list[Asset]:
     parts = []
     for x, y, z in places:
-        parts.append(ring((x, y, z), radius, 0.035, _STRAP, sides=14))
+        parts.append(ring((x, y, z), radius, 0.035, BLACK, sides=14))
         parts += [
             box((2 * radius, 0.012, 0.012), (x, y, z - 0.006), STEEL, "metal"),
             box((0.012, 0.012, 2 * radius), (x, y, z - radius), STEEL, "metal"),
@@ -154,7 +153,7 @@ def _pram(pose: Pose, color: Color, buggy: bool) -> Asset:
             [(x - 0.26, y, radius), (x + 0.06, y, 0.58)],
         ):
             parts.append(limb(np.array(path), [0.014] * len(path), STEEL, "metal", 5))
-    parts.append(limb(np.array([(handle, -0.24, high), (handle, 0.24, high)]), [0.018] * 2, _STRAP,
+    parts.append(limb(np.array([(handle, -0.24, high), (handle, 0.24, high)]), [0.018] * 2, BLACK,
                       "rubber", 6))  # fmt: skip
     low, length, back = (0.36, 0.52, 0.30) if buggy else (0.50, 0.82, 0.24)
     tub = [
@@ -201,7 +200,7 @@ def carried(name: str, body: Body, pose: Pose, color: Color, second: Color) -> A
         case "briefcase":
             x, y, z = (float(v) for v in right)
             low, high = (x - 0.2, y - 0.05, z - 0.45), (x + 0.2, y + 0.05, z - 0.14)
-            grip = box((0.14, 0.02, 0.04), (x, y, z - 0.14), _STRAP)
+            grip = box((0.14, 0.02, 0.04), (x, y, z - 0.14), BLACK)
             return merge(block(low, high, color, "plain"), grip)
         case "suitcase":
             return ignore(_suitcase(body, pose, color))

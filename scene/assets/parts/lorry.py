@@ -41,9 +41,6 @@ class TruckParams(NamedTuple):
     glazing: Glazing = EMPTY
 
 
-WHITE: Color = (0.62, 0.62, 0.60)
-
-
 def floor(p: TruckParams) -> float:
     """Height of the load bed, m."""
     return 2 * p.wheel_radius + 0.12

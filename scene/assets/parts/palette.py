@@ -1,4 +1,4 @@
-"""Colours that moving things share, as linear albedos, and how to draw from a few of them."""
+"""Colours that things share, as linear albedos, and how to draw from a few of them."""
 
 from __future__ import annotations
 
@@ -17,6 +17,11 @@ PLATE: Color = (0.68, 0.68, 0.64)
 PLATE_REAR: Color = (0.62, 0.42, 0.03)
 CHROME: Color = (0.42, 0.43, 0.44)
 AMBER: Color = (0.65, 0.22, 0.02)
+WHITE: Color = (0.62, 0.62, 0.60)
+GALVANISED: Color = (0.20, 0.205, 0.21)
+BRICK: Color = (0.17, 0.085, 0.06)
+PALE_STONE: Color = (0.30, 0.29, 0.27)
+BOARDS: Color = (0.20, 0.145, 0.085)
 
 # Share of cars by colour, and its linear albedo: between the new ones of the 2020s (BASF and Axalta report
 # half of them black, white or grey) and those on the roads twenty years before, of which more were silver,

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from scene.assets.parts.palette import BLACK
 from scene.mesh.asset import Asset, Color, solid, vary
 from scene.mesh.solids import box, loft, polygon, tube, turned
 
@@ -92,7 +93,7 @@ def _graffiti(p: WallParams, rng: np.random.Generator) -> list[Asset]:
     while x < 0.32 * p.length:
         wide, low = float(rng.uniform(0.3, 0.5)), float(rng.uniform(0.25, 0.4))
         high = low + float(rng.uniform(0.8, 1.1))
-        for y, grow, color in ((-PAINT, 0.04, (0.02, 0.02, 0.02)), (-2 * PAINT, 0.0, paint)):
+        for y, grow, color in ((-PAINT, 0.04, BLACK), (-2 * PAINT, 0.0, paint)):
             turn = np.linspace(0, 2 * np.pi, 9)[:-1] + rng.uniform(0, 0.4)
             u = x + wide / 2 + (wide / 2 + grow) * np.sign(np.cos(turn)) * abs(np.cos(turn)) ** 0.5
             v = (low + high) / 2 + ((high - low) / 2 + grow) * np.sin(turn)
@@ -100,10 +101,9 @@ def _graffiti(p: WallParams, rng: np.random.Generator) -> list[Asset]:
             faces = np.array([[0, k, k + 1] for k in range(1, 7)])
             parts.append(solid(shape, faces, color, "paint"))
         hole = (low + high) / 2 + float(rng.uniform(-0.15, 0.15))
-        dark = (0.02, 0.02, 0.02)
         middle = x + wide / 2
         parts.append(
-            _front(middle - 0.05, middle + 0.05, hole, hole + 0.2, -3 * PAINT, dark, "paint")
+            _front(middle - 0.05, middle + 0.05, hole, hole + 0.2, -3 * PAINT, BLACK, "paint")
         )
         x += wide + 0.14  # letters must not share a plane
     return parts
@@ -152,7 +152,7 @@ def _ivy(p: WallParams, rng: np.random.Generator) -> list[Asset]:
 
 def _profile(p: WallParams, rng: np.random.Generator) -> list[Asset]:
     """Slots for a fork lift below, and red reflectors."""
-    slots = [_front(x - 0.3, x + 0.3, 0.0, 0.08, -0.04, (0.02, 0.02, 0.02), "plain")
+    slots = [_front(x - 0.3, x + 0.3, 0.0, 0.08, -0.04, BLACK, "plain")
              for x in (-0.25 * p.length, 0.25 * p.length)]  # fmt: skip
     y = 0.36 * p.thickness
     marks = [box((0.09, 0.04, 0.09), (x, y - 0.02, 0.78 * p.height), p.second, "metal")

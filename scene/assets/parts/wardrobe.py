@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from scene.assets.parts.human import Outfit
-from scene.assets.parts.palette import pick
+from scene.assets.parts.palette import BLACK, pick
 from scene.mesh.asset import Color
 
 SKINS: tuple[Color, ...] = (
@@ -94,7 +94,7 @@ def sample_outfit(
         top = pick(rng, PALE, 0.2)
     if lighter and not dark:
         legs = pick(rng, PALE, 0.2)
-    pale = WHITE_SOLE if rng.random() < 0.45 else (0.02, 0.02, 0.02)
+    pale = WHITE_SOLE if rng.random() < 0.45 else BLACK
     dos = _WOMENS_HAIR if woman else _MENS_HAIR
     outfit = Outfit(
         skin=pick(rng, SKINS, 0.1),
@@ -147,7 +147,7 @@ def _styled(rng: np.random.Generator, base: Outfit, style: str, dark: bool) -> O
         case "suit":
             suit = pick(rng, (CLOTHES[0], CLOTHES[1], CLOTHES[2], (0.10, 0.10, 0.105)), 0.3)
             return base._replace(top=suit, legs=suit, shirt=(0.55, 0.56, 0.58), padding=0.006,
-                                 shoes=SHOES[0], sole=(0.02, 0.02, 0.02), hat="",
+                                 shoes=SHOES[0], sole=BLACK, hat="",
                                  collar=None)  # fmt: skip
         case "short coat":
             return base._replace(padding=0.011, flare=1.1,
