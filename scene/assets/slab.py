@@ -7,10 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.family import FOOTWAY, Family, Size
+from scene.assets.parts.draw import Between, Near, drawn
 from scene.assets.parts.palette import darker
 from scene.classes import TrainId
 from scene.look.surfaces import ROAD_TONE
-from scene.mesh.asset import Asset, Color, ignore, merge, vary
+from scene.mesh.asset import Asset, Color, ignore, merge
 from scene.mesh.solids import box, polygon
 
 BAY: tuple[float, float] = (2.5, 5.2)
@@ -26,28 +27,26 @@ class SlabParams(NamedTuple):
     """One tile."""
 
     color: Color
-    material: str
-    lines: str  # "", "sides", "ticks" or "box"
-    paint: Color
-    stain: tuple[float, float, float]  # where oil has dripped, and how far it has spread, m
+    material: str = "fresh asphalt"
+    lines: str = ""  # or "sides", "ticks" or "box"
+    paint: Color = WHITE
+    stain: tuple[float, float, float] = (0.0, 0.0, 0.2)  # where oil dripped, how far it spread, m
 
 
-_KINDS: dict[str, tuple[Color, str, str]] = {
-    "bare asphalt": ((0.10, 0.10, 0.103), "fresh asphalt", ""),
-    "asphalt bay": ((0.09, 0.09, 0.093), "fresh asphalt", "sides"),
-    "paved bay": ((0.17, 0.16, 0.145), "pavers", ""),
-    "ticked bay": ((0.12, 0.12, 0.122), "fresh asphalt", "ticks"),
-    "boxed bay": ((0.075, 0.076, 0.08), "fresh asphalt", "box"),
+_KINDS: dict[str, SlabParams] = {
+    "bare asphalt": SlabParams((0.10, 0.10, 0.103)),
+    "asphalt bay": SlabParams((0.09, 0.09, 0.093), lines="sides"),
+    "paved bay": SlabParams((0.17, 0.16, 0.145), "pavers"),
+    "ticked bay": SlabParams((0.12, 0.12, 0.122), lines="ticks"),
+    "boxed bay": SlabParams((0.075, 0.076, 0.08), lines="box"),
 }
 KINDS: tuple[str, ...] = tuple(_KINDS)
 
 
 def sample_slab(rng: np.random.Generator, kind: str) -> SlabParams:
     """Draw a tile of one of ``KINDS``."""
-    color, material, lines = _KINDS[kind]
-    spread = float(rng.uniform(0.2, 0.8))
-    stain = float(rng.uniform(-0.35, 0.35)), float(rng.uniform(-1.6, 1.6)), spread
-    return SlabParams(vary(rng, color, 0.45), material, lines, vary(rng, WHITE, 0.2), stain)
+    stain = (Between(-0.35, 0.35), Between(-1.6, 1.6), float(rng.uniform(0.2, 0.8)))
+    return drawn(rng, _KINDS[kind], stain=stain, color=Near(0.45), paint=Near(0.2))
 
 
 def slab(params: SlabParams) -> Asset:

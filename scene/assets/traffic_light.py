@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.family import SIGN, Family, Size
+from scene.assets.parts.draw import Near, drawn
 from scene.assets.signpost import MAX_RADIUS, MIN_HEIGHT
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, merge, vary
+from scene.mesh.asset import Asset, Color, merge
 from scene.mesh.solids import box, disc, loft, polygon
 
 RED: Color = (0.95, 0.05, 0.03)
@@ -31,6 +32,19 @@ class Head(NamedTuple):
     scale: float = 1.0  # of the lamps
 
 
+class Kind(NamedTuple):
+    """What a kind of light fixes."""
+
+    columns: tuple[tuple[tuple[Color, ...], float], ...]  # lamps and scale of each head
+    lit: int  # the lamp that shines in the first head
+    board: float = 0.0  # margin of the board behind the housing, m; 0 for none
+    edge: Color = BLACK  # of the board; white in Britain
+    round_board: bool = False
+    hoods: bool = True  # long visors; else short ones
+    color: Color = BLACK
+    front: Color = BLACK  # of the housing's face
+
+
 class TrafficLightParams(NamedTuple):
     """One or more heads side by side."""
 
@@ -38,25 +52,7 @@ class TrafficLightParams(NamedTuple):
     heads: tuple[Head, ...]
     lamp_radius: float  # m
     depth: float  # of the housing, m
-    board: float  # margin of the board behind the housing, m; 0 for none
-    board_edge: Color  # white in Britain
-    round_board: bool
-    hoods: bool  # long visors; else short ones
-    color: Color
-    front: Color  # of the housing's face
-
-
-class Kind(NamedTuple):
-    """What a kind of light fixes."""
-
-    columns: tuple[tuple[tuple[Color, ...], float], ...]  # lamps and scale of each head
-    lit: int  # the lamp that shines in the first head
-    board: float = 0.0
-    edge: Color = BLACK
-    round_board: bool = False
-    hoods: bool = True
-    color: Color = BLACK
-    front: Color = BLACK
+    kind: Kind  # its colours drawn
 
 
 _THREE = ((RED, AMBER, GREEN), 1.0)
@@ -93,10 +89,9 @@ def sample_traffic_light(rng: np.random.Generator, kind: str) -> TrafficLightPar
     half = max(len(h.lamps) * h.scale for h in heads) * (radius + 0.03)
     # The housing must reach down to the shortest post.
     centre = float(rng.uniform(2.3, min(2.95, MIN_HEIGHT - 0.1 + half)))
-    return TrafficLightParams(
-        centre, heads, radius, float(rng.uniform(0.18, 0.24)), p.board, vary(rng, p.edge, 0.1),
-        p.round_board, p.hoods, vary(rng, p.color, 0.25), vary(rng, p.front, 0.25),
-    )  # fmt: skip
+    depth = float(rng.uniform(0.18, 0.24))
+    p = drawn(rng, p, edge=Near(0.1), color=Near(0.25), front=Near(0.25))
+    return TrafficLightParams(centre, heads, radius, depth, p)
 
 
 def _lamp(
@@ -107,13 +102,13 @@ def _lamp(
     red, green, blue = np.asarray(color) * (1.0 if lit else UNLIT)
     material = "lamp" if lit else "glass"
     lens = disc((front - 0.006, y, z), radius, (red, green, blue), material, sides=16)
-    reach = 0.19 if p.hoods else 0.07
+    reach = 0.19 if p.kind.hoods else 0.07
     # A visor is a piece of pipe, open below, cut back from its top to its sides.
     turn = np.radians(np.linspace(-40, 220, 15))
     ahead = reach * (0.35 + 0.65 * np.clip(np.sin(turn), 0, 1))
     edge = np.column_stack([y + 1.1 * radius * np.cos(turn), z + 1.1 * radius * np.sin(turn)])
     rims = [np.column_stack([np.full(15, front), edge]), np.column_stack([front - ahead, edge])]
-    visor = loft(np.array(rims), p.front, "plain", closed=False, caps=False)
+    visor = loft(np.array(rims), p.kind.front, "plain", closed=False, caps=False)
     return [lens, visor]
 
 
@@ -137,24 +132,26 @@ def _head(p: TrafficLightParams, head: Head) -> list[Asset]:
         np.column_stack([np.full(len(outline), x), outline]) for x in (-MAX_RADIUS - 0.02, near)
     ]
     parts = [
-        loft(np.array(rings), p.color, "plain"),
-        polygon(np.column_stack([np.full(len(outline), near - 0.003), outline]), p.front, "plain"),
+        loft(np.array(rings), p.kind.color, "plain"),
+        polygon(
+            np.column_stack([np.full(len(outline), near - 0.003), outline]), p.kind.front, "plain"
+        ),
     ]
     for i, color in enumerate(head.lamps):
         z = p.centre + ((len(head.lamps) - 1) / 2 - i) * spacing
         parts += _lamp(p, head.y, z, radius, color, lit=i == head.lit)
-    if p.board:
+    if p.kind.board:
         for depth, margin, color in (
-            (0.035, p.board, p.board_edge),
-            (0.045, p.board - 0.03, BLACK),
+            (0.035, p.kind.board, p.kind.edge),
+            (0.045, p.kind.board - 0.03, BLACK),
         ):
-            corner = 0.9 * (wide + margin) if p.round_board else 0.05
+            corner = 0.9 * (wide + margin) if p.kind.round_board else 0.05
             board = _outline(head.y, p.centre, wide + margin, half + margin, corner)
             x = -MAX_RADIUS - depth
             parts.append(polygon(np.column_stack([np.full(len(board), x), board]), color, "plain"))
     for z in (p.centre - 0.7 * half, p.centre + 0.7 * half):
         bracket = (0.03, abs(head.y) + 0.06, 0.04)
-        parts.append(box(bracket, (-MAX_RADIUS - 0.01, head.y / 2, z), p.color, "metal"))
+        parts.append(box(bracket, (-MAX_RADIUS - 0.01, head.y / 2, z), p.kind.color, "metal"))
     return parts
 
 
@@ -164,7 +161,9 @@ def traffic_light(params: TrafficLightParams) -> Asset:
     parts = [part for head in p.heads for part in _head(p, head)]
     if len(p.heads) > 1:
         reach = max(h.y for h in p.heads) - min(h.y for h in p.heads)
-        parts.append(box((0.05, reach, 0.05), (-MAX_RADIUS - 0.03, 0, p.centre), p.color, "metal"))
+        parts.append(
+            box((0.05, reach, 0.05), (-MAX_RADIUS - 0.03, 0, p.centre), p.kind.color, "metal")
+        )
     return merge(*parts)
 
 
