@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 
 from scene.assets.parts.lorry import TruckParams, bed, floor, sign
@@ -32,22 +34,11 @@ def flatbed(p: TruckParams) -> list[Asset]:
         wide = rng.uniform(0.55, 0.95) * half
         kind = rng.integers(3)
         if kind == 0:  # pipes
-            for y in np.arange(-wide, wide, 0.24):
-                parts.append(
-                    tube(
-                        (start, y, low + 0.27), (end, y, low + 0.27), 0.11, STEEL, "metal", sides=8
-                    )
-                )
-                parts.append(
-                    tube(
-                        (start, y + 0.1, low + 0.47),
-                        (end, y + 0.1, low + 0.47),
-                        0.11,
-                        STEEL,
-                        "metal",
-                        sides=8,
-                    )
-                )
+            for y, (across, up) in product(
+                np.arange(-wide, wide, 0.24).tolist(), ((0.0, 0.27), (0.1, 0.47))
+            ):
+                ends = (start, y + across, low + up), (end, y + across, low + up)
+                parts.append(tube(*ends, 0.11, STEEL, "metal", sides=8))
         else:
             color = (WHITE, (0.16, 0.10, 0.06), p.cab, (0.25, 0.07, 0.03))[int(rng.integers(4))]
             parts.append(
@@ -140,21 +131,10 @@ def tanker(p: TruckParams) -> list[Asset]:
             TRIM,
         ),
         block((x - length / 2, -0.5, low - 0.1), (x + length / 2, 0.5, low + 0.15), TRIM),
-        tube(
-            (x - length / 2 - 0.02, 0.5, low),
-            (x - length / 2 - 0.02, 0.5, p.height),
-            0.03,
-            STEEL,
-            sides=4,
-        ),
-        tube(
-            (x - length / 2 - 0.02, 0.8, low),
-            (x - length / 2 - 0.02, 0.8, p.height - 0.1),
-            0.03,
-            STEEL,
-            sides=4,
-        ),
     ]
+    back = x - length / 2 - 0.02
+    for y, top in ((0.5, p.height), (0.8, p.height - 0.1)):
+        parts.append(tube((back, y, low), (back, y, top), 0.03, STEEL, sides=4))
     for share in (-0.3, -0.05, 0.2):  # bands round the tank and manholes on it
         span = x + (share - 0.008) * length, x + (share + 0.008) * length
         parts.append(hoop(loop, span, middle, 1.012, p.band or STEEL))

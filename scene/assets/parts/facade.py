@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from scene.assets.parts.palette import darker
 from scene.mesh.asset import Asset, Color, Point, merge, solid
 from scene.mesh.solids import block, polygon, quads
 
@@ -159,9 +160,7 @@ def window(
     left, right, low, high, _ = opening
     look, _ = LOOKS[np.searchsorted(_UP_TO, rng.random(), side="right")]
     room, drawn_to = float(np.exp(rng.normal(0, 0.8))), float(rng.uniform(0.25, 0.95))
-    glass = (0.15, 0.18, 0.21) if look == "sky" else (
-        room * GLASS[0], room * GLASS[1], room * GLASS[2]
-    )  # fmt: skip
+    glass = (0.15, 0.18, 0.21) if look == "sky" else darker(GLASS, room)
     split = {"blind": high - drawn_to * (high - low), "nets": low + drawn_to * (high - low)}
     cut = split.get(look, high)
     across, up = np.linspace(left, right, panes[0] + 1), np.linspace(low, high, panes[1] + 1)
@@ -193,7 +192,7 @@ def door(opening: Opening, color: Color) -> list[Part]:
     parts: list[Part] = [Patch(upright(left, right, low, head, PANE), color, "paint")]
     for z0, z1 in ((low + 0.2, middle - 0.08), (middle + 0.08, head - 0.2)):
         panel = upright(left + inset, right - inset, z0, z1, PANE - PROUD)
-        parts.append(Patch(panel, (0.6 * color[0], 0.6 * color[1], 0.6 * color[2]), "paint"))
+        parts.append(Patch(panel, darker(color), "paint"))
     if high - head > 0.2:
         light = upright(left + 0.05, right - 0.05, head + 0.06, high - 0.05, PANE)
         parts.append(Patch(light, GLASS, "glass"))

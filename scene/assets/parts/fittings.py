@@ -205,27 +205,13 @@ def _rear(b: Body, f: Fittings) -> list[Asset]:
     if f.bumper is not None:
         parts += _bumper(b, 1, f.bumper)
     if f.spare:
-        x = end[0] - 0.02
-        parts.append(
-            tube(
-                (x + 0.05, 0, 0.62 * b.belt + 0.25),
-                (x - 0.17, 0, 0.62 * b.belt + 0.25),
-                0.34,
-                BLACK,
-                "rubber",
-                sides=16,
-            )
-        )
-        parts.append(
-            tube(
-                (x, 0, 0.62 * b.belt + 0.25),
-                (x - 0.18, 0, 0.62 * b.belt + 0.25),
-                0.22,
-                f.mirrors,
-                "paint",
-                sides=16,
-            )
-        )
+        x, z = end[0] - 0.02, 0.62 * b.belt + 0.25
+        for near, far, radius, color, material in (
+            (0.05, 0.17, 0.34, BLACK, "rubber"),
+            (0.0, 0.18, 0.22, f.mirrors, "paint"),
+        ):
+            wheel = tube((x + near, 0, z), (x - far, 0, z), radius, color, material, sides=16)
+            parts.append(wheel)
     return parts
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from scene.assets.parts.glazing import EMPTY, Glazing
 from scene.assets.parts.palette import BLACK, STEEL, TRIM, darker
-from scene.assets.parts.vehicle import Walls, lettering, panel, walls
+from scene.assets.parts.vehicle import Span, Walls, lettering, panel, walls
 from scene.mesh.asset import Asset, Color
 from scene.mesh.solids import block, loft
 
@@ -92,44 +92,40 @@ def _edges(side: Walls, color: Color) -> list[Asset]:
     return parts
 
 
+def _closed(
+    p: TruckParams, side: Walls, material: str, rails: Color, u: Span, v: Span
+) -> list[Asset]:
+    """A body with doors behind, rails round its edges, and lettering on its sides."""
+    x, length, width = bed(p)
+    low, high = (x - length / 2, -width / 2, floor(p)), (x + length / 2, width / 2, p.height)
+    return [
+        block(low, high, p.body, material),
+        *_doors(side.rear),
+        *_edges(side, rails),
+        *sign(p, side, u, v),
+    ]
+
+
+def _sides(p: TruckParams) -> Walls:
+    x, length, width = bed(p)
+    return walls(length, width, floor(p), p.height, x=x)
+
+
 def box(p: TruckParams) -> list[Asset]:
     """A closed box body."""
-    x, length, width = bed(p)
-    low = floor(p)
-    side = walls(length, width, low, p.height, x=x)
-    return [
-        block(
-            (x - length / 2, -width / 2, low),
-            (x + length / 2, width / 2, p.height),
-            p.body,
-            "paint",
-        ),
-        *_doors(side.rear),
-        *_edges(side, STEEL if max(p.body) > 0.3 else darker(p.body, 1.6)),
-        *sign(p, side, (0.14, 0.86), (0.38, 0.74)),
-    ]
+    rails = STEEL if max(p.body) > 0.3 else darker(p.body, 1.6)
+    return _closed(p, _sides(p), "paint", rails, (0.14, 0.86), (0.38, 0.74))
 
 
 def curtain(p: TruckParams) -> list[Asset]:
     """A box whose sides are curtains: folds, straps and buckles."""
-    x, length, width = bed(p)
-    low = floor(p)
-    side = walls(length, width, low, p.height, x=x)
-    parts = [
-        block(
-            (x - length / 2, -width / 2, low),
-            (x + length / 2, width / 2, p.height),
-            p.body,
-            "plain",
-        )
-    ]
-    parts += [*_doors(side.rear), *_edges(side, STEEL), *sign(p, side, (0.1, 0.9), (0.3, 0.8))]
+    side = _sides(p)
+    parts = _closed(p, side, "plain", STEEL, (0.1, 0.9), (0.3, 0.8))
     for wall in side[:2]:
-        for share in np.linspace(0.03, 0.97, max(6, round(length / 0.7))):
-            parts.append(
-                panel(wall, (share - 0.002, share + 0.002), (0.02, 0.95), darker(p.body, 0.5))
-            )
-            parts.append(panel(wall, (share - 0.004, share + 0.004), (0.0, 0.06), TRIM, lift=0.03))
+        for share in np.linspace(0.03, 0.97, max(6, round(bed(p)[1] / 0.7))):
+            fold, buckle = ((share - half, share + half) for half in (0.002, 0.004))
+            parts.append(panel(wall, fold, (0.02, 0.95), darker(p.body, 0.5)))
+            parts.append(panel(wall, buckle, (0.0, 0.06), TRIM, lift=0.03))
     return parts
 
 

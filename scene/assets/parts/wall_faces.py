@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from scene.assets.parts.facade import upright
 from scene.assets.parts.palette import BLACK
 from scene.mesh.asset import Asset, Color, solid, vary
 from scene.mesh.solids import box, loft, polygon, tube, turned
@@ -41,13 +42,6 @@ class WallParams(NamedTuple):
     seed: int = 0
 
 
-def _front(left: float, right: float, low: float, high: float, y: float, color: Color,
-           material: str) -> Asset:  # fmt: skip
-    return polygon(
-        [(left, y, low), (right, y, low), (right, y, high), (left, y, high)], color, material
-    )
-
-
 def _blocks(p: WallParams, rng: np.random.Generator, *, rows: int, wide: float) -> list[Asset]:
     """Courses of stones of uneven lengths and tones, joints between them."""
     parts, joint, half = [], 0.012, p.length / 2
@@ -58,8 +52,8 @@ def _blocks(p: WallParams, rng: np.random.Generator, *, rows: int, wide: float) 
             right = min(x + wide * rng.uniform(0.6, 1.5), half)
             right = half if half - right < 0.3 * wide else right
             tone = vary(rng, p.color, 0.35)
-            parts.append(_front(x + joint, right - joint, low + joint, high - joint, 0, tone,
-                                p.material))  # fmt: skip
+            stone = upright(x + joint, right - joint, low + joint, high - joint, 0)
+            parts.append(polygon(stone, tone, p.material))
             x = right
     return parts
 
@@ -102,9 +96,8 @@ def _graffiti(p: WallParams, rng: np.random.Generator) -> list[Asset]:
             parts.append(solid(shape, faces, color, "paint"))
         hole = (low + high) / 2 + float(rng.uniform(-0.15, 0.15))
         middle = x + wide / 2
-        parts.append(
-            _front(middle - 0.05, middle + 0.05, hole, hole + 0.2, -3 * PAINT, BLACK, "paint")
-        )
+        eye = upright(middle - 0.05, middle + 0.05, hole, hole + 0.2, -3 * PAINT)
+        parts.append(polygon(eye, BLACK, "paint"))
         x += wide + 0.14  # letters must not share a plane
     return parts
 
@@ -125,8 +118,10 @@ def _ribs(p: WallParams, rng: np.random.Generator) -> list[Asset]:
 def _bands(p: WallParams, rng: np.random.Generator) -> list[Asset]:
     """Courses and lozenges in brick of another colour."""
     half = p.length / 2
-    parts = [_front(-half, half, at * p.height, at * p.height + 0.11, -PAINT, p.second, p.material)
-             for at in (0.12, 0.82)]  # fmt: skip
+    courses = [
+        upright(-half, half, z, z + 0.11, -PAINT) for z in (0.12 * p.height, 0.82 * p.height)
+    ]
+    parts = [polygon(course, p.second, p.material) for course in courses]
     for x in np.linspace(-0.375, 0.375, 4) * p.length:
         z, r = 0.5 * p.height, 0.26
         parts.append(polygon([(x - r, -PAINT, z), (x, -PAINT, z - r), (x + r, -PAINT, z),
@@ -152,7 +147,7 @@ def _ivy(p: WallParams, rng: np.random.Generator) -> list[Asset]:
 
 def _profile(p: WallParams, rng: np.random.Generator) -> list[Asset]:
     """Slots for a fork lift below, and red reflectors."""
-    slots = [_front(x - 0.3, x + 0.3, 0.0, 0.08, -0.04, BLACK, "plain")
+    slots = [polygon(upright(x - 0.3, x + 0.3, 0.0, 0.08, -0.04), BLACK)
              for x in (-0.25 * p.length, 0.25 * p.length)]  # fmt: skip
     y = 0.36 * p.thickness
     marks = [box((0.09, 0.04, 0.09), (x, y - 0.02, 0.78 * p.height), p.second, "metal")
