@@ -48,6 +48,13 @@ class _Model(NamedTuple):
     rails: float = 0.0  # how likely there are roof rails
     plastic: float = 0.25  # how likely bumpers are of bare plastic
     nose: float = 0.24
+    clad: bool = False  # may have sills of bare plastic
+    dark_glass: bool = False  # behind the driver
+    high_lamps: bool = False  # at the rear
+    plain_wheels: bool = False  # caps or bare steel more often than spokes
+    taxi: bool = False  # may be one
+    two_tones: bool = False  # may have a roof in another colour
+    van: bool = False  # closed behind the cab, mostly in colours of firms
 
 
 _MODELS: dict[str, _Model] = {
@@ -58,28 +65,34 @@ _MODELS: dict[str, _Model] = {
     "saloon": _Model(
         (4.60, 1.80, 1.44), 2.70, 0.88, 0.315, 0.17, (0.74, 0.95), 0.93, 0.99,
         (0.27, 0.43, 0.70, 0.83), (0.29, 0.785), (0.515, 0.715), (0.27, 0.515, 0.715),
+        taxi=True,
     ),
     "supermini": _Model(
         (3.85, 1.68, 1.46), 2.47, 0.78, 0.295, 0.18, (0.76, 0.96), 0.93, 0.95,
         (0.22, 0.41, 0.86, 0.985), (0.24, 0.87), (0.51, 0.76), (0.25, 0.51, 0.735),
+        two_tones=True,
     ),
     "estate": _Model(
         (4.70, 1.80, 1.48), 2.72, 0.88, 0.32, 0.17, (0.74, 0.95), 0.94, 0.97,
         (0.26, 0.41, 0.89, 0.985), (0.28, 0.93), (0.50, 0.69), (0.265, 0.50, 0.69), rails=0.65,
+        high_lamps=True, taxi=True,
     ),
     "crossover": _Model(
         (4.40, 1.84, 1.64), 2.65, 0.86, 0.35, 0.23, (0.90, 1.08), 1.06, 1.08,
         (0.24, 0.40, 0.87, 0.985), (0.26, 0.89), (0.51, 0.735), (0.26, 0.51, 0.73),
         tumblehome=0.19, rails=0.7, plastic=0.6,
+        clad=True, high_lamps=True, two_tones=True,
     ),
     "city car": _Model(
         (3.50, 1.62, 1.50), 2.33, 0.66, 0.275, 0.17, (0.80, 0.98), 0.95, 0.98,
         (0.18, 0.37, 0.90, 0.99), (0.20, 0.90), (0.50, 0.77), (0.22, 0.50, 0.755), plastic=0.5,
+        plain_wheels=True, two_tones=True,
     ),
     "people carrier": _Model(
         (4.60, 1.83, 1.70), 2.80, 0.90, 0.325, 0.18, (0.86, 1.08), 1.00, 1.04,
         (0.19, 0.38, 0.91, 0.988), (0.20, 0.93), (0.44, 0.66, 0.80), (0.235, 0.45, 0.665),
         rails=0.4, plastic=0.35,
+        high_lamps=True, taxi=True,
     ),
     "three-door": _Model(
         (3.95, 1.73, 1.40), 2.48, 0.82, 0.315, 0.15, (0.72, 0.92), 0.90, 0.95,
@@ -88,16 +101,19 @@ _MODELS: dict[str, _Model] = {
     "executive": _Model(
         (4.92, 1.86, 1.46), 2.88, 0.90, 0.335, 0.16, (0.76, 0.97), 0.96, 1.02,
         (0.29, 0.45, 0.70, 0.83), (0.31, 0.79), (0.53, 0.72), (0.285, 0.53, 0.72), plastic=0.0,
+        dark_glass=True,
     ),
     "off-roader": _Model(
         (4.45, 1.86, 1.86), 2.65, 0.78, 0.385, 0.30, (1.06, 1.17), 1.18, 1.18,
         (0.28, 0.36, 0.955, 0.985), (0.30, 0.94), (0.53, 0.74), (0.28, 0.53, 0.735),
         tumblehome=0.12, rails=0.6, plastic=0.75, nose=0.12,
+        clad=True, high_lamps=True,
     ),
     "panel van": _Model(
         (5.30, 1.98, 2.28), 3.25, 0.98, 0.34, 0.24, (0.98, 1.22), 1.20, 1.24,
         (0.15, 0.29, 0.972, 0.99), (0.165, 0.36), (), (0.19, 0.375, 0.56),
         tumblehome=0.11, plastic=0.9, nose=0.20,
+        clad=True, dark_glass=True, high_lamps=True, plain_wheels=True, van=True,
     ),
     "coupe": _Model(
         (4.40, 1.80, 1.32), 2.58, 0.86, 0.335, 0.14, (0.68, 0.88), 0.87, 0.94,
@@ -107,11 +123,13 @@ _MODELS: dict[str, _Model] = {
         (4.25, 1.78, 1.82), 2.70, 0.84, 0.31, 0.19, (0.82, 1.03), 1.00, 1.05,
         (0.21, 0.38, 0.968, 0.99), (0.23, 0.46), (), (0.24, 0.475, 0.64),
         tumblehome=0.13, plastic=0.85,
+        clad=True, dark_glass=True, high_lamps=True, plain_wheels=True, van=True,
     ),
     "black cab": _Model(
         (4.58, 1.78, 1.78), 2.88, 0.84, 0.33, 0.22, (0.86, 1.02), 1.02, 1.04,
         (0.29, 0.39, 0.84, 0.955), (0.31, 0.90), (0.50, 0.725), (0.29, 0.50, 0.725),
         tumblehome=0.17, plastic=0.5, nose=0.16,
+        high_lamps=True, plain_wheels=True,
     ),
     "convertible": _Model(
         (4.05, 1.74, 1.36), 2.48, 0.84, 0.315, 0.15, (0.70, 0.90), 0.89, 0.96,
@@ -121,11 +139,13 @@ _MODELS: dict[str, _Model] = {
         (5.15, 1.85, 1.76), 3.05, 0.92, 0.375, 0.29, (1.00, 1.14), 1.13, 1.10,
         (0.25, 0.36, 0.58, 0.625), (0.265, 0.60), (0.44,), (0.26, 0.44, 0.61),
         tumblehome=0.16, plastic=0.5, nose=0.16,
+        clad=True,
     ),
     "old-timer": _Model(
         (3.85, 1.58, 1.45), 2.35, 0.72, 0.30, 0.20, (0.74, 0.94), 0.92, 0.86,
         (0.30, 0.39, 0.70, 0.86), (0.32, 0.79), (0.54,), (0.31, 0.56), tumblehome=0.24,
         plastic=0.0, nose=0.34,
+        plain_wheels=True, two_tones=True,
     ),
 }  # fmt: skip
 _TUK_TUK = "tuk-tuk"
@@ -140,7 +160,6 @@ _MORE = tuple(
 )  # fmt: skip
 """What roads have most of; the rest about as often as these are left."""
 
-_VANS = ("panel van", "small van")
 _VAN_PAINTS: tuple[Color, ...] = (
     (0.64, 0.64, 0.62), (0.64, 0.64, 0.62), (0.64, 0.64, 0.62), (0.35, 0.015, 0.018), CHROME,
     (0.02, 0.05, 0.16), (0.50, 0.32, 0.02), (0.03, 0.12, 0.06), (0.08, 0.085, 0.09),
@@ -156,7 +175,8 @@ def sample_car(rng: np.random.Generator, kind: str) -> CarParams | Rickshaw:
     """Draw a car of one body style: proportions, paint, wheels, lamps and fittings."""
     if kind == _TUK_TUK:
         return sample_rickshaw(rng)
-    body = _sample_body(rng, kind, _MODELS[kind])
+    m = _MODELS[kind]
+    body = _sample_body(rng, kind, m)
     color = _sample_paint(rng, kind)
     wear = _sample_wear(rng, kind, color)
     return CarParams(
@@ -164,8 +184,8 @@ def sample_car(rng: np.random.Generator, kind: str) -> CarParams | Rickshaw:
         wear,
         _sample_fittings(rng, kind, color),
         _sample_wheel(rng, kind, body),
-        sample_glazing(rng, (0.15,) if kind in (*_VANS, "executive") else (0.15, 0.6, 0.9), 0.4),
-        _sample_van(rng, wear) if kind in _VANS else None,
+        sample_glazing(rng, (0.15,) if m.dark_glass else (0.15, 0.6, 0.9), 0.4),
+        _sample_van(rng, wear) if m.van else None,
     )
 
 
@@ -199,7 +219,7 @@ def _sample_body(rng: np.random.Generator, kind: str, m: _Model) -> Body:
         pillars=m.pillars,
         tumblehome=m.tumblehome * rng.uniform(0.85, 1.12),
         nose=nose,
-        stern=rng.uniform(0.08, 0.15) * (0.6 if kind in _VANS else 1),
+        stern=rng.uniform(0.08, 0.15) * (0.6 if m.van else 1),
         rake=rng.uniform(0.03, 0.13),
         crown=rng.uniform(0.045, 0.075),
         bed=(0.655, 0.955) if kind == "pickup" else None,
@@ -209,20 +229,17 @@ def _sample_body(rng: np.random.Generator, kind: str, m: _Model) -> Body:
 def _sample_paint(rng: np.random.Generator, kind: str) -> Color:
     if kind == "black cab":
         return (0.018, 0.018, 0.02) if rng.random() < 0.7 else car_paint(rng)
-    if kind in _VANS and rng.random() < 0.8:
+    if _MODELS[kind].van and rng.random() < 0.8:
         return pick(rng, _VAN_PAINTS)
     return pick(rng, _OLD_PAINTS) if kind == "old-timer" else car_paint(rng)
 
 
 def _sample_wear(rng: np.random.Generator, kind: str, color: Color) -> Paint:
-    glass = vary(rng, GLASS, 0.5)
+    m, glass = _MODELS[kind], vary(rng, GLASS, 0.5)
     tint = rng.random()
     k = float(rng.uniform(0.0, 0.7))
     lower, rows = _mixed(color, _DUST, k), 1
-    if (
-        kind in ("crossover", "off-roader", "pickup", "panel van", "small van")
-        and rng.random() < 0.6
-    ):
+    if m.clad and rng.random() < 0.6:
         lower, rows = TRIM if rng.random() < 0.7 else (0.2, 0.2, 0.2), int(rng.integers(1, 3))
     roof, cloth = color, "paint"
     if kind == "convertible":
@@ -230,7 +247,7 @@ def _sample_wear(rng: np.random.Generator, kind: str, color: Color) -> Paint:
             pick(rng, (BLACK, (0.10, 0.07, 0.04), (0.02, 0.03, 0.08), (0.08, 0.01, 0.01))),
             "cloth",
         )
-    elif kind in ("supermini", "city car", "crossover", "old-timer") and rng.random() < 0.2:
+    elif m.two_tones and rng.random() < 0.2:
         roof = (0.64, 0.64, 0.62) if max(color) < 0.4 else BLACK
     side = darker(glass, 0.5 + 1.2 * float(tint))
     sealed = kind == "small van" or (kind == "panel van" and rng.random() < 0.5)
@@ -247,19 +264,17 @@ def _sample_fittings(rng: np.random.Generator, kind: str, color: Color) -> Fitti
     m = _MODELS[kind]
     plastic = rng.random() < m.plastic
     inner, lamp_low = rng.uniform(0.42, 0.7), rng.uniform(0.58, 0.7)
-    tall = kind in (*_VANS, "people carrier", "off-roader", "estate", "crossover", "black cab")
     rear_low = rng.uniform(0.55, 0.62)
-    taxi = kind == "black cab" or (
-        kind in ("saloon", "estate", "people carrier") and rng.random() < 0.08
-    )
+    taxi = kind == "black cab" or (m.taxi and rng.random() < 0.08)
     crest = rng.uniform(0.84, 0.93)
+    hatch = m.screens[3] > 0.95 and not m.van
     return Fittings(
         lamp=(inner, lamp_low, min(lamp_low + rng.uniform(0.18, 0.3), 0.95)),
         wrap=rng.uniform(0.005, 0.06),
         grille=(rng.uniform(0.4, 0.96) * inner, crest - rng.uniform(0.12, 0.3), crest),
         slats=int(rng.integers(0, 4)),
         rear_lamp=(
-            rng.uniform(0.78, 0.86) if tall else rng.uniform(0.5, 0.75),
+            rng.uniform(0.78, 0.86) if m.high_lamps else rng.uniform(0.5, 0.75),
             rear_low,
             rng.uniform(0.9, 1.0),
         ),
@@ -269,7 +284,7 @@ def _sample_fittings(rng: np.random.Generator, kind: str, color: Color) -> Fitti
         handles=TRIM if plastic else color if rng.random() < 0.7 else CHROME,
         mirrors=TRIM if plastic else color,
         rails=(TRIM if rng.random() < 0.5 else CHROME) if rng.random() < m.rails else None,
-        spoiler=color if m.screens[3] > 0.95 and kind not in _VANS and rng.random() < 0.4 else None,
+        spoiler=color if hatch and rng.random() < 0.4 else None,
         box=pick(rng, (BLACK, (0.3, 0.3, 0.31)))
         if rng.random() < (0.12 if m.rails else 0.0)
         else None,
@@ -282,7 +297,7 @@ def _sample_fittings(rng: np.random.Generator, kind: str, color: Color) -> Fitti
 
 
 def _sample_wheel(rng: np.random.Generator, kind: str, body: Body) -> Wheel:
-    plain = kind in (*_VANS, "old-timer", "black cab", "city car")
+    plain = _MODELS[kind].plain_wheels
     style = STYLES[
         int(rng.integers(2, 4) if rng.random() < (0.75 if plain else 0.25) else rng.integers(0, 2))
     ]

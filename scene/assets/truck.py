@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -77,20 +78,6 @@ _MODELS: dict[str, TruckParams] = {
 KINDS: tuple[str, ...] = tuple(_MODELS)
 """Body types."""
 
-LOADS: dict[str, Callable[[TruckParams], list[Asset]]] = {
-    "box": lorry.box,
-    "curtain": lorry.curtain,
-    "luton": lorry.luton,
-    "flatbed": cargo.flatbed,
-    "tipper": cargo.tipper,
-    "tanker": cargo.tanker,
-    "refuse": cargo.refuse,
-    "mixer": cargo.mixer,
-    "skip": cargo.skip,
-    "recovery": cargo.recovery,
-}
-"""What a lorry may carry."""
-
 _CABS: tuple[Color, ...] = (
     WHITE,
     WHITE,
@@ -107,24 +94,42 @@ _BOXES: tuple[Color, ...] = (
     (0.64, 0.64, 0.62), (0.64, 0.64, 0.62), (0.40, 0.41, 0.41), (0.05, 0.10, 0.24), (0.30, 0.03, 0.03),
     (0.03, 0.13, 0.07), (0.52, 0.34, 0.03), (0.10, 0.10, 0.11),
 )  # fmt: skip
-_LOADS: dict[str, tuple[Color, ...]] = {
-    "box": _BOXES,
-    "curtain": _BOXES,
-    "luton": _BOXES,
-    "flatbed": ((0.16, 0.11, 0.07), (0.20, 0.20, 0.20)),
-    "tipper": ((0.16, 0.16, 0.165), (0.42, 0.18, 0.02), (0.05, 0.09, 0.13), (0.30, 0.03, 0.02)),
-    "tanker": (CHROME, WHITE, (0.03, 0.12, 0.05), (0.50, 0.32, 0.03)),
-    "refuse": ((0.60, 0.60, 0.57), (0.52, 0.20, 0.02), (0.05, 0.16, 0.07), (0.04, 0.09, 0.25)),
-    "mixer": (WHITE, (0.50, 0.16, 0.02), (0.30, 0.31, 0.32), (0.03, 0.1, 0.25)),
-    "skip": ((0.50, 0.33, 0.03), (0.28, 0.05, 0.03), (0.04, 0.10, 0.2), (0.20, 0.20, 0.2)),
-    "recovery": ((0.50, 0.33, 0.03), CHROME, (0.25, 0.02, 0.02)),
-}
+
+
+class Load(NamedTuple):
+    """What a lorry may carry."""
+
+    build: Callable[[TruckParams], list[Asset]]
+    colors: tuple[Color, ...]
+    beacons: float = 0.15  # how likely there are some on the cab
+    deflector: bool = False  # whether the cab may have one
+    matching: bool = False  # whether the cab may be of the load's colour
+
+
+LOADS: dict[str, Load] = {
+    "box": Load(lorry.box, _BOXES, deflector=True),
+    "curtain": Load(lorry.curtain, _BOXES, deflector=True),
+    "luton": Load(lorry.luton, _BOXES, matching=True),
+    "flatbed": Load(cargo.flatbed, ((0.16, 0.11, 0.07), (0.20, 0.20, 0.20))),
+    "tipper": Load(cargo.tipper, (
+        (0.16, 0.16, 0.165), (0.42, 0.18, 0.02), (0.05, 0.09, 0.13), (0.30, 0.03, 0.02))),
+    "tanker": Load(cargo.tanker, (CHROME, WHITE, (0.03, 0.12, 0.05), (0.50, 0.32, 0.03))),
+    "refuse": Load(cargo.refuse, (
+        (0.60, 0.60, 0.57), (0.52, 0.20, 0.02), (0.05, 0.16, 0.07), (0.04, 0.09, 0.25)), 0.8,
+        matching=True),
+    "mixer": Load(cargo.mixer, (
+        WHITE, (0.50, 0.16, 0.02), (0.30, 0.31, 0.32), (0.03, 0.1, 0.25))),
+    "skip": Load(cargo.skip, (
+        (0.50, 0.33, 0.03), (0.28, 0.05, 0.03), (0.04, 0.10, 0.2), (0.20, 0.20, 0.2)), 0.8),
+    "recovery": Load(cargo.recovery, ((0.50, 0.33, 0.03), CHROME, (0.25, 0.02, 0.02)), 0.8),
+}  # fmt: skip
 
 
 def sample_truck(rng: np.random.Generator, kind: str) -> TruckParams:
     """Draw a lorry of one body type: proportions, colours of cab and load, lettering, fittings."""
     model = _MODELS[kind]
-    body, cab = pick(rng, _LOADS[model.load]), pick(rng, _CABS)
+    load = LOADS[model.load]
+    body, cab = pick(rng, load.colors), pick(rng, _CABS)
     long = rng.uniform(0.9, 1.06)
     dark = (0.03, 0.04, 0.12) if rng.random() < 0.5 else cab
     accent = WHITE if max(body) < 0.35 else dark if max(dark) < 0.4 else TRIM
@@ -135,15 +140,13 @@ def sample_truck(rng: np.random.Generator, kind: str) -> TruckParams:
         height=model.height * rng.uniform(0.9, 1.05),
         cab_height=model.cab_height * rng.uniform(0.95, 1.06),
         rake=model.rake * rng.uniform(0.4, 1.6),
-        cab=body if model.load in ("refuse", "luton") and rng.random() < 0.6 else cab,
+        cab=body if load.matching and rng.random() < 0.6 else cab,
         body=body,
         letters=accent if rng.random() < 0.75 else None,
         band=pick(rng, _CABS) if rng.random() < 0.4 else None,
         visor=bool(rng.random() < 0.4),
-        deflector=model.load in ("box", "curtain") and bool(rng.random() < 0.55),
-        beacons=bool(
-            rng.random() < (0.8 if model.load in ("refuse", "recovery", "skip") else 0.15)
-        ),
+        deflector=load.deflector and bool(rng.random() < 0.55),
+        beacons=bool(rng.random() < load.beacons),
         round=rng.uniform(0.1, 0.28),
         grille=(grille, grille + rng.uniform(0.1, 0.24)),
         fill=rng.uniform(0.45, 0.95),
@@ -163,7 +166,7 @@ def truck(params: TruckParams) -> Asset:
     ]
     front = nose - p.axles[0]
     arches = [arch(front, y, p.wheel_radius, p.wheel_radius + 0.1, 10) for y in (half, -half)]
-    return merge(*wheels, *arches, *_cab(p), *_chassis(p), *LOADS[p.load](p), *_tail(p))
+    return merge(*wheels, *arches, *_cab(p), *_chassis(p), *LOADS[p.load].build(p), *_tail(p))
 
 
 def _cab(p: TruckParams) -> list[Asset]:
