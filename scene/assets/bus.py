@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -320,50 +321,26 @@ def _above(p: BusParams, shape: Hull) -> list[Asset]:
     parts = []
     for k in range(p.pods):
         x = shape.x + (0.28 - 0.26 * k) * shape.length
-        size = (0.5 + 0.35 * ((p.seed >> k) % 3), 0.35 * p.width, shape.high + 0.16 + 0.05 * k)
-        parts.append(
-            block(
-                (x - size[0], -size[1], shape.high - 0.02), (x + size[0], size[1], size[2]), p.color
-            )
-        )
+        long, wide = 0.5 + 0.35 * ((p.seed >> k) % 3), 0.35 * p.width
+        top = shape.high + 0.16 + 0.05 * k
+        parts.append(block((x - long, -wide, shape.high - 0.02), (x + long, wide, top), p.color))
     if p.open_top:
-        low, inner = shape.high, p.width / 2 - 0.12
-        for x in np.arange(-shape.length / 2 + 0.8, shape.length / 2 - 1, 0.85):
-            for y in (-0.55, 0.55):
-                parts.append(
-                    block((x, y - 0.4, low), (x + 0.1, y + 0.4, low + 0.75), p.second, "cloth")
-                )
+        low, inner, end = shape.high, p.width / 2 - 0.12, shape.length / 2
+        for x, y in product(np.arange(-end + 0.8, end - 1, 0.85).tolist(), (-0.55, 0.55)):
+            seat = (x, y - 0.4, low), (x + 0.1, y + 0.4, low + 0.75)
+            parts.append(block(*seat, p.second, "cloth"))
         for y in (-inner, inner):
-            parts.append(
-                block(
-                    (-shape.length / 2 + 0.2, y - 0.03, low - 0.05),
-                    (shape.length / 2 - 0.4, y + 0.03, low + 0.4),
-                    p.color,
-                )
-            )
-        parts.append(
-            block(
-                (shape.length / 2 - 0.5, -inner, low - 0.05),
-                (shape.length / 2 - 0.42, inner, low + 0.95),
-                GLASS,
-                "glass",
-            )
-        )
+            parapet = (-end + 0.2, y - 0.03, low - 0.05), (end - 0.4, y + 0.03, low + 0.4)
+            parts.append(block(*parapet, p.color))
+        screen = (end - 0.5, -inner, low - 0.05), (end - 0.42, inner, low + 0.95)
+        parts.append(block(*screen, GLASS, "glass"))
     return parts
 
 
 def _bonnet(p: BusParams) -> list[Asset]:
     """The engine's box ahead of the windscreen, with grille and lamps."""
-    h = Hull(
-        p.bonnet + 0.5,
-        0.86 * p.width,
-        0.5,
-        1.6,
-        p.length / 2 - p.bonnet / 2 - 0.25,
-        0.25,
-        0.2,
-        0.12,
-    )
+    x = p.length / 2 - p.bonnet / 2 - 0.25
+    h = Hull(p.bonnet + 0.5, 0.86 * p.width, 0.5, 1.6, x, round=0.25, chamfer=0.2, nose=0.12)
     front = faces(h).front
     return [
         hull(h, p.color),

@@ -193,15 +193,8 @@ def _rear(b: Body, f: Fittings) -> list[Asset]:
         plate(b, 1, PLATE_REAR if f.plate else PLATE, 0.64),
     ]
     end = fascia(b, 1, np.array([0.55]), np.array([0.0]))[0]
-    parts.append(
-        tube(
-            (end[0] - 0.03, end[1], end[2] + 0.02),
-            (end[0] + 0.2, end[1], end[2] + 0.02),
-            0.03,
-            CHROME,
-            "metal",
-        )
-    )
+    pipe = (end[0] - 0.03, end[1], end[2] + 0.02), (end[0] + 0.2, end[1], end[2] + 0.02)
+    parts.append(tube(*pipe, 0.03, CHROME, "metal"))
     if f.bumper is not None:
         parts += _bumper(b, 1, f.bumper)
     if f.spare:
@@ -221,17 +214,8 @@ def _sides(b: Body, f: Fittings) -> list[Asset]:
         foot = 0.1 if doorway(b)[0] < seam < doorway(b)[1] else 0.62
         parts.append(on_flank(b, (seam, seam + 0.0025), (foot, 1.0), BLACK, lift=0.004, steps=1))
     for seam in f.doors[1:]:
-        parts.append(
-            on_flank(
-                b,
-                (seam - 0.042, seam - 0.008),
-                (0.8, 0.845),
-                f.handles,
-                "metal",
-                lift=0.025,
-                steps=1,
-            )
-        )
+        handle = (seam - 0.042, seam - 0.008), (0.8, 0.845)
+        parts.append(on_flank(b, *handle, f.handles, "metal", lift=0.025, steps=1))
     between = doorway(b)
     parts.append(on_flank(b, between, (0.0, 0.1), TRIM, lift=0.01))
     if f.strip is not None:
@@ -240,13 +224,8 @@ def _sides(b: Body, f: Fittings) -> list[Asset]:
     x, y, z = cabin(b, s, np.array([0.1]))[0]
     z = float(shoulder(b, s)[0]) + 0.08
     mirror = ellipsoid((x, y + 0.13, z), (0.055, 0.11, 0.075), f.mirrors, "paint")
-    parts.append(
-        pair(
-            merge(
-                mirror, tube((x, y - 0.03, z - 0.05), (x, y + 0.1, z - 0.03), 0.02, TRIM, sides=4)
-            )
-        )
-    )
+    arm = tube((x, y - 0.03, z - 0.05), (x, y + 0.1, z - 0.03), 0.02, TRIM, sides=4)
+    parts.append(pair(merge(mirror, arm)))
     return parts
 
 
@@ -260,13 +239,8 @@ def _over(b: Body, f: Fittings) -> list[Asset]:
         s = np.linspace(b.roof_front + 0.08 * span, b.roof_rear - 0.05 * span, 5)
         line = roof(b, s, np.full(5, 0.93))
         for (x0, y0, z0), (x1, y1, z1) in pairwise(line):
-            parts.append(
-                pair(
-                    tube(
-                        (x0, y0, z0 + 0.045), (x1, y1, z1 + 0.045), 0.02, f.rails, "metal", sides=4
-                    )
-                )
-            )
+            ends = (x0, y0, z0 + 0.045), (x1, y1, z1 + 0.045)
+            parts.append(pair(tube(*ends, 0.02, f.rails, "metal", sides=4)))
     if f.spoiler is not None:
         s, c = np.meshgrid(
             [b.roof_rear - 0.015, b.roof_rear + 0.012], np.linspace(-0.85, 0.85, 7), indexing="ij"
@@ -294,22 +268,13 @@ def _over(b: Body, f: Fittings) -> list[Asset]:
             for d in (-0.3, 0.4)
         ]
     if f.sign is not None:
-        front = roof(b, np.array([b.roof_front + 0.08 * span]), np.zeros(1))[0]
-        parts.append(
-            block(
-                (front[0] - 0.07, -0.3, front[2] - 0.03),
-                (front[0] + 0.07, 0.3, front[2] + 0.13),
-                f.sign,
-                "lamp",
-            )
-        )
-        parts.append(
-            block(
-                (front[0] - 0.075, -0.2, front[2] + 0.02),
-                (front[0] + 0.075, 0.2, front[2] + 0.09),
-                BLACK,
-            )
-        )
+        at, _, foot = roof(b, np.array([b.roof_front + 0.08 * span]), np.zeros(1))[0]
+        for long, wide, low, high, color, material in (
+            (0.07, 0.3, -0.03, 0.13, f.sign, "lamp"),
+            (0.075, 0.2, 0.02, 0.09, BLACK, "plain"),
+        ):
+            ends = (at - long, -wide, foot + low), (at + long, wide, foot + high)
+            parts.append(block(*ends, color, material))
     if f.aerial:
         root = roof(b, np.array([b.roof_rear - 0.06]), np.zeros(1))[0]
         tip: Point = (root[0] - 0.1, 0.0, root[2] + 0.22)
