@@ -188,22 +188,16 @@ def _livery(p: BusParams, shape: Hull, side: Walls) -> list[Asset]:
     foot, head = _glass(p, 0)
     edge = 1.2 * p.round / shape.length
     parts = []
-    bands: dict[str, list[tuple[tuple[float, float], tuple[float, float]]]] = {
-        "plain": [((edge, 1 - edge), (0.0, 0.06))],
-        "skirt": [((edge, 1 - edge), (0.0, 0.5 * foot))],
-        "band": [((edge, 1 - edge), (foot - 0.09, foot - 0.02))],
-        "two-tone": [
-            ((edge, 1 - edge), (head + 0.015, head + 0.1)),
-            ((edge, 1 - edge), (foot, head)),
-        ],
-        "swoop": [],
-        "rear": [],
-    }
+    bands = {
+        "plain": [(0.0, 0.06)],
+        "skirt": [(0.0, 0.5 * foot)],
+        "band": [(foot - 0.09, foot - 0.02)],
+        "two-tone": [(head + 0.015, head + 0.1), (foot, head)],
+    }.get(p.livery, [])
     for mirror, wall in ((False, side.right), (True, side.left)):
-        for (a, b), v in bands[p.livery]:
-            parts.append(
-                panel(wall, (1 - b, 1 - a) if mirror else (a, b), v, p.second, "paint", lift=0.005)
-            )
+        a, b = edge, 1 - edge
+        u = (1 - b, 1 - a) if mirror else (a, b)
+        parts += [panel(wall, u, v, p.second, "paint", lift=0.005) for v in bands]
         if p.livery in ("swoop", "rear"):
             slant = 0.16 if p.livery == "swoop" else 0.0
             a, b, top = (0.25, 0.5, 0.96) if slant else (edge, 0.28, 0.94)
@@ -218,16 +212,12 @@ def _livery(p: BusParams, shape: Hull, side: Walls) -> list[Asset]:
             corners = np.array(corners) + [0, np.sign(wall[0, 1]) * 0.006, 0]
             parts.append(polygon(corners, p.second, "paint"))
         if p.advert is not None:
-            lower = (head + 0.025, _glass(p, 1)[0] - 0.02) if p.decks == 2 else (0.16, foot - 0.03)
-            u = (0.3, 0.72)
-            if lower[1] - lower[0] > 0.08 and p.livery != "two-tone":
-                light = WHITE if max(p.advert) < 0.45 else (0.03, 0.03, 0.05)
-                parts.append(panel(wall, u, lower, p.advert, "paint", lift=0.01))
-                middle = (
-                    lower[0] + 0.2 * (lower[1] - lower[0]),
-                    lower[1] - 0.2 * (lower[1] - lower[0]),
-                )
-                parts.append(lettering(wall, (0.36, 0.66), middle, light, p.seed))
+            a, b = (head + 0.025, _glass(p, 1)[0] - 0.02) if p.decks == 2 else (0.16, foot - 0.03)
+            if b - a > 0.08 and p.livery != "two-tone":
+                ink = WHITE if max(p.advert) < 0.45 else (0.03, 0.03, 0.05)
+                parts.append(panel(wall, (0.3, 0.72), (a, b), p.advert, "paint", lift=0.01))
+                middle = (a + 0.2 * (b - a), b - 0.2 * (b - a))
+                parts.append(lettering(wall, (0.36, 0.66), middle, ink, p.seed))
     if p.livery == "skirt":
         parts += [
             wrap(shape, end, (0, 0.5 * foot), 0.05, p.second, "paint", lift=0.006)

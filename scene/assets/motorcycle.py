@@ -124,16 +124,9 @@ def _wheel(p: MotorcycleParams, x: float) -> Asset:
     """A round tyre on a spoked rim, with a brake disc on either side."""
     half = p.tyre / 2
     style = Wheel(p.wheel_radius, half, "spokes", p.spokes, 0.7, p.rim)
-    face = merge(
-        wheel(style, sides=16),
-        disc(
-            (0, 0.02, p.wheel_radius),
-            0.4 * p.wheel_radius,
-            (0.2, 0.2, 0.2),
-            "metal",
-            axis=(0, 1, 0),
-        ),
-    )
+    r = p.wheel_radius
+    brake = disc((0, 0.02, r), 0.4 * r, (0.2, 0.2, 0.2), "metal", axis=(0, 1, 0))
+    face = merge(wheel(style, sides=16), brake)
     return translate(pair(translate(face, (0, half, 0))), (x, 0, 0))
 
 
@@ -150,23 +143,10 @@ def _front(p: MotorcycleParams) -> list[Asset]:
         glass = (x + 0.04, side * (y - 0.02), z + 0.17)
         parts.append(rod((x + 0.02, side * (y - 0.1), z), glass, 0.01, BLACK))
         parts.append(ellipsoid(glass, (0.02, 0.07, 0.05), TRIM))
-        parts.append(
-            rod(
-                (x - 0.1, side * (y + 0.07), z - 0.005),
-                (x + 0.02, side * y, z + 0.005),
-                0.024,
-                BLACK,
-            )
-        )
-        parts.append(
-            ellipsoid(
-                (crown[0] + 0.06, side * 0.16, z - 0.12),
-                (0.035, 0.035, 0.025),
-                AMBER,
-                "paint",
-                subdivisions=0,
-            )
-        )
+        grip = (x - 0.1, side * (y + 0.07), z - 0.005), (x + 0.02, side * y, z + 0.005)
+        parts.append(rod(*grip, 0.024, BLACK))
+        signal = (crown[0] + 0.06, side * 0.16, z - 0.12), (0.035, 0.035, 0.025)
+        parts.append(ellipsoid(*signal, AMBER, "paint", subdivisions=0))
     if not p.fairing:
         end = (crown[0] + 0.13, 0.0, crown[1] - 0.1)
         start = (crown[0], 0.0, end[2])
@@ -201,13 +181,8 @@ def _machine(p: MotorcycleParams) -> list[Asset]:
     ]
     for y in (0.1, -0.1):
         parts.append(rod((0.3, y, z - 0.02), (-0.2, y, 0.4), 0.022, BLACK))
-        parts.append(
-            polygon(
-                [(-0.3, 1.4 * y, z - 0.1), (-0.08, 1.4 * y, z - 0.1), (-0.14, 1.4 * y, 0.5)],
-                p.second,
-                "paint",
-            )
-        )
+        cover = [(-0.3, 1.4 * y, z - 0.1), (-0.08, 1.4 * y, z - 0.1), (-0.14, 1.4 * y, 0.5)]
+        parts.append(polygon(cover, p.second, "paint"))
         parts.append(rod((-0.15, y, 0.42), (rear, y, radius), 0.035, BLACK))
         parts.append(rod((rear + 0.06, y, radius), (x - 0.12, y, z - 0.05), 0.022, STEEL))
     if p.fairing:
@@ -247,16 +222,11 @@ def _fairing(p: MotorcycleParams) -> Asset:
     low = 1.02 - 0.35 - 0.35 * p.fairing
     stations = [(0.10, 0.20, low, 0.72), (0.34, 0.22, low + 0.05, 0.98)]
     stations += [(0.50, 0.18, low + 0.2, 1.0), (0.62, 0.07, 0.76, 0.92)]
+    stripe = [(0.08, 0.215, low + 0.05), (0.4, 0.225, low + 0.3), (0.3, 0.225, low + 0.4)]
     return merge(
         slab(stations, p.color, "paint"),
         disc((0.63, 0.0, 0.85), 0.085, HEADLAMP, "lamp", axis=(1, 0, 0), sides=12),
-        pair(
-            polygon(
-                [(0.08, 0.215, low + 0.05), (0.4, 0.225, low + 0.3), (0.3, 0.225, low + 0.4)],
-                p.second,
-                "paint",
-            )
-        ),
+        pair(polygon(stripe, p.second, "paint")),
     )
 
 
@@ -268,20 +238,14 @@ def _scooter(p: MotorcycleParams) -> list[Asset]:
     body += [(x - 0.05, 0.18, 0.26, z - 0.06), (x + 0.12, 0.14, 0.2, z - 0.08)]
     seat = [(rear - 0.1, 0.08, z - 0.04, z + p.tail), (x - 0.1, 0.14, z - 0.08, z)]
     seat += [(x + 0.2, 0.09, z - 0.08, z - 0.02)]
+    pipe = (-0.3, -0.19, radius), (rear - 0.1, -0.21, radius + 0.06)
     shield = [(0.26, 0.24, 0.22, 0.5), (0.38, 0.19, 0.4, 0.95), (0.46, 0.08, 0.5, 1.0)]
     return [
         slab(body, p.color, "paint"),
         slab(seat, p.seat_color, "plain"),
         slab(shield, p.color, "paint"),
         block((x + 0.05, -0.2, 0.2), (0.34, 0.2, 0.28), TRIM),
-        tube(
-            (-0.3, -0.19, radius),
-            (rear - 0.1, -0.21, radius + 0.06),
-            0.06,
-            STEEL,
-            "metal",
-            sides=10,
-        ),
+        tube(*pipe, 0.06, STEEL, "metal", sides=10),
         *_scooter_details(p),
     ]
 
@@ -289,19 +253,9 @@ def _scooter(p: MotorcycleParams) -> list[Asset]:
 def _scooter_details(p: MotorcycleParams) -> list[Asset]:
     """Side panels, vents, and on some a carrier with a box in front."""
     x = SADDLE[0]
+    low, high = [(x - 0.3, 0.186, 0.42), (x + 0.05, 0.186, 0.36)], (x - 0.02, 0.19, 0.56)
     parts = [
-        pair(
-            polygon(
-                [
-                    (x - 0.3, 0.186, 0.42),
-                    (x + 0.05, 0.186, 0.36),
-                    (x - 0.02, 0.19, 0.56),
-                    (x - 0.25, 0.186, 0.6),
-                ],
-                p.second,
-                "paint",
-            )
-        ),
+        pair(polygon([*low, high, (x - 0.25, 0.186, 0.6)], p.second, "paint")),
         pair(ellipsoid((0.43, 0.13, 0.72), (0.04, 0.035, 0.05), AMBER, "paint", subdivisions=0)),
     ]
     if p.front_box:

@@ -178,7 +178,7 @@ def _cab(p: TruckParams) -> list[Asset]:
     front = side.front
     foot, top = p.windscreen
     back = (p.rake * top + p.round) / p.cab_length  # share of the side lost to the screen's lean
-    door = (0.36, 0.97 - back)
+    door, badge = (0.36, 0.97 - back), (p.grille[1] + 0.015, p.grille[1] + 0.04)
     parts = [
         hull(h, p.cab),
         wrap(h, 1, (foot, top), 0.02, GLASS, "glass"),
@@ -188,14 +188,7 @@ def _cab(p: TruckParams) -> list[Asset]:
         wrap(h, 1, (0.0, 0.13), 0.12, TRIM, lift=0.03),
         panel(front, (0.2, 0.8), p.grille, BLACK, lift=0.015),
         panel(front, (0.38, 0.62), (0.03, 0.09), PLATE, lift=0.05),
-        panel(
-            front,
-            (0.44, 0.56),
-            (p.grille[1] + 0.015, p.grille[1] + 0.04),
-            CHROME,
-            "metal",
-            lift=0.02,
-        ),
+        panel(front, (0.44, 0.56), badge, CHROME, "metal", lift=0.02),
         lamps(front, (0.08, 0.2), (0.14, 0.21), HEADLAMP, lift=0.035),
         lamps(front, (0.21, 0.24), (0.14, 0.21), AMBER, lift=0.035),
     ]
@@ -211,18 +204,11 @@ def _cab(p: TruckParams) -> list[Asset]:
     eyes = low + foot * (p.cab_height - low)
     x = nose - p.rake * foot
     mirror = block((x - 0.1, p.width / 2 + 0.03, eyes), (x, p.width / 2 + 0.23, eyes + 0.5), TRIM)
-    arm = tube(
-        (x - 0.2, p.width / 2 - 0.05, eyes + 0.5),
-        (x - 0.05, p.width / 2 + 0.13, eyes + 0.47),
-        0.02,
-        TRIM,
-        sides=4,
-    )
-    parts.append(pair(merge(mirror, arm)))
-    for y in (0.35, -0.45):  # wipers at rest
-        parts.append(
-            tube((x + 0.03, y, eyes - 0.02), (x, y + 0.5, eyes + 0.1), 0.012, BLACK, sides=4)
-        )
+    arm = (x - 0.2, p.width / 2 - 0.05, eyes + 0.5), (x - 0.05, p.width / 2 + 0.13, eyes + 0.47)
+    parts.append(pair(merge(mirror, tube(*arm, 0.02, TRIM, sides=4))))
+    for y in (0.35, -0.45):
+        wiper = (x + 0.03, y, eyes - 0.02), (x, y + 0.5, eyes + 0.1)
+        parts.append(tube(*wiper, 0.012, BLACK, sides=4))
     return parts + _on_cab(p, h)
 
 
@@ -232,26 +218,12 @@ def _on_cab(p: TruckParams, h: Hull) -> list[Asset]:
     parts = []
     if p.visor:
         x, z = nose - p.rake * top, h.low + top * (h.high - h.low)
-        parts.append(
-            block(
-                (x - 0.05, -0.45 * p.width, z - 0.02),
-                (x + 0.22, 0.45 * p.width, z + 0.1),
-                darker(p.cab, 0.4),
-            )
-        )
+        visor = (x - 0.05, -0.45 * p.width, z - 0.02), (x + 0.22, 0.45 * p.width, z + 0.1)
+        parts.append(block(*visor, darker(p.cab, 0.4)))
     if p.deflector and p.height > h.high + 0.15:
-        back = nose - p.cab_length
-        shape = Hull(
-            0.8 * p.cab_length,
-            0.86 * p.width,
-            h.high - 0.05,
-            p.height - 0.05,
-            back + 0.42 * p.cab_length,
-            0.2,
-            0.15,
-            0.55 * p.cab_length,
-        )
-        parts.append(hull(shape, p.cab))
+        long, x = p.cab_length, nose - p.cab_length + 0.42 * p.cab_length
+        shape = Hull(0.8 * long, 0.86 * p.width, h.high - 0.05, p.height - 0.05, x)
+        parts.append(hull(shape._replace(round=0.2, chamfer=0.15, nose=0.55 * long), p.cab))
     if p.beacons:
         parts += [
             tube((h.x, y, h.high - 0.02), (h.x, y, h.high + 0.18), 0.09, AMBER, "lamp", sides=8)
@@ -270,20 +242,14 @@ def _chassis(p: TruckParams) -> list[Asset]:
         if end - start > 1:
             for low, high in ((0.42, 0.52), (0.65, 0.75)):
                 y = p.width / 2 - 0.06
-                parts.append(
-                    pair(block((start, y - 0.02, low), (end, y + 0.02, high), STEEL, "metal"))
-                )
-            tank = (
-                (end - 0.9, -0.75 * p.width / 2, bed - 0.32),
-                (end - 0.1, -0.75 * p.width / 2, bed - 0.32),
-            )
-            parts.append(tube(*tank, 0.26, STEEL, "metal", sides=12))
+                guard = (start, y - 0.02, low), (end, y + 0.02, high)
+                parts.append(pair(block(*guard, STEEL, "metal")))
+            y, z = -0.75 * p.width / 2, bed - 0.32
+            parts.append(tube((end - 0.9, y, z), (end - 0.1, y, z), 0.26, STEEL, "metal", sides=12))
     for x in p.axles[1:]:
-        y, r = p.width / 2 - 0.02, p.wheel_radius + 0.05
-        flap = block(
-            (nose - x - r - 0.03, y - 0.4, 0.3), (nose - x - r, y, bed - 0.05), BLACK, "rubber"
-        )
-        parts.append(pair(flap))
+        y, back = p.width / 2 - 0.02, nose - x - (p.wheel_radius + 0.05)
+        flap = (back - 0.03, y - 0.4, 0.3), (back, y, bed - 0.05)
+        parts.append(pair(block(*flap, BLACK, "rubber")))
     return parts
 
 
