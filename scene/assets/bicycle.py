@@ -303,14 +303,8 @@ def _rear_load(p: BicycleParams) -> list[Asset]:
             ),
         ]
     if p.load == "box":
-        return [
-            block(
-                (rear - 0.24, -0.19, top + 0.02),
-                (rear + 0.16, 0.19, min(top + 0.36, 1.1)),
-                p.second,
-                "plain",
-            )
-        ]
+        low, high = (rear - 0.24, -0.19, top + 0.02), (rear + 0.16, 0.19, min(top + 0.36, 1.1))
+        return [block(low, high, p.second, "plain")]
     return []
 
 

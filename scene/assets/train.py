@@ -134,12 +134,9 @@ def _bogies(p: TrainParams) -> list[Asset]:
     for middle in (-0.33 * p.length, 0.33 * p.length):
         for x in (middle - 0.95, middle + 0.95):
             parts.append(axle(x, half, radius, 0.14, None, sides=16))
-        low, high = (
-            (middle - 1.5, -half - 0.03, radius),
-            (middle + 1.5, half + 0.03, p.floor + 0.02),
-        )
         if p.floor > radius + 0.1:
-            parts.append(block((low[0], low[1], radius + 0.05), high, BLACK, "metal"))
+            low = (middle - 1.5, -half - 0.03, radius + 0.05)
+            parts.append(block(low, (middle + 1.5, half + 0.03, p.floor + 0.02), BLACK, "metal"))
     if p.floor > 0.8:
         corner = (0.18 * p.length, p.width / 2 - 0.25, p.floor)
         parts.append(block((-corner[0], -corner[1], 0.35), corner, TRIM, "metal"))
@@ -178,10 +175,8 @@ def _cab_ends(p: TrainParams, side: Walls, glass: tuple[float, float]) -> list[A
             panel(face, (0.25, 0.75), (glass[1] + 0.015, glass[1] + 0.08), BLACK, lift=0.02),
             lettering(face, (0.3, 0.7), (glass[1] + 0.025, glass[1] + 0.07), AMBER, p.seed),
         ]
-        x = end * p.length / 2
-        parts.append(
-            block((x - 0.25, -0.15, p.floor - 0.1), (x + 0.25, 0.15, p.floor + 0.15), TRIM)
-        )
+        x, z = end * p.length / 2, p.floor
+        parts.append(block((x - 0.25, -0.15, z - 0.1), (x + 0.25, 0.15, z + 0.15), TRIM))
     return parts
 
 

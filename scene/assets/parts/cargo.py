@@ -10,7 +10,7 @@ from scene.assets.parts.lorry import TruckParams, bed, floor, sign
 from scene.assets.parts.palette import AMBER, BLACK, STEEL, TAILLAMP, TRIM, WHITE, darker
 from scene.assets.parts.skin import pair, revolve
 from scene.assets.parts.vehicle import hoop, lettering, panel, tank, walls
-from scene.mesh.asset import Asset, Color, repaint, reshaped, translate
+from scene.mesh.asset import Asset, Color, Point, repaint, reshaped, translate
 from scene.mesh.solids import block, loft, polygon, tube
 
 _GRAVEL: Color = (0.16, 0.13, 0.10)
@@ -41,29 +41,17 @@ def flatbed(p: TruckParams) -> list[Asset]:
                 parts.append(tube(*ends, 0.11, STEEL, "metal", sides=8))
         else:
             color = (WHITE, (0.16, 0.10, 0.06), p.cab, (0.25, 0.07, 0.03))[int(rng.integers(4))]
-            parts.append(
-                block(
-                    (start, -wide, low + 0.16),
-                    (end, wide, tall),
-                    color,
-                    "wood" if kind == 1 else "cloth",
-                )
-            )
-            for at in (0.3, 0.7):
-                strap = start + at * (end - start)
-                parts.append(
-                    block(
-                        (strap - 0.03, -wide - 0.01, low + 0.16),
-                        (strap + 0.03, wide + 0.01, tall + 0.01),
-                        AMBER,
-                    )
-                )
+            case = (start, -wide, low + 0.16), (end, wide, tall)
+            parts.append(block(*case, color, "wood" if kind == 1 else "cloth"))
+            for share in (0.3, 0.7):
+                at, out = start + share * (end - start), wide + 0.01
+                strap = (at - 0.03, -wide - 0.01, low + 0.16), (at + 0.03, out, tall + 0.01)
+                parts.append(block(*strap, AMBER))
         start = end + rng.uniform(0.05, 0.3)
     if p.fill < 0.75:  # drop sides
         for y in (half, -half):
-            parts.append(
-                block((rear, y - 0.02, low + 0.1), (front, y + 0.02, low + 0.5), p.cab, "metal")
-            )
+            board = (rear, y - 0.02, low + 0.1), (front, y + 0.02, low + 0.5)
+            parts.append(block(*board, p.cab, "metal"))
     return parts
 
 
@@ -91,19 +79,9 @@ def tipper(p: TruckParams) -> list[Asset]:
     ]
     for share in np.linspace(0.04, 0.96, 7):  # ribs
         post = x + (share - 0.5) * length
-        rib = block(
-            (post - 0.05, half - 0.16, low),
-            (post + 0.05, half + 0.03, high),
-            darker(p.body, 0.8),
-            "metal",
-        )
-        parts.append(pair(rib))
-    rail = block(
-        (x - length / 2, half - 0.06, high - 0.08),
-        (x + length / 2, half + 0.04, high),
-        p.body,
-        "metal",
-    )
+        rib = (post - 0.05, half - 0.16, low), (post + 0.05, half + 0.03, high)
+        parts.append(pair(block(*rib, darker(p.body, 0.8), "metal")))
+    rail = (x - length / 2, half - 0.06, high - 0.08), (x + length / 2, half + 0.04, high)
     side = walls(length, width + 0.08, low, high, x=x)
     for u in (0.02, 0.3, 0.66, 0.94):  # ribs of the tailgate
         parts.append(panel(side.rear, (u, u + 0.04), (0, 1), darker(p.body, 0.6), lift=0.04))
@@ -111,7 +89,8 @@ def tipper(p: TruckParams) -> list[Asset]:
         panel(side.rear, (0, 1), (v, v + 0.05), darker(p.body, 0.6), lift=0.03)
         for v in (0.0, 0.5, 0.95)
     ]
-    return [*parts, pair(rail), *sign(p._replace(band=None), side, (0.3, 0.7), (0.35, 0.7))]
+    parts.append(pair(block(*rail, p.body, "metal")))
+    return [*parts, *sign(p._replace(band=None), side, (0.3, 0.7), (0.35, 0.7))]
 
 
 def tanker(p: TruckParams) -> list[Asset]:
@@ -122,26 +101,23 @@ def tanker(p: TruckParams) -> list[Asset]:
     middle = low + radius
     angle = np.arange(20) * np.pi / 10
     loop = np.column_stack([np.cos(angle) * 0.49 * width, np.sin(angle) * radius])
+    top, reach = p.height, 0.4 * length
+    walkway = (x - reach, -0.3, top - 0.04), (x + reach, 0.3, top + 0.05)
     ends = ((0.5, 0.55), (0.49, 0.8), (0.46, 0.97), (0.44, 1.0))
     parts = [
         tank(loop, x, middle, length, ends, p.body),
-        block(
-            (x - 0.4 * length, -0.3, p.height - 0.04),
-            (x + 0.4 * length, 0.3, p.height + 0.05),
-            TRIM,
-        ),
+        block(*walkway, TRIM),
         block((x - length / 2, -0.5, low - 0.1), (x + length / 2, 0.5, low + 0.15), TRIM),
     ]
     back = x - length / 2 - 0.02
-    for y, top in ((0.5, p.height), (0.8, p.height - 0.1)):
-        parts.append(tube((back, y, low), (back, y, top), 0.03, STEEL, sides=4))
+    for y, head in ((0.5, top), (0.8, top - 0.1)):
+        parts.append(tube((back, y, low), (back, y, head), 0.03, STEEL, sides=4))
     for share in (-0.3, -0.05, 0.2):  # bands round the tank and manholes on it
         span = x + (share - 0.008) * length, x + (share + 0.008) * length
         parts.append(hoop(loop, span, middle, 1.012, p.band or STEEL))
         at = x + (share + 0.1) * length
-        parts.append(
-            tube((at, 0, p.height - 0.1), (at, 0, p.height + 0.16), 0.25, STEEL, "metal", sides=10)
-        )
+        manhole = (at, 0, top - 0.1), (at, 0, top + 0.16)
+        parts.append(tube(*manhole, 0.25, STEEL, "metal", sides=10))
     side = walls(0.8 * length, width + 0.01, low + 0.6 * radius, low + 1.4 * radius, x=x)
     if p.letters is not None:
         parts += [lettering(wall, (0.2, 0.8), (0.2, 0.75), p.letters, p.seed) for wall in side[:2]]
@@ -176,12 +152,8 @@ def refuse(p: TruckParams) -> list[Asset]:
     ]
     for share in np.linspace(0.04, 0.96, 6):  # ribs
         post = split + share * (x + length / 2 - split)
-        rib = block(
-            (post - 0.05, half - 0.02, low),
-            (post + 0.05, half + 0.05, p.height - 0.2),
-            darker(p.body, 0.75),
-        )
-        parts.append(pair(rib))
+        rib = (post - 0.05, half - 0.02, low), (post + 0.05, half + 0.05, p.height - 0.2)
+        parts.append(pair(block(*rib, darker(p.body, 0.75))))
     bar = tube(
         (tail + 0.15, half + 0.03, 0.7), (tail + 0.5, half + 0.03, 2.2), 0.05, STEEL, "metal"
     )
@@ -207,26 +179,15 @@ def mixer(p: TruckParams) -> list[Asset]:
         vertices[:, 2] * np.cos(tilt) - vertices[:, 0] * np.sin(tilt),
     ])  # fmt: skip
     rear = x - length / 2
-    chute = [
-        (rear + 0.5, 0.25, 1.9),
-        (rear + 0.5, -0.25, 1.9),
-        (rear - 0.1, -0.2, 1.2),
-        (rear - 0.1, 0.2, 1.2),
-    ]
+    hopper = (rear + 0.6, 0, p.height - 0.75), (rear + 0.45, 0, p.height)
+    high, deep = rear + 0.5, rear - 0.1
+    chute = [(high, 0.25, 1.9), (high, -0.25, 1.9), (deep, -0.2, 1.2), (deep, 0.2, 1.2)]
     return [
         translate(reshaped(drum, turned), (x, 0, low + radius + 0.25)),
         block((x + 0.32 * length, -0.5, low), (x + 0.42 * length, 0.5, low + 1.1), p.cab),
         pair(tube((rear + 0.7, 0.8, low), (rear + 0.5, 0.3, p.height - 0.4), 0.06, p.cab, "metal")),
         loft([np.array(chute), np.array(chute) - [0, 0, 0.06]], STEEL, "metal"),
-        tube(
-            (rear + 0.6, 0, p.height - 0.75),
-            (rear + 0.45, 0, p.height),
-            0.3,
-            p.cab,
-            "paint",
-            end_radius=0.6,
-            sides=8,
-        ),
+        tube(*hopper, 0.3, p.cab, "paint", end_radius=0.6, sides=8),
     ]
 
 
@@ -262,6 +223,8 @@ def recovery(p: TruckParams) -> list[Asset]:
         (front - 0.05, -0.7, p.height - 0.35), (front + 0.1, 0.7, p.height - 0.2), AMBER, "lamp"
     )
     rail = block((rear, half - 0.06, low), (front, half, low + 0.22), p.body, "metal")
+    tip = rear - 0.5
+    ramp: list[Point] = [(rear, half, low), (rear, -half, low), (tip, -half, 0.6), (tip, half, 0.6)]
     return [
         block((rear, -half, low - 0.05), (front, half, low + 0.1), STEEL, "metal"),
         pair(rail),
@@ -269,14 +232,5 @@ def recovery(p: TruckParams) -> list[Asset]:
         tube((front - 0.3, 0, low), elbow, 0.16, p.cab, "paint", sides=8),
         tube(elbow, hook, 0.11, p.cab, "paint", sides=6),
         tube(hook, (hook[0], 0, hook[2] - 0.7), 0.02, BLACK, sides=4),
-        polygon(
-            [
-                (rear, half, low),
-                (rear, -half, low),
-                (rear - 0.5, -half, 0.6),
-                (rear - 0.5, half, 0.6),
-            ],
-            STEEL,
-            "metal",
-        ),
+        polygon(ramp, STEEL, "metal"),
     ]
