@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from scene.assets.family import FRONTAGE, Family, Size
-from scene.assets.parts.palette import BRICK, GALVANISED, GLASS, darker
+from scene.assets.parts.palette import BRICK, GALVANISED, GLASS, darker, pick
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, Point, merge, rotate, translate, vary
 from scene.mesh.solids import box, extrude, loft, polygon
@@ -25,12 +26,6 @@ GOODS: tuple[Color, ...] = (
 POSTERS: tuple[Color, ...] = (
     (0.05, 0.20, 0.45), (0.50, 0.08, 0.10), (0.55, 0.50, 0.42), (0.10, 0.32, 0.16), (0.45, 0.28, 0.04),
 )  # fmt: skip
-KINDS: tuple[str, ...] = (
-    "glass shelter", "market stall", "advert shelter", "produce stall", "cantilever shelter", "kiosk",
-    "brick shelter", "timber shelter",
-)  # fmt: skip
-SHELTERS: tuple[str, ...] = tuple(name for name in KINDS if "shelter" in name)
-STALLS: tuple[str, ...] = ("market stall", "produce stall", "kiosk")
 
 
 class ShelterParams(NamedTuple):
@@ -147,16 +142,10 @@ def _stall(p: ShelterParams) -> list[Asset]:
     across = max(3, round(x / 0.45))
     for k in range(across):
         for row in range(2):
-            color = vary(rng, GOODS[rng.integers(len(GOODS))], 0.35)
+            color = pick(rng, GOODS, 0.35)
             size: Point = (0.8 * x / across, 0.22 * y, float(rng.uniform(0.08, 0.3)))
-            parts.append(
-                box(
-                    size,
-                    ((k + 0.5) * x / across - x / 2, 0.28 + 0.25 * y * row, table),
-                    color,
-                    "cloth",
-                )
-            )
+            at = (k + 0.5) * x / across - x / 2, 0.28 + 0.25 * y * row, table
+            parts.append(box(size, at, color, "cloth"))
     stripes = 2 * max(3, round(x / 0.7))
     for k in range(stripes):
         a, b = (-x / 2 - 0.15 + (x + 0.3) * (k + d) / stripes for d in (0, 1))
@@ -179,7 +168,7 @@ def _kiosk(p: ShelterParams) -> list[Asset]:
         box((0.8 * x, 0.3, 0.05), (0, -0.12, 0.98), GALVANISED, "metal"),
     ]
     for k in range(5):
-        color = vary(rng, POSTERS[rng.integers(len(POSTERS))], 0.3)
+        color = pick(rng, POSTERS, 0.3)
         parts.append(box((0.13 * x, 0.03, 0.5), ((k - 2) * 0.17 * x, -0.02, 0.35), color, "paint"))
     awning = extrude(
         [(0.0, 0.0), (0.9, -0.35), (0.9, -0.3), (0.0, 0.06)], 0.9 * x, p.second, "cloth"
@@ -187,11 +176,14 @@ def _kiosk(p: ShelterParams) -> list[Asset]:
     return [*parts, translate(rotate(awning, -np.pi / 2, (0, 0, 1)), (0, 0, z - 0.1))]
 
 
-_FORMS = {
-    "glass shelter": _glazed, "advert shelter": _glazed, "cantilever shelter": _cantilever,
-    "brick shelter": _walled, "timber shelter": _walled, "market stall": _stall,
-    "produce stall": _stall, "kiosk": _kiosk,
+_FORMS: dict[str, Callable[[ShelterParams], list[Asset]]] = {
+    "glass shelter": _glazed, "market stall": _stall, "advert shelter": _glazed,
+    "produce stall": _stall, "cantilever shelter": _cantilever, "kiosk": _kiosk,
+    "brick shelter": _walled, "timber shelter": _walled,
 }  # fmt: skip
+KINDS: tuple[str, ...] = tuple(_FORMS)
+SHELTERS: tuple[str, ...] = tuple(name for name in KINDS if "shelter" in name)
+STALLS: tuple[str, ...] = tuple(name for name in KINDS if name not in SHELTERS)
 
 
 def shelter(params: ShelterParams) -> Asset:

@@ -189,14 +189,8 @@ def signpost(params: SignpostParams) -> Asset:
         ring = [(z - 0.05, r), (z, 1.15 * r), (z + 0.05, r)]
         parts.append(around(ring, p.second_color))
     if p.foot:
-        foot = [
-            (0.0, 1.9 * r),
-            (0.06, 1.9 * r),
-            (0.1, 1.5 * r),
-            (0.85 * p.foot, 1.4 * r),
-            (p.foot, r),
-        ]
-        parts.append(around(foot, p.color))
+        outline = ((0.0, 1.9), (0.06, 1.9), (0.1, 1.5), (0.85 * p.foot, 1.4), (p.foot, 1.0))
+        parts.append(around([(z, wide * r) for z, wide in outline], p.color))
     return merge(*parts, *(_EXTRAS[p.extra](p) if p.extra else ()))
 
 

@@ -100,7 +100,7 @@ _FREIGHT: tuple[Color, ...] = (
 def sample_train(rng: np.random.Generator, kind: str) -> TrainParams:
     """Draw a vehicle of one type: length within 6 %, height within 2 %, livery."""
     model = _MODELS[kind]
-    freight = model.body in ("hopper", "container", "tank")
+    freight = _BODIES[model.body].freight
     color = pick(rng, _FREIGHT if freight else _LIVERIES)
     return model._replace(
         length=model.length * rng.uniform(0.94, 1.06),
@@ -120,15 +120,16 @@ def sample_train(rng: np.random.Generator, kind: str) -> TrainParams:
 def train(params: TrainParams) -> Asset:
     """The vehicle of ``params`` along x, its near face on y = 0."""
     p = params
-    parts = [*_bogies(p), *_BODIES[p.body](p)]
-    if p.pantograph and p.body in ("tram", "railcar", "locomotive"):
+    body = _BODIES[p.body]
+    parts = [*_bogies(p), *body.build(p)]
+    if p.pantograph and body.wired:
         parts += _pantograph(p)
     return translate(merge(*parts), (0, p.width / 2 + 0.04, 0))
 
 
 def _bogies(p: TrainParams) -> list[Asset]:
     """Two bogies of two axles, and the dark frame between them."""
-    radius = 0.30 if p.body == "tram" else 0.44
+    radius = _BODIES[p.body].wheel_radius
     half = p.width / 2 - 0.12
     parts = []
     for middle in (-0.33 * p.length, 0.33 * p.length):
@@ -295,13 +296,22 @@ def _tank(p: TrainParams) -> list[Asset]:
     return parts
 
 
-_BODIES: dict[str, Callable[[TrainParams], list[Asset]]] = {
-    "tram": _tram,
-    "railcar": _railcar,
-    "locomotive": _locomotive,
-    "hopper": _hopper,
-    "container": _container,
-    "tank": _tank,
+class Body(NamedTuple):
+    """How a vehicle is built above its bogies."""
+
+    build: Callable[[TrainParams], list[Asset]]
+    freight: bool = False  # in the colours of goods trains
+    wired: bool = False  # may have a pantograph
+    wheel_radius: float = 0.44  # m
+
+
+_BODIES: dict[str, Body] = {
+    "tram": Body(_tram, wired=True, wheel_radius=0.30),
+    "railcar": Body(_railcar, wired=True),
+    "locomotive": Body(_locomotive, wired=True),
+    "hopper": Body(_hopper, freight=True),
+    "container": Body(_container, freight=True),
+    "tank": Body(_tank, freight=True),
 }
 
 
