@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from scene.assets.family import FOOTWAY, Family, Size
-from scene.assets.parts.draw import Near, Times, sampler
+from scene.assets.parts.draw import near, sampler, times
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, merge
 from scene.mesh.solids import box, tube, turned
@@ -102,7 +102,7 @@ def _beacon(p: BollardParams) -> Asset:
 
 FAMILY = Family(
     "bollard", TrainId.POLE, KINDS,
-    sampler(_KINDS, height=Times(0.88, 1.15), radius=Times(0.85, 1.25), color=Near(0.25), band=Near(0.2)),
+    sampler(_KINDS, height=times(0.88, 1.15), radius=times(0.85, 1.25), color=near(0.25), band=near(0.2)),
     bollard,
     count=16, size=Size((0.4, 2), (0.4, 2)), tone=1.0, line=None, stage=FOOTWAY,
 )  # fmt: skip

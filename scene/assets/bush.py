@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from scene.assets.family import Family, Size
-from scene.assets.parts.draw import Between, Near, drawn
+from scene.assets.parts.draw import between, drawn, near
 from scene.assets.parts.foliage import AUTUMNS, GREENS, IVY, directions, leaf_cards, slivers, tufts
 from scene.assets.parts.palette import pick
 from scene.classes import TrainId
@@ -39,41 +39,41 @@ _KINDS: dict[str, dict[str, Any]] = {
     "hedge": {},
     "round": {},
     "ivy": dict(
-        length=Between(2.4, 3.8), width=0.7, height=Between(1.2, 2.2), parts=7, leaves=1300,
-        leaf=0.15, color=Near(0.3, IVY),
+        length=between(2.4, 3.8), width=0.7, height=between(1.2, 2.2), parts=7, leaves=1300,
+        leaf=0.15, color=near(0.3, IVY),
     ),
     "tall": dict(
-        length=Between(0.9, 1.4), width=Between(0.9, 1.2), height=Between(1.8, 2.4), parts=7,
+        length=between(0.9, 1.4), width=between(0.9, 1.2), height=between(1.8, 2.4), parts=7,
         leaves=1100,
     ),
     "bare": dict(
-        form="stems", parts=130, leaves=0, height=Between(1.2, 2.1),
-        bloom=Near(0.35, (0.13, 0.06, 0.04)),
+        form="stems", parts=130, leaves=0, height=between(1.2, 2.1),
+        bloom=near(0.35, (0.13, 0.06, 0.04)),
     ),
-    "beech hedge": dict(color=Near(0.3, *AUTUMNS[1:]), height=Between(1.5, 2.3)),
+    "beech hedge": dict(color=near(0.3, *AUTUMNS[1:]), height=between(1.5, 2.3)),
     "planter": dict(
-        form="trough", length=Between(1.2, 2.2), width=Between(0.5, 0.8), height=Between(0.8, 1.2),
+        form="trough", length=between(1.2, 2.2), width=between(0.5, 0.8), height=between(0.8, 1.2),
         parts=4, leaves=500, blooms=120,
     ),
     "grass": dict(
-        form="blades", length=Between(1.0, 2.6), width=Between(0.6, 1.2), height=Between(0.7, 1.3),
-        parts=900, leaves=0, color=Near(0.3, (0.21, 0.19, 0.085)),
+        form="blades", length=between(1.0, 2.6), width=between(0.6, 1.2), height=between(0.7, 1.3),
+        parts=900, leaves=0, color=near(0.3, (0.21, 0.19, 0.085)),
     ),
     "flowers": dict(
-        length=Between(1.8, 3.4), width=Between(0.8, 1.3), height=Between(0.4, 0.7), parts=9,
+        length=between(1.8, 3.4), width=between(0.8, 1.3), height=between(0.4, 0.7), parts=9,
         leaves=700, leaf=0.09, blooms=420,
     ),
     "box balls": dict(
-        length=Between(2.0, 3.4), width=0.9, height=Between(0.7, 1.0), parts=3, leaves=1200,
-        leaf=0.06, color=Near(0.25, (0.065, 0.085, 0.04)),
+        length=between(2.0, 3.4), width=0.9, height=between(0.7, 1.0), parts=3, leaves=1200,
+        leaf=0.06, color=near(0.25, (0.065, 0.085, 0.04)),
     ),
     "laurel": dict(
-        length=Between(2.0, 3.2), width=Between(1.0, 1.6), height=Between(1.3, 2.0), parts=8,
-        leaf=0.19, color=Near(0.2, (0.085, 0.11, 0.05)),
+        length=between(2.0, 3.2), width=between(1.0, 1.6), height=between(1.3, 2.0), parts=8,
+        leaf=0.19, color=near(0.2, (0.085, 0.11, 0.05)),
     ),
     "bramble": dict(
-        form="stems", length=Between(1.8, 3.2), width=Between(1.0, 1.8), height=Between(0.8, 1.4),
-        parts=110, leaves=420, leaf=0.12, bloom=Near(0.2, (0.11, 0.05, 0.04)),
+        form="stems", length=between(1.8, 3.2), width=between(1.0, 1.8), height=between(0.8, 1.4),
+        parts=110, leaves=420, leaf=0.12, bloom=near(0.2, (0.11, 0.05, 0.04)),
     ),
 }  # fmt: skip
 """By kind, what differs from a round bush or a hedge: values, and rules by which they are drawn."""
@@ -89,8 +89,8 @@ def sample_bush(rng: np.random.Generator, kind: str) -> BushParams:
         seed=int(rng.integers(2**31)),
     )  # fmt: skip
     hedge = drawn(
-        rng, round_, form="box", length=Between(2.8, 4.2), width=Between(0.6, 1.0),
-        height=Between(0.9, 1.9), parts=0, leaves=1500, leaf=0.1,
+        rng, round_, form="box", length=between(2.8, 4.2), width=between(0.6, 1.0),
+        height=between(0.9, 1.9), parts=0, leaves=1500, leaf=0.1,
     )  # fmt: skip
     return drawn(rng, hedge if "hedge" in kind else round_, **_KINDS[kind])
 

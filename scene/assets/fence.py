@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.family import FRONTAGE, Family, Size
-from scene.assets.parts.draw import SEED, Between, Near, Times, sampler
+from scene.assets.parts.draw import SEED, between, near, sampler, times
 from scene.assets.parts.palette import GALVANISED
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, Point, ignore, merge, shade
@@ -294,8 +294,8 @@ def fence(params: FenceParams) -> Asset:
 
 FAMILY = Family(
     "fence", TrainId.FENCE, KINDS,
-    sampler(_KINDS, length=Between(3.2, 3.8), height=Times(0.92, 1.07), pitch=Times(0.95, 1.08),
-            color=Near(0.25), second=Near(0.15), seed=SEED),
+    sampler(_KINDS, length=between(3.2, 3.8), height=times(0.92, 1.07), pitch=times(0.95, 1.08),
+            color=near(0.25), second=near(0.15), seed=SEED),
     fence,
     count=16, size=Size((0.5, 40), (0.3, 5)), tone=0.85, line=("fence", 0.6),
     facing="road", front="right", stage=FRONTAGE, runs=True,

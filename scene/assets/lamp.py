@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.family import Family, Size
-from scene.assets.parts.draw import Near, Times, drawn
+from scene.assets.parts.draw import drawn, near, times
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, merge
 from scene.mesh.solids import box, loft, tube, turned
@@ -83,8 +83,8 @@ def sample_lamp(rng: np.random.Generator, kind: str) -> LampParams:
     """Draw a lamp of one of ``KINDS``."""
     p = _KINDS[kind]
     return drawn(
-        rng, p, height=Times(1 - p.spread, 1 + p.spread), radius=Times(0.9, 1.1),
-        arms=Times(0.85, 1.1), rise=Times(0.85, 1.1), head_size=Times(0.9, 1.15), color=Near(0.3),
+        rng, p, height=times(1 - p.spread, 1 + p.spread), radius=times(0.9, 1.1),
+        arms=times(0.85, 1.1), rise=times(0.85, 1.1), head_size=times(0.9, 1.15), color=near(0.3),
     )  # fmt: skip
 
 

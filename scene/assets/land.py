@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.family import FRONTAGE, Family, Size
-from scene.assets.parts.draw import SEED, Near, Times, sampler
+from scene.assets.parts.draw import SEED, near, sampler, times
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, shade, solid
 from scene.mesh.quads import grid
@@ -66,6 +66,6 @@ def land(params: LandParams) -> Asset:
 
 FAMILY = Family(
     "land", TrainId.TERRAIN, KINDS,
-    sampler(_KINDS, color=Near(0.35), ridge=Times(0.7, 1.3), seed=SEED), land,
+    sampler(_KINDS, color=near(0.35), ridge=times(0.7, 1.3), seed=SEED), land,
     count=14, size=Size((1, 60), (0.001, 1)), tone=1.0, line=None, stage=FRONTAGE,
 )  # fmt: skip

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from scene.assets.family import FRONTAGE, Family, Size
-from scene.assets.parts.draw import SEED, Between, Near, Whole, drawn
+from scene.assets.parts.draw import SEED, between, drawn, near, whole
 from scene.assets.parts.palette import BOARDS
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, Point, merge, shade
@@ -45,7 +45,7 @@ _SCAFFOLD = ScaffoldParams(3, 2.0, 1.0, 3, STEEL, BOARDS, _NETS[0], 0.0, False, 
 _KINDS: dict[str, dict[str, Any]] = {
     "tubes": {},
     "netted": dict(netted=1.0),
-    "over a hoarding": dict(hoarding=True, net=Near(0.25, *_HOARDINGS)),
+    "over a hoarding": dict(hoarding=True, net=near(0.25, *_HOARDINGS)),
     "with a fan": dict(netted=0.3, fan=True),
     "netted over a hoarding": dict(netted=0.8, hoarding=True, fan=True),
 }
@@ -55,8 +55,8 @@ KINDS: tuple[str, ...] = tuple(_KINDS)
 def sample_scaffold(rng: np.random.Generator, kind: str) -> ScaffoldParams:
     """Draw a scaffold of one of ``KINDS``."""
     rules = dict(
-        bays=Whole(3, 6), bay=Between(1.8, 2.3), depth=Between(0.9, 1.25), lifts=Whole(2, 5),
-        steel=Near(0.3), boards=Near(0.3), net=Near(0.25, *_NETS), seed=SEED,
+        bays=whole(3, 6), bay=between(1.8, 2.3), depth=between(0.9, 1.25), lifts=whole(2, 5),
+        steel=near(0.3), boards=near(0.3), net=near(0.25, *_NETS), seed=SEED,
     )  # fmt: skip
     return drawn(rng, _SCAFFOLD, **{**rules, **_KINDS[kind]})
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.family import FOOTWAY, Family, Size
-from scene.assets.parts.draw import Between, Near, drawn
+from scene.assets.parts.draw import between, drawn, near
 from scene.assets.parts.palette import darker
 from scene.classes import TrainId
 from scene.look.surfaces import ROAD_TONE
@@ -45,8 +45,8 @@ KINDS: tuple[str, ...] = tuple(_KINDS)
 
 def sample_slab(rng: np.random.Generator, kind: str) -> SlabParams:
     """Draw a tile of one of ``KINDS``."""
-    stain = (Between(-0.35, 0.35), Between(-1.6, 1.6), float(rng.uniform(0.2, 0.8)))
-    return drawn(rng, _KINDS[kind], stain=stain, color=Near(0.45), paint=Near(0.2))
+    stain = (between(-0.35, 0.35), between(-1.6, 1.6), float(rng.uniform(0.2, 0.8)))
+    return drawn(rng, _KINDS[kind], stain=stain, color=near(0.45), paint=near(0.2))
 
 
 def slab(params: SlabParams) -> Asset:

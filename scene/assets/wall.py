@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from scene.assets.family import FRONTAGE, Family, Size
-from scene.assets.parts.draw import SEED, Between, Near, Times, sampler
+from scene.assets.parts.draw import SEED, between, near, sampler, times
 from scene.assets.parts.palette import BRICK, GALVANISED, PALE_STONE, darker
 from scene.assets.parts.wall_faces import FACES, RELIEF, TOPS, WallParams
 from scene.classes import TrainId
@@ -117,8 +117,8 @@ def wall(params: WallParams) -> Asset:
 
 FAMILY = Family(
     "wall", TrainId.WALL, KINDS,
-    sampler(_KINDS, length=Between(3.3, 3.9), height=Times(0.9, 1.1), thickness=Times(0.95, 1.05),
-            color=Near(0.22), second=Near(0.2), seed=SEED),
+    sampler(_KINDS, length=between(3.3, 3.9), height=times(0.9, 1.1), thickness=times(0.95, 1.05),
+            color=near(0.22), second=near(0.2), seed=SEED),
     wall,
     count=16, size=Size((0.5, 40), (0.3, 8)), tone=0.66, line=("fence", 0.4),
     facing="road", front="right", stage=FRONTAGE, runs=True,

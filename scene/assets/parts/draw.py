@@ -13,65 +13,41 @@ from scene.mesh.asset import Color
 Params = TypeVar("Params", bound=NamedTuple)
 
 
-class Between(NamedTuple):
-    """A number between two, each as likely."""
-
-    low: float
-    high: float
-
-    def draw(self, rng: np.random.Generator, value: Any) -> float:
-        """The number, whatever the kind's ``value``."""
-        return float(rng.uniform(self.low, self.high))
+Rule = Callable[[np.random.Generator, Any], Any]
+"""Draws a field, given the kind's value of it."""
 
 
-class Times(NamedTuple):
-    """The kind's number, or its numbers, times one between two."""
-
-    low: float
-    high: float
-
-    def draw(self, rng: np.random.Generator, value: Any) -> Any:
-        """The product with ``value``."""
-        factor = rng.uniform(self.low, self.high)
-        if isinstance(value, tuple):
-            return tuple(float(one * factor) for one in value)
-        return float(value * factor)
+def between(low: float, high: float) -> Rule:
+    """A number between two, whatever the kind's is."""
+    return lambda rng, value: float(rng.uniform(low, high))
 
 
-class Near:
-    """A colour near one of ``colors``, or near the kind's where there are none; see ``vary``."""
-
-    def __init__(self, spread: float, *colors: Color) -> None:
-        self.spread, self.colors = spread, colors
-
-    def draw(self, rng: np.random.Generator, value: Any) -> Color:
-        """The colour; ``value`` is the kind's."""
-        return pick(rng, self.colors or (value,), self.spread)
-
-
-class Whole(NamedTuple):
+def whole(low: int, high: int) -> Rule:
     """A whole number from ``low`` to below ``high``."""
-
-    low: int
-    high: int
-
-    def draw(self, rng: np.random.Generator, value: Any) -> int:
-        """The number, whatever the kind's ``value``."""
-        return int(rng.integers(self.low, self.high))
+    return lambda rng, value: int(rng.integers(low, high))
 
 
-class OneOf:
+def times(low: float, high: float) -> Rule:
+    """The kind's number, or each of its numbers, times one between two."""
+
+    def draw(rng: np.random.Generator, value: Any) -> Any:
+        factor = rng.uniform(low, high)
+        return tuple(factor * x for x in value) if isinstance(value, tuple) else factor * value
+
+    return draw
+
+
+def near(spread: float, *colors: Color) -> Rule:
+    """A colour near one of ``colors``, or near the kind's where there are none; see ``vary``."""
+    return lambda rng, value: pick(rng, colors or (value,), spread)
+
+
+def one_of(*options: Any) -> Rule:
     """One of several values or rules, each as likely."""
-
-    def __init__(self, *options: Any) -> None:
-        self.options = options
-
-    def draw(self, rng: np.random.Generator, value: Any) -> Any:
-        """The option, whatever the kind's ``value``."""
-        return _resolved(rng, self.options[rng.integers(len(self.options))], value)
+    return lambda rng, value: _resolved(rng, options[rng.integers(len(options))], value)
 
 
-SEED = Whole(0, 2**31)
+SEED = whole(0, 2**31)
 """Of what is drawn while the asset is built."""
 
 
@@ -88,8 +64,8 @@ def drawn(rng: np.random.Generator, kind: Params, **rules: Any) -> Params:
 
 
 def _resolved(rng: np.random.Generator, rule: Any, value: Any) -> Any:
-    if hasattr(rule, "draw"):
-        return rule.draw(rng, value)
+    if callable(rule):
+        return rule(rng, value)
     if type(rule) is tuple:
         return tuple(_resolved(rng, one, value) for one in rule)
     return rule
