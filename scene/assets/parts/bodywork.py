@@ -178,17 +178,10 @@ def _points(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
     return points
 
 
-def flank(b: Body, s: np.ndarray, v: np.ndarray) -> np.ndarray:
+def flank(b: Body, s: np.ndarray, v: np.ndarray, *, arches: bool = True) -> np.ndarray:
     """Points of the left flank: ``s`` along, ``v`` 0 at the sill (or arch) .. 1 at the shoulder."""
-    foot, crest = low(b, s), shoulder(b, s)
+    foot, crest = low(b, s) if arches else b.sill, shoulder(b, s)
     z = foot + v * (crest - foot)
-    return _points(at(b, s) + _ends(b, s, v), side_y(b, half(b, s), crest, z), z)
-
-
-def panel(b: Body, s: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Points of the left flank as if it had no wheel arches; ``v`` as in ``flank``."""
-    crest = shoulder(b, s)
-    z = b.sill + v * (crest - b.sill)
     return _points(at(b, s) + _ends(b, s, v), side_y(b, half(b, s), crest, z), z)
 
 

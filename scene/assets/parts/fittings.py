@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.assets.parts.bodywork import FLANK, Body, cabin, doorway, fascia, panel, roof, shoulder
+from scene.assets.parts.bodywork import FLANK, Body, cabin, doorway, fascia, flank, roof, shoulder
 from scene.assets.parts.palette import (
     AMBER,
     BLACK,
@@ -93,7 +93,7 @@ def on_flank(
     steps: int = 2,
 ) -> Asset:
     """A patch on both flanks between shares ``s`` of the length and rows ``v``."""
-    points = panel(b, np.linspace(*s, steps + 1)[:, None], _between(v, FLANK))
+    points = flank(b, np.linspace(*s, steps + 1)[:, None], _between(v, FLANK), arches=False)
     points[..., 1] += lift
     return twin_sheets(points, color, material)
 
