@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from scene.assets.family import Family, Size
-from scene.assets.parts.draw import Rule, between, drawn, near
+from scene.assets.parts.draw import between, drawn, near
 from scene.assets.parts.foliage import AUTUMNS, GREENS, IVY, leaf_cards, slivers, tubes, tufts
 from scene.assets.parts.palette import BLACK, pick
 from scene.classes import TrainId
@@ -59,57 +59,70 @@ class TreeParams(NamedTuple):
 
 
 class _Kind(NamedTuple):
-    """What sets a kind of tree apart: values, and rules by which they are drawn in this order."""
+    """What sets a kind of tree apart."""
 
-    leafy: bool = False
-    height: Rule | None = None  # m; None: as tall as most
-    shares: dict[str, Any] = {}  # of the height: trunk, crown and radius
-    fields: dict[str, Any] = {}
+    leafy: bool
+    fields: dict[str, Any] = {}  # values, and rules by which they are drawn in this order
     rusty: bool = False  # leaves in autumn's colours
 
 
+_LEAFY, _BARE = True, False
+_OF_HEIGHT = ("trunk", "crown", "radius")
+"""Fields that are shares of the height in the table; a staked tree's radius is in metres."""
 _KINDS: dict[str, _Kind] = {
-    "bare lime": _Kind(),
-    "plane": _Kind(True, None, dict(crown=0.38), dict(
-        angle=58.0, leader=0.8, bark_color=near(0.2, (0.16, 0.15, 0.12)), tuft=0.5)),
-    "half bare": _Kind(fields=dict(
+    "bare lime": _Kind(_BARE),
+    "plane": _Kind(_LEAFY, dict(
+        crown=0.38, angle=58.0, leader=0.8, bark_color=near(0.2, (0.16, 0.15, 0.12)), tuft=0.5)),
+    "half bare": _Kind(_BARE, dict(
         forks=(5, 4, 2), leafy=between(0.25, 0.4), each=7, tuft=0.35, leaf=0.17), rusty=True),
-    "conifer": _Kind(True, None, dict(trunk=0.08, crown=0.24, radius=0.015), dict(
-        outline="cone", leader=1.0, limbs=38, angle=92.0, lift=-0.05, forks=(4, 0, 0), leafy=1.0,
-        each=15, tuft=0.36, leaf=0.26, leaf_color=near(0.25, (0.055, 0.072, 0.052)))),
-    "bare broad": _Kind(False, None, dict(trunk=0.2, crown=between(0.42, 0.5), radius=0.034), dict(
-        outline="vase", leader=0.6, limbs=11, angle=62.0, lift=0.2, forks=(7, 7, 5))),
-    "poplar": _Kind(True, between(10, 13.8), dict(trunk=0.1, crown=0.19, radius=0.018), dict(
-        outline="column", leader=0.97, limbs=24, angle=20.0, lift=0.1, forks=(4, 2, 0), tuft=0.36,
-        each=15)),
-    "pollard": _Kind(False, between(5, 7.5), dict(trunk=0.5, crown=0.2, radius=0.04), dict(
-        outline="top", leader=0.62, limbs=9, angle=65.0, lift=0.25, forks=(9, 4, 0),
+    "conifer": _Kind(_LEAFY, dict(
+        trunk=0.08, crown=0.24, radius=0.015, outline="cone", leader=1.0, limbs=38, angle=92.0,
+        lift=-0.05, forks=(4, 0, 0), leafy=1.0, each=15, tuft=0.36, leaf=0.26,
+        leaf_color=near(0.25, (0.055, 0.072, 0.052)))),
+    "bare broad": _Kind(_BARE, dict(
+        trunk=0.2, crown=between(0.42, 0.5), radius=0.034, outline="vase", leader=0.6, limbs=11,
+        angle=62.0, lift=0.2, forks=(7, 7, 5))),
+    "poplar": _Kind(_LEAFY, dict(
+        height=between(10, 13.8), trunk=0.1, crown=0.19, radius=0.018, outline="column",
+        leader=0.97, limbs=24, angle=20.0, lift=0.1, forks=(4, 2, 0), tuft=0.36, each=15)),
+    "pollard": _Kind(_BARE, dict(
+        height=between(5, 7.5), trunk=0.5, crown=0.2, radius=0.04, outline="top", leader=0.62,
+        limbs=9, angle=65.0, lift=0.25, forks=(9, 4, 0),
         bark_color=near(0.2, (0.10, 0.085, 0.065)))),
-    "willow": _Kind(True, between(6.5, 9.5), dict(trunk=0.28, crown=0.5, radius=0.035), dict(
-        outline="vase", leader=0.6, limbs=12, angle=40.0, lift=-0.35, forks=(7, 5, 0), leafy=1.0,
-        each=6, tuft=0.26, leaf=0.15, leaf_color=near(0.2, (0.22, 0.215, 0.085)))),
-    "young": _Kind(True, between(4.2, 6), dict(trunk=0.42, crown=0.2), dict(
-        radius=0.05, limbs=9, each=9, forks=(4, 2, 0), tuft=0.25, leaf=0.14, staked=True)),
-    "birch": _Kind(False, None, dict(trunk=0.25, crown=0.25, radius=0.013), dict(
-        angle=36.0, lift=-0.12, leader=1.0, limbs=18, forks=(5, 5, 2), leafy=0.3, each=5, leaf=0.12,
-        leaf_color=near(0.25, (0.22, 0.18, 0.04)), bark_color=near(0.1, (0.42, 0.41, 0.38)))),
-    "spreading": _Kind(True, between(5.5, 7.5), dict(trunk=0.28, crown=0.62, radius=0.03), dict(
-        outline="vase", leader=0.62, limbs=11, angle=66.0, lift=0.1, tuft=0.5, each=20)),
-    "bare poplar": _Kind(False, between(10.5, 14), dict(trunk=0.14, crown=0.2, radius=0.018), dict(
-        outline="column", leader=0.97, limbs=24, angle=16.0, lift=0.12, forks=(5, 4, 2))),
-    "autumn": _Kind(True, fields=dict(leafy=0.7, angle=45.0), rusty=True),
-    "ivied": _Kind(fields=dict(ivy=1100, leaf_color=IVY, leaf=0.22, limbs=12, forks=(5, 5, 3))),
-    "pine": _Kind(True, None, dict(trunk=0.55, crown=0.26), dict(
-        outline="top", leader=0.92, limbs=12, angle=78.0, lift=0.1, forks=(5, 3, 0), leafy=0.8,
-        each=14, tuft=0.36, leaf=0.2, bark_color=near(0.2, (0.20, 0.09, 0.045)),
+    "willow": _Kind(_LEAFY, dict(
+        height=between(6.5, 9.5), trunk=0.28, crown=0.5, radius=0.035, outline="vase", leader=0.6,
+        limbs=12, angle=40.0, lift=-0.35, forks=(7, 5, 0), leafy=1.0, each=6, tuft=0.26, leaf=0.15,
+        leaf_color=near(0.2, (0.22, 0.215, 0.085)))),
+    "young": _Kind(_LEAFY, dict(
+        height=between(4.2, 6), trunk=0.42, crown=0.2, radius=0.05, limbs=9, each=9,
+        forks=(4, 2, 0), tuft=0.25, leaf=0.14, staked=True)),
+    "birch": _Kind(_BARE, dict(
+        trunk=0.25, crown=0.25, radius=0.013, angle=36.0, lift=-0.12, leader=1.0, limbs=18,
+        forks=(5, 5, 2), leafy=0.3, each=5, leaf=0.12, leaf_color=near(0.25, (0.22, 0.18, 0.04)),
+        bark_color=near(0.1, (0.42, 0.41, 0.38)))),
+    "spreading": _Kind(_LEAFY, dict(
+        height=between(5.5, 7.5), trunk=0.28, crown=0.62, radius=0.03, outline="vase", leader=0.62,
+        limbs=11, angle=66.0, lift=0.1, tuft=0.5, each=20)),
+    "bare poplar": _Kind(_BARE, dict(
+        height=between(10.5, 14), trunk=0.14, crown=0.2, radius=0.018, outline="column",
+        leader=0.97, limbs=24, angle=16.0, lift=0.12, forks=(5, 4, 2))),
+    "autumn": _Kind(_LEAFY, dict(leafy=0.7, angle=45.0), rusty=True),
+    "ivied": _Kind(_BARE, dict(ivy=1100, leaf_color=IVY, leaf=0.22, limbs=12, forks=(5, 5, 3))),
+    "pine": _Kind(_LEAFY, dict(
+        trunk=0.55, crown=0.26, outline="top", leader=0.92, limbs=12, angle=78.0, lift=0.1,
+        forks=(5, 3, 0), leafy=0.8, each=14, tuft=0.36, leaf=0.2,
+        bark_color=near(0.2, (0.20, 0.09, 0.045)),
         leaf_color=near(0.25, (0.075, 0.095, 0.062)))),
-    "young bare": _Kind(False, between(4.5, 6.5), dict(trunk=0.4, crown=0.2), dict(
-        radius=0.045, limbs=9, angle=38.0, forks=(4, 4, 2), staked=True)),
-    "cypress": _Kind(True, between(5, 9), dict(trunk=0.05, crown=0.16, radius=0.016), dict(
-        outline="column", leader=0.97, limbs=30, angle=14.0, forks=(4, 2, 0), leafy=1.0, each=11,
-        tuft=0.28, leaf=0.21, leaf_color=near(0.25, (0.050, 0.066, 0.046)))),
-    "bare vase": _Kind(False, between(6.5, 9.5), dict(trunk=0.2, crown=0.62, radius=0.026), dict(
-        outline="vase", leader=0.32, limbs=8, angle=28.0, lift=0.04, forks=(7, 5, 4),
+    "young bare": _Kind(_BARE, dict(
+        height=between(4.5, 6.5), trunk=0.4, crown=0.2, radius=0.045, limbs=9, angle=38.0,
+        forks=(4, 4, 2), staked=True)),
+    "cypress": _Kind(_LEAFY, dict(
+        height=between(5, 9), trunk=0.05, crown=0.16, radius=0.016, outline="column", leader=0.97,
+        limbs=30, angle=14.0, forks=(4, 2, 0), leafy=1.0, each=11, tuft=0.28, leaf=0.21,
+        leaf_color=near(0.25, (0.050, 0.066, 0.046)))),
+    "bare vase": _Kind(_BARE, dict(
+        height=between(6.5, 9.5), trunk=0.2, crown=0.62, radius=0.026, outline="vase", leader=0.32,
+        limbs=8, angle=28.0, lift=0.04, forks=(7, 5, 4),
         bark_color=near(0.25, (0.085, 0.050, 0.042)))),
 }  # fmt: skip
 KINDS: tuple[str, ...] = tuple(_KINDS)
@@ -131,11 +144,9 @@ def sample_tree(rng: np.random.Generator, kind: str) -> TreeParams:
     share = float(rng.uniform(0.85, 1.0))
     if row.leafy:
         p = p._replace(forks=(5, 3, 0), leafy=share, each=20, tuft=0.6, leaf=0.29)
-    if row.height:
-        p = drawn(rng, p, height=row.height)
-    p = drawn(rng, p, **row.shares)
-    p = p._replace(**{name: getattr(p, name) * p.height for name in row.shares})
-    return drawn(rng, p, **row.fields)
+    p = drawn(rng, p, **row.fields)
+    names = [n for n in _OF_HEIGHT if n in row.fields and not (n == "radius" and p.staked)]
+    return p._replace(**{name: getattr(p, name) * p.height for name in names})
 
 
 _OUTLINES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
