@@ -270,18 +270,15 @@ def _front_load(p: BicycleParams) -> list[Asset]:
     low, high = (x, -0.17, top + 0.03), (x + 0.27, 0.17, top + 0.23)
     if p.tube > 0.022:
         return [block(low, high, _WICKER, "wood")]
-    parts = [block(low, (high[0], high[1], low[2] + 0.01), BLACK, "metal")]
-    for z in np.linspace(low[2], high[2], 4):
-        for y in (low[1], high[1]):
-            parts.append(rod((low[0], y, z), (high[0], y, z), 0.006, BLACK))
-        for at in (low[0], high[0]):
-            parts.append(rod((at, low[1], z), (at, high[1], z), 0.006, BLACK))
-    for y in np.linspace(low[1], high[1], 6):
-        parts.append(rod((high[0], y, low[2]), (high[0], y, high[2]), 0.005, BLACK))
-    for at in np.linspace(low[0], high[0], 5):
-        for y in (low[1], high[1]):
-            parts.append(rod((at, y, low[2]), (at, y, high[2]), 0.005, BLACK))
-    return parts
+    (back, right, foot), (ahead, left, rim) = low, high
+    parts = [block(low, (ahead, left, foot + 0.01), BLACK, "metal")]
+    for z in np.linspace(foot, rim, 4):
+        ends = [((back, y, z), (ahead, y, z)) for y in (right, left)]
+        ends += [((x, right, z), (x, left, z)) for x in (back, ahead)]
+        parts += [rod(a, b, 0.006, BLACK) for a, b in ends]
+    upright = [(ahead, y) for y in np.linspace(right, left, 6)]
+    upright += [(x, y) for x in np.linspace(back, ahead, 5) for y in (right, left)]
+    return parts + [rod((x, y, foot), (x, y, rim), 0.005, BLACK) for x, y in upright]
 
 
 def _rear_load(p: BicycleParams) -> list[Asset]:

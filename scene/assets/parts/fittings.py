@@ -176,17 +176,12 @@ def plate(b: Body, end: int, color: Color, v: float) -> Asset:
 
 def _rear(b: Body, f: Fittings) -> list[Asset]:
     inner, down, up = f.rear_lamp
+    tall = up - down
+    reversing = (inner + 0.03, 0.5 * inner + 0.47), (down + 0.1 * tall, down + 0.4 * tall)
     parts = [
         _both(b, 1, (inner, 1.0), (down, up), _LIT),
         on_flank(b, (0.975, 1.0), (down + 0.03, up), _LIT, "lamp", lift=0.012),
-        _both(
-            b,
-            1,
-            (inner + 0.03, 0.5 * inner + 0.47),
-            (down + 0.1 * (up - down), down + 0.4 * (up - down)),
-            (0.6, 0.52, 0.45),
-            lift=0.016,
-        ),
+        _both(b, 1, *reversing, (0.6, 0.52, 0.45), lift=0.016),
         on_nose(b, 1, (-1, 1), (0.0, 0.12), TRIM, lift=0.01),
         on_nose(b, 1, (-inner, inner), (0.515, 0.53), BLACK, lift=0.012),
         on_nose(b, 1, (-0.1, 0.1), (0.88, 0.92), CHROME, "metal", lift=0.016),
@@ -258,11 +253,8 @@ def _over(b: Body, f: Fittings) -> list[Asset]:
         parts.append(sheet(np.concatenate([points, under[None]])[:, ::-1], f.spoiler, "paint"))
     if f.box is not None:
         length = 0.62 * span * b.length
-        parts.append(
-            ellipsoid(
-                (x, 0.12, z + 0.15), (length / 1.6, 0.42, 0.17), f.box, "plain", subdivisions=2
-            )
-        )
+        shape = (x, 0.12, z + 0.15), (length / 1.6, 0.42, 0.17)
+        parts.append(ellipsoid(*shape, f.box, subdivisions=2))
         parts += [
             block((x + d - 0.03, -0.55, z - 0.02), (x + d + 0.03, 0.55, z + 0.05), BLACK)
             for d in (-0.3, 0.4)
