@@ -151,12 +151,9 @@ _MODELS: dict[str, _Model] = {
 _TUK_TUK = "tuk-tuk"
 KINDS: tuple[str, ...] = (*_MODELS, _TUK_TUK)
 """Body styles."""
-_MORE = tuple(
-    name
-    for name, times in {
-        "hatchback": 4, "supermini": 3, "saloon": 3, "crossover": 3, "estate": 2, "people carrier": 1
-    }.items()
-    for _ in range(times)
+_MORE = (
+    *("hatchback",) * 4, *("supermini",) * 3, *("saloon",) * 3, *("crossover",) * 3,
+    *("estate",) * 2, "people carrier",
 )  # fmt: skip
 """What roads have most of; the rest about as often as these are left."""
 
