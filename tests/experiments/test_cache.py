@@ -160,8 +160,8 @@ def test_a_killed_run_leaves_nothing_that_is_trusted(opened, tmp_path, full_disk
 
 
 def test_streets_are_rendered_once_and_whole_pieces_outlive_a_kill(opened, monkeypatch):
-    monkeypatch.setattr(cache, "CHUNK", 5)
-    units, told = draw(default_proposal(), 0, 12), []
+    monkeypatch.setattr(cache, "CHUNK", 3)
+    units, told = draw(default_proposal(), 0, 7), []
 
     def made(**stubs):
         with monkeypatch.context() as patch:
@@ -171,21 +171,21 @@ def test_streets_are_rendered_once_and_whole_pieces_outlive_a_kill(opened, monke
         return [found.images, found.labels, *found.features]
 
     whole = made()
-    assert len(whole[0]) == 12 and told == [0, 5, 5, 2]
+    assert len(whole[0]) == 7 and told == [0, 3, 3, 1]
     assert same(made(render_street=never), whole)
     # The same streets with other classes have other labels.
     other = loaded(opened().streets("a" * 64, RECIPE._replace(table="cityscapes"), units, 3, int))
     assert same([other.images], whole[:1]) and not same([other.labels], whole[1:2])
-    outlined, fresh = RECIPE._replace(table=OUTLINED), draw(default_proposal(), 3, 12)
+    outlined, fresh = RECIPE._replace(table=OUTLINED), draw(default_proposal(), 3, 4)
     other = loaded(opened().streets("b" * 64, outlined, fresh, 3, int))
-    fidelity = replace(RECIPE.fidelity, streets=12, shots=1)
+    fidelity = replace(RECIPE.fidelity, streets=4, shots=1)
     exact, again = (
         evaluate.rendered_set(recipe._replace(fidelity=fidelity), default_proposal(), 3)
         for recipe in (RECIPE, outlined)
     )
     assert same([again.images, again.labels], [other.images, other.labels])
     assert same([exact.images], [again.images]) and not same([exact.labels], [again.labels])
-    for limit, missing in ((7, 7), (12, 0)):
+    for limit, missing in ((4, 4), (7, 0)):
         opened().forget("a" * 64, RECIPE)
         with pytest.raises(Killed):
             made(render_street=Counted(cache.render_street, limit), _assemble=Counted(never, 0))

@@ -2,7 +2,6 @@
 
 import os
 import signal
-import time
 from pathlib import Path
 
 import pytest
@@ -10,28 +9,8 @@ import pytest
 from scene.executors import workers_of
 from scene.workers import WorkerPool
 from shell.errors import UserError
-from shell.sent import here
 from tests.scene.conftest import refused
-
-
-def told(name, seconds):
-    """What a worker reads under a name, and which worker it is."""
-    time.sleep(seconds)
-    root = here(name)
-    texts = sorted(p.read_text() for p in root.rglob("*") if p.is_file())
-    return texts, str(root), os.environ.get("SCENE_TEST"), os.getpid()
-
-
-def fail(x):
-    raise UserError(f"cannot do {x}")
-
-
-def ready_and(x, ready=None):
-    return x, ready
-
-
-def doubled(x):
-    return 2 * x
+from tests.tasks import doubled, fail, ready_and, told
 
 
 def test_who_dies_or_comes_changes_nothing_and_files_are_sent_to_all(dask_cluster, tmp_path):

@@ -1,7 +1,6 @@
 """Streams: the images of an export without its files, from any of them on, however many work."""
 
 import os
-import signal
 import subprocess
 import sys
 from itertools import islice
@@ -16,6 +15,7 @@ from scene.dataset.export import read_dataset
 from scene.proposal import draw, random_proposal
 from scene.workers import WorkerError, WorkerPool
 from tests.scene.conftest import refused
+from tests.tasks import die_until
 
 SETTINGS = RenderSettings(width=64, height=48)
 OPTIONS = {"shots": 2, "settings": SETTINGS, "pool": AssetPool(0, 3)}
@@ -66,16 +66,6 @@ def test_streets_are_drawn_from_any_of_them_on():
     np.testing.assert_array_equal(draw(random_proposal(), 3, 4, start=5), whole[5:])
 
 
-def squared(path, deaths, x):
-    """Kill this process the first times that 3 is tried."""
-    if x == 3:
-        with open(path, "a") as file:
-            file.write(".")
-        if os.path.getsize(path) <= deaths:
-            os.kill(os.getpid(), signal.SIGKILL)
-    return x * x
-
-
 def test_endless_tasks_come_in_order_and_one_death_of_a_worker_is_survived(tmp_path):
     def tasks(name, deaths):
         k = 0
@@ -84,11 +74,11 @@ def test_endless_tasks_come_in_order_and_one_death_of_a_worker_is_survived(tmp_p
             k += 1
 
     with WorkerPool(2) as pool:
-        found = pool.in_order(squared, tasks("once", 1))
+        found = pool.in_order(die_until, tasks("once", 1))
         assert list(islice(found, 8)) == [k * k for k in range(8)]
         found.close()
-        refused(WorkerError, "died twice", list, pool.in_order(squared, tasks("always", 9)))
-        assert list(pool.in_order(squared, [(str(tmp_path / "once"), 1, 4)])) == [16]
+        refused(WorkerError, "died twice", list, pool.in_order(die_until, tasks("always", 9)))
+        assert list(pool.in_order(die_until, [(str(tmp_path / "once"), 1, 4)])) == [16]
 
 
 UNGUARDED = """

@@ -7,39 +7,9 @@ import time
 import pytest
 
 from scene.workers import LESS_URGENT, WorkerError, WorkerPool
+from shell.errors import UserError
 from tests.scene.conftest import refused
-
-
-def square(x):
-    return x * x
-
-
-def fail(x):
-    raise ValueError(f"cannot do {x}")
-
-
-def die_until(path, deaths, x):
-    """Kill this process the first ``deaths`` times that work ``x`` is tried."""
-    if x == 2:
-        with open(path, "a") as file:
-            file.write(".")
-        if os.path.getsize(path) <= deaths:
-            os.kill(os.getpid(), signal.SIGKILL)
-    return x * x
-
-
-def surroundings():
-    import cv2
-
-    cores = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else None
-    gpu = os.environ.get("CUDA_VISIBLE_DEVICES")
-    threads = os.environ["OPENBLAS_NUM_THREADS"]
-    return cores, threads, cv2.getNumThreads(), gpu, os.environ.get("SCENE_TEST"), os.getpid()
-
-
-def wait_for(path: str) -> None:
-    while not os.path.exists(path):
-        time.sleep(0.01)
+from tests.tasks import die_until, fail, square, surroundings, wait_for
 
 
 @pytest.mark.parametrize("workers", [0, 1, 2])
@@ -47,7 +17,7 @@ def test_every_task_is_answered_with_its_index_and_errors_are_passed_on(workers)
     with WorkerPool(workers) as pool:
         assert dict(pool.map(square, [(x,) for x in range(5)])) == {x: x * x for x in range(5)}
         assert list(pool.map(square, [])) == []
-        refused(ValueError, "cannot do 3", list, pool.map(fail, [(3,)]))
+        refused(UserError, "cannot do 3", list, pool.map(fail, [(3,)]))
         assert list(pool.map(square, [(3,)])) == [(0, 9)]
     refused(ValueError, "0 or more, not -2", WorkerPool, -2)
 

@@ -1,0 +1,56 @@
+"""Functions that tests send to worker processes, which import this file and not all that tests need."""
+
+import os
+import signal
+import time
+
+from shell.errors import UserError
+from shell.sent import here
+
+
+def square(x):
+    return x * x
+
+
+def fail(x):
+    raise UserError(f"cannot do {x}")
+
+
+def die_until(path, deaths, x):
+    """Kill this process the first ``deaths`` times that work ``x`` is tried."""
+    if x == 2:
+        with open(path, "a") as file:
+            file.write(".")
+        if os.path.getsize(path) <= deaths:
+            os.kill(os.getpid(), signal.SIGKILL)
+    return x * x
+
+
+def surroundings():
+    import cv2
+
+    cores = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else None
+    gpu = os.environ.get("CUDA_VISIBLE_DEVICES")
+    threads = os.environ["OPENBLAS_NUM_THREADS"]
+    return cores, threads, cv2.getNumThreads(), gpu, os.environ.get("SCENE_TEST"), os.getpid()
+
+
+def wait_for(path: str) -> None:
+    while not os.path.exists(path):
+        time.sleep(0.01)
+
+
+def told(name, seconds):
+    """What a worker reads under a name, and which worker it is."""
+    time.sleep(seconds)
+    root = here(name)
+    texts = sorted(p.read_text() for p in root.rglob("*") if p.is_file())
+    return texts, str(root), os.environ.get("SCENE_TEST"), os.getpid()
+
+
+def ready_and(x, ready=None):
+    return x, ready
+
+
+def doubled(x):
+    return 2 * x
