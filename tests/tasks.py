@@ -3,8 +3,12 @@
 import os
 import signal
 import time
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
 
 from shell.errors import UserError
+from shell.lines import JsonLines
 from shell.sent import here
 
 
@@ -54,3 +58,23 @@ def ready_and(x, ready=None):
 
 def doubled(x):
     return 2 * x
+
+
+def add_many(path: Path, name: str, ready: Any) -> None:
+    log = JsonLines(path)
+    ready.wait(60)
+    for k in range(20):
+        with log.shared():
+            time.sleep(0.002)  # for the other one to step in, were it not for the lock
+            log.append({"name": name, "k": k}, {"after": [name, k]})
+
+
+def add_alone(path, name, ready, counts):
+    log = JsonLines(path)
+    ready.wait(60)
+    for k in range(150):
+        log.refresh()
+        with suppress(RuntimeError):  # the other one was faster: nothing is written
+            log.append({"name": name, "k": k})
+            counts.put(name)
+    counts.put(None)

@@ -1,5 +1,6 @@
 """Tiny real data in the public layouts, tiny runs of the whole job, and what they leave."""
 
+import fcntl
 import json
 import os
 import signal
@@ -23,7 +24,7 @@ from experiments.config import MainConfig
 from experiments.config.cli import command as command_line
 from experiments.config.cli import main
 from experiments.config.presets import PRESETS, TARGETS, defaults
-from experiments.evaluation.job import Recipe, Result, Source, rendered_of
+from experiments.evaluation.job import Recipe, Result
 from experiments.evaluation.runner import Runner
 from experiments.evaluation.store import LOGS, Store
 from experiments.main.job import MAIN
@@ -34,16 +35,16 @@ from experiments.target.base import Target
 from scene.assets.catalogue import AssetPool
 from scene.attributes import NAMES
 from scene.dataset.render import COMPILING
-from scene.proposal import components, describe, moments, slide
+from scene.proposal import describe, slide
 from scene.workers import WorkerPool
-from seg.beside import TrainingSet
-from seg.data import LabelledImages
 from seg.train import TrainingError
 from shell.command import Parser
 from shell.files import read_json
 from shell.flags import add_flag, filled, flags_of
 from shell.progress import Progress
 from tests.layouts import FACADE
+
+from .tasks import formula as formula
 
 ROOT = Path(__file__).resolve().parents[2]
 H, W = 12, 16
@@ -224,24 +225,6 @@ def never(*task: Any, **options: Any) -> Any:
     raise AssertionError("this was known")
 
 
-def formula(
-    recipe: Recipe, source: Source, seed: int, truth: Any, parts: Any = (), keeps: Any = None
-) -> Result:
-    """Worth more with buildings far off, or with (more) real images; a little noise by seed."""
-    if isinstance(source, LabelledImages):
-        right = 800 + len(source.images)
-    else:
-        place = NAMES.index("building_position")
-        far = sum(
-            share * moments(own).centre[place] for share, own in components(rendered_of(source))
-        )
-        right = 500 + int(400 * far)
-        right += 100 * len(source.parts[1].images) if isinstance(source, TrainingSet) else 0
-    # Of 2000 pixels of each class so many are right, the others taken for the next class.
-    iou = (right + seed % 50) / (4000 - right - seed % 50)
-    return Result(iou, [iou] * len(recipe.classes.classes), 0.5, 1.5, parts=(iou,) * len(parts))
-
-
 def diverge(*task: Any, **options: Any) -> Any:
     """Stands for training that fails."""
     raise TrainingError("the loss is nan after 50 of 200 steps")
@@ -405,11 +388,20 @@ def untimed(log: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 @pytest.fixture(scope="session")
 def unbroken(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
-    """The run folder of one whole tiny job on the twin, and its output."""
-    out = tmp_path_factory.mktemp("job") / "unbroken"
-    code, stdout, stderr = Job(out, *TINY).finish()
-    assert (code, stderr) == (0, "")
-    return out, stdout
+    """The run folder of one whole tiny job on the twin, and its output.
+
+    Of the processes of one `pytest -n` the first makes it, and the others wait and read.
+    """
+    folder = tmp_path_factory.getbasetemp()
+    folder = folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder
+    out, text = folder / "unbroken", folder / "unbroken.txt"
+    with (folder / "unbroken.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not text.exists():
+            code, stdout, stderr = Job(out, *TINY).finish()
+            assert (code, stderr) == (0, "")
+            text.write_text(stdout)
+    return out, text.read_text()
 
 
 @pytest.fixture

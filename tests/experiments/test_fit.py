@@ -255,7 +255,7 @@ def test_from_a_folder_of_ones_own_to_a_net(folder, tmp_path, capsys, monkeypatc
 
     monkeypatch.setattr(context, "Progress", Charged)
     arguments = [str(folder), "--out", str(tmp_path / "run"), "--preset", "smoke", "--seeds", "1"]
-    arguments += ["--size", "64x48", "--workers", "1", "--fix", "field_of_view=90"]
+    arguments += ["--size", "64x48", "--workers", "0", "--fix", "field_of_view=90"]
     assert main(arguments) == 0
     said = capsys.readouterr().out
     # The plan is the sum of what is charged, and the last piece of work completes it.
@@ -314,7 +314,7 @@ def test_from_a_folder_of_ones_own_to_a_net(folder, tmp_path, capsys, monkeypatc
     assert labels.shape == (30, 70)
     with pytest.raises(UserError, match=re.escape(f"whose model is {tmp_path / 'run' / 'model'}")):
         load_model(tmp_path / "run")
-    options = {"seeds": 1, "size": (64, 48), "workers": 1, "fix": FIX}
+    options = {"seeds": 1, "size": (64, 48), "workers": 0, "fix": FIX}
     with pytest.raises(UserError, match="begun with --preset smoke"):
         fit(config_of(folder, tmp_path / "run", **options))
     # Again: everything is known, nothing is rendered or trained, and the answer is the same.
@@ -329,7 +329,7 @@ def test_from_a_folder_of_ones_own_to_a_net(folder, tmp_path, capsys, monkeypatc
     assert again["nets"] == summary["nets"] and text(again) in said
     # Labels were added: the net that is left starts from the model before.
     config = config_of(
-        folder, tmp_path / "next", preset="smoke", seeds=1, size=(64, 48), workers=1,
+        folder, tmp_path / "next", preset="smoke", seeds=1, size=(64, 48), workers=0,
         init=tmp_path / "run" / "model", fix=FIX,
     )  # fmt: skip
     assert fit(config)["nets"] == summary["nets"]

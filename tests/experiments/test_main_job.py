@@ -192,6 +192,7 @@ def test_the_engine_alone_makes_the_runs_dataset_again(unbroken, tmp_path):
 
 def test_smoke_run_on_real_camvid(camvid_dir, start_job, out):
     flags = [*TINY, "--data", str(camvid_dir), "--holdout", "0006R0"]
+    flags += ["--seeds", "1", "--search.updates-per-group", "1"]
     code, stdout, stderr = start_job(out, *flags, experiment="camvid").finish()
     assert (code, stderr) == (0, "")
     first = stdout.splitlines()[0]

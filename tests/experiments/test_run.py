@@ -16,7 +16,7 @@ from experiments.evaluation.evaluate import trained, worker_environment
 from experiments.evaluation.job import Recipe
 from experiments.evaluation.made_with import made_with
 from experiments.evaluation.mmd import train_features
-from experiments.evaluation.store import digest_of, read, write_store
+from experiments.evaluation.store import read, write_store
 from experiments.main.job import RUN
 from experiments.run import context
 from experiments.store import main as merge_stores
@@ -30,6 +30,7 @@ from shell.folder import plain
 from tests.conftest import printed
 
 from .conftest import formula, main_job, never, results_of
+from .tasks import gradient
 
 FINAL = defaults(MainConfig, "camvid", "smoke").final
 
@@ -103,19 +104,6 @@ def test_a_folder_in_use_and_a_missing_renderer(fails, tiny_camvid, camvid, monk
     assert not (tmp_path / "new").exists()
 
 
-def gradient():
-    """Digest of a convolution's gradient, whose sums depend on how many threads XLA has."""
-    shapes = ((4, 32, 32, 8), (3, 3, 8, 8))
-    x, kernel = (jax.random.normal(jax.random.key(k), shape) for k, shape in enumerate(shapes))
-
-    def loss(kernel):
-        names = ("NHWC", "HWIO", "NHWC")
-        y = jax.lax.conv_general_dilated(x, kernel, (1, 1), "SAME", dimension_numbers=names)
-        return (y**2).sum()
-
-    return digest_of(np.asarray(jax.jit(jax.grad(loss))(kernel)))
-
-
 def test_nets_are_the_same_in_a_worker_and_in_the_main_process():
     # Where there is more than one core.
     code = (
@@ -124,7 +112,7 @@ def test_nets_are_the_same_in_a_worker_and_in_the_main_process():
         "from experiments.config import MainConfig\n"
         "from experiments.config.presets import defaults\n"
         "def work(config):\n"
-        "    from tests.experiments.test_run import gradient  # starts JAX\n"
+        "    from tests.experiments.tasks import gradient  # starts JAX\n"
         "    print(gradient())\n"
         "main('camvid', partial(defaults, MainConfig), work, '', (), target='camvid')\n"
     )

@@ -5,10 +5,7 @@ import json
 import multiprocessing
 import resource
 import threading
-import time
-from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 import pytest
 from hypothesis import given
@@ -17,6 +14,7 @@ from hypothesis import strategies as st
 from shell.errors import UserError
 from shell.lines import JsonLines
 from tests.conftest import refused
+from tests.tasks import add_alone, add_many
 
 LINE = {"key": "k", "reward": 0.25, "class_iou": [0.5, None]}
 
@@ -112,15 +110,6 @@ def test_what_another_process_adds_is_read_once(path):
     assert JsonLines(path).lines == [LINE, {"n": 1}, {"n": 2}, {"n": 3}]
 
 
-def add_many(path: Path, name: str, ready: Any) -> None:
-    log = JsonLines(path)
-    ready.wait(60)
-    for k in range(20):
-        with log.shared():
-            time.sleep(0.002)  # for the other one to step in, were it not for the lock
-            log.append({"name": name, "k": k}, {"after": [name, k]})
-
-
 @pytest.mark.parametrize("kind", ["Thread", "Process"])
 def test_two_may_write_at_once(tmp_path, kind):
     path = tmp_path / "new" / "shared.jsonl"
@@ -135,17 +124,6 @@ def test_two_may_write_at_once(tmp_path, kind):
     for name in "xy":
         assert [line["k"] for line in own if line["name"] == name] == list(range(20))
     assert after == [{"after": [*line.values()]} for line in own]  # at once, so together
-
-
-def add_alone(path, name, ready, counts):
-    log = JsonLines(path)
-    ready.wait(60)
-    for k in range(150):
-        log.refresh()
-        with suppress(RuntimeError):  # the other one was faster: nothing is written
-            log.append({"name": name, "k": k})
-            counts.put(name)
-    counts.put(None)
 
 
 def test_what_two_append_at_once_is_written_or_refused(tmp_path):
