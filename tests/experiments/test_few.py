@@ -129,7 +129,7 @@ def test_an_evaluation_is_named_by_its_few(tmp_path):
 
 
 def test_nets_share_files_and_renders_and_are_those_of_arrays(tmp_path, monkeypatch):
-    few = [LabelledSubset(REAL, picked) for picked in ((3, 17, 24), (5,))]
+    few = [LabelledSubset(REAL, picked) for picked in ((3, 17, 24), (5, 6, 7))]
     streets = default_proposal()
     sources = [*(TrainingSet((streets, own), (0.5, 0.5)) for own in few), streets]
     arrays = [*(TrainingSet((streets, REAL.take(o.picked)), (0.5, 0.5)) for o in few), streets]

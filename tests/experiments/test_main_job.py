@@ -19,6 +19,7 @@ from experiments.main.summary import ROWS
 from scene.assets.catalogue import AssetPool
 from scene.attributes import NAMES
 from scene.dataset.export import read_dataset
+from scene.dataset.render import COMPILING
 from scene.proposal import default_proposal
 from scene.render.__main__ import main as scene_render
 from seg.classes import CAMVID_11, CITYSCAPES_19, table_text
@@ -28,7 +29,7 @@ from shell.target_file import shipped
 from tests.conftest import gone, wait_for_lines
 from tests.guard_files import as_recorded
 
-from .conftest import TINY, lines
+from .conftest import TINY, lines, main_job
 
 SCORES = ("rows", "random", "default", "learnt", "gain", "candidates", "chosen_candidate")
 
@@ -190,11 +191,12 @@ def test_the_engine_alone_makes_the_runs_dataset_again(unbroken, tmp_path):
     assert ours == theirs and len(ours) > 20
 
 
-def test_smoke_run_on_real_camvid(camvid_dir, start_job, out):
-    flags = [*TINY, "--data", str(camvid_dir), "--holdout", "0006R0"]
-    flags += ["--seeds", "1", "--search.updates-per-group", "1"]
-    code, stdout, stderr = start_job(out, *flags, experiment="camvid").finish()
-    assert (code, stderr) == (0, "")
+def test_smoke_run_on_real_camvid(camvid_dir, out, capsys):
+    flags = [*TINY, "--workers", "0", "--seeds", "1", "--search.updates-per-group", "1"]
+    flags += ["--data", str(camvid_dir), "--holdout", "0006R0", "--out", str(out)]
+    assert main_job("camvid", *flags) == 0
+    stdout, stderr = capsys.readouterr()
+    assert stderr.replace(f"{COMPILING}\n", "") == ""
     first = stdout.splitlines()[0]
     assert first.startswith("Target: camvid") and "reported on sequence 0006R0" in first
     summary = read_json(out / "summary.json")

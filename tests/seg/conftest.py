@@ -61,6 +61,11 @@ def toy(count=2, size=(32, 32)):
 
 
 def filled(module, images, seed: int = 0):
+    """Parameters of a module for such images."""
+    return drawn(jax.eval_shape(module.init, jax.random.key(0), images)["params"], seed)
+
+
+def drawn(outline, seed: int = 0):
     """Parameters of ordinary sizes, none of them 0: drawing them with JAX would compile for a minute."""
     rng = np.random.default_rng(seed)
 
@@ -68,8 +73,7 @@ def filled(module, images, seed: int = 0):
         scale = np.sqrt(2 / np.prod(leaf.shape[:-1])) if len(leaf.shape) == 4 else 0.1
         return rng.normal(0, scale, leaf.shape).astype(np.float32)
 
-    outline = jax.eval_shape(module.init, jax.random.key(0), images)
-    return jax.tree.map(draw, outline["params"])
+    return jax.tree.map(draw, outline)
 
 
 def narrow_vgg16(patch: pytest.MonkeyPatch, width: int, hidden: int) -> None:

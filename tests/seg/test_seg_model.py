@@ -15,11 +15,11 @@ from seg.card import card as card_of
 from seg.data.labelled import fitted
 from seg.model import CONFIG, SHIPPED, WEIGHTS, Model, classes_of, label_classes, load_model
 from seg.model import shipped as shipped_models
-from seg.train import _of_net, _predictor, logits, predict, train
+from seg.train import _of_net, _predictor, logits, outline, predict, train
 from shell.target_file import parse_target, shipped
 from tests.conftest import refused
 
-from .conftest import assert_same, pixels, toy
+from .conftest import assert_same, drawn, pixels, toy
 
 SIZE = (32, 40)
 COMPACT = TrainSettings(steps=2, batch=2, warmup=1, predict_batch=2)
@@ -35,8 +35,13 @@ CLASSES = label_classes(["road", "sky", "car"], ids=[7, 300, 0])
 
 
 def model_of(kind: str) -> Model:
-    images, labels = toy(2, SIZE)
-    return Model(SETTINGS[kind], train(0, images, labels, SETTINGS[kind], 3), SIZE, CLASSES)
+    """A trained net, or random weights in its place where a step of training compiles for long."""
+    settings, (images, labels) = SETTINGS[kind], toy(2, SIZE)
+    if settings.trunk == "tuned":
+        variables = drawn(outline(settings, 3))
+    else:
+        variables = train(0, images, labels, settings, 3)
+    return Model(settings, variables, SIZE, CLASSES)
 
 
 @pytest.fixture(scope="module")
