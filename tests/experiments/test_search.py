@@ -1,8 +1,6 @@
 """The search loop with a reward that is a formula: replay, failures, and what ends it."""
 
 import json
-import os
-import signal
 from dataclasses import replace
 from unittest.mock import Mock
 
@@ -21,12 +19,9 @@ from scene.proposal import slide
 from shell.errors import UserError
 
 from .conftest import Counted, Killed, diverge, formula, lines, main_job, never, searching, untimed
+from .tasks import die
 
 nothing_to_score = Mock(return_value=Result(float("nan"), [], 0.0, 0.0))
-
-
-def die(*task) -> None:
-    os.kill(os.getpid(), signal.SIGKILL)
 
 
 @pytest.fixture
