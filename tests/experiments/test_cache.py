@@ -33,7 +33,7 @@ from .conftest import POOL, Counted, Killed, never, runner_of, target_of
 
 TRAIN = replace(RECIPES["lite0-frozen"], steps=2, warmup=1, batch=2, scale=True)
 RECIPE = Recipe(Fidelity(64, 48, 1, 2, samples=1, train=TRAIN), "camvid", "embree", AssetPool(0, 2))
-OUTLINED = table_text(msgspec.structs.replace(shipped("camvid"), outlines={"tree": 0.05}))
+OUTLINED = table_text(msgspec.structs.replace(shipped("camvid"), outlines={"tree": 0.1}))
 COUNT = 25  # two tasks, of 16 and 9
 
 
