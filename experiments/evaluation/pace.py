@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import json
+import os
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -25,7 +26,7 @@ from scene.render import RenderSettings
 from scene.workers import ExecutorName, Workers
 from seg.recipes import RECIPES, with_steps
 from seg.train import train
-from shell.files import write_json
+from shell.files import digest, write_json
 
 SIZE = (240, 176)
 """Width and height of the measured images, as for the rewards of most targets."""
@@ -97,8 +98,9 @@ def measured_by(workers: Workers) -> Pace:
 
 
 def kind(executor: ExecutorName, backend: str) -> str:
-    """The kind of workers that share a pace: where they are, and their backend of JAX."""
-    return f"{executor}-{backend}"
+    """The kind of workers that share a pace: where they are, their backend of JAX and its flags."""
+    flags = os.environ.get("XLA_FLAGS", "")
+    return "-".join([executor, backend, *([digest(flags)[:8]] if flags else [])])
 
 
 def read(kind: str) -> Pace | None:

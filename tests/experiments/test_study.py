@@ -413,6 +413,8 @@ def test_a_long_job_measures_the_pace_of_the_machine_once(config, monkeypatch, t
     assert len(measured) == 1
     out = capsys.readouterr().out
     assert out.count("Measuring how fast this machine is") == 1 and out.count("About 26 min") == 2
+    monkeypatch.setenv("XLA_FLAGS", "--slow")  # compiled otherwise, trained at another pace
+    assert paces.read(paces.kind("processes", "cpu")) is None
     (tmp_path / f"pace-{kind}.json").write_text('{"render": -1, "train": 1}')
     assert paces.read(kind) is None  # and so is any other content
     for text in ("", "[1, 2]", '{"render": 1}', '{"render": "x", "train": 1}'):
