@@ -810,12 +810,18 @@ def street_labels():
 
 
 @pytest.mark.slow
-def test_camvid_outlines_its_trees_and_no_other_class(street_labels, camvid_dir):
-    target = find_target("camvid")
-    entries = subset(list_split(target, camvid_dir, "train"), 60)
+@pytest.mark.parametrize("name", ["camvid", "labelmefacade"])
+def test_doctor_proposes_outlines_near_the_shipped_ones(name, street_labels, request):
+    target = find_target(name)
+    folder = request.getfixturevalue(f"{name}_dir")
+    entries = subset(list_split(target, folder, "train"), 60)
     labels = load(entries, target, (176, 240)).labels
-    shares = {row.name: row.outline for row in outlines.compare(target, labels, street_labels)}
-    assert 0.02 <= shares.pop("tree") <= 0.04 and set(shares.values()) == {0}
+    exact = msgspec.structs.replace(target, outlines={})
+    rows = outlines.compare(exact, labels, street_labels)
+    proposed = {row.name: row.outline for row in rows if row.outline}
+    assert proposed.keys() == target.outlines.keys()
+    # CamVid's tree gets 4 % by all labels but 0006R0, and 2 % by these.
+    assert all(share / 2 <= proposed[name] <= share for name, share in target.outlines.items())
 
 
 @pytest.mark.slow
