@@ -108,7 +108,7 @@ class TargetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             `classes` does not name it. By default such values are an error, and pixels
             without a polygon void.
         unlabelled: whether an image at a pattern that has no label is an error, or left out.
-        outlines: classes that annotators draw as a whole, holes included, with the width of the widest holes
+        outlines: classes that annotators draw as a whole before the sky, with the width of the widest holes
             as a share of the image's width: renders' labels of these are drawn in the same way
             (`scene.outline`). In the file a share is such as "3 %".
         name: name of the target; by default that of its file.

@@ -48,14 +48,8 @@ Scores = dict[str, list[dict[str, Any]]]
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line; returns the exit code."""
     options = _options(arguments)
-
-    def work() -> None:
-        try:
-            _run(options)
-        except (DataError, TrainingError) as error:
-            raise UserError(str(error)) from error
-
-    return exit_code(work, also=(WorkerError,))
+    users = (UserError, DataError, TrainingError)
+    return exit_code(lambda: _run(options), (WorkerError,), users=users)
 
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:

@@ -144,9 +144,9 @@ class Run(Generic[AnyConfig]):
             )
         self._expect(cost, pace or REFERENCE, start)
         compile_first(self.workers, self.config.renderer)
+        start = start._replace(render=0.0)
         if pace is None and sum(cost) > WORTH:
             pace = self._measured()
-            start = start._replace(render=0.0)  # compiled
             self.progress.say(time_text(cost, workers, pace, start))
         self._expect(cost, pace or REFERENCE, start)
 

@@ -196,7 +196,6 @@ def test_streets_by_name_and_half_of_either():
     assert near.sum() == 4 and mixed.shares == (0.5, 0.5)
     assert module.space_in(module.read_streets("mixed", "scenex")) == "scenex"
     assert module.space_in(module.read_streets("mixed", None)) == "scenex"
-
     np.testing.assert_array_equal(module.streets_named("default", "extended", 0.3), by_eye)
     complaint = "unknown streets 'half'; known: default, random, mixed"
     refused(ValueError, complaint, module.streets_named, "half", "scenex")

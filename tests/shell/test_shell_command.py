@@ -141,34 +141,21 @@ def test_what_was_meant(word, said):
     assert meant(word, ["render", "fit", "--a.lr", "--b.c.lr", "--b.d.lr"]) == said
 
 
-@pytest.mark.parametrize(("words", "said"), [
-    (["--first", "3"], "--first needs --rank or --order"), (["--first=3"], "--first needs"),
-    (["--first", "3", "--order=x"], ""), (["--rank"], ""), ([], ""),
+@pytest.mark.parametrize(("rule", "words", "said"), [
+    (Parser.needs, ["--first", "3"], "--first needs --rank or --order"),
+    (Parser.needs, ["--first=3"], "--first needs"),
+    (Parser.needs, ["--first", "3", "--order=x"], ""),
+    (Parser.needs, ["--rank"], ""), (Parser.needs, [], ""),
+    (Parser.excludes, ["--first", "3", "--rank"], "--first has no effect with --rank"),
+    (Parser.excludes, ["--first=3", "--order=x"], "--first has no effect with --order"),
+    (Parser.excludes, ["--first", "3"], ""), (Parser.excludes, ["--rank", "--order=x"], ""),
 ])  # fmt: skip
-def test_a_flag_may_need_another(words, said, capsys):
+def test_a_flag_may_need_or_exclude_another(rule, words, said, capsys):
     parser = Parser("x", "")
     for flag in ("--first", "--order"):
         parser.add_argument(flag)
     parser.add_argument("--rank", action="store_true")
-    parser.needs("--first", "--rank", "--order")
-    if not said:
-        parser.parse_args(words)
-        return
-    refused(SystemExit, "^2$", parser.parse_args, words)
-    assert said in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("words, said", [
-    (["--first", "3", "--rank"], "--first has no effect with --rank"),
-    (["--first=3", "--order=x"], "--first has no effect with --order"),
-    (["--first", "3"], ""), (["--rank", "--order=x"], ""),
-])  # fmt: skip
-def test_a_flag_may_exclude_another(words, said, capsys):
-    parser = Parser("x", "")
-    for flag in ("--first", "--order"):
-        parser.add_argument(flag)
-    parser.add_argument("--rank", action="store_true")
-    parser.excludes("--first", "--rank", "--order")
+    rule(parser, "--first", "--rank", "--order")
     if not said:
         parser.parse_args(words)
         return
