@@ -41,7 +41,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parsers.export().parse_args(arguments)
 
     def work() -> None:
-        size = export(options.model, options.onnx)
+        model = load_model(options.model, mirror=not options.no_mirror)
+        size = export(model, options.onnx)
         print(f"{options.onnx}: {size / 1e6:.1f} MB")
 
     return exit_code(work, debug=options.debug, goes_on=False)

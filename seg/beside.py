@@ -36,13 +36,22 @@ def training_set(
     return TrainingSet((images, beside), (1 - share, share))
 
 
+def mean_share(share: float, last_share: float | None = None) -> float:
+    """The second part's share of all batches, where it changes linearly from the first to the last."""
+    return share if last_share is None else (share + last_share) / 2
+
+
 def drawn(share: float, images: int) -> int:
     """How many of the images in all batches are beside the others: their share, rounded."""
     return int(np.floor(images * share + 0.5))
 
 
 def picks(
-    rng: np.random.Generator, counts: Sequence[int], share: float, needed: int
+    rng: np.random.Generator,
+    counts: Sequence[int],
+    share: float,
+    needed: int,
+    last_share: float | None = None,
 ) -> Int[np.ndarray, " needed"]:
     """Choose the images of all updates, one after the other.
 
@@ -52,12 +61,17 @@ def picks(
     Args:
         rng: consumed.
         counts: images of each part; the second part's indices follow the first part's.
-        share: the second part's share.
+        share: the second part's share, of the first batch.
         needed: total number of images.
+        last_share: that of the last batch, if the share changes linearly.
     """
     if len(counts) == 1:
         return _epochs(rng, counts[0], needed)
-    second = np.diff(np.floor(np.arange(needed + 1) * share + 0.5)) > 0
+    image = np.arange(needed + 1)
+    until = image * share
+    if last_share is not None:
+        until = until + (last_share - share) * image**2 / (2 * needed)
+    second = np.diff(np.floor(until + 0.5)) > 0
     found = np.empty(needed, np.int64)
     found[~second] = _epochs(rng, counts[0], int(np.sum(~second)))
     found[second] = counts[0] + _epochs(rng, counts[1], int(np.sum(second)))

@@ -57,6 +57,10 @@ def card(config: Mapping[str, Any]) -> str:
             "Its trunk is frozen and comes with a package, which `config.json` names; the weights are the "
             "head's."
         )
+    if config["recipe"].get("average_mirror"):
+        lines.append(
+            "Its predictions are means over an image and its mirror image; `--no-mirror` takes half the time."
+        )
     if told:
         lines += [
             "",

@@ -287,11 +287,13 @@ def refuse_others(folder: Path) -> None:
         )
 
 
-def load_model(path: str | Path) -> Model:
+def load_model(path: str | Path, mirror: bool = True) -> Model:
     """Load a model that `Model.save` wrote, or one that comes with the package.
 
     Args:
         path: its folder, or a name such as `renders19`.
+        mirror: False for predictions from the image alone, in half the time, where the model averages over
+            the mirror image.
 
     Raises:
         ModelError: no model, a damaged one, or one of a newer format; the message names file and field.
@@ -308,13 +310,15 @@ def load_model(path: str | Path) -> Model:
             f"{folder}: no model; expected a folder with {CONFIG} and {WEIGHTS}{names}"
         )
     try:
-        return _loaded(folder, read_json(file))
+        model = _loaded(folder, read_json(file))
     except ModelError:
         raise
     except OSError as error:
         raise ModelError(f"{error.filename or folder}: {error.strerror or error}") from None
     except (UserError, ValueError) as error:
         raise ModelError(f"{file}: {printable(str(error).removeprefix(f'{file}: '))}") from None
+    settings = replace(model.settings, average_mirror=model.settings.average_mirror and mirror)
+    return replace(model, settings=settings)
 
 
 def shipped() -> tuple[str, ...]:

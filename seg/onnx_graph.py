@@ -55,7 +55,7 @@ def onnx_bytes(model: Model) -> bytes:
 
     Its input is `image`, u8[1, height, width, 3], RGB of the model's size; its outputs are `labels`,
     u8[1, height, width], indices of the classes, and `logits`, f32[1, height, width, classes]. Its metadata
-    names the classes, their ids and colours.
+    names the classes, their ids and colours, and whether logits are averaged over the mirror image.
 
     Raises:
         ModelError: the package onnx is not installed, or the net has an operation that cannot be written.
@@ -95,6 +95,7 @@ def onnx_bytes(model: Model) -> bytes:
     about = {
         "classes": json.dumps([own._asdict() for own in model.classes]),
         "padding": "the last column or row is repeated on the right or below",
+        "mirror": "averaged" if model.settings.average_mirror else "not averaged",
         "model": model.digest,
     }
     onnx.helper.set_model_props(made, about)
@@ -249,6 +250,10 @@ class Graph:
     ) -> str:
         axes = list(range(len(start_indices)))
         return self._cut(x, start_indices, limit_indices, axes, strides or [1] * len(axes))
+
+    def _rev(self, x: Value, *, dimensions: Any, **_: Any) -> str:
+        count = len(dimensions)
+        return self._cut(x, [-1] * count, [-(2**31)] * count, dimensions, [-1] * count)
 
     def _broadcast_in_dim(self, x: Value, *, shape: Any, avals: Any, **own: Any) -> str:
         thin = [1] * len(shape)

@@ -71,6 +71,12 @@ class TrainSettings:
         head_dropout: share of its features that a trunk's head leaves out in training.
         average: share of the last steps over whose parameters the trained net is the mean. 0: the net
             after the last step.
+        heads: heads on a frozen trunk, each with first weights and an order of images of its own. Logits
+            are their mean. Features are computed once for all.
+        jaccard: weight of the soft Jaccard loss beside the cross-entropy, see `seg.losses`.
+        last_share: share of the second part of a training set in the last batch; it changes linearly
+            from the share in the first one. None: it stays.
+        average_mirror: whether logits are the mean over an image and its mirror image.
     """
 
     net: NetName | str = "compact"
@@ -102,6 +108,10 @@ class TrainSettings:
     head_width: Annotated[int, at_least(1), at_most(2**16)] = 64
     head_dropout: Annotated[float, within(0, 1, "[)")] = 0.0
     average: Annotated[float, within(0, 1, "[)")] = 0.0
+    heads: Annotated[int, at_least(1), at_most(64)] = 1
+    jaccard: Annotated[float, at_least(0)] = 0.0
+    last_share: Annotated[float | None, within(0, 1)] = None
+    average_mirror: bool = False
 
     @property
     def has_trunk(self) -> bool:
@@ -130,6 +140,8 @@ def check_settings(settings: TrainSettings) -> None:
         raise ValueError(
             f"accumulate must divide the batch of {settings.batch} evenly, not {settings.accumulate}"
         )
+    if settings.accumulate > 1 and settings.jaccard:
+        raise ValueError("jaccard is of a whole batch, and accumulate cuts it into parts; set one")
 
 
 def check_net(settings: TrainSettings) -> None:
@@ -158,6 +170,10 @@ def check_net(settings: TrainSettings) -> None:
     if settings.trunk == "tuned" and not settings.has_trunk:
         raise ValueError(
             f'trunk is "tuned", but the net {settings.net} has no trunk; lite0 to lite2 have'
+        )
+    if settings.heads > 1 and not settings.frozen:
+        raise ValueError(
+            f"heads must be 1, not {settings.heads}, for the net {settings.net} without a frozen trunk"
         )
     if settings.has_trunk and (settings.norm or settings.lr_multipliers != "none"):
         raise ValueError(

@@ -16,7 +16,7 @@ from jaxtyping import Array, Float, Float32, Int32, PRNGKeyArray, UInt8, UInt32
 
 from seg.augment import augment, draw
 from seg.beside import picks
-from seg.losses import cross_entropy, cross_entropy_sums
+from seg.losses import cross_entropy, cross_entropy_sums, soft_jaccard
 from seg.nets import net_of, normalise
 from seg.nets.head import OnTrunk
 from seg.nets.ops.resize import strided
@@ -73,11 +73,11 @@ def plan(
         seed: 32 bits.
         counts: images of each part; for a frozen trunk, views.
         settings: settings of the training.
-        share: share of the second part in all batches.
+        share: share of the second part in the first batch; the settings say whether it changes.
     """
     rng = np.random.default_rng(seed)
     parts = (counts,) if isinstance(counts, int) else tuple(counts)
-    found = picks(rng, parts, share, settings.steps * settings.batch)
+    found = picks(rng, parts, share, settings.steps * settings.batch, settings.last_share)
     return Plan(
         picks=found.reshape(settings.steps, settings.batch).astype(np.int32),
         draws=draw(rng, settings.steps, settings.batch),
@@ -107,7 +107,7 @@ def functions(settings: TrainSettings, classes: int) -> Functions:
     plain = TrainSettings()
     # These are data of the step, or its shapes.
     free = ["lr", "steps", "batch", "warmup", "power", "weighted", "predict_batch"]
-    free += ["views", "head_statistics"]
+    free += ["views", "head_statistics", "heads", "last_share", "average_mirror"]
     if not settings.has_trunk:  # with a trunk they decide its size
         free.append("weights")
     changes = {name: getattr(plain, name) for name in free}
@@ -161,7 +161,9 @@ def _compiled(settings: TrainSettings, classes: int) -> Functions:
 
         def loss_of(params: Params) -> Float[Array, ""]:
             variables = {"params": params, **state.fixed}
-            return cross_entropy(logits_of(variables, x, size, dropout), y, data.class_weights)
+            logits = logits_of(variables, x, size, dropout)
+            loss = cross_entropy(logits, y, data.class_weights)
+            return loss + settings.jaccard * soft_jaccard(logits, y) if settings.jaccard else loss
 
         def sums_of(params: Params, x: Any, y: Array, part: Array) -> tuple[Array, Array]:
             key = jax.random.fold_in(dropout, part)

@@ -4,11 +4,11 @@ The step is one jitted function, called in a host loop: on XLA's CPU backend gra
 run ten times slower inside `lax.scan`. On accelerators the same step is scanned in chunks.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
 from itertools import pairwise
-from typing import Any
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
@@ -18,7 +18,7 @@ from jaxtyping import Array, Float32, Int64, UInt8
 
 from seg import losses, pyramid
 from seg.batches import in_batches
-from seg.beside import TrainingSet, joined, mixed, training_set
+from seg.beside import TrainingSet, joined, mean_share, mixed, training_set
 from seg.classes import IGNORE_LABEL
 from seg.data import LabelledImages
 from seg.metrics import confusion_matrix
@@ -27,8 +27,8 @@ from seg.nets.head import STATISTICS, Maps, OnTrunk
 from seg.nets.trunks import trunk_of
 from seg.pyramid import Statistics
 from seg.settings import VGG_NETS, TrainSettings, check_settings
-from seg.step import Data, Functions, Params, TrainState, Variables, functions, plan
-from seg.views import view_labels, views
+from seg.step import Data, Functions, Params, Plan, TrainState, Variables, functions, plan
+from seg.views import with_mirror, view_labels, views
 from seg.weights import load
 
 CHUNK = 50  # steps between two checks of the loss; also the length of a scan on an accelerator
@@ -46,41 +46,95 @@ def apply(
     if settings.frozen:
         with jax.ensure_compile_time_eval():  # a trunk may draw its weights
             params = pyramid.trunk_params(settings)
+
+    def seen(images: UInt8[Array, "b h w 3"]) -> Float32[Array, "b h w classes"]:
+        if not settings.frozen:
+            return module.apply(variables, normalise(images.astype(jnp.float32) / 255), train=False)
         maps = pyramid.maps_of(params, images, settings)
-        size = (images.shape[1], images.shape[2])
-        return module.apply(variables, maps, size, method=OnTrunk.from_maps)
-    return module.apply(variables, normalise(images.astype(jnp.float32) / 255), train=False)
+        return _from_maps(module, variables, maps, (images.shape[1], images.shape[2]), settings)
+
+    return _over_mirror(
+        seen, (images, images[:, :, ::-1]) if settings.average_mirror else (images,)
+    )
+
+
+def _from_maps(
+    module: Any, variables: Variables, maps: Maps, size: tuple[int, int], settings: TrainSettings
+) -> Float32[Array, "b h w classes"]:
+    """Mean logits of all heads from the features of images of a size."""
+    each = [module.apply(own, maps, method=OnTrunk.scores) for own in heads_of(variables, settings)]
+    mean = each[0] if len(each) == 1 else sum(each) / len(each)
+    return module.apply(variables, mean, size, method=OnTrunk.enlarged)
+
+
+def _over_mirror(seen: Callable[[Any], Array], sides: Sequence[Any]) -> Array:
+    """Logits of images, or their mean with those of the mirror images, mirrored back."""
+    direct, *mirror = map(seen, sides)
+    return (direct + mirror[0][:, :, ::-1]) / 2 if mirror else direct
+
+
+def heads_of(variables: Variables, settings: TrainSettings) -> list[Variables]:
+    """The variables of a net with each of its heads alone."""
+    if settings.heads == 1:
+        return [variables]
+    params = variables["params"]
+    return [
+        {**variables, "params": jax.tree.map(lambda leaf, k=k: leaf[k], params)}
+        for k in range(settings.heads)
+    ]
+
+
+def _with_heads(nets: Sequence[Variables]) -> Variables:
+    """The variables of nets with one head each as those of one net: their parameters are stacked."""
+    if len(nets) == 1:
+        return nets[0]
+    params = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(net["params"] for net in nets))
+    return {**nets[0], "params": params}
+
+
+Output = Literal["labels", "scores", "heads"]
+"""What a predictor gives: labels, the scores of all classes, or labels of all heads, then of each alone."""
 
 
 @lru_cache(maxsize=32)
 def _predictor(
-    net_settings: TrainSettings, classes: int, scores: bool
+    net_settings: TrainSettings, classes: int, output: Output
 ) -> Callable[[Variables, ArrayLike], Array]:
     @jax.jit
     def predict_batch(variables: Variables, images: UInt8[Array, "b h w 3"]) -> Array:
         logits = apply(variables, images, net_settings, classes)
-        return logits if scores else jnp.argmax(logits, axis=-1).astype(jnp.uint8)
+        return logits if output == "scores" else jnp.argmax(logits, axis=-1).astype(jnp.uint8)
 
     return predict_batch
 
 
 @lru_cache(maxsize=32)
 def _head_predictor(
-    net_settings: TrainSettings, classes: int, scores: bool
+    net_settings: TrainSettings, classes: int, output: Output
 ) -> Callable[..., Array]:
-    module = net_of(net_settings, classes)
+    module, alone = net_of(net_settings, classes), replace(net_settings, heads=1)
 
     @partial(jax.jit, static_argnums=2)
-    def predict_batch(variables: Variables, maps: Maps, size: tuple[int, int]) -> Array:
-        logits = module.apply(variables, maps, size, method=OnTrunk.from_maps)
-        return logits if scores else jnp.argmax(logits, axis=-1).astype(jnp.uint8)
+    def predict_batch(variables: Variables, sides: Sequence[Maps], size: tuple[int, int]) -> Array:
+        def logits_of(variables: Variables, settings: TrainSettings) -> Array:
+            return _over_mirror(
+                lambda maps: _from_maps(module, variables, maps, size, settings), sides
+            )
+
+        if output == "heads":
+            each = [logits_of(own, alone) for own in heads_of(variables, net_settings)]
+            labels = [jnp.argmax(logits, axis=-1) for logits in (sum(each), *each)]
+            return jnp.stack(labels, axis=1).astype(jnp.uint8)
+        logits = logits_of(variables, net_settings)
+        return logits if output == "scores" else jnp.argmax(logits, axis=-1).astype(jnp.uint8)
 
     return predict_batch
 
 
 def _of_net(settings: TrainSettings) -> TrainSettings:
     """The settings on which a prediction depends; the others have their defaults."""
-    names = ["net", "dtype", "norm", "trunk", "head_width", "head_dropout"]
+    names = ["net", "dtype", "norm", "trunk", "head_width", "head_dropout", "heads"]
+    names.append("average_mirror")
     if settings.has_trunk:
         names.append("weights")
     return replace(TrainSettings(), **{name: getattr(settings, name) for name in names})
@@ -147,7 +201,7 @@ def _check(images: np.ndarray, labels: np.ndarray | None = None) -> None:
 
 
 def _check_net(
-    images: np.ndarray, settings: TrainSettings, features: Maps | None, views: int = 1
+    images: np.ndarray, settings: TrainSettings, features: Maps | None, views: int
 ) -> None:
     if settings.has_trunk:
         pyramid.check_size(images, settings)
@@ -178,6 +232,8 @@ def train(
 ) -> Variables:
     """Train a net; the same arguments give the same variables.
 
+    Heads train one after the other: the first as if it were alone.
+
     Args:
         rng_seed: 32 bits for initial parameters, the order of the images and augmentation.
         images: RGB.
@@ -196,16 +252,18 @@ def train(
         beside: more images of the same size, such as labelled real ones beside renders; for a frozen trunk
             they may have the features of all their views. Class weights and training statistics are those
             of the images in the batches.
-        share: share of ``beside`` in the images of all batches, in (0, 1), even if they are few.
+        share: share of ``beside`` in the images of all batches, in (0, 1), even if they are few; with the
+            settings' `last_share` that of the first batch.
         checkpoints: number of evenly spaced steps after which `at_checkpoint` is called, at most all; the
-            last one is the end.
+            last one is the end. More than one are for nets of one head.
         at_checkpoint: called with the net's variables, which are valid until it returns. Until the steps
             begin that the settings average, they are those after the step.
 
     Returns:
         The net's variables by collection: `params` after the last step, or their mean over the steps that
         the settings average, and a head's `statistics`. With a frozen trunk they are the head's alone, since
-        the trunk's do not change and `predict` loads them as training did.
+        the trunk's do not change and `predict` loads them as training did. Those of several heads are
+        stacked along a first axis.
 
     Raises:
         ValueError: no images, shapes that do not match, labels outside the classes, settings or a seed
@@ -228,6 +286,11 @@ def train(
         raise ValueError(
             f"checkpoints must lie in 1..{settings.steps}, the steps; got {checkpoints}"
         )
+    if checkpoints > 1 and settings.heads > 1:
+        raise ValueError(f"checkpoints are of nets of one head; the settings have {settings.heads}")
+    if beside is not None:  # weights and statistics are of all batches
+        mean = mean_share(share, settings.last_share)
+        own = own._replace(shares=(1 - mean, mean))
     compiled = functions(settings, classes)
     class_weights = np.ones(classes, np.float32)
     if settings.weighted:
@@ -242,16 +305,56 @@ def train(
     if settings.has_trunk and params is None and statistics is None:
         statistics = _statistics(own, settings)
     inputs: Any = joined([p.features if settings.frozen else p.images for p in own.parts])
-    rows = plan(rng_seed, [len(part.labels) for part in own.parts], settings, own.shares[-1])
+    counts = [len(part.labels) for part in own.parts]
     data = jax.device_put(Data(inputs, joined([p.labels for p in own.parts]), class_weights, seed))
     del own, inputs  # features are large, and joined ones are a copy
-    if params is not None:
-        # The step donates its state, so it gets a copy.
-        state = compiled.resume(jax.tree.map(jnp.array, variables_of(params)))
-    else:
-        state = compiled.init(seed, data.images)
-        if settings.weights is not None or settings.has_trunk:
-            state = _started(state, compiled, settings, statistics)
+    starts = [None] * settings.heads if params is None else heads_of(variables_of(params), settings)
+    nets = []
+    for head, start in enumerate(starts):
+        head_seed = _head_seed(rng_seed, head)
+        if start is not None:
+            # The step donates its state, so it gets a copy.
+            state = compiled.resume(jax.tree.map(jnp.array, start))
+        else:
+            state = compiled.init(np.uint32(head_seed), data.images)
+            if settings.weights is not None or settings.has_trunk:
+                state = _started(state, compiled, settings, statistics)
+        rows = plan(head_seed, counts, settings, share)
+        told = progress and partial(_told, progress, head * settings.steps)
+        data = data._replace(seed=np.uint32(head_seed))
+        nets.append(
+            _after(
+                compiled, state, data, rows, settings, told, stepwise, checkpoints, at_checkpoint
+            )
+        )
+    return _with_heads(nets)
+
+
+def _head_seed(rng_seed: int, head: int) -> int:
+    """The seed of a head's parameters and images; the first has that of the training."""
+    return (
+        rng_seed
+        if head == 0
+        else int(np.random.SeedSequence([rng_seed, head]).generate_state(1)[0])
+    )
+
+
+def _told(progress: Callable[[int, float], None], before: int, step: int, loss: float) -> None:
+    progress(before + step, loss)
+
+
+def _after(
+    compiled: Functions,
+    state: TrainState,
+    data: Data,
+    rows: Plan,
+    settings: TrainSettings,
+    progress: Callable[[int, float], None] | None,
+    stepwise: bool | None,
+    checkpoints: int,
+    at_checkpoint: Callable[[Variables], None] | None,
+) -> Variables:
+    """The variables of a net with one head after all steps; arguments and errors are those of `train`."""
     if stepwise is None:
         stepwise = jax.default_backend() == "cpu"
     checked = {settings.steps, *range(CHUNK, settings.steps, CHUNK)}
@@ -292,8 +395,8 @@ def predict(
         images: RGB of any size; with a trunk no side is shorter than its largest stride.
         settings: the settings of the training.
         classes: the net's number of classes.
-        features: for a frozen trunk, the images' features from `seg.pyramid.features`; None computes them.
-            The prediction is the same.
+        features: for a frozen trunk, `seg.pyramid.features` of `seg.views.with_mirror`; None computes
+            them. The prediction is the same.
 
     Returns:
         The most likely class of each pixel.
@@ -302,7 +405,7 @@ def predict(
         ValueError: there are no images, they are not RGB bytes, or too small for the net.
         WeightsError: the frozen trunk's weights cannot be used.
     """
-    return _of_batches(params, images, settings, classes, features, scores=False)
+    return _of_batches(params, images, settings, classes, features, "labels")
 
 
 def logits(
@@ -314,7 +417,7 @@ def logits(
     features: Maps | None = None,
 ) -> Float32[np.ndarray, "n h w classes"]:
     """Scores of all classes, of which `predict` takes the largest; arguments and errors are the same."""
-    return _of_batches(params, images, settings, classes, features, scores=True)
+    return _of_batches(params, images, settings, classes, features, "scores")
 
 
 def _of_batches(
@@ -323,22 +426,24 @@ def _of_batches(
     settings: TrainSettings,
     classes: int,
     features: Maps | None,
-    scores: bool,
+    output: Output,
 ) -> np.ndarray:
-    """Compute labels, or the scores of all classes."""
+    """Compute labels, or the scores of all classes; only nets on a frozen trunk have "heads"."""
     _check(images)
-    _check_net(images, settings, features)
+    sides = 2 if settings.average_mirror else 1
+    _check_net(images, settings, features, sides)
     variables = jax.device_put(variables_of(params))  # once, not for every batch
     if settings.frozen:
-        size = (images.shape[1], images.shape[2])
-        maps = features or pyramid.features(images, settings)
-        predict_head = _head_predictor(_of_net(settings), classes, scores)
+        size, count = (images.shape[1], images.shape[2]), len(images)
+        maps = features or pyramid.features(with_mirror(images, settings), settings)
+        predict_head = _head_predictor(_of_net(settings), classes, output)
 
         def run(picks: np.ndarray) -> Array:
-            return predict_head(variables, tuple(m[picks] for m in maps), size)
+            of_side = [tuple(m[picks + side * count] for m in maps) for side in range(sides)]
+            return predict_head(variables, of_side, size)
 
-        return in_batches(run, np.arange(len(images)), settings.predict_batch)
-    predict_batch = _predictor(_of_net(settings), classes, scores)
+        return in_batches(run, np.arange(count), settings.predict_batch)
+    predict_batch = _predictor(_of_net(settings), classes, output)
     return in_batches(lambda batch: predict_batch(variables, batch), images, settings.predict_batch)
 
 
@@ -350,7 +455,9 @@ def outline(settings: TrainSettings, classes: int) -> Variables:
         channels = trunk_of(settings).channels
         images = tuple(jax.ShapeDtypeStruct((1, 1, 1, c), np.float16) for c in channels)
     seed = jax.ShapeDtypeStruct((), np.uint32)
-    return jax.eval_shape(lambda *given: compiled.init(*given).trained, seed, images)
+    return jax.eval_shape(
+        lambda *given: _with_heads([compiled.init(*given).trained] * settings.heads), seed, images
+    )
 
 
 def score(
@@ -381,3 +488,22 @@ def score(
     _check(images, labels)
     predicted = predict(params, images, settings, classes, features=features)
     return confusion_matrix(labels, predicted, classes)
+
+
+def score_heads(
+    params: Variables,
+    images: UInt8[np.ndarray, "n h w 3"],
+    labels: UInt8[np.ndarray, "n h w"],
+    settings: TrainSettings,
+    classes: int,
+    *,
+    features: Maps | None = None,
+) -> tuple[Int64[np.ndarray, "classes classes"], Int64[np.ndarray, "heads classes classes"]]:
+    """As `score`, and the same for each of the net's heads alone; arguments and errors are the same."""
+    if settings.heads == 1:
+        found = score(params, images, labels, settings, classes, features=features)
+        return found, found[None]
+    _check(images, labels)
+    predicted = _of_batches(params, images, settings, classes, features, "heads")
+    each = [confusion_matrix(labels, own, classes) for own in predicted.swapaxes(0, 1)]
+    return each[0], np.stack(each[1:])

@@ -38,6 +38,13 @@ def view_images(
     return np.concatenate([images, *(x for (x,) in found)])
 
 
+def with_mirror(
+    images: UInt8[np.ndarray, "n h w 3"], settings: TrainSettings
+) -> UInt8[np.ndarray, "views_n h w 3"]:
+    """The images that a frozen trunk sees in a test: the images, and mirrored ones if the settings say so."""
+    return np.concatenate([images, images[:, :, ::-1]]) if settings.average_mirror else images
+
+
 def view_labels(
     images: UInt8[np.ndarray, "n h w 3"],
     labels: UInt8[np.ndarray, "n h w"],

@@ -105,6 +105,15 @@ def fit() -> Parser:
     return options
 
 
+def _no_mirror(options: Parser) -> None:
+    """Add the flag of all commands that use a model."""
+    options.add_argument(
+        "--no-mirror",
+        action="store_true",
+        help="do not average over the mirror image: half the time, about half a point less",
+    )
+
+
 def predict() -> Parser:
     """The command line of `sdr-jax predict`."""
     options = Parser("predict", docstring("experiments.predict"))
@@ -136,6 +145,7 @@ def predict() -> Parser:
         metavar="N",
         help="with --rank: images with pre-labels",
     )
+    _no_mirror(options)
     options.needs("--first", "--rank")
     return options
 
@@ -172,6 +182,7 @@ def evaluate() -> Parser:
         metavar="DIR",
         help=f"folder for the {WORST} worst images, labels and predictions",
     )
+    _no_mirror(options)
     return options
 
 
@@ -182,6 +193,7 @@ def export() -> Parser:
     options.add_argument(
         "--onnx", type=Path, required=True, metavar="FILE", help="the file to write"
     )
+    _no_mirror(options)
     return options
 
 

@@ -37,7 +37,7 @@ from seg.nets.head import Maps
 from seg.nets.trunks import trunk_of
 from seg.pyramid import Statistics, channel_statistics, features
 from seg.settings import TrainSettings
-from seg.views import LOOKS, view_images
+from seg.views import LOOKS, with_mirror, view_images
 from shell.errors import UserError
 from shell.files import digest, file_digest, read_json, whole_folder, write, write_json
 
@@ -222,16 +222,18 @@ def by_target(train: TrainSettings) -> bool:
 
 def _views(train: TrainSettings, training: bool) -> dict[str, Any]:
     """The settings that decide features, beside images."""
-    looks = {name: getattr(train, name) for name in LOOKS} if training else {"views": 1}
+    looks: dict[str, Any] = {name: getattr(train, name) for name in LOOKS}
+    if not training:
+        looks = {"views": 1, **({"average_mirror": True} if train.average_mirror else {})}
     return {"trunk": dict(trunk_of(train).source), "dtype": train.dtype, **looks}
 
 
 def _features(images: np.ndarray, train: TrainSettings, training: bool) -> Maps:
-    """Compute features of images, or of all their views for training, view after view.
+    """Compute features of images as a test or training needs them, view after view.
 
     A view depends on its image alone, so that the features of a subset are among those of all images.
     """
-    return features(view_images(images, train) if training else images, train)
+    return features((view_images if training else with_mirror)(images, train), train)
 
 
 def _features_of(held: Cached, start: int, stop: int, train: TrainSettings, training: bool) -> Maps:

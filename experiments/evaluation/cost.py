@@ -13,8 +13,8 @@ from seg.recipes import recipe_for
 from seg.settings import TrainSettings
 
 STEP_COST = {"compact": 2.5e-7, "paper": 5e-5, "vgg-adam": 5e-5, "scratch": 5e-5}
-STEP_COST |= {"lite0-frozen": 4.5e-8, "lite0-tuned": 2e-6}
-"""Approximate CPU seconds of one update per pixel of its images, by recipe."""
+STEP_COST |= {"lite0-frozen": 4.5e-8, "lite0-heads": 8e-8, "lite0-tuned": 2e-6}
+"""Approximate CPU seconds of one update per pixel of its images, by recipe; of one head."""
 STREET_COST = 0.035
 """CPU seconds of sampling a street and its geometry."""
 IMAGE_COST = 0.014, 2.5e-7
@@ -73,7 +73,7 @@ def head_cost(fidelity: Fidelity) -> float:
     step = STEP_COST[recipe_for(train)]
     if train.has_trunk and not train.frozen:
         step *= _view_cost(train) / VIEW_COST["lite0"]
-    return pixels * step * train.steps * train.batch
+    return pixels * step * train.steps * train.batch * train.heads
 
 
 def training_cost(fidelity: Fidelity) -> float:
@@ -86,6 +86,7 @@ def prepare_cost(fidelity: Fidelity, images: int) -> Cost:
     if not fidelity.train.frozen:
         return Cost()
     tested = fidelity.width * fidelity.height * _view_cost(fidelity.train)
+    tested *= 2 if fidelity.train.average_mirror else 1
     return Cost(train=images * (_views_cost(fidelity) + tested))
 
 

@@ -29,7 +29,7 @@ from seg.beside import TrainingSet
 from seg.data import LabelledImages
 from seg.metrics import iou, mean_iou
 from seg.pyramid import features
-from seg.train import Params, TrainingError, predict, score, train
+from seg.train import Params, TrainingError, predict, score_heads, train
 from seg.views import view_images
 
 _KEPT: dict[Any, LabelledImages] = {}
@@ -217,19 +217,32 @@ def tested(
     """Test a trained net; the time of testing counts as training."""
     started = time.perf_counter()
     settings, classes = recipe.fidelity.train, len(recipe.classes.classes)
-    confusions = []
+    confusions, of_heads = [], []
     for first, end in parts or ((0, len(real.images)),):
         own = real.between(first, end)
-        confusion = score(params, own.images, own.labels, settings, classes, features=own.features)
-        confusions.append(confusion)
+        together, each_head = score_heads(
+            params, own.images, own.labels, settings, classes, features=own.features
+        )
+        confusions.append(together)
+        of_heads.append(each_head)
     confusion = np.sum(confusions, axis=0)
     seconds = train_seconds + time.perf_counter() - started
     found = None if keeps is None else _predictions(recipe, params, real, confusion, keeps)
     each = tuple(mean_iou(own) for own in confusions) if parts else ()
-    class_iou = [None if np.isnan(v) else float(v) for v in iou(confusion)]
+    heads = tuple(map(_class_iou, np.sum(of_heads, axis=0))) if settings.heads > 1 else ()
     return Result(
-        mean_iou(confusion), class_iou, render_seconds, seconds, parts=each, predictions=found
+        mean_iou(confusion),
+        _class_iou(confusion),
+        render_seconds,
+        seconds,
+        parts=each,
+        heads=heads,
+        predictions=found,
     )
+
+
+def _class_iou(confusion: np.ndarray) -> list[float | None]:
+    return [None if np.isnan(value) else float(value) for value in iou(confusion)]
 
 
 def _predictions(
@@ -239,9 +252,9 @@ def _predictions(
     if keeps == "confusion":
         return Predictions(confusion)
     settings, chosen = recipe.fidelity.train, picked(len(real.images))
-    maps = real.features and tuple(own[chosen] for own in real.features)
-    found = predict(params, real.images[chosen], settings, len(confusion), features=maps)
-    return compared(confusion, chosen, real.labels[chosen], found)
+    some = real.take(chosen)
+    found = predict(params, some.images, settings, len(confusion), features=some.features)
+    return compared(confusion, chosen, some.labels, found)
 
 
 def worker_environment() -> dict[str, str]:

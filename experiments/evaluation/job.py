@@ -111,6 +111,7 @@ class Result(NamedTuple):
     failed: str | None = None
     stored: bool = False  # whether it was known, and took no time now
     parts: tuple[float, ...] = ()  # reward on each part of the images, on request
+    heads: tuple[list[float | None], ...] = ()  # class IoU of each of several heads alone
     predictions: Predictions | None = None  # on request, if they were not known before
 
     @property

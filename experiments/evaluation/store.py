@@ -47,7 +47,7 @@ FIELDS: dict[str, tuple[type, ...]] = {
 }
 """One record. A failed evaluation has its reason in ``failed`` and no reward. A net that was trained on real
 images has no proposal, on a histogram ``probabilities`` instead, on a mixture ``components``. ``parts`` has
-the rewards on parts of the images that were tested separately."""
+the rewards on parts of the images that were tested separately, ``heads`` the class IoU of each head alone."""
 OF_A_RUN = ("nets", "row", "fraction", "search", "update", "dataset", "actions", "elapsed")
 """Fields that only a run's own lines have: which job of the run the evaluation was, and when."""
 VALUES = ("reward", "class_iou", "failed")
@@ -128,6 +128,8 @@ def record_of(key: str, source: Source, seed: int, result: Result) -> Record:
     }
     if result.parts:
         record["parts"] = [float(reward) for reward in result.parts]
+    if result.heads:
+        record["heads"] = list(result.heads)
     if isinstance(source, Histogram):
         record |= _parts(source)
     if isinstance(source, Mixture):
@@ -147,6 +149,7 @@ def result_of(record: Record) -> Result:
         record["failed"],
         stored=True,
         parts=tuple(record.get("parts", ())),
+        heads=tuple(record.get("heads", ())),
     )
 
 

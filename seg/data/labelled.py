@@ -36,11 +36,12 @@ class LabelledImages(NamedTuple):
     names: tuple[str, ...] = ()  # of each image, if known
     sequences: tuple[str, ...] = ()  # of each image, if known
     features: Maps | None = None
-    """Features of a frozen trunk, if known: for testing one row per image, for training the rows of all
-    views, view after view."""
+    """Features of a frozen trunk, if known: the rows of all views, view after view (`seg.views`)."""
 
     def between(self, first: int, end: int) -> LabelledImages:
-        """The images first .. end - 1, with one row of features each, without a copy."""
+        """The images first .. end - 1, with the features of all their views; those of one are no copy."""
+        if self.features is not None and len(self.features[0]) > len(self.images):
+            return self.take(range(first, end))
         maps = self.features and tuple(own[first:end] for own in self.features)
         names, sequences = self.names[first:end], self.sequences[first:end]
         return LabelledImages(

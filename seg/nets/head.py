@@ -47,7 +47,7 @@ class _Projection(nn.Module):
 
 
 class Head(nn.Module):
-    """Logits at full resolution from feature maps: 1x1, 3x3, 1x1 on the finest, then bilinear interpolation.
+    """Scores of classes at the finest of some feature maps: 1x1, 3x3, 1x1 convolutions.
 
     The 3x3 convolution is separable, a depthwise one and a 1x1 one: an update takes half the time of a whole
     3x3 kernel's, and nets trained on renders are no worse.
@@ -60,7 +60,7 @@ class Head(nn.Module):
         strides: strides of the maps in pixels, each a multiple of the first.
         width: channels between the convolutions.
         dropout: share of the features before the last convolution that a training step leaves out.
-        dtype: the type of computation; None for float32. Logits are float32.
+        dtype: the type of computation; None for float32. Scores are float32.
     """
 
     classes: int
@@ -70,10 +70,8 @@ class Head(nn.Module):
     dtype: DTypeLike | None = None
 
     @nn.compact
-    def __call__(
-        self, maps: Maps, size: tuple[int, int], train: bool = False, stride: int = 1
-    ) -> Float[Array, "b rows cols classes"]:
-        """Logits of images of a size (rows, columns) in pixels, at the pixels that `strided` takes."""
+    def __call__(self, maps: Maps, train: bool = False) -> Float[Array, "b rows cols classes"]:
+        """One vector of scores for each cell of the finest map."""
         channels = [m.shape[-1] for m in maps]
         mean = self.variable(STATISTICS, "mean", jnp.zeros, (sum(channels),)).value
         deviation = self.variable(STATISTICS, "deviation", jnp.ones, (sum(channels),)).value
@@ -89,9 +87,7 @@ class Head(nn.Module):
         x = nn.relu(Pointwise(self.width, dtype=self.dtype, name="mix")(x))
         if self.dropout and train:
             x = dropout(self.make_rng("dropout"), x, self.dropout)
-        x = Pointwise(self.classes, dtype=self.dtype, name="score")(x)
-        rows, cols = (len(range(stride // 2, n, stride)) for n in size)
-        return bilinear(x.astype(jnp.float32), self.strides[0], stride)[:, :rows, :cols]
+        return Pointwise(self.classes, dtype=self.dtype, name="score")(x).astype(jnp.float32)
 
 
 class OnTrunk(nn.Module):
@@ -122,13 +118,30 @@ class OnTrunk(nn.Module):
     ) -> Float[Array, "b rows cols classes"]:
         """Logits of normalised RGB; with `train` and dropout this needs `rngs={"dropout": key}`."""
         maps = self.trunk(denormalise(images))
-        return self.head(maps, (images.shape[1], images.shape[2]), train, stride)
+        return self.from_maps(maps, (images.shape[1], images.shape[2]), train, stride)
 
     def from_maps(
         self, maps: Maps, size: tuple[int, int], train: bool = False, stride: int = 1
     ) -> Float[Array, "b rows cols classes"]:
         """Logits of images of a size from the trunk's feature maps."""
-        return self.head(maps, size, train, stride)
+        return self.enlarged(self.scores(maps, train), size, stride)
+
+    def scores(self, maps: Maps, train: bool = False) -> Float[Array, "b rows cols classes"]:
+        """The head's scores at the finest map."""
+        return self.head(maps, train)
+
+    def enlarged(
+        self, scores: Float[Array, "b _rows _cols classes"], size: tuple[int, int], stride: int = 1
+    ) -> Float[Array, "b rows cols classes"]:
+        """Logits of images of a size from scores, by bilinear interpolation.
+
+        Args:
+            scores: of the head, or a mean over heads.
+            size: rows and columns in pixels.
+            stride: distance of the pixels that `strided` takes.
+        """
+        rows, cols = (len(range(stride // 2, n, stride)) for n in size)
+        return bilinear(scores, self.strides[0], stride)[:, :rows, :cols]
 
 
 def statistics(maps: Maps) -> tuple[Float[Array, " c"], Float[Array, " c"]]:

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from seg import TrainSettings, predict
-from seg.beside import drawn, mixed, picks
+from seg.beside import drawn, mean_share, mixed, picks
 from seg.data import LabelledImages
 from seg.losses import class_shares, class_weights, weights_of_shares
 from seg.pyramid import channel_statistics, features
@@ -33,6 +33,20 @@ def test_every_batch_holds_the_share_and_every_image_its_part(seed, share, ours,
     counts = np.bincount(found, minlength=ours + few)
     for part in (counts[:ours], counts[ours:]):
         assert len(part) in (ours, few) and np.ptp(part) <= 1
+
+
+@given(SEEDS, st.floats(0.01, 0.99), st.floats(0, 1))
+def test_a_share_changes_linearly_from_the_first_batch_to_the_last(seed, share, last):
+    steps, batch = 40, 4
+    found = picks(np.random.default_rng(seed), (30, 5), share, steps * batch, last)
+    beside = (found >= 30).reshape(steps, batch).sum(1)
+    expected = batch * (share + (last - share) * (np.arange(steps) + 0.5) / steps)
+    assert np.abs(np.cumsum(beside) - np.cumsum(expected)).max() <= 1
+    assert abs(beside.sum() - drawn(mean_share(share, last), steps * batch)) <= 1
+    same = picks(np.random.default_rng(seed), (30, 5), share, steps * batch, share)
+    np.testing.assert_array_equal(
+        same, picks(np.random.default_rng(seed), (30, 5), share, steps * batch)
+    )
 
 
 def test_a_set_with_none_beside_it_is_drawn_as_ever():

@@ -117,11 +117,11 @@ def test_shapes_of_trunk_and_head():
 
 
 def test_the_head_is_its_formula_and_its_statistics_by_hand():
-    """By NumPy, on one cell of each map, where enlarging repeats."""
+    """By NumPy, on one cell of each map."""
     rng = np.random.default_rng(0)
     maps = tuple(rng.normal(size=(1, 1, 1, c)).astype(np.float16) for c in (64, 112, 320))
     head = Head(3, STRIDES, width=8)
-    shapes = jax.eval_shape(lambda: head.init(jax.random.key(0), maps, (8, 8)))
+    shapes = jax.eval_shape(lambda: head.init(jax.random.key(0), maps))
     drawn = jax.tree.map(lambda s: rng.normal(size=s.shape).astype(np.float32), shapes)
     params, own = drawn["params"], drawn["statistics"]
     own["deviation"] = np.abs(own["deviation"]) + 1
@@ -131,10 +131,9 @@ def test_the_head_is_its_formula_and_its_statistics_by_hand():
     x = x * params["depthwise"]["kernel"][1, 1, 0] + params["depthwise"]["bias"]
     x = np.maximum(x @ params["mix"]["kernel"][0, 0] + params["mix"]["bias"], 0)
     expected = x @ params["score"]["kernel"][0, 0] + params["score"]["bias"]
-    logits = head.apply(drawn, maps, (5, 7))
-    assert logits.shape == (1, 5, 7, 3)
-    np.testing.assert_allclose(logits[0, 4, 6], expected, rtol=1e-4, atol=1e-4)
-    np.testing.assert_allclose(logits, np.broadcast_to(logits[:, :1, :1], logits.shape), rtol=1e-5)
+    scores = head.apply(drawn, maps)
+    assert scores.shape == (1, 1, 1, 3)
+    np.testing.assert_allclose(scores[0, 0, 0], expected, rtol=1e-4, atol=1e-4)
     maps = tuple(np.full((2, 1, 1, 1), v, np.float16) for v in (1, 2, 3))
     maps[0][1] = 5
     mean, deviation = statistics(maps)
@@ -182,10 +181,13 @@ def test_dropout_leaves_out_its_share_and_the_mean_stays(rate, share):
 @pytest.mark.parametrize("stride", [1, 2, 4])
 def test_a_loss_with_a_stride_sees_a_part_of_the_pixels(stride):
     shapes = ((2, 6, 8, 64), (2, 3, 4, 112), (2, 2, 2, 320))
-    maps, head = tuple(normal(*shape) for shape in shapes), Head(3, STRIDES, width=8)
-    params = head.init(jax.random.key(0), maps, (45, 61))
-    whole = head.apply(params, maps, (45, 61))
-    part = head.apply(params, maps, (45, 61), stride=stride)
+    maps = tuple(normal(*shape) for shape in shapes)
+    module = OnTrunk(3, Lite(blocks_of(SIZES["lite0"])), STRIDES, width=8)
+    logits = partial(module.apply, method=OnTrunk.from_maps)
+    params = module.init(jax.random.key(0), maps, (45, 61), method=OnTrunk.from_maps)
+    whole = logits(params, maps, (45, 61))
+    assert whole.shape == (2, 45, 61, 3)
+    part = logits(params, maps, (45, 61), stride=stride)
     np.testing.assert_allclose(part, strided(whole, stride), atol=1e-5)
 
 

@@ -1,4 +1,4 @@
-"""Cross-entropy with void, and class weights."""
+"""Cross-entropy and soft Jaccard loss with void, and class weights."""
 
 import jax
 import jax.numpy as jnp
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from seg.losses import class_weights, cross_entropy
+from seg.losses import class_weights, cross_entropy, soft_jaccard
 
 from .conftest import SEEDS, assert_close, normal
 
@@ -33,6 +33,22 @@ def test_all_void_is_zero_with_zero_gradient(weights):
     logits = jnp.full((2, 4, 3, CLASSES), 3.0)
     loss, gradient = jax.value_and_grad(cross_entropy)(logits, labels, weights)
     assert loss == 0 and not gradient.any() and jnp.isfinite(gradient).all()
+
+
+def test_the_soft_jaccard_loss_by_hand():
+    """Of three classes two occur: the third is not in the mean, though it has probability."""
+    p = np.array([[0.5, 0.3, 0.2], [0.2, 0.7, 0.1], [0.1, 0.8, 0.1], [0.9, 0.1, 0.0]], np.float32)
+    labels = jnp.array([[0, 1], [1, 255]], jnp.uint8)
+    logits = jnp.log(jnp.asarray(p) + 1e-12).reshape(2, 2, 3)
+    first = (0.5 + 1) / (0.5 + 0.2 + 0.1 + 1 - 0.5 + 1)
+    second = (0.7 + 0.8 + 1) / (0.3 + 0.7 + 0.8 + 2 - 1.5 + 1)
+    expected = 1 - (first + second) / 2
+    assert soft_jaccard(logits, labels) == pytest.approx(expected, rel=1e-5)
+    right = 50 * jax.nn.one_hot(labels, 3)
+    assert soft_jaccard(right, labels) == pytest.approx(0, abs=1e-6)
+    void = jnp.full((2, 2), 255, jnp.uint8)
+    loss, gradient = jax.value_and_grad(soft_jaccard)(logits, void)
+    assert loss == 0 and not gradient.any()
 
 
 @settings(max_examples=8)

@@ -29,6 +29,7 @@ LITE0 = replace(
 SETTINGS = {
     "compact": COMPACT,
     "frozen": LITE0,
+    "heads": replace(LITE0, heads=2, average_mirror=True),
     "tuned": replace(LITE0, trunk="tuned", average=0.0),
 }
 CLASSES = label_classes(["road", "sky", "car"], ids=[7, 300, 0])
@@ -57,7 +58,7 @@ def saved(compact, tmp_path):
 
 def test_weights_go_to_the_device_once(compact, saved, monkeypatch):
     assert all(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(load_model(saved).variables))
-    seen, run = [], _predictor(_of_net(COMPACT), 3, False)
+    seen, run = [], _predictor(_of_net(COMPACT), 3, "labels")
 
     def noting(variables, batch):
         seen.append(jax.tree.leaves(variables))
@@ -84,10 +85,14 @@ def test_what_is_loaded_is_what_was_saved(kind, tmp_path):
     names = load_file(tmp_path / "model" / WEIGHTS).keys()
     assert ("head/mean" in names) == (kind != "compact") and not any("params/" in n for n in names)
     size = (tmp_path / "model" / WEIGHTS).stat().st_size
-    assert size < 30_000 if kind == "frozen" else size > 11_000_000 or kind == "compact"
+    assert size < 60_000 if kind in ("frozen", "heads") else size > 11_000_000 or kind == "compact"
     before = (tmp_path / "model" / WEIGHTS).read_bytes()
     again.save(tmp_path / "model")  # over the older one
     assert (tmp_path / "model" / WEIGHTS).read_bytes() == before
+    alone = load_model(tmp_path / "model", mirror=False)
+    assert not alone.settings.average_mirror
+    assert (alone.digest == model.digest) == (kind != "heads")
+    assert ("mirror image" in (tmp_path / "model" / README).read_text()) == (kind == "heads")
 
 
 def test_images_of_any_size_give_labels_of_their_own(compact):

@@ -22,9 +22,11 @@ from seg import (
     predict,
     score,
 )
-from seg.data import list_split, load, read_split
+from seg.data import LabelledImages, list_split, load, read_split
+from seg.pyramid import features
 from seg.step import Data, functions, plan
-from seg.train import _check, train
+from seg.train import _check, apply, heads_of, logits, outline, score_heads, train
+from seg.views import with_mirror
 from shell.target_file import shipped
 
 from .conftest import assert_close, assert_same, refuses, toy
@@ -83,6 +85,74 @@ def test_every_step_has_noise_of_its_own_and_seeds_drawn_at_once_are_those_alone
     together = jax.vmap(lambda seed: init(seed).params)(seeds)
     for k, seed in enumerate(seeds):
         assert_same(jax.tree.map(lambda leaf, k=k: leaf[k], together), init(seed).params)
+
+
+def test_heads_are_nets_of_their_own_whose_mean_logits_count():
+    """The first is that of the same seed alone, and each has weights and an order of its own."""
+    images, labels = (np.repeat(part, 2, axis=1).repeat(2, axis=2) for part in toy(4))
+    alone = TrainSettings(net="lite0", steps=4, batch=2, warmup=0, head_width=8)
+    settings = replace(alone, heads=3)
+    told = []
+    net = train(5, images, labels, settings, 11, progress=lambda *args: told.append(args[0]))
+    assert told == [4, 8, 12]
+    heads = heads_of(net, settings)
+    assert_same(heads[0], train(5, images, labels, alone, 11))
+    kernels = net["params"]["head"]["project"]["kernel"]
+    assert len({kernel.tobytes() for kernel in np.asarray(kernels)}) == len(kernels) == 3
+    each = [logits(head, images, alone, 11) for head in heads]
+    np.testing.assert_allclose(logits(net, images, settings, 11), np.mean(each, 0), atol=1e-4)
+    together, by_head = score_heads(net, images, labels, settings, 11)
+    np.testing.assert_array_equal(together, score(net, images, labels, settings, 11))
+    for confusion, head in zip(by_head, heads, strict=True):
+        np.testing.assert_array_equal(confusion, score(head, images, labels, alone, 11))
+    shapes = jax.tree.map(lambda leaf: (leaf.shape, leaf.dtype), (net, outline(settings, 11)))
+    assert shapes[0] == shapes[1]
+    further = train(6, images, labels, replace(settings, lr=1e-6), 11, params=net)
+    assert_close(further, net, atol=1e-4)
+    with pytest.raises(ValueError, match="checkpoints are of nets of one head"):
+        train(5, images, labels, settings, 11, checkpoints=2)
+
+
+@pytest.mark.parametrize("settings", [TrainSettings(steps=2, warmup=0), LITE0], ids=["net", "head"])
+def test_logits_are_the_mean_over_an_image_and_its_mirror_image(settings):
+    if settings is LITE0:
+        settings = TrainSettings(**LITE0, steps=2, warmup=0, heads=2, head_width=8)
+    images, labels = (part.repeat(2, axis=1).repeat(2, axis=2) for part in toy(3))
+    images, labels = images[:, :, :57], labels[:, :, :57]  # the last cell of a map is cut
+    both = replace(settings, average_mirror=True)
+    net = train(0, images, labels, settings, 11)
+    direct, mirrored = (logits(net, x, settings, 11) for x in (images, images[:, :, ::-1]))
+    expected = (direct + mirrored[:, :, ::-1]) / 2
+    np.testing.assert_allclose(logits(net, images, both, 11), expected, atol=1e-4)
+    np.testing.assert_allclose(apply(net, images, both, 11), expected, atol=1e-4)
+    whole = predict(net, images, both, 11)
+    assert (whole == expected.argmax(-1)).mean() > 0.999
+    np.testing.assert_array_equal(whole[:, :, ::-1], predict(net, images[:, :, ::-1], both, 11))
+    if settings.frozen and settings.has_trunk:
+        maps = features(with_mirror(images, both), both)
+        np.testing.assert_array_equal(predict(net, images, both, 11, features=maps), whole)
+        held = LabelledImages(images, labels, features=maps)
+        for some in (held.between(1, 3), held.take([1, 2])):
+            found = predict(net, some.images, both, 11, features=some.features)
+            np.testing.assert_array_equal(found, whole[1:3])
+        with pytest.raises(ValueError, match="2 views of each"):
+            predict(net, images, both, 11, features=features(images, both))
+
+
+def test_a_jaccard_loss_and_a_rising_share_change_the_net_and_nothing_else():
+    images, labels = toy(4)
+    plain = replace(SETTINGS, steps=3, warmup=0)
+    nets = [train(0, images, labels, s, 11) for s in (plain, replace(plain, jaccard=1.0))]
+    assert any(map(np.any, jax.tree.leaves(jax.tree.map(np.subtract, *nets))))
+    beside, both = LabelledImages(images[2:], labels[2:]), LabelledImages(images[:2], labels[:2])
+    steps = replace(plain, steps=8)
+    sets = {"beside": beside, "share": 0.25}
+    constant, same, rising = (
+        train(0, *both[:2], replace(steps, last_share=last), 11, **sets)
+        for last in (None, 0.25, 1.0)
+    )
+    assert_same(constant, same)
+    assert any(map(np.any, jax.tree.leaves(jax.tree.map(np.subtract, same, rising))))
 
 
 def test_scanned_steps_are_the_same_steps():
@@ -218,6 +288,11 @@ def test_arrays_that_do_not_fit(images, labels, message):
     ({"mirror": "no"}, "mirror must be True or False, not 'no'"),
     ({"steps": 100.5}, "steps must be a whole number, not 100.5"),
     ({"steps": 100, "warmup": 100}, "warmup must be less than the 100 steps, not 100"),
+    ({"heads": 2}, "heads must be 1, not 2, for the net compact without a frozen trunk"),
+    (LITE0 | {"trunk": "tuned", "heads": 2}, "for the net lite0 without a frozen trunk"),
+    ({"accumulate": 2, "jaccard": 1.0}, "jaccard is of a whole batch, and accumulate cuts it"),
+    ({"last_share": 1.5}, r"last_share must lie in \[0, 1\], not 1\.5"),
+    ({"jaccard": -1.0}, "jaccard must be 0 or more, not -1.0"),
     ({"average": -0.1}, r"average must lie in \[0, 1\), not -0\.1"),
 ])  # fmt: skip
 def test_settings_that_make_no_sense(change, message):
