@@ -2,15 +2,13 @@
 
     python -m benchmarks.outlines --target camvid --data DIR --holdout 0006R0 --seeds 5
     python -m benchmarks.outlines --target camvid --data DIR --holdout 0006R0 --few 14 --attributes random
-    python -m benchmarks.outlines --data DIR --rules tree=3% tree=3%,fence=2% tree=3%,band=1px
+    python -m benchmarks.outlines --data DIR --rules tree=3% tree=3%,fence=2%
 
 Networks are trained on the same renders with exact labels and with those of each rule, alone or mixed with
 ``--few`` labelled images of the target. They are tested on its development images, without those few, and on
 its reported images: a split, or what ``--holdout`` names. Gains are paired by seed.
 
-A rule is a list of parts: ``tree=3%`` outlines a class as `outlines` in target.yaml does, ``thin:pole=2px``
-lets pixels of a class become what is behind them where it is thinner, ``small:pedestrian=12px`` where its
-connected part has fewer pixels (at 240x176), and ``band=1px`` ignores pixels so close to an edge.
+A rule such as ``tree=3%,fence=2%`` outlines classes as `outlines` in target.yaml does.
 
 ``--out`` remembers renders and finished networks: the same command resumes, also with more rules or seeds.
 """
@@ -23,14 +21,16 @@ import re
 import sys
 import time
 from collections.abc import Sequence
-from functools import lru_cache, partial
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import cv2
+import msgspec
 import numpy as np
 
-from benchmarks.report import Row, count, parser, table, write
+from benchmarks.report import Row, table, target_parser, write
+from experiments.doctor.outlines import Drawn
 from experiments.evaluation.evaluate import worker_environment
 from experiments.fit import FEW
 from experiments.study.stats import paired_gain
@@ -41,13 +41,12 @@ from scene.assets.catalogue import AssetPool
 from scene.attributes import SpaceName
 from scene.dataset.formats.png import encode
 from scene.dataset.render import render_street
-from scene.outline import Outline, drop, inverse, small_parts, sources
 from scene.proposal import NAMES, draw, read_streets
 from scene.render import RenderSettings
 from scene.version import ENGINE
 from scene.workers import WorkerError, WorkerPool
 from seg.boundary import perimeters
-from seg.classes import IGNORE_LABEL, ClassTable, colorize, table_of
+from seg.classes import colorize, table_of
 from seg.data import DataError, LabelledImages, load
 from seg.metrics import iou, mean_iou
 from seg.pyramid import features
@@ -59,15 +58,13 @@ from shell.command import exit_code
 from shell.errors import UserError
 from shell.lines import JsonLines
 from shell.progress import Progress
-from shell.target_file import SHIPPED, TargetFile, find_target
+from shell.target_file import WIDEST, TargetFile, find_target
 
 EXACT = "exact"
 DEVELOPMENT, REPORTED = "development", "reported"
 NETWORKS = "networks.jsonl"
 SHOWN = 6
 """Rows of the sheet."""
-PIXELS = 240 * 176
-"""Pixels of the image for which the smallest parts are given."""
 
 
 class Recipe(NamedTuple):
@@ -120,98 +117,31 @@ class Recipe(NamedTuple):
 # ---- rules
 
 
-class Part(NamedTuple):
-    """A part of a rule."""
-
-    kind: str  # outline, thin, small or band
-    name: str  # of the class; empty for a band
-    amount: float  # share of the width, or pixels
-
-
-def parse_rule(text: str, target: TargetFile) -> tuple[Part, ...]:
-    """The parts of a rule.
+def with_outlines(rule: str, target: TargetFile) -> TargetFile:
+    """The target with the outlines of a rule.
 
     Raises:
-        UserError: the text is none, or names no class of the target.
+        UserError: the text is no rule, or names no class that is rendered.
     """
-    parts = []
-    for item in [] if text == EXACT else text.split(","):
-        if match := re.fullmatch(r"(.+)=([\d.]+)%", item):
-            part = Part("outline", match[1], float(match[2]) / 100)
-        elif match := re.fullmatch(r"(thin|small):(.+)=([\d.]+)px", item):
-            part = Part(match[1], match[2], float(match[3]))
-        elif match := re.fullmatch(r"band=([\d.]+)px", item):
-            part = Part("band", "", float(match[1]))
-        else:
+    rendered = [name for name, has in zip(target.classes, target.rendered, strict=True) if has]
+    shares = {}
+    for item in [] if rule == EXACT else rule.split(","):
+        match = re.fullmatch(r"(.+)=(\d+(?:\.\d+)?)%", item)
+        share = float(match[2]) / 100 if match else 0.0
+        if not match or not 0 < share <= WIDEST:
             raise UserError(
-                f"--rules {item}: expected such as tree=3%, thin:pole=2px, small:pedestrian=12px or band=1px"
+                f"--rules {item}: expected such as tree=3%, up to {100 * WIDEST:g} % of the width"
             )
-        if part.name and part.name not in target.classes:
-            raise UserError(f"--rules {item}: no such class; there are {', '.join(target.classes)}")
-        parts.append(part)
-    return tuple(parts)
+        if match[1] not in rendered:
+            raise UserError(f"--rules {item}: no such class; there are {', '.join(rendered)}")
+        shares[match[1]] = share
+    return msgspec.structs.replace(target, outlines=shares)
 
 
-def labels_by(
-    rule: Sequence[Part], label: np.ndarray, depth: np.ndarray, table: ClassTable
-) -> np.ndarray:
-    """Labels u8[h, w] of a table from train ids and depth by a rule."""
-
-    def members(name: str) -> np.ndarray:
-        return table.from_train_id == table.classes.index(name)
-
-    outlines = [
-        Outline(tuple(np.flatnonzero(members(name)).tolist()), amount)
-        for kind, name, amount in rule
-        if kind == "outline"
-    ]
-    source = sources(label, depth, outlines)
-    for kind, name, amount in rule:
-        if kind in ("thin", "small"):
-            inside = members(name).take(label.take(source))
-            if kind == "small":
-                parts = small_parts(inside, amount * label.size / PIXELS)
-                drop(parts, ~inside, inverse(depth), source)
-            else:
-                _drop_thin(inside, inverse(depth), source, round(amount))
-    classes = table.from_train_id.take(label.take(source))
-    for kind, _, amount in rule:
-        if kind == "band":
-            classes = without_band(classes, round(amount))
-    return classes
-
-
-def labels_of(
-    rule: str, train_ids: np.ndarray, depths: np.ndarray, target: TargetFile
-) -> np.ndarray:
-    """Labels u8[n, h, w] of a target from train ids and depths by the text of a rule."""
-    parts, table = parse_rule(rule, target), table_of(target)
-    pairs = zip(train_ids, depths, strict=True)
-    return np.stack([labels_by(parts, *pair, table) for pair in pairs])
-
-
-def _drop_thin(inside: np.ndarray, nearness: np.ndarray, source: np.ndarray, size: int) -> None:
-    """Let a mask's pixels where it is thinner than ``size`` become the deepest pixel near them, in place."""
-    kernel = np.ones((size, size), np.uint8)
-    # An even kernel has no centre, so the two anchors are opposite.
-    core = cv2.erode(inside.astype(np.uint8), kernel, anchor=(0, 0))
-    stays = cv2.dilate(core, kernel, anchor=(size - 1, size - 1)) > 0
-    rows, columns = np.nonzero(inside & ~stays)
-    steps = np.mgrid[-size : size + 1, -size : size + 1].reshape(2, -1, 1)
-    height, width = inside.shape
-    y = np.clip(rows + steps[0], 0, height - 1)
-    x = np.clip(columns + steps[1], 0, width - 1)
-    deepest = np.where(inside, np.inf, nearness)[y, x].argmin(axis=0)[None]
-    y, x = (np.take_along_axis(axis, deepest, 0)[0] for axis in (y, x))
-    changed = ~inside[y, x]
-    source[rows[changed], columns[changed]] = source[y[changed], x[changed]]
-
-
-def without_band(label: np.ndarray, size: int) -> np.ndarray:
-    """Labels whose pixels within ``size`` pixels of an edge between classes are ignored."""
-    kernel = np.ones((2 * size + 1, 2 * size + 1), np.uint8)
-    edge = cv2.dilate(label, kernel) != cv2.erode(label, kernel)
-    return np.where(edge, IGNORE_LABEL, label).astype(np.uint8)
+def labels_of(rule: str, dataset: Renders, target: TargetFile) -> np.ndarray:
+    """Labels u8[n, h, w] of a target by a rule."""
+    outlines = with_outlines(rule, target).engine_outlines
+    return Drawn(dataset.labels, dataset.depths).classes(target, outlines)
 
 
 # ---- images
@@ -289,7 +219,8 @@ def networks(recipe: Recipe, seed: int, rules: Sequence[str], folder: Path) -> l
     Each line is written at once; runs in a worker.
     """
     settings, table = recipe.train, table_of(recipe.file)
-    real, (images, train_ids, depths) = real_images(recipe, True), renders(recipe, seed, folder)
+    real, rendered = real_images(recipe, True), renders(recipe, seed, folder)
+    images = rendered.images
     maps = features(view_images(images, settings), settings) if settings.frozen else None
     log, lines, classes = JsonLines(folder / NETWORKS), [], len(table.classes)
     mixed: dict[str, Any] = {}
@@ -297,7 +228,7 @@ def networks(recipe: Recipe, seed: int, rules: Sequence[str], folder: Path) -> l
         mixed = {"beside": real.few, "share": 0.25 if recipe.few < FEW else 0.5}
     for rule in rules:
         began = time.process_time()
-        labels = labels_of(rule, train_ids, depths, recipe.file)
+        labels = labels_of(rule, rendered, recipe.file)
         spent = 1000 * (time.process_time() - began) / len(labels)
         params = train(seed, images, labels, settings, classes, features=maps, **mixed)
         confusions = {}
@@ -356,11 +287,11 @@ def shape_rows(sets: dict[str, np.ndarray], classes: Sequence[str]) -> list[Row]
 def sheet(recipe: Recipe, rules: Sequence[str], folder: Path) -> np.ndarray:
     """Rows of a rendered image, its labels by each rule, a real label and its image."""
     table, real = table_of(recipe.file), real_images(recipe, False).development
-    images, train_ids, depths = (array[:SHOWN] for array in renders(recipe, 0, folder))
-    picked = np.linspace(0, len(real.images) - 1, len(images)).round().astype(int)
-    labels = [labels_of(rule, train_ids, depths, recipe.file) for rule in rules]
+    shown = Renders(*(array[:SHOWN] for array in renders(recipe, 0, folder)))
+    picked = np.linspace(0, len(real.images) - 1, len(shown.images)).round().astype(int)
+    labels = [labels_of(rule, shown, recipe.file) for rule in rules]
     columns = [colorize(column, table.colors) for column in (*labels, real.labels[picked])]
-    return np.vstack(list(np.concatenate([images, *columns, real.images[picked]], axis=2)))
+    return np.vstack(list(np.concatenate([shown.images, *columns, real.images[picked]], axis=2)))
 
 
 # ---- command line
@@ -374,26 +305,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
-    command = parser(__doc__)
-    command.prog = "python -m benchmarks.outlines"
+    few = ("few", 0, "labelled images in every training set")
+    defaults = Recipe._field_defaults
+    command = target_parser(
+        __doc__, "outlines", defaults, holdout="reported on", seeds=5, counts=[few]
+    )
     add = command.add_argument
-    add("--data", required=True, help="folder of labelled images")
-    add("--target", help=f"{', '.join(SHIPPED)}, or a target's file; by default the folder's")
-    add("--holdout", help="a group of images that is reported on, such as 0006R0")
     add("--rules", nargs="+", default=["tree=3%"], help="rules beside exact labels (tree=3%%)")
     add("--attributes", default="default", help=f"{', '.join(NAMES)}, or a file (default)")
-    add("--out", type=Path, default=Path("runs/outlines"), help="folder of renders and results")
-    for name, least, meaning in (
-        ("width", 32, "pixels across"), ("height", 32, "pixels down"),
-        ("streets", 1, "images of each training set"), ("steps", 1, "of a network"),
-        ("few", 0, "labelled images in every training set"),
-    ):  # fmt: skip
-        default = Recipe._field_defaults[name]
-        help = f"{meaning} ({default})"
-        add(f"--{name}", type=partial(count, least), default=default, help=help)
     add("--training", choices=tuple(RECIPES), default="lite0-frozen", help="(lite0-frozen)")
-    add("--seeds", type=partial(count, 1), default=5, help="networks of each row (5)")
-    add("--workers", type=partial(count, 0), default=2, help="processes, one core each (2)")
     return command.parse_args(arguments)
 
 
@@ -402,7 +322,7 @@ def _run(options: argparse.Namespace) -> None:
     recipe = Recipe(**{name: values[name] for name in Recipe._fields if name in values})
     rules = [EXACT, *(rule for rule in dict.fromkeys(options.rules) if rule != EXACT)]
     for rule in rules:
-        parse_rule(rule, recipe.file)
+        with_outlines(rule, recipe.file)
     read_streets(recipe.attributes, recipe.space)
     labelled = len(parts_of(recipe.file, Path(recipe.data), recipe.holdout).entries)
     if recipe.few >= labelled:
@@ -422,9 +342,9 @@ def _run(options: argparse.Namespace) -> None:
         }
         if scores:
             tables[f"tested on {side} images"] = gain_rows(scores, classes)
-    _, train_ids, depths = renders(recipe, 0, options.out)
+    first = renders(recipe, 0, options.out)
     sets = {"real": real.development.labels}
-    sets |= {rule: labels_of(rule, train_ids, depths, recipe.file) for rule in rules}
+    sets |= {rule: labels_of(rule, first, recipe.file) for rule in rules}
     tables["boundary per area; parts per image"] = shape_rows(sets, classes)
     spent = {rule: [lines[rule, seed]["ms"] for seed in range(options.seeds)] for rule in rules}
     tables["labels, milliseconds per image"] = [

@@ -7,12 +7,14 @@ import json
 import os
 import platform
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
 from shell.files import versions
 from shell.files import write as write_file
+from shell.target_file import SHIPPED
 
 Row = dict[str, Any]
 PACKAGES = ("sdr-jax", "jax", "flax", "optax", "numpy", "trimesh", "embreex", "pyrender")
@@ -26,6 +28,48 @@ def parser(description: str | None) -> argparse.ArgumentParser:
     )
     parser.add_argument("--json", type=_new_file, help="also write machine, versions and rows here")
     return parser
+
+
+def target_parser(
+    description: str | None,
+    name: str,
+    defaults: Mapping[str, Any],
+    *,
+    holdout: str,
+    seeds: int,
+    counts: Sequence[tuple[str, int, str]] = (),
+) -> argparse.ArgumentParser:
+    """A command line of a benchmark whose networks are tested on a target's labelled images.
+
+    Args:
+        description: the module's docstring.
+        name: of the module.
+        defaults: of the recipe.
+        holdout: what is done with the images that ``--holdout`` names.
+        seeds: networks of each row.
+        counts: further options for whole numbers, their least values and meanings.
+    """
+    command = parser(description)
+    command.prog = f"python -m benchmarks.{name}"
+    add = command.add_argument
+    add("--data", required=True, help="folder of labelled images")
+    add("--target", help=f"{', '.join(SHIPPED)}, or a target's file; by default the folder's")
+    add("--holdout", help=f"a group of images that is {holdout}, such as 0006R0")
+    add("--out", type=Path, default=Path("runs", name), help="folder of finished networks")
+    for option, least, meaning in (
+        ("width", 32, "pixels across, of renders and real images alike"),
+        ("height", 32, "pixels down"),
+        ("streets", 1, "of each training set"),
+        ("steps", 1, "of a network"),
+        *counts,
+    ):
+        default = defaults[option]
+        help = f"{meaning} ({'the recipe has them' if default is None else default})"
+        add(f"--{option}", type=partial(count, least), default=default, help=help)
+    add("--seeds", type=partial(count, 1), default=seeds, help=f"networks of each row ({seeds})")
+    workers = "processes, one core each; 0 works in this one (2)"
+    add("--workers", type=partial(count, 0), default=2, help=workers)
+    return command
 
 
 def _new_file(text: str) -> Path:

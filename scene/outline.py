@@ -8,12 +8,13 @@ annotators label the house behind a bare tree (`benchmarks.outlines`).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
 from scene.classes import TrainId
+from shell.classes import Outline
 
 if TYPE_CHECKING:
     from scene.render.protocol import Frame
@@ -26,18 +27,7 @@ SMALLEST = 3
 """The smallest width of a kernel in pixels."""
 
 
-class Outline(NamedTuple):
-    """How annotators draw a class."""
-
-    train_ids: tuple[int, ...]  # the engine's classes in it
-    width: float  # of the widest holes that are closed, as a share of the image's width
-
-
-Outlines = Sequence[Outline | tuple[tuple[int, ...], float]]
-"""Those of a target's classes (`shell.target_file`); they are applied one after another."""
-
-
-def outlined(frame: Frame, outlines: Outlines) -> Frame:
+def outlined(frame: Frame, outlines: Sequence[Outline]) -> Frame:
     """The frame with classes and instances as annotators draw them; image, depth and normals are kept."""
     if not outlines:
         return frame
@@ -45,7 +35,7 @@ def outlined(frame: Frame, outlines: Outlines) -> Frame:
     return frame._replace(label=frame.label.take(source), instance=frame.instance.take(source))
 
 
-def sources(label: np.ndarray, depth: np.ndarray, outlines: Outlines) -> np.ndarray:
+def sources(label: np.ndarray, depth: np.ndarray, outlines: Sequence[Outline]) -> np.ndarray:
     """The pixel i64[h, w] of the flat image from which every pixel takes its class.
 
     For each outline, the sky inside the closing of the class, by an ellipse as wide as the outline, takes
@@ -55,11 +45,11 @@ def sources(label: np.ndarray, depth: np.ndarray, outlines: Outlines) -> np.ndar
     Args:
         label: train ids u8[h, w].
         depth: f32[h, w] in metres, 0 for the sky.
-        outlines: applied one after another.
+        outlines: those of a target's classes (`shell.target_file`), applied one after another.
     """
-    nearness = inverse(depth)
+    nearness = _inverse(depth)
     current, source = label, np.arange(label.size).reshape(label.shape)
-    for train_ids, share in outlines:
+    for train_ids, width in outlines:
         members = np.zeros(256, np.uint8)
         members[list(train_ids)] = 1
         inside = members.take(current)
@@ -67,17 +57,17 @@ def sources(label: np.ndarray, depth: np.ndarray, outlines: Outlines) -> np.ndar
             window = _window(inside)
             inside, sky = inside[window], current[window] == TrainId.SKY
             surface, taken = nearness[window], source[window]
-            holes = sky & (_closed(inside, share * label.shape[1]) > inside)
-            twigs = small_parts(inside | holes, LEAST * label.size)
+            holes = sky & (_closed(inside, width * label.shape[1]) > inside)
+            twigs = _small_parts(inside | holes, LEAST * label.size)
             holes &= twigs == 0
             if holes.any():
                 taken[holes] = taken.take(_nearest(inside)[holes])
-            drop(twigs * inside, (inside | holes) == 0, surface, taken)
+            _drop(twigs * inside, (inside | holes) == 0, surface, taken)
             current = label.take(source)
     return source
 
 
-def inverse(depth: np.ndarray) -> np.ndarray:
+def _inverse(depth: np.ndarray) -> np.ndarray:
     """1 over depth f32[h, w], which is 0 for the sky."""
     return np.divide(1, depth, out=np.zeros(depth.shape, np.float32), where=depth > 0)
 
@@ -110,14 +100,14 @@ def _nearest(inside: np.ndarray) -> np.ndarray:
     return nearest.take(number)
 
 
-def small_parts(mask: np.ndarray, least: float) -> np.ndarray:
+def _small_parts(mask: np.ndarray, least: float) -> np.ndarray:
     """The number i32[h, w] of the connected part of each pixel of a mask, 0 for parts of ``least`` pixels."""
     _, parts, statistics, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
     numbers = np.arange(len(statistics), dtype=np.int32)
     return np.where(statistics[:, cv2.CC_STAT_AREA] < least, numbers, 0).take(parts)
 
 
-def drop(parts: np.ndarray, outside: np.ndarray, nearness: np.ndarray, source: np.ndarray) -> None:
+def _drop(parts: np.ndarray, outside: np.ndarray, nearness: np.ndarray, source: np.ndarray) -> None:
     """Let each numbered part take the class of its deepest neighbour outside, in place."""
     rows, columns = np.nonzero(parts)
     if not len(rows):

@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 from jaxtyping import UInt8
 
+from shell.classes import Outline
 from shell.target_file import SHIPPED, TargetFile, shipped
 
 IGNORE_LABEL = 255
@@ -26,14 +27,14 @@ class ClassTable:
         classes: class names, in the order of the ids.
         colors: u8[classes, 3], RGB for pictures.
         from_train_id: u8[256], Cityscapes train id -> id of this table, `IGNORE_LABEL` for void.
-        outlines: train ids of the classes that are drawn as a whole, with their share of the image's width.
+        outlines: of the classes that are drawn as a whole.
     """
 
     name: str
     classes: tuple[str, ...]
     colors: UInt8[np.ndarray, "classes 3"]
     from_train_id: UInt8[np.ndarray, "256"]
-    outlines: tuple[tuple[tuple[int, ...], float], ...] = ()
+    outlines: tuple[Outline, ...] = ()
 
 
 def table_of(target: TargetFile) -> ClassTable:

@@ -19,6 +19,13 @@ class EngineClass(NamedTuple):
     colour: tuple[int, int, int]  # sRGB
 
 
+class Outline(NamedTuple):
+    """How annotators draw a class: as a whole, with the holes through which the sky shows."""
+
+    train_ids: tuple[int, ...]  # the engine's classes in it
+    width: float  # of the widest holes that are closed, as a share of the image's width
+
+
 CLASSES = (
     EngineClass("road", 7, (128, 64, 128)),
     EngineClass("sidewalk", 8, (244, 35, 232)),

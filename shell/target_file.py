@@ -154,10 +154,12 @@ class TargetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return tuple(found.get(name, rest) for name in engine.NAMES)
 
     @property
-    def engine_outlines(self) -> tuple[tuple[tuple[int, ...], float], ...]:
-        """The engine's classes of each class with an outline, and its share of the width; in order of ids."""
+    def engine_outlines(self) -> tuple[engine.Outline, ...]:
+        """The outline of each class that has one, in order of ids."""
         return tuple(
-            (tuple(id for id, k in enumerate(self.of_engine) if k == number), self.outlines[name])
+            engine.Outline(
+                tuple(id for id, k in enumerate(self.of_engine) if k == number), self.outlines[name]
+            )
             for number, name in enumerate(self.classes)
             if name in self.outlines
         )

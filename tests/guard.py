@@ -29,7 +29,7 @@ from experiments.config import MainConfig
 from experiments.config.presets import defaults
 from experiments.evaluation.evaluate import evaluate_miou
 from experiments.evaluation.job import Recipe
-from experiments.target.twin import twin_split, twin_world
+from experiments.target.twin import TABLE, twin_split, twin_world
 from scene.assets.catalogue import AssetPool
 from scene.dataset.render import street_of
 from scene.proposal import draw, random_proposal
@@ -125,7 +125,7 @@ def rewards() -> list[float]:
             twin_world(0), "train", (fidelity.height, fidelity.width),
             images=config.reward_images, renderer="embree", workers=workers,
         )  # fmt: skip
-    recipe = Recipe(fidelity, "cityscapes", "embree", config.pool)
+    recipe = Recipe(fidelity, TABLE, "embree", config.pool)
     proposal = random_proposal(config.space)
     return [evaluate_miou(recipe, proposal, seed, truth).reward for seed in range(REWARDS)]
 

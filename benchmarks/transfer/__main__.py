@@ -18,13 +18,12 @@ import argparse
 import json
 import sys
 from collections.abc import Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
 
-from benchmarks.report import Row, count, parser, table, write
+from benchmarks.report import Row, table, target_parser, write
 from benchmarks.transfer import tables
 from benchmarks.transfer.nets import ATTRIBUTES, PARTS, REAL, WITHOUT, Net, nets
 from benchmarks.transfer.recipe import Recipe, call, real_images, rendered
@@ -39,7 +38,6 @@ from shell.command import exit_code
 from shell.errors import UserError
 from shell.lines import CURE, JsonLines
 from shell.progress import Progress
-from shell.target_file import SHIPPED
 
 Scores = dict[str, list[dict[str, Any]]]
 """Row -> results of its nets, in the order of their seeds."""
@@ -53,15 +51,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
-    command = parser(__doc__)
-    command.prog = "python -m benchmarks.transfer"
-    command.add_argument("--data", required=True, help="folder of labelled images")
-    command.add_argument(
-        "--target", help=f"{', '.join(SHIPPED)}, or a target's file; by default the folder's"
-    )
-    command.add_argument("--holdout", help="a group of images that is not read, such as 0006R0")
-    command.add_argument(
-        "--out", type=Path, default=Path("runs/transfer"), help="folder of finished nets"
+    command = target_parser(
+        __doc__, "transfer", Recipe._field_defaults, holdout="not read", seeds=3
     )
     command.add_argument("--only", choices=PARTS, nargs="+", default=PARTS, help="these tables")
     command.add_argument("--against", type=Path, help="nets.jsonl in the --out of another engine")
@@ -69,18 +60,6 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     for name, known in choices.items():
         default = Recipe._field_defaults[name]
         command.add_argument(f"--{name}", choices=known, default=default, help=f"({default})")
-    for name, least, meaning in (
-        ("width", 32, "pixels across, of renders and real images alike"),
-        ("height", 32, "pixels down"),
-        ("streets", 1, "of each dataset"),
-        ("steps", 1, "of a net, by default the recipe's"),
-    ):
-        default = Recipe._field_defaults[name]
-        told = meaning if default is None else f"{meaning} ({default})"
-        command.add_argument(f"--{name}", type=partial(count, least), default=default, help=told)
-    command.add_argument("--seeds", type=partial(count, 1), default=3, help="nets of each row (3)")
-    workers = "processes, one core each; 0 works in this one (2)"
-    command.add_argument("--workers", type=partial(count, 0), default=2, help=workers)
     return command.parse_args(arguments)
 
 

@@ -16,12 +16,13 @@ from PIL import Image
 from scene.assets.catalogue import AssetPool
 from scene.classes import TrainId
 from scene.dataset.render import compile_first, render_street
-from scene.outline import Outlines, sources
+from scene.outline import sources
 from scene.proposal import draw, streets_named
 from scene.render import RenderSettings
 from scene.workers import WorkerPool
 from seg.boundary import perimeters
 from seg.classes import colorize, table_of
+from shell.classes import Outline
 from shell.target_file import WIDEST, TargetFile
 
 STREETS = 36
@@ -44,7 +45,7 @@ class Drawn(NamedTuple):
     labels: np.ndarray  # u8[n, h, w] train ids
     depths: np.ndarray  # f32[n, h, w]
 
-    def classes(self, target: TargetFile, outlines: Outlines) -> np.ndarray:
+    def classes(self, target: TargetFile, outlines: Sequence[Outline]) -> np.ndarray:
         """Labels u8[n, h, w] of a target."""
         pairs = zip(self.labels, self.depths, strict=True)
         labels = [label.take(sources(label, depth, outlines)) for label, depth in pairs]
@@ -113,7 +114,7 @@ def _left(labels: np.ndarray, k: int, sky: int) -> float:
     train_ids = np.full(256, TrainId.ROAD, np.uint8)
     train_ids[[k, sky]] = TrainId.VEGETATION, TrainId.SKY
     before = train_ids[labels]
-    outlines = (((int(TrainId.VEGETATION),), TYPICAL),)
+    outlines = (Outline((int(TrainId.VEGETATION),), TYPICAL),)
     pairs = ((label, label != TrainId.SKY) for label in before)
     after = np.stack([label.take(sources(label, near, outlines)) for label, near in pairs])
     sides = [perimeters(some, 19, TrainId.SKY)[0][TrainId.VEGETATION] for some in (after, before)]

@@ -113,12 +113,12 @@ def _refuse_void(
     if np.all(reward.labels == IGNORE_LABEL):
         raise UserError(
             f"--few {few}: the {len(reward.labels)} images left for the reward show none of the "
-            f"{classes} classes of {target.table}"
+            f"{classes} classes of {target.name}"
         )
     for sequence in sorted(set(chosen.sequences)):
         own = np.array(chosen.sequences) == sequence
         if np.all(chosen.labels[own] == IGNORE_LABEL):
             raise UserError(
                 f"--few {few}: the {own.sum()} images chosen of sequence {sequence} show none of the "
-                f"{classes} classes of {target.table}; leave them out of the data, or label them"
+                f"{classes} classes of {target.name}; leave them out of the data, or label them"
             )

@@ -9,7 +9,7 @@ from experiments.config.presets import VARIABLES
 from experiments.target.base import SIZES, Sides, Target, two_sides
 from experiments.target.few import with_few
 from experiments.target.real import real_target
-from experiments.target.twin import ASSETS, FIRST_ASSET, twin_names, twin_split, twin_world
+from experiments.target.twin import ASSETS, FIRST_ASSET, TABLE, twin_names, twin_split, twin_world
 from scene.workers import Workers
 from shell.errors import UserError
 
@@ -71,7 +71,7 @@ def _twin(config: Config, workers: Workers) -> Target:
     return Target(
         name=name,
         real=False,
-        table="cityscapes",
+        table=TABLE,
         title=f"the {name} {config.twin_seed}, a stand-in rendered by our own engine: NOT real data",
         reward_names=names["train"],
         reward_sequences=sequences["train"],

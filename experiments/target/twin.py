@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from experiments.config import TwinName
@@ -19,8 +20,9 @@ from scene.proposal import slide
 from scene.render import RenderSettings
 from scene.render.sensor import CameraResponse
 from scene.workers import Workers
-from seg.classes import class_table
+from seg.classes import class_table, table_text
 from seg.data import LabelledImages
+from shell.target_file import shipped
 
 PRIOR_STD = 0.12
 """Near: hidden centres are normal around the hand-set street, with this standard deviation (unit)."""
@@ -38,6 +40,8 @@ SHOTS: dict[TwinName, int] = {"near": 6, "far": 1}
 """Images per street, which is a sequence. With fewer images, nets generalise better to other streets."""
 IMAGES = 120
 """The most images in each of its two splits."""
+TABLE = table_text(msgspec.structs.replace(shipped("cityscapes"), outlines={}))
+"""Cityscapes' classes for `class_table`, without its outlines: labels of a twin are exact to the pixel."""
 
 
 class TwinWorld(NamedTuple):
@@ -124,7 +128,6 @@ def twin_split(
     number = ("train", "test").index(split)
     rng = np.random.default_rng([world.seed, number])
     unit = world.centre + world.width * rng.uniform(-0.5, 0.5, (streets, len(world.centre)))
-    classes = class_table("cityscapes")
     dataset = render_dataset(
         np.clip(unit, 0, 1),
         world.seed + 1 + number,
@@ -132,8 +135,7 @@ def twin_split(
         settings=RenderSettings(size[1], size[0], samples=2, response=world.response),
         renderer_name=renderer,
         pool=AssetPool(FIRST_ASSET, assets),
-        outlines=classes.outlines,
         workers=workers,
     )
-    labels = classes.from_train_id[dataset.labels[:count]]
+    labels = class_table(TABLE).from_train_id[dataset.labels[:count]]
     return LabelledImages(dataset.images[:count], labels, names, sequences)

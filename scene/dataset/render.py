@@ -7,7 +7,7 @@ and the renderer, but not on the number of workers.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,10 +15,11 @@ import numpy as np
 from scene.assets.catalogue import AssetPool
 from scene.attributes import check_unit, default_unit, street_params
 from scene.compiled import first_use
-from scene.outline import Outlines, outlined
+from scene.outline import outlined
 from scene.render import Frame, RenderSettings, check_settings, renderer
 from scene.street.street import Street, sample_street
 from scene.workers import WorkerPool, Workers, opened
+from shell.classes import Outline
 
 COMPILING = "compiling the renderer (once per machine, about a minute)..."
 
@@ -53,7 +54,7 @@ def render_street(
     return renderer(renderer_name).render(street_of(unit, seed, index, shots, pool), settings)
 
 
-def images_and_labels(outlines: Outlines, *task: Any) -> tuple[np.ndarray, np.ndarray]:
+def images_and_labels(outlines: Sequence[Outline], *task: Any) -> tuple[np.ndarray, np.ndarray]:
     """Render a street with `render_street`'s arguments: u8[shots, h, w, 3] and u8[shots, h, w]."""
     frames = [outlined(frame, outlines) for frame in render_street(*task)]
     return np.stack([f.image for f in frames]), np.stack([f.label for f in frames])
@@ -112,7 +113,7 @@ def render_dataset(
     settings: RenderSettings,
     renderer_name: str = "embree",
     pool: AssetPool | None = None,
-    outlines: Outlines = (),
+    outlines: Sequence[Outline] = (),
     workers: int | Workers = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> Dataset:

@@ -10,13 +10,12 @@ import pytest
 from benchmarks.outlines import (
     EXACT,
     NETWORKS,
-    Part,
+    Renders,
     gain_rows,
-    labels_by,
+    labels_of,
     main,
-    parse_rule,
     shape_rows,
-    without_band,
+    with_outlines,
 )
 from scene.classes import TrainId
 from seg.classes import CAMVID_11
@@ -24,38 +23,23 @@ from shell.target_file import shipped
 from tests.experiments.conftest import write_pair
 
 CAMVID = shipped("camvid")
-ROAD, POLE, SKY, PERSON = (int(TrainId[name]) for name in ("ROAD", "POLE", "SKY", "PERSON"))
+TREE, SKY = int(TrainId.VEGETATION), int(TrainId.SKY)
 
 
-def test_rules_are_read_part_by_part():
-    rule = parse_rule("tree=2.5%,thin:pole=2px,small:pedestrian=12px,band=1px", CAMVID)
-    assert rule == (
-        Part("outline", "tree", 0.025), Part("thin", "pole", 2), Part("small", "pedestrian", 12),
-        Part("band", "", 1),
-    )  # fmt: skip
-    assert parse_rule(EXACT, CAMVID) == ()
-
-
-def test_what_annotators_leave_out_becomes_what_is_behind_it():
-    label = np.full((176, 240), SKY, np.uint8)
-    label[100:] = ROAD
-    label[50:120, 30:33], label[50:120, 60] = POLE, POLE
-    label[140:143, 100:103], label[140:143, 150:156] = PERSON, PERSON
-    depth = np.where(label == SKY, 0, 20).astype(np.float32)
-    wanted = label.copy()
-    wanted[50:100, 60], wanted[100:120, 60] = SKY, ROAD
-    # The sky is behind the road, where both are near.
-    wanted[100:102, 60] = SKY
-    wanted[140:143, 100:103] = ROAD
-    rule = parse_rule("thin:pole=2px,small:pedestrian=12px", CAMVID)
-    found = labels_by(rule, label, depth, CAMVID_11)
-    np.testing.assert_array_equal(found, CAMVID_11.from_train_id[wanted])
-
-
-def test_a_band_is_ignored_on_both_sides_of_an_edge():
-    label = np.repeat([[0, 0, 0, 0, 1, 1, 1, 1]], 5, axis=0).astype(np.uint8)
-    assert without_band(label, 1).tolist() == [[0, 0, 0, 255, 255, 1, 1, 1]] * 5
-    assert without_band(label, 2).tolist() == [[0, 0, 255, 255, 255, 255, 1, 1]] * 5
+def test_a_rule_is_the_outlines_of_a_target():
+    assert with_outlines("fence=10%,tree=2.5%", CAMVID).outlines == {"fence": 0.1, "tree": 0.025}
+    assert with_outlines(EXACT, CAMVID).outlines == {}
+    label = np.full((1, 88, 120), SKY, np.uint8)
+    label[:, 20:60, 30:90] = TREE
+    label[:, 30:33, 40:43] = SKY
+    depths = np.where(label == SKY, 0, 20).astype(np.float32)
+    dataset = Renders(np.zeros((1, 88, 120, 3), np.uint8), label, depths)
+    exact = labels_of(EXACT, dataset, CAMVID)
+    np.testing.assert_array_equal(exact, CAMVID_11.from_train_id[label])
+    whole = exact.copy()
+    whole[:, 30:33, 40:43] = CAMVID_11.from_train_id[TREE]
+    np.testing.assert_array_equal(labels_of("tree=4%", dataset, CAMVID), whole)
+    np.testing.assert_array_equal(labels_of("fence=4%", dataset, CAMVID), exact)
 
 
 def test_tables_by_hand():
@@ -93,7 +77,7 @@ def test_more_rules_and_seeds_add_to_what_is_done(camvid, tmp_path, capsys):
     command += ["--json", str(tmp_path / "t.json"), "--rules", "tree=10%"]
     for flags, count in (
         (["--seeds", "1"], 2), (["--seeds", "1"], 2),
-        (["--seeds", "2", "--rules", "tree=10%", "band=1px"], 6), (["--seeds", "1", "--few", "1"], 8),
+        (["--seeds", "2", "--rules", "tree=10%", "tree=5%,fence=2%"], 6), (["--seeds", "1", "--few", "1"], 8),
     ):  # fmt: skip
         assert main([*command, *flags]) == 0
         lines = (tmp_path / "out" / NETWORKS).read_text().splitlines()
@@ -108,7 +92,8 @@ def test_more_rules_and_seeds_add_to_what_is_done(camvid, tmp_path, capsys):
 
 @pytest.mark.parametrize(("change", "complaint"), [
     (["--rules", "oak=3%"], "--rules oak=3%: no such class; there are sky, building"),
-    (["--rules", "tree=3"], "--rules tree=3: expected such as tree=3%, thin:pole=2px"),
+    (["--rules", "tree=3"], "--rules tree=3: expected such as tree=3%, up to 10 % of the width"),
+    (["--rules", "tree=3%,fence=11%"], "--rules fence=11%: expected such as tree=3%, up to 10 %"),
     (["--data", "nowhere"], "nowhere: no such folder"),
     (["--attributes", "nowhere"], "nowhere"), (["--few", "3"], "--few 3 leaves none of 3"),
 ])  # fmt: skip

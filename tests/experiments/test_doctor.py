@@ -831,5 +831,6 @@ def test_twins_are_exact_to_the_pixel(street_labels, twin):
     labels = twin_split(
         world, "train", (176, 240), images=30, renderer="embree", workers=WorkerPool(0)
     ).labels
-    rows = outlines.compare(find_target("cityscapes"), labels, street_labels)
+    exact = msgspec.structs.replace(find_target("cityscapes"), outlines={})
+    rows = outlines.compare(exact, labels, street_labels)
     assert len(rows) > 10 and not outlines.line(rows)

@@ -15,6 +15,7 @@ from experiments.evaluation.job import Recipe
 from experiments.evaluation.store import LOGS
 from experiments.main import job
 from experiments.main.summary import ROWS
+from experiments.target.twin import TABLE
 from scene.assets.catalogue import AssetPool
 from scene.attributes import NAMES
 from scene.dataset.export import read_dataset
@@ -45,7 +46,7 @@ def test_learnt_streets_are_shown_with_the_labels_that_nets_saw(monkeypatch):
     monkeypatch.setattr(job, "read_dataset", lambda _: exported)
     config = defaults(MainConfig, "camvid", "smoke")
     run = SimpleNamespace(config=config, target=SimpleNamespace(labelled=False), workers=0)
-    for table, source in (("cityscapes", exported), ("camvid", seen)):  # camvid has outlines
+    for table, source in ((TABLE, exported), ("camvid", seen)):  # camvid has outlines
         recipe = Recipe(config.final, table, "embree", AssetPool())
         found = job._shown(run, recipe, default_proposal())["learnt"]
         np.testing.assert_array_equal(found.labels, class_table(table).from_train_id[source.labels])

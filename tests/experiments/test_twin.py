@@ -16,6 +16,7 @@ from experiments.target.named import named_target
 from scene import CameraResponse, Dataset, default_unit
 from scene.assets.families import FAMILIES
 from scene.attributes import BY_NAME, names
+from seg.classes import CITYSCAPES_19, class_table
 from shell.files import read_json
 
 from .conftest import POOL, by_preset, main_job
@@ -131,6 +132,16 @@ def test_its_splits_are_disjoint_and_it_never_passes_for_real_data(renders):
     assert "twin 3" in target.title and "NOT real data" in target.title
     assert len(target.reward_names) == len(target.test_names) == 8
     np.testing.assert_array_equal(target.twin.centre, twin.twin_world(3).centre)
+
+
+def test_it_has_the_classes_of_cityscapes_but_exact_labels(renders):
+    split("train")
+    assert "outlines" not in renders[0][1]
+    target = named_target(defaults(MainConfig, "twin", "smoke"), POOL)
+    exact = class_table(target.table)
+    assert exact.outlines == () != CITYSCAPES_19.outlines
+    assert exact.classes == CITYSCAPES_19.classes
+    np.testing.assert_array_equal(exact.from_train_id, CITYSCAPES_19.from_train_id)
 
 
 def test_streets_of_a_far_twin_lie_in_the_hidden_intervals(renders):

@@ -13,14 +13,15 @@ from scene.dataset.export import read_dataset
 from scene.dataset.read import describe
 from scene.outline import LEAST, outlined, sources
 from scene.proposal import default_proposal, draw
+from shell.classes import Outline
 from shell.files import read_json, write_json
-from shell.target_file import parse_target
+from shell.target_file import parse_target, shipped
 
 ROAD, TREE, SKY, CAR, POLE, FENCE = (
     int(TrainId[name]) for name in ("ROAD", "VEGETATION", "SKY", "CAR", "POLE", "FENCE")
 )
 WIDTH, HEIGHT = 200, 120
-RULE = (((TREE,), 0.025),)
+RULE = (Outline((TREE,), 0.025),)
 """A kernel of 5 pixels."""
 METRES = {ROAD: 30.0, TREE: 10.0, SKY: 0.0, CAR: 5.0, POLE: 5.0, FENCE: 20.0}
 
@@ -47,6 +48,9 @@ def test_a_hole_is_filled_where_the_sky_shows_through_it(crown, behind):
     whole = crown.copy()
     crown[28:31, 40:43] = behind
     np.testing.assert_array_equal(drawn(crown), whole if behind == SKY else crown)
+    for name in ("camvid", "cityscapes", "idd-lite", "labelmefacade"):
+        found = drawn(crown, shipped(name).engine_outlines)
+        np.testing.assert_array_equal(found, whole if behind == SKY else crown)
 
 
 def test_a_hole_wider_than_the_kernel_stays(crown):
@@ -85,7 +89,7 @@ def test_the_first_of_two_outlines_closes_what_both_could():
     label[20:40, 30:60:4] = TREE  # a fence of bars between the stripes of a tree
     label[20:40, 32:60:4] = FENCE
     for first, second in ((TREE, FENCE), (FENCE, TREE)):
-        found = drawn(label, (((first,), 0.025), ((second,), 0.025)))
+        found = drawn(label, [Outline((k,), 0.025) for k in (first, second)])
         assert (found[24:36, 35:55:2] == first).all()
         np.testing.assert_array_equal(found[20:40, 34:56:2], label[20:40, 34:56:2])
 
@@ -94,7 +98,7 @@ def test_a_class_of_several_fills_with_the_nearest(crown):
     crown[20:40, 45:60] = FENCE
     whole = crown.copy()
     crown[30, 35], crown[30, 55] = SKY, SKY
-    np.testing.assert_array_equal(drawn(crown, (((TREE, FENCE), 0.025),)), whole)
+    np.testing.assert_array_equal(drawn(crown, [Outline((TREE, FENCE), 0.025)]), whole)
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.01, 0.03, 0.1]))
@@ -107,7 +111,7 @@ def test_only_classes_of_the_rule_grow_and_nothing_new_appears(seed, share):
     depth = rng.uniform(1, 60, label.shape).astype(np.float32)
     depth[label == SKY] = 0
     before = label.copy(), depth.copy()
-    source = sources(label, depth, (((TREE,), share),))
+    source = sources(label, depth, [Outline((TREE,), share)])
     found = label.take(source)
     assert (label == before[0]).all() and (depth == before[1]).all()
     changed = found != label
@@ -121,7 +125,7 @@ def test_only_classes_of_the_rule_grow_and_nothing_new_appears(seed, share):
 def test_sizes_that_are_odd_or_smaller_than_the_kernel(size):
     rng = np.random.default_rng(0)
     label = rng.choice([TREE, SKY], size).astype(np.uint8)
-    found = drawn(label, (((TREE,), 0.1), ((CAR,), 0.1)))
+    found = drawn(label, [Outline((k,), 0.1) for k in (TREE, CAR)])
     assert found.shape == size and set(np.unique(found)) <= {TREE, SKY}
     for whole in (TREE, SKY):
         assert (drawn(np.full(size, whole)) == whole).all()
@@ -174,6 +178,19 @@ def test_datasets_are_exact_without_outlines_and_the_same_with_any_number_of_wor
     by_hand = [outlined(frame, target.engine_outlines).label for frame in frames]
     np.testing.assert_array_equal(one.labels, by_hand)
     assert (one.labels != exact.labels).mean() > 0.005
+
+
+def test_exports_in_the_layout_of_cityscapes_are_exact_without_its_target(tmp_path):
+    options = {"shots": 1, "settings": SETTINGS, "pool": POOL}
+    frames = [render_street(u, 0, k, 1, SETTINGS, "embree", POOL)[0] for k, u in enumerate(UNITS)]
+    labels = {}
+    for outlines in ((), shipped("cityscapes").engine_outlines):
+        folder = tmp_path / str(len(outlines))
+        export_dataset(UNITS, 0, folder, target="cityscapes" if outlines else None, **options)
+        labels[len(outlines)] = read_dataset(folder).labels
+        wanted = [outlined(frame, outlines).label for frame in frames]
+        np.testing.assert_array_equal(labels[len(outlines)], wanted)
+    assert (labels[0] != labels[1]).mean() > 0.003
 
 
 def test_exports_have_one_convention_in_all_their_labels(target, tmp_path):

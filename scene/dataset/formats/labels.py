@@ -9,12 +9,11 @@ import numpy as np
 
 from scene.classes import CLASS_NAMES, OWN, VOID, check_class_name
 from scene.dataset.formats.segments import is_thing
-from shell.classes import CLASSES
+from shell.classes import CLASSES, Outline
 from shell.classes import OWN as OWN_ROW
 from shell.errors import UserError
 
 if TYPE_CHECKING:
-    from scene.outline import Outlines
     from shell.target_file import TargetFile
 
 ILLEGAL = 254
@@ -29,7 +28,7 @@ class Labels(NamedTuple):
     values: np.ndarray  # u8 or u16[256] ids, or u8[256, 3] colours, of each class and of VOID
     colours: np.ndarray  # u8[256, 3] for people, VOID is black
     things: tuple[int, ...]  # classes with instances
-    outlines: Outlines = ()  # those that are drawn as a whole
+    outlines: tuple[Outline, ...] = ()  # those that are drawn as a whole
 
     @property
     def rendered(self) -> tuple[str, ...]:
@@ -160,11 +159,11 @@ def target_labels(entry: Any) -> Labels:
         if not sound or whole.min() < 0 or whole.max() > bound or len(set(names)) < len(names):
             raise ValueError("classes, values or colours")
         outlines = tuple(
-            (tuple(train_ids), float(row["outline"]))
+            Outline(tuple(train_ids), float(row["outline"]))
             for row, train_ids in zip(rows, renders, strict=True)
             if "outline" in row
         )
-        if not all(0 < share < 1 for _, share in outlines):
+        if not all(0 < outline.width < 1 for outline in outlines):
             raise ValueError("outlines")
         of_engine = np.full(256, VOID, np.uint8)
         for k, train_ids in enumerate(renders):
