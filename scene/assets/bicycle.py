@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.family import ROAD, Family, Size
-from scene.assets.parts.palette import BLACK, HEADLAMP, STEEL, TAILLAMP, TYRE, pick
+from scene.assets.parts.palette import BLACK, HEADLAMP, STEEL, TAILLAMP, TYRE, WICKER, pick
 from scene.assets.parts.vehicle import card, circle, mudguard, rod
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, Point, merge
@@ -80,7 +80,6 @@ _PAINTS: tuple[Color, ...] = (
 )
 _TYRES: tuple[Color, ...] = (TYRE, TYRE, TYRE, (0.10, 0.06, 0.03), (0.30, 0.26, 0.18))
 _LOADS = ("", "", "panniers", "child seat", "box")
-_WICKER: Color = (0.10, 0.065, 0.035)
 _SADDLES: tuple[Color, ...] = (BLACK, (0.12, 0.06, 0.03))
 
 
@@ -269,7 +268,7 @@ def _front_load(p: BicycleParams) -> list[Asset]:
         return [lamp, bracket] if p.mudguards else []
     low, high = (x, -0.17, top + 0.03), (x + 0.27, 0.17, top + 0.23)
     if p.tube > 0.022:
-        return [block(low, high, _WICKER, "wood")]
+        return [block(low, high, WICKER, "wood")]
     (back, right, foot), (ahead, left, rim) = low, high
     parts = [block(low, (ahead, left, foot + 0.01), BLACK, "metal")]
     for z in np.linspace(foot, rim, 4):

@@ -6,14 +6,10 @@ from typing import NamedTuple
 
 from scene.assets.family import FOOTWAY, Family, Size
 from scene.assets.parts.draw import near, sampler, times
+from scene.assets.parts.palette import BOLLARD_BLUE, BOLLARD_RED, BOLLARD_WHITE, BOLLARD_YELLOW
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, merge
 from scene.mesh.solids import box, tube, turned
-
-WHITE: Color = (0.60, 0.60, 0.58)
-YELLOW: Color = (0.62, 0.42, 0.03)
-RED: Color = (0.42, 0.03, 0.025)
-BLUE: Color = (0.02, 0.08, 0.32)
 
 
 class BollardParams(NamedTuple):
@@ -32,7 +28,7 @@ class BollardParams(NamedTuple):
 
 
 _ROUND = ((0.0, 1.0), (0.93, 1.0), (0.98, 0.75), (1.0, 0.2))
-_POST = BollardParams(1.0, 0.055, _ROUND, (0.22, 0.225, 0.23), WHITE, (), "metal")
+_POST = BollardParams(1.0, 0.055, _ROUND, (0.22, 0.225, 0.23), BOLLARD_WHITE, (), "metal")
 _KINDS: dict[str, BollardParams] = {
     "steel": _POST,
     "cast iron": _POST._replace(
@@ -53,13 +49,13 @@ _KINDS: dict[str, BollardParams] = {
         bands=((0.55, 0.68), (0.78, 0.91)), outline=((0.0, 2.0), (0.06, 1.8), (0.08, 1.0), (1.0, 1.0)),
     ),
     "keep left beacon": _POST._replace(
-        outline=(), color=WHITE, band=YELLOW, radius=0.17, height=1.1, material="lamp"
+        outline=(), color=BOLLARD_WHITE, band=BOLLARD_YELLOW, radius=0.17, height=1.1, material="lamp"
     ),
     "yellow beacon": _POST._replace(
-        outline=(), color=YELLOW, band=WHITE, radius=0.16, height=1.0, material="lamp"
+        outline=(), color=BOLLARD_YELLOW, band=BOLLARD_WHITE, radius=0.16, height=1.0, material="lamp"
     ),
     "banded": _POST._replace(
-        color=RED, bands=((0.2, 0.4), (0.6, 0.8)), material="paint", radius=0.05, height=1.1
+        color=BOLLARD_RED, bands=((0.2, 0.4), (0.6, 0.8)), material="paint", radius=0.05, height=1.1
     ),
 }  # fmt: skip
 KINDS: tuple[str, ...] = tuple(_KINDS)
@@ -93,9 +89,9 @@ def _beacon(p: BollardParams) -> Asset:
     body = box((deep, wide, 0.5 * h), (0, 0, 0.12 * h), p.color, p.material)
     head = box((deep, wide, 0.38 * h), (0, 0, 0.62 * h), p.band, p.material)
     z, r = 0.8 * h, 0.8 * p.radius
-    signs = [tube((s * deep / 2, 0, z), (s * (deep / 2 + 0.012), 0, z), r, BLUE, "paint", sides=14)
+    signs = [tube((s * deep / 2, 0, z), (s * (deep / 2 + 0.012), 0, z), r, BOLLARD_BLUE, "paint", sides=14)
              for s in (-1, 1)]  # fmt: skip
-    bars = [box((0.004, 0.25 * r, 1.1 * r), (s * (deep / 2 + 0.015), 0, z - 0.55 * r), WHITE, "paint")
+    bars = [box((0.004, 0.25 * r, 1.1 * r), (s * (deep / 2 + 0.015), 0, z - 0.55 * r), BOLLARD_WHITE, "paint")
             for s in (-1, 1)]  # fmt: skip
     return merge(foot, body, head, *signs, *bars)
 

@@ -13,7 +13,6 @@ import numpy as np
 from scene.assets.family import FRONTAGE, Family, Size
 from scene.assets.parts import ornament
 from scene.assets.parts.facade import (
-    GLASS,
     PANE,
     PROUD,
     RECESS,
@@ -32,6 +31,7 @@ from scene.assets.parts.facade import (
     upright,
     window,
 )
+from scene.assets.parts.palette import WINDOW
 from scene.assets.parts.roof import OVERHANG, chimney, dormer, flat, pitched, plant_room, steeple
 from scene.assets.parts.styles import KINDS, BuildingParams, sample_building
 from scene.classes import TrainId
@@ -95,7 +95,7 @@ def _fill(
     if opening.glazed:
         return window(rng, opening, panes, params.curtain)
     if params.ground_floor == "decks":
-        return [Patch(upright(*opening[:4], PANE), GLASS, "plain")]
+        return [Patch(upright(*opening[:4], PANE), WINDOW, "plain")]
     return door(opening, params.accent)
 
 

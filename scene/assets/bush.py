@@ -8,8 +8,8 @@ import numpy as np
 
 from scene.assets.family import Family, Size
 from scene.assets.parts.draw import between, drawn, near
-from scene.assets.parts.foliage import AUTUMNS, GREENS, IVY, directions, leaf_cards, slivers, tufts
-from scene.assets.parts.palette import pick
+from scene.assets.parts.foliage import AUTUMNS, GREENS, directions, leaf_cards, slivers, tufts
+from scene.assets.parts.palette import IVY, pick
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, merge, reshaped, shade, solid
 from scene.mesh.solids import box, triangles

@@ -10,7 +10,17 @@ from scene.assets.family import ROAD, Family, Size
 from scene.assets.parts.bodywork import ARCH_GAP, Body, Paint, axles, half, shell, underside
 from scene.assets.parts.fittings import Fittings, fittings
 from scene.assets.parts.glazing import Glazing, glazing, sample_glazing
-from scene.assets.parts.palette import BLACK, CHROME, GLASS, STEEL, TRIM, car_paint, darker, pick
+from scene.assets.parts.palette import (
+    BLACK,
+    CHROME,
+    DUST,
+    GLASS,
+    STEEL,
+    TRIM,
+    car_paint,
+    darker,
+    pick,
+)
 from scene.assets.parts.rickshaw import Rickshaw, rickshaw, sample_rickshaw
 from scene.assets.parts.van import VanSides, van_sides
 from scene.assets.parts.wheel import STYLES, Wheel, wheels
@@ -161,8 +171,6 @@ _VAN_PAINTS: tuple[Color, ...] = (
     (0.64, 0.64, 0.62), (0.64, 0.64, 0.62), (0.64, 0.64, 0.62), (0.35, 0.015, 0.018), CHROME,
     (0.02, 0.05, 0.16), (0.50, 0.32, 0.02), (0.03, 0.12, 0.06), (0.08, 0.085, 0.09),
 )  # fmt: skip
-_DUST: Color = (0.085, 0.078, 0.068)
-"""Of the road, on the sills."""
 _OLD_PAINTS: tuple[Color, ...] = (
     (0.30, 0.34, 0.27), (0.45, 0.40, 0.28), (0.15, 0.27, 0.36), (0.25, 0.02, 0.02), (0.02, 0.06, 0.04),
 )  # fmt: skip
@@ -235,7 +243,7 @@ def _sample_wear(rng: np.random.Generator, kind: str, color: Color) -> Paint:
     m, glass = _MODELS[kind], vary(rng, GLASS, 0.5)
     tint = rng.random()
     k = float(rng.uniform(0.0, 0.7))
-    lower, rows = _mixed(color, _DUST, k), 1
+    lower, rows = _mixed(color, DUST, k), 1
     if m.clad and rng.random() < 0.6:
         lower, rows = TRIM if rng.random() < 0.7 else (0.2, 0.2, 0.2), int(rng.integers(1, 3))
     roof, cloth = color, "paint"

@@ -9,16 +9,17 @@ import numpy as np
 
 from scene.assets.family import FRONTAGE, Family, Size
 from scene.assets.parts.draw import SEED, between, near, sampler, times
-from scene.assets.parts.palette import GALVANISED
+from scene.assets.parts.palette import (
+    FENCE_BLACK,
+    FENCE_GREEN,
+    FENCE_TIMBER,
+    FENCE_WHITE,
+    GALVANISED,
+    WEATHERED_TIMBER,
+)
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, Point, ignore, merge, shade
 from scene.mesh.solids import box, loft, polygon, triangles, tube
-
-BLACK: Color = (0.014, 0.015, 0.016)
-GREEN: Color = (0.010, 0.040, 0.024)
-WHITE: Color = (0.62, 0.62, 0.59)
-TIMBER: Color = (0.13, 0.085, 0.05)
-WEATHERED: Color = (0.16, 0.14, 0.115)
 
 
 class FenceParams(NamedTuple):
@@ -36,34 +37,34 @@ class FenceParams(NamedTuple):
     color: Color
     material: str
     tip: str = ""  # of posts: "", "ball", "point" or "band"
-    second: Color = WHITE  # of bands, feet and reflectors
+    second: Color = FENCE_WHITE  # of bands, feet and reflectors
     seed: int = 0  # unevenness of boards and pickets
 
 
-_IRON = FenceParams(3.5, 1.4, 2, 0.06, (0.1, 0.9), 0.04, "bars", 0.12, 0.022, BLACK, "paint")
-_WOOD = _IRON._replace(posts=3, post_width=0.1, rail_size=0.08, color=TIMBER, material="wood",
+_IRON = FenceParams(3.5, 1.4, 2, 0.06, (0.1, 0.9), 0.04, "bars", 0.12, 0.022, FENCE_BLACK, "paint")
+_WOOD = _IRON._replace(posts=3, post_width=0.1, rail_size=0.08, color=FENCE_TIMBER, material="wood",
                        rails=(0.25, 0.75), pitch=0.14, gauge=0.09)  # fmt: skip
 _KINDS: dict[str, FenceParams] = {
     "spear railings": _IRON._replace(infill="spears", tip="ball", posts=2),
-    "pickets": _WOOD._replace(height=1.0, infill="pickets", color=WHITE, material="paint"),
+    "pickets": _WOOD._replace(height=1.0, infill="pickets", color=FENCE_WHITE, material="paint"),
     "chain link": _IRON._replace(height=2.0, rails=(0.97,), infill="diamonds", pitch=0.16,
-                                 gauge=0.010, color=GREEN, material="metal", posts=3),
+                                 gauge=0.010, color=FENCE_GREEN, material="metal", posts=3),
     "guard rail": _IRON._replace(height=0.78, rails=(), infill="beam", posts=3, post_width=0.1,
                                  gauge=0.31, color=GALVANISED, material="metal"),
     "boards": _WOOD._replace(height=1.75, infill="boards", gauge=0.15, pitch=0.172),
     "pedestrian guard": _IRON._replace(height=1.05, rails=(0.14, 0.80, 0.97), color=GALVANISED, pitch=0.13,
                                        gauge=0.02, material="metal", posts=3),
     "rails": _WOOD._replace(height=1.15, infill="none", rails=(0.3, 0.6, 0.9), rail_size=0.12,
-                            color=WEATHERED),
+                            color=WEATHERED_TIMBER),
     "heras": _IRON._replace(height=2.0, rails=(0.03, 0.97), infill="grid", pitch=0.14, gauge=0.008,
                             color=GALVANISED, material="metal", tip="feet", post_width=0.045,
                             second=(0.30, 0.08, 0.02)),
     "bollard and chain": _IRON._replace(height=1.0, rails=(), infill="chain", posts=3,
                                         post_width=0.13, tip="ball"),
-    "bow top": _IRON._replace(height=1.15, infill="bows", rails=(0.12, 0.72), color=GREEN, pitch=0.2),
+    "bow top": _IRON._replace(height=1.15, infill="bows", rails=(0.12, 0.72), color=FENCE_GREEN, pitch=0.2),
     "palisade": _IRON._replace(height=2.3, infill="pales", rails=(0.15, 0.85), pitch=0.155,
                                gauge=0.07, color=GALVANISED, material="metal", post_width=0.1),
-    "barrier boards": _IRON._replace(height=1.05, rails=(), infill="stripes", posts=3, color=WHITE,
+    "barrier boards": _IRON._replace(height=1.05, rails=(), infill="stripes", posts=3, color=FENCE_WHITE,
                                      second=(0.48, 0.03, 0.02), pitch=0.35, post_width=0.05,
                                      tip="feet"),
     "trellis": _WOOD._replace(height=1.6, rails=(0.04, 0.96), infill="diamonds", pitch=0.22,
@@ -71,7 +72,7 @@ _KINDS: dict[str, FenceParams] = {
     "cross rails": _IRON._replace(height=1.1, rails=(0.08, 0.95), infill="crosses", pitch=0.85,
                                   gauge=0.035, color=(0.10, 0.02, 0.018), posts=5, tip="ball"),
     "wires": _WOOD._replace(height=1.2, rails=(), infill="wires", pitch=0.2, gauge=0.012, posts=3,
-                            post_width=0.12, color=WEATHERED, tip="point"),
+                            post_width=0.12, color=WEATHERED_TIMBER, tip="point"),
     "hurdles": _WOOD._replace(height=1.1, infill="slats", rails=(), pitch=0.17, gauge=0.085, posts=3,
                               color=(0.09, 0.05, 0.03), tip="point"),
 }  # fmt: skip

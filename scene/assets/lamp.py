@@ -10,17 +10,17 @@ import numpy as np
 
 from scene.assets.family import Family, Size
 from scene.assets.parts.draw import drawn, near, times
+from scene.assets.parts.palette import (
+    GLOW,
+    LAMP_CONCRETE,
+    LAMP_GREEN,
+    LAMP_IRON,
+    LAMP_STEEL,
+    LAMP_TIMBER,
+)
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, merge
 from scene.mesh.solids import box, loft, tube, turned
-
-GLOW: Color = (0.62, 0.60, 0.52)
-"""Lamp glass by day."""
-IRON: Color = (0.018, 0.019, 0.021)
-STEEL: Color = (0.055, 0.058, 0.060)
-GREEN: Color = (0.012, 0.045, 0.028)
-CONCRETE: Color = (0.24, 0.23, 0.21)
-TIMBER: Color = (0.075, 0.052, 0.036)
 
 
 class LampParams(NamedTuple):
@@ -43,9 +43,9 @@ class LampParams(NamedTuple):
     spread: float = 0.12  # by how much the height differs among those of a kind, as a share
 
 
-_PLAIN = LampParams(7.4, 0.09, 1.2, (-1.4,), 0.2, 0.0, "tray", 0.75, STEEL, "metal")
-_IRON = _PLAIN._replace(color=IRON, material="paint", arms=(), rise=0.0, foot=0.9)
-_POLE = _PLAIN._replace(color=TIMBER, material="bark", arms=(), foot=0.0, radius=0.12, height=8.0,
+_PLAIN = LampParams(7.4, 0.09, 1.2, (-1.4,), 0.2, 0.0, "tray", 0.75, LAMP_STEEL, "metal")
+_IRON = _PLAIN._replace(color=LAMP_IRON, material="paint", arms=(), rise=0.0, foot=0.9)
+_POLE = _PLAIN._replace(color=LAMP_TIMBER, material="bark", arms=(), foot=0.0, radius=0.12, height=8.0,
                         spread=0.08)  # fmt: skip
 _KINDS: dict[str, LampParams] = {
     "arm": _PLAIN,
@@ -53,13 +53,13 @@ _KINDS: dict[str, LampParams] = {
     "double": _PLAIN._replace(arms=(-1.5, 1.5), bend=0.5, rise=0.5, height=7.8, spread=0.08),
     "lantern": _IRON._replace(height=3.9, head="lantern", head_size=0.7, rings=3),
     "telegraph": _POLE._replace(head="crossbars", head_size=1.6),
-    "globe": _IRON._replace(height=4.2, head="globe", head_size=0.48, color=STEEL, spread=0.1),
+    "globe": _IRON._replace(height=4.2, head="globe", head_size=0.48, color=LAMP_STEEL, spread=0.1),
     "led blade": _PLAIN._replace(head="blade", head_size=0.85, arms=(-0.5,), rise=0.05, radius=0.075,
                                  foot=0.0, color=(0.05, 0.052, 0.056), spread=0.15),
     "heritage bracket": _IRON._replace(height=5.6, head="bell", head_size=0.5, arms=(-0.9,), rise=0.25,
-                                       bend=1.0, below=0.35, stay=True, rings=2, color=GREEN,
+                                       bend=1.0, below=0.35, stay=True, rings=2, color=LAMP_GREEN,
                                        spread=0.08),
-    "concrete": _PLAIN._replace(color=CONCRETE, material="concrete", radius=0.13, foot=1.6, bend=0.9,
+    "concrete": _PLAIN._replace(color=LAMP_CONCRETE, material="concrete", radius=0.13, foot=1.6, bend=0.9,
                                 rise=0.7, arms=(-1.2,), head_size=0.6, height=6.8, spread=0.08),
     "post top": _IRON._replace(height=4.8, head="disc", head_size=0.62, foot=0.0,
                                color=(0.06, 0.062, 0.066)),

@@ -12,8 +12,8 @@ from scene.assets.parts.body import figure
 from scene.assets.parts.carried import backpack
 from scene.assets.parts.head import head
 from scene.assets.parts.human import ANKLE, Body, Outfit, Pose
-from scene.assets.parts.palette import BLACK, WHITE, pick
-from scene.assets.parts.wardrobe import BRIGHT, CLOTHES, HI_VIS, REFLECTING, TROUSERS, sample_outfit
+from scene.assets.parts.palette import BLACK, REFLECTING, WHITE, pick
+from scene.assets.parts.wardrobe import BRIGHT, CLOTHES, HI_VIS, TROUSERS, sample_outfit
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, Point, merge
 

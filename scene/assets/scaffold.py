@@ -8,12 +8,11 @@ import numpy as np
 
 from scene.assets.family import FRONTAGE, Family, Size
 from scene.assets.parts.draw import SEED, between, drawn, near, whole
-from scene.assets.parts.palette import BOARDS
+from scene.assets.parts.palette import BOARDS, SCAFFOLD_STEEL
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, Point, merge, shade
 from scene.mesh.solids import box, polygon, tube
 
-STEEL: Color = (0.24, 0.245, 0.25)
 LIFT = 2.0
 """Height of a storey, metres."""
 
@@ -41,7 +40,7 @@ _NETS: tuple[Color, ...] = (
     (0.24, 0.24, 0.23),
 )
 _HOARDINGS: tuple[Color, ...] = ((0.03, 0.10, 0.28), (0.50, 0.50, 0.48), BOARDS)
-_SCAFFOLD = ScaffoldParams(3, 2.0, 1.0, 3, STEEL, BOARDS, _NETS[0], 0.0, False, False, 0)
+_SCAFFOLD = ScaffoldParams(3, 2.0, 1.0, 3, SCAFFOLD_STEEL, BOARDS, _NETS[0], 0.0, False, False, 0)
 _KINDS: dict[str, dict[str, Any]] = {
     "tubes": {},
     "netted": dict(netted=1.0),

@@ -9,14 +9,20 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.family import FRONTAGE, Family, Size
-from scene.assets.parts.palette import BRICK, GALVANISED, GLASS, darker, pick
+from scene.assets.parts.palette import (
+    BRICK,
+    GALVANISED,
+    GLASS,
+    SHELTER_GREY,
+    SHELTER_TIMBER,
+    SHELTER_WHITE,
+    darker,
+    pick,
+)
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, Point, merge, rotate, translate, vary
 from scene.mesh.solids import box, extrude, loft, polygon
 
-DARK: Color = (0.03, 0.032, 0.035)
-TIMBER: Color = (0.14, 0.095, 0.06)
-WHITE: Color = (0.55, 0.55, 0.52)
 CLOTHS: tuple[Color, ...] = (
     (0.38, 0.03, 0.03), (0.03, 0.10, 0.35), (0.04, 0.20, 0.09), (0.50, 0.32, 0.03), (0.30, 0.05, 0.16),
 )  # fmt: skip
@@ -45,12 +51,16 @@ def sample_shelter(rng: np.random.Generator, kind: str) -> ShelterParams:
     long = float(rng.uniform(2.2, 3.4) if stall else rng.uniform(2.8, 5.2))
     size = (long, float(rng.uniform(1.3, 1.9)), float(rng.uniform(2.3, 2.7)))
     frame, cover, second = {
-        "brick shelter": (BRICK, (0.10, 0.05, 0.035), TIMBER),
-        "timber shelter": (TIMBER, (0.06, 0.055, 0.05), TIMBER),
-        "kiosk": (CLOTHS[rng.integers(5)], DARK, CLOTHS[rng.integers(5)]),
+        "brick shelter": (BRICK, (0.10, 0.05, 0.035), SHELTER_TIMBER),
+        "timber shelter": (SHELTER_TIMBER, (0.06, 0.055, 0.05), SHELTER_TIMBER),
+        "kiosk": (CLOTHS[rng.integers(5)], SHELTER_GREY, CLOTHS[rng.integers(5)]),
     }.get(
         kind,
-        ((GALVANISED, DARK)[rng.integers(2)], CLOTHS[rng.integers(5)], POSTERS[rng.integers(5)]),
+        (
+            (GALVANISED, SHELTER_GREY)[rng.integers(2)],
+            CLOTHS[rng.integers(5)],
+            POSTERS[rng.integers(5)],
+        ),
     )
     return ShelterParams(
         kind, size, vary(rng, frame, 0.3), vary(rng, cover, 0.25), vary(rng, second, 0.25),
@@ -82,11 +92,13 @@ def _glazed(p: ShelterParams) -> list[Asset]:
         )
     parts.append(box((0.7 * x, 0.3, 0.05), (0, y - 0.35, 0.48), p.frame, "metal"))
     for s in (-1, 1) if p.form == "advert shelter" else (1,):
-        parts.append(box((0.16, 0.8 * y, 1.75), (s * (x / 2 - 0.06), y / 2, 0.3), DARK, "paint"))
+        parts.append(
+            box((0.16, 0.8 * y, 1.75), (s * (x / 2 - 0.06), y / 2, 0.3), SHELTER_GREY, "paint")
+        )
         for d in (-1, 1):
             at = s * (x / 2 - 0.06) + d * 0.085
             poster = box((0.008, 0.66 * y, 1.5), (at, y / 2, 0.42), p.second, "lamp")
-            parts += [poster, box((0.01, 0.4 * y, 0.35), (at, y / 2, 1.2), WHITE, "paint")]
+            parts += [poster, box((0.01, 0.4 * y, 0.35), (at, y / 2, 1.2), SHELTER_WHITE, "paint")]
     return parts
 
 
@@ -137,7 +149,7 @@ def _stall(p: ShelterParams) -> list[Asset]:
     produce = p.form == "produce stall"
     table, high = (0.72, 0.5) if produce else (0.85, 0.62)
     parts.append(box((x, high * y, table), (0, 0.1 + high * y / 2, 0),
-                     darker(p.cover, 0.7) if not produce else TIMBER,
+                     darker(p.cover, 0.7) if not produce else SHELTER_TIMBER,
                      "wood" if produce else "cloth"))  # fmt: skip
     across = max(3, round(x / 0.45))
     for k in range(across):
@@ -149,7 +161,7 @@ def _stall(p: ShelterParams) -> list[Asset]:
     stripes = 2 * max(3, round(x / 0.7))
     for k in range(stripes):
         a, b = (-x / 2 - 0.15 + (x + 0.3) * (k + d) / stripes for d in (0, 1))
-        color = p.cover if k % 2 == 0 or produce else WHITE
+        color = p.cover if k % 2 == 0 or produce else SHELTER_WHITE
         edge = [(-0.35, z - 0.32), (-0.35, z - 0.1), (y / 2, z + 0.45), (y + 0.2, z)]
         for (y0, z0), (y1, z1) in pairwise(edge):
             corners: list[Point] = [(a, y0, z0), (b, y0, z0), (b, y1, z1), (a, y1, z1)]

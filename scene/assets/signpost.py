@@ -13,7 +13,17 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.family import Family, Size
-from scene.assets.parts.palette import WHITE
+from scene.assets.parts.palette import (
+    GOLD,
+    POST_BLACK,
+    POST_GREEN,
+    POST_GREY,
+    POST_RED,
+    POST_STEEL,
+    POST_TIMBER,
+    POST_YELLOW,
+    WHITE,
+)
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, merge, vary
 from scene.mesh.solids import box, polygon, tube, turned
@@ -24,15 +34,6 @@ MIN_HEIGHT = 2.5
 """No post is shorter (metres)."""
 MAX_HEIGHT = 4.0
 """No post is taller (metres)."""
-
-BLACK: Color = (0.016, 0.017, 0.018)
-STEEL: Color = (0.09, 0.093, 0.096)
-DARK: Color = (0.055, 0.058, 0.062)
-GREEN: Color = (0.012, 0.05, 0.028)
-RED: Color = (0.42, 0.025, 0.02)
-YELLOW: Color = (0.58, 0.36, 0.02)
-GOLD: Color = (0.35, 0.24, 0.06)
-TIMBER: Color = (0.10, 0.068, 0.042)
 
 
 class SignpostParams(NamedTuple):
@@ -52,24 +53,24 @@ class SignpostParams(NamedTuple):
 
 
 _PATTERNS: dict[str, SignpostParams] = {
-    "steel": SignpostParams(3.0, 0.042, 12, 1, STEEL, STEEL),
-    "painted": SignpostParams(3.2, 0.045, 12, 1, DARK, DARK, foot=0.5),
-    "ringed": SignpostParams(3.4, 0.05, 12, 1, BLACK, GOLD, 3, 0.35, "ball", "", "paint"),
-    "striped": SignpostParams(2.8, 0.045, 12, 7, RED, WHITE, material="paint"),
+    "steel": SignpostParams(3.0, 0.042, 12, 1, POST_STEEL, POST_STEEL),
+    "painted": SignpostParams(3.2, 0.045, 12, 1, POST_GREY, POST_GREY, foot=0.5),
+    "ringed": SignpostParams(3.4, 0.05, 12, 1, POST_BLACK, GOLD, 3, 0.35, "ball", "", "paint"),
+    "striped": SignpostParams(2.8, 0.045, 12, 7, POST_RED, WHITE, material="paint"),
     "concrete": SignpostParams(3.1, 0.06, 6, 1, (0.30, 0.28, 0.25), (0.30, 0.28, 0.25),
                                material="concrete"),
-    "square": SignpostParams(2.7, 0.055, 4, 1, (0.10, 0.105, 0.11), BLACK, extra="plate"),
-    "timber": SignpostParams(2.6, 0.06, 4, 1, TIMBER, TIMBER, cap="point", material="wood"),
-    "litter bin": SignpostParams(2.9, 0.045, 12, 1, STEEL, BLACK, foot=0.3, extra="bin"),
-    "push button": SignpostParams(3.6, 0.057, 12, 1, BLACK, DARK, 1, 0.0, "flat", "button"),
-    "signal pole": SignpostParams(3.9, 0.058, 12, 1, BLACK, WHITE, foot=0.9, extra="band",
+    "square": SignpostParams(2.7, 0.055, 4, 1, (0.10, 0.105, 0.11), POST_BLACK, extra="plate"),
+    "timber": SignpostParams(2.6, 0.06, 4, 1, POST_TIMBER, POST_TIMBER, cap="point", material="wood"),
+    "litter bin": SignpostParams(2.9, 0.045, 12, 1, POST_STEEL, POST_BLACK, foot=0.3, extra="bin"),
+    "push button": SignpostParams(3.6, 0.057, 12, 1, POST_BLACK, POST_GREY, 1, 0.0, "flat", "button"),
+    "signal pole": SignpostParams(3.9, 0.058, 12, 1, POST_BLACK, WHITE, foot=0.9, extra="band",
                                   material="paint"),
-    "twin": SignpostParams(2.8, 0.038, 12, 1, STEEL, STEEL, extra="twin"),
-    "mast arm": SignpostParams(4.0, 0.06, 12, 1, (0.12, 0.125, 0.13), STEEL, foot=1.2, extra="arm"),
-    "fluted": SignpostParams(3.3, 0.055, 8, 1, GREEN, GREEN, 4, 0.8, "point", "", "paint"),
-    "hoop guard": SignpostParams(2.9, 0.042, 12, 1, DARK, STEEL, extra="hoop"),
-    "solar": SignpostParams(3.7, 0.045, 12, 1, STEEL, DARK, extra="solar"),
-    "beacon": SignpostParams(3.0, 0.05, 12, 9, BLACK, WHITE, extra="beacon", material="paint"),
+    "twin": SignpostParams(2.8, 0.038, 12, 1, POST_STEEL, POST_STEEL, extra="twin"),
+    "mast arm": SignpostParams(4.0, 0.06, 12, 1, (0.12, 0.125, 0.13), POST_STEEL, foot=1.2, extra="arm"),
+    "fluted": SignpostParams(3.3, 0.055, 8, 1, POST_GREEN, POST_GREEN, 4, 0.8, "point", "", "paint"),
+    "hoop guard": SignpostParams(2.9, 0.042, 12, 1, POST_GREY, POST_STEEL, extra="hoop"),
+    "solar": SignpostParams(3.7, 0.045, 12, 1, POST_STEEL, POST_GREY, extra="solar"),
+    "beacon": SignpostParams(3.0, 0.05, 12, 9, POST_BLACK, WHITE, extra="beacon", material="paint"),
 }  # fmt: skip
 KINDS: tuple[str, ...] = tuple(_PATTERNS)
 
@@ -98,8 +99,8 @@ def _bin(p: SignpostParams) -> list[Asset]:
 
 def _button(p: SignpostParams) -> list[Asset]:
     """The yellow box in which one asks for green, with its lit sign."""
-    case = box((0.14, 0.17, 0.32), (-0.09, 0, 0.90), YELLOW, "paint")
-    return [case, box((0.01, 0.1, 0.1), (-0.165, 0, 1.07), BLACK),
+    case = box((0.14, 0.17, 0.32), (-0.09, 0, 0.90), POST_YELLOW, "paint")
+    return [case, box((0.01, 0.1, 0.1), (-0.165, 0, 1.07), POST_BLACK),
             box((0.02, 0.05, 0.05), (-0.165, 0, 0.96), (0.5, 0.5, 0.5), "metal")]  # fmt: skip
 
 
@@ -146,7 +147,7 @@ def _solar(p: SignpostParams) -> list[Asset]:
     panel = [(-0.2, -0.3, z), (-0.2, 0.3, z), (0.22, 0.3, z + 0.32), (0.22, -0.3, z + 0.32)]
     frame = [(x + 0.02, y * 1.06, w - 0.03) for x, y, w in panel]
     return [polygon(panel, (0.01, 0.015, 0.04), "glass"), polygon(frame, WHITE, "metal"),
-            box((0.2, 0.26, 0.34), (0.17, 0, z - 0.6), STEEL, "metal")]  # fmt: skip
+            box((0.2, 0.26, 0.34), (0.17, 0, z - 0.6), POST_STEEL, "metal")]  # fmt: skip
 
 
 def _beacon(p: SignpostParams) -> list[Asset]:
@@ -158,7 +159,7 @@ def _beacon(p: SignpostParams) -> list[Asset]:
 
 def _plate(p: SignpostParams) -> list[Asset]:
     """A flange with bolts at the foot."""
-    bolts = [box((0.03, 0.03, 0.05), (x, y, 0.02), STEEL, "metal")
+    bolts = [box((0.03, 0.03, 0.05), (x, y, 0.02), POST_STEEL, "metal")
              for x in (0.11, -0.11) for y in (0.11, -0.11)]  # fmt: skip
     return [box((0.3, 0.3, 0.02), (0, 0, 0), p.color, "metal"), *bolts]
 

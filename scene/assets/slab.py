@@ -8,7 +8,7 @@ import numpy as np
 
 from scene.assets.family import FOOTWAY, Family, Size
 from scene.assets.parts.draw import between, drawn, near
-from scene.assets.parts.palette import darker
+from scene.assets.parts.palette import SLAB_WHITE, darker
 from scene.classes import TrainId
 from scene.look.surfaces import ROAD_TONE
 from scene.mesh.asset import Asset, Color, ignore, merge
@@ -20,7 +20,6 @@ THICK, PAINT = 0.012, 0.016
 """Heights of the surface and of what is painted on it, metres."""
 LINE = 0.1
 """Width of painted lines, metres."""
-WHITE: Color = (0.56, 0.56, 0.53)
 
 
 class SlabParams(NamedTuple):
@@ -29,7 +28,7 @@ class SlabParams(NamedTuple):
     color: Color
     material: str = "fresh asphalt"
     lines: str = ""  # or "sides", "ticks" or "box"
-    paint: Color = WHITE
+    paint: Color = SLAB_WHITE
     stain: tuple[float, float, float] = (0.0, 0.0, 0.2)  # where oil dripped, how far it spread, m
 
 

@@ -8,17 +8,19 @@ import numpy as np
 
 from scene.assets.family import SIGN, Family, Size
 from scene.assets.parts.draw import drawn, near
+from scene.assets.parts.palette import (
+    LIGHT_AMBER,
+    LIGHT_GREEN,
+    LIGHT_RED,
+    LIGHT_WHITE,
+    SIGNAL_BLACK,
+    SIGNAL_YELLOW,
+)
 from scene.assets.signpost import MAX_RADIUS, MIN_HEIGHT
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, merge
 from scene.mesh.solids import box, disc, loft, polygon
 
-RED: Color = (0.95, 0.05, 0.03)
-AMBER: Color = (0.98, 0.45, 0.03)
-GREEN: Color = (0.05, 0.95, 0.45)
-WHITE: Color = (0.95, 0.95, 0.92)
-BLACK: Color = (0.012, 0.013, 0.014)
-YELLOW: Color = (0.55, 0.33, 0.02)
 UNLIT = 0.05
 """Brightness of a lamp that is off, as a share of its lit colour; it is of glass, which does not shine."""
 
@@ -38,11 +40,11 @@ class Kind(NamedTuple):
     columns: tuple[tuple[tuple[Color, ...], float], ...]  # lamps and scale of each head
     lit: int  # the lamp that shines in the first head
     board: float = 0.0  # margin of the board behind the housing, m; 0 for none
-    edge: Color = BLACK  # of the board; white in Britain
+    edge: Color = SIGNAL_BLACK  # of the board; white in Britain
     round_board: bool = False
     hoods: bool = True  # long visors; else short ones
-    color: Color = BLACK
-    front: Color = BLACK  # of the housing's face
+    color: Color = SIGNAL_BLACK
+    front: Color = SIGNAL_BLACK  # of the housing's face
 
 
 class TrafficLightParams(NamedTuple):
@@ -55,19 +57,19 @@ class TrafficLightParams(NamedTuple):
     kind: Kind  # its colours drawn
 
 
-_THREE = ((RED, AMBER, GREEN), 1.0)
-_WALK = ((RED, GREEN), 1.0)
+_THREE = ((LIGHT_RED, LIGHT_AMBER, LIGHT_GREEN), 1.0)
+_WALK = ((LIGHT_RED, LIGHT_GREEN), 1.0)
 _KINDS: dict[str, Kind] = {
     "backed red": Kind((_THREE,), 0, 0.15, (0.62, 0.62, 0.6)),
     "backed green": Kind((_THREE,), 2, 0.15, (0.62, 0.62, 0.6)),
     "pedestrian": Kind((_WALK,), 0, hoods=False),
     "single": Kind((_THREE,), 2),
     "double": Kind((_THREE, _THREE), 0),
-    "filter arrow": Kind((_THREE, ((GREEN,), 1.0)), 2, 0.12, BLACK),
-    "yellow": Kind((_THREE,), 0, color=YELLOW, front=BLACK),
-    "tall": Kind((((RED, AMBER, GREEN, GREEN), 1.0),), 3, 0.16, BLACK, True),
-    "cycle": Kind((((RED, AMBER, GREEN), 0.55), _WALK), 1, color=(0.05, 0.05, 0.055)),
-    "tram": Kind((((WHITE, AMBER, WHITE), 0.85),), 0, 0.13, (0.4, 0.03, 0.03), True,
+    "filter arrow": Kind((_THREE, ((LIGHT_GREEN,), 1.0)), 2, 0.12, SIGNAL_BLACK),
+    "yellow": Kind((_THREE,), 0, color=SIGNAL_YELLOW, front=SIGNAL_BLACK),
+    "tall": Kind((((LIGHT_RED, LIGHT_AMBER, LIGHT_GREEN, LIGHT_GREEN), 1.0),), 3, 0.16, SIGNAL_BLACK, True),
+    "cycle": Kind((((LIGHT_RED, LIGHT_AMBER, LIGHT_GREEN), 0.55), _WALK), 1, color=(0.05, 0.05, 0.055)),
+    "tram": Kind((((LIGHT_WHITE, LIGHT_AMBER, LIGHT_WHITE), 0.85),), 0, 0.13, (0.4, 0.03, 0.03), True,
                  color=(0.16, 0.165, 0.17)),
 }  # fmt: skip
 KINDS: tuple[str, ...] = tuple(_KINDS)
@@ -143,7 +145,7 @@ def _head(p: TrafficLightParams, head: Head) -> list[Asset]:
     if p.kind.board:
         for depth, margin, color in (
             (0.035, p.kind.board, p.kind.edge),
-            (0.045, p.kind.board - 0.03, BLACK),
+            (0.045, p.kind.board - 0.03, SIGNAL_BLACK),
         ):
             corner = 0.9 * (wide + margin) if p.kind.round_board else 0.05
             board = _outline(head.y, p.centre, wide + margin, half + margin, corner)

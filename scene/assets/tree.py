@@ -14,8 +14,8 @@ import numpy as np
 
 from scene.assets.family import Family, Size
 from scene.assets.parts.draw import between, drawn, near
-from scene.assets.parts.foliage import AUTUMNS, GREENS, IVY, leaf_cards, slivers, tubes, tufts
-from scene.assets.parts.palette import BLACK, pick
+from scene.assets.parts.foliage import AUTUMNS, GREENS, leaf_cards, slivers, tubes, tufts
+from scene.assets.parts.palette import BLACK, IVY, pick
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, merge, reshaped, translate, vary
 from scene.mesh.solids import tube

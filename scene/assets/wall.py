@@ -6,32 +6,35 @@ import numpy as np
 
 from scene.assets.family import FRONTAGE, Family, Size
 from scene.assets.parts.draw import SEED, between, near, sampler, times
-from scene.assets.parts.palette import BRICK, GALVANISED, PALE_STONE, darker
+from scene.assets.parts.palette import (
+    BRICK,
+    CREAM_RENDER,
+    GALVANISED,
+    PALE_STONE,
+    PANEL_CONCRETE,
+    RUBBLE,
+    YELLOW_BRICK,
+    darker,
+)
 from scene.assets.parts.wall_faces import FACES, RELIEF, TOPS, WallParams
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, merge, rotate, solid, translate
+from scene.mesh.asset import Asset, merge, rotate, solid, translate
 from scene.mesh.solids import box, extrude, turned
-
-YELLOW_BRICK: Color = (0.27, 0.22, 0.15)
-STONE: Color = (0.24, 0.22, 0.18)
-GREY: Color = (0.25, 0.245, 0.235)
-CREAM: Color = (0.52, 0.49, 0.43)
-
 
 _BASE = WallParams(3.6, 1.6, 0.28, BRICK, "brick", PALE_STONE, 0.08)
 _KINDS: dict[str, WallParams] = {
     "brick": _BASE,
-    "rubble stone": _BASE._replace(color=STONE, material="concrete", second=(0.12, 0.11, 0.10),
+    "rubble stone": _BASE._replace(color=RUBBLE, material="concrete", second=(0.12, 0.11, 0.10),
                                    thickness=0.42, height=1.3, coping=0.0, face="blocks"),
-    "concrete panels": _BASE._replace(color=GREY, material="concrete", coping=0.0, height=2.0,
-                                      piers=(-1.0, 0.0, 1.0), second=GREY),
-    "rendered": _BASE._replace(color=CREAM, material="plaster", plinth=0.35, second=BRICK, height=1.9,
+    "concrete panels": _BASE._replace(color=PANEL_CONCRETE, material="concrete", coping=0.0, height=2.0,
+                                      piers=(-1.0, 0.0, 1.0), second=PANEL_CONCRETE),
+    "rendered": _BASE._replace(color=CREAM_RENDER, material="plaster", plinth=0.35, second=BRICK, height=1.9,
                                ridge=True, coping=0.16),
     "retaining": _BASE._replace(height=2.4, thickness=0.5, batter=0.22, color=PALE_STONE, face="weep holes",
                                 material="concrete", second=(0.05, 0.05, 0.05)),
     "piered": _BASE._replace(height=0.9, piers=(-0.95, 0.95), ball=True, color=YELLOW_BRICK),
-    "railing top": _BASE._replace(height=0.75, top="railings", second=STONE, piers=(-1.0, 1.0)),
-    "graffiti": _BASE._replace(height=2.3, color=GREY, material="concrete", coping=0.0,
+    "railing top": _BASE._replace(height=0.75, top="railings", second=RUBBLE, piers=(-1.0, 1.0)),
+    "graffiti": _BASE._replace(height=2.3, color=PANEL_CONCRETE, material="concrete", coping=0.0,
                                face="graffiti"),
     "noise barrier": _BASE._replace(height=2.7, thickness=0.2, color=(0.05, 0.10, 0.065), coping=0.0,
                                     material="metal", face="ribs", second=GALVANISED),
@@ -41,7 +44,7 @@ _KINDS: dict[str, WallParams] = {
                                    second=(0.15, 0.05, 0.04), coping=0.12, ridge=True),
     "balustrade": _BASE._replace(height=0.4, color=(0.42, 0.39, 0.33), material="plaster",
                                  second=(0.42, 0.39, 0.33), top="balusters", piers=(-1.0, 1.0)),
-    "stepped": _BASE._replace(height=1.9, steps=3, color=(0.20, 0.10, 0.075), second=GREY),
+    "stepped": _BASE._replace(height=1.9, steps=3, color=(0.20, 0.10, 0.075), second=PANEL_CONCRETE),
     "sleepers": _BASE._replace(height=1.2, color=(0.085, 0.06, 0.04), material="wood", coping=0.0,
                                face="beams", second=(0.03, 0.022, 0.017), thickness=0.3),
     "ivy": _BASE._replace(height=2.0, face="ivy", second=(0.022, 0.05, 0.018), coping=0.0,

@@ -136,7 +136,7 @@ def test_heads_side_by_side_show_one_colour_or_stop(seed):
         first, *others = traffic_light.sample_traffic_light(np.random.default_rng(seed), kind).heads
         shown = first.lamps[first.lit]
         for head in others:
-            expected = shown if shown in head.lamps else traffic_light.RED
+            expected = shown if shown in head.lamps else traffic_light.LIGHT_RED
             assert head.lamps[head.lit] == expected
 
 
@@ -144,7 +144,7 @@ def test_lights_show_red_amber_and_green():
     drawn = [traffic_light.sample_traffic_light(np.random.default_rng(seed), kind)
              for seed in range(6) for kind in traffic_light.KINDS]  # fmt: skip
     shown = {head.lamps[head.lit] for params in drawn for head in params.heads}
-    assert shown >= {traffic_light.RED, traffic_light.AMBER, traffic_light.GREEN}
+    assert shown >= {traffic_light.LIGHT_RED, traffic_light.LIGHT_AMBER, traffic_light.LIGHT_GREEN}
 
 
 @settings(max_examples=10)

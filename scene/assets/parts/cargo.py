@@ -7,13 +7,11 @@ from itertools import product
 import numpy as np
 
 from scene.assets.parts.lorry import TruckParams, bed, floor, sign
-from scene.assets.parts.palette import AMBER, BLACK, STEEL, TAILLAMP, TRIM, WHITE, darker
+from scene.assets.parts.palette import AMBER, BLACK, GRAVEL, STEEL, TAILLAMP, TRIM, WHITE, darker
 from scene.assets.parts.skin import pair, revolve
 from scene.assets.parts.vehicle import hoop, lettering, panel, tank, walls
-from scene.mesh.asset import Asset, Color, Point, repaint, reshaped, translate
+from scene.mesh.asset import Asset, Point, repaint, reshaped, translate
 from scene.mesh.solids import block, loft, polygon, tube
-
-_GRAVEL: Color = (0.16, 0.13, 0.10)
 
 
 def flatbed(p: TruckParams) -> list[Asset]:
@@ -73,7 +71,7 @@ def tipper(p: TruckParams) -> list[Asset]:
     peak = (heap - [x, 0, 0]) * [0.4, 0.3, 1] + [x, 0, 0.6 * p.fill]
     parts = [
         loft(edge, p.body, "metal"),
-        loft([heap, peak], _GRAVEL, "concrete"),
+        loft([heap, peak], GRAVEL, "concrete"),
         block((x + length / 2, -half, high - 0.1), (x + length / 2 + 0.7, half, high), p.body),
         tube((x + length / 2 + 0.15, 0, low), (x + length / 2 + 0.1, 0, high), 0.1, STEEL, "metal"),
     ]

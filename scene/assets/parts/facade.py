@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.assets.parts.palette import darker
+from scene.assets.parts.palette import WINDOW, darker
 from scene.mesh.asset import Asset, Color, Point, merge, solid
 from scene.mesh.solids import block, polygon, quads
 
@@ -22,7 +22,6 @@ SILL = 0.08
 """How far sills stand off the wall (metres)."""
 BAR = 0.06
 """Width of the bars between panes (metres)."""
-GLASS: Color = (0.012, 0.014, 0.016)
 LOOKS: tuple[tuple[str, float], ...] = (
     ("dark", 0.50), ("curtains", 0.18), ("blind", 0.12), ("sky", 0.08), ("nets", 0.12),
 )  # fmt: skip
@@ -160,7 +159,7 @@ def window(
     left, right, low, high, _ = opening
     look, _ = LOOKS[np.searchsorted(_UP_TO, rng.random(), side="right")]
     room, drawn_to = float(np.exp(rng.normal(0, 0.8))), float(rng.uniform(0.25, 0.95))
-    glass = (0.15, 0.18, 0.21) if look == "sky" else darker(GLASS, room)
+    glass = (0.15, 0.18, 0.21) if look == "sky" else darker(WINDOW, room)
     split = {"blind": high - drawn_to * (high - low), "nets": low + drawn_to * (high - low)}
     cut = split.get(look, high)
     across, up = np.linspace(left, right, panes[0] + 1), np.linspace(low, high, panes[1] + 1)
@@ -195,7 +194,7 @@ def door(opening: Opening, color: Color) -> list[Part]:
         parts.append(Patch(panel, darker(color), "paint"))
     if high - head > 0.2:
         light = upright(left + 0.05, right - 0.05, head + 0.06, high - 0.05, PANE)
-        parts.append(Patch(light, GLASS, "glass"))
+        parts.append(Patch(light, WINDOW, "glass"))
     if low > 0.05:
         step = relief((left - 0.15, -0.35, 0), (right + 0.15, 0.05, low), (0.30, 0.28, 0.25),
                      "concrete")  # fmt: skip
@@ -220,7 +219,7 @@ def lintel(opening: Opening, color: Color) -> Part:
 def side_window(x: float, middle: float, low: float, high: float, frame: Color) -> list[Part]:
     """A framed window laid on the outside of the side wall in the plane ``x``."""
     side = 1 if x > 0 else -1
-    layers = ((PROUD, 0.55, 0.0, frame, "paint"), (2 * PROUD, 0.45, 0.1, GLASS, "glass"))
+    layers = ((PROUD, 0.55, 0.0, frame, "paint"), (2 * PROUD, 0.45, 0.1, WINDOW, "glass"))
     return [
         Patch(
             [(x + side * off, middle + s * half, z) for s, z in

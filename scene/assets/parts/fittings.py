@@ -12,8 +12,11 @@ from scene.assets.parts.palette import (
     AMBER,
     BLACK,
     CHROME,
+    LENS,
     PLATE,
     PLATE_REAR,
+    REFLECTOR,
+    TAILLAMP_LENS,
     TRIM,
 )
 from scene.assets.parts.skin import pair, sheet, twin_sheets
@@ -21,9 +24,6 @@ from scene.mesh.asset import Asset, Color, Point, merge
 from scene.mesh.solids import block, ellipsoid, tube
 
 Span = tuple[float, float]
-_LENS: Color = (0.24, 0.25, 0.26)
-_LIT: Color = (0.46, 0.016, 0.014)
-_REFLECTOR: Color = (0.88, 0.88, 0.86)
 
 
 class Fittings(NamedTuple):
@@ -122,10 +122,10 @@ def _front(b: Body, f: Fittings) -> list[Asset]:
     inner, down, up = f.lamp
     edge, base, crest = f.grille
     parts = [
-        _both(b, 0, (inner, 1.0), (down, up), _LENS),
-        on_flank(b, (0.0, f.wrap), (down + 0.05, up), _LENS, "lamp", lift=0.012),
+        _both(b, 0, (inner, 1.0), (down, up), LENS),
+        on_flank(b, (0.0, f.wrap), (down + 0.05, up), LENS, "lamp", lift=0.012),
         on_flank(b, (f.wrap, f.wrap + 0.012), (down + 0.08, up - 0.05), AMBER, "paint", lift=0.012),
-        _both(b, 0, (inner + 0.06, inner + 0.2), (down + 0.05, up - 0.06), _REFLECTOR, lift=0.016),
+        _both(b, 0, (inner + 0.06, inner + 0.2), (down + 0.05, up - 0.06), REFLECTOR, lift=0.016),
         on_nose(b, 0, (-edge, edge), (base, crest), BLACK, lift=0.012),
         on_nose(b, 0, (-0.62, 0.62), (0.07, 0.27), BLACK, lift=0.008),
         on_nose(b, 0, (-1, 1), (0.0, 0.05), TRIM, lift=0.012),
@@ -179,8 +179,8 @@ def _rear(b: Body, f: Fittings) -> list[Asset]:
     tall = up - down
     reversing = (inner + 0.03, 0.5 * inner + 0.47), (down + 0.1 * tall, down + 0.4 * tall)
     parts = [
-        _both(b, 1, (inner, 1.0), (down, up), _LIT),
-        on_flank(b, (0.975, 1.0), (down + 0.03, up), _LIT, "lamp", lift=0.012),
+        _both(b, 1, (inner, 1.0), (down, up), TAILLAMP_LENS),
+        on_flank(b, (0.975, 1.0), (down + 0.03, up), TAILLAMP_LENS, "lamp", lift=0.012),
         _both(b, 1, *reversing, (0.6, 0.52, 0.45), lift=0.016),
         on_nose(b, 1, (-1, 1), (0.0, 0.12), TRIM, lift=0.01),
         on_nose(b, 1, (-inner, inner), (0.515, 0.53), BLACK, lift=0.012),

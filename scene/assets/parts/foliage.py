@@ -13,7 +13,6 @@ GREENS: tuple[Color, ...] = (
 AUTUMNS: tuple[Color, ...] = (
     (0.24, 0.15, 0.035), (0.22, 0.085, 0.025), (0.17, 0.13, 0.045), (0.15, 0.095, 0.045),
 )  # fmt: skip
-IVY: Color = (0.052, 0.070, 0.036)
 
 
 def directions(rng: np.random.Generator, count: int) -> np.ndarray:

@@ -11,7 +11,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from scene.assets.parts.facade import GLASS, PROUD, Part, Patch, bays, relief, upright
+from scene.assets.parts.facade import PROUD, Part, Patch, bays, relief, upright
+from scene.assets.parts.palette import WINDOW
 from scene.mesh.asset import Color, Point
 from scene.mesh.solids import block, disc, polygon, tube
 
@@ -144,7 +145,7 @@ def bay_window(
         panes = max(1, round(length / 0.7))
         for k in range(panes):
             a, b = (k + 0.09) / panes, (k + 0.91) / panes
-            parts.append(Patch(facet(a, b, sill + 0.1, head, 1), GLASS, "glass"))
+            parts.append(Patch(facet(a, b, sill + 0.1, head, 1), WINDOW, "glass"))
     lid = [(x, y * 1.15, top) for x, y in plan]
     ridge = [(left + cant, -0.02, top + 0.45), (right - cant, -0.02, top + 0.45)]
     parts.append(Patch([lid[1], lid[2], ridge[1], ridge[0]], roof, "roof"))
@@ -229,5 +230,5 @@ def turret(
             (a, b), (c, d) = at - side, at + side
             corners = [(a, b, floor + 0.8), (c, d, floor + 0.8), (c, d, floor + 2.2),
                        (a, b, floor + 2.2)]  # fmt: skip
-            panes.append(Patch(corners, GLASS, "glass"))
+            panes.append(Patch(corners, WINDOW, "glass"))
     return [shaft, cap, *panes]

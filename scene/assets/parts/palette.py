@@ -22,6 +22,62 @@ GALVANISED: Color = (0.20, 0.205, 0.21)
 BRICK: Color = (0.17, 0.085, 0.06)
 PALE_STONE: Color = (0.30, 0.29, 0.27)
 BOARDS: Color = (0.20, 0.145, 0.085)
+YELLOW_BRICK: Color = (0.27, 0.22, 0.15)
+RUBBLE: Color = (0.24, 0.22, 0.18)
+CREAM_RENDER: Color = (0.52, 0.49, 0.43)
+PANEL_CONCRETE: Color = (0.25, 0.245, 0.235)
+WINDOW: Color = (0.012, 0.014, 0.016)
+GUTTER: Color = (0.03, 0.03, 0.03)
+RAILING_IRON: Color = (0.016, 0.017, 0.019)
+SCAFFOLD_STEEL: Color = (0.24, 0.245, 0.25)
+IVY: Color = (0.052, 0.070, 0.036)
+GRAVEL: Color = (0.16, 0.13, 0.10)
+DUST: Color = (0.085, 0.078, 0.068)  # of the road, on sills of cars
+
+# Lamps, and lights of vehicles and signals.
+GLOW: Color = (0.62, 0.60, 0.52)  # lamp glass by day
+LENS: Color = (0.24, 0.25, 0.26)
+TAILLAMP_LENS: Color = (0.46, 0.016, 0.014)
+REFLECTOR: Color = (0.88, 0.88, 0.86)
+LIGHT_RED: Color = (0.95, 0.05, 0.03)
+LIGHT_AMBER: Color = (0.98, 0.45, 0.03)
+LIGHT_GREEN: Color = (0.05, 0.95, 0.45)
+LIGHT_WHITE: Color = (0.95, 0.95, 0.92)
+
+# Street furniture.
+SIGNAL_BLACK: Color = (0.012, 0.013, 0.014)
+SIGNAL_YELLOW: Color = (0.55, 0.33, 0.02)
+LAMP_IRON: Color = (0.018, 0.019, 0.021)
+LAMP_STEEL: Color = (0.055, 0.058, 0.060)
+LAMP_GREEN: Color = (0.012, 0.045, 0.028)
+LAMP_CONCRETE: Color = (0.24, 0.23, 0.21)
+LAMP_TIMBER: Color = (0.075, 0.052, 0.036)
+POST_BLACK: Color = (0.016, 0.017, 0.018)
+POST_STEEL: Color = (0.09, 0.093, 0.096)
+POST_GREY: Color = (0.055, 0.058, 0.062)
+POST_GREEN: Color = (0.012, 0.05, 0.028)
+POST_RED: Color = (0.42, 0.025, 0.02)
+POST_YELLOW: Color = (0.58, 0.36, 0.02)
+POST_TIMBER: Color = (0.10, 0.068, 0.042)
+GOLD: Color = (0.35, 0.24, 0.06)
+BOLLARD_WHITE: Color = (0.60, 0.60, 0.58)
+BOLLARD_YELLOW: Color = (0.62, 0.42, 0.03)
+BOLLARD_RED: Color = (0.42, 0.03, 0.025)
+BOLLARD_BLUE: Color = (0.02, 0.08, 0.32)
+FENCE_BLACK: Color = (0.014, 0.015, 0.016)
+FENCE_GREEN: Color = (0.010, 0.040, 0.024)
+FENCE_WHITE: Color = (0.62, 0.62, 0.59)
+FENCE_TIMBER: Color = (0.13, 0.085, 0.05)
+WEATHERED_TIMBER: Color = (0.16, 0.14, 0.115)
+SHELTER_WHITE: Color = (0.55, 0.55, 0.52)
+SHELTER_GREY: Color = (0.03, 0.032, 0.035)
+SHELTER_TIMBER: Color = (0.14, 0.095, 0.06)
+SLAB_WHITE: Color = (0.56, 0.56, 0.53)  # road paint
+
+# What people wear and carry.
+WHITE_SOLE: Color = (0.55, 0.55, 0.53)
+REFLECTING: Color = (0.62, 0.63, 0.62)
+WICKER: Color = (0.10, 0.065, 0.035)
 
 # Share of cars by colour, and its linear albedo: between the new ones of the 2020s (BASF and Axalta report
 # half of them black, white or grey) and those on the roads twenty years before, of which more were silver,

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from scene.assets.parts.facade import GLASS, upright
+from scene.assets.parts.facade import upright
+from scene.assets.parts.palette import GUTTER, WINDOW
 from scene.mesh.asset import Asset, Color, Point, merge, translate
 from scene.mesh.solids import block, box, polygon, tube
 
 OVERHANG = 0.35
 """How far a pitched roof reaches beyond the walls (metres)."""
-
-GUTTER: Color = (0.03, 0.03, 0.03)
 
 
 def pitched(
@@ -104,7 +103,7 @@ def dormer(
     ]
     for a, b in ((x - 0.48, x - 0.04), (x + 0.04, x + 0.48)):
         parts.append(
-            polygon(upright(a, b, foot + 0.15, foot + wall - 0.1, y - 0.08), GLASS, "glass")
+            polygon(upright(a, b, foot + 0.15, foot + wall - 0.1, y - 0.08), WINDOW, "glass")
         )
     top, eave, front = foot + wall + 0.6, foot + wall - 0.05, y - 0.25
     for s in (-1, 1):
@@ -125,7 +124,7 @@ def steeple(
     low, high = height - 3.0, height - 0.9
     for level, tall in ((low, high - low), (0.45 * height, 1.6)):
         bell = upright(x - 0.16 * side, x + 0.16 * side, level, level + tall, y - half - 0.04)
-        parts.append(polygon(bell, GLASS, "plain"))
+        parts.append(polygon(bell, WINDOW, "plain"))
     for z in (0.4 * height, height - 0.5):
         parts.append(box((side + 0.25, side + 0.25, 0.2), (x, y, z), *wall))
     for dx in (-1, 1):

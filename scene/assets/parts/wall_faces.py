@@ -10,11 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.parts.facade import upright
-from scene.assets.parts.palette import BLACK, pick
+from scene.assets.parts.palette import BLACK, RAILING_IRON, pick
 from scene.mesh.asset import Asset, Color, solid, vary
 from scene.mesh.solids import box, loft, polygon, tube, turned
 
-IRON: Color = (0.016, 0.017, 0.019)
 RELIEF = 0.05
 """How far blocks stand off the wall behind them, m."""
 PAINT = 0.032
@@ -166,9 +165,9 @@ FACES: dict[str, Add] = {
 def _railings(p: WallParams, rng: np.random.Generator) -> list[Asset]:
     """Iron railings on the coping."""
     low, middle = p.height + p.coping, p.thickness / 2
-    bars = [tube((x, middle, low), (x, middle, low + 0.72), 0.013, IRON, "paint", end_radius=0.009,
+    bars = [tube((x, middle, low), (x, middle, low + 0.72), 0.013, RAILING_IRON, "paint", end_radius=0.009,
                  sides=4) for x in np.arange(-p.length / 2 + 0.3, p.length / 2 - 0.25, 0.13)]  # fmt: skip
-    rails = [box((p.length - 0.4, 0.04, 0.03), (0, middle, low + z), IRON, "paint")
+    rails = [box((p.length - 0.4, 0.04, 0.03), (0, middle, low + z), RAILING_IRON, "paint")
              for z in (0.08, 0.58)]  # fmt: skip
     return bars + rails
 

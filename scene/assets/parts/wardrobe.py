@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from scene.assets.parts.human import Outfit
-from scene.assets.parts.palette import BLACK, pick
+from scene.assets.parts.palette import BLACK, REFLECTING, WHITE_SOLE, pick
 from scene.mesh.asset import Color
 
 SKINS: tuple[Color, ...] = (
@@ -47,9 +47,7 @@ VEST_SHARE = 0.03
 VESTS = ("jacket", "puffer", "short coat", "hoodie")
 _WOMENS_HAIR = ("bob", "long", "long", "ponytail", "bun", "curly", "short")
 _MENS_HAIR = ("short", "short", "short", "thick", "bald", "curly")
-WHITE_SOLE: Color = (0.55, 0.55, 0.53)
 HI_VIS: tuple[Color, ...] = ((0.52, 0.66, 0.04), (0.75, 0.20, 0.02))
-REFLECTING: Color = (0.62, 0.63, 0.62)
 
 # How far down the leg a top, coat or skirt hangs, as a share of the leg: least and most.
 _HEMS: dict[str, tuple[float, float]] = {
