@@ -7,7 +7,7 @@ and an export that another engine began is refused. Records of evaluations have 
 same recipe gives other nets (2: nets, not pictures).
 """
 
-ENGINE = 8
+ENGINE = 9
 MAKERS = ("numpy", "numba", "embreex", "opencv-python-headless")
 """Libraries that make pictures: random numbers, compiled shading, rays, the camera's blur and JPEG. With
 another version of one of them the same settings may give other bytes."""

@@ -213,5 +213,5 @@ def bush(params: BushParams) -> Asset:
 
 FAMILY = Family(
     "bush", TrainId.VEGETATION, KINDS, sample_bush, bush,
-    count=16, size=Size((0.2, 12), (0.15, 5)), tone=1.8, line=("tree", 0.3),
+    count=16, size=Size((0.2, 12), (0.15, 5)), tone=1.4, line=("tree", 0.3),
 )  # fmt: skip

@@ -38,9 +38,9 @@ class Family:
     """One asset family.
 
     ``tone``: colours look right one by one; streets need more. On photographs people and cyclists are dark
-    against the road, crowns lighter than facades because the sky comes through them, poles lighter than
-    what is behind. The factors bring the median tone of each class, beside the road's, near that of
-    CamVid's 0016E5 and 0001TP (``python -m benchmarks.transfer --only tones``).
+    against the road, poles hardly darker than what is behind. The factors bring the median tone of each
+    class, beside the road's, near that of CamVid's 0016E5 and 0001TP (``python -m benchmarks.transfer --only
+    tones``). Crowns as annotators outline them have the median tone of those of CamVid and LabelMeFacade.
 
     ``facing``: ``road`` looks at the road, ``lane`` drives with the traffic of its side, ``either`` goes
     along the road one way or the other, ``camera`` looks at the traffic, ``any`` stands anyhow.

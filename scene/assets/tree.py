@@ -317,5 +317,5 @@ def _within(asset: Asset, params: TreeParams) -> Asset:
 
 FAMILY = Family(
     "tree", TrainId.VEGETATION, KINDS, sample_tree, tree,
-    count=24, size=Size((1.5, 40), (1.5, 40)), tone=2.1, line=("tree", 0.7),
+    count=24, size=Size((1.5, 40), (1.5, 40)), tone=1.6, line=("tree", 0.7),
 )  # fmt: skip
