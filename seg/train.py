@@ -28,7 +28,7 @@ from seg.nets.trunks import trunk_of
 from seg.pyramid import Statistics
 from seg.settings import VGG_NETS, TrainSettings, check_settings
 from seg.step import Data, Functions, Params, Plan, TrainState, Variables, functions, plan
-from seg.views import with_mirror, view_labels, views
+from seg.views import view_labels, views, with_mirror
 from seg.weights import load
 
 CHUNK = 50  # steps between two checks of the loss; also the length of a scan on an accelerator

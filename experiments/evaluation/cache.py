@@ -37,7 +37,7 @@ from seg.nets.head import Maps
 from seg.nets.trunks import trunk_of
 from seg.pyramid import Statistics, channel_statistics, features
 from seg.settings import TrainSettings
-from seg.views import LOOKS, with_mirror, view_images
+from seg.views import LOOKS, view_images, with_mirror
 from shell.errors import UserError
 from shell.files import digest, file_digest, read_json, whole_folder, write, write_json
 
