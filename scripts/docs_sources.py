@@ -13,7 +13,7 @@ class Sources(griffe.Extension):
     """Finds the names that are imported on first use, and joins the lines of sources."""
 
     def on_package(self, *, pkg: griffe.Module, **_: Any) -> None:
-        """Called once for every package: it offers what its stub imports (``shell.lazy``)."""
+        """Called once for every package: it offers what its stub imports (``lazy_loader``)."""
         assert isinstance(pkg.filepath, Path)
         stub = pkg.filepath.with_suffix(".pyi")
         if stub.exists():

@@ -11,8 +11,9 @@
 `AskTell` waits for rewards from elsewhere; `sdr-jax tune` takes them from a program.
 """
 
+from lazy_loader import attach_stub
+
 from shell.interrupt import while_loading
-from shell.lazy import import_on_use
 
 while_loading(__name__)  # before JAX
-__all__ = import_on_use(__name__)
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

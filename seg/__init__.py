@@ -4,8 +4,9 @@ Names are imported on first use, so that reading data does not load JAX; `__init
 functions `train` and `augment` share their name with their module: `from seg.train import train`.
 """
 
+from lazy_loader import attach_stub
+
 from shell.interrupt import while_loading
-from shell.lazy import import_on_use
 
 while_loading(__name__)  # before all else
-__all__ = import_on_use(__name__)
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

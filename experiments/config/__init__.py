@@ -3,6 +3,6 @@
 Names are imported on first use, so that help texts load no net and no search; ``__init__.pyi`` lists them.
 """
 
-from shell.lazy import import_on_use
+from lazy_loader import attach_stub
 
-__all__ = import_on_use(__name__)
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

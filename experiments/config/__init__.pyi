@@ -1,7 +1,7 @@
 """What a job can be told, its defaults by target and preset, what is refused, and its command line."""
 
-from experiments.config.check import check, check_net, refuse_unstarted
-from experiments.config.config import (
+from .check import check, check_net, refuse_unstarted
+from .config import (
     NETS,
     SEED_END,
     BinsConfig,
@@ -23,8 +23,8 @@ from experiments.config.config import (
     TwinName,
     fidelities,
 )
-from experiments.config.method import make_method, make_space, read_attributes, start_of
-from experiments.config.options import Bins, Fidelity, MethodOptions, Search, SearchOptions
+from .method import make_method, make_space, read_attributes, start_of
+from .options import Bins, Fidelity, MethodOptions, Search, SearchOptions
 
 __all__ = [
     "NETS",

@@ -1,5 +1,5 @@
 """ImageNet weights: VGG16 and DINOv2 from the user's files, the Lites from packages."""
 
-from shell.lazy import import_on_use
+from lazy_loader import attach_stub
 
-__all__ = import_on_use(__name__)
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

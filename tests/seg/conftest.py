@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from seg.data import DataError
-from seg.weights import WeightsError, convert, vgg16
+from seg.errors import WeightsError
+from seg.weights import convert, vgg16
 from seg.weights.__main__ import main
 from seg.weights.normalisation import from_bgr
 from seg.weights.read import read_npz

@@ -16,9 +16,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from seg.errors import WeightsError
 from seg.nets import DeepLabV2, FCN8s, normalise
 from seg.recipes import RECIPES
-from seg.weights import WeightsError, convert, described, load
+from seg.weights import convert, described, load
 from seg.weights.normalisation import CAFFE_MEANS, from_bgr
 from seg.weights.read import read, read_npz
 from seg.weights.vgg16 import LAYERS, SCHEMES, layers, shapes
