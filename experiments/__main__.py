@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import import_module
@@ -9,7 +10,7 @@ from importlib.metadata import packages_distributions, version
 from runpy import run_module
 from textwrap import wrap
 
-from shell.command import HELP, USAGE, Parser, docstring, meant
+from shell.command import HELP, USAGE, Parser, docstring, meant, path_of
 from shell.interrupt import PROGRAM
 
 DISTRIBUTION = "sdr-jax"
@@ -58,6 +59,8 @@ MOVED = {
 }
 """Commands that are gone, and what to use."""
 STUDY = "study"
+SHELLS = ("bash", "zsh", "tcsh")
+"""Shells that complete commands and flags with the tab key."""
 WIDE = 80
 """The most characters of a line of the help."""
 PARSERS = {"experiments": "experiments.config.parsers", "scene": "scene.parsers"}
@@ -81,11 +84,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(installed())
         return 0
     if name == "--completion":
-        from shell.completion import script
-
-        parsers = {command: parser_of(command) for command in COMMANDS}
-        print(script(PROGRAM, parsers, STUDY, [*STUDIES]), end="")
-        return 0
+        return completion(rest[0] if len(rest) > 1 else SHELLS[0])
     if name not in known:
         cure = f"; {MOVED[name]}" if name in MOVED else meant(name, known)
         cure = cure or f"; {called} --help lists all"
@@ -96,17 +95,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def run(name: str, words: Sequence[str]) -> int:
     """Run a command; help and wrong flags end it before it loads its libraries."""
-    if not {*words} & {*HELP}:
-        for line in clashes(packages_distributions()):
-            print(f"{PROGRAM}: warning: {line}", file=sys.stderr, flush=True)
+    try:
+        return _run(name, words)
+    except ImportError as error:
+        others = "; ".join(clashes(packages_distributions()))
+        if not others:
+            raise
+        print(f"{PROGRAM} {name}: error: {error}: {others}", file=sys.stderr, flush=True)
+        return USAGE
+
+
+def _run(name: str, words: Sequence[str]) -> int:
     module = COMMANDS[name]
     if own := _parser(name):
-        own().parse_args(words)
-    elif module.startswith("experiments."):
-        from experiments.config.cli import JOBS, command
+        options = own().parse_args(words)
+        work = f"{module}.__main__" if path_of(module).stem == "__main__" else module
+        done: int = import_module(work).main(options)
+        return done
+    if module.startswith("experiments."):
+        from experiments.config.cli import command
 
-        if name in JOBS:
-            return command(name, words)
+        return command(name, words)
     sys.argv[1:] = words
     run_module(module, run_name="__main__", alter_sys=True)  # raises SystemExit
     return 0
@@ -130,6 +139,31 @@ def parser_of(name: str) -> Parser:
     return found
 
 
+def completion(shell: str) -> int:
+    """Print what a shell reads to complete commands, flags and their values; returns the exit code."""
+    import shtab
+
+    if shell not in SHELLS:
+        known = ", ".join(SHELLS)
+        print(f"{PROGRAM}: error: --completion {shell}: must be one of {known}", file=sys.stderr)
+        return USAGE
+    root = argparse.ArgumentParser(PROGRAM, add_help=False)
+    for flag in ("--help", "--version", "--completion"):
+        root.add_argument(flag, action="store_true")
+    commands = root.add_subparsers(parser_class=argparse.ArgumentParser)
+    study = commands.add_parser(STUDY, help="the studies of the paper", add_help=False)
+    of_study = study.add_subparsers(parser_class=argparse.ArgumentParser)
+    for name, module in COMMANDS.items():
+        group = of_study if name in STUDIES else commands
+        parents, said = [parser_of(name)], summary(module)
+        own = group.add_parser(name, parents=parents, help=said, add_help=False)
+        for action in own._actions:
+            if action.nargs != 0 and not action.choices:
+                action.complete = shtab.FILE  # type: ignore[attr-defined]
+    print(shtab.complete(root, shell))
+    return 0
+
+
 def text() -> str:
     """The help: every command with the first line of its docstring; no command is loaded."""
     width = max(map(len, COMMANDS))
@@ -147,7 +181,7 @@ def text() -> str:
             *lines,
             "",
             f'{PROGRAM} --version says what is installed; eval "$({PROGRAM} --completion)" in',
-            "~/.bashrc completes commands and flags with the tab key.",
+            "~/.bashrc completes commands and flags with the tab key; zsh: --completion zsh.",
         ]
     )
 

@@ -30,7 +30,7 @@ from seg.data import DataError, Entry, LabelReader, list_split
 from seg.data.images import read_image
 from seg.metrics import absent_classes, confusion_matrix, iou
 from seg.model import SEEN, Model, load_model
-from shell.command import exit_code
+from shell.command import Arguments, exit_code
 from shell.errors import UserError, refuse_repeats
 from shell.files import check_file, file_digest, write, write_json
 from shell.listing import split_names
@@ -302,7 +302,7 @@ def text(scores: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(arguments: Arguments = None) -> int:
     """The command line; returns the exit code."""
     options = parsers.evaluate().parse_args(arguments)
 

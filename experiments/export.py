@@ -10,13 +10,12 @@ pip install 'sdr-jax[onnx]'.
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 from experiments.config import parsers
 from seg.model import Model, load_model
 from seg.onnx_graph import onnx_bytes
-from shell.command import exit_code
+from shell.command import Arguments, exit_code
 from shell.files import check_file, write
 
 
@@ -36,7 +35,7 @@ def export(model: Model | str | Path, path: str | Path) -> int:
     return write(Path(path), onnx_bytes(model))
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(arguments: Arguments = None) -> int:
     """The command line; returns the exit code."""
     options = parsers.export().parse_args(arguments)
 

@@ -66,7 +66,7 @@ from seg.settings import FILELESS_NETS, Trunk, TrunkName, check_settings
 from seg.train import Params, outline
 from seg.weights import check as check_weights
 from shell.classes import NAMES
-from shell.command import exit_code, given
+from shell.command import Arguments, exit_code, given
 from shell.errors import UserError, flagged
 from shell.files import digest, file_digest, read_json, write
 from shell.folder import plain
@@ -570,7 +570,7 @@ def fit(config: FitConfig) -> Report:
     return do(study, config)
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(arguments: Arguments = None) -> int:
     """The command line; returns the exit code."""
     options = parsers.fit().parse_args(arguments)
 

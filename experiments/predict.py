@@ -29,7 +29,7 @@ from experiments.prelabels.ranking import SCORES, Scores, ranked, refuse_unranke
 from scene.dataset.formats.png import encode
 from seg.data.frames import Frame, frames, list_sources, unread_words
 from seg.model import PACKAGES, As, Model, load_model
-from shell.command import exit_code
+from shell.command import Arguments, exit_code
 from shell.errors import UserError
 from shell.files import write
 from shell.folder import opened
@@ -148,7 +148,7 @@ def _write(
         write(path, encode(model.painted(labels, how, frame.image)))
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(arguments: Arguments = None) -> int:
     """The command line; returns the exit code."""
     options = parsers.predict().parse_args(arguments)
 

@@ -21,7 +21,7 @@ from experiments.config import RewardKind, parsers
 from experiments.evaluation.job import REWARD_NAMES, in_words
 from experiments.evaluation.made_with import told_apart
 from experiments.evaluation.store import kinds_of, merged, read, write_store
-from shell.command import exit_code
+from shell.command import Arguments, exit_code
 from shell.errors import UserError
 from shell.files import check_file
 
@@ -66,7 +66,7 @@ def table(path: Path) -> str:
     return "\n".join(lines)
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(arguments: Arguments = None) -> int:
     """The command line; returns the exit code."""
     options = parsers.store().parse_args(arguments)
 

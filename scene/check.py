@@ -30,7 +30,7 @@ from scene.proposal import draw, random_proposal
 from scene.street.clearance import pairs
 from scene.street.instances import standing
 from scene.street.street import sample_street
-from shell.command import exit_code
+from shell.command import Arguments, exit_code
 from shell.files import read_bytes, read_json
 
 LEAST_LIFT = 2.2
@@ -215,7 +215,7 @@ def _report_overlaps(count: int, space: SpaceName, pool: AssetPool) -> int:
     return int(total > 0)
 
 
-def main(arguments: list[str] | None = None) -> int:
+def main(arguments: Arguments = None) -> int:
     """The command line; returns the exit code."""
     command = parsers.check()
     options = command.parse_args(arguments)

@@ -20,7 +20,7 @@ import numpy as np
 from scene import parsers
 from scene.classes import CLASS_NAMES
 from scene.dataset.real import CAMVID, CAMVID_OF_TRAIN, open_pictures
-from shell.command import exit_code
+from shell.command import Arguments, exit_code
 from shell.files import check_file, write_json
 
 
@@ -143,7 +143,7 @@ def table(classes: tuple[str, ...], found: dict[str, Statistics]) -> str:
     return "\n".join(lines)
 
 
-def main(arguments: list[str] | None = None) -> int:
+def main(arguments: Arguments = None) -> int:
     """The command line; returns the exit code."""
     options = parsers.stats().parse_args(arguments)
 

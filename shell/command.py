@@ -10,7 +10,7 @@ import shlex
 import sys
 import textwrap
 import traceback
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from difflib import get_close_matches
 from importlib.util import find_spec
 from itertools import takewhile
@@ -28,6 +28,8 @@ HELP = ("-h", "--help", "--help-all")
 SIMILAR = 0.75
 """The least similarity of a suggestion, see `difflib.get_close_matches`: seed has it to sede, start not to
 target."""
+Arguments = Sequence[str] | argparse.Namespace | None
+"""Words of a command line, by default the program's; or what its parser has made of them."""
 _parsed: str | None = None
 _at_work: str | None = None
 """The last command line that was parsed, and the one that `exit_code` carries out."""
@@ -120,19 +122,6 @@ class Parser(argparse.ArgumentParser):
         """Refuse a flag that has no effect with one of the others."""
         self._excludes.append((flag, others))
 
-    def flags(self) -> dict[str, list[str]]:
-        """All flags but hidden ones, each with the words that may follow it; none where any may."""
-        return {
-            flag: [str(own) for own in action.choices or ()]
-            for flag, action in self._option_string_actions.items()
-            if action.help != argparse.SUPPRESS
-        }
-
-    def first(self) -> list[str]:
-        """The words that the command's first argument may be; none where any may, or there is none."""
-        own = next((a for a in self._actions if not a.option_strings), None)
-        return [] if own is None else [str(word) for word in own.choices or ()]
-
     def format_help(self, everything: bool = False) -> str:
         """The short help, or all of it."""
         formatter = self._get_formatter()
@@ -165,8 +154,10 @@ class Parser(argparse.ArgumentParser):
                 words.append(f"{action.option_strings[-1]} {own}{more}")
         return " ".join(["%(prog)s", *words, "[options]"])
 
-    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
+    def parse_args(self, args: Arguments = None, namespace: Any = None) -> Any:
         """Parse; unknown options are reported before missing ones."""
+        if isinstance(args, argparse.Namespace):
+            return args
         words = sys.argv[1:] if args is None else list(args)
         known = self._option_string_actions
         for k, word in enumerate(takewhile("--".__ne__, words)):

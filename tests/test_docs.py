@@ -81,7 +81,6 @@ def only_parsed(monkeypatch):
         sys.exit(0)
 
     monkeypatch.setattr(argparse.ArgumentParser, "parse_args", parse_only)
-    monkeypatch.setattr("experiments.__main__.packages_distributions", dict)  # it takes a while
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if commands(page)])

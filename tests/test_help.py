@@ -12,8 +12,6 @@ from tests.conftest import printed
 CODE = """
 import contextlib, io, json, sys
 from experiments.__main__ import COMMANDS, STUDIES, main
-import experiments.__main__ as front
-front.packages_distributions = dict  # of other people's packages, which take a while
 found = {}
 for name in ["", "study", *COMMANDS]:
     words = ["study", name] if name in STUDIES else [name] if name else []

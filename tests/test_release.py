@@ -70,9 +70,21 @@ def test_a_misspelt_command_is_one_line_and_exit_code_2(words, said, capsys):
     assert main(words) == 2 and capsys.readouterr().err == f"{said}\n"
 
 
-def test_a_package_of_another_distribution_is_named():
-    (line,) = clashes({"scene": ["sdr-jax", "scenery"], "seg": ["sdr-jax"], "other": ["x"]})
+def test_a_package_of_another_distribution_is_named_where_an_import_fails(monkeypatch, capsys):
+    installed = {"scene": ["sdr-jax", "scenery"], "seg": ["sdr-jax"], "other": ["x"]}
+    (line,) = clashes(installed)
     assert line.startswith("scenery") and "'scene'" in line
+
+    def fail(module):
+        raise ImportError(f"no {module}")
+
+    monkeypatch.setattr("experiments.__main__._run", lambda name, words: fail(name))
+    monkeypatch.setattr("experiments.__main__.packages_distributions", dict)
+    with pytest.raises(ImportError):
+        main(["fit"])
+    monkeypatch.setattr("experiments.__main__.packages_distributions", lambda: installed)
+    assert main(["fit"]) == 2
+    assert capsys.readouterr().err == f"sdr-jax fit: error: no fit: {line}\n"
 
 
 def test_the_version_is_the_same_everywhere():
@@ -112,15 +124,22 @@ def script() -> str:
     (["camvid", "--preset", ""], {"smoke", "quick", "paper"}),
     (["study", "table", "--hold"], {"--holdout"}),
     (["store", "me"], {"merge"}),
-    (["render", "--out", ""], set()),  # files, by the shell itself
+    (["study", "table", "--nets", "compact", "lite"], {"lite0", "lite1", "lite2"}),
+    (["render", "--out", ""], {"street.png"}),  # files
 ])  # fmt: skip
-def test_the_tab_key_completes_commands_flags_and_their_values(words, some, script):
+def test_the_tab_key_completes_commands_flags_and_their_values(words, some, script, tmp_path):
+    (tmp_path / "street.png").touch()
     line = " ".join(shlex.quote(word) for word in ["sdr-jax", *words])
-    code = (
-        f"{script}\nCOMP_WORDS=({line}); COMP_CWORD={len(words)}; _sdr_jax; echo ${{COMPREPLY[@]}}"
-    )
-    ran = run(["bash", "-c", code], capture_output=True, text=True, check=True)
+    code = f"{script}\nCOMP_WORDS=({line}); COMP_CWORD={len(words)}; _shtab_sdr_jax; echo ${{COMPREPLY[@]}}"
+    options = {"input": code, "capture_output": True, "text": True, "check": True}
+    ran = run(["bash"], cwd=tmp_path, **options)
     assert set(ran.stdout.split()) == some and ran.stderr == ""
+
+
+def test_only_known_shells_complete(capsys):
+    assert main(["--completion", "fish"]) == 2
+    said = "sdr-jax: error: --completion fish: must be one of bash, zsh, tcsh\n"
+    assert capsys.readouterr().err == said
 
 
 def test_an_image_is_made_of_what_there_is_in_few_lines():

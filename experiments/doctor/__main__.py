@@ -15,12 +15,11 @@ import base64
 import io
 import os
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments.config import parsers
-from shell.command import exit_code
+from shell.command import Arguments, exit_code
 from shell.errors import UserError
 from shell.files import check_file, write
 
@@ -247,7 +246,7 @@ def _png(picture: Any) -> bytes:
     return data.getvalue()
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(arguments: Arguments = None) -> int:
     """The command line; returns the exit code."""
     options = parsers.doctor().parse_args(arguments)
     os.environ["NPROC"] = "1"  # XLA's threads, as for nets of all commands

@@ -17,7 +17,7 @@ from experiments.playground.state import LOSS, State, View, check_view, has_prob
 from scene.assets.catalogue import AssetPool
 from scene.proposal import read_streets
 from scene.render import RendererError, renderer
-from shell.command import exit_code
+from shell.command import Arguments, exit_code
 from shell.errors import UserError
 from shell.loopback import check_port
 
@@ -38,7 +38,7 @@ def first_state(options: argparse.Namespace) -> State:
     return opened(streets, check_view(view))
 
 
-def main(arguments: list[str] | None = None) -> int:
+def main(arguments: Arguments = None) -> int:
     """The command line; returns the exit code."""
     options = parser().parse_args(arguments)
 

@@ -11,13 +11,12 @@ form of their own, which --rederive writes anew.
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 from experiments.config import parsers
 from experiments.report import live, page
 from experiments.report.folder import NAME, SUMMARY, read
-from shell.command import exit_code
+from shell.command import Arguments, exit_code
 from shell.errors import UserError
 from shell.files import check_file, write
 
@@ -41,7 +40,7 @@ def make(path: Path, out: Path | None) -> Path:
     return out
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(arguments: Arguments = None) -> int:
     """The command line; returns the exit code."""
     options = parsers.report().parse_args(arguments)
 

@@ -16,7 +16,7 @@ from scene.assets.catalogue import asset, families_of, kind, surfaces
 from scene.assets.families import FAMILIES
 from scene.assets.likeness import closest, looks
 from scene.classes import CLASS_NAMES, TrainId
-from shell.command import exit_code
+from shell.command import Arguments, exit_code
 
 
 def counts() -> dict[str, int]:
@@ -51,7 +51,7 @@ def nearest(name: str, pairs: int) -> Iterator[str]:
         yield f"{apart:.3f} {one} - {other}"
 
 
-def main(arguments: list[str] | None = None) -> int:
+def main(arguments: Arguments = None) -> int:
     """The command line; returns the exit code."""
     options = parsers.catalogue().parse_args(arguments)
     chosen = FAMILIES if options.closest == "all" else (options.closest,)

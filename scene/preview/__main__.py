@@ -32,7 +32,7 @@ from scene.proposal import draw, streets_named
 from scene.render import RENDERERS, RendererError, RenderSettings, check_settings
 from scene.workers import WorkerPool
 from shell import files
-from shell.command import exit_code
+from shell.command import Arguments, exit_code
 
 FORMATS = (".png", ".jpg", ".jpeg")
 JPEG = (cv2.IMWRITE_JPEG_QUALITY, 75, cv2.IMWRITE_JPEG_PROGRESSIVE, 1, cv2.IMWRITE_JPEG_OPTIMIZE, 1)
@@ -119,7 +119,7 @@ def write(picture: np.ndarray, path: Path) -> None:
     files.write(path, data.tobytes())
 
 
-def main(arguments: list[str] | None = None) -> int:
+def main(arguments: Arguments = None) -> int:
     """The command line; returns the exit code."""
     line = parser()
     options = line.parse_args(arguments)

@@ -25,7 +25,7 @@ from scene.proposal import draw, read_streets, space_in
 from scene.render import RendererError, RenderSettings, check_settings
 from scene.render.protocol import refuse_large_images, refuse_many_shots
 from scene.workers import WorkerError, refuse_many_workers
-from shell.command import exit_code
+from shell.command import Arguments, exit_code
 from shell.errors import UserError
 from shell.memory import refuse_larger
 
@@ -119,7 +119,7 @@ def export(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         )
 
 
-def main(arguments: list[str] | None = None) -> int:
+def main(arguments: Arguments = None) -> int:
     """The command line; returns the exit code."""
     from shell.progress import Progress, duration  # its library is nothing for worker processes
 
