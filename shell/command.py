@@ -154,8 +154,8 @@ class Parser(argparse.ArgumentParser):
                 words.append(f"{action.option_strings[-1]} {own}{more}")
         return " ".join(["%(prog)s", *words, "[options]"])
 
-    def parse_args(self, args: Arguments = None, namespace: Any = None) -> Any:
-        """Parse; unknown options are reported before missing ones."""
+    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse `Arguments`; unknown options are reported before missing ones."""
         if isinstance(args, argparse.Namespace):
             return args
         words = sys.argv[1:] if args is None else list(args)

@@ -8,7 +8,6 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from importlib import import_module
 from inspect import get_annotations
 from pathlib import Path
@@ -20,8 +19,6 @@ from experiments.config.config import (
     FewConfig,
     GroupsConfig,
     LearntConfig,
-    Preset,
-    TargetName,
     fidelities,
 )
 from experiments.config.presets import in_space
@@ -75,87 +72,37 @@ class Unmet(Exception):
     """The work is done, but its result does not meet a flag's demand."""
 
 
-def command(name: str, arguments: Sequence[str] | None = None) -> int:
+def command(
+    name: str,
+    arguments: Sequence[str] | None = None,
+    work: Callable[[Any], object] | None = None,
+) -> int:
     """Run the command line of a job; returns the exit code.
 
     Args:
         name: one of `JOBS`.
         arguments: arguments of the command; by default the program's.
-    """
-    job = JOBS[name]
-    return main(
-        name, partial(defaults_of, name), job.work, docstring(job.module), arguments,
-        target=job.target, with_data=job.with_data,
-    )  # fmt: skip
-
-
-def parser(name: str) -> Parser:
-    """The command line of a job, with the defaults of its preset quick.
-
-    Args:
-        name: among `JOBS`.
-    """
-    job = JOBS[name]
-    default = defaults_of(name, job.target or "twin", "quick")
-    return _parser(name, default, docstring(job.module))
-
-
-def main(
-    name: str,
-    defaults: Callable[[TargetName, Preset], AnyConfig],
-    work: Callable[[AnyConfig], object] | str,
-    description: str | None,
-    arguments: Sequence[str] | None = None,
-    *,
-    target: TargetName | None = None,
-    with_data: TargetName | None = None,
-) -> int:
-    """Parse, work, and turn errors into one line.
-
-    Args:
-        name: name of the command.
-        defaults: gives the defaults of all flags for a target and a preset.
-        work: the job, or the ``module:name`` from which it is loaded once the flags are right.
-        description: the help's first part.
-        arguments: arguments of the command; by default the program's.
-        target: the target of a command without ``--target``.
-        with_data: another target of such a command with ``--data``.
+        work: what to do with the configuration; by default the job's own work.
 
     Returns:
         The exit code: 2 for errors of the user, 1 for workers that died or `Unmet`, 130 after Ctrl-C.
     """
     words = sys.argv[1:] if arguments is None else list(arguments)
-    others = ("--preset", *(["--data DIR"] if with_data else [] if target else ["--target"]))
-
-    def configured(given: Mapping[str, Any]) -> tuple[AnyConfig, str]:
-        """The defaults for the given flags, and a description of them."""
-        preset, chosen = given.get("preset", "quick"), target or given.get("target", "twin")
-        if with_data is not None and given.get("data") is not None:
-            chosen = with_data
-        # The twin's hidden attributes must lie in the space of the search.
-        usual: SpaceName = "extended" if given.get("twin") == "far" else "scenex"
-        space: SpaceName = given.get("space", usual)
-        default = in_space(defaults(chosen, preset), space)
-        out = Path("runs") / "-".join((name, preset) if target else (name, chosen, preset))
-        return _with_nets(replace(default, out=out), given), f"--preset {preset} for {chosen}"
-
     asked = [word for word in words if word in HELP]
-    parser = _parser(name, configured({})[0], description)
-    if target is not None and any(word.partition("=")[0] == "--target" for word in words):
+    line = parser(name)
+    if JOBS[name].target and any(word.partition("=")[0] == "--target" for word in words):
         mains = ", ".join(own for own, job in JOBS.items() if job.target is not None)
-        parser.error(f"no option --target: the command names the target; there are {mains}")
-    given = vars(parser.parse_args([word for word in words if word not in asked]))
-    if asked:  # show the defaults that the other flags lead to
-        default, of = configured(given)
-        note = f"The defaults below are those of {of}; {' and '.join(others)} beside --help show others."
-        _parser(name, default, f"{description or ''}\n\n{note}").parse_args(asked)
+        line.error(f"no option --target: the command names the target; there are {mains}")
+    given = vars(line.parse_args([word for word in words if word not in asked]))
+    if asked:
+        parser(name, given).parse_args(asked)
     debug = given.pop("debug")
-    do = _loaded(work) if isinstance(work, str) else work
+    do = work or _loaded(JOBS[name].work)
 
     def run() -> None:
         from scene.render import RendererError  # the help needs no engine
 
-        config = filled(configured(given)[0], given)
+        config = filled(_default(name, given), given)
         if given.get("rederive") is None:
             refuse_unused(config, given)
         try:
@@ -164,6 +111,50 @@ def main(
             raise UserError(str(error)) from None
 
     return exit_code(run, also=(WorkerError, Unmet), debug=debug)
+
+
+def parser(name: str, given: Mapping[str, Any] | None = None) -> Parser:
+    """The command line of a job.
+
+    Args:
+        name: among `JOBS`.
+        given: flags whose defaults the help shows, and names; by default those of the preset quick.
+    """
+    job, default = JOBS[name], _default(name, given or {})
+    description = docstring(job.module)
+    if given is not None:
+        more = ["--data DIR"] if job.with_data else [] if job.target else ["--target"]
+        of = f"--preset {default.preset} for {default.target}"
+        others = " and ".join(("--preset", *more))
+        description += (
+            f"\n\nThe defaults below are those of {of}; {others} beside --help show others."
+        )
+    parser = Parser(job.called, description)
+    common, own = parser.add_argument_group("options").add_argument, get_annotations(type(default))
+    titles = {name: title for title, names in TOPICS.items() for name in names}
+    adders = {title: parser.group(title) for title in (*TOPICS, OTHERS)}
+
+    def rank(field: Field) -> int:
+        word = ".".join(field.path)
+        return COMMON.index(word) if word in COMMON else -1 if word in own else len(COMMON)
+
+    for field in sorted(flags_of(default), key=rank):
+        rare = rank(field) == len(COMMON)
+        add_flag(adders[titles.get(field.path[0], OTHERS)] if rare else common, field)
+    return parser
+
+
+def _default(name: str, given: Mapping[str, Any]) -> Config:
+    """The defaults that the given flags lead to."""
+    job, preset = JOBS[name], given.get("preset", "quick")
+    target = job.target or given.get("target", "twin")
+    if job.with_data is not None and given.get("data") is not None:
+        target = job.with_data
+    # The twin's hidden attributes must lie in the space of the search.
+    usual: SpaceName = "extended" if given.get("twin") == "far" else "scenex"
+    default = in_space(defaults_of(name, target, preset), given.get("space", usual))
+    out = Path("runs") / "-".join((name, preset) if job.target else (name, target, preset))
+    return _with_nets(replace(default, out=out), given)
 
 
 SDR = ("learning_rate", "baseline", "normalise", "squared_reward", "unoptimised")
@@ -211,23 +202,6 @@ def _loaded(place: str) -> Callable[[Any], object]:
     module, _, name = place.partition(":")
     found: Callable[[Any], object] = getattr(import_module(module), name)
     return found
-
-
-def _parser(name: str, default: Config, description: str | None) -> Parser:
-    """The parser of a configuration; its help shows these defaults."""
-    parser = Parser(JOBS[name].called if name in JOBS else name, description)
-    common, own = parser.add_argument_group("options").add_argument, get_annotations(type(default))
-    titles = {name: title for title, names in TOPICS.items() for name in names}
-    adders = {title: parser.group(title) for title in (*TOPICS, OTHERS)}
-
-    def rank(field: Field) -> int:
-        word = ".".join(field.path)
-        return COMMON.index(word) if word in COMMON else -1 if word in own else len(COMMON)
-
-    for field in sorted(flags_of(default), key=rank):
-        rare = rank(field) == len(COMMON)
-        add_flag(adders[titles.get(field.path[0], OTHERS)] if rare else common, field)
-    return parser
 
 
 def _with_nets(default: AnyConfig, given: Mapping[str, Any]) -> AnyConfig:

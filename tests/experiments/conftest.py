@@ -22,15 +22,12 @@ from PIL import Image
 
 from experiments.config import MainConfig
 from experiments.config.cli import command as command_line
-from experiments.config.cli import main
 from experiments.config.presets import PRESETS, TARGETS, defaults
 from experiments.evaluation.job import Recipe, Result
 from experiments.evaluation.runner import Runner
 from experiments.evaluation.store import LOGS, Store
-from experiments.main.job import MAIN
 from experiments.run import context
 from experiments.run.nets import by_row, jobs_of
-from experiments.study.skeleton import do
 from experiments.target.base import Target
 from scene.assets.catalogue import AssetPool
 from scene.attributes import NAMES
@@ -308,9 +305,8 @@ def study(name: str, *flags: str) -> int:
 
 def main_job(target: str, *flags: str) -> int:
     """The main job's command; returns the exit code."""
-    flags = ("--preset", "smoke", "--workers", "0", *flags)
-    own, work = partial(defaults, MainConfig), partial(do, MAIN)
-    return main(target, own, work, "", flags, target=target)
+    name = "cityscapes" if target == "twin" else target
+    return command_line(name, ("--preset", "smoke", "--workers", "0", *flags))
 
 
 @pytest.fixture

@@ -4,7 +4,6 @@ import math
 import runpy
 import sys
 from dataclasses import asdict, fields, replace
-from functools import partial
 from typing import get_type_hints
 
 import numpy as np
@@ -20,7 +19,7 @@ from experiments.config import (
     make_space,
     start_of,
 )
-from experiments.config.cli import main
+from experiments.config.cli import command
 from experiments.config.limits import training_bytes
 from experiments.config.presets import (
     CAMVID_GROUPS,
@@ -149,9 +148,9 @@ def test_the_paper_preset_needs_weights_and_says_how_to_get_them(
 def test_weights_are_those_of_every_net_that_starts_from_a_file():
     seen = []
     own = ("--weights", "w.npz", "--final.train.weights", "v.npz", "--preset", "paper")
-    main("camvid", partial(defaults, MainConfig), seen.append, "", own, target="camvid")
+    command("camvid", own, seen.append)
     own = ("--weights", "w.npz", "--reward.train.net", "lite0", "--preset", "paper")
-    main("camvid", partial(defaults, MainConfig), seen.append, "", own, target="camvid")
+    command("camvid", own, seen.append)
     made = [[config.reward.train.weights, config.final.train.weights] for config in seen]
     assert made == [["w.npz", "v.npz"], [None, "w.npz"]]
     paper = replace(RECIPES["paper"], weights="w.npz", steps=20_000)
@@ -339,7 +338,7 @@ def test_a_net_of_the_table_needs_images_that_are_large_enough(error_line, out):
     (["--preset", "huge"], ["--preset", "smoke", "quick", "paper"]),
     (["--preset=huge"], ["--preset", "smoke", "quick", "paper"]),
     (["--seeds", "two"], ["--seeds", "a whole number, not 'two'"]),
-    (["--search.method", "magic"], ["--search.method", "surrogate", "tpe"]),
+    (["--search.method", "magic"], ["--search.method", "surrogate", "gaussian"]),
     (["--renderer", "vulkan"], ["--renderer", "embree", "opengl"]),
     (["--reward.train.optimizer", "lion"], ["--reward.train.optimizer", "adam", "sgd"]),
     (["--candidates", "best"], ["--candidates", "argmax", "broad"]),
@@ -377,7 +376,7 @@ def test_a_target_takes_its_folder_from_the_variable(target, monkeypatch, error_
 ])  # fmt: skip
 def test_the_preset_decides_the_defaults(arguments, default):
     seen = []
-    main("cityscapes", partial(defaults, MainConfig), seen.append, "", arguments, target="twin")
+    command("cityscapes", arguments, seen.append)
     (config,) = seen
     assert config.preset == default and str(config.out) == f"runs/cityscapes-{default}"
     assert config.final == defaults(MainConfig, "twin", default).final
@@ -469,7 +468,7 @@ def test_a_training_has_as_many_steps_as_checkpoints(error_line, out):
 ])  # fmt: skip
 def test_the_net_decides_how_it_is_trained(arguments, recipe, steps):
     seen = []
-    main("camvid", partial(defaults, MainConfig), seen.append, "", arguments, target="camvid")
+    command("camvid", arguments, seen.append)
     train, own = seen[0].final.train, RECIPES[recipe]
     assert train == replace(with_steps(own, steps), net=train.net, weights=train.weights)
     assert seen[0].reward.train.net == ("compact" if "smoke" in arguments else "lite0")

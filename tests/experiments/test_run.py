@@ -107,14 +107,11 @@ def test_a_folder_in_use_and_a_missing_renderer(fails, tiny_camvid, camvid, monk
 def test_nets_are_the_same_in_a_worker_and_in_the_main_process():
     # Where there is more than one core.
     code = (
-        "from functools import partial\n"
-        "from experiments.config.cli import main\n"
-        "from experiments.config import MainConfig\n"
-        "from experiments.config.presets import defaults\n"
+        "from experiments.config.cli import command\n"
         "def work(config):\n"
         "    from tests.experiments.tasks import gradient  # starts JAX\n"
         "    print(gradient())\n"
-        "main('camvid', partial(defaults, MainConfig), work, '', (), target='camvid')\n"
+        "command('camvid', (), work)\n"
     )
     with WorkerPool(1, worker_environment()) as pool:
         ((_, found),) = pool.map(gradient, [()])
