@@ -27,8 +27,8 @@ from benchmarks import foreign, problems, recorded
 from benchmarks.problems import Problem, grouped_space
 from benchmarks.ranking import behind, mean_ranks, plot, text
 from benchmarks.report import Row, count, parser, table, write
+from benchmarks.rivals import METHODS, RIVALS, make
 from experiments.evaluation.evaluate import worker_environment
-from sdr_jax.registry import METHODS, make
 
 DEFAULT = "surrogate"
 """The default method of `sdr-jax tune`, which has no start."""
@@ -38,9 +38,6 @@ AT_ONCE = {"surrogate": 5, "intervals": 5, "gaussian": 5, "gaussian_process": 5}
 
 BUDGETED = "sdr"
 """The method that needs the number of updates beforehand."""
-
-LIBRARIES = ("cma_es", "tpe", "gaussian_process")
-"""Methods of other libraries, which compile hardly anything."""
 
 PROBLEMS: dict[str, Callable[[int], Problem]] = {
     "smooth": problems.smooth,
@@ -209,8 +206,8 @@ def batches(tasks: list[Task]) -> list[list[Task]]:
 
     Methods of other libraries compile hardly anything and take long: their tasks come first, one by one.
     """
-    alone = [[task] for task in tasks if task.method in LIBRARIES]
-    methods = dict.fromkeys(task.method for task in tasks if task.method not in LIBRARIES)
+    alone = [[task] for task in tasks if task.method in RIVALS]
+    methods = dict.fromkeys(task.method for task in tasks if task.method not in RIVALS)
     return alone + [[task for task in tasks if task.method == method] for method in methods]
 
 

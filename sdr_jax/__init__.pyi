@@ -19,12 +19,9 @@ from .relaxation import slide as slide
 from .rewards import identity as identity
 from .rewards import squared_percent as squared_percent
 from .rivals.attribute_descent import attribute_descent as attribute_descent
-from .rivals.cma_es import cma_es as cma_es
 from .rivals.gaussian import gaussian as gaussian
-from .rivals.gaussian_process import gaussian_process as gaussian_process
 from .rivals.random_attributes import random_attributes as random_attributes
 from .rivals.random_search import random_search as random_search
-from .rivals.tpe import tpe as tpe
 from .run import Record as Record
 from .run import RewardFn as RewardFn
 from .run import drive as drive

@@ -10,8 +10,5 @@ MethodName = Literal[
     "attribute_descent",
     "gaussian",
     "intervals",
-    "cma_es",
-    "tpe",
-    "gaussian_process",
 ]
 """Every search method, by the name of its function."""

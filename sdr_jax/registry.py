@@ -12,12 +12,9 @@ from sdr_jax.models.intervals import intervals
 from sdr_jax.models.surrogate import surrogate
 from sdr_jax.rewards import identity, squared_percent
 from sdr_jax.rivals.attribute_descent import attribute_descent
-from sdr_jax.rivals.cma_es import cma_es
 from sdr_jax.rivals.gaussian import gaussian
-from sdr_jax.rivals.gaussian_process import gaussian_process
 from sdr_jax.rivals.random_attributes import random_attributes
 from sdr_jax.rivals.random_search import random_search
-from sdr_jax.rivals.tpe import tpe
 from sdr_jax.sdr import sdr
 from sdr_jax.space import Space, Width
 
@@ -80,9 +77,6 @@ METHODS: dict[str, Callable[..., Method]] = {
     "attribute_descent": attribute_descent,
     "gaussian": _gaussian,
     "intervals": intervals,
-    "cma_es": cma_es,
-    "tpe": tpe,
-    "gaussian_process": gaussian_process,
 }
 """What makes each method, by name: of a space and a width; its keywords are the options."""
 
@@ -111,7 +105,6 @@ def make(name: str, space: Space, width: Width = None, **options: Any) -> Method
 
     Raises:
         ValueError: an unknown name, or an option that is unknown or out of range.
-        ImportError: a library that the method needs is not installed.
     """
     known = options_of(name)
     unknown = [option for option in options if option not in known]

@@ -126,9 +126,10 @@ def drive(
 ) -> Iterator[tuple[State, Record]]:
     """Runs the same optimisation as a loop on the host, one update at a time.
 
-    It also takes host adapters such as `cma_es`. Keys are used as in `run`, so a pure method has the same
-    actions and rewards. An error in an evaluation of a `HostReward` is raised before its update counts. Any
-    other reward function is called with concrete arrays, so JAX need not be able to trace it.
+    It also takes host adapters such as those in `benchmarks/rivals`. Keys are used as in `run`, so a pure
+    method has the same actions and rewards. An error in an evaluation of a `HostReward` is raised before
+    its update counts. Any other reward function is called with concrete arrays, so JAX need not be able to
+    trace it.
 
     The arguments are those of `run`; `first_state` gives the state before the first update.
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import sdr_jax
 from experiments.config.config import BinsConfig, GroupsConfig
+from experiments.config.options import RivalName
 from scene.attributes import SpaceName, names
 from scene.held import hold
 from scene.proposal import Mixture, Proposal, Streets, moments, space_in, streets_in
-from sdr_jax.names import MethodName
 from sdr_jax.registry import make
 from shell.errors import UserError, flagged
 
@@ -68,15 +69,19 @@ def read_attributes(flag: str, path: Path, space: SpaceName) -> Streets:
 
 
 def make_method(
-    config: GroupsConfig, name: MethodName, space: sdr_jax.Space, updates_per_group: int
+    config: GroupsConfig, name: str, space: sdr_jax.Space, updates_per_group: int
 ) -> sdr_jax.Method:
     """Make the configuration's search method for some of its attributes.
 
     Raises:
-        UserError: an option out of range, a start that cannot be read, or a library that is not installed.
+        UserError: an option out of range, a start that cannot be read, or a method of another library where
+            that or the checkout is missing.
     """
     own: dict[str, Any] = {}
     options = config.search
+    if name in get_args(RivalName):
+        with flagged("--methods"):
+            return _rival(name)(space, options.relaxation)
     if name == "sdr":
         own = {
             "learning_rate": options.learning_rate,
@@ -92,3 +97,14 @@ def make_method(
         own["start"] = tuple(tuple(part[where].tolist()) for part in start)
     with flagged("--search"):
         return make(name, space, options.relaxation, **own)
+
+
+def _rival(name: str) -> Callable[..., sdr_jax.Method]:
+    """What makes a method of another library."""
+    try:
+        from benchmarks.rivals import RIVALS
+    except ModuleNotFoundError as error:
+        if error.name not in ("benchmarks", "benchmarks.rivals"):
+            raise
+        raise ValueError(f"{name} needs a checkout: benchmarks/rivals is not installed") from None
+    return RIVALS[name]

@@ -13,6 +13,8 @@ from shell.flags import Alias
 if TYPE_CHECKING:
     from scene.render import RenderSettings
 
+RivalName = Literal["cma_es", "tpe", "gaussian_process"]
+"""Search methods of other libraries, which only a checkout has, in `benchmarks/rivals`."""
 MOST_BINS = 1000
 """The most bins; with so many, a bin is a thousandth of an attribute's range."""
 

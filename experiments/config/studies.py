@@ -23,7 +23,7 @@ from experiments.config.config import (
     ShareConfig,
     TargetName,
 )
-from experiments.config.options import Fidelity, MethodOptions, Search
+from experiments.config.options import Fidelity, MethodOptions, RivalName, Search
 from experiments.config.presets import Table
 from sdr_jax.names import MethodName
 from seg.settings import NetName
@@ -145,7 +145,7 @@ class AssetsConfig(LearntConfig):
 class ManySearch(Search):
     """The options of searches by several methods."""
 
-    method: Annotated[MethodName, UNUSED] = "surrogate"
+    method: Annotated[MethodName | RivalName, UNUSED] = "surrogate"  # type: ignore[assignment]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,8 +158,13 @@ class ManyConfig(FewConfig, Rederived):
     search: ManySearch
     searches: Annotated[int, at_least(1)] = 5
     """Searches of each method, with seeds --seed, --seed + 1, ..."""
-    methods: Annotated[tuple[MethodName, ...], DISTINCT] = ("intervals", "sdr", "random_search")
-    """The search methods, with the same model selection."""
+    methods: Annotated[tuple[MethodName | RivalName, ...], DISTINCT] = (
+        "intervals",
+        "sdr",
+        "random_search",
+    )
+    """The search methods, with the same model selection. Those of other libraries (cma_es, tpe,
+    gaussian_process) need a checkout."""
     core_minutes: Annotated[float | None, POSITIVE] = None
     """As many rewards for each search as take about so many minutes of a core, without model selection; by
     default as many as the preset has."""
@@ -206,7 +211,7 @@ class FidelityConfig(RewardConfig, BinsConfig, Rederived):
     many times its noise. 2 is a good demand before a search with a net that may learn nothing."""
 
 
-def methods_of(config: GroupsConfig) -> tuple[MethodName, ...]:
+def methods_of(config: GroupsConfig) -> tuple[str, ...]:
     """The methods by which a job searches."""
     if isinstance(config, ManyConfig):
         return config.methods

@@ -11,7 +11,6 @@ from shell.interrupt import PROGRAM
 
 EXTRAS = {
     "cuda": ("jax_cuda12_plugin", "training on an NVIDIA GPU"),
-    "search": ("optuna", "rival search methods"),
     "dask": ("distributed", "workers on other machines"),
     "playground": ("nicegui", "the page with sliders"),
     "onnx": ("onnx", "models as ONNX files"),

@@ -9,7 +9,6 @@ from experiments.config import GroupsConfig, make_method, make_space
 from experiments.evaluation.cost import cost_of
 from experiments.run.context import Work
 from experiments.run.rewards import SearchPlan
-from sdr_jax.names import MethodName
 from shell.errors import UserError
 
 
@@ -20,7 +19,7 @@ def work_of(config: GroupsConfig, plans: Sequence[SearchPlan]) -> Work:
 
 
 def within(
-    config: GroupsConfig, name: str, method: MethodName, subset: tuple[str, ...], minutes: float
+    config: GroupsConfig, name: str, method: str, subset: tuple[str, ...], minutes: float
 ) -> SearchPlan:
     """Plan a search of as many rewards as take about so many minutes of a core; the rest as `plan`."""
     datasets = config.search.datasets_per_update
@@ -31,7 +30,7 @@ def within(
 
 
 def plan(
-    config: GroupsConfig, name: str, method: MethodName, subset: tuple[str, ...], evaluations: int
+    config: GroupsConfig, name: str, method: str, subset: tuple[str, ...], evaluations: int
 ) -> SearchPlan:
     """Plan a search whose updates take exactly the evaluations.
 

@@ -17,7 +17,6 @@ from experiments.run.few import beside
 from scene.attributes import SpaceName, names
 from scene.held import hold
 from scene.proposal import Proposal, random_proposal
-from sdr_jax.names import MethodName
 from shell.errors import UserError
 
 PLACE = ("search", "update", "dataset")
@@ -29,7 +28,7 @@ class SearchPlan(NamedTuple):
 
     name: str  # in the run's log
     space: SpaceName
-    method: MethodName
+    method: str
     search: sdr_jax.Method
     subset: tuple[str, ...]  # the optimised attributes; all others stay random or are held
     datasets: int  # per update

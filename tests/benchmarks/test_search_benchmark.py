@@ -11,8 +11,8 @@ import pytest
 import sdr_jax
 from benchmarks.problems import GROUPS, analytic, grouped_space, tabular
 from benchmarks.ranking import behind, mean_ranks
+from benchmarks.rivals import METHODS
 from benchmarks.search import PROBLEMS, Task, batches, evaluate, main, trace
-from sdr_jax import METHODS
 from sdr_jax.relaxation import random_bins
 
 FOREIGN = ["products", "ridge", "categories", "binary"]

@@ -1,5 +1,6 @@
 """Many searches: plans at equal cost, some attributes alone, and what the report says of methods."""
 
+import sys
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -64,6 +65,16 @@ def test_reports_from_before_own_answers_had_nets_are_read():
     assert [row["judged"] for row in found["rows"]] == [True] * 4
     page = text(found)
     assert "without model selection" not in page and "that are hand-set" not in page
+
+
+def test_methods_of_other_libraries_need_a_checkout(monkeypatch):
+    config = replace(defaults_of("searches", "twin", "smoke"), methods=("tpe", "sdr"))
+    check(config)
+    monkeypatch.setitem(sys.modules, "benchmarks.rivals", None)
+    with pytest.raises(
+        UserError, match=r"^--methods: tpe needs a checkout: benchmarks/rivals is not"
+    ):
+        check(config)
 
 
 def test_searches_at_equal_core_minutes_have_no_selection_and_end_with_their_methods_answer():

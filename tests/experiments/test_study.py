@@ -285,7 +285,7 @@ def test_rows_of_one_kind_keep_their_own_recipes(config, counted):
     ("table", ("--few-share", "0.4"), "--few-share needs --few"),
     ("table", ("--twin-seed", "3"), "--twin-seed is for --target twin, not camvid"),
     ("table", ("--twin", "near"), "--twin is for --target twin, not camvid"),
-    ("labels", ("--method", "tpe", "--start", "random"), "--search.start is for intervals, not tpe"),
+    ("labels", ("--method", "gaussian", "--start", "random"), "--search.start is for intervals, not gau"),
     ("searches", ("--methods", "tpe", "cma_es", "--search.squared-reward"),
      "--search.squared-reward is for sdr, not tpe, cma_es"),
     ("ablation", ("--method", "intervals", "--search.learning-rate", "1"),

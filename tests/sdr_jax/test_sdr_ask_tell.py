@@ -11,8 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import sdr_jax
+from benchmarks.rivals import METHODS as EVERY
+from benchmarks.rivals import make, tpe
 from sdr_jax import AskTell, Proposal, space
-from sdr_jax.registry import make
 from tests.conftest import printed
 
 from .conftest import assert_close, assert_same, driven, refuses
@@ -20,7 +21,7 @@ from .conftest import assert_close, assert_same, driven, refuses
 SPACE = space(list("abc"), bins=[3, 5, 2], groups=[["b", "a"], ["c"]])
 GAUSSIAN = make("gaussian", SPACE)
 SDR = sdr_jax.sdr(SPACE, updates_per_group=3, hidden=4, baseline=sdr_jax.leave_one_out())
-METHODS = {"gaussian": GAUSSIAN, "sdr": SDR, "tpe": sdr_jax.tpe(SPACE, startup=2)}
+METHODS = {"gaussian": GAUSSIAN, "sdr": SDR, "tpe": tpe(SPACE, startup=2)}
 METHODS["cma_es"] = make("cma_es", SPACE)
 N = 3
 OTHER = space(list("abc"))
@@ -164,7 +165,7 @@ def test_many_or_different_penalties_cost_other_scores_no_digits(
     assert len(learnt) < 20 + 3 * 20
 
 
-@pytest.mark.parametrize("name", sdr_jax.METHODS)
+@pytest.mark.parametrize("name", EVERY)
 def test_a_flat_score_gives_no_answer(name: str) -> None:
     method = make(name, SPACE)
     search = AskTell(SPACE, method, n=2)

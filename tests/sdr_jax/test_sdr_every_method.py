@@ -12,8 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import sdr_jax
-from sdr_jax import METHODS, Method, MethodName, Proposal, make_step, relax, run, space
-from sdr_jax.registry import make, options_of
+from benchmarks.rivals import METHODS, RIVALS, make
+from sdr_jax import Method, MethodName, Proposal, make_step, relax, run, space
+from sdr_jax.registry import options_of
 from sdr_jax.relaxation import bin_mask
 
 from .conftest import KEY, SEEDS, assert_close, assert_same, driven, learnt, refuses, tell
@@ -193,16 +194,17 @@ def test_the_table_has_every_method_by_its_name_and_random_attributes_stay_rando
     state, record = runner("random_attributes", 3, 2)(jax.random.key(0), 0.0)
     assert set(np.asarray(record.actions).ravel()) == {-1}
     np.testing.assert_array_equal(PURE["random_attributes"].solution(state), [[0.5] * 5, [1] * 5])
-    assert tuple(METHODS) == get_args(MethodName)
-    assert all(callable(getattr(sdr_jax, name)) for name in METHODS)
+    assert tuple(sdr_jax.METHODS) == get_args(MethodName)
+    assert all(callable(getattr(sdr_jax, name)) for name in sdr_jax.METHODS)
     assert "optimizer" not in options_of("sdr") and options_of("gaussian")["std"] == 1.5
-    kinds = {type(v) for name in METHODS for v in options_of(name).values()}
+    kinds = {type(v) for name in sdr_jax.METHODS for v in options_of(name).values()}
     assert kinds <= {int, float, str, bool, type(None)}
 
 
 @pytest.mark.parametrize("name", METHODS)
 def test_a_method_is_made_with_its_own_options(name: str) -> None:
-    method = make(name, SPACE, 0.2, **{k: v for k, v in options_of(name).items() if v is not None})
+    options = {} if name in RIVALS else options_of(name)
+    method = make(name, SPACE, 0.2, **{k: v for k, v in options.items() if v is not None})
     _, proposals = method.sample(jax.random.key(1), method.init(jax.random.key(0)), 3)
     width = np.asarray(proposals.width)
     if name not in ("random_attributes", "intervals"):  # they relax nothing
@@ -211,7 +213,7 @@ def test_a_method_is_made_with_its_own_options(name: str) -> None:
         assert np.any(width < 1)
     a = np.asarray(proposals.centre)[:, 0][width[:, 0] < 1]  # has no order, so no value between
     assert set(np.round(3 * a - 0.5, 5)) <= {0, 1, 2}
-    assert method.traced == (name not in ("cma_es", "tpe", "gaussian_process"))
+    assert method.traced == (name not in RIVALS)
 
 
 MODELS = [name for name, method in ALL.items() if method.expects is not None]

@@ -392,7 +392,7 @@ def test_a_file_may_begin_with_a_byte_order_mark(tmp_path) -> None:
     (GAUSSIAN + "speed = 1", "option of gaussian 'speed' is"),
     (GAUSSIAN + "std = 'x'", "std is 'x', but must be a"),
     (GAUSSIAN + "std = -7", "method gaussian: std is -7"),
-    ('method = "cma_es"\n' + A, "cma_es needs at least 2 attributes, this space has 1"),
+    ('method = "tpe"\n' + TWO, "method 'tpe' is unknown; known: surrogate"),
     ('method = "gaussian"\ndatasets_per_update = 1\n' + TWO, "leave_one_out needs at least 2"),
     ("name = ", "is no TOML"), ("\xff\xfe", "is no TOML"), ("a = " + "[" * 5000, "is no TOML"),
     ("#" * 1_000_001, "space.toml has more than 1,000,000 bytes"),

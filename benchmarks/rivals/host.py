@@ -18,7 +18,7 @@ info = jax.jit(lambda rewards, probabilities: plain_info(rewards, entropy(probab
 
 
 def needs(module: str, method: str, package: str | None = None) -> Any:
-    """Imports a module of the optional extra `search`; by default its package has the same name.
+    """Imports a module of another library; by default its package has the same name.
 
     Raises:
         ImportError: it is not installed; the message says how to install it.
@@ -29,7 +29,7 @@ def needs(module: str, method: str, package: str | None = None) -> Any:
         if error.name != module:  # the module is installed, but lacks another one
             raise
         raise ModuleNotFoundError(
-            f"{method} needs the package {package or module}: pip install 'sdr-jax[search]'",
+            f"{method} needs the package {package or module}: pip install {package or module}",
             name=module,
         ) from None
 

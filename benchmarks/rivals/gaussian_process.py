@@ -10,9 +10,9 @@ from jaxtyping import Array, Float
 from scipy.linalg import solve_triangular
 from scipy.stats import norm
 
+from benchmarks.rivals import host
 from sdr_jax.method import Bins, Info, Method, Rewards, RngKey
 from sdr_jax.relaxation import UNDECIDED, moments, ordered, uniform
-from sdr_jax.rivals import host
 from sdr_jax.space import Proposal, Space, Width
 
 GROWTH = 1.25

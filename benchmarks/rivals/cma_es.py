@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from benchmarks.rivals import host
 from sdr_jax.method import Info, Method, Rewards, RngKey, Values
 from sdr_jax.relaxation import UNDECIDED, moments
-from sdr_jax.rivals import host
 from sdr_jax.space import Proposal, Space, Width
 
 DRAWS = 256

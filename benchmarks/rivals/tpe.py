@@ -6,9 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from benchmarks.rivals import host
 from sdr_jax.method import Bins, Info, Method, Rewards, RngKey
 from sdr_jax.relaxation import UNDECIDED, moments, ordered, uniform
-from sdr_jax.rivals import host
 from sdr_jax.space import Proposal, Space, Width
 
 

@@ -1,0 +1,28 @@
+"""Search methods of other libraries, with which ours are compared; `sdr-jax study searches` has them, too."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import sdr_jax
+from benchmarks.rivals.cma_es import cma_es
+from benchmarks.rivals.gaussian_process import gaussian_process
+from benchmarks.rivals.tpe import tpe
+from sdr_jax import registry
+from sdr_jax.space import Width
+
+RIVALS: dict[str, Callable[..., sdr_jax.Method]] = {
+    "cma_es": cma_es,
+    "tpe": tpe,
+    "gaussian_process": gaussian_process,
+}
+"""What makes each method of another library, by name, of a space and a width."""
+METHODS = {**sdr_jax.METHODS, **RIVALS}
+"""What makes each method, ours and theirs."""
+
+
+def make(name: str, space: sdr_jax.Space, width: Width = None, **options: Any) -> sdr_jax.Method:
+    """Make a method, as `sdr_jax.registry.make`."""
+    own = RIVALS.get(name)
+    return own(space, width, **options) if own else registry.make(name, space, width, **options)
