@@ -15,32 +15,34 @@ from __future__ import annotations
 import math
 import shlex
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Annotated, Any, NamedTuple, cast
 
 import numpy as np
 
 from experiments.config import FewConfig, Fidelity, Preset, parsers
+from experiments.config.config import NETS
 from experiments.config.limits import PIXEL, training_bytes
 from experiments.config.presets import defaults, in_space
 from experiments.evaluation.cached import Cached
-from experiments.evaluation.cost import Cost, job_cost, street_cost
+from experiments.evaluation.cost import Cost, job_cost, prepare_cost, street_cost
 from experiments.evaluation.job import Job, Keeps, LabelledSubset, Source, StreetPool
+from experiments.evaluation.pace import Pace
 from experiments.evaluation.predictions import file_of, load
 from experiments.report import live, page
 from experiments.report.fit import MODEL, STRIP, Row, derive, rows_of, text
 from experiments.report.folder import NAME
-from experiments.run.context import Run, Work, set_up_process
+from experiments.run.context import Run, Work, pace_here, set_up_process, total_of
 from experiments.run.learn import learn, work_of
 from experiments.run.nets import paired_seeds
 from experiments.study.form import Form, Report, about, nets
 from experiments.study.skeleton import Study, attributes, do
 from experiments.target.base import Target
 from experiments.target.folder import (
-    SMALLEST,
-    UNIT,
     Parts,
     Read,
     all_labelled,
@@ -48,8 +50,8 @@ from experiments.target.folder import (
     fold_targets,
     parts_of,
     reader,
-    suitable_size,
 )
+from experiments.target.sizes import AREAS, SMALLEST, UNIT, Choice, Size, choose, suitable_size
 from scene.attributes import SpaceName
 from scene.dataset.formats.png import encode
 from scene.held import read_fixed
@@ -65,11 +67,12 @@ from seg.recipes import with_net
 from seg.settings import FILELESS_NETS, Trunk, TrunkName, check_settings
 from seg.train import Params, outline
 from seg.weights import check as check_weights
+from shell.bounds import POSITIVE, at_least, check_bounds
 from shell.classes import NAMES
 from shell.command import Arguments, exit_code, given
 from shell.errors import UserError, flagged
 from shell.files import digest, file_digest, read_json, write
-from shell.folder import plain
+from shell.folder import plain, read_config
 from shell.interrupt import PROGRAM
 from shell.listing import list_all
 from shell.memory import in_words, memory
@@ -100,8 +103,17 @@ class FitConfig(FewConfig):
     """How images of another shape are treated; by default as the target's file says."""
     learnt: bool = False
     """Whether streets are learnt, too."""
+    minutes: Annotated[float | None, POSITIVE] = None
+    """The most minutes that decided the size."""
+    seeds: Annotated[int, at_least(1), NETS] = 3
+    """Networks of each row and fold."""
     init: Path | None = None
     """Folder of a model from which the net starts."""
+
+    @property
+    def processes(self) -> int:
+        """The number of worker processes."""
+        return max(self.workers, 1)
 
 
 class Prepared(NamedTuple):
@@ -122,9 +134,10 @@ def config_of(
     holdout: str | None = None,
     search: bool = False,
     preset: Preset = "quick",
-    size: tuple[int, int] | None = None,
+    size: Size | None = None,
+    minutes: float | None = None,
     shape: Fit | None = None,
-    seeds: int = 3,
+    seeds: int = FitConfig.seeds,
     workers: int | None = None,
     init: Path | None = None,
     store: Path | None = None,
@@ -132,8 +145,11 @@ def config_of(
     trunk: Trunk = "frozen",
     weights: Path | None = None,
     fix: Sequence[str] = (),
+    say: Callable[[str], None] = lambda text: None,
 ) -> FitConfig:
     """Make the configuration of a command line.
+
+    Without ``size``, a run that ``out`` holds keeps its own.
 
     Args:
         data: folder of the images.
@@ -143,7 +159,8 @@ def config_of(
         holdout: the group to test on.
         search: whether to learn streets, too.
         preset: quick or smoke.
-        size: width and height of the images for nets; by default a suitable size.
+        size: width and height of the images for networks; by default as `choose` decides.
+        minutes: the most minutes of this machine that decide the size, without ``size``.
         shape: how images of another shape are treated.
         seeds: nets of each row and fold.
         workers: number of processes.
@@ -153,10 +170,12 @@ def config_of(
         trunk: whether the trunk is frozen or tuned; for a search's rewards it is always frozen.
         weights: file of the trunk's weights, for dinov2.
         fix: attributes to hold at a value in all streets, such as field_of_view=90.
+        say: called with size and time, and before this machine's pace is measured.
 
     Raises:
         UserError: there is no such target or folder, none of its classes is rendered, an image cannot be
-            read, weights are of another net, or an attribute cannot be held.
+            read, weights are of another net, an attribute cannot be held, or a size takes too much memory
+            or time.
     """
     read_fixed(fix, SPACE)
     found = find_target(target, data)
@@ -166,10 +185,7 @@ def config_of(
             f"engine has of each: {', '.join(NAMES)}"
         )
     parts = parts_of(found, data, holdout, few)
-    if size is None:
-        every = [entry for split in list_all(found, data).values() for entry in split]
-        size = suitable_size(*common_size(every), preset)
-    if min(size) < SMALLEST or any(side % UNIT for side in size):
+    if size is not None and (min(size) < SMALLEST or any(side % UNIT for side in size)):
         raise UserError(
             f"--size must be two multiples of {UNIT}, {SMALLEST} or more, not {size[0]}x{size[1]}"
         )
@@ -178,43 +194,112 @@ def config_of(
             f"--weights {weights} is for --net dinov2; those of {net} come with a package"
         )
     file = None if weights is None else str(weights.absolute())
-    base = configured(size, preset, net, trunk, file)
+    begun = _size_of(out) if size is None else size
+    if begun is None:
+        every = [entry for split in list_all(found, data).values() for entry in split]
+        photographs = common_size(every)
+    else:
+        photographs = begun
+
+    def at(size: Size) -> FitConfig:
+        base = configured(size, preset, net, trunk, file, search=search)
+        return replace(
+            base,
+            target=found.name,
+            data=data,
+            out=out,
+            few_share=0.25 if len(parts.entries) < FEW else 0.5,
+            file=target,
+            shape=shape,
+            few=few,
+            holdout=holdout,
+            minutes=minutes,
+            seeds=seeds,
+            init=init,
+            store=store,
+            fix=tuple(fix),
+            workers=base.workers if workers is None else workers,
+        )
+
+    first = at(photographs)
+    check_bounds(first, "--")
     with flagged("--net"):
-        check_settings(base.final.train)
-    check_weights(base.final.train, 1)
-    workers = base.workers if workers is None else workers
-    _refuse_large(base.final, len(parts.every), max(workers, 1))
-    return replace(
-        base,
-        target=found.name,
-        data=data,
-        out=out,
-        few_share=0.25 if len(parts.entries) < FEW else 0.5,
-        file=target,
-        shape=shape,
-        few=few,
-        holdout=holdout,
-        learnt=search,
-        seeds=seeds,
-        init=init,
-        store=store,
-        fix=tuple(fix),
-        workers=workers,
-    )
+        check_settings(first.final.train)
+    check_weights(first.final.train, 1)
+    pace = pace_here(say, measure=begun is None and preset != "smoke")
+    choice = sized(at, parts, photographs, pace, size=begun, minutes=minutes)
+    config = at(choice.size)
+    _refuse_large(config, len(parts.every))
+    say(choice.text(config.processes))
+    return config
 
 
-def _refuse_large(final: Fidelity, labelled: int, workers: int) -> None:
-    """Raise UserError with the flags of `fit` for a size whose arrays do not fit into memory.
+def sized(
+    at: Callable[[Size], FitConfig],
+    parts: Parts,
+    photographs: Size,
+    pace: Pace,
+    *,
+    size: Size | None = None,
+    minutes: float | None = None,
+) -> Choice:
+    """Decide the size of the images for networks; `fit` and `doctor` share it.
 
     Args:
-        final: the fidelity of the nets.
-        labelled: number of the user's images; this process holds all of them, and those of a fold.
-        workers: number of processes, each with a training set of its own.
+        at: gives the configuration at a size.
+        parts: parts of the labelled images.
+        photographs: width and height of most of them.
+        pace: this machine's.
+        size: a size that is decided already.
+        minutes: the most that it may take.
+
+    Raises:
+        UserError: as `choose`.
     """
-    pixels = final.width * final.height
-    if pixels > MAX_PIXELS:
+
+    def seconds(size: Size) -> float:
+        config = at(size)
+        return pace.seconds_of(cost_of_fit(config, parts), config.processes)
+
+    def fits(size: Size) -> bool:
+        return _memory(at(size), len(parts.every)) <= memory()
+
+    preset = at(photographs).preset
+    return choose(photographs, preset, seconds, fits, size=size, minutes=minutes)
+
+
+def _size_of(out: Path) -> Size | None:
+    """The size of the run that a folder holds, if it holds one."""
+    with suppress(UserError, OSError, LookupError, TypeError, ValueError):
+        final = read_config(out)["final"]
+        return int(final["width"]), int(final["height"])
+    return None
+
+
+def cost_of_fit(config: FitConfig, parts: Parts) -> Cost:
+    """The cost of a whole job, with the features of every fold's labelled images."""
+    folds = len(parts.folds)
+    work = total_of(planned(config, folds))
+    features = prepare_cost(config.final, len(parts.every)).times(folds)
+    return work._replace(train=work.train + features.train)
+
+
+def _memory(config: FitConfig, labelled: int) -> int:
+    """The bytes that a job takes.
+
+    Each worker has a training set of its own; this process holds all labelled images, and those of a fold.
+    """
+    final = config.final
+    held = 2 * labelled * final.width * final.height * PIXEL
+    return config.processes * training_bytes(final, labelled) + held
+
+
+def _refuse_large(config: FitConfig, labelled: int) -> None:
+    """Raise UserError with the flags of `fit` for a size whose arrays do not fit into memory."""
+    final, workers = config.final, config.processes
+    if final.width * final.height > MAX_PIXELS:
         raise UserError(f"--size {final.size} has more than {MAX_PIXELS:,} pixels, the most")
-    need = workers * training_bytes(final, labelled) + 2 * labelled * pixels * PIXEL
+    need = _memory(config, labelled)
     if need > memory():
         scale = math.sqrt(memory() / need)
         width, height = (int(scale * side / UNIT) * UNIT for side in (final.width, final.height))
@@ -231,18 +316,26 @@ def configured(
     net: TrunkName = "lite0",
     trunk: Trunk = "frozen",
     weights: str | None = None,
+    *,
+    search: bool = False,
 ) -> FitConfig:
-    """The configuration of a preset for a net at a size (width, height) of images."""
+    """The configuration of a preset for a network at a size of images.
+
+    The rewards of a search take the preset's smallest size, which they were made cheap for.
+    """
     base = in_space(defaults(FitConfig, "camvid", preset), SPACE)
 
-    def fidelity(own: Fidelity, trunk: Trunk) -> Fidelity:
+    cheap = suitable_size(*size, AREAS[preset][0]) if search else size
+
+    def fidelity(own: Fidelity, trunk: Trunk, size: Size) -> Fidelity:
         train = with_net(own.train, net=net, trunk=trunk, weights=weights)
         return replace(own, width=size[0], height=size[1], train=train)
 
     return replace(
         base,
-        reward=fidelity(base.reward, "frozen"),
-        final=replace(fidelity(base.final, trunk), shots=1),
+        learnt=search,
+        reward=fidelity(base.reward, "frozen", cheap),
+        final=replace(fidelity(base.final, trunk, size), shots=1),
         reward_images=None,
         test_images=None,
     )
@@ -573,10 +666,11 @@ def fit(config: FitConfig) -> Report:
 def main(arguments: Arguments = None) -> int:
     """The command line; returns the exit code."""
     options = parsers.fit().parse_args(arguments)
+    say = partial(print, flush=True)
 
     def work() -> None:
         given = {name: value for name, value in vars(options).items() if name != "debug"}
-        config = config_of(given.pop("data"), given.pop("out"), **given)
+        config = config_of(given.pop("data"), given.pop("out"), say=say, **given)
         fit(config)
         command = shlex.join([PROGRAM, "predict", str(config.out / MODEL)])
         print(f"Use the net: {command} IMAGES --out DIR")

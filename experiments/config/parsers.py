@@ -66,8 +66,11 @@ def fit() -> Parser:
         "--size",
         type=size,
         metavar="WxH",
-        help="size of the images for nets; by default a suitable one",
+        help="size of the images for networks; by default the photographs' own up to about 480x360, or "
+        "the largest that takes ten minutes",
     )
+    add("--minutes", type=float, metavar="N", help="the largest size that takes N minutes instead")
+    options.excludes("--minutes", "--size")
     add(
         "--shape",
         choices=get_args(Fit),

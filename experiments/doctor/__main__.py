@@ -16,7 +16,7 @@ import io
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from experiments.config import parsers
 from shell.command import Arguments, exit_code
@@ -105,7 +105,7 @@ def _folder(data: Path, target: str | None, write_to: Path | None, out: Path) ->
         print(f"  {note}")
     sizes = ", ".join(f"{count} of {w}x{h}" for (w, h), count in seen.sizes[:4])
     more = " and others" if len(seen.sizes) > 4 else ""
-    print(f"  sizes: {sizes}{more}; suitable for nets: {seen.size[0]}x{seen.size[1]}")
+    print(f"  sizes: {sizes}{more}")
     wide = max(map(len, own.classes))
     print(f"  {'class':{wide}s}  pixels %  images %  mean row  rendered as")
     for one in seen.classes:
@@ -125,18 +125,22 @@ def _folder(data: Path, target: str | None, write_to: Path | None, out: Path) ->
             print(f"  {row.name:{wide}s}  {row.real:6.2f}  {row.exact:7.2f}  {by}")
     for fault in seen.faults:
         print(f"! {fault.what}\n    {fault.mend}")
-    costs, cores, measured = _costs(own, data, seen.size) if any(own.rendered) else ([], 0, 0)
+    costs = _costs(own, data, seen) if any(own.rendered) else Costs()
     if not any(own.rendered):
         print(
             "! no class has 'renders', which fit needs: edit the file, then run doctor again for minutes"
         )
-    elif costs:
-        print(f"Minutes on {cores} cores, about, after {round(measured)} seconds of measurement:")
+    elif costs.minutes:
+        if costs.fit:
+            print(f"fit: {costs.fit}")
+        print(
+            f"Minutes on {costs.cores} cores, about, after {costs.measured} seconds of measurement:"
+        )
     else:
         print("! minutes are not known: nets or streets cannot be made here, see above")
-    for command, minutes in costs:
+    for command, minutes in costs.minutes:
         print(f"  {minutes:>6s}  {command}")
-    _pictures(own, seen, out, data, proposal.text, costs, cores, measured, drawn, pair)
+    _pictures(own, seen, out, data, proposal.text, costs, drawn, pair)
     written = f"; {write_to} has the file" if write_to is not None else ""
     print(f"{out / PAGE} and {out / SHEET} show images with their labels{written}")
     if write_to is None and target is None and not (data / "target.yaml").exists():
@@ -169,27 +173,36 @@ def _outlines(target: Any, seen: Any) -> tuple[list[Any], list[tuple[str, Any]]]
     return rows, outlines.pictures(target, labels, renders, rows)
 
 
-def _costs(
-    target: Any, data: Path, size: tuple[int, int]
-) -> tuple[list[tuple[str, str]], int, int]:
-    """Commands with their minutes, none where nothing runs; the number of cores, and the measured seconds."""
+class Costs(NamedTuple):
+    """What commands cost on this machine."""
+
+    minutes: Sequence[tuple[str, str]] = ()  # of each command; none where nothing runs
+    fit: str = ""  # the size and time of fit
+    cores: int = 0
+    measured: int = 0  # seconds
+
+
+def _costs(target: Any, data: Path, seen: Any) -> Costs:
+    """Measure the pace of this machine, and estimate what commands for a folder take."""
     import jax
 
     from experiments.doctor import costs, machine
     from experiments.evaluation import pace as paces
-    from experiments.evaluation.cost import Cost
 
     cores = machine.cores()
     try:
         pace = paces.measure()
     except RuntimeError:  # a RendererError, or JAX finds no device
-        return [], cores, 0
+        return Costs()
     paces.keep(paces.kind("processes", jax.default_backend()), pace)
+    choice = costs.choice(target, data, seen.photographs, pace)
+    size = seen.size if choice is None else choice.size
     rows = []
     for command, cost in costs.commands(target, data, size, OF_COMMANDS).items():
-        minutes = (pace.wall(cost, cores) + pace.start(Cost(), cores)) / 60
+        minutes = pace.seconds_of(cost, cores) / 60
         rows.append((command, f"{minutes:.1f}" if minutes < 10 else f"{minutes:.0f}"))
-    return rows, cores, round(2 * paces.SECONDS)
+    fit = "" if choice is None else choice.text(cores)
+    return Costs(rows, fit, cores, round(2 * paces.SECONDS))
 
 
 def _pictures(
@@ -198,9 +211,7 @@ def _pictures(
     out: Path,
     root: Path,
     text: str,
-    costs: Any,
-    cores: int,
-    measured: int,
+    costs: Costs,
     drawn: Any,
     pair: Any,
 ) -> None:
@@ -222,8 +233,6 @@ def _pictures(
         root=root,
         counted=_counted(seen),
         costs=costs,
-        cores=cores,
-        measured=measured,
         text=text,
         drawn=drawn,
         pair=_embedded(pair),

@@ -9,38 +9,44 @@ from pathlib import Path
 
 from experiments.config import Fidelity, MainConfig, Preset, TargetName
 from experiments.config.presets import defaults
-from experiments.evaluation.cost import Cost, cost_of, prepare_cost, training_cost
-from experiments.fit import configured, planned
+from experiments.evaluation.cost import Cost, cost_of, training_cost
+from experiments.evaluation.pace import Pace
+from experiments.fit import configured, cost_of_fit, sized
 from experiments.main.job import plan
 from experiments.run.context import total_of
 from experiments.target.folder import parts_of
+from experiments.target.sizes import Choice, Size
 from seg.recipes import RECIPES
 from shell.errors import UserError
 from shell.interrupt import PROGRAM
 from shell.target_file import TargetFile
 
 
+def choice(target: TargetFile, data: Path, photographs: Size, pace: Pace) -> Choice | None:
+    """The size that `fit` takes, with its time; None for images that it refuses."""
+    with suppress(UserError):  # errors of the images are reported elsewhere
+        return sized(configured, parts_of(target, data), photographs, pace)
+    return None
+
+
 def commands(
-    target: TargetFile, data: Path, size: tuple[int, int], known: Mapping[str, TargetName]
+    target: TargetFile, data: Path, size: Size, known: Mapping[str, TargetName]
 ) -> dict[str, Cost]:
     """Commands for a folder with the cost of each; a new command is one line here.
 
     Args:
         target: describes its files.
         data: the folder.
-        size: a suitable width and height of images.
+        size: width and height of the images.
         known: targets with their own command.
     """
     streets = Fidelity(*size, streets=400, shots=1, samples=1, train=RECIPES["lite0-frozen"])
     training = training_cost(streets)
     words = f"--images 400 --shots 1 --size {size[0]}x{size[1]}"
     found = {f"{PROGRAM} render {words} --out DIR": Cost(cost_of(streets) - training)}
-    with suppress(UserError):  # errors of the images are reported elsewhere
-        parts, fit = parts_of(target, data), configured(size)
-        work = total_of(planned(fit, len(parts.folds)))
-        features = prepare_cost(fit.final, len(parts.every))
+    with suppress(UserError):
         command = f"{shlex.join([PROGRAM, 'fit', str(data)])} --out DIR"
-        found[command] = work._replace(train=work.train + features.train)
+        found[command] = cost_of_fit(configured(size), parts_of(target, data))
     if target.name in known:
         presets: tuple[Preset, ...] = ("smoke", "quick")
         for preset in presets:

@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 from PIL import Image, ImageDraw
 
-from experiments.target.folder import suitable_size
 from experiments.target.real import HELD_OUT
+from experiments.target.sizes import suitable_size
 from seg.classes import IGNORE_LABEL
 from seg.data import LabelReader, load
 from seg.data.images import ORIENTATION, check_end, decode, is_deep, read_file, upright
@@ -63,7 +63,8 @@ class Survey(NamedTuple):
     classes: list[ClassShare]
     void: float  # share of the pixels
     read: int  # number of label files read
-    size: tuple[int, int]  # a suitable (width, height)
+    photographs: tuple[int, int]  # (width, height) of most images
+    size: tuple[int, int]  # of pictures and of compared outlines
     labelled: list[Entry]  # some for training, or of all splits if none is for testing
     shown: list[Entry]
     faults: list[Fault]
@@ -99,6 +100,7 @@ def survey(target: TargetFile, root: Path) -> Survey:
                 f"write 'fit: {other}' in the file if they should {done[other].replace('are', 'be')}",
             )
         )
+    photographs = sizes[0][0] if sizes else (480, 360)
     return Survey(
         {split: len(own) for split, own in splits.items()},
         {split: len({e.sequence for e in own}) for split, own in splits.items()},
@@ -106,7 +108,8 @@ def survey(target: TargetFile, root: Path) -> Survey:
         classes,
         void,
         read,
-        suitable(sizes),
+        photographs,
+        suitable_size(*photographs),
         _spread(
             [e for split, some in splits.items() if split not in HELD_OUT for e in some], LOADED
         )
@@ -310,11 +313,6 @@ def merged(faults: Sequence[Fault]) -> list[Fault]:
         many = [Fault(f"{len(alike)} files, such as {first}", remedy)]
         shown += many if len(alike) > 3 else alike
     return shown
-
-
-def suitable(sizes: Sequence[tuple[tuple[int, int], int]]) -> tuple[int, int]:
-    """A width and height for nets, by the size of most images."""
-    return suitable_size(*(sizes[0][0] if sizes else (480, 360)))
 
 
 def overlays(

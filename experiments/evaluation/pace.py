@@ -50,6 +50,10 @@ class Pace(NamedTuple):
         """Seconds of work on all cores of this machine, after its start."""
         return self.seconds(cost) / max(cores, 1)
 
+    def seconds_of(self, cost: Cost, cores: int) -> float:
+        """Seconds of a whole command with its start, where the renderer has been compiled."""
+        return self.start(Cost(), cores) + self.wall(cost, cores)
+
     def start(self, prepared: Cost, cores: int) -> float:
         """Seconds until the first results: workers start, one compiles the renderer, all prepare images."""
         return (

@@ -146,19 +146,13 @@ class Run(Generic[AnyConfig]):
         compile_first(self.workers, self.config.renderer)
         start = start._replace(render=0.0)
         if pace is None and sum(cost) > WORTH:
-            pace = self._measured()
+            pace = _measured(self.workers, self._kind, self.progress.say)
             self.progress.say(time_text(cost, workers, pace, start))
         self._expect(cost, pace or REFERENCE, start)
 
     def _expect(self, cost: Cost, pace: Pace, start: Cost) -> None:
         workers = max(self.workers.workers, 1)
         self.progress.expect(pace.wall(cost, workers), pace.start(start, workers))
-
-    def _measured(self) -> Pace:
-        self.progress.say("Measuring how fast this machine is (once per machine)...")
-        pace = paces.measured_by(self.workers)
-        paces.keep(self._kind, pace)
-        return pace
 
     @property
     def _kind(self) -> str:
@@ -207,6 +201,32 @@ def time_text(cost: Cost, workers: int, pace: Pace, start: Cost) -> str:
     first = pace.start(start, workers)
     whole = duration(first + pace.wall(cost, workers))
     return f"About {whole} on {workers} worker(s), {duration(first)} of it to start and compile"
+
+
+def _measured(workers: Workers, kind: str, say: Callable[[str], None]) -> Pace:
+    say("Measuring how fast this machine is (once per machine)...")
+    pace = paces.measured_by(workers)
+    paces.keep(kind, pace)
+    return pace
+
+
+def pace_here(say: Callable[[str], None], *, measure: bool) -> Pace:
+    """The pace of processes of this machine, before a job begins.
+
+    Args:
+        say: called before it is measured.
+        measure: whether to measure it if it is not known; otherwise it is `REFERENCE`.
+    """
+    set_up_process()
+    import jax  # after the environment is set
+
+    kind = paces.kind("processes", jax.default_backend())
+    pace = paces.read(kind)
+    if pace is None and measure:
+        with workers_of("processes", 1, None, worker_environment()) as workers:
+            compile_first(workers, Config.renderer)
+            pace = _measured(workers, kind, say)
+    return pace or REFERENCE
 
 
 def workers_for(config: Config) -> Workers:

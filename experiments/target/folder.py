@@ -6,7 +6,6 @@ otherwise of each of k folds over groups in turn.
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import lru_cache
@@ -16,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 from PIL import Image
 
-from experiments.config import Preset
 from experiments.target.base import SIZES, Sides, Target, two_sides
 from experiments.target.few import CHOICE, spread
 from experiments.target.real import reported_split
@@ -30,10 +28,6 @@ from shell.target_file import Fit, TargetFile
 
 FOLDS = 5
 """Number of folds of images without a split, if there are so many groups."""
-AREAS: dict[Preset, int] = {"smoke": 64 * 48, "quick": 240 * 176}
-"""Approximate pixels of the nets' images, for a training on two cores of one minute, or ten."""
-UNIT, SMALLEST = 8, 32
-"""Width and height are multiples of the first and at least the second, the coarsest stride of a trunk."""
 
 
 def common_size(entries: Sequence[Entry]) -> tuple[int, int]:
@@ -212,13 +206,6 @@ def cut(
     for indices in sorted(own.values(), key=len, reverse=True):  # the largest first
         min(folds, key=len).extend(indices)
     return [tuple(sorted(fold)) for fold in folds], ""
-
-
-def suitable_size(width: int, height: int, preset: Preset = "quick") -> tuple[int, int]:
-    """Width and height for nets: an image's aspect, with at most its pixels and those of the preset."""
-    scale = min(math.sqrt(AREAS[preset] / (width * height)), 1.0)
-    wide, high = (max(round(scale * side / UNIT) * UNIT, SMALLEST) for side in (width, height))
-    return wide, high
 
 
 def reader(parts: Parts, fit: Fit | None = None) -> Read:

@@ -17,11 +17,13 @@ from experiments.doctor import costs, machine, outlines
 from experiments.doctor.__main__ import PAGE, SHEET, main
 from experiments.doctor.installed import EXTRAS
 from experiments.doctor.propose import _named_value, propose
-from experiments.doctor.survey import suitable, survey
+from experiments.doctor.survey import survey
 from experiments.evaluation import pace
 from experiments.evaluation.pace import Pace
-from experiments.fit import config_of, configured, planned
+from experiments.fit import config_of, configured, cost_of_fit, planned
 from experiments.main.job import plan
+from experiments.target.folder import parts_of
+from experiments.target.sizes import suitable_size
 from experiments.target.twin import twin_split, twin_world
 from scene.classes import TrainId
 from scene.render import RendererError
@@ -116,7 +118,7 @@ def test_a_folder_of_your_own_becomes_a_target(streets, doctor, tmp_path):
     assert data.splits["train"].images.shape == (6, 48, 64, 3)
     assert set(data.splits["train"].sequences) == {"monday", "friday"}
     for words in (
-        "GPU  none", "! a warning", "6 images of 2 groups in train", "2 of 64x48", "nets: 64x48",
+        "GPU  none", "! a warning", "6 images of 2 groups in train", "2 of 64x48", "fit: Images of 64x48, ",
         "images have 3 shapes", "manhole: without 'renders'", "sdr-jax render", "has the file",
     ):  # fmt: skip
         assert words in out, words
@@ -444,8 +446,7 @@ def test_names_may_stand_alone_one_on_each_line(streets):
     ((10, 10), (32, 32)),
 ])  # fmt: skip
 def test_a_suitable_size_has_the_shape_and_no_more_pixels(size, expected):
-    assert suitable([(size, 3), ((1, 1), 1)]) == expected
-    assert suitable([]) == (240, 176)
+    assert suitable_size(*size) == expected
 
 
 def test_costs_scale_with_the_pace_of_both_parts(tmp_path):
@@ -727,6 +728,21 @@ def test_doctor_and_fit_take_the_size_of_most_images(tmp_path, doctor):
     width, height = survey(find_target(None, root), root).size
     config = config_of(root, tmp_path / "fit", preset="smoke")
     assert width > height and config.final.width > config.final.height
+
+
+def test_doctor_says_what_fit_says(tmp_path, doctor):
+    root = masks(tmp_path / "data", [0, 1, 2], names="road\nsky\ncar\n", shape=(600, 800))
+    file, lines = root / "target.yaml", []
+    assert doctor(root, "--write", file)[0] == 0
+    out = doctor(root)[1]
+    config = config_of(root, tmp_path / "fit", say=lines.append)  # with the pace that doctor kept
+    assert f"fit: {lines[0]}\n" in out and config.final.size in lines[0]
+    assert f"--size {config.final.size} --out DIR" in out
+    (minutes,) = re.findall(r"(\S+)  sdr-jax fit", out)
+    known = Pace(1.0, 2.0).seconds_of(
+        cost_of_fit(config, parts_of(find_target(None, root), root)), config.workers
+    )
+    assert float(minutes) == pytest.approx(known / 60, abs=0.5)
 
 
 def test_all_extras_that_bring_something_are_listed():

@@ -4,7 +4,8 @@ import json
 import re
 import shlex
 from base64 import b64encode
-from dataclasses import replace
+from contextlib import nullcontext
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import jax
@@ -21,6 +22,7 @@ from experiments.config import parsers
 from experiments.evaluate import evaluate, labelled
 from experiments.evaluation.cache import Cache
 from experiments.evaluation.job import Source
+from experiments.evaluation.pace import Pace
 from experiments.evaluation.runner import Runner
 from experiments.fit import (
     FitConfig,
@@ -39,13 +41,16 @@ from experiments.report.__main__ import main as make_report
 from experiments.report.fit import by_class, verdict
 from experiments.run import context
 from experiments.study.form import Report
-from experiments.target.folder import FOLDS, cut, fold_targets, parts_of, reader, suitable_size
+from experiments.target.folder import FOLDS, cut, fold_targets, parts_of, reader
+from experiments.target.sizes import Choice, choose, suitable_size
 from scene.held import hold, read_fixed
 from scene.proposal import Streets, describe, draw, streets_named
+from scene.version import ENGINE
 from seg.beside import TrainingSet
 from seg.data import LabelledImages
 from seg.model import Model, label_classes, load_model
 from seg.train import outline
+from shell import folder as run_folder
 from shell.errors import UserError
 from shell.files import write as write_file
 from shell.progress import Progress
@@ -143,6 +148,129 @@ def test_a_single_image_cannot_be_tested_on() -> None:
 ])  # fmt: skip
 def test_a_size_for_nets(shape, expected) -> None:
     assert suitable_size(*shape) == expected
+
+
+def test_the_largest_size_that_the_minutes_and_the_memory_allow() -> None:
+    shape = (960, 720)
+
+    def seconds(size):
+        return size[0] * size[1] / 200
+
+    assert choose(shape, "quick", seconds) == Choice((400, 296), 592.0, (240, 176), 211.2)
+    whole = choose(shape, "quick", seconds, minutes=14.4)  # 480 x 360 / 200 = 864 seconds
+    assert whole.size == (480, 360)
+    assert choose(shape, "quick", seconds, minutes=3.52).size == (240, 176)
+    times = "about 14 min on 2 worker(s); 240x176 would take 4 min"
+    assert whole.text(2) == f"Images of 480x360, {times}"
+    with pytest.raises(UserError, match=r"^--minutes 3\.5 .* 240x176, .* takes 3\.6 minutes here"):
+        choose(shape, "quick", seconds, minutes=3.5)
+    # Without --minutes the smallest size may take any time, and needs any memory: that is refused later.
+    assert choose(shape, "quick", lambda size: 1e6).size == (240, 176)
+    held = choose(shape, "quick", seconds, lambda size: size[0] <= 300)
+    assert held.size == (296, 224)
+    assert choose(shape, "quick", seconds, lambda size: False).size == (240, 176)
+    # A size that is decided stays, and so do small photographs.
+    assert choose(shape, "quick", seconds, size=(640, 480), minutes=0.1).seconds == 1536
+    assert (
+        choose((120, 80), "quick", seconds).text(1) == "Images of 120x80, about 48 s on 1 worker(s)"
+    )
+    assert choose(shape, "smoke", lambda size: 1e6).size == (64, 48)
+
+
+@given(st.integers(8, 4000), st.integers(8, 4000), st.floats(1e-5, 1e-1))
+def test_no_larger_size_would_take_the_minutes(width: int, height: int, pace: float) -> None:
+    sizes = {suitable_size(width, height, pixels) for pixels in np.linspace(42_240, 172_800, 64)}
+    choice = choose((width, height), "quick", lambda size: pace * size[0] * size[1])
+    larger = [w * h for w, h in sizes if w * h > choice.size[0] * choice.size[1]]
+    assert choice.seconds <= 600 or choice.size == choice.smallest
+    assert all(pace * pixels > 600 for pixels in larger)
+    assert choice.smallest == suitable_size(width, height)
+
+
+@pytest.fixture
+def large(tmp_path: Path) -> Path:
+    """Two labelled photographs of 800x600 pixels, one in each of two groups."""
+    root = tmp_path / "large"
+    root.mkdir()
+    write_file(root / "target.yaml", TARGET)
+    for grey, name in enumerate(("park1", "mall1")):
+        save(root / "images" / f"{name}.png", np.full((600, 800, 3), grey, np.uint8))
+        save(root / "labels" / f"{name}.png", np.full((600, 800), 7, np.uint8))
+    return root
+
+
+def test_fit_takes_the_size_that_this_machine_can_and_a_run_keeps_its_own(
+    large: Path, tmp_path: Path, monkeypatch, capsys
+) -> None:
+    def size(**options) -> tuple[int, int]:
+        final = config_of(large, tmp_path / "run", workers=2, **options).final
+        return final.width, final.height
+
+    said: list[str] = []
+    monkeypatch.setattr(context.paces, "read", lambda kind: Pace(0.5, 0.5))
+    fast = config_of(large, tmp_path / "run", workers=2, say=said.append)
+    assert fast.final.size == fast.reward.size == "480x360"
+    (line,) = said
+    assert re.fullmatch(
+        r"Images of 480x360, about .* on 2 worker\(s\); 240x176 would take .*", line
+    )
+    searching = config_of(large, tmp_path / "run", workers=2, search=True, size=(480, 360))
+    assert (searching.reward.size, searching.final.size) == ("240x176", "480x360")
+    # Twice as slow, it is a smaller size, unless the run in the folder has one, or minutes are allowed.
+    monkeypatch.setattr(context.paces, "read", lambda kind: Pace(2.0, 2.0))
+    slow = size()
+    assert 240 <= slow[0] < 480
+    assert size(minutes=1000.0) == (480, 360) and size(size=(320, 240)) == (320, 240)
+    arguments = [str(large), "--out", str(tmp_path / "run"), "--workers", "2"]
+    for words, message in (
+        (
+            ["--minutes", "0.5"],
+            "--minutes 0.5 is too little: 240x176, the smallest size, takes ",
+        ),
+        (["--minutes", "nan"], "--minutes must be positive, not nan"),
+        (["--minutes", "5", "--size", "320x240"], "--minutes has no effect with --size"),
+    ):
+        if "--size" in words:
+            with pytest.raises(SystemExit):
+                main([*arguments, *words])
+        else:
+            assert main([*arguments, *words]) == 2
+        assert message in capsys.readouterr().err.splitlines()[-1]
+    assert not (tmp_path / "run").exists()
+    recorded = {"engine": ENGINE, **asdict(fast)}
+    with run_folder.opened(tmp_path / "run", recorded):
+        pass
+    assert size() == (480, 360)
+    again = {"engine": ENGINE, **asdict(config_of(large, tmp_path / "run", workers=2))}
+    run_folder.refuse_foreign(tmp_path / "run", again)
+    other = {"engine": ENGINE, **asdict(config_of(large, tmp_path / "run", workers=2, minutes=9.0))}
+    with pytest.raises(UserError, match=r"a run with minutes = null, not 9\.0"):
+        run_folder.refuse_foreign(tmp_path / "run", other)
+
+
+def test_an_unknown_pace_is_measured_where_it_decides(large: Path, tmp_path, monkeypatch) -> None:
+    said: list[str] = []
+    kept: list[Pace] = []
+    monkeypatch.setattr(context.paces, "read", lambda kind: None)
+    monkeypatch.setattr(context.paces, "keep", lambda kind, pace: kept.append(pace))
+    monkeypatch.setattr(context.paces, "measured_by", lambda workers: Pace(1e3, 1e3))
+    monkeypatch.setattr(context, "compile_first", lambda workers, name: None)
+    monkeypatch.setattr(context, "workers_of", lambda *_: nullcontext())
+    options = {"workers": 2, "say": said.append}
+    assert config_of(large, tmp_path / "run", **options).final.size == "240x176"
+    assert kept == [Pace(1e3, 1e3)] and said[0].startswith("Measuring how fast") and len(said) == 2
+    config_of(large, tmp_path / "run", size=(320, 240), **options)
+    config_of(large, tmp_path / "run", preset="smoke", **options)
+    assert len(kept) == 1
+
+
+def test_sizes_that_need_too_much_memory_are_not_chosen(large, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(context.paces, "read", lambda kind: Pace(0.01, 0.01))
+    monkeypatch.setattr(experiments.fit, "memory", lambda: 2_000_000_000)
+    sizes = [config_of(large, tmp_path / "run", workers=n).final.width for n in (1, 2)]
+    assert sizes[0] == 480 > sizes[1] > 240
+    with pytest.raises(UserError, match=r"^--size 240x176 would take .* in 8 worker.*are 2 GB"):
+        config_of(large, tmp_path / "run", workers=8)
 
 
 def test_figures_come_from_the_published_split_a_group_or_folds(
@@ -258,6 +386,7 @@ def test_from_a_folder_of_ones_own_to_a_net(folder, tmp_path, capsys, monkeypatc
     arguments += ["--size", "64x48", "--workers", "0", "--fix", "field_of_view=90"]
     assert main(arguments) == 0
     said = capsys.readouterr().out
+    assert said.splitlines()[0].startswith("Images of 64x48, about ")
     # The plan is the sum of what is charged, and the last piece of work completes it.
     config = json.loads((tmp_path / "run" / "config.json").read_bytes())
     work = planned(config_of(folder, tmp_path, preset="smoke", seeds=1, size=(64, 48)), 2)
