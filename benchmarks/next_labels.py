@@ -1,16 +1,24 @@
-"""Measures whether a net that has seen fourteen images chooses the next fourteen better than chance.
+"""Measures which images to label next, and which first.
 
     python -m benchmarks.next_labels CAMVID --seed 6 --seeds 8 [--json FILE]    # two minutes of a core a seed
+    python -m benchmarks.next_labels DIR --first 7 14 --seed 0 --seeds 5 --target camvid --holdout 0006R0
 
 A net as `sdr-jax fit` trains it on labels alone (240x176) learns from 14 random images of the drives 0016E5
 and 0001TP and ranks the others; a fresh net then learns from these and the first 14 of each ranking. All
 are tested on the drive 0006R0. Rankings of a seed begin with the same net, so they are paired. ``spread`` is
 the order of `sdr-jax predict --rank`; ``margin`` and ``entropy`` are means over pixels alone; ``balanced``
 weights each pixel's entropy by the rarity of its classes in the predictions, as mIoU does.
+
+``--first`` compares choices of the first images, before any network: ``spread`` over groups and time, as
+``--few`` does, and ``k-centre``, which starts with a random image and adds the one whose pooled features are
+farthest from all before it. A seed holds out a fifth of each group (`benchmarks.transfer`), on which networks
+are tested; they train on the chosen images alone and mixed with ``--streets`` streets. What ``--holdout``
+names is not read.
 """
 
 from __future__ import annotations
 
+import argparse
 import sys
 from collections.abc import Iterator, Sequence
 from functools import partial
@@ -20,12 +28,15 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.report import Row, count, parser, table, write
-from experiments.fit import configured
-from experiments.study.stats import mean_ci95
+from benchmarks.transfer.recipe import Recipe, rendered, sides
+from experiments.fit import FEW, RENDERED, configured
+from experiments.study.stats import mean_ci95, paired_gain
+from experiments.target.few import spread
 from experiments.target.folder import parts_of, reader
 from seg import pyramid
 from seg.data import LabelledImages
 from seg.metrics import mean_iou
+from seg.nets.head import Maps
 from seg.train import Params, logits, score, train
 from seg.uncertainty import order, uncertainty
 from seg.views import view_images
@@ -138,19 +149,130 @@ def summary(rows: Sequence[Row]) -> list[Row]:
     return found
 
 
+CHOICES = ("spread", "k-centre")
+
+
+def pooled(maps: Maps) -> np.ndarray:
+    """Means of all channels over an image's cells, with a deviation of 1 over images."""
+    means = np.concatenate([m.astype(np.float32).mean(axis=(1, 2)) for m in maps], axis=1)
+    return means / np.maximum(means.std(axis=0), 1e-6)
+
+
+def k_centre(vectors: np.ndarray, count: int, start: int) -> list[int]:
+    """Choose rows greedily: after ``start`` always the one farthest from its nearest chosen row."""
+    chosen = [start]
+    distance = np.linalg.norm(vectors - vectors[start], axis=1)
+    while len(chosen) < count:
+        chosen.append(int(distance.argmax()))
+        distance = np.minimum(distance, np.linalg.norm(vectors - vectors[chosen[-1]], axis=1))
+    return chosen
+
+
+def first_choices(pool: LabelledImages, count: int, seed: int) -> dict[str, list[int]]:
+    """The images of each of `CHOICES`; ``pool`` has features of all views."""
+    assert pool.features is not None
+    images = len(pool.images)
+    vectors = pooled(tuple(m[:images] for m in pool.features))
+    start = int(np.random.default_rng(seed).integers(images))
+    return {
+        "spread": spread(pool.names, pool.sequences, count, seed).tolist(),
+        "k-centre": k_centre(vectors, count, start),
+    }
+
+
+def measured_first(recipe: Recipe, counts: Sequence[int], seed: int) -> list[Row]:
+    """MIoU of networks of each choice on the images that the seed holds out."""
+    settings, classes = recipe.train, len(recipe.classes.classes)
+    pool, test = sides(recipe, seed)
+    streets = None
+    if recipe.streets:
+        streets = rendered(recipe, RENDERED, seed)
+        maps = pyramid.features(view_images(streets.images, settings), settings)
+        streets = streets._replace(features=maps)
+    rows = []
+    for labels in counts:
+        for name, chosen in first_choices(pool, labels, seed).items():
+            few = pool.take(chosen)
+            for renders in (None, streets) if streets else (None,):
+                net = train(
+                    seed,
+                    *(renders or few)[:2],
+                    settings,
+                    classes,
+                    features=(renders or few).features,
+                    beside=few if renders else None,
+                    share=0.25 if labels < FEW else 0.5,
+                )
+                found = score(
+                    net, test.images, test.labels, settings, classes, features=test.features
+                )
+                rows.append(
+                    {
+                        "seed": seed,
+                        "labels": labels,
+                        "renders": len(renders.images) if renders else 0,
+                        "choice": name,
+                        "mIoU": 100 * float(mean_iou(found)),
+                    }
+                )
+    return rows
+
+
+def summary_first(rows: Sequence[Row]) -> list[Row]:
+    """Means of both choices, and the gain of k-centre with its 95 % interval over seeds."""
+    lines = []
+    for labels, renders in dict.fromkeys((row["labels"], row["renders"]) for row in rows):
+        scores = {
+            name: [
+                row["mIoU"]
+                for row in rows
+                if (row["labels"], row["renders"], row["choice"]) == (labels, renders, name)
+            ]
+            for name in CHOICES
+        }
+        gain, ci95 = paired_gain(scores["k-centre"], scores["spread"])
+        between = "" if ci95 is None else f" ({ci95[0]:+.1f} to {ci95[1]:+.1f})"
+        means = {name: f"{np.mean(values):.1f}" for name, values in scores.items()}
+        lines.append(
+            {"labels": labels, "renders": renders, **means, "gain": f"{gain:+.1f}{between}"}
+        )
+    return lines
+
+
 def main(arguments: list[str] | None = None) -> int:
     """The command line."""
     command = parser(__doc__)
-    command.add_argument("data", type=Path, help="folder of CamVid")
+    command.add_argument("data", type=Path, help="folder of CamVid; with --first of any target")
     command.add_argument("--seed", type=int, default=6, help="the first")
     command.add_argument("--seeds", type=partial(count, 1), default=8)
+    command.add_argument(
+        "--first", type=partial(count, 1), nargs="+", metavar="N", help="choices of so many images"
+    )
+    command.add_argument("--target", help="with --first: the target; by default the folder's")
+    command.add_argument("--holdout", help="with --first: a group that is not read")
+    command.add_argument(
+        "--streets", type=partial(count, 0), default=300, help="with --first: mixed with (300)"
+    )
     options = command.parse_args(arguments)
+    if options.first:
+        return _first(options)
     own, rows = drives(options.data), []
     for seed in range(options.seed, options.seed + options.seeds):
         rows += measured(own, seed)
         print(table(rows[-1 - len(RANKINGS) :]), flush=True)
     print(table(summary(rows)))
     write(options.json, rows=rows)
+    return 0
+
+
+def _first(options: argparse.Namespace) -> int:
+    recipe = Recipe(str(options.data), options.target, options.holdout, streets=options.streets)
+    rows: list[Row] = []
+    for seed in range(options.seed, options.seed + options.seeds):
+        rows += measured_first(recipe, options.first, seed)
+        print(table([row for row in rows if row["seed"] == seed]), flush=True)
+    print(table(summary_first(rows)))
+    write(options.json, recipe=recipe._asdict(), rows=rows)
     return 0
 
 

@@ -88,7 +88,7 @@ def _seen(recipe: Recipe, views: bool) -> tuple[np.ndarray, ...] | None:
     return features(view_images(images, settings) if views else images, settings)
 
 
-def _sides(recipe: Recipe, block: int) -> tuple[LabelledImages, LabelledImages]:
+def sides(recipe: Recipe, block: int) -> tuple[LabelledImages, LabelledImages]:
     """The real images but for a block, with features of all views; and the block, with its own."""
     real = real_images(recipe)
     held = held_out(real.sequences, block)
@@ -140,7 +140,7 @@ def rendered_net(recipe: Recipe, attributes: str, without: str | None, seed: int
 def real_net(recipe: Recipe, seed: int) -> Result:
     """Trains a net on real images and tests it on unseen ones and on hand-set streets."""
     settings, count = recipe.train, len(recipe.classes.classes)
-    seen, unseen = _sides(recipe, seed)
+    seen, unseen = sides(recipe, seed)
     params = train(seed, seen.images, seen.labels, settings, count, features=seen.features)
     scores = {}
     for name, own in (("real", unseen), ("renders", rendered(recipe, "default", seed))):

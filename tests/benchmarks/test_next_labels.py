@@ -3,7 +3,17 @@
 import numpy as np
 
 from benchmarks import next_labels
-from benchmarks.next_labels import HELD_OUT, RANKINGS, ranked, summary
+from benchmarks.next_labels import (
+    HELD_OUT,
+    RANKINGS,
+    first_choices,
+    k_centre,
+    pooled,
+    ranked,
+    summary,
+    summary_first,
+)
+from seg.data import LabelledImages
 
 CERTAIN, LARGE, SMALL = 0, 1, 2
 
@@ -33,3 +43,40 @@ def test_gains_are_in_pairs():
     assert (none["14 more by"], random[HELD_OUT], random["over random"]) == ("none", "32.0", "")
     assert (margin[HELD_OUT], margin["over random"]) == ("34.0", "+2.0 (+2.0 to +2.0)")
     assert none["over random"] == "-1.0 (-1.0 to -1.0)"
+
+
+def test_k_centre_takes_the_image_that_is_farthest_from_all_before_it():
+    line = np.array([[0.0], [1.5], [5.0], [9.0], [10.0]])
+    assert k_centre(line, 4, start=1) == [1, 4, 2, 0]  # 8.5, 3.5 and 1.5 away from those before
+    maps = tuple(np.ones((5, 2, 3, 2), np.float16) * line[:, None, None] for _ in range(2))
+    found = pooled(maps)
+    assert found.shape == (5, 4) and np.allclose(found, line / line.std())
+    maps[0][:, 0] += 1  # all images alike: their order does not change
+    assert k_centre(pooled(maps), 4, start=1) == [1, 4, 2, 0]
+
+
+def test_first_images_are_chosen_by_seed_and_without_views():
+    rng = np.random.default_rng(0)
+    count, views = 12, 2
+    maps = (rng.random((views * count, 2, 2, 3)).astype(np.float16),)
+    names, groups = tuple(f"{k:02}" for k in range(count)), ("a", "b", "c") * 4
+    pool = LabelledImages(np.zeros((count, 8, 8, 3), np.uint8), None, names, groups, maps)
+    found = [first_choices(pool, 6, seed) for seed in range(5)]
+    assert all(len({*chosen}) == 6 and max(chosen) < count for f in found for chosen in f.values())
+    assert len({tuple(choices["k-centre"]) for choices in found}) > 1
+    for choices in found:
+        assert sorted(groups[k] for k in choices["spread"]) == ["a", "a", "b", "b", "c", "c"]
+
+
+def test_choices_of_first_images_are_compared_in_pairs():
+    rows = [
+        {"seed": seed, "labels": 7, "renders": renders, "choice": name, "mIoU": 30.0 + seed + gain}
+        for seed in (0, 4)
+        for renders in (0, 300)
+        for name, gain in (("spread", 0), ("k-centre", 2 if renders else -1))
+    ]
+    alone, mixed = summary_first(rows)
+    assert alone == {
+        "labels": 7, "renders": 0, "spread": "32.0", "k-centre": "31.0", "gain": "-1.0 (-1.0 to -1.0)",
+    }  # fmt: skip
+    assert mixed["renders"] == 300 and mixed["gain"] == "+2.0 (+2.0 to +2.0)"
