@@ -38,8 +38,7 @@ from experiments.report.fit import MODEL, STRIP, Row, derive, rows_of, text
 from experiments.report.folder import NAME
 from experiments.run.context import Run, Work, pace_here, set_up_process, total_of
 from experiments.run.learn import learn, work_of
-from experiments.run.nets import paired_seeds
-from experiments.study.form import Form, Report, about, nets
+from experiments.study.form import Form, Report, about, miou, nets
 from experiments.study.skeleton import Study, attributes, do
 from experiments.target.base import Target
 from experiments.target.folder import (
@@ -63,9 +62,9 @@ from seg.classes import class_table, colorize
 from seg.data import LabelledImages
 from seg.errors import ModelError
 from seg.model import SEEN, Model, classes_of, load_model, refuse_others
-from seg.recipes import with_net
+from seg.recipes import with_heads, with_net
 from seg.settings import FILELESS_NETS, Trunk, TrunkName, check_settings
-from seg.train import Params, outline
+from seg.train import Params, heads_of, stacked
 from seg.weights import check as check_weights
 from shell.bounds import POSITIVE, at_least, check_bounds
 from shell.classes import NAMES
@@ -106,9 +105,15 @@ class FitConfig(FewConfig):
     minutes: Annotated[float | None, POSITIVE] = None
     """The most minutes that decided the size."""
     seeds: Annotated[int, at_least(1), NETS] = 3
-    """Networks of each row and fold."""
+    """Networks of each row and fold; on a frozen trunk they are heads of one."""
     init: Path | None = None
     """Folder of a model from which the net starts."""
+
+    @property
+    def apart(self) -> list[int]:
+        """The seeds of the networks of a row that are trained apart: heads of one network share its seed."""
+        heads = self.final.train.heads
+        return [self.seed + k for k in range(self.seeds // heads)]
 
     @property
     def processes(self) -> int:
@@ -145,6 +150,7 @@ def config_of(
     trunk: Trunk = "frozen",
     weights: Path | None = None,
     fix: Sequence[str] = (),
+    mirror: bool = True,
     say: Callable[[str], None] = lambda text: None,
 ) -> FitConfig:
     """Make the configuration of a command line.
@@ -170,6 +176,7 @@ def config_of(
         trunk: whether the trunk is frozen or tuned; for a search's rewards it is always frozen.
         weights: file of the trunk's weights, for dinov2.
         fix: attributes to hold at a value in all streets, such as field_of_view=90.
+        mirror: whether networks average over an image and its mirror image.
         say: called with size and time, and before this machine's pace is measured.
 
     Raises:
@@ -201,10 +208,16 @@ def config_of(
     else:
         photographs = begun
 
+    width = None if init is None else load_model(init).settings.head_width
+
     def at(size: Size) -> FitConfig:
-        base = configured(size, preset, net, trunk, file, search=search)
+        base = configured(size, preset, net, trunk, file, search=search, seeds=seeds)
+        train = replace(base.final.train, average_mirror=mirror)
+        if width is not None and train.has_trunk:
+            train = replace(train, head_width=width)
         return replace(
             base,
+            final=replace(base.final, train=train),
             target=found.name,
             data=data,
             out=out,
@@ -214,7 +227,6 @@ def config_of(
             few=few,
             holdout=holdout,
             minutes=minutes,
-            seeds=seeds,
             init=init,
             store=store,
             fix=tuple(fix),
@@ -318,10 +330,12 @@ def configured(
     weights: str | None = None,
     *,
     search: bool = False,
+    seeds: int = FitConfig.seeds,
 ) -> FitConfig:
     """The configuration of a preset for a network at a size of images.
 
-    The rewards of a search take the preset's smallest size, which they were made cheap for.
+    The networks of a row are heads of one where the trunk is frozen (recipe `lite0-heads`). The rewards of a
+    search take the preset's smallest size, which they were made cheap for.
     """
     base = in_space(defaults(FitConfig, "camvid", preset), SPACE)
 
@@ -331,11 +345,13 @@ def configured(
         train = with_net(own.train, net=net, trunk=trunk, weights=weights)
         return replace(own, width=size[0], height=size[1], train=train)
 
+    final = fidelity(base.final, trunk, size)
     return replace(
         base,
         learnt=search,
+        seeds=seeds,
         reward=fidelity(base.reward, "frozen", cheap),
-        final=replace(fidelity(base.final, trunk, size), shots=1),
+        final=replace(final, shots=1, train=with_heads(final.train, seeds)),
         reward_images=None,
         test_images=None,
     )
@@ -358,7 +374,7 @@ def prepared(config: FitConfig) -> Prepared:
 
 
 def _start(config: FitConfig, target: Target) -> Params:
-    """The variables of the model of ``--init``.
+    """The variables of the model of ``--init``; its heads begin several if there are more.
 
     Raises:
         UserError: there is no model, or it has another net or other classes.
@@ -377,12 +393,8 @@ def _start(config: FitConfig, target: Target) -> Params:
     ):
         if ours != theirs:
             raise UserError(f"--init {config.init}: a model with {flag} {theirs}, not {ours}")
-    if outline(train, 1) != outline(model.settings, 1):
-        raise UserError(
-            f"--init {config.init}: a model whose head has {model.settings.head_width} channels; fit "
-            f"trains heads of {train.head_width}"
-        )
-    return model.variables
+    heads = heads_of(model.variables, model.settings)
+    return stacked([heads[k % len(heads)] for k in range(train.heads)])
 
 
 def plan(config: FitConfig, own: Prepared) -> list[Work]:
@@ -395,10 +407,10 @@ def planned(config: FitConfig, folds: int) -> list[Work]:
     final = config.final
     kinds = 1 + config.learnt * folds
     searches = [work._replace(nets=work.nets * folds) for work in work_of(config)]
-    count = len(rows_of(config.learnt)) * folds * config.seeds
+    count = len(rows_of(config.learnt)) * folds * len(config.apart)
     return [
         *(searches if config.learnt else []),
-        Work(STREETS, kinds * config.seeds * final.streets, final, Cost(street_cost(final))),
+        Work(STREETS, kinds * len(config.apart) * final.streets, final, Cost(street_cost(final))),
         Work.on_images("nets, each of which is tested", count, final),
         Work.on_images("the net that is left", 1, final),
     ]
@@ -406,7 +418,7 @@ def planned(config: FitConfig, folds: int) -> list[Work]:
 
 def scores(run: Run[FitConfig], known: Prepared) -> Report:
     """Do the whole job, or the rest of it."""
-    config, seeds = run.config, paired_seeds(run)
+    config, seeds = run.config, run.config.apart
     folds = [replace(run, target=target) for target in known.folds]
     target = known.parts.target
     facts = {
@@ -422,6 +434,7 @@ def scores(run: Run[FitConfig], known: Prepared) -> Report:
         "rendered_images": config.final.images,
         "streets": RENDERED,
         "few_share": config.few_share,
+        "last_share": config.final.train.last_share,
         "net": config.final.train.net,
     }
     live.watch(run, facts)
@@ -435,6 +448,7 @@ def scores(run: Run[FitConfig], known: Prepared) -> Report:
     if not all(tested):
         streets.make()
     scored: dict[Row, list[Any]] = {row: [] for row in rows_of(config.learnt)}
+    averaged: dict[Row, list[float | None]] = {row: [] for row in scored}
     for number, fold in enumerate(folds):
         results = fold.runner.test([streets.of(job) for job in jobs[number]])
         for row, values in scored.items():
@@ -443,13 +457,16 @@ def scores(run: Run[FitConfig], known: Prepared) -> Report:
                 for job, result in zip(jobs[number], results, strict=True)
                 if job.notes["row"] == row
             ]
-            values.append(nets(chosen))
+            values.append(nets(chosen, config.final.train.heads))
+            averaged[row] += miou(nets(chosen))
         if number == 0:
             _show(run, fold, [job for job in jobs[0] if job.keeps])
     extra: dict[Row, Source] = {"labels+renders": pools[0][seeds[0]].pool}
     if config.learnt:
         extra["labels+learnt"] = pools[1][seeds[0]].pool
     report = {**facts, "nets": scored}
+    if config.final.train.heads > 1:
+        report["averaged"] = averaged
     _leave(run, known, extra, derive(report), streets, finished=all(tested))
     seconds = {"streets": streets.seconds(), "total": round(run.progress.elapsed, 1)}
     streets.forget()
@@ -540,7 +557,7 @@ def _jobs(fold: Run[FitConfig], number: int, pools: Sequence[Mapping[int, _Pool]
         pools: by seed, those of mixed streets, then of the streets that each fold has learnt.
     """
     config, recipe = fold.config, fold.recipe(fold.config.final)
-    labels, seeds = fold.images(config.final, "labelled"), paired_seeds(fold)
+    labels, seeds = fold.images(config.final, "labelled"), config.apart
     jobs: list[Job] = []
     for seed in seeds:
         renders = pools[0][seed].pool
@@ -588,9 +605,9 @@ def _leave(
         "target": parts.target.name,
         "labelled_images": len(labels.images),
         SEEN: sorted(file_digest(entry.image_path) for entry in parts.seen),
-        "trained_on": report["recipe"],
+        "trained_on": best,
         "verdict": report["verdict"],
-        "miou": report["rows"][report["recipe"]]["mean"],
+        "miou": report["rows"][best].get("averaged") or report["rows"][best]["mean"],
         "reported_on": report["where"],
     }
     if config.init is not None:

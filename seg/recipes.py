@@ -135,6 +135,19 @@ def with_net(settings: TrainSettings, **changes: Any) -> TrainSettings:
     return with_steps(replace(own, **kept), steps)
 
 
+def with_heads(settings: TrainSettings, heads: int) -> TrainSettings:
+    """Take the recipe `lite0-heads` with so many heads; nets without a frozen trunk stay as they are.
+
+    A number of steps that was not the old recipe's own stays.
+    """
+    if not settings.frozen:
+        return settings
+    new = replace(RECIPES["lite0-heads"], heads=heads)
+    same = {name: getattr(settings, name) for name in ("net", "weights", "dtype")}
+    changed = settings.steps != RECIPES[recipe_for(settings)].steps
+    return with_steps(replace(new, **same), settings.steps if changed else new.steps)
+
+
 def with_steps(settings: TrainSettings, steps: int) -> TrainSettings:
     """Change the number of steps; a warm-up that does not fit into them becomes a sixth of them."""
     warmup = settings.warmup if settings.warmup < steps else steps // 6

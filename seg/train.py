@@ -84,7 +84,7 @@ def heads_of(variables: Variables, settings: TrainSettings) -> list[Variables]:
     ]
 
 
-def _with_heads(nets: Sequence[Variables]) -> Variables:
+def stacked(nets: Sequence[Variables]) -> Variables:
     """The variables of nets with one head each as those of one net: their parameters are stacked."""
     if len(nets) == 1:
         return nets[0]
@@ -327,7 +327,7 @@ def train(
                 compiled, state, data, rows, settings, told, stepwise, checkpoints, at_checkpoint
             )
         )
-    return _with_heads(nets)
+    return stacked(nets)
 
 
 def _head_seed(rng_seed: int, head: int) -> int:
@@ -456,7 +456,7 @@ def outline(settings: TrainSettings, classes: int) -> Variables:
         images = tuple(jax.ShapeDtypeStruct((1, 1, 1, c), np.float16) for c in channels)
     seed = jax.ShapeDtypeStruct((), np.uint32)
     return jax.eval_shape(
-        lambda *given: _with_heads([compiled.init(*given).trained] * settings.heads), seed, images
+        lambda *given: stacked([compiled.init(*given).trained] * settings.heads), seed, images
     )
 
 

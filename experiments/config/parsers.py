@@ -38,6 +38,16 @@ def doctor() -> Parser:
     return options
 
 
+def _no_mirror(options: Parser) -> None:
+    """Add the flag of all commands that use a network."""
+    options.add_argument(
+        "--no-mirror",
+        dest="mirror",
+        action="store_false",
+        help="do not average over the mirror image: half the time, about half a point less",
+    )
+
+
 def fit() -> Parser:
     """The command line of `sdr-jax fit`."""
     options = Parser("fit", docstring("experiments.fit"))
@@ -86,6 +96,7 @@ def fit() -> Parser:
         help="model from which the saved net starts; the tested nets do not",
     )
     add("--store", type=Path, metavar="FILE", help="evaluations that runs share")
+    _no_mirror(options)
     add = options.group("net")
     add(
         "--net",
@@ -106,15 +117,6 @@ def fit() -> Parser:
         help="for dinov2: model.safetensors in Hugging Face's layout",
     )
     return options
-
-
-def _no_mirror(options: Parser) -> None:
-    """Add the flag of all commands that use a model."""
-    options.add_argument(
-        "--no-mirror",
-        action="store_true",
-        help="do not average over the mirror image: half the time, about half a point less",
-    )
 
 
 def predict() -> Parser:

@@ -19,7 +19,7 @@ from experiments.study.form import (
     starts,
     table,
 )
-from experiments.study.stats import bounded, crossed
+from experiments.study.stats import bounded, crossed, mean
 from shell.interrupt import PROGRAM
 from shell.progress import duration
 
@@ -45,6 +45,7 @@ def derive(report: Report) -> Report:
     rows = {
         row: {
             **bounded(_estimate(values[row])),
+            **({"averaged": mean(report["averaged"][row])} if "averaged" in report else {}),
             "miou": miou(flat),
             "per_class": class_means(flat, report["classes"]),
         }
@@ -106,6 +107,7 @@ def verdict(gain: Mapping[str, Any], labels: int) -> str:
 
 def text(report: Report) -> str:
     """The table and the verdict, in Markdown."""
+    averaged = "averaged" in report
     lines = [
         report["verdict"],
         "",
@@ -116,6 +118,7 @@ def text(report: Report) -> str:
                 ("nets trained on", lambda row: WORDS[row["name"]]),
                 *estimate("mIoU"),
                 *estimate("over labels alone", lambda row: row["gain"], "+.1f"),
+                *([("averaged", lambda row: number(row["averaged"]))] if averaged else []),
             ],
             [
                 {"name": name, **own, "gain": report["gains"].get(name)}
@@ -134,15 +137,28 @@ def _tested_on(report: Report) -> str:
     over = "folds and nets" if folds >= FEWEST else "nets"
     return (
         f"mIoU in percent at {report['scored_at']} on {report['tested']} images that a net has not seen "
-        f"({report['where']}), {report['seeds']} nets each; 95 % intervals over {over}. Beside labels "
+        f"({report['where']}), {report['seeds']} nets each; 95 % intervals over {over}. {_averaged(report)}"
+        "Beside labels "
         f"{report['rendered_images']} renders{MIXED if report.get('streets') == 'mixed' else ''} are "
-        f"{_rendered_share(report):g} % of all batches."
+        f"{_rendered_share(report)} % of all batches."
     )
 
 
-def _rendered_share(report: Report) -> float:
+def _averaged(report: Report) -> str:
+    """A sentence on the mean of the heads' logits, if it was tested."""
+    if "averaged" not in report:
+        return ""
+    return "Averaged: the mean of the logits of these heads, as in the saved model. "
+
+
+def _rendered_share(report: Report) -> str:
     """The percent of renders in a batch of labels and renders."""
-    return float(100 * (1 - report["few_share"]))
+    first = f"{100 * (1 - report['few_share']):g}"
+    return (
+        first
+        if report.get("last_share") is None
+        else f"{first} to {100 * (1 - report['last_share']):g}"
+    )
 
 
 def _by_fold(report: Report) -> list[str]:
@@ -190,7 +206,7 @@ def content(report: Report, folder: Path, config: Mapping[str, Any], over: bool)
             ),
             (
                 "Renders beside labels",
-                f"{report['rendered_images']}, {_rendered_share(report):g} % of every batch",
+                f"{report['rendered_images']}, {_rendered_share(report)} % of every batch",
             ),
             ("Nets", f"{report['net']}, {steps} steps, {report['seeds']} seeds"),
             ("Preset", report["preset"]),

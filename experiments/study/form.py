@@ -97,17 +97,32 @@ def about(run: Run[Any], fidelity: Fidelity) -> Report:
     }
 
 
-def nets(outcomes: Sequence[Result]) -> list[Report | None]:
-    """Scores of single nets in percent, in the order of the seeds; None if training failed."""
-    return [
-        None
-        if o.failed
-        else {
-            "miou": 100 * o.reward,
-            "class_iou": [None if v is None else 100 * v for v in o.class_iou],
-        }
-        for o in outcomes
-    ]
+def nets(outcomes: Sequence[Result], heads: int = 1) -> list[Report | None]:
+    """Scores of single nets in percent, in the order of the seeds; None if training failed.
+
+    Args:
+        outcomes: the nets.
+        heads: with more than one, the scores are those of each head alone.
+    """
+    found: list[Report | None] = []
+    for outcome in outcomes:
+        if outcome.failed:
+            found += [None] * heads
+        elif heads > 1:
+            found += [_net(mean(class_iou), class_iou) for class_iou in outcome.heads]
+        else:
+            found.append(_net(outcome.reward, outcome.class_iou))
+    return found
+
+
+def _net(reward: float | None, class_iou: Sequence[float | None]) -> Report | None:
+    """The scores of a net in percent."""
+    if reward is None:
+        return None
+    return {
+        "miou": 100 * reward,
+        "class_iou": [None if value is None else 100 * value for value in class_iou],
+    }
 
 
 def miou(scored: Sequence[Report | None]) -> list[float | None]:

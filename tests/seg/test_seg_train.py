@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.flatten_util import ravel_pytree
@@ -124,7 +125,7 @@ def test_logits_are_the_mean_over_an_image_and_its_mirror_image(settings):
     direct, mirrored = (logits(net, x, settings, 11) for x in (images, images[:, :, ::-1]))
     expected = (direct + mirrored[:, :, ::-1]) / 2
     np.testing.assert_allclose(logits(net, images, both, 11), expected, atol=1e-4)
-    np.testing.assert_allclose(apply(net, images, both, 11), expected, atol=1e-4)
+    np.testing.assert_allclose(apply(net, jnp.asarray(images), both, 11), expected, atol=1e-4)
     whole = predict(net, images, both, 11)
     assert (whole == expected.argmax(-1)).mean() > 0.999
     np.testing.assert_array_equal(whole[:, :, ::-1], predict(net, images[:, :, ::-1], both, 11))
