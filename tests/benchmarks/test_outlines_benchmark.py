@@ -2,7 +2,6 @@
 
 import json
 import sys
-from zlib import crc32
 
 import numpy as np
 import pytest
@@ -20,7 +19,6 @@ from benchmarks.outlines import (
 from scene.classes import TrainId
 from seg.classes import CAMVID_11
 from shell.target_file import shipped
-from tests.experiments.conftest import write_pair
 
 CAMVID = shipped("camvid")
 TREE, SKY = int(TrainId.VEGETATION), int(TrainId.SKY)
@@ -53,16 +51,6 @@ def test_tables_by_hand():
         "2.00; 1",
         "-",
     ]
-
-
-@pytest.fixture
-def camvid(tmp_path):
-    root = tmp_path / "camvid"
-    for split, names in (("train", ("0001TP_1", "0006R0_1")), ("val", ("0016E5_0", "0016E5_1"))):
-        for name in names:
-            paths = (root / folder / f"{name}.png" for folder in (split, f"{split}annot"))
-            write_pair(*paths, seed=crc32(name.encode()), highest=10)
-    return root
 
 
 FLAGS = (

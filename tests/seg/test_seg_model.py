@@ -92,7 +92,7 @@ def test_what_is_loaded_is_what_was_saved(kind, tmp_path):
     alone = load_model(tmp_path / "model", mirror=False)
     assert not alone.settings.average_mirror
     assert (alone.digest == model.digest) == (kind != "heads")
-    assert ("mirror image" in (tmp_path / "model" / README).read_text()) == (kind == "heads")
+    assert ("mirror image" in (tmp_path / "model" / "README.md").read_text()) == (kind == "heads")
 
 
 def test_images_of_any_size_give_labels_of_their_own(compact):

@@ -1,0 +1,309 @@
+"""What does a change of the training recipe gain, from the same images, and what does it cost?
+
+    python -m benchmarks.recipes --target camvid --data DIR --holdout 0006R0 --few 14 --seeds 5 \\
+        --recipes lite0-frozen lite0-heads lite0-heads:jaccard=0 lite0-heads:last_share=None
+    python -m benchmarks.recipes --data DIR --few 14 --on labels labels+renders renders all
+
+A recipe is one of `seg.recipes`, with changes of its fields after a colon. Networks of a seed share the
+features of the same images: ``--few`` labelled images of the target, and ``--streets`` rendered ones, half
+random and half default. They are tested on development images, without those few, and on reported images: a
+split, or what ``--holdout`` names. Gains over the first recipe are paired by seed; ``one head`` is the mean
+over the heads of a network, each alone.
+
+``--out`` remembers renders and finished networks: the same command resumes, also with more recipes or seeds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import json
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks import outlines
+from benchmarks.outlines import DEVELOPMENT, NETWORKS, REPORTED, Real, labels_of, real_images
+from benchmarks.report import Row, table, target_parser, write
+from experiments.evaluation.evaluate import worker_environment
+from experiments.fit import FEW
+from experiments.study.stats import paired_gain
+from experiments.target.folder import parts_of
+from scene.workers import WorkerError, WorkerPool
+from seg.classes import table_of
+from seg.data import DataError, LabelledImages
+from seg.metrics import mean_iou
+from seg.pyramid import features
+from seg.recipes import RECIPES
+from seg.settings import check_settings
+from seg.train import TrainingError, TrainSettings, score_heads, train
+from seg.views import LOOKS, view_images, with_mirror
+from shell import files
+from shell.command import exit_code
+from shell.errors import UserError
+from shell.lines import JsonLines
+from shell.progress import Progress
+
+ON = ("labels", "labels+renders", "renders", "all")
+"""What networks are trained on; all labelled images are tested on reported ones alone."""
+
+
+def settings_of(recipe: str) -> TrainSettings:
+    """The settings of a recipe such as ``lite0-heads:heads=5,steps=500``.
+
+    Raises:
+        UserError: no recipe or field has the name, or the settings allow no training on a frozen backbone.
+    """
+    name, _, changes = recipe.partition(":")
+    if name not in RECIPES:
+        raise UserError(f"--recipes {recipe}: no such recipe; there are {', '.join(RECIPES)}")
+    values = {}
+    for change in filter(None, changes.split(",")):
+        key, _, text = change.partition("=")
+        try:
+            values[key] = ast.literal_eval(text)
+        except (ValueError, SyntaxError):
+            values[key] = text
+        if key not in {field.name for field in fields(TrainSettings)}:
+            raise UserError(f"--recipes {recipe}: recipes have no field {key}")
+    settings = replace(RECIPES[name], **values)
+    try:
+        check_settings(settings)
+    except ValueError as error:
+        raise UserError(f"--recipes {recipe}: {error}") from None
+    if not settings.frozen:
+        raise UserError(f"--recipes {recipe}: features are shared, so the backbone must be frozen")
+    return settings
+
+
+def key(recipe: outlines.Recipe, settings: TrainSettings, on: str, seed: int) -> dict[str, Any]:
+    """What decides a network."""
+    plain = TrainSettings()
+    values = {
+        field.name: getattr(settings, field.name)
+        for field in fields(settings)
+        if getattr(settings, field.name) != getattr(plain, field.name)
+    }
+    same = {"target": recipe.file.name, "holdout": recipe.holdout, "few": recipe.few}
+    return {**recipe.rendered, **same, "settings": values, "on": on, "seed": seed}
+
+
+@lru_cache(maxsize=2)
+def _real(recipe: outlines.Recipe, tested: int) -> Real:
+    """The labelled images; those for tests with the features of images and mirror images."""
+    real = real_images(recipe, False)
+
+    def seen(images: LabelledImages | None) -> LabelledImages | None:
+        if images is None:
+            return None
+        count = len(images.images)
+        picked = np.unique(np.linspace(0, count - 1, min(tested, count)).round().astype(int))
+        some = images.take(picked)
+        both = with_mirror(some.images, RECIPES["lite0-heads"])
+        return some._replace(features=features(both))
+
+    development = seen(real.development)
+    assert development is not None
+    return Real(real.few, development, seen(real.reported))
+
+
+def networks(
+    recipe: outlines.Recipe, seed: int, work: Sequence[tuple[str, str]], tested: int, folder: Path
+) -> list[dict[str, Any]]:
+    """Train and test a network for each recipe and training set of a seed; runs in a worker.
+
+    Each line is written at once.
+    """
+    real, rendered = _real(recipe, tested), outlines.renders(recipe, seed, folder)
+    classes = len(table_of(recipe.file).classes)
+    whole = real_images(recipe, False)
+    sets = {
+        "labels": whole.few,
+        "renders": LabelledImages(rendered.images, _labels(recipe, rendered)),
+        "all": _joined(whole),
+    }
+    seen: dict[Any, LabelledImages] = {}
+
+    def trained_on(name: str, settings: TrainSettings) -> LabelledImages:
+        looks = (name, *(getattr(settings, look) for look in LOOKS))
+        if looks not in seen:
+            images = sets[name]
+            assert images is not None
+            maps = features(view_images(images.images, settings), settings)
+            seen[looks] = images._replace(features=maps)
+        return seen[looks]
+
+    lines = []
+    for on, name in work:
+        settings = settings_of(name)
+        images = trained_on("renders" if on == "labels+renders" else on, settings)
+        few = trained_on("labels", settings) if on == "labels+renders" else None
+        began = time.process_time()
+        params = train(
+            seed,
+            images.images,
+            images.labels,
+            settings,
+            classes,
+            features=images.features,
+            beside=few,
+            share=0.25 if recipe.few < FEW else 0.5,
+        )
+        seconds = time.process_time() - began
+        confusions, of_heads = {}, {}
+        for side, tested_on in ((DEVELOPMENT, real.development), (REPORTED, real.reported)):
+            if tested_on is None or (on == "all" and side == DEVELOPMENT):
+                continue
+            maps, count = tested_on.features, len(tested_on.images)
+            if maps is not None and not settings.average_mirror:
+                maps = tuple(part[:count] for part in maps)
+            pair = tested_on.images, tested_on.labels
+            together, alone = score_heads(params, *pair, settings, classes, features=maps)
+            confusions[side] = together.tolist()
+            of_heads[side] = [mean_iou(confusion) for confusion in alone]
+        line = {
+            "key": key(recipe, settings, on, seed),
+            "seconds": round(seconds, 2),
+            "scores": confusions,
+            "heads": of_heads,
+        }
+        log = JsonLines(folder / NETWORKS)
+        with log.shared():
+            log.append(line)
+        lines.append(line)
+    return lines
+
+
+def _labels(recipe: outlines.Recipe, rendered: outlines.Renders) -> np.ndarray:
+    """Rendered labels as the target's annotators draw them."""
+    shares = recipe.file.outlines
+    rule = ",".join(f"{name}={100 * share:g}%" for name, share in shares.items())
+    return labels_of(rule or outlines.EXACT, rendered, recipe.file)
+
+
+def _joined(real: Real) -> LabelledImages:
+    """All images that are not reported on."""
+    parts = [part for part in (real.few, real.development) if part is not None]
+    return LabelledImages(
+        np.concatenate([part.images for part in parts]),
+        np.concatenate([part.labels for part in parts]),
+    )
+
+
+def gain_rows(
+    lines: dict[tuple[str, str, int], dict[str, Any]],
+    on: str,
+    recipes: Sequence[str],
+    seeds: Sequence[int],
+    side: str,
+) -> list[Row]:
+    """Each recipe's mIoU in percent and its paired gain over the first, with the CPU seconds of a network."""
+    rows: list[Row] = []
+    scores = {
+        name: [100 * mean_iou(np.array(lines[on, name, seed]["scores"][side])) for seed in seeds]
+        for name in recipes
+    }
+    for name in recipes:
+        own = [lines[on, name, seed] for seed in seeds]
+        gain, ci95 = paired_gain(scores[name], scores[recipes[0]])
+        rows.append(
+            {
+                "recipe": name,
+                "mIoU": f"{np.mean(scores[name]):.1f}",
+                "one head": f"{100 * np.mean([np.mean(line['heads'][side]) for line in own]):.1f}",
+                "gain": "" if name == recipes[0] else f"{gain:+.2f}",
+                "95 %": "{:+.2f} to {:+.2f}".format(*ci95) if ci95 and name != recipes[0] else "",
+                "by seed": " ".join(f"{value:.1f}" for value in scores[name]),
+                "CPU s": f"{np.median([line['seconds'] for line in own]):.0f}",
+            }
+        )
+    return rows
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The command line; returns the exit code."""
+    options = _options(arguments)
+    users = (UserError, DataError, TrainingError)
+    return exit_code(lambda: _run(options), (WorkerError,), users=users)
+
+
+def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
+    defaults = {**outlines.Recipe._field_defaults, "few": 14, "tested": 120}
+    defaults |= {"width": 480, "height": 360, "streets": 400}
+    counts = [
+        ("few", 1, "labelled images in training sets"),
+        ("tested", 1, "the most images of each test"),
+    ]
+    command = target_parser(
+        __doc__, "recipes", defaults, holdout="reported on", seeds=3, counts=counts
+    )
+    add = command.add_argument
+    both = ["lite0-frozen", "lite0-heads"]
+    add("--recipes", nargs="+", default=both, help="recipes; gains are over the first")
+    add("--on", nargs="+", choices=ON, default=["labels+renders"], help="training sets")
+    return command.parse_args(arguments)
+
+
+def _run(options: argparse.Namespace) -> None:
+    values = vars(options)
+    values = {name: values[name] for name in outlines.Recipe._fields if name in values}
+    recipe = outlines.Recipe(**{**values, "attributes": "mixed", "steps": 1})
+    names = list(dict.fromkeys(options.recipes))
+    for name in names:
+        settings_of(name)
+    labelled = len(parts_of(recipe.file, Path(recipe.data), recipe.holdout).entries)
+    if recipe.few >= labelled:
+        raise UserError(f"--few {recipe.few} leaves none of {labelled} labelled images to test on")
+    with files.naming(options.out):
+        options.out.mkdir(parents=True, exist_ok=True)
+    seeds = range(options.seeds)
+    lines = _train(recipe, names, options)
+    tables = {}
+    for on in options.on:
+        for side in (DEVELOPMENT, REPORTED):
+            if side in lines[on, names[0], 0]["scores"]:
+                title = f"trained on {on}, tested on {side} images"
+                tables[title] = gain_rows(lines, on, names, seeds, side)
+    for title, rows in tables.items():
+        print(f"\n{title}\n{table(rows)}")
+    write(options.json, recipe=recipe._asdict(), seeds=options.seeds, **tables)
+
+
+def _train(
+    recipe: outlines.Recipe, names: Sequence[str], options: argparse.Namespace
+) -> dict[tuple[str, str, int], dict[str, Any]]:
+    """The lines of all networks by training set, recipe and seed, trained now or stored."""
+    log = JsonLines(options.out / NETWORKS)
+    done = {json.dumps(line["key"], sort_keys=True): line for line in log.lines}
+    work = [(on, name) for on in options.on for name in names]
+
+    def name_of(on: str, name: str, seed: int) -> str:
+        return json.dumps(key(recipe, settings_of(name), on, seed), sort_keys=True)
+
+    tasks = []
+    for seed in range(options.seeds):
+        missing = [pair for pair in work if name_of(*pair, seed) not in done]
+        if missing:
+            tasks.append((recipe, seed, missing, options.tested, options.out))
+    total = len(work) * options.seeds
+    progress = Progress(total)
+    progress.advance(total - sum(len(task[2]) for task in tasks), replayed=True)
+    with WorkerPool(options.workers, worker_environment()) as workers:
+        for index, lines in workers.map(networks, tasks):
+            done |= {json.dumps(line["key"], sort_keys=True): line for line in lines}
+            progress.advance(len(lines))
+            progress.update(f"seed {tasks[index][1]}")
+    progress.close()
+    return {
+        (*pair, seed): done[name_of(*pair, seed)] for pair in work for seed in range(options.seeds)
+    }
+
+
+if __name__ == "__main__":
+    sys.exit(main())
