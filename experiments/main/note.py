@@ -28,7 +28,7 @@ few = json.loads(Path("summary.json").read_text())["few_images"]
 # Where --data was relative, give it as seen from here.
 entries = [e for e in list_split(target, config["data"], "train") if e.name in few]
 real = load(entries, target, (final["height"], final["width"]))
-renders = read_dataset(Path("dataset"))
+renders = read_dataset(Path("dataset"), table.outlines)
 params = train(
     config["seed"], renders.images, table.from_train_id[renders.labels],
     TrainSettings(**final["train"]), len(table.classes),
@@ -44,7 +44,8 @@ def text(run: Run[Any]) -> str:
     names = target.few_names
     code = CODE.replace("{name}", target.name)
     outlines = (
-        f"The run's networks saw labels with the `outlines` of {target.name}; the labels here are exact.\n"
+        f"The run's networks saw labels with the `outlines` of {target.name}; the labels here are exact. "
+        "`read_dataset` draws the outlines.\n"
         if class_table(target.table).outlines
         else ""
     )

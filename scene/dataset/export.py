@@ -27,7 +27,7 @@ from scene.dataset.formats.layout import SPLITS, layout
 from scene.dataset.formats.shot import shot_files
 from scene.dataset.read import DESCRIPTION, WORK, describe, pictures
 from scene.dataset.render import Dataset, check_request, compile_first, street_of
-from scene.outline import outlined
+from scene.outline import Outlines, outlined
 from scene.proposal import Streets
 from scene.render import RenderSettings, renderer
 from scene.version import MAKERS
@@ -134,13 +134,18 @@ def export_dataset(
     return found
 
 
-def read_dataset(folder: Path) -> Dataset:
+def read_dataset(folder: Path, outlines: Outlines = ()) -> Dataset:
     """Read all images and labels of an exported dataset, as ``render_dataset`` would give them.
+
+    Args:
+        folder: the dataset.
+        outlines: classes to draw as a whole, as `engine_outlines` of a target; needs exact labels and depth,
+            which has steps of a centimetre in files, so a few pixels may differ.
 
     Raises:
         ValueError, OSError: it is no dataset, or a file is damaged or missing; the message names it.
     """
-    images, labels = zip(*pictures(describe(folder)), strict=True)
+    images, labels = zip(*pictures(describe(folder), outlines), strict=True)
     return Dataset(np.stack(images), np.stack(labels))
 
 

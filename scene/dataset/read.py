@@ -12,9 +12,10 @@ from scene.dataset.formats import parquet
 from scene.dataset.formats.about import stem
 from scene.dataset.formats.labels import ILLEGAL, Labels, labels_of
 from scene.dataset.formats.layout import FORMATS, SPLITS, Layout, layout
-from scene.dataset.formats.planes import ids_of
+from scene.dataset.formats.planes import DEPTH_PER_METRE, ids_of
 from scene.dataset.formats.png import decode, read_png
 from scene.dataset.formats.segments import TRAIN_OF_LABEL, label_ids
+from scene.outline import Outlines, sources
 from scene.render.protocol import MAX_PIXELS
 from shell.files import read_json
 
@@ -129,7 +130,16 @@ def labels(dataset: Described, name: str) -> np.ndarray:
     return found
 
 
-def pictures(dataset: Described) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Yield images u8[h, w, 3] and classes u8[h, w] of an exported dataset; raises as `labels`."""
+def pictures(
+    dataset: Described, outlines: Outlines = ()
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Yield images u8[h, w, 3] and classes u8[h, w] of an exported dataset; raises as `labels`.
+
+    Outlines of a target are drawn with the dataset's depth.
+    """
     for name in dataset.stems:
-        yield dataset.picture("image", name), labels(dataset, name)
+        label = labels(dataset, name)
+        if outlines:
+            depth = dataset.picture("depth", name) / np.float32(DEPTH_PER_METRE)
+            label = label.take(sources(label, depth, outlines))
+        yield dataset.picture("image", name), label
