@@ -440,7 +440,7 @@ def scores(run: Run[FitConfig], known: Prepared) -> Report:
     live.watch(run, facts)
     kinds = [attributes(run, {}, RENDERED)]
     if config.learnt:
-        kinds += [learn(fold, name=f"fold-{k}").streets for k, fold in enumerate(folds, 1)]
+        kinds += [learn(fold, name=f"fold-{k}").solution for k, fold in enumerate(folds, 1)]
     pools = [{seed: _pool(run, streets, seed) for seed in seeds} for streets in kinds]
     jobs = [_jobs(fold, number, pools) for number, fold in enumerate(folds)]
     streets = _Rendered(run, [pool for by_seed in pools for pool in by_seed.values()])

@@ -30,7 +30,7 @@ from experiments.config.cli import command
 from experiments.config.studies import PretrainConfig
 from experiments.evaluation.job import Job, LabelledSubset, Recipe, Result, Start
 from experiments.run.context import Run, Work
-from experiments.run.learn import learn, reward_parts
+from experiments.run.learn import learn
 from experiments.run.nets import paired_seeds
 from experiments.study.figure import curves
 from experiments.study.form import (
@@ -89,16 +89,12 @@ def check(config: PretrainConfig) -> None:
 def refuse_empty(config: PretrainConfig, target: Target) -> None:
     """Raise UserError for a fraction that selects no image."""
     images = len(target.reward_names)
-    if "learnt" in config.rows and config.learnt is None:
-        reward_parts(_searched(config, target), config)
     for fraction in config.fractions:
         if chosen_images(images, fraction) == 0:
             raise UserError(
                 f"--fractions {fraction:g} selects none of the {images} reward images; "
                 f"{1 / images:.2g} or more selects one"
             )
-        if config.learn_on == "share" and "learnt" in config.rows:
-            reward_parts(_share(config, target, fraction), config)
 
 
 def plan(config: PretrainConfig, _: None) -> list[Work]:
@@ -145,7 +141,7 @@ def scores(run: Run[PretrainConfig], _: None) -> Report:
         name = f"learnt-{fraction!r}".removesuffix(
             ".0"
         )  # exact: another fraction has another search
-        start = Start(before, learn(part, name=name).streets)
+        start = Start(before, learn(part, name=name).solution)
         found |= tuned(run, {"learnt": start}, fine, [fraction], alike)
     train = fine.fidelity.train
     rows = []

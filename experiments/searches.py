@@ -8,9 +8,9 @@
 
 The k-th search of every method has the seed --seed + k and equals the search of the main job with that seed
 and method: with its --store, nothing is evaluated twice. With --core-minutes a search has as many rewards as
-take so long, and its answer is its method's own; --subset then optimises some attributes alone. Final nets of
-all answers, of random attributes, of the hand-set street and of the reward images share their seeds, and
-intervals are over searches and nets. The same command continues a killed run.
+take so long; --subset then optimises some attributes alone. Final nets of all answers, of random attributes,
+of the hand-set street and of the reward images share their seeds, and intervals are over searches and nets.
+The same command continues a killed run.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from experiments.config.studies import ManyConfig
 from experiments.evaluation.job import Source
 from experiments.run import few, learn, plans
 from experiments.run.context import Run, Work
-from experiments.run.learn import Learnt
 from experiments.run.rewards import SearchPlan
+from experiments.run.search import Found
 from experiments.study.figure import plt, png
 from experiments.study.form import (
     ONE_SEARCH,
@@ -44,7 +44,7 @@ from experiments.study.form import (
     target_of,
     words,
 )
-from experiments.study.searches import core_seconds, failed_evaluations, rewards, selection, thirds
+from experiments.study.searches import core_seconds, failed_evaluations, rewards, thirds
 from experiments.study.skeleton import Made, Row, Search, do, of_rows
 from experiments.study.stats import Table, bounded, gain, less, mean, over_both
 from experiments.target.base import Target
@@ -59,12 +59,8 @@ BASELINES = {
     "real": "the reward images themselves",
 }
 """Rows without a search."""
-NETS = ("nets", "own_nets")
-"""Rows of a search: the answer that model selection chose, and that of its method."""
 OVER = ("random", "default")
 """Rendered rows without a search, over which gains are measured."""
-OWN_ANSWER = "own "
-"""Prefix of a search's name for its method's answer without model selection."""
 
 
 def check(config: ManyConfig) -> None:
@@ -91,9 +87,7 @@ def check_subset(subset: tuple[str, ...], config: ManyConfig) -> None:
 
 
 def configured(config: ManyConfig) -> dict[str, ManyConfig]:
-    """The configuration of every search by name; with equal core minutes its own answer is the candidate."""
-    if config.core_minutes is not None:
-        config = replace(config, candidates=("argmax",), candidate_seeds=1)
+    """The configuration of every search by name."""
     return {
         f"{method}-{seed}": replace(config, seed=seed, search=replace(config.search, method=method))
         for seed in range(config.seed, config.seed + config.searches)
@@ -115,7 +109,7 @@ def plan_of(config: ManyConfig, name: str) -> SearchPlan:
 
 
 def searches(config: ManyConfig) -> dict[str, Search]:
-    """Every search, with its own model selection."""
+    """Every search."""
     return {
         name: partial(learn.learn, config=own, name=name, plan=plan_of(own, name))
         for name, own in configured(config).items()
@@ -123,7 +117,7 @@ def searches(config: ManyConfig) -> dict[str, Search]:
 
 
 def work(config: ManyConfig) -> list[Work]:
-    """Plan rewards and candidates of all searches."""
+    """Plan the rewards of all searches."""
     found: dict[str, list[Work]] = {}
     for name, own in configured(config).items():
         for kind in learn.work_of(own, plan_of(own, name)):
@@ -143,9 +137,9 @@ def rows(config: ManyConfig, target: Target) -> list[Row]:
     def streets(name: str, run: Run[ManyConfig], made: Made, seed: int) -> Source:
         return few.beside(run, config.final, config.streets(name))
 
-    def answer(name: str, own: bool, run: Run[ManyConfig], made: Made, seed: int) -> Source:
-        found: Learnt = made[name]
-        return few.beside(run, config.final, found.found.solution if own else found.streets)
+    def answer(name: str, run: Run[ManyConfig], made: Made, seed: int) -> Source:
+        found: Found = made[name]
+        return few.beside(run, config.final, found.solution)
 
     def row(name: str, source: Any, after: str = "", real: bool = False) -> Row:
         return Row({"name": name}, source, config.final, "searches", name, after, real)
@@ -153,18 +147,9 @@ def rows(config: ManyConfig, target: Target) -> list[Row]:
     return [
         *([row(few.FEW, partial(images, "few"), real=True)] if target.few_names else []),
         *(row(name, partial(streets, name)) for name in OVER),
-        *(
-            row(prefix + name, partial(answer, name, bool(prefix)), name)
-            for name in configured(config)
-            for prefix in _answers(config)
-        ),
+        *(row(name, partial(answer, name), name) for name in configured(config)),
         row("real", partial(images, "labelled"), real=True),
     ]
-
-
-def _answers(config: ManyConfig) -> tuple[str, ...]:
-    """Prefixes of the names of a search's answers: the chosen one, and its method's own if it may differ."""
-    return ("", OWN_ANSWER) if config.core_minutes is None else ("",)
 
 
 def report(run: Run[ManyConfig], made: Made, rows: list[Report]) -> Report:
@@ -183,14 +168,10 @@ def report(run: Run[ManyConfig], made: Made, rows: list[Report]) -> Report:
             {
                 "method": own.search.method,
                 "seed": own.seed,
-                **selection(made[name]),
-                "rewards": rewards(made[name].found),
-                "core_seconds": core_seconds(made[name].found),
-                **describe(made[name].streets),
-                **{
-                    kind: scored[prefix + name]
-                    for kind, prefix in zip(NETS, _answers(config), strict=False)
-                },
+                "rewards": rewards(made[name]),
+                "core_seconds": core_seconds(made[name]),
+                **describe(made[name].solution),
+                "nets": scored[name],
             }
             for name, own in configured(config).items()
         ],
@@ -198,14 +179,14 @@ def report(run: Run[ManyConfig], made: Made, rows: list[Report]) -> Report:
 
 
 def derive(report: Report) -> Report:
-    """Add rows for each method, over its searches and nets, and each search's gain to the report.
+    """Add a row for each method, over its searches and nets, and each search's gain to the report.
 
-    A method has two rows: of the answers that model selection chose, and of its own if these have nets.
+    Earlier versions chose a search's answer by model selection; of their reports the method's own is shown.
     """
     baselines = {name: miou(own) for name, own in report["baselines"].items()}
     real = mean(baselines["real"])
 
-    def row(name: str, values: Table, searches: int, judged: bool = True) -> Report:
+    def row(name: str, values: Table, searches: int) -> Report:
         own = bounded(over_both(values))
         gains = {
             f"gain_over_{base}": None
@@ -214,29 +195,29 @@ def derive(report: Report) -> Report:
             for base in OVER
         }
         share = None if own["mean"] is None or not real else 100 * own["mean"] / real
-        of_whom = {"name": name, "judged": judged, "searches": searches}
-        return {**of_whom, **own, **gains, "of_real": share}
+        return {"name": name, "searches": searches, **own, **gains, "of_real": share}
 
     rows = [row(name, [values], 0) for name, values in baselines.items() if name != "real"]
     searches = []
     for search in report["searches"]:
-        values = miou(search["nets"])
+        values = miou(_nets(search))
         gains = {f"over_{base}": gain(values, baselines[base]) for base in OVER}
-        own = {"own_answer": mean(miou(search["own_nets"]))} if "own_nets" in search else {}
-        searches.append({**search, "learnt": mean(values), **gains, **own})
-    for kind in NETS:
-        for method in dict.fromkeys(search["method"] for search in searches):
-            nets = [s[kind] for s in searches if s["method"] == method and kind in s]
-            if nets:
-                rows.append(row(method, list(map(miou, nets)), len(nets), kind == "nets"))
+        searches.append({**search, "learnt": mean(values), **gains})
+    for method in dict.fromkeys(search["method"] for search in searches):
+        nets = [miou(_nets(search)) for search in searches if search["method"] == method]
+        rows.append(row(method, nets, len(nets)))
     rows.append(row("real", [baselines["real"]], 0))
     return {**report, "rows": rows, "searches": searches}
 
 
+def _nets(search: Report) -> list[Report | None]:
+    """Scores of the nets of a search's answer; in earlier reports another may have been chosen instead."""
+    return search.get("own_nets", search["nets"])
+
+
 def _title(row: Report) -> str:
     """The training set of a row in words."""
-    own = "" if row["judged"] else ", without model selection"
-    return BASELINES.get(row["name"], f"learnt by {words(row['name'])}{own}")
+    return BASELINES.get(row["name"], f"learnt by {words(row['name'])}")
 
 
 def _best(search: Report) -> float | None:
@@ -254,11 +235,9 @@ COLUMNS: list[Column] = [
 EACH: list[Column] = [
     ("search", lambda search: words(search["method"])),
     ("seed", lambda search: str(search["seed"])),
-    ("answer", lambda search: search["chosen_candidate"]),
     ("mIoU", lambda search: number(search["learnt"])),
     estimate("over random", lambda search: search["over_random"], "+.1f")[0],
     estimate("over hand-set", lambda search: search["over_default"], "+.1f")[0],
-    ("its method's own answer, mIoU", lambda search: number(search.get("own_answer"))),
     ("rewards", lambda search: str(len(search["rewards"]))),
     ("reward, first third", lambda search: number(thirds(search["rewards"])[0])),
     ("last third", lambda search: number(thirds(search["rewards"])[1])),
@@ -269,17 +248,15 @@ EACH: list[Column] = [
 def text(report: Report) -> str:
     """The tables, in Markdown."""
     searches, beside = report["searches"], len(report.get("few_images", ()))
-    nets = [*report["baselines"].values()]
-    nets += [search[kind] for search in searches for kind in NETS if kind in search]
+    nets = [*report["baselines"].values(), *map(_nets, searches)]
     lines = [
         introduction(report),
         "",
-        f"{_spent(report)} at {report['rewards_at']} in the space {report['space']}; {_chosen(report)}"
-        f"{_subset(report)}. " + _intervals(report),
+        f"{_spent(report)} at {report['rewards_at']} in the space {report['space']}{_subset(report)}. "
+        + _intervals(report),
         *([f"All rendered sets stand beside {beside} labelled images."] if beside else []),
         "",
         *table(COLUMNS, report["rows"]),
-        *_hand_set(searches),
         "",
         "Every search, mIoU of its nets and rewards in percent:",
         "",
@@ -313,30 +290,10 @@ def _spent(report: Report) -> str:
     return f"Every search had {' or '.join(map(str, counts))} rewards"
 
 
-def _chosen(report: Report) -> str:
-    """How answers were chosen, in words."""
-    if report.get("core_minutes"):
-        return "its answer is its method's own"
-    return (
-        "its answer was chosen on the reward images, among its method's in several readings and the "
-        "hand-set street"
-    )
-
-
 def _subset(report: Report) -> str:
     """Which attributes were optimised, in words; nothing where all were."""
     subset = report.get("subset")
     return f"; {', '.join(subset)} were optimised, the others are random" if subset else ""
-
-
-def _hand_set(searches: list[Report]) -> list[str]:
-    """A sentence on the number of answers that are the hand-set street, if any are."""
-    counts = []
-    for method in dict.fromkeys(search["method"] for search in searches):
-        own = [s["chosen_candidate"] == "default" for s in searches if s["method"] == method]
-        if any(own):
-            counts.append(f"{sum(own)} of {len(own)} of {words(method)}")
-    return ["", f"Answers that are hand-set: {', '.join(counts)}."] if counts else []
 
 
 def picture(report: Report) -> bytes:
@@ -347,8 +304,7 @@ def picture(report: Report) -> bytes:
         color = "0.4" if row["name"] in BASELINES else "C0"
         bar = half(row)
         axis.errorbar(row["mean"], place, xerr=bar, fmt="o", capsize=4, color=color, zorder=3)
-        mine = "learnt" if row["judged"] else "own_answer"
-        own = [s[mine] for s in report["searches"] if s["method"] == row["name"] and mine in s]
+        own = [s["learnt"] for s in report["searches"] if s["method"] == row["name"]]
         axis.plot(own, [place + 0.2] * len(own), "|", color=color, ms=9, alpha=0.7)
     axis.set_yticks(range(len(rows)), list(map(_title, rows)))
     axis.invert_yaxis()

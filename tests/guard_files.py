@@ -4,7 +4,7 @@
 
 A test that has run a command calls `as_recorded` with its folder. Keys are nested. The items of a list count
 as one; so do the lines of a file, files whose names differ in numbers only, and the keys of a map that are
-names of attributes, classes or candidates.
+names of attributes or classes.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ TESTS = (
 TABLES = map(class_table, ("cityscapes", "camvid", "labelmefacade"))
 NAMES = {*names("extended")}.union(*(table.classes for table in TABLES))
 """A map whose keys are all of these is one by attribute or by class."""
-FREE = ("candidates", "candidate_parts", "means", "t", "over_classes")
-"""Maps by candidate, and by number of classes, by their own key."""
+FREE = ("over_classes",)
+"""Maps by number of classes, by their own key."""
 
 
 def keys_of(value: Any, path: str = "") -> set[str]:

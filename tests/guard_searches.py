@@ -1,8 +1,8 @@
 """Three searches as they were recorded, to be replayed: the same rewards must end in the same answers.
 
-One job on the twin holds the paper's search, the default and random search, with the candidates of each and
-the nets of each answer. `record` reduces its folder to what a replay needs: the seed of every net, a number
-that stands for its streets, its reward; the actions and the answer of every search.
+One job on the twin holds the paper's search, the default and random search, and the nets of each answer.
+`record` reduces its folder to what a replay needs: the seed of every net, a number that stands for its
+streets, its reward; the actions and the answer of every search.
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ METHODS = ("sdr", "intervals", "random_search")
 FLAGS = (
     "--target", "twin", "--preset", "smoke", "--workers", "0", "--methods", *METHODS, "--searches", "1",
     "--search.updates-per-group", "4", "--search.datasets-per-update", "2", "--search.relaxation", "0.3",
-    "--candidates", "argmax", "broad", "default", "--candidate-seeds", "3",
 )  # fmt: skip
 """Of `sdr-jax study searches`: 48 rewards each."""
 
@@ -53,8 +52,6 @@ def summed_up(folder: Path) -> dict[str, list[Any]]:
         "answers": [
             [
                 name := f"{own['method']}-{own['seed']}",
-                own["chosen_candidate"],
-                own["selection"],
                 *_intervals(folder / "attributes" / f"{name}.json"),
             ]
             for own in json.loads((folder / "searches.json").read_text())["searches"]

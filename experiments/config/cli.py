@@ -56,7 +56,6 @@ TOPICS = {
     ),
     "where it runs": ("renderer", "executor", "scheduler"),
     "the search": ("groups", "default_width", "reward_kind", "search"),
-    "model selection": ("candidates", "candidate_seeds", "parts"),
     "size of rewards": ("reward",),
     "size of final nets": ("final",),
     "size of other nets": ("compact", "vgg"),

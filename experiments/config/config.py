@@ -5,14 +5,14 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, TypeVar, get_args
+from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
 from experiments.config.options import Bins, Fidelity, Search, SearchOptions
 from scene.attributes import SpaceName, names
 from scene.held import hold, read_fixed
 from scene.proposal import RELAXATION, Proposal, named
 from scene.workers import ExecutorName, refuse_many_workers
-from shell.bounds import DISTINCT, Bound, at_least, at_most, must, within
+from shell.bounds import Bound, at_least, at_most, must, within
 from shell.flags import REPEATED, UNUSED, Word
 from shell.memory import refuse_larger
 
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 Preset = Literal["smoke", "quick", "paper"]
 TargetName = Literal["twin", "camvid", "cityscapes", "labelmefacade"]
 TwinName = Literal["near", "far"]
-Candidate = Literal["argmax", "seen", "broad", "random", "default"]
 RewardKind = Literal["miou", "mmd"]
 
 Group = Annotated[
@@ -199,15 +198,6 @@ class SearchConfig(GroupsConfig, RewardConfig):
     """More fields of a job that learns attributes."""
 
     search: Search
-    candidates: Annotated[tuple[Candidate, ...], DISTINCT] = get_args(Candidate)
-    """Candidates for the answer: argmax (the best found), seen (the dataset with the best reward), broad (as
-    wide as the search is uncertain, at least half of each range), random (all attributes random) or default
-    (the hand-set street: the others must be significantly better)."""
-    candidate_seeds: Annotated[int, at_least(1), NETS] = 10
-    """Nets of each candidate, tested on the reward images; with 1 the hand-set street stays."""
-    parts: Annotated[int | None, at_least(1)] = None
-    """Parts of the reward images on which candidates are also tested, for the report; by default one for each
-    sequence, city or album, 2 to 4."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -84,7 +84,8 @@ class SearchOptions(Bins):
     common_random_numbers: bool = False
     """Give the datasets of an update the same seed, and their streets the same places in the intervals."""
     start: Annotated[str, Alias("--start")] = "default"
-    """The start of the search (intervals): default (the hand-set street), random, or an attributes.json."""
+    """The start of the search (intervals): default (the hand-set street), random, or an attributes.json. The
+    search begins at random streets instead if the mean of its first rewards is higher on these."""
     unoptimised: Literal["random", "half"] = "random"
     """The value of groups that are not optimised yet (sdr): random (paper), or 0.5 (the authors' code)."""
 

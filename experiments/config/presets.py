@@ -66,8 +66,6 @@ _SMOKE: Table = {
     "vgg": _SMOKE_FINAL,
     "reward_images": 8,
     "test_images": 8,
-    "candidate_seeds": 1,
-    "candidates": ("argmax", "broad"),
     "seeds": 2,
     "asset_count": 4,
 }
@@ -93,8 +91,6 @@ _QUICK_REAL: Table = {
     # 12 streets with 8 images have more noise (`sdr-jax study fidelity`).
     "reward": {"streets": 24, "shots": 4},
     "final": {"streets": 400},
-    # Ten, as on the twin, would take longer than the search and the final nets together.
-    "candidate_seeds": 6,
 }
 
 _PAPER_NET = {"recipe": "paper"}
@@ -106,8 +102,6 @@ _PAPER: Table = {
     "final": {**_PAPER_FINAL, "train": {**_PAPER_NET, "steps": 20_000}},
     "compact": {**_PAPER_FINAL, "train": {"recipe": "compact"}},
     "vgg": {**_PAPER_FINAL, "train": {**_PAPER_NET, "steps": 20_000}},
-    "candidates": ("argmax",),
-    "candidate_seeds": 1,
 }
 
 TABLES: tuple[tuple[Preset, tuple[TargetName, ...], Table], ...] = (

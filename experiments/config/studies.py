@@ -163,11 +163,11 @@ class ManyConfig(FewConfig, Rederived):
         "sdr",
         "random_search",
     )
-    """The search methods, with the same model selection. Those of other libraries (cma_es, tpe,
+    """The search methods. Those of other libraries (cma_es, tpe,
     gaussian_process) need a checkout."""
     core_minutes: Annotated[float | None, POSITIVE] = None
-    """As many rewards for each search as take about so many minutes of a core, without model selection; by
-    default as many as the preset has."""
+    """As many rewards for each search as take about so many minutes of a core; by default as many as the
+    preset has."""
     subset: Annotated[tuple[str, ...] | None, DISTINCT] = None
     """With --core-minutes: the attributes to optimise; the others stay random. By default all."""
 

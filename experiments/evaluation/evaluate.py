@@ -19,7 +19,7 @@ import jax
 import numpy as np
 
 from experiments.evaluation.cached import Cached, loaded
-from experiments.evaluation.job import Keeps, Parts, Recipe, Result, Source, rendered_of
+from experiments.evaluation.job import Keeps, Recipe, Result, Source, rendered_of
 from experiments.evaluation.made_with import refuse_other
 from experiments.evaluation.predictions import Predictions, compared, picked
 from scene.dataset.render import Dataset, render_dataset
@@ -122,7 +122,6 @@ def evaluate_miou(
     source: Source,
     seed: int,
     real: LabelledImages,
-    parts: Parts = (),
     ready: Rendered | None = None,
     *,
     keeps: Keeps | None = None,
@@ -134,7 +133,6 @@ def evaluate_miou(
         source: the training set.
         seed: seed of the streets and of the net.
         real: images to test on.
-        parts: parts of these that are also tested separately.
         ready: the set, if it was rendered elsewhere.
         keeps: what to keep of the net's predictions.
 
@@ -148,11 +146,11 @@ def evaluate_miou(
     began = time.perf_counter()
     if recipe.checkpoints == 1:
         params = trained(recipe, own, seed, source=source)
-        return tested(recipe, params, real, rendered, time.perf_counter() - began, parts, keeps)
+        return tested(recipe, params, real, rendered, time.perf_counter() - began, keeps)
     results: list[Result] = []
 
     def test(params: Params) -> None:
-        results.append(tested(recipe, params, real, rendered, 0.0, parts, keeps))
+        results.append(tested(recipe, params, real, rendered, 0.0, keeps))
 
     trained(recipe, own, seed, source=source, test=test)
     best = max(results, key=lambda result: result.reward)
@@ -211,32 +209,22 @@ def tested(
     real: LabelledImages,
     render_seconds: float,
     train_seconds: float,
-    parts: Parts = (),
     keeps: Keeps | None = None,
 ) -> Result:
     """Test a trained net; the time of testing counts as training."""
     started = time.perf_counter()
     settings, classes = recipe.fidelity.train, len(recipe.classes.classes)
-    confusions, of_heads = [], []
-    for first, end in parts or ((0, len(real.images)),):
-        own = real.between(first, end)
-        together, each_head = score_heads(
-            params, own.images, own.labels, settings, classes, features=own.features
-        )
-        confusions.append(together)
-        of_heads.append(each_head)
-    confusion = np.sum(confusions, axis=0)
+    confusion, of_heads = score_heads(
+        params, real.images, real.labels, settings, classes, features=real.features
+    )
     seconds = train_seconds + time.perf_counter() - started
     found = None if keeps is None else _predictions(recipe, params, real, confusion, keeps)
-    each = tuple(mean_iou(own) for own in confusions) if parts else ()
-    heads = tuple(map(_class_iou, np.sum(of_heads, axis=0))) if settings.heads > 1 else ()
     return Result(
         mean_iou(confusion),
         _class_iou(confusion),
         render_seconds,
         seconds,
-        parts=each,
-        heads=heads,
+        heads=tuple(map(_class_iou, of_heads)) if settings.heads > 1 else (),
         predictions=found,
     )
 

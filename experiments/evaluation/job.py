@@ -16,10 +16,6 @@ from seg.classes import ClassTable, class_table
 from seg.data import LabelledImages
 from seg.pyramid import Statistics
 
-Parts = tuple[tuple[int, int], ...]
-"""First image of each part of the tested images, and the first image after it."""
-
-
 REWARD_NAMES: dict[RewardKind, str] = {"miou": "mIoU", "mmd": "-MMD^2"}
 """Names of the kinds of ``--reward-kind``."""
 
@@ -94,9 +90,6 @@ class Job(NamedTuple):
     notes: dict[str, Any]  # fields of its record in the run's store, beside the result
     side: Side = "test"
     kind: RewardKind = "miou"
-    parts: Parts = ()
-    """Parts of the images that are also tested separately; only for mIoU. They do not identify an evaluation:
-    a known one may have other parts, or none."""
     keeps: Keeps | None = None  # what to keep in the run folder
     start: Start | None = None  # the training before that by the recipe
 
@@ -110,7 +103,6 @@ class Result(NamedTuple):
     train_seconds: float  # training and testing
     failed: str | None = None
     stored: bool = False  # whether it was known, and took no time now
-    parts: tuple[float, ...] = ()  # reward on each part of the images, on request
     heads: tuple[list[float | None], ...] = ()  # class IoU of each of several heads alone
     predictions: Predictions | None = None  # on request, if they were not known before
 

@@ -341,8 +341,7 @@ class Runner:
         evaluate: Callable[..., Result] = evaluate_miou if job.kind == "miou" else evaluate_mmd
         if job.keeps is not None:
             evaluate = partial(evaluate, keeps=job.keeps)
-        parts = (job.parts,) if job.parts else ()
-        return (evaluate, recipe, self._source(job.source, job.recipe), int(job.seed), real, *parts)
+        return (evaluate, recipe, self._source(job.source, job.recipe), int(job.seed), real)
 
     def _for_tasks(self, job: Job) -> tuple[Recipe, Cached | Reference]:
         """A job's recipe and tested images in the form for workers."""
@@ -375,13 +374,13 @@ class Runner:
 
     def _rendered_by_all(self, task: tuple) -> tuple[tuple, float]:
         """A task with its training set, rendered street by street by all workers, and their core seconds."""
-        evaluate, recipe, source, seed, real, *parts = task
-        if isinstance(real, Reference) or not isinstance(source, Streets):
+        evaluate, recipe, source, seed, real, *more = task
+        if more or isinstance(real, Reference) or not isinstance(source, Streets):
             return task, 0.0
         started = time.perf_counter()
         own = rendered_set(recipe, source, seed, self._workers)
         busy = min(self._workers.workers, recipe.fidelity.streets)
-        return (evaluate, recipe, own, seed, real, *parts), busy * (time.perf_counter() - started)
+        return (evaluate, recipe, own, seed, real), busy * (time.perf_counter() - started)
 
 
 def _grouped(jobs: Sequence[Job], wanted: Sequence[int]) -> list[list[int]]:

@@ -126,8 +126,6 @@ def record_of(key: str, source: Source, seed: int, result: Result) -> Record:
         "train_seconds": round(result.train_seconds, 3),
         "failed": result.failed,
     }
-    if result.parts:
-        record["parts"] = [float(reward) for reward in result.parts]
     if result.heads:
         record["heads"] = list(result.heads)
     if isinstance(source, Histogram):
@@ -148,7 +146,6 @@ def result_of(record: Record) -> Result:
         record["train_seconds"],
         record["failed"],
         stored=True,
-        parts=tuple(record.get("parts", ())),
         heads=tuple(record.get("heads", ())),
     )
 

@@ -1,4 +1,4 @@
-"""The main job: it searches, selects, trains the final nets, renders the answer and reports."""
+"""The main job: it searches, trains the final nets, renders the answer and reports."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from shell.files import write, write_json
 
 
 def plan(config: MainConfig, _: Any = None) -> list[Work]:
-    """Plan rewards, candidates, and the nets of every row."""
+    """Plan rewards, and the nets of every row."""
     real = config.unlabelled is None
     few = config.few is not None
     nets = 3 * (1 + few) * config.seeds
@@ -44,25 +44,25 @@ def scores(run: Run[MainConfig], _: Any) -> Report:
     live.watch(run, {**about(run, config.final), **few.about(run)})
     # Nets without learnt attributes fill gaps of the search, the others gaps of the export.
     run.runner.prefetch(jobs_of("final", training_sets(run, None), recipe, seeds, keeps=True))
-    learnt = learn(run)
-    final = jobs_of("final", training_sets(run, learnt.streets), recipe, seeds, keeps=True)
+    found = learn(run)
+    final = jobs_of("final", training_sets(run, found.solution), recipe, seeds, keeps=True)
     run.runner.prefetch(final)
-    pictures.search(folder / pictures.PICTURES, learnt.found)
-    export(run, recipe, learnt.streets)
+    pictures.search(folder / pictures.PICTURES, found)
+    export(run, recipe, found.solution)
     test = target.at(config.final.height, config.final.width)["test"]
-    shown = _shown(run, recipe, learnt.streets)
+    shown = _shown(run, recipe)
     rows = by_row(final, run.runner.test(final))
     pictures.show(run, test, shown)
     told = matters(run.evaluations.records, target.name, config.space)
     write_json(folder / pictures.PICTURES / FILE, told)
     share = run.workers.cpu_share()
     return {
-        **summary.scores(run, rows, learnt),
+        **summary.scores(run, rows, found.solution),
         "cpu_share": None if share is None else round(share, 3),
     }
 
 
-def _shown(run: Run[MainConfig], recipe: Recipe, learnt: Proposal) -> dict[str, LabelledImages]:
+def _shown(run: Run[MainConfig], recipe: Recipe) -> dict[str, LabelledImages]:
     """Training images with labels to show: some random and hand-set streets, all learnt ones, real images."""
     config, fidelity = run.config, recipe.fidelity
     some = replace(fidelity, streets=min(fidelity.streets, 12), shots=min(fidelity.shots, 2))
@@ -70,10 +70,7 @@ def _shown(run: Run[MainConfig], recipe: Recipe, learnt: Proposal) -> dict[str, 
     for name in ("random", "default"):
         streets = config.streets(name)
         sets[name] = render(recipe._replace(fidelity=some), streets, config.seed, run.workers)
-    if recipe.classes.outlines:  # the exported labels are exact
-        sets["learnt"] = render(recipe, learnt, config.seed, run.workers)
-    else:
-        sets["learnt"] = read_dataset(config.out / "dataset")
+    sets["learnt"] = read_dataset(config.out / "dataset", recipe.classes.outlines)
     found = {
         name: LabelledImages(own.images, recipe.classes.from_train_id[own.labels])
         for name, own in sets.items()

@@ -10,12 +10,10 @@ from experiments.evaluation.job import Result
 from experiments.evaluation.store import each
 from experiments.run import few
 from experiments.run.context import Run
-from experiments.run.learn import Learnt
-from experiments.study.form import Report, about, class_means, miou, nets, starts
-from experiments.study.searches import selection
+from experiments.study.form import Report, about, class_means, interval, miou, nets, starts
 from experiments.study.stats import TOO_FEW, statistics
 from scene.attributes import names
-from scene.proposal import describe
+from scene.proposal import Proposal, describe
 from shell.command import given
 
 TRAINED_ON = {
@@ -30,7 +28,7 @@ ROWS = tuple(row for row in TRAINED_ON if row not in few.TRAINED_ON)
 """Rows of a target with labelled reward images (otherwise without ``real``); ``--few`` adds others."""
 
 
-def scores(run: Run[Any], rows: dict[str, list[Result]], learnt: Learnt) -> Report:
+def scores(run: Run[Any], rows: dict[str, list[Result]], learnt: Proposal) -> Report:
     """All measurements; mIoU in percent, unit values in [0, 1]."""
     config, target = run.config, run.target
     lines = each(run.evaluations.records + run.finals.records)
@@ -47,8 +45,7 @@ def scores(run: Run[Any], rows: dict[str, list[Result]], learnt: Learnt) -> Repo
             "total": round(run.progress.elapsed, 1),
         },
         "nets": {row: nets(outcomes) for row, outcomes in rows.items()},
-        **selection(learnt),
-        **describe(learnt.streets),
+        **describe(learnt),
         "hidden_centres": None if target.twin is None else target.twin.centre.tolist(),
     }
 
@@ -72,13 +69,7 @@ def derive(report: Report) -> Report:
         **{row: rows[row] for row in rows if row != "real"},
         **gains,
         **few.gains(rows),
-        "searches": [
-            {
-                "seed": report["seed"],
-                "learnt": rows["learnt"]["mean"],
-                "chosen_candidate": report["chosen_candidate"],
-            }
-        ],
+        "searches": [{"seed": report["seed"], "learnt": rows["learnt"]["mean"]}],
         "classes_absent_from_truth": absent,
         **({} if report["hidden_centres"] is None else {"recovery": _recovery(report)}),
     }
@@ -128,8 +119,7 @@ def text(report: Report) -> str:
     )
     for other, gain in report.get("gain_beside_few", {}).items():
         lines.append(f"  {'gain':{wide}s} {_said(gain, '+5.1f')}  few+learnt minus {other}")
-    if "selection" in report:
-        lines.append(f"  answer: {report['chosen_candidate']}, {report['selection']['verdict']}")
+    lines.append(f"  {advice(report)}")
     if report["classes_absent_from_truth"]:
         absent = ", ".join(report["classes_absent_from_truth"])
         lines.append(f"  left out of the mean, for they never occur in the truth: {absent}")
@@ -138,6 +128,28 @@ def text(report: Report) -> str:
     if report["failed"]:
         lines.append(f"  {report['failed']} evaluations failed in training and are left out")
     return "\n".join(lines)
+
+
+def advice(report: Report) -> str:
+    """Whether learnt streets are better than the default ones, and which to use, in one line."""
+    beside = report.get("gain_beside_few")
+    gain = beside["few+default"] if beside else report["gain_over_default"]
+    means = {
+        row: report["rows"][f"few+{row}" if beside else row]["mean"]
+        for row in ("learnt", "default", "random")
+    }
+    scored = {row: mean for row, mean in means.items() if mean is not None}
+    best = max(scored, key=scored.__getitem__, default="default")
+    use = f"use the {best} ones" if best != "random" else "use random ones"
+    if gain["mean"] is None:
+        return f"Learnt and default streets cannot be compared: {use}."
+    points, ci95 = f"{gain['mean']:+.1f} points", gain["ci95"]
+    if ci95 is None:
+        return f"Learnt minus default streets: {points} ({TOO_FEW}): {use}."
+    significant = ci95[0] * ci95[1] > 0
+    better = "better" if gain["mean"] > 0 else "worse"
+    how = f"significantly {better} than" if significant else "within noise of"
+    return f"Learnt streets are {how} default ones, {points} ({interval(ci95)}): {use}."
 
 
 def _said(entry: Report, form: str) -> str:

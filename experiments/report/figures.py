@@ -34,7 +34,7 @@ NAMES = {
     "renders": "renders",
 }
 """Short names of rows."""
-STAGES = {"candidate": "model selection", "final": "final nets"}
+STAGES = {"final": "final nets"}
 """The kinds of nets in logs, in words."""
 LEAST = 0.01
 """The least percent of the pixels that is drawn; a class with less is drawn at the edge."""

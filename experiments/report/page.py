@@ -17,7 +17,7 @@ from plotly.offline import get_plotlyjs
 
 from experiments.evaluation.store import each
 from experiments.main.pictures import PICTURES
-from experiments.main.summary import TRAINED_ON
+from experiments.main.summary import TRAINED_ON, advice
 from experiments.report import figures, fit
 from experiments.report.figures import NAMES, STAGES
 from experiments.report.folder import RunFolder, read
@@ -35,14 +35,6 @@ from shell.progress import duration
 HERE = Path(__file__).parent
 FIRST = 15
 """The number of attributes whose importance is drawn."""
-CANDIDATES = {
-    "argmax": "the method's answer: the best found",
-    "seen": "the dataset with the best reward",
-    "broad": "as wide as the search is uncertain",
-    "random": "all attributes random",
-    "default": "the hand-set street",
-}
-"""The candidates for the answer, in words."""
 IMAGES = 1000
 """The number of images in the command that renders more streets like the answer."""
 EVERY = 15
@@ -113,7 +105,7 @@ def _page(run: RunFolder, status: Status | None) -> str:
     page = environment.get_template("page.html").render(
         run=run, report=report, seen=run.seen, order=order, trained=trained, figures=figures,
         parts=defaultdict(lambda: None, parts), NAMES=NAMES, FIRST=FIRST, EVERY=EVERY, status=status,
-        title=title, starts=starts(report), selection=selection(run), policy=figures.policy(run),
+        title=title, starts=starts(report), policy=figures.policy(run),
         versions=versions.items(), settings=json.dumps(config, indent=2),
         style=(HERE / "page.css").read_text(encoding="utf-8"),
         code=(HERE / "page.js").read_text(encoding="utf-8"), plotly=get_plotlyjs(),
@@ -163,8 +155,7 @@ def verdict(report: Report) -> str:
     if own is None:
         said = "no net on learnt streets could be trained"
         return where + said if where else said[0].upper() + said[1:]
-    hand_set = report["chosen_candidate"] == "default"
-    what = "the hand-set street, which no candidate surpassed," if hand_set else "learnt streets"
+    what = "learnt streets"
     what += f" beside {len(report['few_images'])} labelled images" if beside else ""
     if beside:
         gains = {
@@ -176,13 +167,8 @@ def verdict(report: Report) -> str:
             "the hand-set street": report["gain_over_default"],
             "random streets": report["gain"],
         }
-    told = [
-        _compared(gain, other)
-        for other, gain in gains.items()
-        if not (hand_set and "hand" in other)
-    ]
-    said = f"{where}{what} {'trains' if hand_set else 'train'} nets of {own:.1f} % mIoU: "
-    said += " and ".join(told)
+    said = f"{where}{what} train nets of {own:.1f} % mIoU: "
+    said += " and ".join(_compared(gain, other) for other, gain in gains.items())
     return said[0].upper() + said[1:]
 
 
@@ -238,8 +224,7 @@ def asked(run: RunFolder) -> list[tuple[str, str]]:
         ("Search", f"{options.get('method', '?')}, space {config.get('space', 'scenex')}"),
         ("Nets", f"{net}, {steps} steps, {report['seeds']} seeds"),
     ]
-    if "chosen_candidate" in report:
-        told.append(("Answer", f"candidate “{report['chosen_candidate']}”"))
+    if "rows" in report:
         told.append(("Took", duration(report["seconds"]["total"])))
     return [*told, ("Preset", report["preset"])]
 
@@ -288,8 +273,8 @@ def result_note(report: Report) -> str:
     absent = ", ".join(report["classes_absent_from_truth"])
     also = f" Left out of the mean, since no test image has them: {absent}." if absent else ""
     return (
-        f"Mean IoU in percent on {report['test_images']} test images, {_seeds(report)} paired seeds. Thick "
-        f"lines are 95 % intervals over seeds, small marks single nets.{also}"
+        f"{advice(report)} Mean IoU in percent on {report['test_images']} test images, {_seeds(report)} "
+        f"paired seeds. Thick lines are 95 % intervals over seeds, small marks single nets.{also}"
     )
 
 
@@ -305,49 +290,6 @@ def search_note(run: RunFolder) -> str:
         else ""
     )
     return f"{len(run.evaluations)} rewards of {method}, each of a fresh net on a dataset of its own.{model}"
-
-
-def selection(run: RunFolder) -> Report | None:
-    """How the answer was chosen among the candidates; None if the run used another rule.
-
-    The rows hold for each candidate, the best first, its name, what it is, whether it is the answer, and
-    cells for ``head``.
-    """
-    report = run.summary
-    found = report.get("selection")
-    if found is None:
-        return None
-    scale, form, unit = (1, ".1f", "mIoU, %") if run.percent else (0.01, ".4f", "-MMD²")
-    means, t, parts = found["means"], found["t"], report["parts"]
-    base = means.get("default")
-
-    def told(value: float | None, sign: str = "") -> str:
-        return number(None if value is None else scale * value, sign + form)
-
-    rows = []
-    for name, mean in sorted(means.items(), key=lambda own: (own[1] is None, -(own[1] or 0.0))):
-        by_part = report["candidate_parts"][name] or [None] * len(parts)
-        cells = [told(mean)]
-        if base is not None:
-            known = mean is not None and name != "default"
-            cells.append(told(mean - base if known else None, "+"))
-        if t:
-            cells.append(number(t.get(name), ".2f"))
-        chosen = name == report["chosen_candidate"]
-        cells += map(told, by_part)
-        rows.append(
-            {"name": name, "what": CANDIDATES.get(name, ""), "chosen": chosen, "cells": cells}
-        )
-    over = [] if base is None else ["over hand-set"]
-    tested = [f"t, significant above {found['critical']:.2f}"] if t else []
-    where = "; ".join(f"part {k}, {part}" for k, part in enumerate(parts, 1))
-    return {
-        "nets": max(map(len, report["candidates"].values())),
-        "verdict": f"{found['verdict'][0].upper()}{found['verdict'][1:]}.",
-        "parts": f"Parts of the reward images, which decide nothing: {where}." if parts else "",
-        "head": [unit, *over, *tested, *(f"part {k}" for k in range(1, len(parts) + 1))],
-        "rows": rows,
-    }
 
 
 def attributes(run: RunFolder) -> Report:

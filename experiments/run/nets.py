@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from experiments.config import Fidelity, RewardKind, SearchConfig
-from experiments.evaluation.job import Job, Parts, Recipe, Result, Source
+from experiments.evaluation.job import Job, Recipe, Result, Source
 from experiments.run import few
 from experiments.run.context import Run
 from experiments.target.base import Side
@@ -25,7 +25,6 @@ def jobs_of(
     side: Side = "test",
     kind: RewardKind = "miou",
     once: Sequence[str] = (),
-    parts: Parts = (),
     keeps: bool = False,
 ) -> list[Job]:
     """Make one job for each seed and training set.
@@ -38,7 +37,6 @@ def jobs_of(
         side: the target's images for the test.
         kind: kind of the reward.
         once: names of sets for which the first seed is enough.
-        parts: parts of the images that are also tested separately.
         keeps: whether to keep confusion matrices, and for the first seed predictions.
     """
     return [
@@ -49,7 +47,6 @@ def jobs_of(
             {"nets": what, "row": name, "seed": seed},
             side,
             kind,
-            parts,
             ("predictions" if seed == seeds[0] else "confusion") if keeps else None,
         )
         for seed in seeds

@@ -65,9 +65,6 @@ class Rewards:
         run: the run, whose reward's fidelity is used.
         plan: the search.
         kind: kind of the rewards.
-
-    Attributes:
-        asked: the proposals of all datasets so far.
     """
 
     def __init__(self, run: Run[Any], plan: SearchPlan, kind: RewardKind) -> None:
@@ -80,7 +77,6 @@ class Rewards:
         run.runner.about(self._job)  # here, since it needs JAX
         self._update = 0
         self.results: list[Result] = []
-        self.asked: list[Proposal] = []
 
     def __call__(self, asked: sdr_jax.DataSets) -> np.ndarray:
         """Rewards f32[n]; NaN for a failed evaluation.
@@ -89,19 +85,17 @@ class Rewards:
             UserError: more than a tenth of the evaluations failed, or the log is from another run.
         """
         run, proposals = self._run, embed(self._plan, asked.proposals)
-        own = [Proposal(*each) for each in zip(*proposals, strict=True)]
         jobs = [
             self._job._replace(
-                source=beside(run, run.config.reward, proposal),
+                source=beside(run, run.config.reward, Proposal(*intervals)),
                 seed=seed,
                 notes={**self._place(k), "actions": actions},
             )
-            for k, (proposal, seed, actions) in enumerate(
-                zip(own, asked.seeds.tolist(), asked.actions.tolist(), strict=True)
+            for k, (*intervals, seed, actions) in enumerate(
+                zip(*proposals, asked.seeds.tolist(), asked.actions.tolist(), strict=True)
             )
         ]
         self._refuse_another(jobs)
-        self.asked += own
         results = run.runner.run(jobs, run.evaluations)
         self.results += results
         self._update += 1

@@ -22,8 +22,6 @@ class Found(NamedTuple):
     """The answer of a search, and its course."""
 
     solution: Proposal  # the method's answer, f32[attributes of the space] each
-    spread: Proposal  # the answer with wide intervals where the method is unsure
-    best: Proposal  # the dataset with the best reward
     results: list[Result]  # in the order of the requests
     rewards: np.ndarray  # f32[updates, datasets]; NaN for failed ones
     baselines: np.ndarray  # f32[updates]
@@ -72,12 +70,9 @@ def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
         run.progress.standing = standing(kind, [rewards for rewards, *_ in history])
         run.progress.update(_said(plan, kind, update, history))
     solution = embed(plan, jax.device_get(method.solution(state)))
-    spread = embed(plan, jax.device_get(method.spread(state)))
     by_update, baselines, groups, distributions = zip(*history, strict=True)
     return Found(
         solution,
-        spread,
-        _best(rewards.asked, np.stack(by_update).ravel()),
         results=rewards.results,
         rewards=np.stack(by_update),
         baselines=np.array(baselines, np.float32),
@@ -94,11 +89,6 @@ def _foreseen(method: sdr_jax.Method, before: Any, record: sdr_jax.Record) -> li
     if before is None:
         return [np.full((len(record.rewards), 2), np.nan, np.float32)]
     return [np.stack(method.expects(before, record.actions), axis=-1)]
-
-
-def _best(asked: Sequence[Proposal], rewards: np.ndarray) -> Proposal:
-    """The proposal with the best reward; the first if all failed."""
-    return asked[int(np.argmax(np.where(np.isfinite(rewards), rewards, -np.inf)))]
 
 
 def standing(kind: RewardKind, rewards: Sequence[np.ndarray]) -> str:

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-import numpy as np
-
-from experiments.run.learn import Learnt
 from experiments.run.search import Found
 from experiments.study.form import Column, Report, number
 from experiments.study.stats import mean
@@ -23,34 +20,6 @@ def rewards(found: Found) -> Rewards:
 def core_seconds(found: Found) -> float:
     """Core seconds of the rewards, with those from other runs."""
     return round(sum(result.seconds for result in found.results), 2)
-
-
-def selection(learnt: Learnt) -> Report:
-    """How a search's answer was chosen; scores in percent, None for failed nets.
-
-    ``candidates`` holds one score for each seed, ``candidate_parts`` the means on each part of the images.
-    """
-    found = learnt.selection
-    by_part = {
-        name: np.nanmean([own for own in nets if own], axis=0) if any(nets) else []
-        for name, nets in learnt.by_part.items()
-    }
-    return {
-        "candidates": {name: _percent(own) for name, own in found.scores.items()},
-        "parts": list(learnt.parts),
-        "candidate_parts": {name: _percent(own) for name, own in by_part.items()},
-        "chosen_candidate": found.chosen,
-        "selection": {
-            "means": dict(zip(found.means, _percent(found.means.values()), strict=True)),
-            "t": {name: t if np.isfinite(t) else None for name, t in found.t.items()},
-            "critical": found.critical,
-            "verdict": found.verdict,
-        },
-    }
-
-
-def _percent(values: Iterable[float]) -> Rewards:
-    return [100 * float(value) if np.isfinite(value) else None for value in values]
 
 
 def thirds(values: Sequence[float | None]) -> tuple[float | None, float | None]:

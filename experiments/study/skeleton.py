@@ -17,11 +17,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, NamedTuple
 
-from experiments.config import Fidelity, LearntConfig, Rederived, SearchConfig, read_attributes
+from experiments.config import Fidelity, LearntConfig, Rederived, read_attributes
 from experiments.config import check as check_flags
 from experiments.evaluation.job import Job, Result, Source
 from experiments.run.context import AnyConfig, Run, Work, opened, set_up_process
-from experiments.run.learn import learn, reward_parts, work_of
+from experiments.run.learn import learn, work_of
 from experiments.run.nets import paired_seeds
 from experiments.study.form import Form, Report, about, nets, rewrite, write_report
 from experiments.target.base import Target
@@ -74,8 +74,6 @@ def do(study: Study[AnyConfig], config: AnyConfig) -> Report:
     made: list[Any] = []
 
     def prepare(target: Target) -> None:
-        if isinstance(config, SearchConfig):
-            reward_parts(target, config)
         made.append(study.prepare(config, target))
 
     with opened(config, prepare, study.target) as run:
@@ -218,7 +216,7 @@ def learnt_attributes(run: Run[Any]) -> Streets:
     """
     config: LearntConfig = run.config
     if config.learnt is None:
-        return learn(run).streets
+        return learn(run).solution
     return hold(read_attributes("--learnt", config.learnt, config.space), config.held)
 
 

@@ -98,7 +98,7 @@ def _summary(parts: Sequence[Part], out: Path, averaged: bool) -> list[str]:
 def _row(part: Part, out: Path) -> Report:
     """The rows of a report of searches, side by side."""
     report = files.read_json(out / part.name / f"{part.study}.json")
-    found = {row["name"]: row for row in report["rows"] if row["judged"]}
+    found = {row["name"]: row for row in report["rows"]}
     (learnt,) = (row for name, row in found.items() if name not in OTHERS)
     return {
         "name": part.name,

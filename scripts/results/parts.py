@@ -32,7 +32,7 @@ GROUPS = {
         "What nets gain that are trained on learnt streets: CamVid with its usual training and test images, "
         f"CamVid without the sequence {HOLDOUT}, and LabelMeFacade. Searches are by {METHOD} in the extended "
         "space, nets a head on a frozen lite0: only the split of the first is the paper's, so its figures do "
-        "not compare. Answers are the method's own, without model selection.",
+        "not compare.",
     ),
     "twins": Group(
         "Twins (not real data)",
@@ -48,9 +48,7 @@ GROUPS = {
         "beside the subset, and rewards are of nets that have it, too.",
         summed=True,
     ),
-    "rivals": Group(
-        "Rivals", "Search methods at equal minutes of a core, without model selection."
-    ),
+    "rivals": Group("Rivals", "Search methods at equal minutes of a core."),
     "paper": Group(
         "The paper's tables",
         "Training sets, ablation, assets, pre-training and sensitivity, on a far twin and on CamVid: the "

@@ -48,10 +48,10 @@ H, W = 12, 16
 POOL = WorkerPool(0)
 
 TINY = (
-    "--preset", "smoke", "--workers", "1", "--candidates", "argmax",
+    "--preset", "smoke", "--workers", "1",
     "--reward.train.steps", "6", "--final.train.steps", "8",
 )  # fmt: skip
-"""The smoke preset, smaller still; of twelve rewards and nine final nets."""
+"""The smoke preset, smaller still; of twelve rewards and eight final nets."""
 
 by_preset = pytest.mark.parametrize(("target", "preset"), [*product(TARGETS, PRESETS)])
 """A test of what a command does unless told otherwise."""

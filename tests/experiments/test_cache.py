@@ -16,7 +16,6 @@ from experiments.evaluation.cached import loaded
 from experiments.evaluation.evaluate import evaluate_miou, worker_environment
 from experiments.evaluation.job import Job, Recipe, Result
 from experiments.evaluation.runner import Runner, about
-from experiments.evaluation.store import result_of
 from scene.assets.catalogue import AssetPool
 from scene.proposal import default_proposal, draw
 from scene.workers import WorkerPool
@@ -88,20 +87,6 @@ def runner(tmp_path):
 
 def same(ours, theirs) -> bool:
     return all(map(np.array_equal, ours, theirs))
-
-
-def test_parts_are_tested_separately(runner):
-    own = runner()
-    job = Job(RECIPE, REAL, 5, {}, parts=((0, 2), (2, 3)))
-    (found,) = own.run([job])
-    whole = evaluate_miou(RECIPE, REAL, 5, TEST)
-    each = [evaluate_miou(RECIPE, REAL, 5, TEST.between(*part)).reward for part in job.parts]
-    assert (found.reward, found.class_iou) == (whole.reward, whole.class_iou)
-    assert found.parts == pytest.approx(each) and whole.parts == () and each[0] != each[1]
-    # Parts are only reported: they do not name the evaluation.
-    keys = {own.key(job._replace(parts=parts)) for parts in ((), job.parts, ((0, 3),))}
-    assert len(keys) == 1
-    assert result_of(own._finals.get(keys.pop())) == found._replace(stored=True)
 
 
 @pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.slow)])

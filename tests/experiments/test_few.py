@@ -152,17 +152,17 @@ def test_nets_share_files_and_renders_and_are_those_of_arrays(tmp_path, monkeypa
 
 
 def test_a_job_searches_beside_the_few_and_tells_their_worth(camvid, out, counted, monkeypatch):
-    flags = ("--few", "2", "--few-share", "0.4", "--candidates", "argmax", "--data", str(camvid))
+    flags = ("--few", "2", "--few-share", "0.4", "--data", str(camvid))
     assert main_job("camvid", "--out", str(out), *flags) == 0
     seen = [source for _, source, *_ in counted.calls]
     assert all(isinstance(source, TrainingSet) and source.shares[1] == 0.4 for source in seen[:12])
     sizes = [
         len(s.images) if isinstance(s, LabelledImages) else isinstance(s, TrainingSet)
-        for s in seen[13:]
+        for s in seen[12:]
     ]
     # What is rendered takes longer, and begins first.
     assert sizes == [*[False, False, False, True, True, True] * 2, 2, 4, 2, 4]
-    assert [len(task[3].images) for task in counted.calls[:13]] == [2] * 13
+    assert [len(task[3].images) for task in counted.calls[:12]] == [2] * 12
     report = read_json(out / "summary.json")
     assert list(report["rows"]) == ["random", "default", "learnt", *TRAINED_ON, "real"]
     assert len(report["few_images"]) == 2 and report["few_share"] == 0.4

@@ -62,7 +62,7 @@ def test_a_run_keeps_what_is_held_and_is_not_continued_with_another_value(
     scores = Counted()
     scored_by(scores)
     flags = ["--data", str(camvid), "--out", str(tmp_path / "run")]
-    flags += ["--method", "random_search", "--candidates", "argmax", "broad"]
+    flags += ["--method", "random_search"]
     assert main_job("camvid", *flags, *FIX) == 0
     assert WORDS in capsys.readouterr().out
     assert checked(scores) > 12
@@ -85,7 +85,7 @@ def test_a_run_keeps_what_is_held_and_is_not_continued_with_another_value(
     (["--fix", "camera_position_why=1"], "did you mean camera_position_y?"),
     (["--fix", "camera_position_y=9"], "must be a number from 0.8 to 4 (m)"),
     ([f for name in names("scenex") for f in ("--fix", f"{name}=9")], "illumination_intensity must"),
-    ([*FIX, "--candidates", "argmax", "--groups", "bend"], "--groups"),
+    ([*FIX, "--groups", "bend"], "--groups"),
 ])  # fmt: skip
 def test_what_cannot_be_held_is_one_line(flags, words, error_line, out):
     assert main_job("twin", "--out", str(out), *flags) == 2

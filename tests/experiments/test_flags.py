@@ -202,7 +202,7 @@ def test_a_search_starts_from_the_moments_of_probabilities_and_not_from_a_mixtur
 def test_every_field_is_a_flag():
     config = parse(
         "--search.method", "random_search", "--search.bins", "4", "--search.normalise",
-        "--reward.train.net", "fcn8s", "--final.width", "128", "--candidates", "broad", "argmax",
+        "--reward.train.net", "fcn8s", "--final.width", "128",
         "--reward-images", "None", "--test-images", "3", "--twin-seed", "7", "--preset", "smoke",
     )  # fmt: skip
     search = config.search
@@ -210,7 +210,7 @@ def test_every_field_is_a_flag():
     assert (config.reward.train.net, config.final.train.net) == ("fcn8s", "compact")
     assert (config.reward.width, config.final.width) == (64, 128)
     assert (config.reward_images, config.test_images, config.twin_seed) == (None, 3, 7)
-    assert (config.candidates, config.groups) == (("broad", "argmax"), CITYSCAPES_GROUPS)
+    assert config.groups == CITYSCAPES_GROUPS
 
 
 def test_any_partition_can_be_given_as_groups():
@@ -232,10 +232,9 @@ def test_all_help_names_every_flag_and_what_it_means(capsys):
 
 FROM_0 = ("--reward.train.warmup", "--workers", "--seed", "--twin-seed")
 COUNTS = ("--final.train.steps", "--final.train.predict-batch", "--reward.streets", "--reward.shots",
-          "--search.updates-per-group", "--seeds", "--candidate-seeds", "--reward-images",
-          "--asset-count")  # fmt: skip
+          "--search.updates-per-group", "--seeds", "--reward-images", "--asset-count")  # fmt: skip
 SIZES = ("--reward.streets", "--reward.shots", "--final.samples", "--final.train.batch", "--seeds",
-         "--reward.train.predict-batch", "--reward.train.steps", "--candidate-seeds", "--workers",
+         "--reward.train.predict-batch", "--reward.train.steps", "--workers",
          "--search.datasets-per-update", "--search.updates-per-group")  # fmt: skip
 
 
@@ -251,9 +250,7 @@ SIZES = ("--reward.streets", "--reward.shots", "--final.samples", "--final.train
     (["--method", "sdr", "--search.learning-rate", "-1"], ["--search.learning-rate", "positive"]),
     (["--search.relaxation", "2"], ["--search.relaxation", "[0, 1]"]),
     (["--search.relaxation", "2", "--search.method", "random_search"], ["--search.relaxation", "[0, 1]"]),
-    (["--candidates"], ["--candidates", "at least one"]),
     (["--final.train.net", "resnet"], ["--final.train.net", "unknown net 'resnet'", "compact", "lite1"]),
-    (["--candidates", "broad", "broad"], ["--candidates", "twice"]),
     (["--groups", ",".join(NAMES[1:])], ["--groups", NAMES[0], "in no group"]),
     (["--groups", "hats"], ["--groups", "unknown", "'hats'"]),
     (["--groups", ",".join(NAMES), NAMES[2]], ["--groups", NAMES[2]]),
@@ -341,9 +338,7 @@ def test_a_net_of_the_table_needs_images_that_are_large_enough(error_line, out):
     (["--search.method", "magic"], ["--search.method", "surrogate", "gaussian"]),
     (["--renderer", "vulkan"], ["--renderer", "embree", "opengl"]),
     (["--reward.train.optimizer", "lion"], ["--reward.train.optimizer", "adam", "sgd"]),
-    (["--candidates", "best"], ["--candidates", "argmax", "broad"]),
     (["--twin", "other"], ["--twin", "near", "far"]),
-    (["--candidates", "camera"], ["--candidates", "argmax", "seen"]),
     (["--colour", "red"], ["--colour; did you mean --reward.train.colour"]),
     (["--sede", "1"], ["--sede; did you mean --seed?"]),
     (["--target", "camvid"], ["no option --target: the command names the target; there are", "camvid"]),
@@ -440,7 +435,7 @@ def test_a_folder_with_the_twins_sizes_is_not_continued_with_others(
 ):
     scored_by(never)
     old = replace(
-        defaults(MainConfig, "twin", "quick", candidate_seeds=6),
+        defaults(MainConfig, "twin", "quick"),
         target="cityscapes", data=cityscapes, out=out,
     )  # fmt: skip
     out.mkdir()

@@ -29,7 +29,7 @@ class Recorded:
         for *_, seed, place, reward in record["rewards"] + record["nets"]:
             self.known.setdefault(seed, []).append((place, reward))
 
-    def __call__(self, recipe, source, seed, truth, parts=(), keeps=None):
+    def __call__(self, recipe, source, seed, truth, keeps=None):
         own = None if isinstance(source, LabelledImages) else mark(*moments(rendered_of(source)))
         fitting = {
             reward for place, reward in self.known.get(seed, ())
@@ -38,7 +38,7 @@ class Recorded:
         assert len(fitting) == 1, f"a net of seed {seed} on streets {own} was not recorded"
         (reward,) = fitting
         classes = [reward] * len(recipe.classes.classes)
-        return Result(reward, classes, 0.5, 1.5, parts=(reward,) * len(parts))
+        return Result(reward, classes, 0.5, 1.5)
 
 
 def test_recorded_rewards_end_in_the_recorded_answers(recorded, scored_by, out):

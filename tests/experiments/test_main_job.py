@@ -3,53 +3,32 @@
 import os
 import signal
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from experiments.config import MainConfig
-from experiments.config.presets import defaults
-from experiments.evaluation.job import Recipe
 from experiments.evaluation.store import LOGS
-from experiments.main import job
 from experiments.main.summary import ROWS
-from experiments.target.twin import TABLE
-from scene.assets.catalogue import AssetPool
 from scene.attributes import NAMES
 from scene.dataset.export import read_dataset
 from scene.dataset.render import COMPILING
-from scene.proposal import default_proposal
 from scene.render.__main__ import main as scene_render
-from seg.classes import CITYSCAPES_19, class_table
-from seg.data import LabelledImages, read_split
+from seg.classes import CITYSCAPES_19
+from seg.data import read_split
 from shell.files import read_json
 from tests.conftest import gone, wait_for_lines
 from tests.guard_files import as_recorded
 
 from .conftest import TINY, lines, main_job
 
-SCORES = ("rows", "random", "default", "learnt", "gain", "candidates", "chosen_candidate")
+SCORES = ("rows", "random", "default", "learnt", "gain")
 
 
 def children(pid: int) -> list[int]:
     """Processes that a process started, as Linux tells; none elsewhere."""
     path = Path(f"/proc/{pid}/task/{pid}/children")
     return [int(child) for child in path.read_text().split()] if path.exists() else []
-
-
-def test_learnt_streets_are_shown_with_the_labels_that_nets_saw(monkeypatch):
-    seen = LabelledImages(np.zeros((1, 4, 6, 3), np.uint8), np.zeros((1, 4, 6), np.uint8))
-    exported = seen._replace(labels=seen.labels + 1)
-    monkeypatch.setattr(job, "render", lambda *_: seen)
-    monkeypatch.setattr(job, "read_dataset", lambda _: exported)
-    config = defaults(MainConfig, "camvid", "smoke")
-    run = SimpleNamespace(config=config, target=SimpleNamespace(labelled=False), workers=0)
-    for table, source in ((TABLE, exported), ("camvid", seen)):  # camvid has outlines
-        recipe = Recipe(config.final, table, "embree", AssetPool())
-        found = job._shown(run, recipe, default_proposal())["learnt"]
-        np.testing.assert_array_equal(found.labels, class_table(table).from_train_id[source.labels])
 
 
 def test_the_run_folder_is_complete(unbroken):

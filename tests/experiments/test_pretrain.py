@@ -251,7 +251,7 @@ def test_attributes_may_be_learnt_from_the_share_that_nets_are_tuned_on(
     flags = words.split()
     report, text = reported("pretrain", *flags, evaluate=scores, transfer=tunes)
     (half,) = pretrain.subsets(4, [0.5], 0)
-    assert set(seen) == {2, 4} and seen.count(2) >= 8  # rewards and candidates
+    assert set(seen) == {2, 4} and seen.count(2) >= 8  # rewards
     scratch, learnt = ([chosen for was, chosen in tuned if was is kind] for kind in (False, True))
     assert scratch == [[half.tolist(), [0, 1, 2, 3]]] * 2
     assert learnt == [[half.tolist()]] * 2 + [[[0, 1, 2, 3]]] * 2

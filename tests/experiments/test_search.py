@@ -13,9 +13,8 @@ from experiments.evaluation.job import Result
 from experiments.run.context import opened
 from experiments.run.learn import plan_of
 from experiments.run.rewards import embed
-from experiments.run.search import _best, search
+from experiments.run.search import search
 from scene.attributes import NAMES
-from scene.proposal import slide
 from shell.errors import UserError
 
 from .conftest import Counted, Killed, diverge, formula, lines, main_job, never, searching, untimed
@@ -72,7 +71,7 @@ def test_killed_it_gives_the_same_answer_but_not_with_a_log_of_another_run(confi
             run(broken, Counted(limit=count))
     assert len(lines(broken.out / "evaluations.jsonl")) == 7 + 15
     again = run(broken)
-    for name in ("solution", "spread", "rewards", "baselines", "groups", "probabilities"):
+    for name in ("solution", "rewards", "baselines", "groups", "probabilities"):
         np.testing.assert_array_equal(getattr(again, name), getattr(whole, name), err_msg=name)
     logs = [untimed(lines(c.out / "evaluations.jsonl")) for c in (config, broken)]
     assert logs[0] == logs[1]
@@ -80,12 +79,6 @@ def test_killed_it_gives_the_same_answer_but_not_with_a_log_of_another_run(confi
     path.write_text(json.dumps({**lines(path)[0], "key": "0" * 64}) + "\n")
     with pytest.raises(UserError, match=f"{path}: update 0, dataset 0 was not made"):
         run(config)
-
-
-def test_the_dataset_with_the_best_reward_is_that_and_a_failed_one_is_not():
-    asked = [slide(np.full(23, k / 10), 0.0) for k in range(4)]
-    for rewards, best in (([2, 1, 3, 0], 2), ([np.nan, -5, -7, np.nan], 1), ([np.nan] * 4, 0)):
-        assert _best(asked, np.array(rewards, np.float32)) is asked[best]
 
 
 def test_attributes_outside_the_subset_stay_random(tiny_camvid, run):
@@ -111,7 +104,7 @@ def test_a_failed_evaluation_is_recorded_and_left_out(tiny_camvid, run, method):
     failed = [r["failed"] for r in logged if r["reward"] is None]
     assert failed == ["the loss is nan after 50 of 200 steps"] * 2
     assert np.isnan(found.rewards).sum() == 2
-    assert all(np.isfinite(part).all() for part in (*found.solution, *found.spread))
+    assert all(np.isfinite(part).all() for part in found.solution)
     kinds = {type(value) for record in logged for value in record["actions"]}
     assert kinds == {float if method == "gaussian" else int}
     again = run(config, never)  # failed ones are not tried again

@@ -208,7 +208,7 @@ def test_bad_input_is_one_line(name, flags, complaint, command, out, error_line,
     ("pretrain", ("--rows", "imagenet")), ("pretrain", ("--default-width", "0.5")),
     ("assets", ("--asset-fraction", "0.5")),
     ("ablation", ("--variants", "no_fog")), ("ablation", ("--learnt", "x.json")),
-    ("ablation", ("--reward-kind", "mmd")), ("ablation", ("--candidates", "argmax")),
+    ("ablation", ("--reward-kind", "mmd")), ("ablation", ("--default-width", "0.5")),
     ("searches", ("--methods", "descent")), ("searches", ("--search.method", "sdr")),
     ("searches", ("--method", "sdr")), ("ablation", ("--search.updates-per-group", "3")),
 ])  # fmt: skip
@@ -219,16 +219,16 @@ def test_flags_that_cannot_be_are_refused_by_name(name, flags, command, out, cap
 
 
 def test_learnt_attributes_are_made_once(config, counted, tmp_path):
-    shared = replace(config, store=tmp_path / "shared.jsonl", candidates=("argmax", "broad"))
+    shared = replace(config, store=tmp_path / "shared.jsonl")
     with opened(shared) as run:
         plan = learnt_work(shared)
         run.begin(plan)
         learnt = learnt_attributes(run)
-        assert len(counted.calls) == sum(work.nets for work in plan) == 12 + 2
+        assert len(counted.calls) == sum(work.nets for work in plan) == 12
     again = replace(shared, out=tmp_path / "again")
     with opened(again) as run:
         found = learnt_attributes(run)
-    assert len(counted.calls) == 12 + 2
+    assert len(counted.calls) == 12
     for other in (found, read_attributes("--learnt", again.out / "attributes.json", "scenex")):
         np.testing.assert_array_equal(np.stack(other), np.stack(learnt))
 

@@ -8,9 +8,7 @@ import pytest
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
 from experiments.evaluation.job import Result
-from experiments.main.summary import derive, scores, text
-from experiments.run.learn import Learnt
-from experiments.run.selection import select
+from experiments.main.summary import advice, derive, scores, text
 from experiments.target.base import Target
 from experiments.target.twin import twin_world
 from scene.attributes import names
@@ -45,11 +43,7 @@ def made(
     evaluations, finals = (SimpleNamespace(records=log) for log in logs)
     own = {"evaluations": evaluations, "finals": finals, "progress": SimpleNamespace(elapsed=99.25)}
     run = SimpleNamespace(config=config, target=target, **own)
-    tried = {"argmax": [0.2, 0.3, 0.31], "broad": [0.25, 0.3, np.nan], "default": [0.1, 0.17, 0.2]}
-    by_part = {"argmax": [(0.1, 0.3), (), (0.2, 0.4)], "broad": [(), (), ()]}
-    selection, words = select(tried, "default"), ("2 images of s", "1 images of t")
-    answer = Learnt(slide(np.full(learnt, 0.5), 0.1), None, selection, words, by_part)
-    return derive(scores(run, rows, answer))
+    return derive(scores(run, rows, slide(np.full(learnt, 0.5), 0.1)))
 
 
 def test_keys_are_those_that_scripts_rely_on(tmp_path):
@@ -78,22 +72,40 @@ def test_figures_by_hand():
     assert summary["learnt"]["per_class"]["road"] == pytest.approx(40)
     assert summary["learnt"]["per_class"]["bicycle"] is None
     assert summary["classes_absent_from_truth"] == ["bicycle"]
-    assert summary["candidates"]["broad"] == [25, 30, None]
-    assert summary["chosen_candidate"] == "broad"
-    assert summary["parts"] == ["2 images of s", "1 images of t"]
-    assert summary["candidate_parts"] == {"argmax": pytest.approx([15, 35]), "broad": []}
-    found = summary["selection"]
-    assert found["means"] == pytest.approx({"argmax": 25, "broad": 27.5, "default": 13.5})
-    # From seed to seed they gain 10, 5 and 7 points: residuals +-(8, -7, -1) / 6, k (n - 1) = 2.
-    error = np.sqrt(2 * (2 * (8**2 + 7**2 + 1) / 36 / 2) / 2)
-    assert found["t"] == pytest.approx({"argmax": 11.5 / error, "broad": 14 / error})
-    assert found["critical"] == pytest.approx(3.80, abs=0.01)
-    assert "replaced: broad is significantly better at family-wise 5 %" in text(summary)
     assert [row["share"] for row in summary["components"]] == [1.0]
     assert summary["recovery"]["learnt_error"] == summary["recovery"]["centre_error"]
     one = made(seeds=1)
     assert one["random"]["ci95"] is None and one["gain"]["ci95"] is None
     assert "too few nets for an interval" in text(one)
+
+
+def gain(mean, *ci95):
+    return {"mean": mean, "ci95": [*ci95] or None}
+
+
+@pytest.mark.parametrize(("means", "over_default", "line"), [
+    ((20.0, 30.0, 33.1), gain(3.1, 1.0, 5.2),
+     "streets are significantly better than default ones, +3.1 points (1.0 to 5.2): use the learnt ones."),
+    ((20.0, 30.0, 30.4), gain(0.4, -1.0, 1.8),
+     "streets are within noise of default ones, +0.4 points (-1.0 to 1.8): use the learnt ones."),
+    ((20.0, 30.0, 28.0), gain(-2.0, -3.0, -1.0),
+     "streets are significantly worse than default ones, -2.0 points (-3.0 to -1.0): use the default ones."),
+    ((35.0, 30.0, 33.0), gain(3.0),
+     "minus default streets: +3.0 points (too few nets for an interval): use random ones."),
+    ((20.0, 30.0, None), gain(None), "and default streets cannot be compared: use the default ones."),
+])  # fmt: skip
+def test_a_line_says_which_streets_to_use(means, over_default, line):
+    rows = {
+        row: {"mean": mean}
+        for row, mean in zip(("random", "default", "learnt"), means, strict=True)
+    }
+    assert advice({"rows": rows, "gain_over_default": over_default}) == f"Learnt {line}"
+    # Beside a few labels, the rows beside them count.
+    beside = {f"few+{row}": entry for row, entry in rows.items()} | {"learnt": {"mean": 99.0}}
+    assert (
+        advice({"rows": beside, "gain_beside_few": {"few+default": over_default}})
+        == f"Learnt {line}"
+    )
 
 
 @pytest.mark.parametrize("learnt", [23, 40])
@@ -117,6 +129,7 @@ def test_the_table_says_whether_data_are_real():
     for row, mean in zip(ROW_MIOU, ("15.0", "25.0", "40.0", "60.0"), strict=True):
         assert any(line.split()[:2] == [row, mean] for line in table.splitlines())
     assert "+25.0" in table and "bicycle" in table.splitlines()[-1]
+    assert "Learnt streets are within noise of default ones, +15.0 points (-48.5 to 78.5): use" in table
 
 
 def test_a_net_that_failed_is_left_out_and_told():

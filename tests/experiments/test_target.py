@@ -13,7 +13,6 @@ from PIL import Image
 
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
-from experiments.run.learn import reward_parts
 from experiments.target.base import refuse_overlap
 from experiments.target.named import named_target
 from experiments.target.real import reported_split
@@ -83,10 +82,9 @@ def test_photographs_are_cut_to_four_by_three_and_albums_held_out(labelmefacade)
     config = replace(defaults(MainConfig, "labelmefacade", "smoke"), data=labelmefacade)
     target = named_target(config, POOL)
     assert target.real and target.name == target.table == "labelmefacade"
-    # By album, as the parts of the reward images need them.
+    # By album.
     assert target.reward_names == ("a_p1", "a_p2", "b__1", "b__2")
     assert target.reward_sequences == ("a_p", "a_p", "b", "b")
-    assert reward_parts(target, config)[0] == ((0, 2), (2, 4))
     assert "split test, 2 images (sequences b are on both sides)" in target.title
     split = target.at(9, 12)
     for name, label in zip(target.reward_names, split["reward"].labels, strict=True):
@@ -116,14 +114,12 @@ def test_many_sequences_on_both_sides_are_counted(labelmefacade):
     assert " (sequences " in named_target(replace(config, reward_images=3), POOL).title
 
 
-def test_the_real_photographs_have_parts_of_whole_albums(labelmefacade_dir):
+def test_the_real_photographs_come_by_album(labelmefacade_dir):
     config = replace(defaults(MainConfig, "labelmefacade", "quick"), data=labelmefacade_dir)
     target = named_target(config, POOL)
     assert (len(target.reward_names), len(target.test_names)) == (100, 300)
-    parts, _ = reward_parts(target, config)
-    assert [end - first for first, end in parts] == [25, 23, 26, 26]
-    albums = [set(target.reward_sequences[first:end]) for first, end in parts]
-    assert sum(map(len, albums)) == len(set().union(*albums)) == 43
+    albums = target.reward_sequences
+    assert 1 + sum(map(str.__ne__, albums[1:], albums)) == len(set(albums)) == 43
 
 
 def test_limits_choose_a_subset_that_runs_of_all_seeds_share(tiny_camvid):

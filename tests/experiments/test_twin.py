@@ -160,7 +160,7 @@ def test_streets_of_a_far_twin_lie_in_the_hidden_intervals(renders):
 
 @pytest.mark.parametrize(("flags", "count"), [((), 40), (("--space", "scenex"), 23)])
 def test_a_job_on_a_far_twin_ends_in_either_space(flags, count, counted, out, capsys):
-    brief = ("--method", "random_search", "--candidates", "argmax", "--out", str(out))
+    brief = ("--method", "random_search", "--out", str(out))
     assert main_job("twin", "--twin", "far", *brief, *flags) == 0
     printed = capsys.readouterr().out
     assert printed.startswith("Target: the far twin 0, ") and "the far twin, not real" in printed

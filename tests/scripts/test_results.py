@@ -130,10 +130,9 @@ def test_parts_of_one_kind_have_a_table_with_their_means(tmp_path):
     for k, part in enumerate(wanted):
         gains = {f"gain_over_{base}": {"mean": 2.0 * k, "ci95": None} for base in OVER}
         rows = [
-            {"name": name, "judged": judged, "mean": mean, "ci95": None, **gains}
-            for name, judged, mean in (
-                ("random", True, 10.0), ("default", True, 20.0), ("intervals", True, 30.0 + k),
-                ("intervals", False, 0.0), ("real", True, 40.0),
+            {"name": name, "mean": mean, "ci95": None, **gains}
+            for name, mean in (
+                ("random", 10.0), ("default", 20.0), ("intervals", 30.0 + k), ("real", 40.0),
             )
         ]  # fmt: skip
         (tmp_path / part.name).mkdir()
