@@ -1,4 +1,4 @@
-"""A search over intervals that keeps an attribute at its start unless the model expects a move to pay."""
+"""A search over intervals that keeps an attribute where it begins unless the model expects a move to pay."""
 
 from typing import NamedTuple
 
@@ -18,9 +18,13 @@ from sdr_jax.space import Proposal, Space, Width
 REACHES = np.asarray([0.5, 1.0, 2.0], np.float32)
 """Factors of the reach: the share of attributes in which a data set differs from the answer."""
 
+OPENING = 4
+"""Rewards of the start, and of random attributes, before a search begins at the better of the two."""
+
 FIRST_REACH = 0.3
-"""The approximate share of attributes that the first data sets after the opening change in a search with a
-start; a search from random attributes changes all."""
+"""The approximate share of attributes that the first data sets after the opening change in a search that
+begins at its start. Without a start they change all; where random attributes are the better start, so do all
+later data sets."""
 
 SUCCESS, PACE = 0.2, 0.3
 """The reach stays as it is where this share of data sets exceeds the reward that the model expects of the
@@ -44,6 +48,7 @@ class IntervalsState(NamedTuple):
 
     seen: effects.EffectsState
     belief: Posterior  # of the weights
+    base: Int[Array, "attributes"]  # choices that the answer keeps where no other is better
     answer: Int[Array, "attributes"]  # choices
     reach: Float[Array, ""]  # approximate share of attributes that a data set changes
 
@@ -69,21 +74,23 @@ def intervals(
     data sets of any width teach one model. The sizes of effects, interactions and noise are learnt by
     evidence (`effects.py`).
 
-    The first data sets alternate between the start and random attributes; if the start is itself random,
-    half of its attributes take any choice. Each later data set is the answer so far with some attributes
-    changed to the best choice under a draw of the posterior (Thompson sampling); half of these choose among
-    the intervals of a drawn width, so that wide ones are tried, too. More attributes are changed while
-    changed data sets often do better than the answer, fewer while they seldom do. Rewards far below the
-    others, such as the penalty for a crash, are clipped (`history.py`).
+    The first eight data sets are the start and random attributes in turn. The search then begins at its
+    base: the start, or random attributes if they had the higher mean reward. Without a start the base is
+    random attributes; the first data sets are these, and these with any choice for half of the attributes.
+    Each later data set is the answer so far with some attributes changed to the best choice under a draw of
+    the posterior (Thompson sampling); half of these choose among the intervals of a drawn width, so that wide
+    ones are tried, too. More attributes are changed while changed data sets often do better than the answer,
+    fewer while they seldom do; all of them where random attributes did better than the start. Rewards far
+    below the others, such as the penalty for a crash, are clipped (`history.py`).
 
-    The answer is the start, except for attributes where the lower confidence bound of a choice's gain over
-    the start (the mean less `caution` standard deviations) is above 0. `spread` subtracts two.
+    The answer is the base, except for attributes where the lower confidence bound of a choice's gain over
+    the base (the mean less `caution` standard deviations) is above 0. `spread` subtracts two.
 
     Args:
         space: the attributes, their bins, and the groups whose members may interact.
         width: 0, for all attributes or for one, gives single values (single bins if they have no order);
             other widths have no effect.
-        start: centres and widths of the first answer; by default random attributes.
+        start: centres and widths of a first answer; by default random attributes.
         caution: see above, 0 or more; with 0 every move is made whose mean gain is above 0.
         degree: cosines per attribute.
         pair_degree: cosines per attribute in interactions; by default see `effects.make_effects`.
@@ -103,15 +110,24 @@ def intervals(
     check_relaxation(space, width, "random")
     chosen = choices(space, _checked(space, start), width)
     model = make_effects(space, chosen, degree, pair_degree)
-    began, scale_of = jnp.asarray(chosen.began), jnp.asarray(chosen.scale)
+    start_choices, scale_of = jnp.asarray(chosen.began), jnp.asarray(chosen.scale)
     scales = scale_of.max(axis=1) + 1
+    # The first choice is the whole range, where intervals are allowed.
+    whole = jnp.asarray(chosen.width[:, 0] == 1)
+    random = jnp.where(whole, 0, start_choices)
+    has_start = bool(chosen.began.any())
+    opening = 2 * OPENING if has_start and chosen.width[:, 0].max() == 1 else 2
+
+    first_reach = FIRST_REACH if has_start else 1.0
 
     def fitted(seen: effects.EffectsState, reach: Array) -> IntervalsState:
         belief = effects.posterior(model, seen)
-        answer = jnp.where(
-            seen.noise > 0, best_by_lower_bound(model, belief, chosen.began, caution), began
-        )
-        return IntervalsState(seen, belief, answer, reach)
+        first, rewards = seen.history.actions[:opening], seen.history.rewards[:opening]
+        at_start = (first == start_choices[None, :]).all(axis=1)
+        means = [jnp.nanmean(jnp.where(those, rewards, jnp.nan)) for those in (at_start, ~at_start)]
+        base = jnp.where(means[1] > means[0], random, start_choices)
+        moved = best_by_lower_bound(model, belief, base, caution)
+        return IntervalsState(seen, belief, base, jnp.where(seen.noise > 0, moved, base), reach)
 
     def proposed(actions: Array) -> Proposal:
         rows = jnp.arange(space.attributes)
@@ -119,8 +135,7 @@ def intervals(
 
     def init(rng_key: RngKey) -> IntervalsState:
         del rng_key  # nothing is random before the first sample
-        reach = jnp.asarray(FIRST_REACH if chosen.began.any() else 1.0, jnp.float32)
-        return fitted(effects.init_effects(model), reach)
+        return fitted(effects.init_effects(model), jnp.asarray(first_reach, jnp.float32))
 
     def sample(rng_key: RngKey, state: IntervalsState, n: int) -> tuple[Bins, Proposal]:
         keys = jax.random.split(rng_key, 7)
@@ -141,11 +156,10 @@ def intervals(
         changed = maximise_each(start_key, chosen.space, model.layout, weights, allowed)
         turn = state.seen.statistics.seen.astype(jnp.int32) + jnp.arange(n)[:, None]
         anywhere = random_bins(open_key, chosen.space, n)
-        mixed = jnp.where(chance < 0.5, anywhere, began[None, :])
-        # The first choice is the whole range, where intervals are allowed.
-        other = jnp.where(chosen.width[:, 0] == 1, 0, anywhere) if chosen.began.any() else mixed
-        opening = jnp.where(turn % 2 == 0, began[None, :], other)
-        actions = jnp.where(state.seen.statistics.seen > 1, changed, opening)
+        as_random = whole[None, :] if has_start else chance >= 0.5
+        other = jnp.where(as_random, random[None, :], anywhere)
+        first = jnp.where(turn % 2 == 0, start_choices[None, :], other)
+        actions = jnp.where(state.seen.statistics.seen < opening, first, changed)
         return actions, proposed(actions)
 
     def update(
@@ -157,7 +171,10 @@ def intervals(
         step = jnp.where(state.seen.noise > 0, PACE * signs.sum(), 0.0)
         reach = jnp.clip(state.reach * jnp.exp(step), 1 / space.attributes, 1.0)
         info = plain_info(rewards, jnp.asarray(jnp.nan, jnp.float32))
+        reach = jnp.where(state.seen.statistics.seen < opening, first_reach, reach)
         state = fitted(seen, reach)
+        at_start = (state.base == start_choices).all()
+        state = state._replace(reach=jnp.where(at_start, reach, 1.0))
         finite = effects.is_finite(seen, state.belief)
         return state, info._replace(clipped=seen.history.clipped, finite=finite)
 
@@ -165,8 +182,8 @@ def intervals(
         return proposed(state.answer)
 
     def spread(state: IntervalsState) -> Proposal:
-        moved = best_by_lower_bound(model, state.belief, chosen.began, max(SURE, caution))
-        return proposed(jnp.where(state.seen.noise > 0, moved, began))
+        moved = best_by_lower_bound(model, state.belief, state.base, max(SURE, caution))
+        return proposed(jnp.where(state.seen.noise > 0, moved, state.base))
 
     def probabilities(state: IntervalsState) -> Float[Array, "attributes bins"]:
         _, tried = sample(jax.random.key(1), state, DRAWS)
@@ -193,21 +210,21 @@ def _checked(space: Space, start: tuple[tuple[float, ...], tuple[float, ...]] | 
 
 
 def best_by_lower_bound(
-    model: effects.Effects, belief: Posterior, began: Int[np.ndarray, "attributes"], caution: float
+    model: effects.Effects, belief: Posterior, base: Int[Array, "attributes"], caution: float
 ) -> Int[Array, "attributes"]:
-    """The choices whose gain over the start has the highest lower confidence bound.
+    """The choices whose gain over the base has the highest lower confidence bound.
 
     The function goes over the attributes one after the other. Each takes the choice a with the largest
 
-        E[f(a) - f(start)] - caution * std[f(a) - f(start)]
+        E[f(a) - f(base)] - caution * std[f(a) - f(base)]
 
-    under the posterior of the model f, while the other attributes stay as they are. The start's own bound
-    is 0, so an attribute keeps the start where no choice has a positive bound.
+    under the posterior of the model f, while the other attributes stay as they are. The base's own bound
+    is 0, so an attribute keeps the base where no choice has a positive bound.
 
     Args:
         model: the constants.
         belief: the posterior of the model's weights.
-        began: the start's choices.
+        base: the choices of the base.
         caution: the number of standard deviations, 0 or more.
 
     Returns:
@@ -220,11 +237,10 @@ def best_by_lower_bound(
     there = jnp.asarray(bin_mask(model.space))
     weights = effects.plain(model, belief.mean)
     covariance = _plain_covariance(model, belief)
-    first = jnp.asarray(began)
 
     def move(step: Array, actions: Array) -> Array:
         attribute = step % attributes
-        change = basis[attribute] - basis[attribute, first[attribute]][None, :]
+        change = basis[attribute] - basis[attribute, base[attribute]][None, :]
         mine = change[:, :short]
         partner = partners[attribute]  # `attributes` where there are no more
         theirs = basis[jnp.minimum(partner, attributes - 1)]
@@ -238,10 +254,10 @@ def best_by_lower_bound(
         bound = changes @ weights[own] - caution * jnp.sqrt(jnp.maximum(variance, 0.0))
         bound = jnp.where(there[attribute], bound, -jnp.inf)
         best = jnp.argmax(bound).astype(jnp.int32)
-        better = jnp.where(bound[best] > 0, best, first[attribute])
+        better = jnp.where(bound[best] > 0, best, base[attribute])
         return actions.at[attribute].set(better)
 
-    return jax.lax.fori_loop(0, SWEEPS * attributes, move, first)
+    return jax.lax.fori_loop(0, SWEEPS * attributes, move, base)
 
 
 def _plain_covariance(model: effects.Effects, belief: Posterior) -> Float[Array, "layout layout"]:

@@ -395,6 +395,25 @@ def test_an_attribute_stays_where_it_began_unless_moving_it_pays():
     assert np.asarray(method.solution(state).width).min() >= 0.5
 
 
+@pytest.mark.parametrize(("sign", "base"), [(-1, BEGAN), (1, ((0.5, 0.5), (1.0, 1.0)))])
+@pytest.mark.parametrize("n", [3, 8])
+def test_a_search_begins_at_the_better_of_its_start_and_random_attributes(sign, base, n):
+    method = sdr_jax.registry.make("intervals", PAIR, start=BEGAN)
+    tried = []
+
+    def reward(t, actions, proposals):
+        tried.append(proposals)
+        rewards = sign * np.asarray(proposals.width[:, 1]) + 0.1 * np.arange(n)
+        return np.where(np.arange(n) == 1, np.nan, rewards)  # a failed one decides nothing
+
+    state = learnt(method, reward, updates=9 // n + 1, n=n)
+    opening = np.concatenate([np.asarray(proposals.width) for proposals in tried[:2]])
+    assert {*opening[:, 1].round(3).tolist()} == {0.2, 1.0}  # in turn
+    np.testing.assert_allclose(
+        [np.asarray(part)[np.arange(2), state.base] for part in choices(PAIR, BEGAN)[1:3]], base
+    )
+
+
 def test_without_relaxation_every_data_set_is_of_single_values():
     method = sdr_jax.registry.make("intervals", PAIR, 0.0, start=BEGAN)
     _, first = method.sample(KEY, method.init(KEY), 8)
