@@ -212,7 +212,8 @@ def derive(report: Report) -> Report:
 
 def _nets(search: Report) -> list[Report | None]:
     """Scores of the nets of a search's answer; in earlier reports another may have been chosen instead."""
-    return search.get("own_nets", search["nets"])
+    answer = "own_nets" if "own_nets" in search else "nets"
+    return list(search[answer])
 
 
 def _title(row: Report) -> str:

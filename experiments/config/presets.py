@@ -70,8 +70,8 @@ _SMOKE: Table = {
     "asset_count": 4,
 }
 
-_FROZEN = {"recipe": "lite0-frozen"}
-_BRIEF = {**_FROZEN, "steps": 150, "views": 1}
+_FROZEN = {"recipe": "lite0-frozen", "average_mirror": True}
+_BRIEF = {"recipe": "lite0-frozen", "steps": 150, "views": 1}
 _QUICK: Table = {
     "search": {"method": "intervals", "relaxation": 0.3},
     "reward": {"samples": 1, "train": _BRIEF},

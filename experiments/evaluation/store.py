@@ -46,8 +46,8 @@ FIELDS: dict[str, tuple[type, ...]] = {
     "failed": (str, type(None)),
 }
 """One record. A failed evaluation has its reason in ``failed`` and no reward. A net that was trained on real
-images has no proposal, on a histogram ``probabilities`` instead, on a mixture ``components``. ``parts`` has
-the rewards on parts of the images that were tested separately, ``heads`` the class IoU of each head alone."""
+images has no proposal, on a histogram ``probabilities`` instead, on a mixture ``components``. ``heads`` has
+the class IoU of each of several heads alone."""
 OF_A_RUN = ("nets", "row", "fraction", "search", "update", "dataset", "actions", "elapsed")
 """Fields that only a run's own lines have: which job of the run the evaluation was, and when."""
 VALUES = ("reward", "class_iou", "failed")

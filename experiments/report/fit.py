@@ -140,7 +140,7 @@ def _tested_on(report: Report) -> str:
         f"({report['where']}), {report['seeds']} nets each; 95 % intervals over {over}. {_averaged(report)}"
         "Beside labels "
         f"{report['rendered_images']} renders{MIXED if report.get('streets') == 'mixed' else ''} are "
-        f"{_rendered_share(report)} % of all batches."
+        f"{_rendered_share(report)}."
     )
 
 
@@ -152,13 +152,11 @@ def _averaged(report: Report) -> str:
 
 
 def _rendered_share(report: Report) -> str:
-    """The percent of renders in a batch of labels and renders."""
-    first = f"{100 * (1 - report['few_share']):g}"
-    return (
-        first
-        if report.get("last_share") is None
-        else f"{first} to {100 * (1 - report['last_share']):g}"
-    )
+    """The share of renders in batches of labels and renders."""
+    first, last = (100 * (1 - (report.get(name) or 0.0)) for name in ("few_share", "last_share"))
+    if report.get("last_share") is None:
+        return f"{first:g} % of all batches"
+    return f"{first:g} % of the first batch and {last:g} % of the last"
 
 
 def _by_fold(report: Report) -> list[str]:
@@ -206,7 +204,7 @@ def content(report: Report, folder: Path, config: Mapping[str, Any], over: bool)
             ),
             (
                 "Renders beside labels",
-                f"{report['rendered_images']}, {_rendered_share(report)} % of every batch",
+                f"{report['rendered_images']}, {_rendered_share(report)}",
             ),
             ("Nets", f"{report['net']}, {steps} steps, {report['seeds']} seeds"),
             ("Preset", report["preset"]),

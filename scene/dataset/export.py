@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,11 +27,12 @@ from scene.dataset.formats.layout import SPLITS, layout
 from scene.dataset.formats.shot import shot_files
 from scene.dataset.read import DESCRIPTION, WORK, describe, pictures
 from scene.dataset.render import Dataset, check_request, compile_first, street_of
-from scene.outline import Outlines, outlined
+from scene.outline import outlined
 from scene.proposal import Streets
 from scene.render import RenderSettings, renderer
 from scene.version import MAKERS
 from scene.workers import WorkerPool, Workers, opened
+from shell.classes import Outline
 from shell.errors import UserError
 from shell.files import read_json, write, write_json
 from shell.folder import differences
@@ -134,7 +135,7 @@ def export_dataset(
     return found
 
 
-def read_dataset(folder: Path, outlines: Outlines = ()) -> Dataset:
+def read_dataset(folder: Path, outlines: Sequence[Outline] = ()) -> Dataset:
     """Read all images and labels of an exported dataset, as ``render_dataset`` would give them.
 
     Args:

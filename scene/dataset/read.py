@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,8 +15,9 @@ from scene.dataset.formats.layout import FORMATS, SPLITS, Layout, layout
 from scene.dataset.formats.planes import DEPTH_PER_METRE, ids_of
 from scene.dataset.formats.png import decode, read_png
 from scene.dataset.formats.segments import TRAIN_OF_LABEL, label_ids
-from scene.outline import Outlines, sources
+from scene.outline import sources
 from scene.render.protocol import MAX_PIXELS
+from shell.classes import Outline
 from shell.files import read_json
 
 DESCRIPTION = "dataset.json"
@@ -131,7 +132,7 @@ def labels(dataset: Described, name: str) -> np.ndarray:
 
 
 def pictures(
-    dataset: Described, outlines: Outlines = ()
+    dataset: Described, outlines: Sequence[Outline] = ()
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield images u8[h, w, 3] and classes u8[h, w] of an exported dataset; raises as `labels`.
 

@@ -129,7 +129,10 @@ def test_the_table_says_whether_data_are_real():
     for row, mean in zip(ROW_MIOU, ("15.0", "25.0", "40.0", "60.0"), strict=True):
         assert any(line.split()[:2] == [row, mean] for line in table.splitlines())
     assert "+25.0" in table and "bicycle" in table.splitlines()[-1]
-    assert "Learnt streets are within noise of default ones, +15.0 points (-48.5 to 78.5): use" in table
+    assert (
+        "Learnt streets are within noise of default ones, +15.0 points (-48.5 to 78.5): use"
+        in table
+    )
 
 
 def test_a_net_that_failed_is_left_out_and_told():
