@@ -351,7 +351,7 @@ def configured(
         learnt=search,
         seeds=seeds,
         reward=fidelity(base.reward, "frozen", cheap),
-        final=replace(final, shots=1, train=with_heads(final.train, seeds)),
+        final=replace(final, shots=1, train=with_heads(final.train, max(seeds, 1))),
         reward_images=None,
         test_images=None,
     )

@@ -108,7 +108,7 @@ class TrainSettings:
     head_width: Annotated[int, at_least(1), at_most(2**16)] = 64
     head_dropout: Annotated[float, within(0, 1, "[)")] = 0.0
     average: Annotated[float, within(0, 1, "[)")] = 0.0
-    heads: Annotated[int, at_least(1), at_most(64)] = 1
+    heads: Annotated[int, at_least(1), at_most(2**10)] = 1
     jaccard: Annotated[float, at_least(0)] = 0.0
     last_share: Annotated[float | None, within(0, 1)] = None
     average_mirror: bool = False

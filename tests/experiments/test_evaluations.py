@@ -153,7 +153,7 @@ def test_a_job_reads_each_of_its_real_images_once(few, camvid, out, counted, mon
 
 def test_a_mixture_is_kept_by_its_components(tmp_path):
     streets = mixture((0.25, 0.75), (default_proposal(), random_proposal()))
-    outcome = Result(0.5, [0.5, None], 1.0, 2.0, parts=(0.25, 0.75))
+    outcome = Result(0.5, [0.5, None], 1.0, 2.0, heads=([0.25, None], [0.75, 0.5]))
     kept = record_of("k", streets, 1, outcome) | {"config": "c", "engine": 1}
     Store(tmp_path / "log").add(kept)
     (found,) = Store(tmp_path / "log").records

@@ -52,6 +52,7 @@ from seg.model import Model, label_classes, load_model
 from seg.train import outline
 from shell import folder as run_folder
 from shell.errors import UserError
+from shell.files import read_json
 from shell.files import write as write_file
 from shell.progress import Progress
 from shell.target_file import find_target
@@ -339,6 +340,11 @@ def test_means_are_over_folds_and_seeds_and_a_net_that_failed_drops_its_seed() -
     assert found["gains"]["labels+renders"]["mean"] == 5.0 and found["recipe"] == "labels"
     assert found["rows"]["renders"]["per_class"] == {"road": 30.0, "sky": None}
     assert found["labels_add"]["mean"] == 4.0 and found["rows"]["labels"]["miou"][-1] is None
+    assert "averaged" not in found["rows"]["labels"]
+    report["averaged"] = {"labels": [50.0, 52.0], "labels+renders": [55.0, None], "renders": [None]}
+    averaged = {row: own["averaged"] for row, own in derive(report)["rows"].items()}
+    assert averaged == {"labels": 51.0, "labels+renders": 55.0, "renders": None}
+    del report["averaged"]
     report["nets"] |= {"labels+learnt": [[net(60.0)] * 3] * 2, "renders": [[net(70.0)] * 3] * 2}
     assert derive(report)["recipe"] == "labels+learnt"
 
@@ -458,12 +464,18 @@ def test_from_a_folder_of_ones_own_to_a_net(folder, tmp_path, capsys, monkeypatc
     assert again["nets"] == summary["nets"] and text(again) in said
     # Labels were added: the net that is left starts from the model before.
     config = config_of(
-        folder, tmp_path / "next", preset="smoke", seeds=1, size=(64, 48), workers=0,
+        folder, tmp_path / "next", preset="smoke", seeds=2, size=(64, 48), workers=0,
         init=tmp_path / "run" / "model", fix=FIX,
     )  # fmt: skip
-    assert fit(config)["nets"] == summary["nets"]
+    found = fit(config)["nets"]  # a first head trains as if it were alone
+    first = {row: [heads[:1] for heads in folds] for row, folds in found.items()}
+    assert first == summary["nets"]
     other = load_model(tmp_path / "next" / "model")
     assert other.digest != model.digest
+    assert (model.settings.heads, other.settings.heads) == (1, 2)  # the head begins both
+    report = read_json(tmp_path / "next" / "summary.json")
+    assert {len(own) for own in report["averaged"].values()} == {2}  # folds
+    assert other.notes["miou"] == report["rows"][report["recipe"]]["averaged"]
 
 
 @pytest.mark.slow

@@ -345,6 +345,10 @@ def test_statistics_leave_failed_nets_out_and_figures_in_tables_by_hand():
     assert form.class_means(scored, ["a", "b"]) == {"a": pytest.approx(30), "b": None}
     assert form.miou(scored) == pytest.approx([20, 40, None]) and scored[2] is None
     assert form.failures([{"nets": scored}])[1].startswith("1 nets failed")
+    together = Result(0.5, [0.5, None], 1, 1, heads=([0.25, None], [0.5, 1.0]))
+    failed = Result(np.nan, [], 1, 1, "the loss is nan")
+    assert form.miou(form.nets([together, failed], 2)) == [25.0, 75.0, None, None]
+    assert form.miou(form.nets([together])) == [50.0]
     assert form.failures([{"nets": scored[:2]}]) == []
     row = {"mean": 12.34, "ci95": [11.0, 13.68]}
     assert form.cells(row) == ["12.3", "11.0 to 13.7"] and form.half(row) == pytest.approx(1.34)
