@@ -38,11 +38,11 @@ from experiments.target.folder import parts_of
 from scene.workers import WorkerError, WorkerPool
 from seg.classes import table_of
 from seg.data import DataError, LabelledImages
-from seg.metrics import mean_iou
+from seg.metrics import confusion_matrix, mean_iou
 from seg.pyramid import features
 from seg.recipes import RECIPES
 from seg.settings import check_settings
-from seg.train import TrainingError, TrainSettings, score_heads, train
+from seg.train import TrainingError, TrainSettings, predict_heads, train
 from seg.views import LOOKS, view_images, with_mirror
 from shell import files
 from shell.command import exit_code
@@ -163,10 +163,14 @@ def networks(
             maps, count = tested_on.features, len(tested_on.images)
             if maps is not None and not settings.average_mirror:
                 maps = tuple(part[:count] for part in maps)
-            pair = tested_on.images, tested_on.labels
-            together, alone = score_heads(params, *pair, settings, classes, features=maps)
+            pixels, labels = tested_on.images, tested_on.labels
+            predicted = predict_heads(params, pixels, settings, classes, features=maps)
+            together, *alone = (
+                confusion_matrix(labels, classes_of, classes)
+                for classes_of in predicted.swapaxes(0, 1)
+            )
             confusions[side] = together.tolist()
-            of_heads[side] = [mean_iou(confusion) for confusion in alone]
+            of_heads[side] = [mean_iou(confusion) for confusion in alone or [together]]
         line = {
             "key": key(recipe, settings, on, seed),
             "seconds": round(seconds, 2),

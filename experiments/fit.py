@@ -40,6 +40,7 @@ from experiments.run.context import Run, Work, pace_here, set_up_process, total_
 from experiments.run.learn import learn, work_of
 from experiments.study.form import Form, Report, about, miou, nets
 from experiments.study.skeleton import Study, attributes, do
+from experiments.study.stats import UNITS, over_units
 from experiments.target.base import Target
 from experiments.target.folder import (
     Parts,
@@ -460,13 +461,14 @@ def scores(run: Run[FitConfig], known: Prepared) -> Report:
             values.append(nets(chosen, config.final.train.heads))
             averaged[row] += miou(nets(chosen))
         if number == 0:
-            _show(run, fold, [job for job in jobs[0] if job.keeps])
+            _show(run, fold, [job for job in jobs[0] if job.keeps == "predictions"])
     extra: dict[Row, Source] = {"labels+renders": pools[0][seeds[0]].pool}
     if config.learnt:
         extra["labels+learnt"] = pools[1][seeds[0]].pool
     report = {**facts, "nets": scored}
     if config.final.train.heads > 1:
         report["averaged"] = averaged
+        report["over_images"] = _over_images(folds, jobs, known.parts)
     _leave(run, known, extra, derive(report), streets, finished=all(tested))
     seconds = {"streets": streets.seconds(), "total": round(run.progress.elapsed, 1)}
     streets.forget()
@@ -570,7 +572,7 @@ def _jobs(fold: Run[FitConfig], number: int, pools: Sequence[Mapping[int, _Pool]
             sources["labels+learnt"] = _beside(config, pools[1 + number][seed].pool, labels)
         for row, source in sources.items():
             notes = {"nets": f"fold {number + 1}", "row": row, "seed": seed}
-            keeps: Keeps | None = "predictions" if number == 0 and seed == seeds[0] else None
+            keeps: Keeps = "predictions" if number == 0 and seed == seeds[0] else "confusion"
             jobs.append(Job(recipe, source, seed, notes, keeps=keeps))
     return jobs
 
@@ -579,6 +581,45 @@ def _beside(
     config: FitConfig, renders: Source, labels: LabelledImages | LabelledSubset
 ) -> TrainingSet:
     return TrainingSet((renders, labels), (1 - config.few_share, config.few_share))
+
+
+def _over_images(
+    folds: Sequence[Run[FitConfig]], jobs: Sequence[Sequence[Job]], parts: Parts
+) -> dict[Row, Report]:
+    """The gain of the first network of each row over labels alone, with its bootstrap over tested images.
+
+    Images of a group are drawn together if there are at least `UNITS` groups, otherwise each by itself.
+    Without every image's confusion matrix, such as where evaluations come from a store, it is empty.
+    """
+    seed, found = folds[0].config.apart[0], {}
+    for row in rows_of(folds[0].config.learnt):
+        files = [
+            file_of(fold.config.out, fold.runner.key(job))
+            for fold, some in zip(folds, jobs, strict=True)
+            for job in some
+            if (job.notes["row"], job.notes["seed"]) == (row, seed)
+        ]
+        matrices = [held.by_image if (held := load(file)) else None for file in files]
+        if any(matrix is None for matrix in matrices):
+            return {}
+        found[row] = np.concatenate(cast(list[np.ndarray], matrices)).astype(np.int64)
+    tested = [parts.every[k].sequence for _, test in parts.folds for k in test]
+    names, units = np.unique(tested, return_inverse=True)
+    grouped = len(names) >= UNITS
+    if not grouped:
+        units = np.arange(len(tested))
+    summed = {
+        row: np.stack([matrices[units == unit].sum(axis=0) for unit in range(units.max() + 1)])
+        for row, matrices in found.items()
+    }
+    return {
+        row: {
+            **over_units(summed[row], summed["labels"])._asdict(),
+            "units": f"{len(names)} groups" if grouped else f"{len(tested)} images",
+        }
+        for row in found
+        if row.startswith("labels+")
+    }
 
 
 def _leave(

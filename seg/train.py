@@ -490,20 +490,15 @@ def score(
     return confusion_matrix(labels, predicted, classes)
 
 
-def score_heads(
+def predict_heads(
     params: Variables,
     images: UInt8[np.ndarray, "n h w 3"],
-    labels: UInt8[np.ndarray, "n h w"],
     settings: TrainSettings,
     classes: int,
     *,
     features: Maps | None = None,
-) -> tuple[Int64[np.ndarray, "classes classes"], Int64[np.ndarray, "heads classes classes"]]:
-    """As `score`, and the same for each of the net's heads alone; arguments and errors are the same."""
+) -> UInt8[np.ndarray, "n nets h w"]:
+    """As `predict`, and for a net of several heads the classes by each head alone behind those by all."""
     if settings.heads == 1:
-        found = score(params, images, labels, settings, classes, features=features)
-        return found, found[None]
-    _check(images, labels)
-    predicted = _of_batches(params, images, settings, classes, features, "heads")
-    each = [confusion_matrix(labels, own, classes) for own in predicted.swapaxes(0, 1)]
-    return each[0], np.stack(each[1:])
+        return predict(params, images, settings, classes, features=features)[:, None]
+    return _of_batches(params, images, settings, classes, features, "heads")

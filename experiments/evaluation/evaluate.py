@@ -21,15 +21,15 @@ import numpy as np
 from experiments.evaluation.cached import Cached, loaded
 from experiments.evaluation.job import Keeps, Recipe, Result, Source, rendered_of
 from experiments.evaluation.made_with import refuse_other
-from experiments.evaluation.predictions import Predictions, compared, picked
+from experiments.evaluation.predictions import predictions_of
 from scene.dataset.render import Dataset, render_dataset
 from scene.proposal import Streets, draw
 from scene.workers import Workers
 from seg.beside import TrainingSet
 from seg.data import LabelledImages
-from seg.metrics import iou, mean_iou
+from seg.metrics import confusion_matrix, iou, mean_iou
 from seg.pyramid import features
-from seg.train import Params, TrainingError, predict, score_heads, train
+from seg.train import Params, TrainingError, predict_heads, train
 from seg.views import view_images
 
 _KEPT: dict[Any, LabelledImages] = {}
@@ -214,35 +214,24 @@ def tested(
     """Test a trained net; the time of testing counts as training."""
     started = time.perf_counter()
     settings, classes = recipe.fidelity.train, len(recipe.classes.classes)
-    confusion, of_heads = score_heads(
-        params, real.images, real.labels, settings, classes, features=real.features
-    )
+    predicted = predict_heads(params, real.images, settings, classes, features=real.features)
+    pairs = zip(real.labels, predicted[:, 0], strict=True)
+    by_image = np.stack([confusion_matrix(*pair, classes) for pair in pairs])
+    confusion = by_image.sum(axis=0)
+    heads = [confusion_matrix(real.labels, own, classes) for own in predicted.swapaxes(0, 1)[1:]]
     seconds = train_seconds + time.perf_counter() - started
-    found = None if keeps is None else _predictions(recipe, params, real, confusion, keeps)
     return Result(
         mean_iou(confusion),
         _class_iou(confusion),
         render_seconds,
         seconds,
-        heads=tuple(map(_class_iou, of_heads)) if settings.heads > 1 else (),
-        predictions=found,
+        heads=tuple(map(_class_iou, heads)),
+        predictions=keeps and predictions_of(by_image, predicted[:, 0], keeps == "predictions"),
     )
 
 
 def _class_iou(confusion: np.ndarray) -> list[float | None]:
     return [None if np.isnan(value) else float(value) for value in iou(confusion)]
-
-
-def _predictions(
-    recipe: Recipe, params: Params, real: LabelledImages, confusion: np.ndarray, keeps: Keeps
-) -> Predictions:
-    """The kept results of a net: its confusion matrix, and predictions on request."""
-    if keeps == "confusion":
-        return Predictions(confusion)
-    settings, chosen = recipe.fidelity.train, picked(len(real.images))
-    some = real.take(chosen)
-    found = predict(params, some.images, settings, len(confusion), features=some.features)
-    return compared(confusion, chosen, some.labels, found)
 
 
 def worker_environment() -> dict[str, str]:

@@ -13,7 +13,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from seg.metrics import confusion_matrix, mean_iou
+from seg.metrics import mean_iou
 from shell.files import naming, write
 
 FOLDER = "nets"
@@ -29,6 +29,7 @@ class Predictions(NamedTuple):
     picked: np.ndarray | None = None  # i32[n], the images with predictions
     miou: np.ndarray | None = None  # f32[n], of each such image, in [0, 1]; NaN if all is void
     predictions: np.ndarray | None = None  # u8[n, h, w]
+    by_image: np.ndarray | None = None  # i32[images, classes, classes], of every tested image
 
 
 def picked(images: int) -> np.ndarray:
@@ -36,21 +37,22 @@ def picked(images: int) -> np.ndarray:
     return np.unique(np.linspace(0, images - 1, min(MOST, images)).round().astype(np.int32))
 
 
-def compared(
-    confusion: np.ndarray, chosen: np.ndarray, labels: np.ndarray, predictions: np.ndarray
-) -> Predictions:
-    """Make the contents of a net's file with its predictions.
+def predictions_of(by_image: np.ndarray, predictions: np.ndarray, whole: bool) -> Predictions:
+    """Make the contents of a net's file.
 
     Args:
-        confusion: i64[classes, classes], over all images.
-        chosen: i32[n], indices of the predicted images.
-        labels: u8[n, h, w], their labels.
+        by_image: i64[n, classes, classes], the confusion matrix of every tested image.
         predictions: u8[n, h, w].
+        whole: whether to keep some of the predictions, too.
     """
-    pairs = zip(labels, predictions, strict=True)
-    own = [confusion_matrix(true, found, len(confusion)) for true, found in pairs]
-    miou = np.array([mean_iou(one) if one.any() else np.nan for one in own], np.float32)
-    return Predictions(confusion, chosen, miou, predictions)
+    found = Predictions(by_image.sum(axis=0), by_image=by_image.astype(np.int32))
+    if not whole:
+        return found
+    chosen = picked(len(by_image))
+    miou = [mean_iou(own) if own.any() else np.nan for own in by_image[chosen]]
+    return found._replace(
+        picked=chosen, miou=np.array(miou, np.float32), predictions=predictions[chosen]
+    )
 
 
 def file_of(run: Path, key: str) -> Path:

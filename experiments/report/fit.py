@@ -126,7 +126,8 @@ def text(report: Report) -> str:
             ],
         ),
     ]
-    lines += [f"\n{sentence}" for sentence in (*_by_fold(report), *_from_labels(report))]
+    sentences = (*_by_fold(report), *_over_images(report), *_from_labels(report))
+    lines += [f"\n{sentence}" for sentence in sentences]
     lines += [f"\nNote: {note}." for note in report["notes"]]
     lines += ["", _left(report)]
     return "\n".join(lines)
@@ -163,6 +164,18 @@ def _by_fold(report: Report) -> list[str]:
     gains = report["gains"]["labels+renders"]["folds"]
     each = ", ".join(f"{gain:+.1f}" for gain in gains)
     return [f"By fold, renders add {each}."] if len(gains) > 1 else []
+
+
+def _over_images(report: Report) -> list[str]:
+    """A sentence on the gain of the averaged network and what it depends on the tested images."""
+    found = report.get("over_images", {}).get("labels+renders")
+    if not found or found["ci95"] is None:
+        return []
+    low, high = found["ci95"]
+    return [
+        f"To the averaged network renders add {found['value']:.1f} points; 95 % bootstrap interval over "
+        f"{found['units']}: {low:.1f} to {high:.1f}."
+    ]
 
 
 def _from_labels(report: Report) -> list[str]:
@@ -248,7 +261,9 @@ def content(report: Report, folder: Path, config: Mapping[str, Any], over: bool)
             ),
             *((number(gain["mean"], "+.1f"), "points", what, gain) for what, gain in added),
         ],
-        "result_note": " ".join([_tested_on(report), *_by_fold(report), _left(report)]),
+        "result_note": " ".join(
+            [_tested_on(report), *_by_fold(report), *_over_images(report), _left(report)]
+        ),
         "class_note": " ".join(
             ["Mean IoU of each class with 95 % intervals.", *_from_labels(report)]
         ),

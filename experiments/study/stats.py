@@ -9,6 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import stats
 
+from seg.metrics import mean_iou
+
 
 def mean_ci95(values: Sequence[float]) -> tuple[float, list[float] | None]:
     """Mean and its 95 % confidence interval [low, high] by Student's t; None for one value.
@@ -286,6 +288,25 @@ def bootstrap(counts: Sequence[int], statistic: Callable[..., float], seed: int)
     drawn = drawn[np.isfinite(drawn)]
     ends = np.quantile(drawn, [0.025, 0.975]).tolist() if len(drawn) else None
     return Estimate(value, ends)
+
+
+UNITS = 14
+"""The fewest images, or groups of them, for an interval over them."""
+
+
+def over_units(ours: np.ndarray, theirs: np.ndarray) -> Estimate:
+    """The gain in mIoU, in points, of one net over another, with its bootstrap over what both are tested on.
+
+    Args:
+        ours: confusion matrices i64[units, classes, classes] of images or groups of images.
+        theirs: those of the other net.
+    """
+
+    def gained(drawn: np.ndarray) -> float:
+        return 100 * (mean_iou(ours[drawn].sum(axis=0)) - mean_iou(theirs[drawn].sum(axis=0)))
+
+    found = bootstrap([len(ours)], gained, seed=0)
+    return found if len(ours) >= UNITS else found._replace(ci95=None)
 
 
 DRAWS = 10_000

@@ -475,6 +475,10 @@ def test_from_a_folder_of_ones_own_to_a_net(folder, tmp_path, capsys, monkeypatc
     assert (model.settings.heads, other.settings.heads) == (1, 2)  # the head begins both
     report = read_json(tmp_path / "next" / "summary.json")
     assert {len(own) for own in report["averaged"].values()} == {2}  # folds
+    gained = report["over_images"]["labels+renders"]
+    rows = (report["averaged"][row] for row in ("labels+renders", "labels"))
+    assert gained["units"] == "5 images" and gained["ci95"] is None
+    assert np.isfinite(gained["value"]) and all(0 <= v <= 100 for row in rows for v in row)
     assert other.notes["miou"] == report["rows"][report["recipe"]]["averaged"]
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from experiments.evaluation.predictions import MOST, compared, file_of, load, picked, save
+from experiments.evaluation.predictions import MOST, file_of, load, picked, predictions_of, save
 from experiments.main import pictures
 from seg.classes import CAMVID_11, CITYSCAPES_19, IGNORE_LABEL, colorize
 
@@ -25,10 +25,15 @@ def test_shares_and_mean_rows_by_hand():
 def test_what_a_net_saw_is_left_whole_or_not_at_all(tmp_path):
     path = file_of(tmp_path, "0123456789abcdef, and more")
     assert load(path) is None
-    labels = np.array([[[0, 1]], [[255, 255]]], np.uint8)
     predictions = np.array([[[0, 0]], [[1, 1]]], np.uint8)
-    save(path, compared(np.eye(2, dtype=np.int64), np.array([3, 5]), labels, predictions))
+    by_image = np.array([[[1, 0], [1, 0]], np.zeros((2, 2))], np.int64)  # the second is all void
+    save(path, predictions_of(by_image, predictions, whole=False))
     found = load(path)
+    assert found.predictions is None
+    np.testing.assert_array_equal(found.confusion, by_image[0])
+    save(path, predictions_of(by_image, predictions, whole=True))
+    found = load(path)
+    np.testing.assert_array_equal(found.by_image, by_image)
     np.testing.assert_array_equal(found.miou, [0.25, np.nan])  # IoU 1/2 and 0; all void
     np.testing.assert_array_equal(found.predictions, predictions)
     path.write_bytes(path.read_bytes()[:-9])

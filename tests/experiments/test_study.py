@@ -30,7 +30,7 @@ from experiments.study.skeleton import (
     learnt_work,
     of_rows,
 )
-from experiments.study.stats import statistics
+from experiments.study.stats import over_units, statistics
 from scene.proposal import random_proposal
 from shell.errors import UserError
 from shell.files import read_json
@@ -333,6 +333,18 @@ def test_the_plan_tells_nets_seconds_and_time_and_what_nets_start_from(tmp_path)
         == 1
     )
     assert form.starts({"starts": [said]}) == f" {said}." and form.starts({}) == ""
+
+
+def test_a_gain_over_tested_images_by_hand():
+    good, bad = np.diag([8, 8]), np.array([[4, 4], [0, 8]])
+    ours, theirs = np.array([good] * 15), np.array([good] * 5 + [bad] * 10)
+    found = over_units(ours, theirs)
+    assert found.value == pytest.approx(100 * (1 - (80 / 120 + 120 / 160) / 2))
+    low, high = found.ci95
+    assert 10 < low < found.value < high < 42  # of no image with a mistake, or of all
+    assert over_units(ours, ours) == (0.0, [0.0, 0.0])
+    few = over_units(ours[:13], theirs[:13])
+    assert few.value > 0 and few.ci95 is None
 
 
 def test_statistics_leave_failed_nets_out_and_figures_in_tables_by_hand():
