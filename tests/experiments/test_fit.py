@@ -267,11 +267,11 @@ def test_an_unknown_pace_is_measured_where_it_decides(large: Path, tmp_path, mon
 
 def test_sizes_that_need_too_much_memory_are_not_chosen(large, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(context.paces, "read", lambda kind: Pace(0.01, 0.01))
-    monkeypatch.setattr(experiments.fit, "memory", lambda: 2_000_000_000)
+    monkeypatch.setattr(experiments.fit, "memory", lambda: 4_000_000_000)
     sizes = [config_of(large, tmp_path / "run", workers=n).final.width for n in (1, 2)]
     assert sizes[0] == 480 > sizes[1] > 240
-    with pytest.raises(UserError, match=r"^--size 240x176 would take .* in 8 worker.*are 2 GB"):
-        config_of(large, tmp_path / "run", workers=8)
+    with pytest.raises(UserError, match=r"^--size 240x176 would take .* in 16 worker.*are 4 GB"):
+        config_of(large, tmp_path / "run", workers=16)
 
 
 def test_figures_come_from_the_published_split_a_group_or_folds(
