@@ -242,6 +242,8 @@ def config_of(
     with flagged("--net"):
         check_settings(first.final.train)
     check_weights(first.final.train, 1)
+    if begun is not None:
+        _refuse_large(first, len(parts.every))
     pace = pace_here(say, measure=begun is None and preset != "smoke")
     choice = sized(at, parts, photographs, pace, size=begun, minutes=minutes)
     config = at(choice.size)
@@ -286,9 +288,10 @@ def sized(
 
 def _size_of(out: Path) -> Size | None:
     """The size of the run that a folder holds, if it holds one."""
-    with suppress(UserError, OSError, LookupError, TypeError, ValueError):
+    with suppress(UserError, OSError, LookupError, TypeError, ValueError, OverflowError):
         final = read_config(out)["final"]
-        return int(final["width"]), int(final["height"])
+        size = int(final["width"]), int(final["height"])
+        return size if min(size) >= SMALLEST else None
     return None
 
 

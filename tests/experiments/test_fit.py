@@ -245,6 +245,10 @@ def test_fit_takes_the_size_that_this_machine_can_and_a_run_keeps_its_own(
     again = {"engine": ENGINE, **asdict(config_of(large, tmp_path / "run", workers=2))}
     run_folder.refuse_foreign(tmp_path / "run", again)
     other = {"engine": ENGINE, **asdict(config_of(large, tmp_path / "run", workers=2, minutes=9.0))}
+    for damaged in ("", '{"final": 3}', '{"final": {"width": 0, "height": 1e999}}'):
+        (tmp_path / "other").mkdir(exist_ok=True)
+        write_file(tmp_path / "other" / run_folder.CONFIG, damaged)
+        assert experiments.fit._size_of(tmp_path / "other") is None
     with pytest.raises(UserError, match=r"a run with minutes = null, not 9\.0"):
         run_folder.refuse_foreign(tmp_path / "run", other)
 
@@ -552,7 +556,7 @@ def test_what_cannot_be_fitted_is_one_line(folder: Path, tmp_path: Path, capsys)
     assert [*(tmp_path / "run").rglob("*.*")] == [letter]
 
 
-@pytest.mark.parametrize("size", [(800, 8000), (80_000, 8000)])
+@pytest.mark.parametrize("size", [(800, 8000), (80_000, 8000), (8 * 10**400, 64)])
 def test_a_size_that_does_not_fit_is_refused_with_flags_of_fit(folder, tmp_path, monkeypatch, size):
     monkeypatch.setattr(experiments.fit, "memory", lambda: 24_000_000_000)
     with pytest.raises(UserError, match=r"^--size .*(use --size \d+x\d+ or less|pixels)") as error:
