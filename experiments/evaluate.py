@@ -309,7 +309,7 @@ def main(arguments: Arguments = None) -> int:
     def work() -> None:
         if options.json is not None:
             check_file("--json", options.json)
-        model = load_model(options.model, mirror=options.mirror)
+        model = load_model(options.model, mirror=not options.no_mirror)
         target = find_target(options.target, options.data)
         data = labelled(target, options.data, options.split, options.group)
         scores = evaluate(model, data, options.pictures, progress=True)

@@ -40,7 +40,7 @@ def main(arguments: Arguments = None) -> int:
     options = parsers.export().parse_args(arguments)
 
     def work() -> None:
-        model = load_model(options.model, mirror=options.mirror)
+        model = load_model(options.model, mirror=not options.no_mirror)
         size = export(model, options.onnx)
         print(f"{options.onnx}: {size / 1e6:.1f} MB")
 

@@ -153,7 +153,7 @@ def main(arguments: Arguments = None) -> int:
     options = parsers.predict().parse_args(arguments)
 
     def work() -> None:
-        model = load_model(options.model, mirror=options.mirror)
+        model = load_model(options.model, mirror=not options.no_mirror)
         done = predict(
             model,
             options.images,

@@ -2,185 +2,176 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any, get_args
+from typing import Annotated
 
-from scene.attributes import SPACES
+from scene.attributes import SpaceName
 from scene.dataset.formats.layout import FORMATS, SPLITS
 from scene.names import HELD, OVERLAPS, OWN_EVERY, PLACES, RENDERERS, USES, WEATHERS
 from scene.proposal import NAMES
 from scene.workers import ExecutorName
-from shell.command import Parser, docstring, size
+from shell.flags import ARGUMENT, ONE_OF, REPEATED, SWITCH, Option, Size, command_line
 from shell.target_file import SHIPPED
 
-ASSETS: dict[str, dict[str, Any]] = {
-    "--assets": {
-        "default": "",
-        "metavar": "DIR",
-        "help": "folder of your own assets, see docs/howto/assets.md",
-    },
-    "--asset-use": {"choices": USES, "default": "both", "help": "which assets may appear"},
-    "--overlap": {
-        "choices": OVERLAPS,
-        "default": "",
-        "help": "whether objects may stand in each other; by default they may in space scenex only",
-    },
-    "--weather": {
-        "choices": WEATHERS,
-        "default": "",
-        "help": "of all streets; by default each has its own",
-    },
-    "--asset-fraction": {
-        "type": float,
-        "default": 1.0,
-        "metavar": "SHARE",
-        "help": "of the assets, used",
-    },
-}
-"""Flags of what streets draw from, of all commands that have them."""
+TARGET = (
+    "write labels of these classes, in the ids or colours of its label files: "
+    f"{', '.join(SHIPPED)}, or a target's file"
+)
+OWN = (
+    "GLB of a class of your own; about eleven stand in a street, one on every "
+    f"{OWN_EVERY} m where there is room"
+)
+MODES = ("--sweep", "--theme", "--asset")
+"""What a preview may show instead of streets."""
 
 
-def render() -> Parser:
-    """The command line of `sdr-jax render`."""
-    options = Parser("render", docstring("scene.render"))
-    add = options.add_argument
-    add("--out", type=Path, required=True, metavar="DIR", help="folder of the dataset")
-    add(
-        "--attributes",
-        default="default",
-        metavar="NAME|FILE",
-        help="default (around a hand-set street), random, mixed (half of either), or a JSON file: a "
-        "run's attributes.json, or every attribute's name with a value in [0, 1]",
-    )
-    add("--space", choices=SPACES, help="attributes of streets given by name (default: scenex)")
-    add("--fix", action="append", default=[], metavar="NAME=VALUE", help=HELD)
-    add(
-        "--images",
-        type=int,
-        default=180,
-        metavar="N",
-        help="images in all; each shows a different street, unless --shots says otherwise",
-    )
-    add("--shots", type=int, default=1, metavar="N", help="images along each street")
-    add("--size", type=size, default="640x320", metavar="WxH", help="in pixels")
-    add("--format", choices=FORMATS, default="cityscapes", help="layout, see docs/datasets.md")
-    add(
-        "--target",
-        metavar="NAME|FILE",
-        help="write labels of these classes, in the ids or colours of its label files: "
-        f"{', '.join(SHIPPED)}, or a target's file",
-    )
-    add("--split", choices=SPLITS, default="train", help="what the dataset calls its images")
-    add("--seed", type=int, default=0, metavar="N", help="seed of all random choices")
-    add("--workers", type=int, default=2, metavar="N", help="processes; no file depends on it")
-    add = options.group("where and how it renders")
-    add("--renderer", choices=RENDERERS, default="embree", help="who traces the rays")
-    add("--samples", type=int, default=2, metavar="N", help="rays per pixel along each axis")
-    add(
-        "--executor",
-        choices=get_args(ExecutorName),
-        default="processes",
-        help="who works: processes of this machine, or a Dask cluster, see docs/cluster.md",
-    )
-    add("--scheduler", metavar="ADDRESS", help="of the cluster, such as tcp://10.0.0.1:8786")
-    add = options.group("assets")
-    for flag, told in ASSETS.items():
-        add(flag, **told)
-    add(
-        "--asset-count",
-        type=int,
-        metavar="N",
-        help="built-in assets of each family; by default all",
-    )
-    add(
-        "--own-asset",
-        metavar="FILE",
-        help="GLB of a class of your own; about eleven stand in a street, one on every "
-        f"{OWN_EVERY} m where there is room",
-    )
-    add("--own-class", metavar="NAME", help="its name in labels, beside the 19 classes")
-    add("--own-place", choices=PLACES, help="where it stands; by default the sidewalk")
-    return options
+@dataclass(frozen=True, kw_only=True)
+class Assets:
+    """What streets draw from."""
+
+    assets: Annotated[str, Option("DIR")] = ""
+    """folder of your own assets, see docs/howto/assets.md"""
+    asset_use: Annotated[str, Option(choices=USES)] = "both"
+    """which assets may appear"""
+    overlap: Annotated[str, Option(choices=OVERLAPS)] = ""
+    """whether objects may stand in each other; by default they may in space scenex only"""
+    weather: Annotated[str, Option(choices=WEATHERS)] = ""
+    """of all streets; by default each has its own"""
+    asset_fraction: Annotated[float, Option("SHARE")] = 1.0
+    """of the assets, used"""
 
 
-def check() -> Parser:
-    """The command line of `sdr-jax check`."""
-    options = Parser("check", docstring("scene.check"))
-    add = options.add_argument
-    add("dataset", type=Path, nargs="?", metavar="DIR", help="folder of the dataset")
-    add(
-        "--overlaps",
-        type=int,
-        metavar="N",
-        help="instead of a dataset: count overlaps in N hand-set and N random streets",
-    )
-    add("--overlap", choices=OVERLAPS, default="", help="whether their objects may; see render")
-    add("--space", choices=SPACES, default="extended", help="attributes of these streets")
-    for flag in ("--overlap", "--space"):
-        options.needs(flag, "--overlaps")
-    return options
+ASSETS = ("assets", "asset_use", "overlap", "weather", "asset_fraction")
 
 
-def stats() -> Parser:
-    """The command line of `sdr-jax stats`."""
-    options = Parser("stats", docstring("scene.stats"))
-    add = options.add_argument
-    add("dataset", type=Path, metavar="DIR", help="folder that `sdr-jax render` wrote")
-    add(
-        "--against",
-        type=Path,
-        metavar="DIR",
-        help="folder of CamVid, of Cityscapes or of another dataset",
-    )
-    add(
-        "--only",
-        action="append",
-        default=[],
-        metavar="PREFIX",
-        help="of real images, only those called PREFIX...; may be given again",
-    )
-    add("--json", type=Path, metavar="FILE", help="file for the same figures")
-    return options
+@dataclass(frozen=True, kw_only=True)
+class Render(Assets):
+    """Options of `sdr-jax render`."""
+
+    out: Annotated[Path, Option("DIR")]
+    """folder of the dataset"""
+    attributes: Annotated[str, Option("NAME|FILE")] = "default"
+    """default (around a hand-set street), random, mixed (half of either), or a JSON file: a run's
+    attributes.json, or every attribute's name with a value in [0, 1]"""
+    space: SpaceName | None = None
+    """attributes of streets given by name (default: scenex)"""
+    fix: Annotated[tuple[str, ...], REPEATED, Option("NAME=VALUE", help=HELD)] = ()
+    images: Annotated[int, Option("N")] = 180
+    """images in all; each shows a different street, unless --shots says otherwise"""
+    shots: Annotated[int, Option("N")] = 1
+    """images along each street"""
+    size: Size = (640, 320)
+    """in pixels"""
+    format: Annotated[str, Option(choices=FORMATS)] = "cityscapes"
+    """layout, see docs/datasets.md"""
+    target: Annotated[str | None, Option("NAME|FILE", help=TARGET)] = None
+    split: Annotated[str, Option(choices=SPLITS)] = "train"
+    """what the dataset calls its images"""
+    seed: Annotated[int, Option("N")] = 0
+    """seed of all random choices"""
+    workers: Annotated[int, Option("N")] = 2
+    """processes; no file depends on it"""
+    renderer: Annotated[str, Option(choices=RENDERERS)] = "embree"
+    """who traces the rays"""
+    samples: Annotated[int, Option("N")] = 2
+    """rays per pixel along each axis"""
+    executor: ExecutorName = "processes"
+    """who works: processes of this machine, or a Dask cluster, see docs/cluster.md"""
+    scheduler: Annotated[str | None, Option("ADDRESS")] = None
+    """of the cluster, such as tcp://10.0.0.1:8786"""
+    asset_count: Annotated[int | None, Option("N")] = None
+    """built-in assets of each family; by default all"""
+    own_asset: Annotated[str | None, Option("FILE", help=OWN)] = None
+    own_class: Annotated[str | None, Option("NAME")] = None
+    """its name in labels, beside the 19 classes"""
+    own_place: Annotated[str | None, Option(choices=PLACES)] = None
+    """where it stands; by default the sidewalk"""
 
 
-def preview() -> Parser:
-    """The command line of `sdr-jax preview`."""
-    options = Parser("preview", docstring("scene.preview"))
-    add = options.add_argument
-    add("--out", type=Path, required=True, metavar="FILE", help="PNG or JPEG file to write")
-    what = options.add_mutually_exclusive_group()
-    what.add_argument("--sweep", metavar="ATTRIBUTE", help="an attribute from 0 to 1; or 'all'")
-    what.add_argument("--theme", metavar="THEME", help="more of one thing, such as bends; or 'all'")
-    what.add_argument("--asset", metavar="CLASS", help="assets of a class or family; or 'all'")
-    add("--attributes", choices=NAMES, default="default", help="attributes of the streets")
-    add("--streets", type=int, default=3, metavar="N", help="streets of the page")
-    add("--shots", type=int, default=4, metavar="N", help="images per street")
-    add("--size", type=size, metavar="WxH", help="size of images; by default what suits the page")
-    add("--seed", type=int, default=0, metavar="N", help="seed of all random choices")
-    add = options.group("what is on the page")
-    add("--space", choices=SPACES, default="scenex", help="attributes of the streets")
-    add("--renderer", choices=(*RENDERERS, "both"), default="embree", help="who traces the rays")
-    add("--steps", type=int, default=7, metavar="N", help="values of a sweep")
-    add("--count", type=int, default=12, metavar="N", help="assets of a class")
-    add("--columns", type=int, metavar="N", help="assets in a row")
-    for flag, mode in (("--steps", "--sweep"), ("--count", "--asset"), ("--columns", "--asset")):
-        options.needs(flag, mode)
-    for flag in ("--attributes", "--space"):
-        options.excludes(flag, "--sweep", "--theme", "--asset")
-    add = options.group("assets")
-    for flag, told in ASSETS.items():
-        add(flag, **told)
-    return options
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """Options of `sdr-jax check`."""
+
+    dataset: Annotated[Path | None, ARGUMENT, Option("DIR", nargs="?")] = None
+    """folder of the dataset"""
+    overlaps: Annotated[int | None, Option("N")] = None
+    """instead of a dataset: count overlaps in N hand-set and N random streets"""
+    overlap: Annotated[str, Option(choices=OVERLAPS, needs=("--overlaps",))] = ""
+    """whether their objects may; see render"""
+    space: Annotated[SpaceName, Option(needs=("--overlaps",))] = "extended"
+    """attributes of these streets"""
 
 
-def catalogue() -> Parser:
-    """The command line of `sdr-jax catalogue`."""
-    options = Parser("catalogue", docstring("scene.assets"))
-    what = options.add_mutually_exclusive_group()
-    what.add_argument("--json", action="store_true", help="print {class: count}")
-    what.add_argument("--closest", metavar="CLASS", help="class or family; 'all' for every one")
-    options.add_argument(
-        "--pairs", type=int, default=10, metavar="N", help="pairs to print with --closest"
-    )
-    options.needs("--pairs", "--closest")
-    return options
+@dataclass(frozen=True, kw_only=True)
+class Stats:
+    """Options of `sdr-jax stats`."""
+
+    dataset: Annotated[Path, ARGUMENT, Option("DIR")]
+    """folder that `sdr-jax render` wrote"""
+    against: Annotated[Path | None, Option("DIR")] = None
+    """folder of CamVid, of Cityscapes or of another dataset"""
+    only: Annotated[tuple[str, ...], REPEATED, Option("PREFIX")] = ()
+    """of real images, only those called PREFIX...; may be given again"""
+    json: Annotated[Path | None, Option("FILE")] = None
+    """file for the same figures"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Preview(Assets):
+    """Options of `sdr-jax preview`."""
+
+    out: Annotated[Path, Option("FILE")]
+    """PNG or JPEG file to write"""
+    sweep: Annotated[str | None, ONE_OF, Option("ATTRIBUTE")] = None
+    """an attribute from 0 to 1; or 'all'"""
+    theme: Annotated[str | None, ONE_OF, Option("THEME")] = None
+    """more of one thing, such as bends; or 'all'"""
+    asset: Annotated[str | None, ONE_OF, Option("CLASS")] = None
+    """assets of a class or family; or 'all'"""
+    attributes: Annotated[str, Option(choices=NAMES, excludes=MODES)] = "default"
+    """attributes of the streets"""
+    streets: Annotated[int, Option("N")] = 3
+    """streets of the page"""
+    shots: Annotated[int, Option("N")] = 4
+    """images per street"""
+    size: Size | None = None
+    """size of images; by default what suits the page"""
+    seed: Annotated[int, Option("N")] = 0
+    """seed of all random choices"""
+    space: Annotated[SpaceName, Option(excludes=MODES)] = "scenex"
+    """attributes of the streets"""
+    renderer: Annotated[str, Option(choices=(*RENDERERS, "both"))] = "embree"
+    """who traces the rays"""
+    steps: Annotated[int, Option("N", needs=("--sweep",))] = 7
+    """values of a sweep"""
+    count: Annotated[int, Option("N", needs=("--asset",))] = 12
+    """assets of a class"""
+    columns: Annotated[int | None, Option("N", needs=("--asset",))] = None
+    """assets in a row"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Catalogue:
+    """Options of `sdr-jax catalogue`."""
+
+    json: Annotated[bool, ONE_OF, SWITCH] = False
+    """print {class: count}"""
+    closest: Annotated[str | None, ONE_OF, Option("CLASS")] = None
+    """class or family; 'all' for every one"""
+    pairs: Annotated[int, Option("N", needs=("--closest",))] = 10
+    """pairs to print with --closest"""
+
+
+render = partial(command_line, "render", Render, "scene.render", {
+    "where and how it renders": ("renderer", "samples", "executor", "scheduler"),
+    "assets": (*ASSETS, "asset_count", "own_asset", "own_class", "own_place"),
+})  # fmt: skip
+check = partial(command_line, "check", Check, "scene.check")
+stats = partial(command_line, "stats", Stats, "scene.stats")
+preview = partial(command_line, "preview", Preview, "scene.preview", {
+    "what is on the page": ("space", "renderer", "steps", "count", "columns"), "assets": ASSETS,
+})  # fmt: skip
+catalogue = partial(command_line, "catalogue", Catalogue, "scene.assets")
+"""What makes each command line."""

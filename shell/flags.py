@@ -8,6 +8,8 @@ class Settings:
 for field in flags_of(Settings()):
     add_flag(parser.add_argument, field)
 settings = filled(Settings(), vars(parser.parse_args(["--steps", "3"])))
+
+Where every field has one default, `command_line` makes the whole parser.
 """
 
 from __future__ import annotations
@@ -16,13 +18,15 @@ import argparse
 import ast
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import fields, is_dataclass, replace
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import MISSING, fields, is_dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from types import NoneType, UnionType
+from types import MappingProxyType, NoneType, UnionType
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar, Union, get_args, get_origin
 from typing import get_type_hints as hints_of
+
+from shell.command import Parser, docstring, size
 
 Value = TypeVar("Value")
 KINDS: dict[type, str] = {int: "a whole number", float: "a number", Path: "a path", str: "a word"}
@@ -37,6 +41,19 @@ class Alias(NamedTuple):
     flag: str
 
 
+class Option(NamedTuple):
+    """Marks how a field stands on the command line, where its type and its docstring do not say it."""
+
+    metavar: str | None = None
+    flag: str | None = None  # in place of the field's name
+    nargs: str | None = None
+    const: Any = None  # the value of the flag without a word
+    choices: Collection[str] = ()
+    help: str | None = None  # in place of the docstring
+    needs: tuple[str, ...] = ()  # flags without one of which it has no effect
+    excludes: tuple[str, ...] = ()  # flags with which it has none
+
+
 class Word(NamedTuple):
     """Marks a type whose values are one word of the command line."""
 
@@ -49,6 +66,14 @@ UNUSED = "no flag"
 """Marks a field that is no flag of this command."""
 REPEATED = "once for each"
 """Marks a tuple whose flag takes one word and is repeated for each member."""
+Size = Annotated[tuple[int, int], Word("WxH", size, lambda pixels: "{}x{}".format(*pixels))]
+"""Width and height in pixels, such as 640x320."""
+ARGUMENT = "no flag but a word in its place"
+"""Marks a field that is an argument."""
+SWITCH = "no flag turns it off"
+"""Marks a bool with one flag, which turns it on."""
+ONE_OF = "instead of the others"
+"""Marks fields of which a command line may have one."""
 
 
 class Field(NamedTuple):
@@ -63,22 +88,55 @@ class Field(NamedTuple):
     @property
     def flag(self) -> str:
         """The flag, such as ``--reward.train.head-width``."""
-        return "--" + ".".join(self.path).replace("_", "-")
+        return self.option.flag or "--" + ".".join(self.path).replace("_", "-")
+
+    @property
+    def option(self) -> Option:
+        """How it stands on the command line."""
+        return next((mark for mark in self.marks if isinstance(mark, Option)), Option())
+
+
+def command_line(
+    name: str, kind: type, module: str, groups: Mapping[str, Sequence[str]] = MappingProxyType({})
+) -> Parser:
+    """Make the parser of a command, whose result has the fields of a dataclass.
+
+    Args:
+        name: the command's name.
+        kind: the dataclass; fields without a default are required.
+        module: the module whose docstring is the help's first part.
+        groups: title and fields of the groups of options that only ``--help-all`` shows.
+    """
+    parser, flags = Parser(name, docstring(module)), [*flags_of(kind)]
+    one_of = parser.add_mutually_exclusive_group().add_argument
+    adders: dict[str, Callable[..., Any]] = {}
+    for title, names in groups.items():
+        adders |= dict.fromkeys(names, parser.group(title))
+    for field in flags:
+        usual = one_of if ONE_OF in field.marks else parser.add_argument
+        if field.default is not MISSING:
+            parser.set_defaults(**{field.path[0]: field.default})
+        add_flag(adders.get(field.path[0], usual), field)
+        if field.option.needs:
+            parser.needs(field.flag, *field.option.needs)
+        parser.excludes(field.flag, *field.option.excludes)
+    return parser
 
 
 def flags_of(value: Any, path: tuple[str, ...] = ()) -> Iterator[Field]:
-    """The fields of a dataclass that are flags, with those of nested dataclasses."""
-    kind: Any = type(value)  # mypy takes no type for hashable
+    """The fields of a dataclass, or of an instance with its values, that are flags; nested ones, too."""
+    kind: Any = value if isinstance(value, type) else type(value)
     hints = _hints(kind)
-    for own in fields(value):
-        default, where = vars(value)[own.name], (*path, own.name)
+    for own in fields(kind):
+        default, where = getattr(value, own.name, own.default), (*path, own.name)
         bare, marks = _bare(hints[own.name])
         if UNUSED in marks:
             continue
         if is_dataclass(default):
             yield from flags_of(default, where)
         else:
-            yield Field(where, type(value), bare, marks, default)
+            word = any(isinstance(mark, Word) for mark in marks)
+            yield Field(where, kind, hints[own.name] if word else bare, marks, default)
 
 
 def filled(value: Value, given: Mapping[str, Any], path: tuple[str, ...] = ()) -> Value:
@@ -106,30 +164,39 @@ def add_flag(add: Callable[..., Any], field: Field) -> None:
         add: the ``add_argument`` of the parser or group.
         field: the field, whose default the help shows.
     """
+    option = field.option
     flags = [field.flag, *(mark.flag for mark in field.marks if isinstance(mark, Alias))]
     options: dict[str, Any] = {"dest": ".".join(field.path), "default": argparse.SUPPRESS}
-    said = documented(field.owner).get(field.path[-1], "")
+    said = option.help or documented(field.owner).get(field.path[-1], "")
+    if SWITCH in field.marks:
+        add(*flags, action="store_true", help=_escaped(said), **options)
+        return
     if field.kind is bool:
         head, dot, leaf = field.flag[2:].rpartition(".")
         said += f" (default: {'on' if field.default else 'off'})"
         flags.append(f"--{head}{dot}no-{leaf}")
         add(*flags, action=_Switch, help=_escaped(said), **options)
         return
-    kind = field.kind
+    if ARGUMENT in field.marks:
+        flags, options = [options["dest"]], {"default": None}
+    elif field.default is MISSING:
+        options["required"] = True
+    kind = Literal[tuple(option.choices)] if option.choices else field.kind
     if inner := _inner(kind):
         again = REPEATED in field.marks
         options |= {"action": _Repeated} if again else {"nargs": "*", "action": _Tuple}
         kind = inner | None if NoneType in _parts(kind) else inner
     choices = [word for part in _parts(kind) for word in _choices(part)]
-    metavar = _metavar(kind)
+    metavar = option.metavar or _metavar(kind)
     if choices and len("|".join(choices)) > SHORT:
-        metavar, said = "NAME", f"{said} One of {', '.join(choices)}."
+        metavar, said = "NAME", f"{said.rstrip('.')}. One of {', '.join(choices)}."
     if choices and all(_choices(part) or part is NoneType for part in _parts(kind)):
         # What is not among them the reader refuses, in words of its own; completion asks for them.
         options["choices"] = [*choices, *([None] if NoneType in _parts(kind) else [])]
-    shown = (
-        "" if field.default in (None, ()) else f" (default: {_shown(field.kind, field.default)})"
-    )
+    if option.nargs:
+        options |= {"nargs": option.nargs, "const": option.const}
+    plain = field.default in (None, (), "", MISSING)
+    shown = "" if plain else f" (default: {_shown(field.kind, field.default)})"
     add(*flags, type=_reader(kind), metavar=metavar, help=_escaped(said + shown), **options)
 
 
@@ -165,7 +232,8 @@ def _bare(hint: Any) -> tuple[Any, tuple[Any, ...]]:
 
 
 def _word(kind: Any) -> Word | None:
-    return next((mark for mark in _bare(kind)[1] if isinstance(mark, Word)), None)
+    marks = (mark for part in _parts(kind) for mark in _bare(part)[1])
+    return next((mark for mark in marks if isinstance(mark, Word)), None)
 
 
 def _parts(kind: Any) -> tuple[Any, ...]:

@@ -81,9 +81,10 @@ def test_parsers_of_commands_are_called_as_the_commands_are():
     from experiments.config import parsers as ours
     from scene import parsers as of_scene
 
-    for module in (ours, of_scene):
-        for name, make in vars(module).items():
-            if getattr(make, "__module__", "") == module.__name__:
-                parser = make()
-                assert isinstance(parser, Parser) and parser.prog == f"sdr-jax {name}"
-                assert name in COMMANDS and len(parser.description) > 20
+    lines = [getattr(module, name, None) for module in (ours, of_scene) for name in COMMANDS]
+    assert sum(line is not None for line in lines) == 13
+    for line, name in zip(lines, [*COMMANDS] * 2, strict=True):
+        if line is not None:
+            parser = line()
+            assert isinstance(parser, Parser) and parser.prog == f"sdr-jax {name}"
+            assert len(parser.description) > 20

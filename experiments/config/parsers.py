@@ -2,50 +2,154 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import get_args
+from typing import Annotated, Literal, get_args
 
-from scene.attributes import SPACES
+from scene.attributes import SpaceName
 from scene.names import HELD
 from seg.names import As
 from seg.settings import Trunk, TrunkName
 from shell.command import Parser, docstring, size
+from shell.flags import ARGUMENT, SWITCH, Option, Size, command_line
 from shell.target_file import SHIPPED, Fit
 
+TARGET = f"the target: {', '.join(SHIPPED)}, or a target's file; by default DATA/target.yaml"
 PORT, REPORT_PORT = 8420, 8421
 """Ports of the playground and of a served report."""
 WORST = 6
 """Number of images that `sdr-jax evaluate` shows."""
 
 
-def doctor() -> Parser:
-    """The command line of `sdr-jax doctor`."""
-    options = Parser("doctor", docstring("experiments.doctor"))
-    add = options.add_argument
-    add("data", type=Path, nargs="?", metavar="DATA", help="folder of labelled images")
-    add(
-        "--target",
-        metavar="NAME|FILE",
-        help="the file that describes them; by default one is proposed",
-    )
-    add("--write", type=Path, metavar="FILE", help="where to write the proposed file")
-    add(
-        "--out",
-        type=Path,
-        metavar="DIR",
-        help="folder of the page and the picture (default: runs/doctor)",
-    )
-    return options
+@dataclass(frozen=True, kw_only=True)
+class Doctor:
+    """Options of `sdr-jax doctor`."""
+
+    data: Annotated[Path | None, ARGUMENT, Option("DATA", nargs="?")] = None
+    """folder of labelled images"""
+    target: Annotated[str | None, Option("NAME|FILE")] = None
+    """the file that describes them; by default one is proposed"""
+    write: Annotated[Path | None, Option("FILE")] = None
+    """where to write the proposed file"""
+    out: Annotated[Path | None, Option("DIR")] = None
+    """folder of the page and the picture (default: runs/doctor)"""
 
 
-def _no_mirror(options: Parser) -> None:
-    """Add the flag of all commands that use a network."""
-    options.add_argument(
-        "--no-mirror",
-        dest="mirror",
-        action="store_false",
-        help="do not average over the mirror image: half the time, about half a point less",
-    )
+@dataclass(frozen=True, kw_only=True)
+class Predict:
+    """Options of `sdr-jax predict`."""
+
+    model: Annotated[str, ARGUMENT, Option("MODEL")]
+    """folder of a model, or a name: renders19"""
+    images: Annotated[Path, ARGUMENT, Option("IMAGES")]
+    """image, video or folder"""
+    out: Annotated[Path, Option("DIR")]
+    """folder of the results"""
+    how: Annotated[As | None, Option(flag="--as")] = None
+    """content of the PNGs: ids of the model's own label files, their colours, or the image with colours over
+    it; by default ids, or colours if the model's label files have these"""
+    probabilities: Annotated[bool, SWITCH] = False
+    """beside each PNG NAME.npy, float16 of height, width and classes: the probabilities of classes"""
+    rank: Annotated[bool, SWITCH] = False
+    """order images, the least certain first, and write pre-labels for CVAT and Label Studio"""
+    first: Annotated[int, Option("N", needs=("--rank",))] = 100
+    """with --rank: images with pre-labels"""
+    no_mirror: Annotated[bool, SWITCH] = False
+    """do not average over the mirror image: half the time, about half a point less"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evaluate:
+    """Options of `sdr-jax evaluate`."""
+
+    model: Annotated[str, ARGUMENT, Option("MODEL")]
+    """folder of a model, or a name: renders19"""
+    data: Annotated[Path, ARGUMENT, Option("DATA")]
+    """folder of labelled images"""
+    target: Annotated[str | None, Option("NAME|FILE", help=TARGET)] = None
+    split: Annotated[tuple[str, ...], Option("NAME", nargs="+")] = ()
+    """splits to test on; by default test or val, or all if there is neither"""
+    group: Annotated[tuple[str, ...], Option("NAME", nargs="+")] = ()
+    """drives, cities or albums; by default all"""
+    json: Annotated[Path | None, Option("FILE")] = None
+    """also write the figures into a file"""
+    pictures: Annotated[Path | None, Option("DIR")] = None
+    """folder for the 6 worst images, labels and predictions"""
+    no_mirror: Annotated[bool, SWITCH] = False
+    """do not average over the mirror image: half the time, about half a point less"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Export:
+    """Options of `sdr-jax export`."""
+
+    model: Annotated[str, ARGUMENT, Option("MODEL")]
+    """folder of a model, or a name: renders19"""
+    onnx: Annotated[Path, Option("FILE")]
+    """the file to write"""
+    no_mirror: Annotated[bool, SWITCH] = False
+    """do not average over the mirror image: half the time, about half a point less"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Report:
+    """Options of `sdr-jax report`."""
+
+    run: Annotated[Path, ARGUMENT, Option("RUN")]
+    """run folder"""
+    out: Annotated[Path | None, Option("FILE")] = None
+    """the page; by default RUN/report.html"""
+    serve: Annotated[int | None, Option("PORT", nargs="?", const=REPORT_PORT)] = None
+    """show the page to this machine, also while the run goes on; 8421 unless told"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Store:
+    """Options of `sdr-jax store`."""
+
+    command: Annotated[Literal["show", "merge"], ARGUMENT]
+    """what to do"""
+    files: Annotated[tuple[Path, ...], ARGUMENT, Option("FILE", nargs="+")]
+    """stores, or run folders"""
+    out: Annotated[Path | None, Option("FILE")] = None
+    """the new store that merge writes"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Playground:
+    """Options of `sdr-jax playground`."""
+
+    port: Annotated[int, Option("N")] = PORT
+    """of 127.0.0.1"""
+    no_browser: Annotated[bool, SWITCH] = False
+    """only serve; open no browser"""
+    attributes: Annotated[str, Option("NAME|FILE")] = "default"
+    """default, random, mixed, or a JSON file to begin with"""
+    space: SpaceName | None = None
+    """attributes of streets given by name (default: scenex)"""
+    real: Annotated[Path | None, Option("DIR")] = None
+    """real images to look at beside the street"""
+    size: Size = (480, 270)
+    """in pixels"""
+    samples: Annotated[int, Option("N")] = 2
+    """rays per pixel along each axis"""
+    seed: Annotated[int, Option("N")] = 0
+    """seed of the street"""
+    shots: Annotated[int, Option("N")] = 6
+    """images per street"""
+    assets: Annotated[str, Option("DIR")] = ""
+    """folder of your own assets"""
+
+
+doctor = partial(command_line, "doctor", Doctor, "experiments.doctor")
+predict = partial(command_line, "predict", Predict, "experiments.predict")
+evaluate = partial(command_line, "evaluate", Evaluate, "experiments.evaluate")
+export = partial(command_line, "export", Export, "experiments.export")
+report = partial(command_line, "report", Report, "experiments.report")
+store = partial(command_line, "store", Store, "experiments.store")
+playground = partial(command_line, "playground", Playground, "experiments.playground")
+"""What makes each command line."""
 
 
 def fit() -> Parser:
@@ -76,11 +180,8 @@ def fit() -> Parser:
         "--size",
         type=size,
         metavar="WxH",
-        help="size of the images for networks; by default the photographs' own up to about 480x360, or "
-        "the largest that takes ten minutes",
+        help="size of the images for nets; by default a suitable one",
     )
-    add("--minutes", type=float, metavar="N", help="the largest size that takes N minutes instead")
-    options.excludes("--minutes", "--size")
     add(
         "--shape",
         choices=get_args(Fit),
@@ -96,7 +197,6 @@ def fit() -> Parser:
         help="model from which the saved net starts; the tested nets do not",
     )
     add("--store", type=Path, metavar="FILE", help="evaluations that runs share")
-    _no_mirror(options)
     add = options.group("net")
     add(
         "--net",
@@ -116,138 +216,4 @@ def fit() -> Parser:
         metavar="FILE",
         help="for dinov2: model.safetensors in Hugging Face's layout",
     )
-    return options
-
-
-def predict() -> Parser:
-    """The command line of `sdr-jax predict`."""
-    options = Parser("predict", docstring("experiments.predict"))
-    add = options.add_argument
-    add("model", metavar="MODEL", help="folder of a model, or a name: renders19")
-    add("images", type=Path, metavar="IMAGES", help="image, video or folder")
-    add("--out", type=Path, required=True, metavar="DIR", help="folder of the results")
-    add(
-        "--as",
-        dest="how",
-        choices=get_args(As),
-        help="content of the PNGs: ids of the model's own label files, their colours, or the image with "
-        "colours over it; by default ids, or colours if the model's label files have these",
-    )
-    add(
-        "--probabilities",
-        action="store_true",
-        help="beside each PNG NAME.npy, float16 of height, width and classes: the probabilities of classes",
-    )
-    add(
-        "--rank",
-        action="store_true",
-        help="order images, the least certain first, and write pre-labels for CVAT and Label Studio",
-    )
-    add(
-        "--first",
-        type=int,
-        default=100,
-        metavar="N",
-        help="with --rank: images with pre-labels",
-    )
-    _no_mirror(options)
-    options.needs("--first", "--rank")
-    return options
-
-
-def evaluate() -> Parser:
-    """The command line of `sdr-jax evaluate`."""
-    options = Parser("evaluate", docstring("experiments.evaluate"))
-    add = options.add_argument
-    add("model", metavar="MODEL", help="folder of a model, or a name: renders19")
-    add("data", type=Path, metavar="DATA", help="folder of labelled images")
-    add(
-        "--target",
-        metavar="NAME|FILE",
-        help=f"the target: {', '.join(SHIPPED)}, or a target's file; by default DATA/target.yaml",
-    )
-    add(
-        "--split",
-        nargs="+",
-        default=[],
-        metavar="NAME",
-        help="splits to test on; by default test or val, or all if there is neither",
-    )
-    add(
-        "--group",
-        nargs="+",
-        default=[],
-        metavar="NAME",
-        help="drives, cities or albums; by default all",
-    )
-    add("--json", type=Path, metavar="FILE", help="also write the figures into a file")
-    add(
-        "--pictures",
-        type=Path,
-        metavar="DIR",
-        help=f"folder for the {WORST} worst images, labels and predictions",
-    )
-    _no_mirror(options)
-    return options
-
-
-def export() -> Parser:
-    """The command line of `sdr-jax export`."""
-    options = Parser("export", docstring("experiments.export"))
-    options.add_argument("model", metavar="MODEL", help="folder of a model, or a name: renders19")
-    options.add_argument(
-        "--onnx", type=Path, required=True, metavar="FILE", help="the file to write"
-    )
-    _no_mirror(options)
-    return options
-
-
-def report() -> Parser:
-    """The command line of `sdr-jax report`."""
-    options = Parser("report", docstring("experiments.report"))
-    options.add_argument("run", type=Path, metavar="RUN", help="run folder")
-    options.add_argument(
-        "--out", type=Path, metavar="FILE", help="the page; by default RUN/report.html"
-    )
-    options.add_argument(
-        "--serve",
-        type=int,
-        nargs="?",
-        const=REPORT_PORT,
-        metavar="PORT",
-        help=f"show the page to this machine, also while the run goes on; {REPORT_PORT} unless told",
-    )
-    return options
-
-
-def store() -> Parser:
-    """The command line of `sdr-jax store`."""
-    options = Parser("store", docstring("experiments.store"))
-    options.add_argument("command", choices=("show", "merge"), help="what to do")
-    options.add_argument(
-        "files", type=Path, nargs="+", metavar="FILE", help="stores, or run folders"
-    )
-    options.add_argument("--out", type=Path, metavar="FILE", help="the new store that merge writes")
-    return options
-
-
-def playground() -> Parser:
-    """The command line of `sdr-jax playground`."""
-    options = Parser("playground", docstring("experiments.playground"))
-    add = options.add_argument
-    add("--port", type=int, default=PORT, metavar="N", help="of 127.0.0.1")
-    add("--no-browser", action="store_true", help="only serve; open no browser")
-    add(
-        "--attributes",
-        default="default",
-        metavar="NAME|FILE",
-        help="default, random, mixed, or a JSON file to begin with",
-    )
-    add("--space", choices=SPACES, help="attributes of streets given by name (default: scenex)")
-    add("--real", type=Path, metavar="DIR", help="real images to look at beside the street")
-    add("--size", type=size, default="480x270", metavar="WxH", help="in pixels")
-    add("--samples", type=int, default=2, metavar="N", help="rays per pixel along each axis")
-    add("--seed", type=int, default=0, metavar="N", help="seed of the street")
-    add("--shots", type=int, default=6, metavar="N", help="images per street")
-    add("--assets", default="", metavar="DIR", help="folder of your own assets")
     return options

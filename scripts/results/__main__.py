@@ -14,12 +14,14 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 from experiments.config.presets import data_of
 from scripts.results.parts import Data, Size, parts
-from shell.command import Parser, docstring, exit_code
+from shell.bounds import at_least, check_bounds
+from shell.command import Parser, exit_code
 from shell.errors import UserError, refuse_repeats
-from shell.flags import add_flag, filled, flags_of
+from shell.flags import command_line
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,33 +44,28 @@ class ResultsConfig:
     """How much is spent."""
     weights: Path | None = None
     """VGG16's weights from `sdr-jax weights convert`, which add FCN8s and DeepLabv2 (two hours)."""
-    searches: int = 3
+    searches: Annotated[int, at_least(1)] = 3
     """Number of searches of each method."""
-    twins: int = 5
+    twins: Annotated[int, at_least(1)] = 5
     """Number of twins, far and near ones each."""
 
 
 def parser() -> Parser:
     """The command line of `python -m scripts.results`."""
-    options = Parser("results", docstring("scripts.results"))
+    options = command_line("results", ResultsConfig, "scripts.results")
     options.prog = "python -m scripts.results"
-    for field in flags_of(ResultsConfig()):
-        add_flag(options.add_argument, field)
     return options
 
 
 def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
-    default, options = ResultsConfig(), parser()
-    given = vars(options.parse_args(arguments))
+    given = vars(parser().parse_args(arguments))
+    debug, config = given.pop("debug"), ResultsConfig(**given)
     from scripts.results.making import make  # the help needs no job
 
     def work() -> None:
-        config = filled(default, given)
+        check_bounds(config, "--")
         refuse_repeats("--only", config.only)
-        for name in ("searches", "twins"):
-            if given.get(name, 1) < 1:
-                raise UserError(f"--{name} must be 1 or more, not {given[name]}")
         data = Data(
             config.data or data_of("camvid"),
             config.facades or data_of("labelmefacade"),
@@ -83,7 +80,7 @@ def main(arguments: list[str] | None = None) -> int:
                 )
         make(every, config.out, config.docs, config.store, config.only)
 
-    return exit_code(work, debug=given["debug"])
+    return exit_code(work, debug=debug)
 
 
 if __name__ == "__main__":

@@ -314,7 +314,7 @@ def test_ids_of_a_class_that_a_dataset_does_not_have_are_found():
     ("--own-asset bin.glb", "--own-asset needs --own-class beside it"),
     ("--own-class bin", "--own-class needs --own-asset beside it"),
     ("--own-place carriageway", "--own-place needs --own-asset beside it"),
-    ("--own-asset bin.glb --own-class bin --own-place roof", "invalid choice: 'roof'"),
+    ("--own-asset bin.glb --own-class bin --own-place roof", "carriageway, not 'roof'"),
     ("--own-asset bin.glb --own-class traffic_Light", "'traffic_Light': there is such a class already"),
     ("--own-asset bin.glb --own-class VOID", "'VOID': there is such a class already"),
     ("--own-asset bin.glb --own-class=", "own class '' has no name that can be read"),

@@ -9,7 +9,21 @@ from typing import Annotated, Literal
 import pytest
 
 from shell.command import Parser
-from shell.flags import UNUSED, Alias, Word, add_flag, documented, filled, flags_of
+from shell.flags import (
+    ARGUMENT,
+    ONE_OF,
+    SWITCH,
+    UNUSED,
+    Alias,
+    Option,
+    Size,
+    Word,
+    add_flag,
+    command_line,
+    documented,
+    filled,
+    flags_of,
+)
 
 Pair = Annotated[tuple[str, ...], Word("A,B", lambda word: tuple(word.split(",")), ",".join)]
 
@@ -101,3 +115,58 @@ def test_the_help_has_docstrings_and_defaults(capsys):
     ):  # fmt: skip
         assert part in text, part
     assert documented(Settings)["count"] == "Of things."
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Of a command."""
+
+    run: Annotated[Path, ARGUMENT, Option("RUN")]
+    """Folder."""
+    files: Annotated[tuple[Path, ...], ARGUMENT, Option("FILE", nargs="*")] = ()
+    out: Annotated[Path, Option("DIR")]
+    """Where to."""
+    how: Annotated[str, Option(flag="--as", choices=("ids", "colours"))] = "ids"
+    """Content."""
+    serve: Annotated[int | None, Option("PORT", nargs="?", const=80)] = None
+    size: Size | None = None
+    rank: Annotated[bool, SWITCH] = False
+    """Order."""
+    first: Annotated[int, Option("N", needs=("--rank",), excludes=("--size",))] = 7
+    a: Annotated[str | None, ONE_OF] = None
+    b: Annotated[str | None, ONE_OF] = None
+
+
+@pytest.mark.parametrize(("words", "values"), [
+    ("r --out o", {}), ("r f g --out o", {"files": (Path("f"), Path("g"))}),
+    ("r --out o --as colours --serve --size 3x4", {"how": "colours", "serve": 80, "size": (3, 4)}),
+    ("r --out o --serve 9 --rank --first 2 --b x", {"serve": 9, "rank": True, "first": 2, "b": "x"}),
+])  # fmt: skip
+def test_a_command_line_is_the_fields_of_a_dataclass(words, values):
+    found = vars(command_line("x", Options, "shell.flags").parse_args(words.split()))
+    usual = {name: value for name, value in vars(Options).items() if name in found}
+    paths = {"run": Path("r"), "out": Path("o"), "debug": False}
+    assert found == {**usual, **paths, **values}
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    ("r", "arguments are required: --out"), ("--out o", "are required: RUN"),
+    ("r --out o --first 2", "--first needs --rank"), ("r --out o --how ids", "no option --how"),
+    ("r --out o --rank --first 2 --size 1x1", "--first has no effect with --size"),
+    ("r --out o --as x", "argument --as: must be one of ids, colours, not 'x'"),
+    ("r --out o --size 3", "must look like 640x320, not '3'"), ("r --out o --no-rank", "no option --no-rank"),
+    ("r --out o --a x --b y", "argument --b: not allowed with argument --a"),
+])  # fmt: skip
+def test_marks_of_fields_are_rules_of_the_command_line(words, said, capsys):
+    with pytest.raises(SystemExit, match=r"^2$"):
+        command_line("x", Options, "shell.flags").parse_args(words.split())
+    line = capsys.readouterr().err
+    assert said in line and line.count("\n") == 1
+
+
+def test_groups_of_a_command_line_are_shown_by_all_of_its_help():
+    line = command_line("x", Options, "shell.flags", {"rare": ("serve", "size")})
+    short, whole = line.format_help(), line.format_help(True)
+    assert "show 2 more options: rare" in short and "--size" not in short
+    said = " ".join(whole.split())
+    assert "--size WxH" in said and "--as ids|colours Content. (default: ids)" in said
