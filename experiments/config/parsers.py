@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Literal
 
 from scene.attributes import SpaceName
 from scene.names import HELD
 from seg.names import As
 from seg.settings import Trunk, TrunkName
-from shell.command import Parser, docstring, size
-from shell.flags import ARGUMENT, SWITCH, Option, Size, command_line
-from shell.target_file import SHIPPED, Fit
+from shell.flags import ARGUMENT, REPEATED, SWITCH, Option, Size, command_line
+from shell.target_file import SHIPPED
+from shell.target_file import Fit as Shape
 
 TARGET = f"the target: {', '.join(SHIPPED)}, or a target's file; by default DATA/target.yaml"
 PORT, REPORT_PORT = 8420, 8421
@@ -34,6 +34,45 @@ class Doctor:
     """where to write the proposed file"""
     out: Annotated[Path | None, Option("DIR")] = None
     """folder of the page and the picture (default: runs/doctor)"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fit:
+    """Options of `sdr-jax fit`."""
+
+    data: Annotated[Path, ARGUMENT, Option("DATA")]
+    """folder of images and labels"""
+    out: Annotated[Path, Option("DIR")]
+    """folder of the run"""
+    target: Annotated[str | None, Option("NAME|FILE")] = None
+    """the data's target, if DATA has no target.yaml"""
+    few: Annotated[int | None, Option("N")] = None
+    """use the labels of N images only, spread over groups and time"""
+    holdout: Annotated[str | None, Option("GROUP")] = None
+    """report on this group; no figure comes from nets that have seen it"""
+    search: Annotated[bool, SWITCH] = False
+    """learn streets, too, for each fold; its cost is printed first"""
+    preset: Literal["smoke", "quick"] = "quick"
+    """how much is spent"""
+    size: Size | None = None
+    """size of the images for nets; by default a suitable one"""
+    shape: Shape | None = None
+    """pad or cut images of another shape; by default as the target's file says"""
+    fix: Annotated[tuple[str, ...], REPEATED, Option("NAME=VALUE", help=HELD)] = ()
+    seeds: Annotated[int, Option("N")] = 3
+    """nets of each row and fold"""
+    workers: Annotated[int | None, Option("N")] = None
+    """processes; by default one for each core"""
+    init: Annotated[Path | None, Option("MODEL")] = None
+    """model from which the saved net starts; the tested nets do not"""
+    store: Annotated[Path | None, Option("FILE")] = None
+    """evaluations that runs share"""
+    net: TrunkName = "lite0"
+    """trunk on whose features a head is trained; docs/howto/net.md"""
+    trunk: Trunk = "frozen"
+    """tuned: train the trunk, too, which takes hours of a core"""
+    weights: Annotated[Path | None, Option("FILE")] = None
+    """for dinov2: model.safetensors in Hugging Face's layout"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,6 +182,7 @@ class Playground:
 
 
 doctor = partial(command_line, "doctor", Doctor, "experiments.doctor")
+fit = partial(command_line, "fit", Fit, "experiments.fit", {"net": ("net", "trunk", "weights")})
 predict = partial(command_line, "predict", Predict, "experiments.predict")
 evaluate = partial(command_line, "evaluate", Evaluate, "experiments.evaluate")
 export = partial(command_line, "export", Export, "experiments.export")
@@ -150,70 +190,3 @@ report = partial(command_line, "report", Report, "experiments.report")
 store = partial(command_line, "store", Store, "experiments.store")
 playground = partial(command_line, "playground", Playground, "experiments.playground")
 """What makes each command line."""
-
-
-def fit() -> Parser:
-    """The command line of `sdr-jax fit`."""
-    options = Parser("fit", docstring("experiments.fit"))
-    add = options.add_argument
-    add("data", type=Path, metavar="DATA", help="folder of images and labels")
-    add("--out", type=Path, required=True, metavar="DIR", help="folder of the run")
-    add("--target", metavar="NAME|FILE", help="the data's target, if DATA has no target.yaml")
-    add(
-        "--few",
-        type=int,
-        metavar="N",
-        help="use the labels of N images only, spread over groups and time",
-    )
-    add(
-        "--holdout",
-        metavar="GROUP",
-        help="report on this group; no figure comes from nets that have seen it",
-    )
-    add(
-        "--search",
-        action="store_true",
-        help="learn streets, too, for each fold; its cost is printed first",
-    )
-    add("--preset", choices=("smoke", "quick"), default="quick", help="how much is spent")
-    add(
-        "--size",
-        type=size,
-        metavar="WxH",
-        help="size of the images for nets; by default a suitable one",
-    )
-    add(
-        "--shape",
-        choices=get_args(Fit),
-        help="pad or cut images of another shape; by default as the target's file says",
-    )
-    add("--fix", action="append", default=[], metavar="NAME=VALUE", help=HELD)
-    add("--seeds", type=int, default=3, metavar="N", help="nets of each row and fold")
-    add("--workers", type=int, metavar="N", help="processes; by default one for each core")
-    add(
-        "--init",
-        type=Path,
-        metavar="MODEL",
-        help="model from which the saved net starts; the tested nets do not",
-    )
-    add("--store", type=Path, metavar="FILE", help="evaluations that runs share")
-    add = options.group("net")
-    add(
-        "--net",
-        choices=get_args(TrunkName),
-        default="lite0",
-        help="trunk on whose features a head is trained; docs/howto/net.md",
-    )
-    add(
-        "--trunk",
-        choices=get_args(Trunk),
-        default="frozen",
-        help="tuned: train the trunk, too, which takes hours of a core",
-    )
-    add(
-        "--weights",
-        type=Path,
-        metavar="FILE",
-        help="for dinov2: model.safetensors in Hugging Face's layout",
-    )
-    return options
