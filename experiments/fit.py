@@ -154,7 +154,7 @@ def config_of(
     trunk: Trunk = "frozen",
     weights: Path | None = None,
     fix: Sequence[str] = (),
-    mirror: bool = True,
+    no_mirror: bool = False,
     say: Callable[[str], None] = lambda text: None,
 ) -> FitConfig:
     """Make the configuration of a command line.
@@ -180,7 +180,7 @@ def config_of(
         trunk: whether the trunk is frozen or tuned; for a search's rewards it is always frozen.
         weights: file of the trunk's weights, for dinov2.
         fix: attributes to hold at a value in all streets, such as field_of_view=90.
-        mirror: whether networks average over an image and its mirror image.
+        no_mirror: whether networks leave out the mirror image, over which they average otherwise.
         say: called with size and time, and before this machine's pace is measured.
 
     Raises:
@@ -216,7 +216,7 @@ def config_of(
 
     def at(size: Size) -> FitConfig:
         base = configured(size, preset, net, trunk, file, search=search, seeds=seeds)
-        train = replace(base.final.train, average_mirror=mirror)
+        train = replace(base.final.train, average_mirror=not no_mirror)
         if width is not None and train.has_trunk:
             train = replace(train, head_width=width)
         return replace(

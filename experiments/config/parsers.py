@@ -55,7 +55,10 @@ class Fit:
     preset: Literal["smoke", "quick"] = "quick"
     """how much is spent"""
     size: Size | None = None
-    """size of the images for nets; by default a suitable one"""
+    """size of the images for networks; by default the photographs' own up to about 480x360, or the largest
+    that takes ten minutes"""
+    minutes: Annotated[float | None, Option("N", excludes=("--size",))] = None
+    """the largest size that takes N minutes instead"""
     shape: Shape | None = None
     """pad or cut images of another shape; by default as the target's file says"""
     fix: Annotated[tuple[str, ...], REPEATED, Option("NAME=VALUE", help=HELD)] = ()
@@ -73,6 +76,8 @@ class Fit:
     """tuned: train the trunk, too, which takes hours of a core"""
     weights: Annotated[Path | None, Option("FILE")] = None
     """for dinov2: model.safetensors in Hugging Face's layout"""
+    no_mirror: Annotated[bool, SWITCH] = False
+    """do not average over the mirror image: half the time, about half a point less"""
 
 
 @dataclass(frozen=True, kw_only=True)
