@@ -164,7 +164,9 @@ def target():
     return parse_target(TARGET, "trees.yaml")
 
 
-def test_datasets_are_exact_without_outlines_and_the_same_with_any_number_of_workers(target):
+def test_datasets_are_exact_without_outlines_and_the_same_with_any_number_of_workers(
+    target, tmp_path
+):
     options = {"shots": 1, "settings": SETTINGS, "pool": POOL}
     exact = render_dataset(UNITS, 0, **options)
     one, two = (
@@ -178,6 +180,11 @@ def test_datasets_are_exact_without_outlines_and_the_same_with_any_number_of_wor
     by_hand = [outlined(frame, target.engine_outlines).label for frame in frames]
     np.testing.assert_array_equal(one.labels, by_hand)
     assert (one.labels != exact.labels).mean() > 0.005
+    # An exported dataset is read with the same outlines, but for depth in steps of a centimetre.
+    export_dataset(UNITS, 0, tmp_path / "exact", **options)
+    np.testing.assert_array_equal(read_dataset(tmp_path / "exact").labels, exact.labels)
+    read = read_dataset(tmp_path / "exact", target.engine_outlines)
+    assert (read.labels != one.labels).mean() < 0.001
 
 
 def test_exports_in_the_layout_of_cityscapes_are_exact_without_its_target(tmp_path):
