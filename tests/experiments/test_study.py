@@ -84,7 +84,7 @@ def test_presets_are_sound(name, target, preset):
     ("assets", (3,), ""), ("labels", (3,), "--learnt FILE --renders default learnt"),
     # Within a search, and within the nets.
     ("ablation", (3, 3), "--variants full no_positions --search.method random_search"),
-    ("searches", (6, 30), "--methods random_search --few 2"),  # within a search, and in the next one
+    ("searches", (6, 10), "--methods random_search --few 2"),  # within a search, and in the next one
     ("fidelity", (7,), ""), ("sensitivity", (5,), ""),
 ])  # fmt: skip
 def test_killed_it_goes_on_ends_the_same_and_is_derived_anew(
