@@ -212,8 +212,8 @@ def derive(report: Report) -> Report:
 
 def _nets(search: Report) -> list[Report | None]:
     """Scores of the nets of a search's answer; in earlier reports another may have been chosen instead."""
-    answer = "own_nets" if "own_nets" in search else "nets"
-    return list(search[answer])
+    scored: list[Report | None] = search["own_nets" if "own_nets" in search else "nets"]
+    return scored
 
 
 def _title(row: Report) -> str:
