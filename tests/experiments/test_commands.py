@@ -24,7 +24,9 @@ def test_keys_of_lists_and_of_maps_with_free_names_are_one():
         "over_classes": {"a": {"mean": 1}, "b": {"all": [1, 2]}}, "iou": {"road": 1, "sky": 2},
         "some": [{"x": 1}, {"y": [{"z": None}]}, {}], "train": {"net": "lite0"},
     }  # fmt: skip
-    known = "iou.* over_classes.*.all over_classes.*.mean some some[].x some[].y some[].y[].z train.net"
+    known = (
+        "iou.* over_classes.*.all over_classes.*.mean some some[].x some[].y some[].y[].z train.net"
+    )
     assert keys_of(value) == set(known.split())
 
 
