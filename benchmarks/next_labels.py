@@ -29,7 +29,7 @@ import numpy as np
 
 from benchmarks.report import Row, count, parser, table, write
 from benchmarks.transfer.recipe import Recipe, rendered, sides
-from experiments.fit import FEW, RENDERED, configured
+from experiments.fit import RENDERED, configured, share_of
 from experiments.study.stats import mean_ci95, paired_gain
 from experiments.target.few import spread
 from experiments.target.folder import parts_of, reader
@@ -201,7 +201,7 @@ def measured_first(recipe: Recipe, counts: Sequence[int], seed: int) -> list[Row
                     classes,
                     features=(renders or few).features,
                     beside=few if renders else None,
-                    share=0.25 if labels < FEW else 0.5,
+                    share=share_of(labels),
                 )
                 found = score(
                     net, test.images, test.labels, settings, classes, features=test.features

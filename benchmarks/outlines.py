@@ -20,10 +20,10 @@ import json
 import re
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import cv2
 import msgspec
@@ -32,7 +32,7 @@ import numpy as np
 from benchmarks.report import Row, table, target_parser, write
 from experiments.doctor.outlines import Drawn
 from experiments.evaluation.evaluate import worker_environment
-from experiments.fit import FEW
+from experiments.fit import share_of
 from experiments.study.stats import paired_gain
 from experiments.target.few import CHOICE, spread
 from experiments.target.folder import parts_of
@@ -60,6 +60,7 @@ from shell.lines import JsonLines
 from shell.progress import Progress
 from shell.target_file import WIDEST, TargetFile, find_target
 
+Variant = TypeVar("Variant")
 EXACT = "exact"
 DEVELOPMENT, REPORTED = "development", "reported"
 NETWORKS = "networks.jsonl"
@@ -225,7 +226,7 @@ def networks(recipe: Recipe, seed: int, rules: Sequence[str], folder: Path) -> l
     log, lines, classes = JsonLines(folder / NETWORKS), [], len(table.classes)
     mixed: dict[str, Any] = {}
     if real.few is not None:
-        mixed = {"beside": real.few, "share": 0.25 if recipe.few < FEW else 0.5}
+        mixed = {"beside": real.few, "share": share_of(recipe.few)}
     for rule in rules:
         began = time.process_time()
         labels = labels_of(rule, rendered, recipe.file)
@@ -324,12 +325,8 @@ def _run(options: argparse.Namespace) -> None:
     for rule in rules:
         with_outlines(rule, recipe.file)
     read_streets(recipe.attributes, recipe.space)
-    labelled = len(parts_of(recipe.file, Path(recipe.data), recipe.holdout).entries)
-    if recipe.few >= labelled:
-        raise UserError(f"--few {recipe.few} leaves none of {labelled} labelled images to test on")
-    with files.naming(options.out):
-        options.out.mkdir(parents=True, exist_ok=True)
-    lines = _train(recipe, rules, options)
+    prepare(recipe, options.out)
+    lines = finished(networks, recipe, rules, recipe.key, options)
     real, classes = real_images(recipe, False), recipe.file.class_names
     tables: dict[str, list[Row]] = {}
     for side in (DEVELOPMENT, REPORTED):
@@ -359,31 +356,58 @@ def _run(options: argparse.Namespace) -> None:
     write(options.json, recipe=recipe._asdict(), seeds=options.seeds, **tables)
 
 
-def _train(
-    recipe: Recipe, rules: Sequence[str], options: argparse.Namespace
-) -> dict[tuple[str, int], dict[str, Any]]:
-    """The lines of all networks by rule and seed, trained now or stored."""
-    log = JsonLines(options.out / NETWORKS)
-    done = {json.dumps(line["key"], sort_keys=True): line for line in log.lines}
+def prepare(recipe: Recipe, out: Path) -> None:
+    """Make the folder of finished networks; UserError if ``--few`` leaves no image to test on."""
+    labelled = len(parts_of(recipe.file, Path(recipe.data), recipe.holdout).entries)
+    if recipe.few >= labelled:
+        raise UserError(f"--few {recipe.few} leaves none of {labelled} labelled images to test on")
+    with files.naming(out):
+        out.mkdir(parents=True, exist_ok=True)
 
-    def name(rule: str, seed: int) -> str:
-        return json.dumps(recipe.key(rule, seed), sort_keys=True)
 
+def finished(
+    train_all: Callable[..., list[dict[str, Any]]],
+    recipe: Recipe,
+    variants: Sequence[Variant],
+    key: Callable[[Variant, int], dict[str, Any]],
+    options: argparse.Namespace,
+    *more: Any,
+) -> dict[tuple[Variant, int], dict[str, Any]]:
+    """The lines of all networks by variant and seed, trained now or stored.
+
+    Args:
+        train_all: called in a worker with the recipe, a seed, its missing variants, ``more`` and the folder;
+            gives their lines, which it has written.
+        recipe: the same for every network.
+        variants: what is compared.
+        key: what decides the network of a variant and a seed.
+        options: with ``seeds``, ``workers`` and ``out``.
+        more: further arguments of ``train_all``.
+    """
+
+    def name(line_key: dict[str, Any]) -> str:
+        return json.dumps(line_key, sort_keys=True)
+
+    done = {name(line["key"]): line for line in JsonLines(options.out / NETWORKS).lines}
     tasks = []
     for seed in range(options.seeds):
-        missing = [rule for rule in rules if name(rule, seed) not in done]
+        missing = [variant for variant in variants if name(key(variant, seed)) not in done]
         if missing:
-            tasks.append((recipe, seed, missing, options.out))
-    total = len(rules) * options.seeds
+            tasks.append((recipe, seed, missing, *more, options.out))
+    total = len(variants) * options.seeds
     progress = Progress(total)
     progress.advance(total - sum(len(task[2]) for task in tasks), replayed=True)
     with WorkerPool(options.workers, worker_environment()) as workers:
-        for index, lines in workers.map(networks, tasks):
-            done |= {json.dumps(line["key"], sort_keys=True): line for line in lines}
+        for index, lines in workers.map(train_all, tasks):
+            done |= {name(line["key"]): line for line in lines}
             progress.advance(len(lines))
             progress.update(f"seed {tasks[index][1]}")
     progress.close()
-    return {(rule, seed): done[name(rule, seed)] for rule in rules for seed in range(options.seeds)}
+    return {
+        (variant, seed): done[name(key(variant, seed))]
+        for variant in variants
+        for seed in range(options.seeds)
+    }
 
 
 if __name__ == "__main__":

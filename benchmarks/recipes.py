@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import argparse
 import ast
-import json
 import sys
 import time
 from collections.abc import Sequence
@@ -29,13 +28,12 @@ from typing import Any
 import numpy as np
 
 from benchmarks import outlines
-from benchmarks.outlines import DEVELOPMENT, NETWORKS, REPORTED, Real, labels_of, real_images
+from benchmarks.outlines import DEVELOPMENT, NETWORKS, REPORTED, Real, real_images
 from benchmarks.report import Row, table, target_parser, write
-from experiments.evaluation.evaluate import worker_environment
-from experiments.fit import FEW
+from experiments.doctor.outlines import Drawn
+from experiments.fit import share_of
 from experiments.study.stats import paired_gain
-from experiments.target.folder import parts_of
-from scene.workers import WorkerError, WorkerPool
+from scene.workers import WorkerError
 from seg.classes import table_of
 from seg.data import DataError, LabelledImages
 from seg.metrics import confusion_matrix, mean_iou
@@ -44,11 +42,9 @@ from seg.recipes import RECIPES
 from seg.settings import check_settings
 from seg.train import TrainingError, TrainSettings, predict_heads, train
 from seg.views import LOOKS, view_images, with_mirror
-from shell import files
 from shell.command import exit_code
 from shell.errors import UserError
 from shell.lines import JsonLines
-from shell.progress import Progress
 
 ON = ("labels", "labels+renders", "renders", "all")
 """What networks are trained on; all labelled images are tested on reported ones alone."""
@@ -123,9 +119,12 @@ def networks(
     real, rendered = _real(recipe, tested), outlines.renders(recipe, seed, folder)
     classes = len(table_of(recipe.file).classes)
     whole = real_images(recipe, False)
+    labels = Drawn(rendered.labels, rendered.depths).classes(
+        recipe.file, recipe.file.engine_outlines
+    )
     sets = {
         "labels": whole.few,
-        "renders": LabelledImages(rendered.images, _labels(recipe, rendered)),
+        "renders": LabelledImages(rendered.images, labels),
         "all": _joined(whole),
     }
     seen: dict[Any, LabelledImages] = {}
@@ -153,7 +152,7 @@ def networks(
             classes,
             features=images.features,
             beside=few,
-            share=0.25 if recipe.few < FEW else 0.5,
+            share=share_of(recipe.few),
         )
         seconds = time.process_time() - began
         confusions, of_heads = {}, {}
@@ -163,10 +162,9 @@ def networks(
             maps, count = tested_on.features, len(tested_on.images)
             if maps is not None and not settings.average_mirror:
                 maps = tuple(part[:count] for part in maps)
-            pixels, labels = tested_on.images, tested_on.labels
-            predicted = predict_heads(params, pixels, settings, classes, features=maps)
+            predicted = predict_heads(params, tested_on.images, settings, classes, features=maps)
             together, *alone = (
-                confusion_matrix(labels, classes_of, classes)
+                confusion_matrix(tested_on.labels, classes_of, classes)
                 for classes_of in predicted.swapaxes(0, 1)
             )
             confusions[side] = together.tolist()
@@ -182,13 +180,6 @@ def networks(
             log.append(line)
         lines.append(line)
     return lines
-
-
-def _labels(recipe: outlines.Recipe, rendered: outlines.Renders) -> np.ndarray:
-    """Rendered labels as the target's annotators draw them."""
-    shares = recipe.file.outlines
-    rule = ",".join(f"{name}={100 * share:g}%" for name, share in shares.items())
-    return labels_of(rule or outlines.EXACT, rendered, recipe.file)
 
 
 def _joined(real: Real) -> LabelledImages:
@@ -261,13 +252,15 @@ def _run(options: argparse.Namespace) -> None:
     names = list(dict.fromkeys(options.recipes))
     for name in names:
         settings_of(name)
-    labelled = len(parts_of(recipe.file, Path(recipe.data), recipe.holdout).entries)
-    if recipe.few >= labelled:
-        raise UserError(f"--few {recipe.few} leaves none of {labelled} labelled images to test on")
-    with files.naming(options.out):
-        options.out.mkdir(parents=True, exist_ok=True)
-    seeds = range(options.seeds)
-    lines = _train(recipe, names, options)
+    outlines.prepare(recipe, options.out)
+    seeds, pairs = range(options.seeds), [(on, name) for on in options.on for name in names]
+
+    def key_of(pair: tuple[str, str], seed: int) -> dict[str, Any]:
+        on, name = pair
+        return key(recipe, settings_of(name), on, seed)
+
+    done = outlines.finished(networks, recipe, pairs, key_of, options, options.tested)
+    lines = {(*pair, seed): line for (pair, seed), line in done.items()}
     tables = {}
     for on in options.on:
         for side in (DEVELOPMENT, REPORTED):
@@ -277,36 +270,6 @@ def _run(options: argparse.Namespace) -> None:
     for title, rows in tables.items():
         print(f"\n{title}\n{table(rows)}")
     write(options.json, recipe=recipe._asdict(), seeds=options.seeds, **tables)
-
-
-def _train(
-    recipe: outlines.Recipe, names: Sequence[str], options: argparse.Namespace
-) -> dict[tuple[str, str, int], dict[str, Any]]:
-    """The lines of all networks by training set, recipe and seed, trained now or stored."""
-    log = JsonLines(options.out / NETWORKS)
-    done = {json.dumps(line["key"], sort_keys=True): line for line in log.lines}
-    work = [(on, name) for on in options.on for name in names]
-
-    def name_of(on: str, name: str, seed: int) -> str:
-        return json.dumps(key(recipe, settings_of(name), on, seed), sort_keys=True)
-
-    tasks = []
-    for seed in range(options.seeds):
-        missing = [pair for pair in work if name_of(*pair, seed) not in done]
-        if missing:
-            tasks.append((recipe, seed, missing, options.tested, options.out))
-    total = len(work) * options.seeds
-    progress = Progress(total)
-    progress.advance(total - sum(len(task[2]) for task in tasks), replayed=True)
-    with WorkerPool(options.workers, worker_environment()) as workers:
-        for index, lines in workers.map(networks, tasks):
-            done |= {json.dumps(line["key"], sort_keys=True): line for line in lines}
-            progress.advance(len(lines))
-            progress.update(f"seed {tasks[index][1]}")
-    progress.close()
-    return {
-        (*pair, seed): done[name_of(*pair, seed)] for pair in work for seed in range(options.seeds)
-    }
 
 
 if __name__ == "__main__":

@@ -225,7 +225,7 @@ def config_of(
             target=found.name,
             data=data,
             out=out,
-            few_share=0.25 if len(parts.entries) < FEW else 0.5,
+            few_share=share_of(len(parts.entries)),
             file=target,
             shape=shape,
             few=few,
@@ -250,6 +250,11 @@ def config_of(
     _refuse_large(config, len(parts.every))
     say(choice.text(config.processes))
     return config
+
+
+def share_of(labels: int) -> float:
+    """The share of so many labelled images in a batch with renders, at first."""
+    return 0.25 if labels < FEW else 0.5
 
 
 def sized(

@@ -89,8 +89,8 @@ EfficientNet-Lite0 with ImageNet's weights (Tan and Le, 2019), or of another tru
 mirrored, coloured and blurred view of it.
 
 `lite0-heads`: ours, for nets that are used and not only compared: three heads of twice the width, the soft
-Jaccard loss, batches that end with labelled images alone, logits averaged over heads and the mirror image. An
-image costs three to four times as much as with `lite0-frozen`, in batches of 2, which fit a CPU's cache.
+Jaccard loss, batches that end with labelled images alone, logits averaged over heads and the mirror image. A
+head's image costs about as much as with `lite0-frozen`, in batches of 2, which fit a CPU's cache.
 
 `lite0-tuned`: ours, for all nets that tune the trunk: 300 steps of 8 with all augmentations; the trunk trains
 at a tenth of the head's rate, as is common in fine-tuning, and batch normalisation is fixed."""
@@ -125,14 +125,8 @@ def with_net(settings: TrainSettings, **changes: Any) -> TrainSettings:
         wanted = replace(wanted, weights=None)
     if not wanted.frozen:
         wanted = replace(wanted, heads=1)
-    before, after = recipe_for(settings), recipe_for(wanted)
-    if before == after:
-        return wanted
-    own = RECIPES[after]
-    steps = own.steps if settings.steps == RECIPES[before].steps else settings.steps
-    names = ("net", "trunk", "weights", "dtype")
-    kept = {name: getattr(wanted, name) for name in names}
-    return with_steps(replace(own, **kept), steps)
+    recipe = recipe_for(wanted)
+    return wanted if recipe == recipe_for(settings) else _by_recipe(settings, wanted, recipe)
 
 
 def with_heads(settings: TrainSettings, heads: int) -> TrainSettings:
@@ -142,10 +136,16 @@ def with_heads(settings: TrainSettings, heads: int) -> TrainSettings:
     """
     if not settings.frozen:
         return settings
-    new = replace(RECIPES["lite0-heads"], heads=heads)
-    same = {name: getattr(settings, name) for name in ("net", "weights", "dtype")}
-    changed = settings.steps != RECIPES[recipe_for(settings)].steps
-    return with_steps(replace(new, **same), settings.steps if changed else new.steps)
+    return replace(_by_recipe(settings, settings, "lite0-heads"), heads=heads)
+
+
+def _by_recipe(before: TrainSettings, wanted: TrainSettings, recipe: str) -> TrainSettings:
+    """A recipe for the net of the wanted settings, with their steps unless these are the recipe's before."""
+    new = RECIPES[recipe]
+    changed = before.steps != RECIPES[recipe_for(before)].steps
+    names = ("net", "trunk", "weights", "dtype")
+    kept = {name: getattr(wanted, name) for name in names}
+    return with_steps(replace(new, **kept), before.steps if changed else new.steps)
 
 
 def with_steps(settings: TrainSettings, steps: int) -> TrainSettings:

@@ -222,9 +222,11 @@ def by_target(train: TrainSettings) -> bool:
 
 def _views(train: TrainSettings, training: bool) -> dict[str, Any]:
     """The settings that decide features, beside images."""
-    looks: dict[str, Any] = {name: getattr(train, name) for name in LOOKS}
-    if not training:
-        looks = {"views": 1, **({"average_mirror": True} if train.average_mirror else {})}
+    looks: dict[str, Any] = {"views": 1}
+    if training:
+        looks = {name: getattr(train, name) for name in LOOKS}
+    elif train.average_mirror:
+        looks["average_mirror"] = True
     return {"trunk": dict(trunk_of(train).source), "dtype": train.dtype, **looks}
 
 
