@@ -41,6 +41,7 @@ from scene.proposal import Histogram, Proposal, default_proposal, mixture, rando
 from scene.workers import WorkerPool
 from seg.classes import CAMVID_11
 from seg.data import LabelledImages
+from shell.classes import Outline
 from shell.errors import UserError
 from shell.progress import Progress
 
@@ -231,7 +232,7 @@ def test_a_configuration_is_all_that_decides_a_reward(a_run, tmp_path, monkeypat
     others += [name()]
     with monkeypatch.context() as patch:  # as if the package's file had outlines
         for share in (0.02, 0.03):
-            table = replace(CAMVID_11, outlines=(((8, 9), share),))
+            table = replace(CAMVID_11, outlines=(Outline((8, 9), share),))
             patch.setattr(job, "class_table", lambda _, table=table: table)
             assert name() not in others
             others += [name()]

@@ -579,17 +579,20 @@ def test_memory_counts_every_worker_and_both_copies_of_a_training_set(
         config_of(folder, tmp_path / "run", size=size, workers=4)
 
 
-def test_init_names_the_one_thing_that_differs(folder, tmp_path) -> None:
+def test_init_takes_the_width_of_the_model_and_names_what_differs(folder, tmp_path) -> None:
     classes = label_classes(find_target(None, folder).class_names)
     train = configured((64, 48), "smoke").final.train
     for changes, message in (
-        ({"head_width": 8}, "whose head has 8 channels; fit trains heads of 64"),
-        ({"trunk": "tuned"}, "a model with --trunk tuned, not frozen"),
+        ({"head_width": 8}, None),
+        ({"trunk": "tuned", "heads": 1}, "a model with --trunk tuned, not frozen"),
     ):
         settings = replace(train, **changes)
         shapes = jax.tree.map(lambda leaf: np.zeros(leaf.shape, leaf.dtype), outline(settings, 5))
         Model(settings, shapes, (48, 64), classes).save(tmp_path / "model")
         config = config_of(folder, tmp_path / "run", preset="smoke", init=tmp_path / "model")
+        if message is None:
+            assert config.final.train.head_width == 8
+            continue
         with pytest.raises(UserError, match=message):
             fit(config)
 

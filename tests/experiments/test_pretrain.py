@@ -71,9 +71,13 @@ def way(monkeypatch):
 
     monkeypatch.setattr(evaluate, "train", train)
     monkeypatch.setattr(transfer, "training_set", lambda recipe, proposal, seed: blank)
-    monkeypatch.setattr(
-        evaluate, "score", lambda *_, **__: np.array([[len(done), 100], [100, 100]])
-    )
+
+    def predict_heads(params, images, *_, **__):
+        found = np.ones((len(images), 1, 48, 64), np.uint8)
+        found[..., 0, : len(done)] = 0  # the more, the later the net
+        return found
+
+    monkeypatch.setattr(evaluate, "predict_heads", predict_heads)
 
     def way(row):
         recipe = Recipe(fidelity, "camvid", "embree", AssetPool())
