@@ -110,8 +110,8 @@ def recipe_for(settings: TrainSettings) -> str:
 def with_net(settings: TrainSettings, **changes: Any) -> TrainSettings:
     """Change net, trunk or weights of settings, and take the recipe that suits them.
 
-    If the recipe stays the same, so do all other fields. Otherwise the new recipe decides them. A number of
-    steps that was not the old recipe's own stays (`with_steps`).
+    If the recipe stays the same, so do all other fields. Otherwise the new recipe decides them, but for
+    `dtype` and `average_mirror`. A number of steps that was not the old recipe's own stays (`with_steps`).
 
     Args:
         settings: settings of the old net.
@@ -136,14 +136,15 @@ def with_heads(settings: TrainSettings, heads: int) -> TrainSettings:
     """
     if not settings.frozen:
         return settings
-    return replace(_by_recipe(settings, settings, "lite0-heads"), heads=heads)
+    changed = _by_recipe(settings, settings, "lite0-heads")
+    return replace(changed, heads=heads, average_mirror=True)
 
 
 def _by_recipe(before: TrainSettings, wanted: TrainSettings, recipe: str) -> TrainSettings:
     """A recipe for the net of the wanted settings, with their steps unless these are the recipe's before."""
     new = RECIPES[recipe]
     changed = before.steps != RECIPES[recipe_for(before)].steps
-    names = ("net", "trunk", "weights", "dtype")
+    names = ("net", "trunk", "weights", "dtype", "average_mirror")
     kept = {name: getattr(wanted, name) for name in names}
     return with_steps(replace(new, **kept), before.steps if changed else new.steps)
 

@@ -136,7 +136,9 @@ def test_cityscapes_labels_are_scored_over_three_sets_of_classes():
 def test_every_net_gets_a_recipe_and_a_size_of_its_own():
     quick = defaults("camvid", "quick")
     lite0, compact, fcn8s = (fidelity_of(quick, name) for name in ("lite0", "compact", "fcn8s"))
-    assert lite0 == quick.final and lite0.train == RECIPES["lite0-frozen"]
+    assert lite0 == quick.final and lite0.train == replace(
+        RECIPES["lite0-frozen"], average_mirror=True
+    )
     assert compact == quick.compact and compact.train == RECIPES["compact"]
     assert fcn8s == replace(quick.vgg, train=replace(RECIPES["scratch"], net="fcn8s", steps=150))
     given = replace(quick, weights=Path("vgg16.npz"))
@@ -145,7 +147,8 @@ def test_every_net_gets_a_recipe_and_a_size_of_its_own():
     assert fidelity_of(given, "lite0") == lite0  # its weights are its own
     # A net that is named as the final one has the final size.
     final = with_net(quick.final, "compact")
-    assert final == replace(quick.final, train=RECIPES["compact"])
+    assert final.train == replace(RECIPES["compact"], average_mirror=True)
+    assert final == replace(quick.final, train=final.train)
     assert fidelity_of(replace(quick, final=final), "compact") == final
     assert with_net(with_net(final, "fcn8s", "vgg16.npz"), "lite0") == lite0
     half = replace(final, train=replace(final.train, steps=500, trunk="frozen"))

@@ -22,7 +22,7 @@ import trimesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from experiments.config import MainConfig, cli, presets
+from experiments.config import MainConfig, cli
 from experiments.main.job import MAIN
 from experiments.study.skeleton import check
 from scene import AssetPool, sample_street, street_params
@@ -82,9 +82,8 @@ def ends_well(command: Any, *arguments: Any, **options: Any) -> None:
 @given(flags=st.lists(FLAG, min_size=1, max_size=4))
 def test_flags(flags, counted, tmp_path):
     words = ["--preset", "smoke", "--out", str(tmp_path / "run"), *flags]
-    work, own = partial(check, MAIN), partial(presets.defaults, MainConfig)
     with counted("flags"):
-        ends_well(cli.main, "cityscapes", own, work, "", words, target="twin")
+        ends_well(cli.command, "cityscapes", words, partial(check, MAIN))
 
 
 BAD = st.sampled_from([b"9" * 15, b"-1", b"\xff" * 8, b"nan", b"../../x", b"{["])
