@@ -2,9 +2,9 @@
 
     python -m scripts.renders19 runs/streets/* --out seg/models/renders19
 
-The net has the engine's 19 classes: a head on lite0's frozen trunk, trained on datasets of `sdr-jax render`.
-It sees no photograph, so it can be tested on any. docs/models.md describes the streets of renders19, which
-has seen one shot of each.
+The network has Cityscapes' 19 classes: three heads on lite0's frozen backbone, trained on datasets of
+`sdr-jax render`, whose labels are drawn as annotators of Cityscapes draw them. It sees no photograph, so it
+can be tested on any. docs/models.md describes the streets of renders19, which has seen one shot of each.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from shell.files import file_digest, read_json
 from shell.progress import Progress
 from shell.target_file import shipped
 
-RECIPE = replace(RECIPES["lite0-frozen"], steps=3000, batch=8, head_width=128)
-"""For ten times the images of a run's nets: ten times the steps, and a head twice as wide."""
+RECIPE = replace(RECIPES["lite0-heads"], steps=3000)
+"""For some times the images of a run's networks: three times the steps."""
 
 
 def make(datasets: Sequence[Path], steps: int = RECIPE.steps, seed: int = 0) -> Model:
@@ -46,7 +46,8 @@ def make(datasets: Sequence[Path], steps: int = RECIPE.steps, seed: int = 0) -> 
         TrainingError: the loss is not finite.
     """
     try:
-        renders = [read_dataset(path) for path in datasets]
+        target = shipped("cityscapes")
+        renders = [read_dataset(path, target.engine_outlines) for path in datasets]
         about = [read_json(path / DESCRIPTION) for path in datasets]
         sizes = [own.labels.shape[1:] for own in renders]
         for path, own in zip(datasets, sizes, strict=True):
@@ -55,7 +56,7 @@ def make(datasets: Sequence[Path], steps: int = RECIPE.steps, seed: int = 0) -> 
                     f"{path}: {own[1]}x{own[0]} pixels where {datasets[0]} has "
                     f"{sizes[0][1]}x{sizes[0][0]}; one size is right"
                 )
-        settings, classes = with_steps(RECIPE, steps), classes_of(shipped("cityscapes"))
+        settings, classes = with_steps(RECIPE, steps), classes_of(target)
         images, labels = (np.concatenate(column) for column in zip(*renders, strict=True))
         with closing(Progress(steps)) as progress:
 

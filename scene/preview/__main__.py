@@ -16,16 +16,14 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 
-import cv2
 import numpy as np
 
 from scene.assets.catalogue import AssetPool, absent, check_pool
 from scene.dataset.render import compile_first
 from scene.parsers import preview as parser
 from scene.preview.closeup import all_classes, class_page
-from scene.preview.layout import Studio
+from scene.preview.layout import Studio, save
 from scene.preview.streets import all_sweeps, contact_sheet, sweep
 from scene.preview.themes import all_themes, theme_page
 from scene.proposal import draw, streets_named
@@ -35,8 +33,6 @@ from shell import files
 from shell.command import Arguments, exit_code
 
 FORMATS = (".png", ".jpg", ".jpeg")
-JPEG = (cv2.IMWRITE_JPEG_QUALITY, 75, cv2.IMWRITE_JPEG_PROGRESSIVE, 1, cv2.IMWRITE_JPEG_OPTIMIZE, 1)
-"""Options that keep a page small; at twice its size it looks like its PNG."""
 MOST = 400
 """The most of each number that a page is asked for."""
 SIZES = {"streets": (320, 240), "sweep": (320, 160), "sweep all": (224, 112), "theme": (480, 360),
@@ -101,24 +97,6 @@ def page(options: argparse.Namespace) -> np.ndarray:
     return contact_sheet(rows, options.seed, options.shots, studio)
 
 
-def write(picture: np.ndarray, path: Path) -> None:
-    """Write a picture u8[h, w, 3] RGB in the format of the file's name.
-
-    Raises:
-        ValueError: the format has no pictures of this size.
-        OSError: it cannot be written; the error names it.
-    """
-    suffix = path.suffix.lower()
-    try:
-        _, data = cv2.imencode(suffix, picture[..., ::-1], () if suffix == ".png" else JPEG)
-    except cv2.error:
-        height, width = picture.shape[:2]
-        raise ValueError(
-            f"--out {path}: {width}x{height} pixels are too many for {suffix}"
-        ) from None
-    files.write(path, data.tobytes())
-
-
 def main(arguments: Arguments = None) -> int:
     """The command line; returns the exit code."""
     line = parser()
@@ -134,7 +112,7 @@ def main(arguments: Arguments = None) -> int:
         missing = absent(AssetPool(own=options.assets, use=options.asset_use))
         if missing:
             print(f"No own assets, so left out: {', '.join(missing)}")
-        write(picture, options.out)
+        save(picture, options.out)
 
     users = (ValueError, RendererError)
     return exit_code(work, users=users, debug=options.debug, goes_on=False)

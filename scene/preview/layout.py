@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import zip_longest
+from pathlib import Path
 from typing import NamedTuple
 
 import cv2
@@ -13,12 +14,15 @@ from scene.assets.catalogue import AssetPool
 from scene.classes import colorize
 from scene.render import Frame, RenderSettings, renderer
 from scene.street.street import Street
+from shell import files
 
 FAR = 80.0
 """Metres at which the depth picture is black."""
 CAPTION = 15
 """Height of a caption, pixels."""
 PAPER, INK = (255, 255, 255), (20, 20, 20)
+JPEG = (cv2.IMWRITE_JPEG_QUALITY, 75, cv2.IMWRITE_JPEG_PROGRESSIVE, 1, cv2.IMWRITE_JPEG_OPTIMIZE, 1)
+"""Options that keep a page small; at twice its size it looks like its PNG."""
 FONT, FONT_SCALE = cv2.FONT_HERSHEY_SIMPLEX, 0.36
 
 
@@ -36,9 +40,13 @@ class Studio(NamedTuple):
 
 def tile(frame: Frame) -> np.ndarray:
     """Image, label and depth of one frame, one below the other, u8[3 h, w, 3] RGB."""
-    near = np.where(frame.depth > 0, 1 - np.clip(frame.depth / FAR, 0, 1), 0)
-    depth = np.repeat((255 * near[..., None]).astype(np.uint8), 3, axis=2)
-    return np.concatenate([frame.image, colorize(frame.label), depth])
+    return np.concatenate([frame.image, colorize(frame.label), depth_image(frame.depth)])
+
+
+def depth_image(metres: np.ndarray) -> np.ndarray:
+    """Depth f32[h, w] in metres as u8[h, w, 3]: near is bright; the sky, which has depth 0, is black."""
+    near = np.where(metres > 0, 1 - np.clip(metres / FAR, 0, 1), 0)
+    return np.repeat((255 * near[..., None]).astype(np.uint8), 3, axis=2)
 
 
 def captioned(picture: np.ndarray, text: str) -> np.ndarray:
@@ -63,3 +71,19 @@ def stack(rows: Sequence[np.ndarray]) -> np.ndarray:
         for row in rows
     ]
     return np.concatenate(padded)
+
+
+def save(picture: np.ndarray, path: Path) -> None:
+    """Write a picture u8[h, w, 3] RGB in the format of the file's name.
+
+    Raises:
+        ValueError: the format has no pictures of this size.
+        OSError: it cannot be written; the error names it.
+    """
+    suffix = path.suffix.lower()
+    try:
+        _, data = cv2.imencode(suffix, picture[..., ::-1], () if suffix == ".png" else JPEG)
+    except cv2.error:
+        height, width = picture.shape[:2]
+        raise ValueError(f"{path}: {width}x{height} pixels are too many for {suffix}") from None
+    files.write(path, data.tobytes())

@@ -21,6 +21,7 @@ from scene.executors import workers_of
 from scene.held import hold, in_words, read_fixed
 from scene.names import PLACES
 from scene.parsers import render as parser
+from scene.preview.dataset import write_sheet
 from scene.proposal import draw, read_streets, space_in
 from scene.render import RendererError, RenderSettings, check_settings
 from scene.render.protocol import refuse_large_images, refuse_many_shots
@@ -135,6 +136,7 @@ def main(arguments: Arguments = None) -> int:
         each = "one image" if options.shots == 1 else f"up to {options.shots} images"
         of = f"{found['images']} images of {len(found['streets'])} streets, {each} of each,"
         print(f"{of} in {seconds}: {options.out / DESCRIPTION}", flush=True)
+        print(f"Contact sheet: {write_sheet(options.out)}", flush=True)
         if options.own_class and options.own_class not in found["placed"]:
             print(
                 f"No {options.own_class} stands in any street: there was no room for one",

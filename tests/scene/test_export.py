@@ -252,8 +252,9 @@ def test_the_command_line_exports_and_reports(tmp_path, printed):
     assert lines[0].startswith("[  0 %] 0 of 2 images | 0.0 MB")
     assert lines[1].startswith("[ 50 %] 1 of 2 images | ") and lines[1].endswith(" left")
     assert (
-        "2 images of 2 streets, one image of each, in " in lines[-1] and "dataset.json" in lines[-1]
+        "2 images of 2 streets, one image of each, in " in lines[-2] and "dataset.json" in lines[-2]
     )
+    assert lines[-1] == f"Contact sheet: {first / 'index.jpg'}" and (first / "index.jpg").exists()
     file.write_text(json.dumps(described(first)["attributes"]))
     printed(main, *FLAGS, second, "--attributes", file, "--shots", 1)
     assert tree(first) == tree(second)

@@ -13,11 +13,14 @@ from PIL import Image
 
 from scene import AssetPool, RenderSettings, export_dataset, render_street
 from scene.check import findings
-from scene.classes import VOID
+from scene.classes import VOID, colorize
 from scene.dataset.export import read_dataset
 from scene.dataset.formats import layout, parquet, yolo
 from scene.dataset.formats.labels import engine_labels, target_entry, target_labels
 from scene.dataset.formats.segments import FIRST_THING
+from scene.dataset.read import describe
+from scene.preview.dataset import sheet, write_sheet
+from scene.preview.layout import depth_image
 from scene.proposal import draw, random_proposal
 from scene.render.__main__ import main
 from scene.stats import compare
@@ -367,3 +370,18 @@ def test_every_shipped_target_has_a_value_of_its_own_for_each_class_and_void(nam
 def test_a_garbled_target_in_a_description_is_refused(change):
     entry = {**target_entry(TARGETS["camvid"]), **change}
     refused(ValueError, "target is not as it was written", target_labels, entry)
+
+
+@pytest.mark.parametrize(("format", "rows"), [("cityscapes", 3), ("folders", 2), ("yolo-seg", 1)])
+def test_a_contact_sheet_shows_what_the_format_has(format, rows, exported, frames):
+    dataset = describe(exported(format))
+    height, width = SETTINGS.height, SETTINGS.width
+    shown = sheet(dataset)
+    assert shown.shape == (rows * height, len(frames) * width, 3)
+    for k, frame in enumerate(frames):
+        column = shown[:, k * width : (k + 1) * width].reshape(rows, height, width, 3)
+        expected = (frame.image, colorize(frame.label), depth_image(frame.depth))[:rows]
+        for tile, image in zip(column, expected, strict=True):
+            assert np.abs(tile.astype(int) - image).max() <= 1  # depth has steps of a centimetre
+    assert sheet(dataset, images=1).shape == (rows * height, width, 3)
+    assert write_sheet(dataset.folder).name == "index.jpg"
