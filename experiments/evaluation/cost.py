@@ -15,6 +15,8 @@ from seg.settings import TrainSettings
 STEP_COST = {"compact": 2.5e-7, "paper": 5e-5, "vgg-adam": 5e-5, "scratch": 5e-5}
 STEP_COST |= {"lite0-frozen": 4.5e-8, "lite0-heads": 8e-8, "lite0-tuned": 2e-6}
 """Approximate CPU seconds of one update per pixel of its images, by recipe; of one head."""
+CACHE, SPILL = 500_000, 1.8
+"""Pixels of a batch of `lite0-frozen` that fit a CPU's cache; how much more each costs above."""
 STREET_COST = 0.035
 """CPU seconds of sampling a street and its geometry."""
 IMAGE_COST = 0.014, 2.5e-7
@@ -70,7 +72,10 @@ def head_cost(fidelity: Fidelity) -> float:
     """The part of `training_cost` without the features; the cost of a net on labelled images or a pool."""
     train = fidelity.train
     pixels = fidelity.width * fidelity.height
-    step = STEP_COST[recipe_for(train)]
+    recipe = recipe_for(train)
+    step = STEP_COST[recipe]
+    if recipe == "lite0-frozen" and pixels * train.batch > CACHE:
+        step *= SPILL
     if train.has_trunk and not train.frozen:
         step *= _view_cost(train) / VIEW_COST["lite0"]
     return pixels * step * train.steps * train.batch * train.heads

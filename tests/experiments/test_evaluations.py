@@ -41,6 +41,7 @@ from scene.proposal import Histogram, Proposal, default_proposal, mixture, rando
 from scene.workers import WorkerPool
 from seg.classes import CAMVID_11
 from seg.data import LabelledImages
+from seg.recipes import RECIPES
 from shell.classes import Outline
 from shell.errors import UserError
 from shell.progress import Progress
@@ -520,3 +521,13 @@ def test_files_that_are_not_there_are_refused(tmp_path, refused):
     assert "merge needs --out" in refused("merge", tmp_path)
     with pytest.raises(UserError, match="is a folder; a store is a file"):
         Store(tmp_path)
+
+
+def test_a_head_costs_more_per_pixel_where_its_batch_no_longer_fits_the_cache():
+    def of_pixel(recipe, width, height):
+        fidelity = replace(CONFIG.final, width=width, height=height, train=RECIPES[recipe])
+        return head_cost(fidelity) / (width * height)
+
+    for recipe, spill in (("lite0-frozen", 1.8), ("lite0-heads", 1.0)):
+        small, large = of_pixel(recipe, 240, 176), of_pixel(recipe, 480, 360)
+        assert large / small == pytest.approx(spill)
