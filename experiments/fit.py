@@ -78,8 +78,8 @@ from shell.listing import list_all
 from shell.memory import in_words, memory
 from shell.target_file import Fit, find_target
 
-SHOWN = 4
-"""Number of images in the strip."""
+SHOWN_BY: Row = "labels+renders"
+"""The strip shows the best, the median and the worst image of this row's first network."""
 SPACE: SpaceName = "extended"
 """The space of the streets' attributes."""
 RENDERED = "mixed"
@@ -696,22 +696,33 @@ def _is_saved(config: FitConfig, notes: Mapping[str, Any]) -> bool:
 
 
 def _show(run: Run[FitConfig], fold: Run[FitConfig], jobs: Sequence[Job]) -> None:
-    """Write images that nets have not seen, their labels, and the first net's predictions of each row."""
+    """Write the best, the median and the worst test image, with its label and each row's prediction."""
     colors = class_table(fold.target.table).colors
     images = fold.images(run.config.final, "test")
     kept = [load(file_of(run.config.out, fold.runner.key(job))) for job in jobs]
     found = [own for own in kept if own is not None and own.picked is not None]
     if len(found) < len(jobs):
         return  # some came from the store, which has no predictions
-    picked = cast(np.ndarray, found[0].picked)
+    ranked = next(own for own, job in zip(found, jobs, strict=True) if job.notes["row"] == SHOWN_BY)
     lines = []
-    for place in np.unique(np.linspace(0, len(picked) - 1, SHOWN).round().astype(int)):
-        index = picked[place]
+    for place in shown(cast(np.ndarray, ranked.miou)):
+        index = cast(np.ndarray, ranked.picked)[place]
         seen = [colorize(cast(np.ndarray, own.predictions)[place], colors) for own in found]
         lines.append(
             np.hstack([images.images[index], colorize(images.labels[index], colors), *seen])
         )
     write(run.config.out / STRIP, encode(np.vstack(lines)))
+
+
+def shown(miou: np.ndarray) -> list[int]:
+    """The places of the best, the median and the worst image, fewer if there are fewer.
+
+    Args:
+        miou: f32[images] of each image; NaN, if all of its pixels are ignored, comes last.
+    """
+    ranked = np.argsort(-np.nan_to_num(miou, nan=-1.0), kind="stable")
+    last = max(int(np.isfinite(miou).sum()) - 1, 0)
+    return ranked[list(dict.fromkeys((0, last // 2, last)))].tolist()
 
 
 FORM = Form("summary", derive, text, {}, {NAME: page.html})

@@ -33,6 +33,7 @@ from experiments.fit import (
     fit,
     main,
     planned,
+    shown,
     text,
 )
 from experiments.report import live
@@ -602,3 +603,13 @@ def test_smoke_nets_end_their_warm_up_before_they_end() -> None:
         config = configured((64, 48), "smoke", net)
         for fidelity in (config.reward, config.final):
             assert fidelity.train.warmup <= fidelity.train.steps / 4
+
+
+@pytest.mark.parametrize(("miou", "places"), [
+    ([0.2, 0.9, 0.5, 0.4, 0.3], [1, 3, 0]),
+    ([0.2, np.nan, 0.9], [2, 0]),
+    ([0.4], [0]),
+    ([np.nan, np.nan], [0]),
+])  # fmt: skip
+def test_the_report_shows_the_best_the_median_and_the_worst_image(miou, places):
+    assert shown(np.array(miou, np.float32)) == places
