@@ -26,6 +26,7 @@ import numpy as np
 
 from benchmarks.report import Row, machine, parser, table, timed, write
 from benchmarks.train import random_truth
+from common.errors import UserError
 from experiments.config import Fidelity, MainConfig
 from experiments.config.presets import defaults
 from experiments.evaluation.evaluate import evaluate_miou, render
@@ -39,7 +40,6 @@ from seg.pyramid import features
 from seg.recipes import with_net
 from seg.settings import TrainSettings
 from seg.train import predict, train
-from shell.errors import UserError
 
 PAPER_HOURS = 52
 """Hours of the whole search on one RTX 2080 Ti. Source: the paper, section 4."""

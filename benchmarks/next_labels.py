@@ -29,6 +29,7 @@ import numpy as np
 
 from benchmarks.report import Row, count, parser, table, write
 from benchmarks.transfer.recipe import Recipe, rendered, sides
+from common.labels.target_file import find_target
 from experiments.fit import RENDERED, configured, share_of
 from experiments.study.stats import mean_ci95, paired_gain
 from experiments.target.few import spread
@@ -40,7 +41,6 @@ from seg.nets.head import Maps
 from seg.train import Params, logits, score, train
 from seg.uncertainty import order, uncertainty
 from seg.views import view_images
-from shell.target_file import find_target
 
 FIRST = 14
 """Number of labelled images at the start, and of images that each ranking adds."""

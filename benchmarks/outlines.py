@@ -30,6 +30,12 @@ import msgspec
 import numpy as np
 
 from benchmarks.report import Row, table, target_parser, write
+from common import files
+from common.command import exit_code
+from common.errors import UserError
+from common.labels.target_file import WIDEST, TargetFile, find_target
+from common.lines import JsonLines
+from common.progress import Progress
 from experiments.doctor.outlines import Drawn
 from experiments.evaluation.evaluate import worker_environment
 from experiments.fit import share_of
@@ -53,12 +59,6 @@ from seg.pyramid import features
 from seg.recipes import RECIPES, with_steps
 from seg.train import TrainingError, TrainSettings, score, train
 from seg.views import view_images
-from shell import files
-from shell.command import exit_code
-from shell.errors import UserError
-from shell.lines import JsonLines
-from shell.progress import Progress
-from shell.target_file import WIDEST, TargetFile, find_target
 
 Variant = TypeVar("Variant")
 EXACT = "exact"

@@ -20,10 +20,10 @@ from pathlib import Path
 from unittest import mock
 
 from benchmarks.report import Row, count, parser, report
+from common.command import exit_code
+from common.labels.target_file import SHIPPED
+from common.progress import Progress
 from experiments import fit
-from shell.command import exit_code
-from shell.progress import Progress
-from shell.target_file import SHIPPED
 
 
 def measured(options: argparse.Namespace, few: int) -> Row:

@@ -30,6 +30,9 @@ import numpy as np
 from benchmarks import outlines
 from benchmarks.outlines import DEVELOPMENT, NETWORKS, REPORTED, Real, real_images
 from benchmarks.report import Row, table, target_parser, write
+from common.command import exit_code
+from common.errors import UserError
+from common.lines import JsonLines
 from experiments.doctor.outlines import Drawn
 from experiments.fit import share_of
 from experiments.study.stats import paired_gain
@@ -42,9 +45,6 @@ from seg.recipes import RECIPES
 from seg.settings import check_settings
 from seg.train import TrainingError, TrainSettings, predict_heads, train
 from seg.views import LOOKS, view_images, with_mirror
-from shell.command import exit_code
-from shell.errors import UserError
-from shell.lines import JsonLines
 
 ON = ("labels", "labels+renders", "renders", "all")
 """What networks are trained on; all labelled images are tested on reported ones alone."""

@@ -12,9 +12,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from shell.files import versions
-from shell.files import write as write_file
-from shell.target_file import SHIPPED
+from common.files import versions
+from common.files import write as write_file
+from common.labels.target_file import SHIPPED
 
 Row = dict[str, Any]
 PACKAGES = ("sdr-jax", "jax", "flax", "optax", "numpy", "trimesh", "embreex", "pyrender")

@@ -26,6 +26,7 @@ import numpy as np
 import sdr_jax
 from benchmarks.report import Row, count, parser, table, timed, write
 from benchmarks.train import random_truth
+from common.errors import UserError
 from experiments.config import Fidelity, MainConfig
 from experiments.config.presets import defaults
 from experiments.evaluation.cost import cost_of, training_cost
@@ -38,7 +39,6 @@ from scene.executors import workers_of
 from scene.proposal import default_proposal, draw, random_proposal
 from scene.render import RenderSettings
 from scene.workers import WorkerPool, Workers
-from shell.errors import UserError
 
 NETWORK = 125e6
 """Bytes per second between machines, 1 Gbit/s; not measured."""

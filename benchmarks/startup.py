@@ -21,8 +21,8 @@ from functools import partial
 from pathlib import Path
 
 from benchmarks.report import Row, count, parser, report, timed
+from common.command import path_of
 from experiments.__main__ import COMMANDS, STUDIES, STUDY
-from shell.command import path_of
 
 ROOT = Path(__file__).resolve().parents[1]
 LIBRARIES = ("seg", "scene", "sdr_jax")

@@ -34,6 +34,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.report import Row, count, parser, table, timed, write
+from common.command import size
+from common.errors import UserError
 from experiments.config import Fidelity, MainConfig
 from experiments.config.presets import defaults
 from experiments.evaluation.evaluate import rendered_set, tested, trained
@@ -53,8 +55,6 @@ from seg.settings import VGG_NETS, NetName, TrainSettings, Trunk
 from seg.step import Data, Functions, TrainState, functions, plan
 from seg.train import score, train
 from seg.views import view_images
-from shell.command import size
-from shell.errors import UserError
 
 CLASSES = 11
 BATCHES: dict[NetName, int] = {"compact": 8, "deeplabv2": 4, "fcn8s": 4}

@@ -10,11 +10,11 @@ from importlib.metadata import packages_distributions, version
 from runpy import run_module
 from textwrap import wrap
 
-from shell.command import HELP, USAGE, Parser, docstring, meant, path_of
-from shell.interrupt import PROGRAM
+from common.command import HELP, USAGE, Parser, docstring, meant, path_of
+from common.interrupt import PROGRAM
 
 DISTRIBUTION = "sdr-jax"
-PACKAGES = ("sdr_jax", "scene", "seg", "experiments", "shell")
+PACKAGES = ("sdr_jax", "scene", "seg", "experiments", "common")
 """The packages that we install, whose short names other distributions may have, too."""
 GROUPS = {
     "Your own images": {

@@ -19,6 +19,7 @@ from functools import partial
 
 import numpy as np
 
+from common.errors import UserError
 from experiments.config.cli import command
 from experiments.config.presets import DENSITIES, ENVIRONMENT, POSITIONS
 from experiments.config.studies import AblationConfig, Variant
@@ -46,7 +47,6 @@ from experiments.study.skeleton import Made, Row, Search, do, of_rows
 from experiments.study.stats import statistics
 from experiments.target.base import Target
 from scene.attributes import names
-from shell.errors import UserError
 
 FULL: Variant = "full"
 """The full method, from which losses are measured."""

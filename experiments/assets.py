@@ -16,6 +16,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import product
 
+from common.errors import UserError
 from experiments.config.cli import command
 from experiments.config.studies import AssetsConfig
 from experiments.run.context import Run
@@ -42,7 +43,6 @@ from experiments.study.skeleton import (
 )
 from experiments.study.stats import bounded, estimated, gain
 from experiments.target.base import Target
-from shell.errors import UserError
 
 ATTRIBUTES = {
     "random": "random attributes",

@@ -20,6 +20,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from common.command import Arguments, exit_code
+from common.errors import UserError, refuse_repeats
+from common.files import check_file, file_digest, write, write_json
+from common.labels.listing import split_names
+from common.labels.target_file import TargetFile, find_target
+from common.progress import Progress
 from experiments.config import parsers
 from experiments.config.parsers import WORST
 from experiments.target.real import reported_split
@@ -30,12 +36,6 @@ from seg.data import DataError, Entry, LabelReader, list_split
 from seg.data.images import read_image
 from seg.metrics import absent_classes, confusion_matrix, iou
 from seg.model import SEEN, Model, load_model
-from shell.command import Arguments, exit_code
-from shell.errors import UserError, refuse_repeats
-from shell.files import check_file, file_digest, write, write_json
-from shell.listing import split_names
-from shell.progress import Progress
-from shell.target_file import TargetFile, find_target
 
 Read = Callable[[Entry], tuple[np.ndarray, np.ndarray]]
 

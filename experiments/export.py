@@ -12,11 +12,11 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from common.command import Arguments, exit_code
+from common.files import check_file, write
 from experiments.config import parsers
 from seg.model import Model, load_model
 from seg.onnx_graph import onnx_bytes
-from shell.command import Arguments, exit_code
-from shell.files import check_file, write
 
 
 def export(model: Model | str | Path, path: str | Path) -> int:

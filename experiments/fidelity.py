@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 
+from common.errors import UserError
 from experiments.config import (
     Fidelity,
     RewardKind,
@@ -36,7 +37,6 @@ from experiments.study.skeleton import Study, do
 from experiments.study.stats import bootstrap, pairing, signal_to_noise, spearman
 from scene.proposal import Proposal
 from seg.recipes import with_steps
-from shell.errors import UserError
 
 FIDELITY_SEED = 10_000_000
 """The first seed, above those of a run's rows."""

@@ -24,6 +24,16 @@ from typing import Annotated, Any, NamedTuple, cast
 
 import numpy as np
 
+from common.bounds import POSITIVE, at_least, check_bounds
+from common.command import Arguments, exit_code, given
+from common.errors import UserError, flagged
+from common.files import digest, file_digest, read_json, write
+from common.folder import plain, read_config
+from common.interrupt import PROGRAM
+from common.labels.classes import NAMES
+from common.labels.listing import list_all
+from common.labels.target_file import Fit, find_target
+from common.memory import in_words, memory
 from experiments.config import FewConfig, Fidelity, Preset, parsers
 from experiments.config.config import NETS
 from experiments.config.limits import PIXEL, training_bytes
@@ -67,16 +77,6 @@ from seg.recipes import with_heads, with_net
 from seg.settings import FILELESS_NETS, Trunk, TrunkName, check_settings
 from seg.train import Params, heads_of, stacked
 from seg.weights import check as check_weights
-from shell.bounds import POSITIVE, at_least, check_bounds
-from shell.classes import NAMES
-from shell.command import Arguments, exit_code, given
-from shell.errors import UserError, flagged
-from shell.files import digest, file_digest, read_json, write
-from shell.folder import plain, read_config
-from shell.interrupt import PROGRAM
-from shell.listing import list_all
-from shell.memory import in_words, memory
-from shell.target_file import Fit, find_target
 
 SHOWN_BY: Row = "labels+renders"
 """The strip shows the best, the median and the worst image of this row's first network."""

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from common.errors import UserError
 from experiments.config.cli import command
 from experiments.config.studies import LabelsConfig
 from experiments.evaluation.job import LabelledSubset, Source
@@ -48,7 +49,6 @@ from experiments.study.stats import bounded, estimated, gain, mean, worth
 from experiments.target.base import Target
 from experiments.target.few import spread
 from seg.beside import TrainingSet
-from shell.errors import UserError
 
 ALONE = "none"
 """The word for labelled images alone, without a set of renders."""

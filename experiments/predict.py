@@ -23,17 +23,17 @@ from pathlib import Path
 
 import numpy as np
 
+from common.command import Arguments, exit_code
+from common.errors import UserError
+from common.files import write
+from common.folder import opened
+from common.progress import Progress
 from experiments.config import parsers
 from experiments.prelabels.files import CVAT, RANKING, STUDIO, write_files
 from experiments.prelabels.ranking import SCORES, Scores, ranked, refuse_unranked
 from scene.dataset.formats.png import encode
 from seg.data.frames import Frame, frames, list_sources, unread_words
 from seg.model import PACKAGES, As, Model, load_model
-from shell.command import Arguments, exit_code
-from shell.errors import UserError
-from shell.files import write
-from shell.folder import opened
-from shell.progress import Progress
 
 
 def predict(

@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 
+from common.errors import UserError
 from experiments.config import (
     Fidelity,
 )
@@ -53,7 +54,6 @@ from experiments.study.stats import holm, stars, statistics, welch
 from experiments.target.base import Target, with_reward
 from scene.proposal import Streets
 from seg.data import subset
-from shell.errors import UserError
 
 SUBSET_STREAM = 3
 """Second word of the seed that chooses images; the nets' streams have others."""

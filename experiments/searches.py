@@ -20,6 +20,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+from common.errors import UserError
 from experiments.config import check as check_flags
 from experiments.config.cli import command
 from experiments.config.studies import ManyConfig
@@ -50,7 +51,6 @@ from experiments.study.stats import Table, bounded, gain, less, mean, over_both
 from experiments.target.base import Target
 from scene.attributes import names
 from scene.proposal import describe
-from shell.errors import UserError
 
 BASELINES = {
     "random": "random attributes",

@@ -17,6 +17,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure, SubFigure
 
+from common import folder
+from common.errors import UserError
 from experiments.config.cli import command
 from experiments.config.studies import LEAST, SensitivityConfig
 from experiments.evaluation.cost import cost_of
@@ -45,8 +47,6 @@ from experiments.study.stats import bootstrap
 from scene.attributes import SPACES, Attribute, space_of
 from scene.held import in_words
 from scene.version import ENGINE
-from shell import folder
-from shell.errors import UserError
 
 SENSITIVITY_SEED = 20_000_000
 """The first seed, above those of a run's rows and of the measurement of fidelity."""

@@ -17,13 +17,13 @@ from pathlib import Path
 
 import numpy as np
 
+from common.command import Arguments, exit_code
+from common.errors import UserError
+from common.files import check_file
 from experiments.config import RewardKind, parsers
 from experiments.evaluation.job import REWARD_NAMES, in_words
 from experiments.evaluation.made_with import told_apart
 from experiments.evaluation.store import kinds_of, merged, read, write_store
-from shell.command import Arguments, exit_code
-from shell.errors import UserError
-from shell.files import check_file
 
 
 def merge(paths: Sequence[Path], out: Path) -> str:

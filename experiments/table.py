@@ -19,6 +19,10 @@ from functools import partial
 
 import numpy as np
 
+from common.errors import UserError
+from common.labels.listing import list_all
+from common.labels.target_file import shipped
+from common.memory import refuse_larger
 from experiments.config import (
     Fidelity,
     check_net,
@@ -61,10 +65,6 @@ from seg.classes import CITYSCAPES_19, IGNORE_LABEL, SYNTHIA_13, SYNTHIA_16, cla
 from seg.data import LabelledImages, load, subset
 from seg.settings import VGG_NETS, NetName
 from seg.weights import described
-from shell.errors import UserError
-from shell.listing import list_all
-from shell.memory import refuse_larger
-from shell.target_file import shipped
 
 BASELINE, EYE = "random", "default"
 """Rows over which gains are measured."""

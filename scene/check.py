@@ -16,6 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from common.command import Arguments, exit_code
+from common.files import read_bytes, read_json
 from scene import parsers
 from scene.assets.catalogue import AssetPool
 from scene.attributes import SpaceName, default_unit, street_params
@@ -30,8 +32,6 @@ from scene.proposal import draw, random_proposal
 from scene.street.clearance import pairs
 from scene.street.instances import standing
 from scene.street.street import sample_street
-from shell.command import Arguments, exit_code
-from shell.files import read_bytes, read_json
 
 LEAST_LIFT = 2.2
 """Least ratio of depth jumps on id edges to chance. Ours: 4 to 5; labels off by one pixel: 1.6."""

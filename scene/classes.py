@@ -6,10 +6,10 @@ from enum import IntEnum
 
 import numpy as np
 
-from shell.classes import CLASSES, NAMES
-from shell.classes import OWN as OWN_ROW
-from shell.classes import VOID as VOID
-from shell.errors import UserError
+from common.errors import UserError
+from common.labels.classes import CLASSES, NAMES
+from common.labels.classes import OWN as OWN_ROW
+from common.labels.classes import VOID as VOID
 
 
 class TrainId(IntEnum):

@@ -18,11 +18,11 @@ from typing import Any
 import cv2
 from distributed import Client, KilledWorker, WorkerPlugin
 
+from common.errors import UserError
+from common.files import files_below, folder_digest, versions
+from common.sent import received
 from scene.version import ENGINE, MAKERS
 from scene.workers import WorkerError, Workers
-from shell.errors import UserError
-from shell.files import files_below, folder_digest, versions
-from shell.sent import received
 
 PATIENCE = 10.0
 """Time limit of a scheduler's answer, in seconds."""

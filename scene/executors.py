@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 
+from common.errors import UserError
 from scene.workers import ExecutorName, WorkerPool, Workers
-from shell.errors import UserError
 
 
 def workers_of(

@@ -9,9 +9,9 @@ from typing import overload
 
 import numpy as np
 
+from common.errors import UserError
 from scene.attributes import BY_NAME, SpaceName, names
 from scene.proposal import Component, Histogram, Proposal, Streets, components, mixture
-from shell.errors import UserError
 
 
 def read_fixed(words: Iterable[str], space: SpaceName) -> dict[str, float]:

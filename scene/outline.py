@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from common.labels.classes import Outline
 from scene.classes import TrainId
-from shell.classes import Outline
 
 if TYPE_CHECKING:
     from scene.render.protocol import Frame
@@ -45,7 +45,7 @@ def sources(label: np.ndarray, depth: np.ndarray, outlines: Sequence[Outline]) -
     Args:
         label: train ids u8[h, w].
         depth: f32[h, w] in metres, 0 for the sky.
-        outlines: those of a target's classes (`shell.target_file`), applied one after another.
+        outlines: those of a target's classes (`common.labels.target_file`), applied one after another.
     """
     nearness = _inverse(depth)
     current, source = label, np.arange(label.size).reshape(label.shape)

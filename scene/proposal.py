@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from common.files import read_json
 from scene import streams
 from scene.attributes import (
     BY_NAME,
@@ -27,7 +28,6 @@ from scene.attributes import (
     names,
     space_of,
 )
-from shell.files import read_json
 
 log = logging.getLogger(__name__)
 RELAXATION = 0.15

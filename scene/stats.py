@@ -17,11 +17,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from common.command import Arguments, exit_code
+from common.files import check_file, write_json
 from scene import parsers
 from scene.classes import CLASS_NAMES
 from scene.dataset.real import CAMVID, CAMVID_OF_TRAIN, open_pictures
-from shell.command import Arguments, exit_code
-from shell.files import check_file, write_json
 
 
 class Statistics(NamedTuple):

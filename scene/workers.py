@@ -20,8 +20,8 @@ from itertools import chain, islice
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
-from shell.cores import Cores
-from shell.memory import refuse_larger
+from common.cores import Cores
+from common.memory import refuse_larger
 
 ExecutorName = Literal["processes", "dask"]
 Self = TypeVar("Self", bound="Workers")

@@ -27,11 +27,11 @@ from typing import Any
 import numpy as np
 from safetensors.numpy import save
 
+from common.command import Parser, docstring, exit_code
+from common.errors import UserError
+from common.files import read_bytes, write
 from seg.weights.normalisation import CAFFE_MEANS, from_bgr
 from seg.weights.vgg16 import CONVS, LAYERS, SCHEMES, layers, shapes
-from shell.command import Parser, docstring, exit_code
-from shell.errors import UserError
-from shell.files import read_bytes, write
 
 HED = "VGG16, ImageNet, fine-tuned on HED-BSDS"
 HED_SHA256 = "c7d5d58a35ba8e7f07574d036031a0dc6faade895f485b3657b4228372900b04"

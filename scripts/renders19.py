@@ -18,16 +18,16 @@ from pathlib import Path
 
 import numpy as np
 
+from common.command import Parser, docstring, exit_code
+from common.errors import UserError
+from common.files import file_digest, read_json
+from common.labels.target_file import shipped
+from common.progress import Progress
 from scene.dataset.export import read_dataset
 from scene.dataset.read import DESCRIPTION
 from seg.model import Model, classes_of
 from seg.recipes import RECIPES, with_steps
 from seg.train import CHUNK, TrainingError, train
-from shell.command import Parser, docstring, exit_code
-from shell.errors import UserError
-from shell.files import file_digest, read_json
-from shell.progress import Progress
-from shell.target_file import shipped
 
 RECIPE = replace(RECIPES["lite0-heads"], steps=3000)
 """For some times the images of a run's networks: three times the steps."""

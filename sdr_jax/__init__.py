@@ -13,7 +13,7 @@
 
 from lazy_loader import attach_stub
 
-from shell.interrupt import while_loading
+from common.interrupt import while_loading
 
 while_loading(__name__)  # before JAX
 __getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

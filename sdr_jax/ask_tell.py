@@ -12,12 +12,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Real
 
+from common.errors import UserError
+from common.lines import CURE, JsonLines
 from sdr_jax.method import Method, State, refuse_not_finite
 from sdr_jax.rewards import LARGEST
 from sdr_jax.run import first_state, on_processor
 from sdr_jax.space import Proposal, Space
-from shell.errors import UserError
-from shell.lines import CURE, JsonLines
 
 RECORD = ("id", "update", "actions", "seed", "reward")
 """The fields of every line of a history; the caller may add more."""

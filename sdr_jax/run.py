@@ -9,10 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, Real
 
+from common.errors import Unfinished
 from sdr_jax.callback import HostReward
 from sdr_jax.method import Info, Method, RngKey, State, refuse_not_finite
 from sdr_jax.space import Proposal
-from shell.errors import Unfinished
 
 MOST_FAILED = 0.1
 """Share of a search's evaluations that may fail; one failure is always allowed."""

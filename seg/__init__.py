@@ -6,7 +6,7 @@ functions `train` and `augment` share their name with their module: `from seg.tr
 
 from lazy_loader import attach_stub
 
-from shell.interrupt import while_loading
+from common.interrupt import while_loading
 
 while_loading(__name__)  # before all else
 __getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

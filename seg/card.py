@@ -8,7 +8,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from shell.errors import printable
+from common.errors import printable
 
 README = "README.md"
 HEAD = """\

@@ -12,8 +12,8 @@ import msgspec
 import numpy as np
 from jaxtyping import UInt8
 
-from shell.classes import Outline
-from shell.target_file import SHIPPED, TargetFile, shipped
+from common.labels.classes import Outline
+from common.labels.target_file import SHIPPED, TargetFile, shipped
 
 IGNORE_LABEL = 255
 

@@ -1,6 +1,6 @@
 """Errors of the files that a user names."""
 
-from shell.errors import UserError
+from common.errors import UserError
 
 
 class DataError(UserError):

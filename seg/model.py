@@ -20,6 +20,11 @@ from safetensors import SafetensorError
 from safetensors.numpy import load as parse_tensors
 from safetensors.numpy import save as tensor_bytes
 
+from common.bounds import check_fields
+from common.errors import UserError, printable
+from common.files import digest, read_bytes, read_json, versions, whole_folder, write, write_json
+from common.labels.target_file import TargetFile
+from common.memory import refuse_larger
 from seg.card import README, card
 from seg.classes import IGNORE_LABEL, colorize
 from seg.data.labelled import fitted, resize_image
@@ -29,11 +34,6 @@ from seg.nets.trunks import trunk_of
 from seg.settings import TrainSettings, check_net
 from seg.train import Params, logits, outline
 from seg.uncertainty import Uncertainty, uncertainty
-from shell.bounds import check_fields
-from shell.errors import UserError, printable
-from shell.files import digest, read_bytes, read_json, versions, whole_folder, write, write_json
-from shell.memory import refuse_larger
-from shell.target_file import TargetFile
 
 FORMAT = 1
 """The version of the folder's format; a newer one is refused."""

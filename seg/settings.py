@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from shell.bounds import POSITIVE, at_least, at_most, check_bounds, must, within
+from common.bounds import POSITIVE, at_least, at_most, check_bounds, must, within
 
 TrunkName = Literal["lite0", "lite1", "lite2", "dinov2"]
 """Nets that are a head on a trunk."""

@@ -7,9 +7,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from shell.errors import UserError
-from shell.lines import JsonLines
-from shell.sent import here
+from common.errors import UserError
+from common.lines import JsonLines
+from common.sent import here
 
 
 def square(x):

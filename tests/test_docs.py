@@ -16,9 +16,9 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
+from common.labels.target_file import parse_target
 from experiments.__main__ import main as sdr_jax
 from seg.nets.trunks import TRUNKS
-from shell.target_file import parse_target
 from tests.conftest import ROOT
 
 FILES = (ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md"))

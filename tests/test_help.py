@@ -5,8 +5,8 @@ import re
 
 import pytest
 
+from common.command import Parser
 from experiments.__main__ import COMMANDS, STUDIES
-from shell.command import Parser
 from tests.conftest import printed
 
 CODE = """

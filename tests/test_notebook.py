@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from nbclient import NotebookClient
 
+from common.labels.target_file import find_target
 from scripts.make_toy import SPLITS
 from seg.classes import IGNORE_LABEL
 from seg.data import list_split, load
-from shell.target_file import find_target
 from tests.conftest import ROOT
 
 

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from common.labels.target_file import shipped
 from scene import CLASS_NAMES, AssetPool, RenderSettings, export_dataset
 from scene.dataset.export import read_dataset
 from scene.proposal import draw, parse_streets, random_proposal
-from shell.target_file import shipped
 from tests.conftest import ROOT
 from tests.test_docs import FENCE
 

@@ -2,7 +2,7 @@
 
 - The core is pure: no global randomness, no clock, no print; these live in the thin shell.
 - `scene` knows no JAX outside `scene/callback.py`, so that render workers start fast.
-- `sdr_jax`, `scene` and `seg` know neither each other nor `experiments`; `shell` lies below all of them.
+- `sdr_jax`, `scene` and `seg` know neither each other nor `experiments`; `common` lies below all of them.
 """
 
 import ast
@@ -12,7 +12,7 @@ from pathlib import Path, PurePosixPath
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-FLOOR = "shell"  # what all may import, and what imports none of them
+FLOOR = "common"  # what all may import, and what imports none of them
 LIBRARIES = ("sdr_jax", "scene", "seg")
 PACKAGES = (FLOOR, *LIBRARIES, "experiments")
 
@@ -20,7 +20,7 @@ PACKAGES = (FLOOR, *LIBRARIES, "experiments")
 # The cache keeps arrays on disk between processes; ask and tell its history in a file; `tune` runs
 # simulators as processes, in a run folder.
 SHELL = (
-    "benchmarks/", "experiments/", "shell/",
+    "benchmarks/", "common/", "experiments/",
     "scene/cache.py", "scene/callback.py", "scene/check.py", "scene/cluster.py", "scene/compiled.py",
     "scene/stats.py",
     "scene/workers.py", "scene/assets/library.py", "scene/dataset/", "scene/render/",

@@ -11,6 +11,7 @@ from subprocess import run
 
 import pytest
 
+from common.command import path_of
 from experiments.__main__ import (
     COMMANDS,
     GROUPS,
@@ -24,7 +25,6 @@ from experiments.__main__ import (
 )
 from experiments.config import studies as configured
 from experiments.doctor.installed import EXTRAS
-from shell.command import path_of
 from tests.conftest import ROOT, printed
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]

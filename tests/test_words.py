@@ -31,7 +31,7 @@ NAMES = {
     "run_on_host": "drive",
 }
 """Replaced names of classes and functions of `experiments` and `seg`, and those of today."""
-FOLDERS = ("shell", "sdr_jax", "scene", "seg", "experiments", "benchmarks", "examples", "tests")
+FOLDERS = ("common", "sdr_jax", "scene", "seg", "experiments", "benchmarks", "examples", "tests")
 SOURCES = [path for folder in FOLDERS for path in sorted((ROOT / folder).rglob("*.py"))]
 # Results quote what was made before; this file names the words.
 PAGES = [

@@ -27,17 +27,17 @@ from benchmarks.report import Row, table, target_parser, write
 from benchmarks.transfer import tables
 from benchmarks.transfer.nets import ATTRIBUTES, PARTS, REAL, WITHOUT, Net, nets
 from benchmarks.transfer.recipe import Recipe, call, real_images, rendered
+from common import files
+from common.command import exit_code
+from common.errors import UserError
+from common.lines import CURE, JsonLines
+from common.progress import Progress
 from experiments.evaluation.evaluate import worker_environment
 from scene.attributes import SpaceName
 from scene.workers import WorkerError, WorkerPool
 from seg.data import DataError
 from seg.recipes import RECIPES
 from seg.train import TrainingError
-from shell import files
-from shell.command import exit_code
-from shell.errors import UserError
-from shell.lines import CURE, JsonLines
-from shell.progress import Progress
 
 Scores = dict[str, list[dict[str, Any]]]
 """Row -> results of its nets, in the order of their seeds."""

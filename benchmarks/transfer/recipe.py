@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.transfer.ingredients import INGREDIENTS, World, render_world
+from common.labels.target_file import find_target
 from experiments.target.folder import parts_of
 from scene.attributes import SpaceName
 from scene.proposal import draw, streets_named
@@ -23,7 +24,6 @@ from seg.pyramid import features
 from seg.recipes import RECIPES, with_steps
 from seg.train import TrainSettings, score, train
 from seg.views import view_images
-from shell.target_file import find_target
 
 BLOCKS = 5
 """Each group of images is cut into so many stretches; a net trained on real images is tested on one."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from common.bounds import check_bounds
+from common.errors import UserError, flagged
 from experiments.config.config import (
     Config,
     FewConfig,
@@ -25,8 +27,6 @@ from seg.nets.trunks import trunk_of
 from seg.settings import FILELESS_NETS, VGG_NETS, TrainSettings
 from seg.settings import check_settings as check_train_settings
 from seg.weights import check as check_weights
-from shell.bounds import check_bounds
-from shell.errors import UserError, flagged
 
 
 def check(config: Config) -> None:

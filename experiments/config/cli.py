@@ -13,6 +13,9 @@ from inspect import get_annotations
 from pathlib import Path
 from typing import Any
 
+from common.command import HELP, Parser, docstring, exit_code
+from common.errors import UserError
+from common.flags import Field, add_flag, filled, flags_of
 from experiments.config.config import (
     AnyConfig,
     Config,
@@ -27,9 +30,6 @@ from scene.attributes import SpaceName
 from scene.workers import WorkerError
 from seg.recipes import with_net, with_steps
 from seg.settings import VGG_NETS
-from shell.command import HELP, Parser, docstring, exit_code
-from shell.errors import UserError
-from shell.flags import Field, add_flag, filled, flags_of
 
 COMMON = (
     "target", "data", "out", "preset", "holdout", "few", "learnt", "search.method", "space", "seed",

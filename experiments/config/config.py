@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
+from common.bounds import Bound, at_least, at_most, must, within
+from common.flags import REPEATED, UNUSED, Word
+from common.memory import refuse_larger
 from experiments.config.options import Bins, Fidelity, Search, SearchOptions
 from scene.attributes import SpaceName, names
 from scene.held import hold, read_fixed
 from scene.proposal import RELAXATION, Proposal, named
 from scene.workers import ExecutorName, refuse_many_workers
-from shell.bounds import Bound, at_least, at_most, must, within
-from shell.flags import REPEATED, UNUSED, Word
-from shell.memory import refuse_larger
 
 if TYPE_CHECKING:
     from scene.assets.catalogue import AssetPool

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from common.errors import flagged
+from common.memory import refuse_larger
 from experiments.config.config import RECORD, Config, GroupsConfig, fidelities
 from experiments.config.options import Fidelity, Search, SearchOptions
 from scene.render.protocol import MAX_PIXELS, refuse_large_images, refuse_many_shots
 from seg.augment import DRAWS
 from seg.nets.trunks import trunk_of
-from shell.errors import flagged
-from shell.memory import refuse_larger
 
 PIXEL, SCORES = 4, 4 * (3 + 11)
 """Bytes of a pixel: its colour and label; in training, its colour and the scores of the fewest classes in

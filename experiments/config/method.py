@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any, get_args
 
 import sdr_jax
+from common.errors import UserError, flagged
 from experiments.config.config import BinsConfig, GroupsConfig
 from experiments.config.options import RivalName
 from scene.attributes import SpaceName, names
 from scene.held import hold
 from scene.proposal import Mixture, Proposal, Streets, moments, space_in, streets_in
 from sdr_jax.registry import make
-from shell.errors import UserError, flagged
 
 
 def make_space(config: BinsConfig) -> sdr_jax.Space:

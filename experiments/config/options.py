@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Literal
 
+from common.bounds import POSITIVE, at_least, at_most, within
+from common.flags import Alias
 from sdr_jax.names import MethodName
 from seg.settings import TrainSettings
-from shell.bounds import POSITIVE, at_least, at_most, within
-from shell.flags import Alias
 
 if TYPE_CHECKING:
     from scene.render import RenderSettings

@@ -7,13 +7,13 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
+from common.flags import ARGUMENT, REPEATED, SWITCH, Option, Size, command_line
+from common.labels.target_file import SHIPPED
+from common.labels.target_file import Fit as Shape
 from scene.attributes import SpaceName
 from scene.names import HELD
 from seg.names import As
 from seg.settings import Trunk, TrunkName
-from shell.flags import ARGUMENT, REPEATED, SWITCH, Option, Size, command_line
-from shell.target_file import SHIPPED
-from shell.target_file import Fit as Shape
 
 TARGET = f"the target: {', '.join(SHIPPED)}, or a target's file; by default DATA/target.yaml"
 PORT, REPORT_PORT = 8420, 8421

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, get_args
 
+from common.bounds import DISTINCT, POSITIVE, at_least, within
+from common.flags import UNUSED
 from experiments.config import presets
 from experiments.config.config import (
     NETS,
@@ -27,8 +29,6 @@ from experiments.config.options import Fidelity, MethodOptions, RivalName, Searc
 from experiments.config.presets import Table
 from sdr_jax.names import MethodName
 from seg.settings import NetName
-from shell.bounds import DISTINCT, POSITIVE, at_least, within
-from shell.flags import UNUSED
 
 Renders = Literal["random", "default", "mixed", "learnt"]
 PretrainRow = Literal["scratch", "random", "learnt", "longer"]

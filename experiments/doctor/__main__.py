@@ -19,10 +19,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from common.command import Arguments, exit_code
+from common.errors import UserError
+from common.files import check_file, write
 from experiments.config import parsers
-from shell.command import Arguments, exit_code
-from shell.errors import UserError
-from shell.files import check_file, write
 
 if TYPE_CHECKING:
     from experiments.config import TargetName
@@ -82,10 +82,10 @@ def diagnose(
 
 
 def _folder(data: Path, target: str | None, write_to: Path | None, out: Path) -> int:
+    from common.labels.target_file import find_target, parse_target
     from experiments.doctor.outlines import line
     from experiments.doctor.propose import Proposal, propose
     from experiments.doctor.survey import survey
-    from shell.target_file import find_target, parse_target
 
     if target is not None:
         own = find_target(target, data)

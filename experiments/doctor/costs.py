@@ -7,6 +7,9 @@ from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
+from common.errors import UserError
+from common.interrupt import PROGRAM
+from common.labels.target_file import TargetFile
 from experiments.config import Fidelity, MainConfig, Preset, TargetName
 from experiments.config.presets import defaults
 from experiments.evaluation.cost import Cost, cost_of, training_cost
@@ -17,9 +20,6 @@ from experiments.run.context import total_of
 from experiments.target.folder import parts_of
 from experiments.target.sizes import Choice, Size
 from seg.recipes import RECIPES
-from shell.errors import UserError
-from shell.interrupt import PROGRAM
-from shell.target_file import TargetFile
 
 
 def choice(target: TargetFile, data: Path, photographs: Size, pace: Pace) -> Choice | None:

@@ -7,10 +7,10 @@ import platform
 from importlib.util import find_spec
 from typing import NamedTuple
 
+from common.files import versions
+from common.memory import in_words, memory
 from experiments.doctor.installed import DRIVER, EXTRAS
 from scene.render import RENDERERS, RendererError, renderer
-from shell.files import versions
-from shell.memory import in_words, memory
 
 PACKAGES = (
     "sdr-jax", "jax", "jaxlib", "flax", "optax", "numpy", "numba", "embreex", "opencv-python-headless",

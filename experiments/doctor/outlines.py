@@ -13,6 +13,8 @@ import msgspec
 import numpy as np
 from PIL import Image
 
+from common.labels.classes import Outline
+from common.labels.target_file import WIDEST, TargetFile
 from scene.assets.catalogue import AssetPool
 from scene.classes import TrainId
 from scene.dataset.render import compile_first, render_street
@@ -22,8 +24,6 @@ from scene.render import RenderSettings
 from scene.workers import WorkerPool
 from seg.boundary import perimeters
 from seg.classes import colorize, table_of
-from shell.classes import Outline
-from shell.target_file import WIDEST, TargetFile
 
 STREETS = 36
 """Number of rendered images."""

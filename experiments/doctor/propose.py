@@ -12,14 +12,14 @@ from typing import NamedTuple
 import numpy as np
 import yaml
 
+from common.errors import UserError
+from common.files import IMAGES, composed, files_below, plain_path
+from common.labels import classes as engine
+from common.labels.listing import list_split, matches, split_names
+from common.labels.target_file import FILE, SHIPPED, TRAIN, Format, find_target, shipped
 from experiments.target.real import HELD_OUT
 from seg.data.images import read_image
 from seg.data.labels import FORMATS, LabelReader
-from shell import classes as engine
-from shell.errors import UserError
-from shell.files import IMAGES, composed, files_below, plain_path
-from shell.listing import list_split, matches, split_names
-from shell.target_file import FILE, SHIPPED, TRAIN, Format, find_target, shipped
 
 TRAINING_SETS = ("gta5", "synthia")
 """Targets in the package whose layouts are also those of many other folders."""

@@ -12,15 +12,15 @@ import cv2
 import numpy as np
 from PIL import Image, ImageDraw
 
+from common.errors import UserError
+from common.labels import classes as engine
+from common.labels.listing import Entry, list_split, shared_groups, split_names
+from common.labels.target_file import TRAIN, TargetFile
 from experiments.target.real import HELD_OUT
 from experiments.target.sizes import suitable_size
 from seg.classes import IGNORE_LABEL
 from seg.data import LabelReader, load
 from seg.data.images import ORIENTATION, check_end, decode, is_deep, read_file, upright
-from shell import classes as engine
-from shell.errors import UserError
-from shell.listing import Entry, list_split, shared_groups, split_names
-from shell.target_file import TRAIN, TargetFile
 
 READ = 100
 """The most label files that are read whole."""

@@ -25,6 +25,8 @@ from zipfile import BadZipFile
 
 import numpy as np
 
+from common.errors import UserError
+from common.files import digest, file_digest, read_json, whole_folder, write, write_json
 from experiments.evaluation.cached import Cached, map_names, removable
 from experiments.evaluation.job import Recipe
 from experiments.evaluation.store import digest_of
@@ -38,8 +40,6 @@ from seg.nets.trunks import trunk_of
 from seg.pyramid import Statistics, channel_statistics, features
 from seg.settings import TrainSettings
 from seg.views import LOOKS, view_images, with_mirror
-from shell.errors import UserError
-from shell.files import digest, file_digest, read_json, whole_folder, write, write_json
 
 FOLDER, ABOUT, SECONDS = "shared", "about.json", "seconds"
 CHUNK = 16

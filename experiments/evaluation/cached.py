@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from common.errors import UserError
+from common.sent import here
 from seg.beside import TrainingSet
 from seg.data import LabelledImages
-from shell.errors import UserError
-from shell.sent import here
 
 
 class Cached(NamedTuple):

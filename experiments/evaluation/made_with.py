@@ -13,11 +13,11 @@ from functools import lru_cache
 
 import jax
 
+from common.errors import UserError
+from common.files import versions
+from common.lines import Record
 from scene.version import MAKERS
 from scene.workers import Workers
-from shell.errors import UserError
-from shell.files import versions
-from shell.lines import Record
 
 MadeWith = tuple[tuple[str, str], ...]
 """Names and values."""

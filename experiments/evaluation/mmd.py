@@ -18,6 +18,9 @@ import jax
 import numpy as np
 from flax.traverse_util import flatten_dict, unflatten_dict
 
+from common.errors import UserError
+from common.files import write
+from common.sent import here
 from experiments.evaluation.cache import sent
 from experiments.evaluation.evaluate import render, training_set
 from experiments.evaluation.job import Recipe, Result
@@ -29,9 +32,6 @@ from seg.features import features
 from seg.mmd import mmd2
 from seg.recipes import with_steps
 from seg.train import TrainingError, TrainSettings, train
-from shell.errors import UserError
-from shell.files import write
-from shell.sent import here
 
 FILE = "feature-net.npz"
 """File of the net's parameters in the run folder."""

@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from common.files import digest, write_json
 from experiments.config import Fidelity
 from experiments.evaluation.cost import START_COST, Cost, cost_of, training_cost
 from scene.attributes import default_unit
@@ -26,7 +27,6 @@ from scene.render import RenderSettings
 from scene.workers import ExecutorName, Workers
 from seg.recipes import RECIPES, with_steps
 from seg.train import train
-from shell.files import digest, write_json
 
 SIZE = (240, 176)
 """Width and height of the measured images, as for the rewards of most targets."""

@@ -13,8 +13,8 @@ from zipfile import BadZipFile
 
 import numpy as np
 
+from common.files import naming, write
 from seg.metrics import mean_iou
-from shell.files import naming, write
 
 FOLDER = "nets"
 """Folder of the files in the run folder."""

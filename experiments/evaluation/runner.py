@@ -19,6 +19,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from common.errors import UserError
+from common.files import digest, file_digest, folder_digest
+from common.lines import Record
+from common.progress import Progress
 from experiments.config import RewardKind
 from experiments.evaluation.cache import Cache, by_target, sent
 from experiments.evaluation.cached import Cached
@@ -62,10 +66,6 @@ from sdr_jax import refuse_failures
 from seg.beside import TrainingSet
 from seg.data import LabelledImages
 from seg.train import Params
-from shell.errors import UserError
-from shell.files import digest, file_digest, folder_digest
-from shell.lines import Record
-from shell.progress import Progress
 
 LEAST = 60.0
 """CPU seconds of nets from which new workers pay, since one takes ten to start."""

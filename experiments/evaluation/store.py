@@ -18,12 +18,12 @@ from typing import Any
 
 import numpy as np
 
+from common.errors import UserError
+from common.files import digest, write
+from common.lines import CURE, JsonLines, Record
 from experiments.evaluation.job import Given, LabelledSubset, Result, Source, StreetPool
 from scene.attributes import SPACES, names
 from scene.proposal import Histogram, Mixture, Proposal, components
-from shell.errors import UserError
-from shell.files import digest, write
-from shell.lines import CURE, JsonLines, Record
 
 FORMAT = "sdr-jax evaluations, 2"
 NAMES = names("extended")

@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+from common.files import write, write_json
 from experiments.config import MainConfig
 from experiments.evaluation.evaluate import render
 from experiments.evaluation.job import Recipe
@@ -22,7 +23,6 @@ from experiments.study.skeleton import Study, do
 from scene.dataset.export import export_dataset, read_dataset
 from scene.proposal import Proposal, draw
 from seg.data import LabelledImages
-from shell.files import write, write_json
 
 
 def plan(config: MainConfig, _: Any = None) -> list[Work]:

@@ -19,7 +19,7 @@ from seg.classes import table_of
 from seg.data import list_split, load
 from seg.settings import TrainSettings
 from seg.train import train
-from shell.target_file import find_target
+from common.labels.target_file import find_target
 
 config = json.loads(Path("config.json").read_text())
 final, target = config["final"], find_target("{name}")

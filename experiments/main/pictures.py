@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from common.files import naming, write, write_json
+from common.lines import Record
 from experiments.evaluation.predictions import Predictions, file_of, load
 from experiments.run.context import Run
 from experiments.run.search import Found
 from seg.classes import ClassTable, class_table, colorize
 from seg.data import LabelledImages
-from shell.files import naming, write, write_json
-from shell.lines import Record
 
 SHOWN = 6
 """Numbers of streets of each set, and of test images."""

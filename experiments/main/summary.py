@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from common.command import given
 from experiments.evaluation.job import Result
 from experiments.evaluation.store import each
 from experiments.run import few
@@ -14,7 +15,6 @@ from experiments.study.form import Report, about, class_means, interval, miou, n
 from experiments.study.stats import TOO_FEW, statistics
 from scene.attributes import names
 from scene.proposal import Proposal, describe
-from shell.command import given
 
 TRAINED_ON = {
     "random": "random attributes",

@@ -11,15 +11,15 @@ import argparse
 import sys
 from importlib.util import find_spec
 
+from common.command import Arguments, exit_code
+from common.errors import UserError
+from common.loopback import check_port
 from experiments.config.parsers import playground as parser
 from experiments.playground.photographs import listed
 from experiments.playground.state import LOSS, State, View, check_view, has_probabilities, opened
 from scene.assets.catalogue import AssetPool
 from scene.proposal import read_streets
 from scene.render import RendererError, renderer
-from shell.command import Arguments, exit_code
-from shell.errors import UserError
-from shell.loopback import check_port
 
 
 def first_state(options: argparse.Namespace) -> State:

@@ -16,6 +16,10 @@ from nicegui.events import (
     ValueChangeEventArguments,
 )
 
+from common.command import size
+from common.files import json_text, parse_json
+from common.labels.classes import OWN as OWN_ROW
+from common.loopback import HOST, MOST_BYTES
 from experiments.playground import state as states
 from experiments.playground.guard import Guard
 from experiments.playground.photographs import photograph
@@ -34,10 +38,6 @@ from scene.classes import CLASS_NAMES, COLORS, OWN
 from scene.preview.layout import FAR
 from scene.proposal import describe, named, parse_streets
 from scene.render.protocol import MOST_SAMPLES
-from shell.classes import OWN as OWN_ROW
-from shell.command import size
-from shell.files import json_text, parse_json
-from shell.loopback import HOST, MOST_BYTES
 
 ACCENT = "#4f7ea3"
 """The colour of sliders and buttons."""

@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from shell.errors import UserError
+from common.errors import UserError
 
 WIDEST = 960
 """Pixels of width; wider photographs are reduced before they are sent to the page."""

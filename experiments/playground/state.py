@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from common.interrupt import PROGRAM
 from scene.assets.catalogue import AssetPool, check_pool
 from scene.attributes import BY_NAME, SPACES, SpaceName, space_of
 from scene.proposal import (
@@ -21,7 +22,6 @@ from scene.proposal import (
     slide,
 )
 from scene.render import RenderSettings, check_settings
-from shell.interrupt import PROGRAM
 
 GROUPS: dict[str, tuple[str, ...]] = {
     "Light and weather": (

@@ -11,11 +11,11 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from common.errors import UserError, printable
+from common.files import read_bytes, write
 from experiments.prelabels import cvat, label_studio
 from seg.classes import IGNORE_LABEL
 from seg.model import LabelClass, Model
-from shell.errors import UserError, printable
-from shell.files import read_bytes, write
 
 RANKING, CVAT, CVAT_LABELS = "ranking.csv", "cvat.zip", "cvat_labels.json"
 STUDIO, STUDIO_LABELS = "label_studio.json", "label_studio.xml"

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from common.errors import UserError
+from common.lines import CURE, JsonLines
 from experiments.prelabels.files import Ranked
 from seg.data.frames import Source
 from seg.model import As
 from seg.uncertainty import PARTS, Uncertainty, order
-from shell.errors import UserError
-from shell.lines import CURE, JsonLines
 
 SCORES = "scores.jsonl"
 """File of the net's uncertainty about each image."""

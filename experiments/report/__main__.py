@@ -13,12 +13,12 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from common.command import Arguments, exit_code
+from common.errors import UserError
+from common.files import check_file, write
 from experiments.config import parsers
 from experiments.report import live, page
 from experiments.report.folder import NAME, SUMMARY, read
-from shell.command import Arguments, exit_code
-from shell.errors import UserError
-from shell.files import check_file, write
 
 
 def make(path: Path, out: Path | None) -> Path:

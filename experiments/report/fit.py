@@ -9,6 +9,8 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
+from common.interrupt import PROGRAM
+from common.progress import duration
 from experiments.study.form import (
     Report,
     cells,
@@ -20,8 +22,6 @@ from experiments.study.form import (
     table,
 )
 from experiments.study.stats import bounded, crossed, mean
-from shell.interrupt import PROGRAM
-from shell.progress import duration
 
 Row = Literal["labels", "labels+renders", "renders", "labels+learnt"]
 WORDS: dict[Row, str] = {

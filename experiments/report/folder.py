@@ -7,6 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from common.errors import UserError
+from common.files import read_json
+from common.folder import CONFIG, read_config
+from common.lines import JsonLines, Record
 from experiments.evaluation.store import LOGS
 from experiments.main import summary
 from experiments.main.pictures import INDEX, PICTURES
@@ -15,10 +19,6 @@ from experiments.report.matters import FILE
 from experiments.study.form import Report
 from scene.attributes import BY_NAME, SPACES, Attribute
 from scene.held import read_fixed
-from shell.errors import UserError
-from shell.files import read_json
-from shell.folder import CONFIG, read_config
-from shell.lines import JsonLines, Record
 
 SUMMARY, NAME = "summary.json", "report.html"
 """Files of a run folder: what it ends with, and the page."""

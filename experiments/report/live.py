@@ -7,14 +7,14 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
+from common.files import write
+from common.folder import read_config
+from common.interrupt import PROGRAM
+from common.loopback import HOST, check_port, refusal
 from experiments.report import page
 from experiments.report.folder import NAME, RunFolder
 from experiments.run.context import Run
 from experiments.study.form import Report
-from shell.files import write
-from shell.folder import read_config
-from shell.interrupt import PROGRAM
-from shell.loopback import HOST, check_port, refusal
 
 
 def watch(run: Run[Any], known: Report) -> None:

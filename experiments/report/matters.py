@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from common.errors import UserError
+from common.lines import Record
 from experiments.sensitivity import NOTHING, enough, summarize, verdict
 from experiments.study.form import Report
 from experiments.study.records import choose
 from scene.attributes import SpaceName
-from shell.errors import UserError
-from shell.lines import Record
 
 FILE = "matters.json"
 """The file of the result, among the run's pictures: for 216 rewards of 37 attributes the model takes half a

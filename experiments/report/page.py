@@ -15,6 +15,9 @@ from typing import Any, NamedTuple
 
 from plotly.offline import get_plotlyjs
 
+from common.files import read_bytes
+from common.interrupt import PROGRAM
+from common.progress import duration
 from experiments.evaluation.store import each
 from experiments.main.pictures import PICTURES
 from experiments.main.summary import TRAINED_ON, advice
@@ -28,9 +31,6 @@ from experiments.study.form import Report, cells, number, starts, words
 from experiments.study.stats import TOO_FEW
 from scene.held import hold
 from scene.proposal import default_proposal, describe
-from shell.files import read_bytes
-from shell.interrupt import PROGRAM
-from shell.progress import duration
 
 HERE = Path(__file__).parent
 FIRST = 15

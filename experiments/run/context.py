@@ -15,6 +15,9 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from typing import Any, Generic, NamedTuple, TypeVar
 
+from common import folder
+from common.errors import UserError
+from common.progress import Progress, Stage, duration
 from experiments.config import Config, Fidelity
 from experiments.evaluation import pace as paces
 from experiments.evaluation.cost import (
@@ -41,9 +44,6 @@ from scene.version import ENGINE
 from scene.workers import Workers
 from seg.data import LabelledImages
 from seg.weights import described
-from shell import folder
-from shell.errors import UserError
-from shell.progress import Progress, Stage, duration
 
 PACKAGES = ("sdr-jax", "trimesh", "pyrender")
 """Packages with versions in ``config.json``, beside those that decide evaluations."""

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+from common.files import write_json
 from experiments.config import SearchConfig, make_method, make_space
 from experiments.run import plans
 from experiments.run.context import Run, Work
 from experiments.run.rewards import SearchPlan
 from experiments.run.search import Found, search
 from scene.proposal import describe
-from shell.files import write_json
 
 
 def plan_of(config: SearchConfig, name: str = "search") -> SearchPlan:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import sdr_jax
+from common.errors import UserError
 from experiments.config import GroupsConfig, make_method, make_space
 from experiments.evaluation.cost import cost_of
 from experiments.run.context import Work
 from experiments.run.rewards import SearchPlan
-from shell.errors import UserError
 
 
 def work_of(config: GroupsConfig, plans: Sequence[SearchPlan]) -> Work:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import sdr_jax
+from common.errors import UserError
 from experiments.config import RewardKind, SearchOptions
 from experiments.evaluation.job import Job, Result
 from experiments.evaluation.runner import refuse_failed
@@ -17,7 +18,6 @@ from experiments.run.few import beside
 from scene.attributes import SpaceName, names
 from scene.held import hold
 from scene.proposal import Proposal, random_proposal
-from shell.errors import UserError
 
 PLACE = ("search", "update", "dataset")
 """Fields of a run's log for a reward's place."""

@@ -10,6 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from common.errors import UserError
+from common.files import naming, read_json, write, write_json
 from experiments.config import Fidelity, NetsConfig
 from experiments.evaluation.job import Result
 from experiments.run.context import Run
@@ -17,8 +19,6 @@ from experiments.study.stats import TOO_FEW, mean
 from scene.held import in_words
 from seg.classes import class_table
 from seg.weights import described
-from shell.errors import UserError
-from shell.files import naming, read_json, write, write_json
 
 Report = dict[str, Any]
 ONE_SEARCH = (

@@ -13,14 +13,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from common.errors import UserError
+from common.files import naming, parse_json
+from common.lines import Record
 from experiments.config import Config
 from experiments.evaluation import store
 from experiments.study.bins import relaxed
 from scene.attributes import SPACES, SpaceName, names
 from scene.proposal import shortest
-from shell.errors import UserError
-from shell.files import naming, parse_json
-from shell.lines import Record
 
 BINS = "bins"
 """The configuration's name for lines of bins, which have none."""

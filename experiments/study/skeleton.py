@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, NamedTuple
 
+from common.progress import duration
 from experiments.config import Fidelity, LearntConfig, Rederived, read_attributes
 from experiments.config import check as check_flags
 from experiments.evaluation.job import Job, Result, Source
@@ -29,7 +30,6 @@ from experiments.target.named import named_target
 from scene.held import hold
 from scene.proposal import Streets, streets_named
 from scene.workers import Workers
-from shell.progress import duration
 
 
 def nothing(config: Any) -> None:

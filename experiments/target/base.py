@@ -8,10 +8,10 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from common.errors import UserError
 from experiments.target.twin import TwinWorld
 from seg.classes import IGNORE_LABEL
 from seg.data import LabelledImages
-from shell.errors import UserError
 
 SIZES = 2
 """Number of sizes at which images are kept: those of rewards and of final nets, which alternate."""

@@ -9,11 +9,11 @@ from functools import lru_cache
 
 import numpy as np
 
+from common.errors import UserError
 from experiments.config import Config, FewConfig
 from experiments.target.base import SIZES, Sides, Target
 from seg.classes import IGNORE_LABEL, class_table
 from seg.data import LabelledImages
-from shell.errors import UserError
 
 STREAM = 5
 """Second word of the seed that chooses images; other streams have others."""

@@ -15,16 +15,16 @@ from typing import NamedTuple
 import numpy as np
 from PIL import Image
 
+from common.errors import UserError
+from common.files import file_digest
+from common.labels.listing import list_all, shared_groups
+from common.labels.target_file import Fit, TargetFile
 from experiments.target.base import SIZES, Sides, Target, two_sides
 from experiments.target.few import CHOICE, spread
 from experiments.target.real import reported_split
 from seg.classes import table_text
 from seg.data import Entry, LabelledImages, load, refuse_shared
 from seg.data.images import upright
-from shell.errors import UserError
-from shell.files import file_digest
-from shell.listing import list_all, shared_groups
-from shell.target_file import Fit, TargetFile
 
 FOLDS = 5
 """Number of folds of images without a split, if there are so many groups."""

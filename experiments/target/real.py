@@ -8,6 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from common.errors import UserError
+from common.labels.listing import HELD_OUT
+from common.labels.target_file import TargetFile, shipped
 from experiments.config import Config, MainConfig, RewardConfig
 from experiments.target.base import SIZES, Sides, Target, refuse_overlap, two_sides
 from seg.classes import IGNORE_LABEL
@@ -21,9 +24,6 @@ from seg.data import (
     refuse_shared,
     subset,
 )
-from shell.errors import UserError
-from shell.listing import HELD_OUT
-from shell.target_file import TargetFile, shipped
 
 REPORTED = {"camvid": "test", "cityscapes": "val", "labelmefacade": "test"}
 """The default split for the test."""

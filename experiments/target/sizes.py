@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from common.errors import UserError
+from common.progress import duration
 from experiments.config import Preset
-from shell.errors import UserError
-from shell.progress import duration
 
 Size = tuple[int, int]
 """Width and height in pixels."""

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
+from common.labels.target_file import shipped
 from experiments.config import TwinName
 from scene.assets.catalogue import AssetPool
 from scene.attributes import NAMES, SPACES, default_unit
@@ -22,7 +23,6 @@ from scene.render.sensor import CameraResponse
 from scene.workers import Workers
 from seg.classes import class_table, table_text
 from seg.data import LabelledImages
-from shell.target_file import shipped
 
 PRIOR_STD = 0.12
 """Near: hidden centres are normal around the hand-set street, with this standard deviation (unit)."""

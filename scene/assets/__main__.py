@@ -11,12 +11,12 @@ import json
 import sys
 from collections.abc import Iterator
 
+from common.command import Arguments, exit_code
 from scene import parsers
 from scene.assets.catalogue import asset, families_of, kind, surfaces
 from scene.assets.families import FAMILIES
 from scene.assets.likeness import closest, looks
 from scene.classes import CLASS_NAMES, TrainId
-from shell.command import Arguments, exit_code
 
 
 def counts() -> dict[str, int]:

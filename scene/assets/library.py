@@ -20,14 +20,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from common.errors import UserError
+from common.files import composed, folder_digest, plain_path
+from common.sent import here
 from scene.assets.families import FAMILIES
 from scene.assets.family import Size
 from scene.classes import CLASS_NAMES
 from scene.mesh.asset import Asset, rotate, translate
 from scene.mesh.file import SUFFIXES, MeshError, read_mesh
-from shell.errors import UserError
-from shell.files import composed, folder_digest, plain_path
-from shell.sent import here
 
 MANIFEST = "assets.csv"
 REQUIRED = ("file", "author", "licence", "source")

@@ -8,12 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from common.errors import UserError
 from scene.assets.library import LibraryError, path_of, refuse_changed, snapshot
 from scene.classes import check_class_name
 from scene.mesh.asset import Asset, translate
 from scene.mesh.file import MeshError, read_mesh, referenced
 from scene.names import PLACES
-from shell.errors import UserError
 
 FAMILY = "own class"
 """What takes the place of a family where such an object stands; its index is the file's snapshot."""

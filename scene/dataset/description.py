@@ -12,6 +12,10 @@ from typing import Any, NamedTuple
 import llvmlite.binding
 import numpy as np
 
+from common import files
+from common.files import folder_digest
+from common.folder import plain
+from common.labels.classes import OWN as OWN_ROW
 from scene.assets import library
 from scene.assets.catalogue import AssetPool
 from scene.assets.own_class import OwnClass
@@ -22,10 +26,6 @@ from scene.dataset.read import WORK
 from scene.proposal import Streets, describe, shortest
 from scene.render import RenderSettings
 from scene.version import ENGINE, MAKERS
-from shell import files
-from shell.classes import OWN as OWN_ROW
-from shell.files import folder_digest
-from shell.folder import plain
 
 PACKAGES = ("sdr-jax", *MAKERS, "scipy", "trimesh", "pyrender")
 ENCODINGS = {

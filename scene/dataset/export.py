@@ -17,6 +17,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from filelock import FileLock, Timeout
 
+from common.errors import UserError
+from common.files import read_json, write, write_json
+from common.folder import differences
+from common.labels.classes import Outline
 from scene.assets import library
 from scene.assets.catalogue import AssetPool, check_pool
 from scene.dataset.description import ENCODINGS, Plan, outcome, own_class_entry, own_files
@@ -32,13 +36,9 @@ from scene.proposal import Streets
 from scene.render import RenderSettings, renderer
 from scene.version import MAKERS
 from scene.workers import WorkerPool, Workers, opened
-from shell.classes import Outline
-from shell.errors import UserError
-from shell.files import read_json, write, write_json
-from shell.folder import differences
 
 if TYPE_CHECKING:
-    from shell.target_file import TargetFile
+    from common.labels.target_file import TargetFile
 
 BLOCK = 4096
 """Bytes that a disk allocates at a time."""

@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from common.files import read_json
+from common.labels.classes import Outline
 from scene.dataset.formats import parquet
 from scene.dataset.formats.about import stem
 from scene.dataset.formats.labels import ILLEGAL, Labels, labels_of
@@ -17,8 +19,6 @@ from scene.dataset.formats.png import decode, read_png
 from scene.dataset.formats.segments import TRAIN_OF_LABEL, label_ids
 from scene.outline import sources
 from scene.render.protocol import MAX_PIXELS
-from shell.classes import Outline
-from shell.files import read_json
 
 DESCRIPTION = "dataset.json"
 MOST_IMAGES = 10_000_000

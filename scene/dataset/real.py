@@ -9,13 +9,13 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from common.errors import UserError
+from common.files import read_bytes
+from common.labels.target_file import shipped
+from common.pictures import MOST_BYTES, label_ids, too_large
 from scene.classes import CLASS_NAMES, VOID
 from scene.dataset.formats.segments import TRAIN_OF_LABEL
 from scene.dataset.read import DESCRIPTION, describe, pictures
-from shell.errors import UserError
-from shell.files import read_bytes
-from shell.pictures import MOST_BYTES, label_ids, too_large
-from shell.target_file import shipped
 
 CAMVID: tuple[str, ...] = shipped("camvid").class_names
 """The 11 classes of CamVid that are common in the literature."""

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from common.labels.classes import Outline
 from scene.assets.catalogue import AssetPool
 from scene.attributes import check_unit, default_unit, street_params
 from scene.compiled import first_use
@@ -19,7 +20,6 @@ from scene.outline import outlined
 from scene.render import Frame, RenderSettings, check_settings, renderer
 from scene.street.street import Street, sample_street
 from scene.workers import WorkerPool, Workers, opened
-from shell.classes import Outline
 
 COMPILING = "compiling the renderer (once per machine, about a minute)..."
 

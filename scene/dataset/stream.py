@@ -24,7 +24,7 @@ from scene.render import RenderSettings
 from scene.workers import Workers, opened
 
 if TYPE_CHECKING:
-    from shell.target_file import TargetFile
+    from common.labels.target_file import TargetFile
 
 
 class Sample(NamedTuple):

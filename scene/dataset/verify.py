@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from common.files import read_bytes, read_json
+from common.pictures import MOST_BYTES
 from scene.classes import VOID, TrainId
 from scene.dataset.formats import rle
 from scene.dataset.formats.labels import ILLEGAL, Labels
@@ -22,8 +24,6 @@ from scene.dataset.formats.segments import (
 )
 from scene.dataset.formats.yolo import area
 from scene.dataset.read import Described
-from shell.files import read_bytes, read_json
-from shell.pictures import MOST_BYTES
 
 ROUNDING = 0.02
 """Tolerance of the length of a normal, which was rounded to bytes."""

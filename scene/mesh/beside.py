@@ -7,9 +7,9 @@ from typing import Any
 
 from trimesh.resolvers import Resolver
 
+from common.files import leads_out, plain_path, read_bytes, spelled
 from scene.mesh.bombs import MOST_BYTES, MeshError
 from scene.mesh.mtl import texture
-from shell.files import leads_out, plain_path, read_bytes, spelled
 
 
 def path_beside(folder: Path, name: str) -> Path:

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from shell.errors import UserError
-from shell.files import parse_json
+from common.errors import UserError
+from common.files import parse_json
 
 MOST_BYTES = 500_000_000
 """Of a mesh file, or of a texture beside it."""

@@ -15,13 +15,13 @@ from urllib.parse import unquote
 
 import numpy as np
 
+from common.pictures import MOST_PIXELS
 from scene.look.materials import material_id
 from scene.mesh.asset import Asset, merge
 from scene.mesh.bombs import MeshError, gltf_content, refuse_bomb
 from scene.mesh.gltf import TexturePlacement, readable
 from scene.mesh.mesh import Mesh
 from scene.mesh.mtl import Look, looks
-from shell.pictures import MOST_PIXELS
 
 if TYPE_CHECKING:
     import trimesh

@@ -19,6 +19,8 @@ import sys
 
 import numpy as np
 
+from common import files
+from common.command import Arguments, exit_code
 from scene.assets.catalogue import AssetPool, absent, check_pool
 from scene.dataset.render import compile_first
 from scene.parsers import preview as parser
@@ -29,8 +31,6 @@ from scene.preview.themes import all_themes, theme_page
 from scene.proposal import draw, streets_named
 from scene.render import RENDERERS, RendererError, RenderSettings, check_settings
 from scene.workers import WorkerPool
-from shell import files
-from shell.command import Arguments, exit_code
 
 FORMATS = (".png", ".jpg", ".jpeg")
 MOST = 400

@@ -13,6 +13,9 @@ import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from common.command import Arguments, exit_code
+from common.errors import UserError
+from common.memory import refuse_larger
 from scene.assets.catalogue import AssetPool
 from scene.assets.own_class import OwnClass
 from scene.dataset.export import export_dataset
@@ -26,12 +29,9 @@ from scene.proposal import draw, read_streets, space_in
 from scene.render import RendererError, RenderSettings, check_settings
 from scene.render.protocol import refuse_large_images, refuse_many_shots
 from scene.workers import WorkerError, refuse_many_workers
-from shell.command import Arguments, exit_code
-from shell.errors import UserError
-from shell.memory import refuse_larger
 
 if TYPE_CHECKING:
-    from shell.progress import Progress
+    from common.progress import Progress
 
 OWN_FLAGS = ("own_asset", "own_class", "own_place")
 STREET = 2000
@@ -122,7 +122,7 @@ def export(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 def main(arguments: Arguments = None) -> int:
     """The command line; returns the exit code."""
-    from shell.progress import Progress, duration  # its library is nothing for worker processes
+    from common.progress import Progress, duration  # its library is nothing for worker processes
 
     options = parser().parse_args(arguments)
 

@@ -8,10 +8,10 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from common.memory import refuse_larger
 from scene.render.sensor import CameraResponse
 from scene.street.camera import Camera
 from scene.street.street import Street
-from shell.memory import refuse_larger
 
 
 class RenderSettings(NamedTuple):

@@ -16,12 +16,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+from common.bounds import at_least, check_bounds
+from common.command import Parser, exit_code
+from common.errors import UserError, refuse_repeats
+from common.flags import command_line
 from experiments.config.presets import data_of
 from scripts.results.parts import Data, Size, parts
-from shell.bounds import at_least, check_bounds
-from shell.command import Parser, exit_code
-from shell.errors import UserError, refuse_repeats
-from shell.flags import command_line
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,12 +8,12 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
+from common import folder
+from common.errors import UserError
+from common.files import read_json, write_json
 from scene.version import ENGINE
 from scripts.results import page
 from scripts.results.parts import Part
-from shell import folder
-from shell.errors import UserError
-from shell.files import read_json, write_json
 
 PARTS = "parts.json"
 """File with the names of the finished parts."""

@@ -6,13 +6,13 @@ import shutil
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
+from common import files
+from common.progress import duration
 from experiments.evaluation.store import LOGS, read, result_of
 from experiments.study.form import ONE_SEARCH, Column, Report, estimate, table
 from experiments.study.stats import bounded, estimated
 from scene.version import ENGINE
 from scripts.results.parts import GROUPS, Part
-from shell import files
-from shell.progress import duration
 
 NAME = "results.md"
 OTHERS = ("random", "default", "few", "real")

@@ -19,8 +19,8 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn, get_args
 
+from common.command import Parser, docstring, exit_code
 from sdr_jax.names import MethodName
-from shell.command import Parser, docstring, exit_code
 
 
 def parser() -> Parser:

@@ -15,6 +15,11 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from common.errors import Unfinished, UserError
+from common.files import write, write_json
+from common.folder import CONFIG, opened
+from common.lines import JsonLines
+from common.progress import Progress
 from sdr_jax.ask_tell import AskTell
 from sdr_jax.method import Method, on_clipping
 from sdr_jax.registry import make
@@ -22,11 +27,6 @@ from sdr_jax.run import on_processor
 from sdr_jax.tune.settings import Settings
 from sdr_jax.tune.simulator import Outcome, Simulator, check_command
 from sdr_jax.tune.units import describe
-from shell.errors import Unfinished, UserError
-from shell.files import write, write_json
-from shell.folder import CONFIG, opened
-from shell.lines import JsonLines
-from shell.progress import Progress
 
 FREE = ("evaluations", "timeout_seconds", "retries", "workers")
 """Fields that may differ when a run is continued; none of them changes an earlier evaluation."""

@@ -9,13 +9,13 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
+from common.errors import UserError
+from common.files import read_bytes
+from common.memory import refuse_larger
 from sdr_jax.registry import METHODS, options_of
 from sdr_jax.space import Space
 from sdr_jax.space import space as make_space
 from sdr_jax.tune.units import Attribute
-from shell.errors import UserError
-from shell.files import read_bytes
-from shell.memory import refuse_larger
 
 TYPES = {
     bool: "true or false", int: "a whole number", float: "a number", str: "a text", list: "a list"

@@ -19,11 +19,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from common.errors import UserError
+from common.progress import duration
 from sdr_jax.ask_tell import Trial
 from sdr_jax.rewards import LARGEST
 from sdr_jax.tune.units import Attribute, describe
-from shell.errors import UserError
-from shell.progress import duration
 
 PLACEHOLDER = "{attributes.json}"
 WANTED = 'a number or a JSON object with "score"'

@@ -1,5 +1,6 @@
 """Real labelled images, which are listed and read as their target's file says."""
 
+from common.labels.listing import Entry, list_split
 from seg.data.labelled import (
     LabelledImages,
     TargetData,
@@ -13,7 +14,6 @@ from seg.data.labelled import (
 from seg.data.labels import LabelReader
 from seg.data.unlabelled import list_unlabelled, load_unlabelled
 from seg.errors import DataError
-from shell.listing import Entry, list_split
 
 __all__ = [
     "DataError",

@@ -8,10 +8,10 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from common.files import IMAGES, files_below
+from common.pictures import MOST_PIXELS
 from seg.data.images import read_image
 from seg.errors import DataError
-from shell.files import IMAGES, files_below
-from shell.pictures import MOST_PIXELS
 
 VIDEOS = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg")
 

@@ -8,10 +8,10 @@ import numpy as np
 from jaxtyping import UInt8
 from PIL import Image
 
+from common.errors import UserError
+from common.files import read_bytes
+from common.pictures import MOST_BYTES, too_large
 from seg.errors import DataError
-from shell.errors import UserError
-from shell.files import read_bytes
-from shell.pictures import MOST_BYTES, too_large
 
 _JPEG_START, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
 

@@ -14,13 +14,13 @@ import cv2
 import numpy as np
 from jaxtyping import Shaped, UInt8
 
+from common.errors import UserError
+from common.labels.listing import Entry, list_split, shared_groups, split_names
+from common.labels.target_file import TRAIN, Fit, TargetFile, find_target
 from seg.classes import IGNORE_LABEL, ClassTable, table_of
 from seg.data.images import read_image
 from seg.data.labels import LabelReader
 from seg.errors import DataError
-from shell.errors import UserError
-from shell.listing import Entry, list_split, shared_groups, split_names
-from shell.target_file import TRAIN, Fit, TargetFile, find_target
 
 if TYPE_CHECKING:  # the nets load JAX
     from seg.nets.head import Maps

@@ -10,13 +10,13 @@ import numpy as np
 from jaxtyping import UInt8
 from PIL import Image, ImageDraw
 
+from common.errors import UserError
+from common.files import composed, parse_json
+from common.labels.target_file import MOST_CLASSES, Format, TargetFile
+from common.pictures import MOST_PIXELS, label_ids
 from seg.classes import IGNORE_LABEL
 from seg.data.images import decode, read_file, read_image
 from seg.errors import DataError
-from shell.errors import UserError
-from shell.files import composed, parse_json
-from shell.pictures import MOST_PIXELS, label_ids
-from shell.target_file import MOST_CLASSES, Format, TargetFile
 
 _UNKNOWN = MOST_CLASSES
 """The id of a value that no class names; no class has this id."""

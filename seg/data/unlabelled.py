@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import UInt8
 
+from common.files import IMAGES, files_below
 from seg.data.images import read_image
 from seg.data.labelled import cut, resize_image
 from seg.errors import DataError
-from shell.files import IMAGES, files_below
 
 
 def list_unlabelled(root: str | Path) -> tuple[Path, ...]:

@@ -10,15 +10,15 @@ from typing import Any, NamedTuple
 
 from flax import linen as nn
 
+from common.errors import UserError
+from common.files import file_digest
+from common.sent import here
 from seg.errors import WeightsError
 from seg.nets.dinov2 import PATCH, VARIANTS, DinoV2
 from seg.nets.lite import SIZES, STRIDES, Lite, blocks_of, channels_of
 from seg.settings import WHOLE_NETS, TrainSettings
 from seg.weights import dinov2, lite
 from seg.weights.read import read
-from shell.errors import UserError
-from shell.files import file_digest
-from shell.sent import here
 
 Params = Any  # a pytree
 

@@ -14,8 +14,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from common.command import Parser, docstring, exit_code
 from seg.names import NORMALISATIONS
-from shell.command import Parser, docstring, exit_code
 
 
 def parser() -> Parser:

@@ -12,11 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from common.files import file_digest
 from seg.errors import WeightsError
 from seg.nets.lite import SIZES, STEM, blocks_of
 from seg.weights.named import Named
 from seg.weights.read import read
-from shell.files import file_digest
 
 VERSION = "0.1.0"
 """Version of all packages."""

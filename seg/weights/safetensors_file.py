@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 from safetensors import SafetensorError, deserialize, safe_open
 
+from common.files import read_bytes
 from seg.errors import WeightsError
 from seg.weights.tensors import from_bytes
-from shell.files import read_bytes
 
 _DTYPES = {"F64": "<f8", "F32": "<f4", "F16": "<f2", "BF16": "bfloat16", "I64": "<i8"}
 _LARGEST = 2**31  # bytes of the file: VGG16 in double precision has 1.1 GB

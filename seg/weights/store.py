@@ -14,6 +14,8 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+from common.files import write
+from common.sent import here
 from seg.errors import WeightsError
 from seg.names import Normalisation
 from seg.settings import TrainSettings
@@ -21,8 +23,6 @@ from seg.weights.normalisation import from_bgr
 from seg.weights.read import read, read_npz
 from seg.weights.safetensors_file import source_of
 from seg.weights.vgg16 import CONVS, LAYERS, PARTS, layers, scheme_of
-from shell.files import write
-from shell.sent import here
 
 _MARK = "normalisation"
 _SOURCE = "source"

@@ -16,9 +16,9 @@ from benchmarks.outlines import (
     shape_rows,
     with_outlines,
 )
+from common.labels.target_file import shipped
 from scene.classes import TrainId
 from seg.classes import CAMVID_11
-from shell.target_file import shipped
 
 CAMVID = shipped("camvid")
 TREE, SKY = int(TrainId.VEGETATION), int(TrainId.SKY)

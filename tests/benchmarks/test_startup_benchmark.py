@@ -6,8 +6,8 @@ import subprocess
 import pytest
 
 from benchmarks import startup
+from common.command import path_of
 from experiments.__main__ import COMMANDS
-from shell.command import path_of
 
 
 def test_each_program_is_compared_with_a_python_that_does_nothing(tmp_path, monkeypatch, capsys):

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from benchmarks.transfer import ingredients, tables
 from benchmarks.transfer.__main__ import main
 from benchmarks.transfer.recipe import BLOCKS, Recipe, held_out, real_images, world
+from common.errors import UserError
 from scene import AssetPool
 from scene.proposal import default_proposal, draw
 from seg.classes import CAMVID_11
-from shell.errors import UserError
 from tests.experiments.conftest import write_pair
 
 CLASSES = ("sky", "road", "car")

@@ -20,6 +20,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from common.command import Parser
+from common.files import read_json
+from common.flags import add_flag, filled, flags_of
+from common.progress import Progress
 from experiments.config import MainConfig
 from experiments.config.cli import command as command_line
 from experiments.config.presets import PRESETS, TARGETS, defaults
@@ -35,10 +39,6 @@ from scene.dataset.render import COMPILING
 from scene.proposal import describe, slide
 from scene.workers import WorkerPool
 from seg.train import TrainingError
-from shell.command import Parser
-from shell.files import read_json
-from shell.flags import add_flag, filled, flags_of
-from shell.progress import Progress
 from tests.layouts import FACADE
 
 from .tasks import formula as formula

@@ -5,12 +5,12 @@ from functools import partial
 import numpy as np
 import pytest
 
+from common.errors import UserError
 from experiments.assets import FORM
 from experiments.config import read_attributes
 from experiments.config.studies import defaults_of
 from experiments.study.stats import paired_gain
 from scene.proposal import default_proposal, random_proposal
-from shell.errors import UserError
 
 from .conftest import Counted, formula
 

@@ -9,6 +9,9 @@ import msgspec
 import numpy as np
 import pytest
 
+from common.errors import UserError
+from common.files import read_json, write_json
+from common.labels.target_file import shipped
 from experiments.config import Fidelity
 from experiments.evaluation import cache, evaluate
 from experiments.evaluation.cache import ABOUT, FOLDER, Cache
@@ -24,9 +27,6 @@ from seg.classes import table_text
 from seg.data import LabelledImages
 from seg.recipes import RECIPES
 from seg.views import view_images
-from shell.errors import UserError
-from shell.files import read_json, write_json
-from shell.target_file import shipped
 
 from .conftest import POOL, Counted, Killed, never, runner_of, target_of
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from shell.files import read_json
+from common.files import read_json
 from tests.conftest import DaskCluster, wait_for_lines
 
 from .conftest import TINY, lines

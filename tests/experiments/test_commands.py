@@ -4,13 +4,13 @@ import sys
 
 import pytest
 
+from common.files import read_json
 from experiments.store import main as store
 from scene.check import main as check
 from scene.dataset.formats.layout import FORMATS
 from scene.render.__main__ import main as render
 from scene.stats import main as stats
 from sdr_jax.tune.__main__ import main as tune
-from shell.files import read_json
 from tests.guard_files import as_recorded, keys_of
 
 from .conftest import ROOT, TINY, main_job

@@ -11,6 +11,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from common.errors import UserError
+from common.labels.listing import list_all, list_split
+from common.labels.target_file import find_target, parse_target
+from common.pictures import label_ids
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
 from experiments.doctor import costs, machine, outlines
@@ -30,10 +34,6 @@ from scene.render import RendererError
 from scene.workers import WorkerPool
 from seg.data import LabelReader, load, read_target, subset
 from seg.data.images import check_end, read_image
-from shell.errors import UserError
-from shell.listing import list_all, list_split
-from shell.pictures import label_ids
-from shell.target_file import find_target, parse_target
 from tests.conftest import refuses
 from tests.layouts import LAYOUTS, save, write
 

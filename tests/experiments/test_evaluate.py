@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from common.errors import UserError
+from common.files import file_digest
+from common.labels.target_file import shipped
 from experiments.evaluate import Labelled, evaluate, labelled, main, mapping
 from seg.classes import CAMVID_11, LABELMEFACADE_6
 from seg.data import DataError, Entry
 from seg.model import SEEN, Model, classes_of, label_classes
 from seg.settings import TrainSettings
 from seg.train import train
-from shell.errors import UserError
-from shell.files import file_digest
-from shell.target_file import shipped
 from tests.conftest import refused
 
 SETTINGS = TrainSettings(steps=1, batch=2, warmup=0, predict_batch=2)

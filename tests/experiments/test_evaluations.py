@@ -13,6 +13,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from common.errors import UserError
+from common.labels.classes import Outline
+from common.progress import Progress
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
 from experiments.evaluation import job, mmd, runner, store
@@ -42,9 +45,6 @@ from scene.workers import WorkerPool
 from seg.classes import CAMVID_11
 from seg.data import LabelledImages
 from seg.recipes import RECIPES
-from shell.classes import Outline
-from shell.errors import UserError
-from shell.progress import Progress
 
 from .conftest import (
     POOL,

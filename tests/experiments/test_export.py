@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import seg
+from common.errors import UserError
 from experiments.export import export, main
 from seg.model import Model, label_classes
 from seg.settings import VGG_NETS, TrainSettings
 from seg.train import logits, outline
-from shell.errors import UserError
 from tests.conftest import refused
 
 SIZE = (36, 44)  # no multiple of any stride

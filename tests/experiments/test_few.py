@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from common.files import read_json
 from experiments.evaluation import evaluate
 from experiments.evaluation.cache import FOLDER
 from experiments.evaluation.job import Job, LabelledSubset
@@ -19,7 +20,6 @@ from experiments.target.named import named_target
 from scene.proposal import default_proposal, random_proposal
 from seg.beside import TrainingSet
 from seg.data import LabelledImages
-from shell.files import read_json
 
 from .conftest import POOL, Counted, lines, main_job, never, runner_of
 from .test_cache import REAL, RECIPE, TARGET, TEST

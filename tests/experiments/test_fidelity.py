@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
+from common.files import read_json
 from experiments import fidelity as module
 from experiments.config.studies import defaults_of
 from experiments.evaluation.cost import cost_of
@@ -19,7 +20,6 @@ from experiments.fidelity import STUDY, middle, proposals, rungs
 from experiments.study import stats
 from experiments.study.skeleton import do
 from scene.attributes import NAMES
-from shell.files import read_json
 
 from .conftest import Counted, by_preset
 

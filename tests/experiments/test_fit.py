@@ -18,6 +18,12 @@ from PIL import Image
 from safetensors.numpy import save_file
 
 import experiments.fit
+from common import folder as run_folder
+from common.errors import UserError
+from common.files import read_json
+from common.files import write as write_file
+from common.labels.target_file import find_target
+from common.progress import Progress
 from experiments.config import parsers
 from experiments.evaluate import evaluate, labelled
 from experiments.evaluation.cache import Cache
@@ -51,12 +57,6 @@ from seg.beside import TrainingSet
 from seg.data import LabelledImages
 from seg.model import Model, label_classes, load_model
 from seg.train import outline
-from shell import folder as run_folder
-from shell.errors import UserError
-from shell.files import read_json
-from shell.files import write as write_file
-from shell.progress import Progress
-from shell.target_file import find_target
 from tests.layouts import save, write
 
 from .conftest import Page, never

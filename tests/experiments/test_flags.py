@@ -9,6 +9,9 @@ from typing import get_type_hints
 import numpy as np
 import pytest
 
+from common.errors import UserError
+from common.files import write_json
+from common.folder import plain
 from experiments import table
 from experiments.config import (
     Fidelity,
@@ -41,9 +44,6 @@ from scene.proposal import Histogram, describe, mixture, moments, random_proposa
 from scene.version import ENGINE
 from seg.recipes import RECIPES, with_steps
 from seg.settings import TrainSettings
-from shell.errors import UserError
-from shell.files import write_json
-from shell.folder import plain
 
 from .conftest import by_preset, main_job, never, parsed, startable, study
 
@@ -285,7 +285,7 @@ def test_a_wrong_option_is_one_line_and_exit_code_2(arguments, words, error_line
 def test_memory_is_counted_for_all_workers(monkeypatch):
     config = defaults(MainConfig, "camvid", "quick")
     need = training_bytes(config.final)
-    monkeypatch.setattr("shell.memory.memory", lambda: 4 * need)
+    monkeypatch.setattr("common.memory.memory", lambda: 4 * need)
     check(replace(config, workers=4))
     with pytest.raises(
         UserError, match=r"--workers 5 .*for training sets of --final.* 4 is the most"

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from common.files import read_json
 from experiments.evaluation.store import LOGS
 from experiments.main.summary import ROWS
 from scene.attributes import NAMES
@@ -16,7 +17,6 @@ from scene.dataset.render import COMPILING
 from scene.render.__main__ import main as scene_render
 from seg.classes import CITYSCAPES_19
 from seg.data import read_split
-from shell.files import read_json
 from tests.conftest import gone, wait_for_lines
 from tests.guard_files import as_recorded
 

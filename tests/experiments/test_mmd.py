@@ -6,6 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from common.errors import UserError
+from common.files import read_json
 from experiments.config import MainConfig, check
 from experiments.config.presets import defaults
 from experiments.evaluation.evaluate import render
@@ -17,8 +19,6 @@ from scene.attributes import NAMES
 from scene.proposal import random_proposal
 from seg.data import LabelledImages
 from seg.mmd import mmd2
-from shell.errors import UserError
-from shell.files import read_json
 
 from .conftest import POOL, TINY, diverge, lines, main_job, runner_of, searching, target_of
 

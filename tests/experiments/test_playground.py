@@ -12,6 +12,7 @@ from playwright.sync_api import sync_playwright
 from starlette.responses import PlainTextResponse
 
 from benchmarks.playground import browser, served
+from common.loopback import MOST_BYTES
 from experiments.playground import __main__ as command
 from experiments.playground import guard
 from experiments.playground.rendering import (
@@ -53,7 +54,6 @@ from scene.proposal import (
     random_proposal,
 )
 from scene.render.__main__ import main as render
-from shell.loopback import MOST_BYTES
 
 VIEW = View(seed=3, street=2, shot=1, shots=2, width=64, height=32, samples=1)
 MIXED = opened(mixture((0.25, 0.75), (default_proposal(), random_proposal())), VIEW)

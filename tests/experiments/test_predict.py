@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from common.errors import UserError
 from experiments.predict import main, predict
 from seg.data import DataError
 from seg.data.frames import frames, list_sources
@@ -19,7 +20,6 @@ from seg.data.images import read_image
 from seg.model import Model, label_classes
 from seg.settings import TrainSettings
 from seg.train import train
-from shell.errors import UserError
 from tests.conftest import refused
 
 from .conftest import ROOT

@@ -16,6 +16,7 @@ import plotly.graph_objects as go
 import pytest
 from PIL import Image
 
+from common.files import read_json, write_json
 from experiments.evaluation.predictions import file_of, load
 from experiments.main.summary import ROWS, advice
 from experiments.report import page
@@ -27,7 +28,6 @@ from scene import parsers
 from scene.attributes import NAMES as ATTRIBUTES
 from scene.proposal import Histogram, describe, mixture, random_proposal
 from seg.metrics import iou
-from shell.files import read_json, write_json
 
 from .conftest import Page, lines
 

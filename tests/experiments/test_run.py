@@ -10,6 +10,8 @@ import jax
 import numpy as np
 import pytest
 
+from common.errors import UserError
+from common.folder import plain
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
 from experiments.evaluation.evaluate import trained, worker_environment
@@ -25,8 +27,6 @@ from scene.proposal import random_proposal
 from scene.render import RendererError
 from scene.workers import WorkerPool
 from seg.data import LabelledImages
-from shell.errors import UserError
-from shell.folder import plain
 from tests.conftest import printed
 
 from .conftest import formula, main_job, never, results_of

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import sdr_jax
+from common.errors import UserError
 from experiments.config import make_space
 from experiments.evaluation.job import Result
 from experiments.run.context import opened
@@ -15,7 +16,6 @@ from experiments.run.learn import plan_of
 from experiments.run.rewards import embed
 from experiments.run.search import search
 from scene.attributes import NAMES
-from shell.errors import UserError
 
 from .conftest import Counted, Killed, diverge, formula, lines, main_job, never, searching, untimed
 from .tasks import die

@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from common.errors import UserError
+from common.files import read_json
 from experiments.config.studies import defaults_of
 from experiments.evaluation.cost import cost_of
 from experiments.run.plans import plan, schedule
 from experiments.searches import check, configured, derive, plan_of, rows, text, work
 from scene.attributes import NAMES
-from shell.errors import UserError
-from shell.files import read_json
 
 from .conftest import lines
 

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from common.files import read_json, write
 from experiments import sensitivity as job
 from experiments.config.studies import defaults_of
 from experiments.evaluation.store import HEADER, Store
@@ -16,7 +17,6 @@ from experiments.sensitivity import summarize, text
 from experiments.study import sobol as model
 from experiments.study.records import BINS, Records, read
 from scene.attributes import NAMES
-from shell.files import read_json, write
 
 from .conftest import lines, never, study
 

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from common.errors import UserError
+from common.files import read_json
 from experiments.config import LearntConfig, read_attributes
 from experiments.config.presets import defaults
 from experiments.config.studies import defaults_of
@@ -32,8 +34,6 @@ from experiments.study.skeleton import (
 )
 from experiments.study.stats import over_units, statistics
 from scene.proposal import random_proposal
-from shell.errors import UserError
-from shell.files import read_json
 
 from .conftest import (
     ROOT,

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from common.files import read_json, write_json
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
 from experiments.evaluation.job import Result
@@ -14,7 +15,6 @@ from experiments.target.twin import twin_world
 from scene.attributes import names
 from scene.proposal import slide
 from seg.classes import class_table
-from shell.files import read_json, write_json
 
 CLASSES = class_table("cityscapes").classes
 ROW_MIOU = {"random": [0.1, 0.2], "default": [0.2, 0.3], "learnt": [0.3, 0.5], "real": [0.6, 0.6]}

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
+from common.memory import refuse_larger
 from experiments.config.studies import defaults_of
 from experiments.run.nets import with_net
 from experiments.study.stats import mean_ci95, paired_gain
@@ -20,7 +21,6 @@ from seg.classes import CITYSCAPES_19, IGNORE_LABEL, SYNTHIA_13, SYNTHIA_16
 from seg.data import LabelledImages
 from seg.metrics import iou, mean_iou
 from seg.recipes import RECIPES
-from shell.memory import refuse_larger
 
 from .conftest import Counted, lines, never, write_pair
 
@@ -178,7 +178,7 @@ def test_data_of_others_that_no_memory_holds_are_refused_before_they_are_read(
 def small(monkeypatch, *asked):
     """Refuses what is larger than 50 kB."""
     with monkeypatch.context() as patch:
-        patch.setattr("shell.memory.memory", lambda: 50_000)
+        patch.setattr("common.memory.memory", lambda: 50_000)
         refuse_larger(*asked)
 
 

@@ -11,12 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
+from common.errors import UserError
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
 from experiments.target.base import refuse_overlap
 from experiments.target.named import named_target
 from experiments.target.real import reported_split
-from shell.errors import UserError
 from tests.layouts import FACADE, FACADE_IDS
 
 from .conftest import POOL, main_job

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from common.files import read_json
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
 from experiments.target import named, real, twin
@@ -17,7 +18,6 @@ from scene import CameraResponse, Dataset, default_unit
 from scene.assets.families import FAMILIES
 from scene.attributes import BY_NAME, names
 from seg.classes import CITYSCAPES_19, class_table
-from shell.files import read_json
 
 from .conftest import POOL, by_preset, main_job
 

@@ -22,6 +22,8 @@ import trimesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from common.errors import UserError
+from common.labels.target_file import shipped
 from experiments.config import MainConfig, cli
 from experiments.main.job import MAIN
 from experiments.study.skeleton import check
@@ -36,8 +38,6 @@ from sdr_jax.tune import search
 from seg.data import LabelReader
 from seg.data.images import read_image
 from seg.weights import convert
-from shell.errors import UserError
-from shell.target_file import shipped
 from tests.robustness.conftest import EXAMPLE
 from tests.robustness.test_untrusted import bomb
 from tests.seg.test_seg_weights import SAVERS

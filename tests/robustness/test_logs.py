@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import sdr_jax
+from common.errors import UserError
 from sdr_jax.registry import make
-from shell.errors import UserError
 from tests.robustness.conftest import TIMES
 
 pytestmark = pytest.mark.robust

@@ -11,15 +11,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from common.errors import UserError
+from common.files import read_json
+from common.labels.target_file import shipped
 from scene.dataset.formats.png import read_png
 from scene.dataset.read import describe
 from scene.dataset.real import open_pictures
 from seg.data import LabelReader, list_split
 from seg.data.images import read_image
 from seg.weights.read import read
-from shell.errors import UserError
-from shell.files import read_json
-from shell.target_file import shipped
 from tests.conftest import refused
 
 
@@ -108,7 +108,7 @@ def test_a_pickle_cannot_keep_us_busy_or_share_its_bytes(tmp_path):
 
 
 def test_json_without_end_and_datasets_of_trillions(tmp_path, monkeypatch):
-    monkeypatch.setattr("shell.files.LARGEST", 1000)
+    monkeypatch.setattr("common.files.LARGEST", 1000)
     refused(UserError, "/dev/zero has more than 1,000 bytes", read_json, Path("/dev/zero"))
     told = {"images": 10**12, "shots": 1, "render": {"width": 8, "height": 8}}
     (tmp_path / "dataset.json").write_text(json.dumps({**told, "format": "coco", "split": "val"}))

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from common.errors import UserError
 from scene.executors import workers_of
 from scene.workers import WorkerPool
-from shell.errors import UserError
 from tests.scene.conftest import refused
 from tests.tasks import doubled, fail, ready_and, told
 

@@ -30,7 +30,7 @@ with WorkerPool(1) as pool:
 def copied(tmp_path):
     """``copied(code, variable=...)`` runs code on a copy of the sources; gives its output and errors."""
     hidden = shutil.ignore_patterns("__pycache__")
-    for package in ("scene", "shell"):
+    for package in ("scene", "common"):
         shutil.copytree(ROOT / package, tmp_path / package, ignore=hidden)
     unset = ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME")
     environment = {name: value for name, value in os.environ.items() if name not in unset}

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from common import files
 from scene import AssetPool, RenderSettings
 from scene.attributes import BY_NAME, NAMES, names
 from scene.dataset import description, export
@@ -21,7 +22,6 @@ from scene.dataset.formats.layout import FORMATS
 from scene.proposal import Histogram, describe, draw, random_proposal
 from scene.render.__main__ import main
 from scene.version import ENGINE, MAKERS
-from shell import files
 from tests.scene.conftest import refused
 
 TINY = RenderSettings(width=64, height=48)

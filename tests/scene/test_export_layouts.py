@@ -11,6 +11,8 @@ import pytest
 import yaml
 from PIL import Image
 
+from common.errors import UserError
+from common.labels.target_file import SHIPPED, find_target, parse_target
 from scene import AssetPool, RenderSettings, export_dataset, render_street
 from scene.check import findings
 from scene.classes import VOID, colorize
@@ -24,8 +26,6 @@ from scene.preview.layout import depth_image
 from scene.proposal import draw, random_proposal
 from scene.render.__main__ import main
 from scene.stats import compare
-from shell.errors import UserError
-from shell.target_file import SHIPPED, find_target, parse_target
 from tests.scene.conftest import refused
 
 SETTINGS, POOL, SEED, SHOTS = RenderSettings(width=160, height=96), AssetPool(0, 3), 5, 2

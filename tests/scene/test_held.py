@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from common.errors import UserError
 from scene.attributes import BY_NAME, SPACES, names, street_params
 from scene.held import hold, in_words, read_fixed
 from scene.proposal import Histogram, describe, draw, mixture, parse_streets, streets_named
-from shell.errors import UserError
 from tests.scene.conftest import SEEDS, refused
 
 WORDS = ("field_of_view=90", "camera_position_y=1.4")

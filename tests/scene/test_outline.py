@@ -6,6 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from common.files import read_json, write_json
+from common.labels.classes import Outline
+from common.labels.target_file import parse_target, shipped
 from scene import AssetPool, RenderSettings, export_dataset, render_dataset, render_street, stream
 from scene.check import findings
 from scene.classes import TrainId
@@ -13,9 +16,6 @@ from scene.dataset.export import read_dataset
 from scene.dataset.read import describe
 from scene.outline import LEAST, outlined, sources
 from scene.proposal import default_proposal, draw
-from shell.classes import Outline
-from shell.files import read_json, write_json
-from shell.target_file import parse_target, shipped
 
 ROAD, TREE, SKY, CAR, POLE, FENCE = (
     int(TrainId[name]) for name in ("ROAD", "VEGETATION", "SKY", "CAR", "POLE", "FENCE")

@@ -10,13 +10,13 @@ from PIL import Image
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import SimpleMaterial
 
+from common.files import read_json
 from scene.assets import catalogue, library
 from scene.assets.catalogue import AssetPool
 from scene.dataset.export import ExportError, export_dataset
 from scene.dataset.render import render_dataset
 from scene.render import RenderSettings
 from scene.workers import WorkerPool
-from shell.files import read_json
 from tests.scene.conftest import refused, units
 
 SETTINGS = RenderSettings(64, 48, samples=1)

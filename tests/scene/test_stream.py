@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 import scene
+from common.labels.target_file import find_target
 from scene import AssetPool, RenderSettings, export_dataset, stream
 from scene.dataset.export import read_dataset
 from scene.proposal import draw, random_proposal
 from scene.workers import WorkerError, WorkerPool
-from shell.target_file import find_target
 from tests.scene.conftest import refused
 from tests.tasks import die_until
 

@@ -6,8 +6,8 @@ import time
 
 import pytest
 
+from common.errors import UserError
 from scene.workers import LESS_URGENT, WorkerError, WorkerPool
-from shell.errors import UserError
 from tests.scene.conftest import refused
 from tests.tasks import die_until, fail, square, surroundings, wait_for
 

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from flax import linen as nn
 
+from common.errors import UserError
 from scripts import convert_weights as script
 from seg.nets import VGG16, normalise
 from seg.nets.ops.conv import xla_conv
 from seg.weights import convert, load
 from seg.weights.normalisation import from_bgr
 from seg.weights.vgg16 import CONVS, LAYERS
-from shell.errors import UserError
 from tests.conftest import refuses
 from tests.seg.conftest import HIDDEN, WIDTH, narrow_vgg16, ours
 from tests.trees import assert_same

@@ -6,6 +6,8 @@ from subprocess import run
 
 import pytest
 
+from common.errors import UserError
+from common.files import write, write_json
 from experiments.config import presets
 from experiments.config.studies import defaults_of
 from experiments.searches import OVER
@@ -14,8 +16,6 @@ from scripts.results import __main__ as command
 from scripts.results import making
 from scripts.results import parts as results
 from scripts.results.page import text
-from shell.errors import UserError
-from shell.files import write, write_json
 from tests.experiments.conftest import job_of, parsed
 
 SOME = [

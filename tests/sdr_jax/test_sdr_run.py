@@ -5,10 +5,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from common.errors import Unfinished
 from sdr_jax import AskTell, Method, Proposal, leave_one_out, random_search, relax, sdr, space
 from sdr_jax.callback import DataSets, host_reward
 from sdr_jax.run import drive, first_state, make_step, refuse_failures, run
-from shell.errors import Unfinished
 
 from .conftest import KEY, assert_close, assert_same, refuses
 

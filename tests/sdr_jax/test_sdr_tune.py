@@ -13,6 +13,7 @@ from subprocess import PIPE, Popen, TimeoutExpired
 import numpy as np
 import pytest
 
+from common.files import read_json
 from sdr_jax import Proposal, Trial
 from sdr_jax.tune import search
 from sdr_jax.tune import simulator as simulators
@@ -21,7 +22,6 @@ from sdr_jax.tune.search import outage
 from sdr_jax.tune.settings import read
 from sdr_jax.tune.simulator import PLACEHOLDER, Simulator, parse_score
 from sdr_jax.tune.units import Attribute, describe, physical
-from shell.files import read_json
 from tests.conftest import ROOT, gone, wait_for_lines
 
 EXAMPLE = ROOT / "examples" / "tune"

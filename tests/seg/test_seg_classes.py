@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from common.labels.target_file import SHIPPED, parse_target, shipped
 from seg import classes
 from seg.classes import (
     CAMVID_11,
@@ -12,7 +13,6 @@ from seg.classes import (
     SYNTHIA_13,
     SYNTHIA_16,
 )
-from shell.target_file import SHIPPED, parse_target, shipped
 
 from .conftest import refuses
 

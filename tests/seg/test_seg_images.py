@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from common.labels.target_file import shipped
 from seg.data import LabelReader, list_unlabelled, load_unlabelled
 from seg.data.images import read_image
-from shell.target_file import shipped
 from tests.conftest import packed_png
 
 from .conftest import pixels, refuses_file, write_image, write_label

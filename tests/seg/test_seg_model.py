@@ -10,13 +10,13 @@ import pytest
 from safetensors.numpy import load_file
 
 import seg
+from common.labels.target_file import parse_target, shipped
 from seg import ModelError, TrainSettings
 from seg.card import card as card_of
 from seg.data.labelled import fitted
 from seg.model import CONFIG, SHIPPED, WEIGHTS, Model, classes_of, label_classes, load_model
 from seg.model import shipped as shipped_models
 from seg.train import _of_net, _predictor, logits, outline, predict, train
-from shell.target_file import parse_target, shipped
 from tests.conftest import refused
 
 from .conftest import assert_same, drawn, pixels, toy

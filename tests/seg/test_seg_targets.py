@@ -12,6 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
+from common.errors import UserError
+from common.labels.target_file import find_target, parse_target, shipped
+from common.pictures import label_ids
 from seg.classes import CAMVID_11, CITYSCAPES_19, IGNORE_LABEL, LABELMEFACADE_6, class_table
 from seg.data import (
     LabelReader,
@@ -25,9 +28,6 @@ from seg.data import (
 )
 from seg.data.labelled import _fit, cut, resize_image
 from seg.model import classes_of
-from shell.errors import UserError
-from shell.pictures import label_ids
-from shell.target_file import find_target, parse_target, shipped
 from tests.layouts import FACADE, FACADE_IDS, LAYOUTS, SIZE, save, write, write_packed
 
 from .conftest import pixels, refuses, refuses_file

@@ -14,6 +14,7 @@ import pytest
 from jax.flatten_util import ravel_pytree
 
 import seg
+from common.labels.target_file import shipped
 from seg import (
     TrainingError,
     TrainSettings,
@@ -28,7 +29,6 @@ from seg.pyramid import features
 from seg.step import Data, functions, plan
 from seg.train import _check, apply, heads_of, logits, outline, predict_heads, train
 from seg.views import with_mirror
-from shell.target_file import shipped
 
 from .conftest import assert_close, assert_same, refuses, toy
 

@@ -10,10 +10,10 @@ import json
 from collections.abc import Iterable, Iterator
 from typing import Any
 
+from common.labels.classes import CLASSES, OWN
 from scene.dataset.formats.about import About
 from scene.dataset.formats.labels import Labels
 from scene.dataset.formats.segments import PER_CLASS, is_thing
-from shell.classes import CLASSES, OWN
 
 SUPERCATEGORIES = (
     *("flat", "flat", "construction", "construction", "construction"),

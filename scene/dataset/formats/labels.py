@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from common.errors import UserError
+from common.labels.classes import CLASSES, Outline
+from common.labels.classes import OWN as OWN_ROW
 from scene.classes import CLASS_NAMES, OWN, VOID, check_class_name
 from scene.dataset.formats.segments import is_thing
-from shell.classes import CLASSES, Outline
-from shell.classes import OWN as OWN_ROW
-from shell.errors import UserError
 
 if TYPE_CHECKING:
-    from shell.target_file import TargetFile
+    from common.labels.target_file import TargetFile
 
 ILLEGAL = 254
 """Class of invalid values in label pictures; a target has fewer classes."""
@@ -106,7 +106,7 @@ def target_entry(target: TargetFile | str | Path) -> dict[str, Any]:
     Raises:
         UserError: there is no such target, or the engine renders none of its classes.
     """
-    from shell.target_file import find_target  # workers need none
+    from common.labels.target_file import find_target  # workers need none
 
     if isinstance(target, str | Path):
         target = find_target(target)

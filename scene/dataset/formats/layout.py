@@ -8,9 +8,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
 
+from common.errors import UserError
 from scene.dataset.formats import card, coco, parquet, yolo
 from scene.dataset.formats.about import CITY, About
-from shell.errors import UserError
 
 SPLITS: tuple[str, ...] = ("train", "val")
 

@@ -13,9 +13,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from common.files import write
 from scene.dataset.formats.about import About
 from scene.dataset.formats.card import SPLIT, card
-from shell.files import write
 
 PACKAGES = ("pyarrow",)
 FILES = {"image": ".export/images/{stem}.png", "label_ids": ".export/labels/{stem}.png"}

@@ -9,8 +9,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from shell.files import read_bytes
-from shell.pictures import MOST_BYTES, too_large
+from common.files import read_bytes
+from common.pictures import MOST_BYTES, too_large
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 

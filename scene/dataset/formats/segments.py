@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from common.labels.classes import OWN as OWN_ROW
 from scene.classes import LABEL_IDS, OWN, VOID, TrainId
 from scene.compiled import njit
-from shell.classes import OWN as OWN_ROW
 
 FIRST_THING = int(TrainId.PERSON)
 """Train ids from here on are things, which have instances."""

@@ -2,7 +2,7 @@
 
 During imports a KeyboardInterrupt gives a traceback of a library, or an error that a library makes from it.
 There is nothing to clean up yet, so the program just ends. Each package sets this before it imports anything
-large; `shell.command.exit_code` restores the usual handling while it works.
+large; `common.command.exit_code` restores the usual handling while it works.
 """
 
 from __future__ import annotations

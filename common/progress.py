@@ -12,7 +12,7 @@ from rich.progress import BarColumn, TextColumn
 from rich.progress import Progress as Bar
 from rich.text import Text
 
-from shell.errors import printable
+from common.errors import printable
 
 
 def _plain(text: str) -> str:

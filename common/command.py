@@ -17,8 +17,8 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any, NoReturn
 
-from shell.errors import Unfinished, UserError, printable
-from shell.interrupt import INTERRUPTED, PROGRAM, while_working
+from common.errors import Unfinished, UserError, printable
+from common.interrupt import INTERRUPTED, PROGRAM, while_working
 
 USAGE, MISTAKE, UNREAD = 2, 70, 141
 """Exit codes: an error of the user; a mistake of the program; the output's reader is gone (``| head``)."""

@@ -26,7 +26,7 @@ from types import MappingProxyType, NoneType, UnionType
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar, Union, get_args, get_origin
 from typing import get_type_hints as hints_of
 
-from shell.command import Parser, docstring, size
+from common.command import Parser, docstring, size
 
 Value = TypeVar("Value")
 KINDS: dict[type, str] = {int: "a whole number", float: "a number", Path: "a path", str: "a word"}

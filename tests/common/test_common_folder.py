@@ -11,8 +11,8 @@ from unittest.mock import Mock
 
 import pytest
 
-from shell.errors import UserError
-from shell.folder import opened, plain, refuse_foreign
+from common.errors import UserError
+from common.folder import opened, plain, refuse_foreign
 
 ROWS = [{"name": "yaw", "low": 0.0}, {"name": "fog", "low": 0.5}]
 JOB = {
@@ -74,7 +74,7 @@ def test_another_job_is_refused_with_both_values(out, change, words):
 
 def test_a_second_process_is_kept_out_until_the_first_is_killed(out):
     code = (
-        "import sys, time; from pathlib import Path; from shell.folder import opened\n"
+        "import sys, time; from pathlib import Path; from common.folder import opened\n"
         "with opened(Path(sys.argv[1]), {'seed': 0}):\n    print('in', flush=True); time.sleep(600)"
     )
     command = [sys.executable, "-c", code, str(out)]

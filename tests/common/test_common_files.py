@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shell.errors import UserError
-from shell.files import (
+from common.errors import UserError
+from common.files import (
     WIDE,
     check_file,
     digest,
@@ -24,7 +24,7 @@ from shell.files import (
     write,
     write_json,
 )
-from shell.lines import JsonLines
+from common.lines import JsonLines
 from tests.conftest import refused
 
 
@@ -69,7 +69,7 @@ def test_whole_folders_or_the_old_ones(tmp_path, monkeypatch):
 
     made("one")
     with monkeypatch.context() as patch:
-        patch.setattr("shell.files.os.replace", breaks)
+        patch.setattr("common.files.os.replace", breaks)
         refused(OSError, "Input/output error", made, "two")
     assert (folder / "file").read_text() == "one" and list(tmp_path.iterdir()) == [folder]
     made("two")
@@ -84,7 +84,7 @@ def test_files_and_folders_are_synced_with_the_folder_that_names_them(tmp_path, 
 
     if not Path("/proc/self/fd").is_dir():
         pytest.skip("names of open files are needed")
-    monkeypatch.setattr("shell.files.os.fsync", fsync)
+    monkeypatch.setattr("common.files.os.fsync", fsync)
     write(tmp_path / "a", "1")
     assert synced == ["a.part", tmp_path.name]
     write(tmp_path / "b", "1", sync=False)
@@ -107,7 +107,7 @@ def test_a_folder_that_takes_no_file_is_refused_before_the_work(tmp_path, monkey
 
     check_file("--json", tmp_path / "scores.json")
     assert not list(tmp_path.iterdir())
-    monkeypatch.setattr("shell.files.tempfile.TemporaryFile", refuse)
+    monkeypatch.setattr("common.files.tempfile.TemporaryFile", refuse)
     message = r"--json .*scores\.json: no file can be written to .* \(Read-only file system\)"
     refused(UserError, message, check_file, "--json", tmp_path / "scores.json")
 

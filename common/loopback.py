@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 from typing import Protocol
 
-from shell.errors import UserError
+from common.errors import UserError
 
 HOST = "127.0.0.1"
 NAMES = (HOST, "localhost")

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shell.errors import UserError
-from shell.listing import list_all, list_split, shared_groups, split_names
-from shell.target_file import parse_target, shipped
+from common.errors import UserError
+from common.labels.listing import list_all, list_split, shared_groups, split_names
+from common.labels.target_file import parse_target, shipped
 
 CLASSES = "\nclasses: {road: {ids: [0]}, sky: {ids: [1]}}"
 

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shell.errors import UserError
-from shell.lines import JsonLines
+from common.errors import UserError
+from common.lines import JsonLines
 from tests.conftest import refused
 from tests.tasks import add_alone, add_many
 

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from shell import classes as engine
-from shell.errors import UserError
-from shell.target_file import SHIPPED, TargetFile, find_target, parse_target, shipped
+from common.errors import UserError
+from common.labels import classes as engine
+from common.labels.target_file import SHIPPED, TargetFile, find_target, parse_target, shipped
 from tests.conftest import refuses as refuses_call
 
 TEXT = """\

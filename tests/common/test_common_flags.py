@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 
 import pytest
 
-from shell.command import Parser
-from shell.flags import (
+from common.command import Parser
+from common.flags import (
     ARGUMENT,
     ONE_OF,
     SWITCH,
@@ -143,7 +143,7 @@ class Options:
     ("r --out o --serve 9 --rank --first 2 --b x", {"serve": 9, "rank": True, "first": 2, "b": "x"}),
 ])  # fmt: skip
 def test_a_command_line_is_the_fields_of_a_dataclass(words, values):
-    found = vars(command_line("x", Options, "shell.flags").parse_args(words.split()))
+    found = vars(command_line("x", Options, "common.flags").parse_args(words.split()))
     usual = {name: value for name, value in vars(Options).items() if name in found}
     paths = {"run": Path("r"), "out": Path("o"), "debug": False}
     assert found == {**usual, **paths, **values}
@@ -159,13 +159,13 @@ def test_a_command_line_is_the_fields_of_a_dataclass(words, values):
 ])  # fmt: skip
 def test_marks_of_fields_are_rules_of_the_command_line(words, said, capsys):
     with pytest.raises(SystemExit, match=r"^2$"):
-        command_line("x", Options, "shell.flags").parse_args(words.split())
+        command_line("x", Options, "common.flags").parse_args(words.split())
     line = capsys.readouterr().err
     assert said in line and line.count("\n") == 1
 
 
 def test_groups_of_a_command_line_are_shown_by_all_of_its_help():
-    line = command_line("x", Options, "shell.flags", {"rare": ("serve", "size")})
+    line = command_line("x", Options, "common.flags", {"rare": ("serve", "size")})
     short, whole = line.format_help(), line.format_help(True)
     assert "show 2 more options: rare" in short and "--size" not in short
     said = " ".join(whole.split())

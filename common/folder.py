@@ -11,8 +11,8 @@ from typing import Any
 
 from filelock import FileLock, Timeout
 
-from shell.errors import UserError
-from shell.files import read_json, versions, write_json
+from common.errors import UserError
+from common.files import read_json, versions, write_json
 
 CONFIG, LOCK = "config.json", "lock"
 VERSION = 1

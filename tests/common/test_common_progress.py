@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from shell import progress
-from shell.progress import Progress, Stage, duration
+from common import progress
+from common.progress import Progress, Stage, duration
 
 
 @pytest.fixture

@@ -11,9 +11,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple, NoReturn, cast
 
-from shell.errors import UserError
-from shell.files import IMAGES, composed, leads_out, plain_path, spelled
-from shell.target_file import TRAIN, Files, TargetFile
+from common.errors import UserError
+from common.files import IMAGES, composed, leads_out, plain_path, spelled
+from common.labels.target_file import TRAIN, Files, TargetFile
 
 HELD_OUT = ("test", "testing", "val", "valid", "validation")
 """Names of a split for figures in any data, in the order of choice."""

@@ -7,7 +7,7 @@ import warnings
 
 import numpy as np
 
-from shell.errors import UserError
+from common.errors import UserError
 
 MOST_PIXELS, MOST_BYTES = 50_000_000, 500_000_000
 """Limits of a picture and its file; the engine renders no larger ones."""

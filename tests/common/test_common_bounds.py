@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 import numpy as np
 import pytest
 
-from shell.bounds import DISTINCT, POSITIVE, at_least, at_most, check_bounds, within
-from shell.errors import UserError
+from common.bounds import DISTINCT, POSITIVE, at_least, at_most, check_bounds, within
+from common.errors import UserError
 
 
 @dataclass(frozen=True)

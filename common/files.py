@@ -18,7 +18,7 @@ from itertools import repeat
 from pathlib import Path
 from typing import Any, NoReturn
 
-from shell.errors import UserError
+from common.errors import UserError
 
 FRESH = 2.0
 """Within so many seconds, a file's time does not tell whether it has changed."""

@@ -17,7 +17,7 @@ from numbers import Integral, Real
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
 
-from shell.errors import UserError, refuse_repeats
+from common.errors import UserError, refuse_repeats
 
 
 class Bound(NamedTuple):

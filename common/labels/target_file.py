@@ -9,7 +9,7 @@
       road: {ids: [0], renders: [road]}
       building: {ids: [1, 7], renders: [building, wall, fence]}
 
-Such a file is ``target.yaml`` beside the images, one anywhere, or one of those in ``shell/targets``. It is
+Such a file is ``target.yaml`` beside the images, one anywhere, or one of those in ``targets/``. It is
 checked against the fields of `TargetFile`; every error names the file, the line and the field.
 """
 
@@ -28,11 +28,11 @@ import msgspec
 import yaml
 from msgspec import Meta
 
-from shell import classes as engine
-from shell.errors import UserError
-from shell.expression import expression_fault
-from shell.files import composed, plain_path, read_bytes
-from shell.interrupt import PROGRAM
+from common.errors import UserError
+from common.expression import expression_fault
+from common.files import composed, plain_path, read_bytes
+from common.interrupt import PROGRAM
+from common.labels import classes as engine
 
 FILE = "target.yaml"
 """The name of a target's file beside its images."""
@@ -148,7 +148,7 @@ class TargetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def of_engine(self) -> tuple[int, ...]:
-        """The target's class of each engine class: by default that of the rest, or `shell.classes.VOID`."""
+        """The target's class of each engine class: by default that of the rest, or `classes.VOID`."""
         rest = engine.VOID if self.rest is None else self.class_names.index(self.rest)
         found = {name: k for k, own in enumerate(self.classes.values()) for name in own.renders}
         return tuple(found.get(name, rest) for name in engine.NAMES)

@@ -10,15 +10,15 @@ from unittest.mock import Mock
 
 import pytest
 
-from shell import loopback
-from shell.command import MISTAKE, UNREAD, Parser, exit_code, given, meant, size
-from shell.errors import Unfinished, UserError, refuse_repeats
-from shell.interrupt import INTERRUPTED
+from common import loopback
+from common.command import MISTAKE, UNREAD, Parser, exit_code, given, meant, size
+from common.errors import Unfinished, UserError, refuse_repeats
+from common.interrupt import INTERRUPTED
 from tests.conftest import ROOT, refused
 
 FULL = OSError(errno.ENOSPC, "No space left on device", "x.json")
 CURE = "once that is put right, the same command goes on"
-PRINT = "import sys; from shell.command import *; sys.exit(exit_code(lambda: print('x' * {})))"
+PRINT = "import sys; from common.command import *; sys.exit(exit_code(lambda: print('x' * {})))"
 
 
 @pytest.mark.parametrize(("error", "code", "text"), [

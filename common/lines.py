@@ -14,8 +14,8 @@ from typing import Any
 
 from filelock import FileLock
 
-from shell.errors import UserError
-from shell.files import naming, parse_json, sync_folder
+from common.errors import UserError
+from common.files import naming, parse_json, sync_folder
 
 Record = dict[str, Any]
 CURE = "remove it and all after it"
