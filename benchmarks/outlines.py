@@ -36,6 +36,7 @@ from common.errors import UserError
 from common.labels.target_file import WIDEST, TargetFile, find_target
 from common.lines import JsonLines
 from common.progress import Progress
+from common.workers.pool import WorkerError, WorkerPool
 from experiments.doctor.outlines import Drawn
 from experiments.evaluation.evaluate import worker_environment
 from experiments.fit import share_of
@@ -50,7 +51,6 @@ from scene.dataset.render import render_street
 from scene.proposal import NAMES, draw, read_streets
 from scene.render import RenderSettings
 from scene.version import ENGINE
-from scene.workers import WorkerError, WorkerPool
 from seg.boundary import perimeters
 from seg.classes import colorize, table_of
 from seg.data import DataError, LabelledImages, load

@@ -32,12 +32,12 @@ import numpy as np
 from benchmarks import against
 from benchmarks.peers import PEERS, export_street, run_peer
 from benchmarks.report import Row, count, parser, table, timed, write
+from common.workers.pool import WorkerPool
 from scene.assets.catalogue import AssetPool
 from scene.dataset.render import render_dataset, street_of
 from scene.proposal import default_proposal, draw
 from scene.render import RENDERERS, RendererError, RenderSettings, renderer
 from scene.render.geometry import build
-from scene.workers import WorkerPool
 
 SIZES = ((64, 48, 2), (128, 96, 2), (640, 320, 1), (1024, 512, 1))
 """Width, height, rays per pixel along each axis: the quick preset's two stages and the paper's sizes."""

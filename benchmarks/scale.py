@@ -27,6 +27,8 @@ import sdr_jax
 from benchmarks.report import Row, count, parser, table, timed, write
 from benchmarks.train import random_truth
 from common.errors import UserError
+from common.workers.executors import workers_of
+from common.workers.pool import WorkerPool, Workers
 from experiments.config import Fidelity, MainConfig
 from experiments.config.presets import defaults
 from experiments.evaluation.cost import cost_of, training_cost
@@ -35,10 +37,9 @@ from experiments.evaluation.job import Recipe
 from scene.assets.catalogue import AssetPool
 from scene.attributes import NAMES
 from scene.dataset.export import export_dataset
-from scene.executors import workers_of
 from scene.proposal import default_proposal, draw, random_proposal
 from scene.render import RenderSettings
-from scene.workers import WorkerPool, Workers
+from scene.versions import picture_versions
 
 NETWORK = 125e6
 """Bytes per second between machines, 1 Gbit/s; not measured."""
@@ -183,7 +184,9 @@ def main(arguments: list[str] | None = None) -> int:
     ]
     try:
         if options.scheduler is not None:
-            cluster = workers_of("dask", 0, options.scheduler, worker_environment())
+            cluster = workers_of(
+                "dask", 0, options.scheduler, worker_environment(), picture_versions
+            )
             everyone.append((f"{cluster.workers} (dask)", cluster))
         for who, workers in everyone:
             with workers:

@@ -34,6 +34,7 @@ from common.labels.classes import NAMES
 from common.labels.listing import list_all
 from common.labels.target_file import Fit, find_target
 from common.memory import in_words, memory
+from common.workers.pool import WorkerError
 from experiments.config import FewConfig, Fidelity, Preset, parsers
 from experiments.config.config import NETS
 from experiments.config.limits import PIXEL, training_bytes
@@ -67,7 +68,6 @@ from scene.dataset.formats.png import encode
 from scene.held import read_fixed
 from scene.proposal import Streets, draw
 from scene.render.protocol import MAX_PIXELS
-from scene.workers import WorkerError
 from seg.beside import TrainingSet
 from seg.classes import class_table, colorize
 from seg.data import LabelledImages

@@ -9,11 +9,11 @@ from typing import Annotated
 
 from common.flags import ARGUMENT, ONE_OF, REPEATED, SWITCH, Option, Size, command_line
 from common.labels.target_file import SHIPPED
+from common.workers.pool import ExecutorName
 from scene.attributes import SpaceName
 from scene.dataset.formats.layout import FORMATS, SPLITS
 from scene.names import HELD, OVERLAPS, OWN_EVERY, PLACES, RENDERERS, USES, WEATHERS
 from scene.proposal import NAMES
-from scene.workers import ExecutorName
 
 TARGET = (
     "write labels of these classes, in the ids or colours of its label files: "

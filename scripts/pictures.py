@@ -18,9 +18,9 @@ import cv2
 import numpy as np
 
 import scene
+from common.workers.pool import WorkerPool
 from experiments.target.twin import twin_split, twin_world
 from scene.preview import layout
-from scene.workers import WorkerPool
 from seg.model import load_model
 
 TWIN_STREETS = (2, 6)

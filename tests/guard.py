@@ -25,6 +25,7 @@ from unittest.mock import patch
 
 import numpy as np
 
+from common.workers.pool import WorkerPool
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
 from experiments.evaluation.evaluate import evaluate_miou
@@ -35,7 +36,6 @@ from scene.dataset.render import street_of
 from scene.proposal import draw, random_proposal
 from scene.render import RenderSettings, renderer, shot
 from scene.version import ENGINE
-from scene.workers import WorkerPool
 from tests import guard_searches
 
 RECORD = Path(__file__).parent / "guard.json"

@@ -21,9 +21,8 @@ PACKAGES = (FLOOR, *LIBRARIES, "experiments")
 # simulators as processes, in a run folder.
 SHELL = (
     "benchmarks/", "common/", "experiments/",
-    "scene/cache.py", "scene/callback.py", "scene/check.py", "scene/cluster.py", "scene/compiled.py",
-    "scene/stats.py",
-    "scene/workers.py", "scene/assets/library.py", "scene/dataset/", "scene/render/",
+    "scene/cache.py", "scene/callback.py", "scene/check.py", "scene/compiled.py",
+    "scene/stats.py", "scene/assets/library.py", "scene/dataset/", "scene/render/",
     "scene/mesh/beside.py", "scene/mesh/bombs.py", "scene/mesh/file.py",
     "sdr_jax/ask_tell.py", "sdr_jax/tune/", "seg/data/", "seg/model.py", "seg/weights/",
 )  # fmt: skip

@@ -32,9 +32,9 @@ from common.command import exit_code
 from common.errors import UserError
 from common.lines import CURE, JsonLines
 from common.progress import Progress
+from common.workers.pool import WorkerError, WorkerPool
 from experiments.evaluation.evaluate import worker_environment
 from scene.attributes import SpaceName
-from scene.workers import WorkerError, WorkerPool
 from seg.data import DataError
 from seg.recipes import RECIPES
 from seg.train import TrainingError

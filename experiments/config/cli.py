@@ -16,6 +16,7 @@ from typing import Any
 from common.command import HELP, Parser, docstring, exit_code
 from common.errors import UserError
 from common.flags import Field, add_flag, filled, flags_of
+from common.workers.pool import WorkerError
 from experiments.config.config import (
     AnyConfig,
     Config,
@@ -27,7 +28,6 @@ from experiments.config.config import (
 from experiments.config.presets import in_space
 from experiments.config.studies import JOBS, SensitivityConfig, TableConfig, defaults_of, methods_of
 from scene.attributes import SpaceName
-from scene.workers import WorkerError
 from seg.recipes import with_net, with_steps
 from seg.settings import VGG_NETS
 

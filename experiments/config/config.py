@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 from common.bounds import Bound, at_least, at_most, must, within
 from common.flags import REPEATED, UNUSED, Word
 from common.memory import refuse_larger
+from common.workers.pool import ExecutorName, refuse_many_workers
 from experiments.config.options import Bins, Fidelity, Search, SearchOptions
 from scene.attributes import SpaceName, names
 from scene.held import hold, read_fixed
 from scene.proposal import RELAXATION, Proposal, named
-from scene.workers import ExecutorName, refuse_many_workers
 
 if TYPE_CHECKING:
     from scene.assets.catalogue import AssetPool

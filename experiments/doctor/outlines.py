@@ -15,13 +15,13 @@ from PIL import Image
 
 from common.labels.classes import Outline
 from common.labels.target_file import WIDEST, TargetFile
+from common.workers.pool import WorkerPool
 from scene.assets.catalogue import AssetPool
 from scene.classes import TrainId
 from scene.dataset.render import compile_first, render_street
 from scene.outline import sources
 from scene.proposal import draw, streets_named
 from scene.render import RenderSettings
-from scene.workers import WorkerPool
 from seg.boundary import perimeters
 from seg.classes import colorize, table_of
 

@@ -27,13 +27,13 @@ import numpy as np
 
 from common.errors import UserError
 from common.files import digest, file_digest, read_json, whole_folder, write, write_json
+from common.workers.pool import Workers
 from experiments.evaluation.cached import Cached, map_names, removable
 from experiments.evaluation.job import Recipe
 from experiments.evaluation.store import digest_of
 from experiments.target.base import Target
 from scene.dataset.render import render_street
 from scene.outline import outlined
-from scene.workers import Workers
 from seg.data import LabelledImages
 from seg.nets.head import Maps
 from seg.nets.trunks import trunk_of

@@ -18,13 +18,13 @@ from typing import Any
 import jax
 import numpy as np
 
+from common.workers.pool import Workers
 from experiments.evaluation.cached import Cached, loaded
 from experiments.evaluation.job import Keeps, Recipe, Result, Source, rendered_of
 from experiments.evaluation.made_with import refuse_other
 from experiments.evaluation.predictions import predictions_of
 from scene.dataset.render import Dataset, render_dataset
 from scene.proposal import Streets, draw
-from scene.workers import Workers
 from seg.beside import TrainingSet
 from seg.data import LabelledImages
 from seg.metrics import confusion_matrix, iou, mean_iou

@@ -16,8 +16,8 @@ import jax
 from common.errors import UserError
 from common.files import versions
 from common.lines import Record
+from common.workers.pool import Workers
 from scene.version import MAKERS
-from scene.workers import Workers
 
 MadeWith = tuple[tuple[str, str], ...]
 """Names and values."""

@@ -21,13 +21,13 @@ from flax.traverse_util import flatten_dict, unflatten_dict
 from common.errors import UserError
 from common.files import write
 from common.sent import here
+from common.workers.pool import Workers
 from experiments.evaluation.cache import sent
 from experiments.evaluation.evaluate import render, training_set
 from experiments.evaluation.job import Recipe, Result
 from experiments.evaluation.made_with import refuse_other
 from experiments.evaluation.store import digest_of
 from scene.proposal import Streets, random_proposal
-from scene.workers import Workers
 from seg.features import features
 from seg.mmd import mmd2
 from seg.recipes import with_steps

@@ -18,13 +18,13 @@ from typing import NamedTuple
 import numpy as np
 
 from common.files import digest, write_json
+from common.workers.pool import ExecutorName, Workers
 from experiments.config import Fidelity
 from experiments.evaluation.cost import START_COST, Cost, cost_of, training_cost
 from scene.attributes import default_unit
 from scene.compiled import kept
 from scene.dataset.render import render_dataset
 from scene.render import RenderSettings
-from scene.workers import ExecutorName, Workers
 from seg.recipes import RECIPES, with_steps
 from seg.train import train
 

@@ -23,6 +23,7 @@ from common.errors import UserError
 from common.files import digest, file_digest, folder_digest
 from common.lines import Record
 from common.progress import Progress
+from common.workers.pool import Workers
 from experiments.config import RewardKind
 from experiments.evaluation.cache import Cache, by_target, sent
 from experiments.evaluation.cached import Cached
@@ -61,7 +62,6 @@ from experiments.evaluation.transfer import transfer
 from experiments.target.base import Side, Target
 from scene.proposal import Streets
 from scene.version import ENGINE
-from scene.workers import Workers
 from sdr_jax import refuse_failures
 from seg.beside import TrainingSet
 from seg.data import LabelledImages

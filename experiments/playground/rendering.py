@@ -11,13 +11,13 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 
+from common.workers.pool import WorkerPool
 from experiments.playground.state import MOST_STREETS, State, View
 from scene.classes import VOID, TrainId, colorize
 from scene.dataset.render import street_of
 from scene.preview.layout import FAR
 from scene.render import renderer
 from scene.street.street import Street
-from scene.workers import WorkerPool
 
 QUALITY = 90
 """The quality of JPEG files."""

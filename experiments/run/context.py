@@ -18,6 +18,8 @@ from typing import Any, Generic, NamedTuple, TypeVar
 from common import folder
 from common.errors import UserError
 from common.progress import Progress, Stage, duration
+from common.workers.executors import workers_of
+from common.workers.pool import Workers
 from experiments.config import Config, Fidelity
 from experiments.evaluation import pace as paces
 from experiments.evaluation.cost import (
@@ -38,10 +40,9 @@ from experiments.target.base import Side, Target
 from experiments.target.named import named_target
 from scene.compiled import first_use
 from scene.dataset.render import compile_first
-from scene.executors import workers_of
 from scene.render import RendererError, renderer
 from scene.version import ENGINE
-from scene.workers import Workers
+from scene.versions import picture_versions
 from seg.data import LabelledImages
 from seg.weights import described
 
@@ -232,7 +233,9 @@ def pace_here(say: Callable[[str], None], *, measure: bool) -> Pace:
 def workers_for(config: Config) -> Workers:
     """The workers: at least one process, since nets must not train in JAX's callback."""
     workers = max(config.workers, 1)
-    return workers_of(config.executor, workers, config.scheduler, worker_environment())
+    return workers_of(
+        config.executor, workers, config.scheduler, worker_environment(), picture_versions
+    )
 
 
 def set_up_process() -> None:

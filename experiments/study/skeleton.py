@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, NamedTuple
 
 from common.progress import duration
+from common.workers.pool import Workers
 from experiments.config import Fidelity, LearntConfig, Rederived, read_attributes
 from experiments.config import check as check_flags
 from experiments.evaluation.job import Job, Result, Source
@@ -29,7 +30,6 @@ from experiments.target.base import Target
 from experiments.target.named import named_target
 from scene.held import hold
 from scene.proposal import Streets, streets_named
-from scene.workers import Workers
 
 
 def nothing(config: Any) -> None:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from functools import lru_cache
 
 from common.errors import UserError
+from common.workers.pool import Workers
 from experiments.config import Config, MainConfig
 from experiments.config.presets import VARIABLES
 from experiments.target.base import SIZES, Sides, Target, two_sides
 from experiments.target.few import with_few
 from experiments.target.real import real_target
 from experiments.target.twin import ASSETS, FIRST_ASSET, TABLE, twin_names, twin_split, twin_world
-from scene.workers import Workers
 
 
 def named_target(config: Config, workers: Workers) -> Target:

@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 
 from common.labels.target_file import shipped
+from common.workers.pool import Workers
 from experiments.config import TwinName
 from scene.assets.catalogue import AssetPool
 from scene.attributes import NAMES, SPACES, default_unit
@@ -20,7 +21,6 @@ from scene.dataset.render import render_dataset
 from scene.proposal import slide
 from scene.render import RenderSettings
 from scene.render.sensor import CameraResponse
-from scene.workers import Workers
 from seg.classes import class_table, table_text
 from seg.data import LabelledImages
 

@@ -21,6 +21,7 @@ from common.errors import UserError
 from common.files import read_json, write, write_json
 from common.folder import differences
 from common.labels.classes import Outline
+from common.workers.pool import WorkerPool, Workers, opened
 from scene.assets import library
 from scene.assets.catalogue import AssetPool, check_pool
 from scene.dataset.description import ENCODINGS, Plan, outcome, own_class_entry, own_files
@@ -35,7 +36,6 @@ from scene.outline import outlined
 from scene.proposal import Streets
 from scene.render import RenderSettings, renderer
 from scene.version import MAKERS
-from scene.workers import WorkerPool, Workers, opened
 
 if TYPE_CHECKING:
     from common.labels.target_file import TargetFile

@@ -13,13 +13,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from common.labels.classes import Outline
+from common.workers.pool import WorkerPool, Workers, opened
 from scene.assets.catalogue import AssetPool
 from scene.attributes import check_unit, default_unit, street_params
 from scene.compiled import first_use
 from scene.outline import outlined
 from scene.render import Frame, RenderSettings, check_settings, renderer
 from scene.street.street import Street, sample_street
-from scene.workers import WorkerPool, Workers, opened
 
 COMPILING = "compiling the renderer (once per machine, about a minute)..."
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from common.workers.pool import Workers, opened
 from scene.assets.catalogue import AssetPool, check_pool
 from scene.attributes import SpaceName
 from scene.dataset.formats.labels import (
@@ -21,7 +22,6 @@ from scene.dataset.formats.labels import (
 from scene.dataset.render import check_request, compile_first, images_and_labels
 from scene.proposal import Streets, draw, read_streets
 from scene.render import RenderSettings
-from scene.workers import Workers, opened
 
 if TYPE_CHECKING:
     from common.labels.target_file import TargetFile

@@ -21,6 +21,7 @@ import numpy as np
 
 from common import files
 from common.command import Arguments, exit_code
+from common.workers.pool import WorkerPool
 from scene.assets.catalogue import AssetPool, absent, check_pool
 from scene.dataset.render import compile_first
 from scene.parsers import preview as parser
@@ -30,7 +31,6 @@ from scene.preview.streets import all_sweeps, contact_sheet, sweep
 from scene.preview.themes import all_themes, theme_page
 from scene.proposal import draw, streets_named
 from scene.render import RENDERERS, RendererError, RenderSettings, check_settings
-from scene.workers import WorkerPool
 
 FORMATS = (".png", ".jpg", ".jpeg")
 MOST = 400

@@ -16,11 +16,12 @@ from typing import TYPE_CHECKING, Any
 from common.command import Arguments, exit_code
 from common.errors import UserError
 from common.memory import refuse_larger
+from common.workers.executors import workers_of
+from common.workers.pool import WorkerError, refuse_many_workers
 from scene.assets.catalogue import AssetPool
 from scene.assets.own_class import OwnClass
 from scene.dataset.export import export_dataset
 from scene.dataset.read import DESCRIPTION, MOST_IMAGES
-from scene.executors import workers_of
 from scene.held import hold, in_words, read_fixed
 from scene.names import PLACES
 from scene.parsers import render as parser
@@ -28,7 +29,7 @@ from scene.preview.dataset import write_sheet
 from scene.proposal import draw, read_streets, space_in
 from scene.render import RendererError, RenderSettings, check_settings
 from scene.render.protocol import refuse_large_images, refuse_many_shots
-from scene.workers import WorkerError, refuse_many_workers
+from scene.versions import picture_versions
 
 if TYPE_CHECKING:
     from common.progress import Progress
@@ -91,7 +92,8 @@ def export(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     if held:
         progress.say(f"Held: {in_words(held)}")
     chosen = hold(chosen, held)
-    with workers_of(options.executor, options.workers, options.scheduler) as workers:
+    kind = options.executor, options.workers, options.scheduler
+    with workers_of(*kind, versions=picture_versions) as workers:
         if workers.dashboard is not None:
             progress.say(f"Dashboard: {workers.dashboard}")
         return export_dataset(

@@ -24,6 +24,7 @@ from common.command import Parser
 from common.files import read_json
 from common.flags import add_flag, filled, flags_of
 from common.progress import Progress
+from common.workers.pool import WorkerPool
 from experiments.config import MainConfig
 from experiments.config.cli import command as command_line
 from experiments.config.presets import PRESETS, TARGETS, defaults
@@ -37,7 +38,6 @@ from scene.assets.catalogue import AssetPool
 from scene.attributes import NAMES
 from scene.dataset.render import COMPILING
 from scene.proposal import describe, slide
-from scene.workers import WorkerPool
 from seg.train import TrainingError
 from tests.layouts import FACADE
 

@@ -12,6 +12,7 @@ import pytest
 from common.errors import UserError
 from common.files import read_json, write_json
 from common.labels.target_file import shipped
+from common.workers.pool import WorkerPool
 from experiments.config import Fidelity
 from experiments.evaluation import cache, evaluate
 from experiments.evaluation.cache import ABOUT, FOLDER, Cache
@@ -21,7 +22,6 @@ from experiments.evaluation.job import Job, Recipe, Result
 from experiments.evaluation.runner import Runner, about
 from scene.assets.catalogue import AssetPool
 from scene.proposal import default_proposal, draw
-from scene.workers import WorkerPool
 from seg import pyramid
 from seg.classes import table_text
 from seg.data import LabelledImages

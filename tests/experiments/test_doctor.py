@@ -15,6 +15,7 @@ from common.errors import UserError
 from common.labels.listing import list_all, list_split
 from common.labels.target_file import find_target, parse_target
 from common.pictures import label_ids
+from common.workers.pool import WorkerPool
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
 from experiments.doctor import costs, machine, outlines
@@ -31,7 +32,6 @@ from experiments.target.sizes import suitable_size
 from experiments.target.twin import twin_split, twin_world
 from scene.classes import TrainId
 from scene.render import RendererError
-from scene.workers import WorkerPool
 from seg.data import LabelReader, load, read_target, subset
 from seg.data.images import check_end, read_image
 from tests.conftest import refuses

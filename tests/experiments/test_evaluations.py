@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from common.errors import UserError
 from common.labels.classes import Outline
 from common.progress import Progress
+from common.workers.pool import WorkerPool
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
 from experiments.evaluation import job, mmd, runner, store
@@ -41,7 +42,6 @@ from experiments.store import main
 from scene.assets.own_class import OwnClass
 from scene.attributes import NAMES
 from scene.proposal import Histogram, Proposal, default_proposal, mixture, random_proposal
-from scene.workers import WorkerPool
 from seg.classes import CAMVID_11
 from seg.data import LabelledImages
 from seg.recipes import RECIPES

@@ -12,6 +12,7 @@ import pytest
 
 from common.errors import UserError
 from common.folder import plain
+from common.workers.pool import WorkerPool
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
 from experiments.evaluation.evaluate import trained, worker_environment
@@ -25,7 +26,6 @@ from experiments.store import main as merge_stores
 from scene.assets.catalogue import AssetPool
 from scene.proposal import random_proposal
 from scene.render import RendererError
-from scene.workers import WorkerPool
 from seg.data import LabelledImages
 from tests.conftest import printed
 

@@ -22,8 +22,8 @@ from typing import Any, NamedTuple
 
 import pytest
 
+from common.workers.pool import WorkerPool
 from scene.dataset.render import compile_first
-from scene.workers import WorkerPool
 from tests.conftest import ROOT
 from tests.experiments.conftest import (  # noqa: F401
     TINY,

@@ -20,7 +20,7 @@ print(_begin(one, np.zeros((1, 3), np.float32), flat, np.ones(1, np.int8))[1][0,
 """Where a ray begins: a compiled function with a constant of another file."""
 WORKER = """
 from scene.render import renderer
-from scene.workers import WorkerPool
+from common.workers.pool import WorkerPool
 with WorkerPool(1) as pool:
     print([type(found).__name__ for _, found in pool.map(renderer, [("embree",)])])
 """

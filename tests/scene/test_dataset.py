@@ -7,11 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from common.workers.pool import WorkerPool
 from scene import AssetPool, default_unit, sample_street
 from scene.assets.families import FAMILIES
 from scene.callback import render_fn
 from scene.dataset.render import COMPILING, compile_first, render_dataset, render_street, street_of
-from scene.workers import WorkerPool
 from tests.scene.conftest import DEFAULT, POOL, TINY, chosen, refused, units
 
 

@@ -14,6 +14,7 @@ from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
 from common.sent import received
+from common.workers.pool import WorkerPool
 from scene import (
     AssetPool,
     OwnClass,
@@ -40,7 +41,6 @@ from scene.render.__main__ import main
 from scene.stats import compare, table
 from scene.street.clearance import pairs
 from scene.street.instances import standing
-from scene.workers import WorkerPool
 from tests.scene.conftest import refused
 
 SETTINGS, SEED, NAME = RenderSettings(width=160, height=96), 5, "wheelie bin"

@@ -11,12 +11,12 @@ from trimesh.visual import TextureVisuals
 from trimesh.visual.material import SimpleMaterial
 
 from common.files import read_json
+from common.workers.pool import WorkerPool
 from scene.assets import catalogue, library
 from scene.assets.catalogue import AssetPool
 from scene.dataset.export import ExportError, export_dataset
 from scene.dataset.render import render_dataset
 from scene.render import RenderSettings
-from scene.workers import WorkerPool
 from tests.scene.conftest import refused, units
 
 SETTINGS = RenderSettings(64, 48, samples=1)

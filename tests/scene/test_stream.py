@@ -12,10 +12,10 @@ import pytest
 
 import scene
 from common.labels.target_file import find_target
+from common.workers.pool import WorkerError, WorkerPool
 from scene import AssetPool, RenderSettings, export_dataset, stream
 from scene.dataset.export import read_dataset
 from scene.proposal import draw, random_proposal
-from scene.workers import WorkerError, WorkerPool
 from tests.scene.conftest import refused
 from tests.tasks import die_until
 

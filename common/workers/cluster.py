@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import os
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import CancelledError, Future
 from contextlib import suppress
 from pathlib import Path
@@ -19,10 +19,9 @@ import cv2
 from distributed import Client, KilledWorker, WorkerPlugin
 
 from common.errors import UserError
-from common.files import files_below, folder_digest, versions
+from common.files import files_below, folder_digest
 from common.sent import received
-from scene.version import ENGINE, MAKERS
-from scene.workers import WorkerError, Workers
+from common.workers.pool import WorkerError, Workers
 
 PATIENCE = 10.0
 """Time limit of a scheduler's answer, in seconds."""
@@ -30,8 +29,8 @@ PIECE = 64 * 2**20
 """Bytes of a file in one message."""
 TRIES = 5
 """Number of attempts to send something while workers die."""
-OURS = {"engine": ENGINE, **versions(MAKERS)}
-"""The versions that decide pictures on this machine."""
+Versions = Callable[[], Mapping[str, int | str]]
+"""Gives the versions of libraries in its process, by name."""
 _ONE_AT_A_TIME = threading.Lock()
 
 
@@ -43,6 +42,7 @@ class Cluster(Workers):
     Args:
         address: address of the scheduler, such as ``tcp://10.0.0.1:8786``.
         environment: variables that workers get before they import JAX.
+        versions: gives what must be the same in workers as in this process; by default nothing.
 
     Raises:
         UserError: nobody answers at the address.
@@ -50,7 +50,13 @@ class Cluster(Workers):
 
     _patience = 1.0
 
-    def __init__(self, address: str, environment: dict[str, str] | None = None) -> None:
+    def __init__(
+        self,
+        address: str,
+        environment: dict[str, str] | None = None,
+        versions: Versions = dict,
+    ) -> None:
+        self._versions = versions
         for name in ("distributed", "distributed.client", "distributed.core", "distributed.comm"):
             logging.getLogger(name).setLevel(logging.CRITICAL)  # we report errors in one line
         self._address = address
@@ -125,10 +131,14 @@ class Cluster(Workers):
         options: dict[str, Any] = {"priority": -1 if behind else 0}
         wanted = self._wants[net]
         work: tuple = (function, *task)
+        ours = dict(self._versions())
         if first is not None and wanted:
             own = {"resources": self._wants[False], "pure": False, **options}
-            work = (_after, self._client.submit(_alone, OURS, first, *task, **own), *work)
-        return self._executor.submit(_alone, OURS, *work, resources=wanted, **options)
+            ready = self._client.submit(_alone, self._versions, ours, first, *task, **own)
+            work = (_after, ready, *work)
+        return self._executor.submit(
+            _alone, self._versions, ours, *work, resources=wanted, **options
+        )
 
     def result(self, future: Future) -> Any:
         """The result of finished work."""
@@ -187,12 +197,15 @@ class _Piece(WorkerPlugin):
         received(self._name, root)
 
 
-def _alone(theirs: dict[str, Any], function: Callable[..., Any], *task: Any) -> Any:
-    """Do the work of a task, one at a time; runs in a worker, which must make the same pictures."""
-    for name, value in theirs.items():
-        if OURS.get(name) != value:
+def _alone(
+    versions: Versions, expected: Mapping[str, int | str], function: Callable[..., Any], *task: Any
+) -> Any:
+    """Do the work of a task, one at a time; runs in a worker, which must have the same versions."""
+    ours = versions()
+    for name, value in expected.items():
+        if ours.get(name) != value:
             raise UserError(
-                f"a worker of the cluster has {name} {OURS.get(name)}, this program {value}: install "
+                f"a worker of the cluster has {name} {ours.get(name)}, this program {value}: install "
                 "the same version on both"
             )
     with _ONE_AT_A_TIME:

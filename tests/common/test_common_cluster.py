@@ -7,9 +7,10 @@ from pathlib import Path
 import pytest
 
 from common.errors import UserError
-from scene.executors import workers_of
-from scene.workers import WorkerPool
-from tests.scene.conftest import refused
+from common.workers.executors import workers_of
+from common.workers.pool import WorkerPool
+from scene.versions import picture_versions
+from tests.conftest import refused
 from tests.tasks import doubled, fail, ready_and, told
 
 
@@ -37,7 +38,8 @@ def test_who_dies_or_comes_changes_nothing_and_files_are_sent_to_all(dask_cluste
         names = {cluster.share(str(file)) for _ in range(2)}
         file.write_text("second")  # another file by its content
         assert len(names | {cluster.share(str(file))}) == 2
-    with workers_of("dask", 0, dask_cluster.address) as cluster:  # a worker has announced a GPU
+    kind = "dask", 0, dask_cluster.address
+    with workers_of(*kind, versions=picture_versions) as cluster:  # a worker has announced a GPU
         tasks = dict(cluster.map(ready_and, [(3,), (4,)], net=True, first=doubled))
         assert tasks == {0: (3, 6), 1: (4, 8)}
     with WorkerPool(1) as pool:  # where one process does both
@@ -62,21 +64,21 @@ def test_a_scheduler_that_goes_away_ends_the_work_with_one_error(dask_cluster):
     (("processes", 1, "tcp://127.0.0.1:9"), "--scheduler is for --executor dask"),
 ])  # fmt: skip
 def test_what_cannot_be_reached_is_one_error(asked, complaint, monkeypatch):
-    monkeypatch.setattr("scene.cluster.PATIENCE", 1.0)
+    monkeypatch.setattr("common.workers.cluster.PATIENCE", 1.0)
     refused(UserError, complaint, workers_of, *asked)
 
 
 def test_without_the_extra_it_says_what_to_install(monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "scene.cluster", None)
+    monkeypatch.setitem(__import__("sys").modules, "common.workers.cluster", None)
     with pytest.raises(UserError, match=r"needs the extra dask: pip install 'sdr-jax\[dask\]'"):
         workers_of("dask", 1, "tcp://127.0.0.1:9")
 
 
 def test_a_worker_that_makes_other_pictures_is_refused():
-    cluster = pytest.importorskip("scene.cluster")
-    assert cluster._alone(cluster.OURS, doubled, 3) == 6
+    cluster = pytest.importorskip("common.workers.cluster")
+    ours = picture_versions()
+    assert cluster._alone(picture_versions, ours, doubled, 3) == 6
     for name in ("engine", "numba", "numpy"):
-        message = (
-            f"a worker of the cluster has {name} {cluster.OURS[name]}, this program 0: install"
-        )
-        refused(UserError, message, cluster._alone, {**cluster.OURS, name: 0}, doubled, 3)
+        message = f"a worker of the cluster has {name} {ours[name]}, this program 0: install"
+        expected = {**ours, name: 0}
+        refused(UserError, message, cluster._alone, picture_versions, expected, doubled, 3)

@@ -7,8 +7,8 @@ import time
 import pytest
 
 from common.errors import UserError
-from scene.workers import LESS_URGENT, WorkerError, WorkerPool
-from tests.scene.conftest import refused
+from common.workers.pool import LESS_URGENT, WorkerError, WorkerPool
+from tests.conftest import refused
 from tests.tasks import die_until, fail, square, surroundings, wait_for
 
 

@@ -2,7 +2,7 @@
 
 They render, and evaluate whole rewards for the experiments. Results come as they are ready, with the index of
 their task, so that progress can be shown and answers do not depend on the order. `WorkerPool` has processes
-of this machine, ``scene.cluster.Cluster`` those of a Dask cluster.
+of this machine, ``cluster.Cluster`` those of a Dask cluster.
 """
 
 from __future__ import annotations

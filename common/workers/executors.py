@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Mapping
 
 from common.errors import UserError
-from scene.workers import ExecutorName, WorkerPool, Workers
+from common.workers.pool import ExecutorName, WorkerPool, Workers
 
 
 def workers_of(
@@ -13,8 +14,16 @@ def workers_of(
     workers: int,
     scheduler: str | None = None,
     environment: dict[str, str] | None = None,
+    versions: Callable[[], Mapping[str, int | str]] = dict,
 ) -> Workers:
     """Make the workers of ``--executor``, ``--workers`` and ``--scheduler``.
+
+    Args:
+        executor: the kind of workers.
+        workers: number of processes.
+        scheduler: address of the cluster's scheduler.
+        environment: variables that workers get before they import JAX.
+        versions: gives the versions that workers of a cluster must share with this process.
 
     Raises:
         UserError: processes have a scheduler, a cluster has none or one that does not answer, or the extra
@@ -33,9 +42,9 @@ def workers_of(
             "such as tcp://10.0.0.1:8786, which 'dask scheduler' prints"
         )
     try:
-        from scene.cluster import Cluster
+        from common.workers.cluster import Cluster
     except ImportError as error:
         raise UserError(
             f"--executor dask needs the extra dask: pip install 'sdr-jax[dask]' ({error})"
         ) from None
-    return Cluster(scheduler, environment)
+    return Cluster(scheduler, environment, versions)
