@@ -30,10 +30,10 @@ import numpy as np
 from benchmarks.report import Row, count, parser, table, write
 from benchmarks.transfer.recipe import Recipe, rendered, sides
 from common.labels.target_file import find_target
-from experiments.fit import RENDERED, configured, share_of
-from experiments.study.stats import mean_ci95, paired_gain
-from experiments.target.few import spread
-from experiments.target.folder import parts_of, reader
+from experiments.app.fit import RENDERED, configured, share_of
+from experiments.tables.stats import mean_ci95, paired_gain
+from experiments.targets.few import spread
+from experiments.targets.folder import parts_of, reader
 from seg import pyramid
 from seg.data import LabelledImages
 from seg.metrics import mean_iou

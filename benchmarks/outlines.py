@@ -37,12 +37,12 @@ from common.labels.target_file import WIDEST, TargetFile, find_target
 from common.lines import JsonLines
 from common.progress import Progress
 from common.workers.pool import WorkerError, WorkerPool
-from experiments.doctor.outlines import Drawn
-from experiments.evaluation.evaluate import worker_environment
-from experiments.fit import share_of
-from experiments.study.stats import paired_gain
-from experiments.target.few import CHOICE, spread
-from experiments.target.folder import parts_of
+from experiments.app.doctor.outlines import Drawn
+from experiments.app.fit import share_of
+from experiments.evaluation.train_and_test import worker_environment
+from experiments.tables.stats import paired_gain
+from experiments.targets.few import CHOICE, spread
+from experiments.targets.folder import parts_of
 from scene import outline
 from scene.assets.catalogue import AssetPool
 from scene.attributes import SpaceName

@@ -23,7 +23,7 @@ from benchmarks.report import Row, count, parser, report
 from common.command import exit_code
 from common.labels.target_file import SHIPPED
 from common.progress import Progress
-from experiments import fit
+from experiments.app import fit
 
 
 def measured(options: argparse.Namespace, few: int) -> Row:

@@ -34,9 +34,9 @@ from common.command import exit_code
 from common.errors import UserError
 from common.lines import JsonLines
 from common.workers.pool import WorkerError
-from experiments.doctor.outlines import Drawn
-from experiments.fit import share_of
-from experiments.study.stats import paired_gain
+from experiments.app.doctor.outlines import Drawn
+from experiments.app.fit import share_of
+from experiments.tables.stats import paired_gain
 from seg.classes import table_of
 from seg.data import DataError, LabelledImages
 from seg.metrics import confusion_matrix, mean_iou

@@ -38,11 +38,11 @@ from common.command import size
 from common.errors import UserError
 from experiments.config import Fidelity, MainConfig
 from experiments.config.presets import defaults
-from experiments.evaluation.evaluate import rendered_set, tested, trained
 from experiments.evaluation.job import Recipe
-from experiments.study.stats import mean_ci95
-from experiments.target.base import Sides
-from experiments.target.real import REPORTED, real_target
+from experiments.evaluation.train_and_test import rendered_set, tested, trained
+from experiments.tables.stats import mean_ci95
+from experiments.targets.base import Sides
+from experiments.targets.real import REPORTED, real_target
 from scene.proposal import random_proposal
 from seg.classes import class_table
 from seg.data import LabelledImages

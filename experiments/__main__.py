@@ -44,7 +44,7 @@ GROUPS = {
 }
 """Modules of the commands by task, in the order of the help."""
 STUDIES = {
-    name: f"experiments.{name}"
+    name: f"experiments.studies.{name}"
     for name in (
         "table", "labels", "pretrain", "ablation", "assets", "searches", "sensitivity", "fidelity",
     )
@@ -78,7 +78,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(shown())
         return 0
     if name == "--version":
-        from experiments.doctor.installed import installed
+        from experiments.app.doctor.installed import installed
 
         print(DISTRIBUTION, version(DISTRIBUTION))
         print(installed())

@@ -19,7 +19,7 @@ import numpy as np
 
 import scene
 from common.workers.pool import WorkerPool
-from experiments.target.twin import twin_split, twin_world
+from experiments.targets.twin import twin_split, twin_world
 from scene.preview import layout
 from seg.model import load_model
 

@@ -28,9 +28,9 @@ import numpy as np
 from common.workers.pool import WorkerPool
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
-from experiments.evaluation.evaluate import evaluate_miou
 from experiments.evaluation.job import Recipe
-from experiments.target.twin import TABLE, twin_split, twin_world
+from experiments.evaluation.train_and_test import evaluate_miou
+from experiments.targets.twin import TABLE, twin_split, twin_world
 from scene.assets.catalogue import AssetPool
 from scene.dataset.render import street_of
 from scene.proposal import draw, random_proposal

@@ -69,7 +69,7 @@ def _intervals(path: Path) -> list[list[float]]:
 def record() -> None:
     """Do the job with real nets, and write what a replay needs."""
     with TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "experiments.searches", *FLAGS, "--out", folder]
+        command = [sys.executable, "-m", "experiments.studies.searches", *FLAGS, "--out", folder]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
         found = summed_up(Path(folder))
     parts = []

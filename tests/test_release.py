@@ -23,8 +23,8 @@ from experiments.__main__ import (
     studies,
     text,
 )
+from experiments.app.doctor.installed import EXTRAS
 from experiments.config import studies as configured
-from experiments.doctor.installed import EXTRAS
 from tests.conftest import ROOT, printed
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
@@ -48,7 +48,7 @@ def test_the_command_has_all_commands():
     ("experiments camvid --nonsense", "sdr-jax camvid: error: no option --nonsense"),
     ("experiments study table --sede 3", "sdr-jax study table: error: no option --sede; did you mean --seed"),
     ("experiments table --sede 3", "sdr-jax study table: error: no option --sede"),
-    ("experiments.ablation --sede 3", "sdr-jax study ablation: error: no option --sede"),
+    ("experiments.studies.ablation --sede 3", "sdr-jax study ablation: error: no option --sede"),
 ])  # fmt: skip
 def test_a_command_has_one_name_however_it_is_called(words, said):
     command = [sys.executable, "-m", *words.split()]

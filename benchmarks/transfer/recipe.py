@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks.transfer.ingredients import INGREDIENTS, World, render_world
 from common.labels.target_file import find_target
-from experiments.target.folder import parts_of
+from experiments.targets.folder import parts_of
 from scene.attributes import SpaceName
 from scene.proposal import draw, streets_named
 from scene.render import RenderSettings

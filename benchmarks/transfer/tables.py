@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from benchmarks.report import Row
-from experiments.study.stats import paired_gain
+from experiments.tables.stats import paired_gain
 from seg.metrics import iou, mean_iou
 
 LEAST = 20

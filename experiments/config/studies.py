@@ -231,12 +231,13 @@ class Job(NamedTuple):
 
 
 def _main(name: str, target: TargetName, with_data: TargetName | None = None) -> Job:
-    module, work = f"experiments.{name}", "experiments.main.job:RUN"
+    module, work = f"experiments.{name}", "experiments.app.main_job:RUN"
     return Job(MainConfig, module, work, name, {}, target, with_data)
 
 
 def _study(name: str, kind: type[Config], own: Mapping[Preset, Table]) -> Job:
-    return Job(kind, f"experiments.{name}", f"experiments.{name}:RUN", f"study {name}", own)
+    module = f"experiments.studies.{name}"
+    return Job(kind, module, f"{module}:RUN", f"study {name}", own)
 
 
 # Ten images of each street, as in the paper's presets, divide all numbers of images.

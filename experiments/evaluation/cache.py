@@ -31,7 +31,7 @@ from common.workers.pool import Workers
 from experiments.evaluation.cached import Cached, map_names, removable
 from experiments.evaluation.job import Recipe
 from experiments.evaluation.store import digest_of
-from experiments.target.base import Target
+from experiments.targets.base import Target
 from scene.dataset.render import render_street
 from scene.outline import outlined
 from seg.data import LabelledImages

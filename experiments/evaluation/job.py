@@ -8,7 +8,7 @@ from experiments.config import Fidelity, RewardKind
 from experiments.evaluation.cached import Cached
 from experiments.evaluation.made_with import MadeWith
 from experiments.evaluation.predictions import Predictions
-from experiments.target.base import Side
+from experiments.targets.base import Side
 from scene.assets.catalogue import AssetPool
 from scene.proposal import Streets
 from seg.beside import TrainingSet

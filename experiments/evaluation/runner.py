@@ -28,13 +28,6 @@ from experiments.config import RewardKind
 from experiments.evaluation.cache import Cache, by_target, sent
 from experiments.evaluation.cached import Cached
 from experiments.evaluation.cost import job_cost
-from experiments.evaluation.evaluate import (
-    attempt,
-    evaluate_miou,
-    prepared,
-    rendered_set,
-    trained_net,
-)
 from experiments.evaluation.job import (
     Given,
     Job,
@@ -58,8 +51,15 @@ from experiments.evaluation.store import (
     record_of,
     result_of,
 )
+from experiments.evaluation.train_and_test import (
+    attempt,
+    evaluate_miou,
+    prepared,
+    rendered_set,
+    trained_net,
+)
 from experiments.evaluation.transfer import transfer
-from experiments.target.base import Side, Target
+from experiments.targets.base import Side, Target
 from scene.proposal import Streets
 from scene.version import ENGINE
 from sdr_jax import refuse_failures

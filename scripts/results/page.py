@@ -9,8 +9,8 @@ from pathlib import Path
 from common import files
 from common.progress import duration
 from experiments.evaluation.store import LOGS, read, result_of
-from experiments.study.form import ONE_SEARCH, Column, Report, estimate, table
-from experiments.study.stats import bounded, estimated
+from experiments.tables.form import ONE_SEARCH, Column, Report, estimate, table
+from experiments.tables.stats import bounded, estimated
 from scene.version import ENGINE
 from scripts.results.parts import GROUPS, Part
 

@@ -139,7 +139,7 @@ def parts(data: Data, out: Path, preset: Size, searches: int, twins: int) -> lis
     ) -> Iterator[Part]:
         where = data.flags(target)
         if where is not None:
-            yield Part(name, group, f"experiments.{module}", (*where, *size, *flags))
+            yield Part(name, group, f"experiments.studies.{module}", (*where, *size, *flags))
 
     def learnt(main: str) -> tuple[str, str]:
         return "--learnt", str(out / f"{main}/attributes/{METHOD}-0.json")

@@ -60,7 +60,7 @@ def test_a_job_knows_its_command_line_and_that_it_has_none_in_python():
     assert found == ["sdr-jax fit 'my photos'", None, None]
 
 
-COMMANDS = ("experiments.cityscapes", "experiments.table", "scene.render", "scene.check",
+COMMANDS = ("experiments.cityscapes", "experiments.studies.table", "scene.render", "scene.check",
             "sdr_jax.tune", "seg.weights", "benchmarks.search")  # fmt: skip
 GIVEN = {"sdr_jax.tune": ["space.toml"], "seg.weights": ["convert", "a.npz", "--out", "b.npz"],
          "experiments.__main__": ["render"]}  # fmt: skip

@@ -25,15 +25,16 @@ from common.files import read_json
 from common.flags import add_flag, filled, flags_of
 from common.progress import Progress
 from common.workers.pool import WorkerPool
+from experiments.__main__ import COMMANDS
 from experiments.config import MainConfig
 from experiments.config.cli import command as command_line
 from experiments.config.presets import PRESETS, TARGETS, defaults
 from experiments.evaluation.job import Recipe, Result
 from experiments.evaluation.runner import Runner
 from experiments.evaluation.store import LOGS, Store
-from experiments.run import context
-from experiments.run.nets import by_row, jobs_of
-from experiments.target.base import Target
+from experiments.session import session as context
+from experiments.tables.nets import by_row, jobs_of
+from experiments.targets.base import Target
 from scene.assets.catalogue import AssetPool
 from scene.attributes import NAMES
 from scene.dataset.render import COMPILING
@@ -295,7 +296,7 @@ def parsed(default: Any, flags: Sequence[str]) -> Any:
 
 def job_of(name: str) -> Any:
     """The module of a study."""
-    return import_module(f"experiments.{name}")
+    return import_module(f"experiments.studies.{name}")
 
 
 def study(name: str, *flags: str) -> int:
@@ -337,7 +338,7 @@ class Job:
 
     def __init__(self, out: Path, *flags: str, experiment: str = "cityscapes") -> None:
         self._said = [out.with_suffix(f".{name}") for name in ("stdout", "stderr")]
-        command = [sys.executable, "-m", f"experiments.{experiment}", *flags, "--out", str(out)]
+        command = [sys.executable, "-m", COMMANDS[experiment], *flags, "--out", str(out)]
         own = {"env": {k: v for k, v in os.environ.items() if k != "CAMVID_DIR"}, "cwd": ROOT}
         own |= {"stdin": subprocess.DEVNULL, "start_new_session": True}
         # Shells start background jobs with SIGINT ignored, and children would inherit that.

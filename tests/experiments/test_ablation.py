@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments import ablation as job
 from experiments.config import presets
 from experiments.config.presets import CAMVID_GROUPS
 from experiments.config.studies import VARIANTS, defaults_of
-from experiments.study.skeleton import do
+from experiments.studies import ablation as job
+from experiments.tables.skeleton import do
 from scene.attributes import NAMES
 
 from .conftest import by_preset, lines, searching

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from common.errors import UserError
-from experiments.assets import FORM
 from experiments.config import read_attributes
 from experiments.config.studies import defaults_of
-from experiments.study.stats import paired_gain
+from experiments.studies.assets import FORM
+from experiments.tables.stats import paired_gain
 from scene.proposal import default_proposal, random_proposal
 
 from .conftest import Counted, formula

@@ -5,7 +5,7 @@ import sys
 import pytest
 
 from common.files import read_json
-from experiments.store import main as store
+from experiments.app.stores import main as store
 from scene.check import main as check
 from scene.dataset.formats.layout import FORMATS
 from scene.render.__main__ import main as render

@@ -16,20 +16,20 @@ from common.labels.listing import list_all, list_split
 from common.labels.target_file import find_target, parse_target
 from common.pictures import label_ids
 from common.workers.pool import WorkerPool
+from experiments.app.doctor import costs, machine, outlines
+from experiments.app.doctor.command import PAGE, SHEET, main
+from experiments.app.doctor.installed import EXTRAS
+from experiments.app.doctor.propose import _named_value, propose
+from experiments.app.doctor.survey import survey
+from experiments.app.fit import config_of, configured, cost_of_fit, planned
+from experiments.app.main_job import plan
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
-from experiments.doctor import costs, machine, outlines
-from experiments.doctor.__main__ import PAGE, SHEET, main
-from experiments.doctor.installed import EXTRAS
-from experiments.doctor.propose import _named_value, propose
-from experiments.doctor.survey import survey
 from experiments.evaluation import pace
 from experiments.evaluation.pace import Pace
-from experiments.fit import config_of, configured, cost_of_fit, planned
-from experiments.main.job import plan
-from experiments.target.folder import parts_of
-from experiments.target.sizes import suitable_size
-from experiments.target.twin import twin_split, twin_world
+from experiments.targets.folder import parts_of
+from experiments.targets.sizes import suitable_size
+from experiments.targets.twin import twin_split, twin_world
 from scene.classes import TrainId
 from scene.render import RendererError
 from seg.data import LabelReader, load, read_target, subset

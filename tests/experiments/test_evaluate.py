@@ -11,7 +11,7 @@ from PIL import Image
 from common.errors import UserError
 from common.files import file_digest
 from common.labels.target_file import shipped
-from experiments.evaluate import Labelled, evaluate, labelled, main, mapping
+from experiments.app.evaluate import Labelled, evaluate, labelled, main, mapping
 from seg.classes import CAMVID_11, LABELMEFACADE_6
 from seg.data import DataError, Entry
 from seg.model import SEEN, Model, classes_of, label_classes

@@ -17,11 +17,11 @@ from common.errors import UserError
 from common.labels.classes import Outline
 from common.progress import Progress
 from common.workers.pool import WorkerPool
+from experiments.app.stores import main
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
 from experiments.evaluation import job, mmd, runner, store
 from experiments.evaluation.cost import cost_of, head_cost
-from experiments.evaluation.evaluate import attempt, worker_environment
 from experiments.evaluation.job import Job, Result
 from experiments.evaluation.store import (
     HEADER,
@@ -33,12 +33,12 @@ from experiments.evaluation.store import (
     record_of,
     result_of,
 )
-from experiments.run.context import Run
-from experiments.run.learn import plan_of
-from experiments.run.nets import jobs_of
-from experiments.run.rewards import Rewards
-from experiments.run.search import search
-from experiments.store import main
+from experiments.evaluation.train_and_test import attempt, worker_environment
+from experiments.search.learn import plan_of
+from experiments.search.loop import search
+from experiments.search.rewards import Rewards
+from experiments.session.session import Run
+from experiments.tables.nets import jobs_of
 from scene.assets.own_class import OwnClass
 from scene.attributes import NAMES
 from scene.proposal import Histogram, Proposal, default_proposal, mixture, random_proposal

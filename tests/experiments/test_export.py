@@ -10,7 +10,7 @@ import pytest
 
 import seg
 from common.errors import UserError
-from experiments.export import export, main
+from experiments.app.export import export, main
 from seg.model import Model, label_classes
 from seg.settings import VGG_NETS, TrainSettings
 from seg.train import logits, outline

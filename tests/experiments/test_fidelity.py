@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from common.files import read_json
-from experiments import fidelity as module
 from experiments.config.studies import defaults_of
 from experiments.evaluation.cost import cost_of
 from experiments.evaluation.job import Result
-from experiments.fidelity import STUDY, middle, proposals, rungs
-from experiments.study import stats
-from experiments.study.skeleton import do
+from experiments.studies import fidelity as module
+from experiments.studies.fidelity import STUDY, middle, proposals, rungs
+from experiments.tables import stats
+from experiments.tables.skeleton import do
 from scene.attributes import NAMES
 
 from .conftest import Counted, by_preset

@@ -17,20 +17,15 @@ from hypothesis import strategies as st
 from PIL import Image
 from safetensors.numpy import save_file
 
-import experiments.fit
+import experiments.app.fit
 from common import folder as run_folder
 from common.errors import UserError
 from common.files import read_json
 from common.files import write as write_file
 from common.labels.target_file import find_target
 from common.progress import Progress
-from experiments.config import parsers
-from experiments.evaluate import evaluate, labelled
-from experiments.evaluation.cache import Cache
-from experiments.evaluation.job import Source
-from experiments.evaluation.pace import Pace
-from experiments.evaluation.runner import Runner
-from experiments.fit import (
+from experiments.app.evaluate import evaluate, labelled
+from experiments.app.fit import (
     FitConfig,
     _beside,
     config_of,
@@ -42,14 +37,19 @@ from experiments.fit import (
     shown,
     text,
 )
-from experiments.report import live
-from experiments.report import page as page_of_runs
-from experiments.report.__main__ import main as make_report
-from experiments.report.fit import by_class, verdict
-from experiments.run import context
-from experiments.study.form import Report
-from experiments.target.folder import FOLDS, cut, fold_targets, parts_of, reader
-from experiments.target.sizes import Choice, choose, suitable_size
+from experiments.app.report import live
+from experiments.app.report import page as page_of_runs
+from experiments.app.report.command import main as make_report
+from experiments.app.report.fit_table import by_class, verdict
+from experiments.config import parsers
+from experiments.evaluation.cache import Cache
+from experiments.evaluation.job import Source
+from experiments.evaluation.pace import Pace
+from experiments.evaluation.runner import Runner
+from experiments.session import session as context
+from experiments.tables.form import Report
+from experiments.targets.folder import FOLDS, cut, fold_targets, parts_of, reader
+from experiments.targets.sizes import Choice, choose, suitable_size
 from scene.held import hold, read_fixed
 from scene.proposal import Streets, describe, draw, streets_named
 from scene.version import ENGINE
@@ -249,7 +249,7 @@ def test_fit_takes_the_size_that_this_machine_can_and_a_run_keeps_its_own(
     for damaged in ("", '{"final": 3}', '{"final": {"width": 0, "height": 1e999}}'):
         (tmp_path / "other").mkdir(exist_ok=True)
         write_file(tmp_path / "other" / run_folder.CONFIG, damaged)
-        assert experiments.fit._size_of(tmp_path / "other") is None
+        assert experiments.app.fit._size_of(tmp_path / "other") is None
     with pytest.raises(UserError, match=r"a run with minutes = null, not 9\.0"):
         run_folder.refuse_foreign(tmp_path / "run", other)
 
@@ -272,7 +272,7 @@ def test_an_unknown_pace_is_measured_where_it_decides(large: Path, tmp_path, mon
 
 def test_sizes_that_need_too_much_memory_are_not_chosen(large, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(context.paces, "read", lambda kind: Pace(0.01, 0.01))
-    monkeypatch.setattr(experiments.fit, "memory", lambda: 4_000_000_000)
+    monkeypatch.setattr(experiments.app.fit, "memory", lambda: 4_000_000_000)
     sizes = [config_of(large, tmp_path / "run", workers=n).final.width for n in (1, 2)]
     assert sizes[0] == 480 > sizes[1] > 240
     with pytest.raises(UserError, match=r"^--size 240x176 would take .* in 16 worker.*are 4 GB"):
@@ -383,7 +383,7 @@ def test_from_a_folder_of_ones_own_to_a_net(folder, tmp_path, capsys, monkeypatc
         return draw(streets, *options)
 
     monkeypatch.setattr(live, "write", write_live)
-    monkeypatch.setattr(experiments.fit, "draw", draw_kept)
+    monkeypatch.setattr(experiments.app.fit, "draw", draw_kept)
     monkeypatch.setattr(page_of_runs, "EVERY", 0)
     charges: list[float] = []
 
@@ -498,8 +498,8 @@ def test_with_a_search_the_net_that_is_left_may_be_of_learnt_streets(folder, tmp
     def learnt_is_best(report: Report) -> Report:
         return {**derive(report), "recipe": "labels+learnt"}
 
-    monkeypatch.setattr(experiments.fit, "_beside", beside)
-    monkeypatch.setattr(experiments.fit, "derive", learnt_is_best)
+    monkeypatch.setattr(experiments.app.fit, "_beside", beside)
+    monkeypatch.setattr(experiments.app.fit, "derive", learnt_is_best)
     size = (64, 48)
     options = {"preset": "smoke", "seeds": 1, "size": size, "workers": 1, "search": True}
     fit(config_of(folder, tmp_path / "run", **options))
@@ -559,7 +559,7 @@ def test_what_cannot_be_fitted_is_one_line(folder: Path, tmp_path: Path, capsys)
 
 @pytest.mark.parametrize("size", [(800, 8000), (80_000, 8000), (8 * 10**400, 64)])
 def test_a_size_that_does_not_fit_is_refused_with_flags_of_fit(folder, tmp_path, monkeypatch, size):
-    monkeypatch.setattr(experiments.fit, "memory", lambda: 24_000_000_000)
+    monkeypatch.setattr(experiments.app.fit, "memory", lambda: 24_000_000_000)
     with pytest.raises(UserError, match=r"^--size .*(use --size \d+x\d+ or less|pixels)") as error:
         config_of(folder, tmp_path / "run", size=size, workers=2)
     assert (
@@ -574,7 +574,7 @@ def test_memory_counts_every_worker_and_both_copies_of_a_training_set(
     size = (240, 176)
     final = configured(size).final
     features = final.images * final.train.views * size[0] * size[1] * 3.5
-    monkeypatch.setattr(experiments.fit, "memory", lambda: int(6 * features))
+    monkeypatch.setattr(experiments.app.fit, "memory", lambda: int(6 * features))
     config_of(folder, tmp_path / "run", size=size, workers=1)
     with pytest.raises(UserError, match="in 4 worker"):
         config_of(folder, tmp_path / "run", size=size, workers=4)

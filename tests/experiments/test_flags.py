@@ -12,7 +12,7 @@ import pytest
 from common.errors import UserError
 from common.files import write_json
 from common.folder import plain
-from experiments import table
+from experiments.app.main_job import MAIN
 from experiments.config import (
     Fidelity,
     GroupsConfig,
@@ -34,11 +34,11 @@ from experiments.config.presets import (
     in_space,
 )
 from experiments.config.studies import STUDIES, TableConfig, defaults_of, methods_of
-from experiments.main.job import MAIN
-from experiments.run.learn import plan_of
-from experiments.study.skeleton import check as refuse_wrong
-from experiments.study.skeleton import do
-from experiments.target.twin import FIRST_ASSET
+from experiments.search.learn import plan_of
+from experiments.studies import table
+from experiments.tables.skeleton import check as refuse_wrong
+from experiments.tables.skeleton import do
+from experiments.targets.twin import FIRST_ASSET
 from scene.attributes import NAMES, names
 from scene.proposal import Histogram, describe, mixture, moments, random_proposal
 from scene.version import ENGINE
@@ -385,7 +385,7 @@ def called(monkeypatch):
         seen = []
         with monkeypatch.context() as patch:
             patch.setattr(sys, "argv", ["cityscapes", *arguments])
-            patch.setattr("experiments.main.job.RUN", seen.append)
+            patch.setattr("experiments.app.main_job.RUN", seen.append)
             with pytest.raises(SystemExit, match=r"^0$"):
                 runpy.run_module("experiments.cityscapes", run_name="__main__")
         return seen[0]

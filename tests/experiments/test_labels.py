@@ -8,9 +8,9 @@ import pytest
 
 from experiments.config.studies import defaults_of
 from experiments.evaluation.job import rendered_of
-from experiments.labels import FORM, counts_of
-from experiments.study.stats import reached, worth
-from experiments.target.base import Target
+from experiments.studies.labels import FORM, counts_of
+from experiments.tables.stats import reached, worth
+from experiments.targets.base import Target
 from scene.proposal import Mixture, describe, streets_named
 from seg.beside import TrainingSet
 from seg.data import LabelledImages

@@ -9,8 +9,8 @@ import pytest
 from PIL import Image
 
 from common.files import read_json
+from experiments.app.report.summary import ROWS
 from experiments.evaluation.store import LOGS
-from experiments.main.summary import ROWS
 from scene.attributes import NAMES
 from scene.dataset.export import read_dataset
 from scene.dataset.render import COMPILING

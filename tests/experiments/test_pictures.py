@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from experiments.app.report import pictures
 from experiments.evaluation.predictions import MOST, file_of, load, picked, predictions_of, save
-from experiments.main import pictures
 from seg.classes import CAMVID_11, CITYSCAPES_19, IGNORE_LABEL, colorize
 
 

@@ -13,9 +13,8 @@ from starlette.responses import PlainTextResponse
 
 from benchmarks.playground import browser, served
 from common.loopback import MOST_BYTES
-from experiments.playground import __main__ as command
-from experiments.playground import guard
-from experiments.playground.rendering import (
+from experiments.app.playground import command, guard
+from experiments.app.playground.rendering import (
     LatestOnly,
     coloured,
     first_free,
@@ -24,7 +23,7 @@ from experiments.playground.rendering import (
     request,
     shares,
 )
-from experiments.playground.state import (
+from experiments.app.playground.state import (
     FILE,
     GROUPS,
     MOST_PIXELS,
@@ -37,7 +36,7 @@ from experiments.playground.state import (
     restored,
     shown,
 )
-from experiments.playground.state import command as command_of
+from experiments.app.playground.state import command as command_of
 from scene.assets.catalogue import AssetPool
 from scene.attributes import BY_NAME
 from scene.classes import TrainId, colorize
@@ -150,7 +149,7 @@ def test_the_first_picture_is_of_the_first_street_with_a_free_view(monkeypatch):
         asked.append(depth.shape)
         return len(asked) == 4
 
-    monkeypatch.setattr("experiments.playground.rendering.free", judged)
+    monkeypatch.setattr("experiments.app.playground.rendering.free", judged)
     assert first_free(MIXED) == VIEW.street + 3 and asked == [(24, 48)] * 4
     asked[:] = [None] * 4
     assert first_free(MIXED) == VIEW.street  # none is free

@@ -13,7 +13,7 @@ import pytest
 from PIL import Image
 
 from common.errors import UserError
-from experiments.predict import main, predict
+from experiments.app.predict import main, predict
 from seg.data import DataError
 from seg.data.frames import frames, list_sources
 from seg.data.images import read_image
@@ -138,7 +138,15 @@ def test_killed_at_any_time_it_goes_on(model, folder, tmp_path):
     images.mkdir()
     for k in range(40):
         Image.fromarray(np.full((200, 200, 3), 6 * k, np.uint8)).save(images / f"{k:02d}.png")
-    words = [sys.executable, "-m", "experiments.predict", folder, str(images), "--out", str(out)]
+    words = [
+        sys.executable,
+        "-m",
+        "experiments.predict",
+        folder,
+        str(images),
+        "--out",
+        str(out),
+    ]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])}
     process = subprocess.Popen(words, cwd=ROOT, env=environment, stdout=subprocess.DEVNULL)
     while len(pictures_there := list(out.rglob("*.png"))) < 5:

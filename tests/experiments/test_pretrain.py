@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments import pretrain
 from experiments.config.studies import defaults_of
-from experiments.evaluation import evaluate, transfer
+from experiments.evaluation import transfer
 from experiments.evaluation.job import Recipe, Result, Start
-from experiments.pretrain import FORM, fine_fidelity
+from experiments.studies import pretrain
+from experiments.studies.pretrain import FORM, fine_fidelity
 from scene.assets.catalogue import AssetPool
 from scene.proposal import random_proposal
 from seg.data import LabelledImages
@@ -69,7 +69,7 @@ def way(monkeypatch):
             diverge()
         return f"net {len(done)}"
 
-    monkeypatch.setattr(evaluate, "train", train)
+    monkeypatch.setattr(train_and_test, "train", train)
     monkeypatch.setattr(transfer, "training_set", lambda recipe, proposal, seed: blank)
 
     def predict_heads(params, images, *_, **__):
@@ -77,7 +77,7 @@ def way(monkeypatch):
         found[..., 0, : len(done)] = 0  # the more, the later the net
         return found
 
-    monkeypatch.setattr(evaluate, "predict_heads", predict_heads)
+    monkeypatch.setattr(train_and_test, "predict_heads", predict_heads)
 
     def way(row):
         recipe = Recipe(fidelity, "camvid", "embree", AssetPool())

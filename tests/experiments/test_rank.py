@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from experiments.predict import main, predict
-from experiments.prelabels import cvat, label_studio
-from experiments.prelabels.files import Ranked, write_files
+from experiments.app.predict import main, predict
+from experiments.app.prelabels import cvat, label_studio
+from experiments.app.prelabels.files import Ranked, write_files
 from seg.data.images import read_image
 from seg.model import label_classes
 from seg.uncertainty import order as in_order

@@ -17,13 +17,13 @@ import pytest
 from PIL import Image
 
 from common.files import read_json, write_json
+from experiments.app.report import page
+from experiments.app.report.command import main
+from experiments.app.report.figures import NAMES
+from experiments.app.report.folder import RunFolder, read
+from experiments.app.report.summary import ROWS, advice
 from experiments.evaluation.predictions import file_of, load
-from experiments.main.summary import ROWS, advice
-from experiments.report import page
-from experiments.report.__main__ import main
-from experiments.report.figures import NAMES
-from experiments.report.folder import RunFolder, read
-from experiments.study.form import interval
+from experiments.tables.form import interval
 from scene import parsers
 from scene.attributes import NAMES as ATTRIBUTES
 from scene.proposal import Histogram, describe, mixture, random_proposal

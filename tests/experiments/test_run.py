@@ -13,16 +13,16 @@ import pytest
 from common.errors import UserError
 from common.folder import plain
 from common.workers.pool import WorkerPool
+from experiments.app.main_job import RUN
+from experiments.app.stores import main as merge_stores
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
-from experiments.evaluation.evaluate import trained, worker_environment
 from experiments.evaluation.job import Recipe
 from experiments.evaluation.made_with import made_with
 from experiments.evaluation.mmd import train_features
 from experiments.evaluation.store import read, write_store
-from experiments.main.job import RUN
-from experiments.run import context
-from experiments.store import main as merge_stores
+from experiments.evaluation.train_and_test import trained, worker_environment
+from experiments.session import session as context
 from scene.assets.catalogue import AssetPool
 from scene.proposal import random_proposal
 from scene.render import RendererError

@@ -11,10 +11,10 @@ import sdr_jax
 from common.errors import UserError
 from experiments.config import make_space
 from experiments.evaluation.job import Result
-from experiments.run.context import opened
-from experiments.run.learn import plan_of
-from experiments.run.rewards import embed
-from experiments.run.search import search
+from experiments.search.learn import plan_of
+from experiments.search.loop import search
+from experiments.search.rewards import embed
+from experiments.session.session import opened
 from scene.attributes import NAMES
 
 from .conftest import Counted, Killed, diverge, formula, lines, main_job, never, searching, untimed

@@ -12,8 +12,8 @@ from common.errors import UserError
 from common.files import read_json
 from experiments.config.studies import defaults_of
 from experiments.evaluation.cost import cost_of
-from experiments.run.plans import plan, schedule
-from experiments.searches import check, configured, derive, plan_of, rows, text, work
+from experiments.search.plans import plan, schedule
+from experiments.studies.searches import check, configured, derive, plan_of, rows, text, work
 from scene.attributes import NAMES
 
 from .conftest import lines

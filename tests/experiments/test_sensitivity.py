@@ -10,12 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from common.files import read_json, write
-from experiments import sensitivity as job
 from experiments.config.studies import defaults_of
 from experiments.evaluation.store import HEADER, Store
-from experiments.sensitivity import summarize, text
-from experiments.study import sobol as model
-from experiments.study.records import BINS, Records, read
+from experiments.studies import sensitivity as job
+from experiments.studies.sensitivity import summarize, text
+from experiments.tables import sobol as model
+from experiments.tables.recorded import BINS, Records, read
 from scene.attributes import NAMES
 
 from .conftest import lines, never, study

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from experiments.study.stats import bootstrap, crossed, holm, mean_ci95, paired_gain, stars, welch
+from experiments.tables.stats import bootstrap, crossed, holm, mean_ci95, paired_gain, stars, welch
 
 
 def test_intervals_and_paired_gains_by_hand():

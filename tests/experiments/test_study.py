@@ -19,11 +19,11 @@ from experiments.evaluation.cost import Cost
 from experiments.evaluation.job import Result
 from experiments.evaluation.pace import REFERENCE, Pace
 from experiments.evaluation.store import LOGS, Store
-from experiments.run.context import Work, opened, plan_text
-from experiments.run.nets import paired_seeds, training_sets
-from experiments.study import form
-from experiments.study.bins import random_bins
-from experiments.study.skeleton import (
+from experiments.session.session import Work, opened, plan_text
+from experiments.tables import form
+from experiments.tables.bins import random_bins
+from experiments.tables.nets import paired_seeds, training_sets
+from experiments.tables.skeleton import (
     Row,
     Study,
     check,
@@ -32,7 +32,7 @@ from experiments.study.skeleton import (
     learnt_work,
     of_rows,
 )
-from experiments.study.stats import over_units, statistics
+from experiments.tables.stats import over_units, statistics
 from scene.proposal import random_proposal
 
 from .conftest import (

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from common.files import read_json, write_json
+from experiments.app.report.summary import advice, derive, scores, text
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
 from experiments.evaluation.job import Result
-from experiments.main.summary import advice, derive, scores, text
-from experiments.target.base import Target
-from experiments.target.twin import twin_world
+from experiments.targets.base import Target
+from experiments.targets.twin import twin_world
 from scene.attributes import names
 from scene.proposal import slide
 from seg.classes import class_table

@@ -13,9 +13,9 @@ from PIL import Image
 
 from common.memory import refuse_larger
 from experiments.config.studies import defaults_of
-from experiments.run.nets import with_net
-from experiments.study.stats import mean_ci95, paired_gain
-from experiments.table import FORM, PAPER, fidelity_of, subset_miou
+from experiments.studies.table import FORM, PAPER, fidelity_of, subset_miou
+from experiments.tables.nets import with_net
+from experiments.tables.stats import mean_ci95, paired_gain
 from seg.beside import TrainingSet
 from seg.classes import CITYSCAPES_19, IGNORE_LABEL, SYNTHIA_13, SYNTHIA_16
 from seg.data import LabelledImages
@@ -167,7 +167,7 @@ def test_data_of_others_that_no_memory_holds_are_refused_before_they_are_read(
     """Under the preset paper all 24,966 images of GTA5 take part, 52 GB at 1024x512."""
     for path in gta5.rglob("*.png"):
         path.write_bytes(b"no image is read")
-    monkeypatch.setattr("experiments.table.refuse_larger", partial(small, monkeypatch))
+    monkeypatch.setattr("experiments.studies.table.refuse_larger", partial(small, monkeypatch))
     assert command("table", out, "--gta5", str(gta5), "--all-images", evaluate=never) == 2
     # 7 images of 64 x 48 pixels with 4 bytes are 86 kB, and 4 of them 49 kB.
     line = error_line()

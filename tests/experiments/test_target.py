@@ -14,9 +14,9 @@ from PIL import Image
 from common.errors import UserError
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
-from experiments.target.base import refuse_overlap
-from experiments.target.named import named_target
-from experiments.target.real import reported_split
+from experiments.targets.base import refuse_overlap
+from experiments.targets.named import named_target
+from experiments.targets.real import reported_split
 from tests.layouts import FACADE, FACADE_IDS
 
 from .conftest import POOL, main_job

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from common.files import read_json
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
-from experiments.target import named, real, twin
-from experiments.target.base import with_reward
-from experiments.target.named import named_target
+from experiments.targets import named, real, twin
+from experiments.targets.base import with_reward
+from experiments.targets.named import named_target
 from scene import CameraResponse, Dataset, default_unit
 from scene.assets.families import FAMILIES
 from scene.attributes import BY_NAME, names

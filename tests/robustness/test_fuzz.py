@@ -24,9 +24,9 @@ from hypothesis import strategies as st
 
 from common.errors import UserError
 from common.labels.target_file import shipped
+from experiments.app.main_job import MAIN
 from experiments.config import MainConfig, cli
-from experiments.main.job import MAIN
-from experiments.study.skeleton import check
+from experiments.tables.skeleton import check
 from scene import AssetPool, sample_street, street_params
 from scene.attributes import NAMES
 from scene.mesh.bombs import MeshError

@@ -10,8 +10,8 @@ from common.errors import UserError
 from common.files import write, write_json
 from experiments.config import presets
 from experiments.config.studies import defaults_of
-from experiments.searches import OVER
-from experiments.study.skeleton import check
+from experiments.studies.searches import OVER
+from experiments.tables.skeleton import check
 from scripts.results import __main__ as command
 from scripts.results import making
 from scripts.results import parts as results
@@ -124,7 +124,7 @@ def test_a_changed_page_is_no_other_program(tmp_path):
 
 def test_parts_of_one_kind_have_a_table_with_their_means(tmp_path):
     wanted = [
-        results.Part(name, "twins", "experiments.searches", ())
+        results.Part(name, "twins", "experiments.studies.searches", ())
         for name in ("far-0", "far-1", "near")
     ]
     for k, part in enumerate(wanted):

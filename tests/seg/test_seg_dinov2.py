@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from safetensors.numpy import save_file
 
-from experiments.export import export
+from experiments.app.export import export
 from seg import RECIPES, mean_iou, predict, score
 from seg.model import Model, label_classes, load_model
 from seg.nets.dinov2 import VARIANTS, DinoV2, Variant, bicubic

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from flax import linen as nn
 
-from experiments.export import export
+from experiments.app.export import export
 from seg import RECIPES, ModelError, check_settings, mean_iou, predict, score
 from seg.model import Model, label_classes, load_model
 from seg.nets.trunks import TRUNKS, Trunk, trunk

@@ -1,0 +1,56 @@
+"""Estimates the cost of commands for a folder."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+
+from common.errors import UserError
+from common.interrupt import PROGRAM
+from common.labels.target_file import TargetFile
+from experiments.app.fit import configured, cost_of_fit, sized
+from experiments.app.main_job import plan
+from experiments.config import Fidelity, MainConfig, Preset, TargetName
+from experiments.config.presets import defaults
+from experiments.evaluation.cost import Cost, cost_of, training_cost
+from experiments.evaluation.pace import Pace
+from experiments.session.session import total_of
+from experiments.targets.folder import parts_of
+from experiments.targets.sizes import Choice, Size
+from seg.recipes import RECIPES
+
+
+def choice(target: TargetFile, data: Path, photographs: Size, pace: Pace) -> Choice | None:
+    """The size that `fit` takes, with its time; None for images that it refuses."""
+    with suppress(UserError):  # errors of the images are reported elsewhere
+        return sized(configured, parts_of(target, data), photographs, pace)
+    return None
+
+
+def commands(
+    target: TargetFile, data: Path, size: Size, known: Mapping[str, TargetName]
+) -> dict[str, Cost]:
+    """Commands for a folder with the cost of each; a new command is one line here.
+
+    Args:
+        target: describes its files.
+        data: the folder.
+        size: width and height of the images.
+        known: targets with their own command.
+    """
+    streets = Fidelity(*size, streets=400, shots=1, samples=1, train=RECIPES["lite0-frozen"])
+    training = training_cost(streets)
+    words = f"--images 400 --shots 1 --size {size[0]}x{size[1]}"
+    found = {f"{PROGRAM} render {words} --out DIR": Cost(cost_of(streets) - training)}
+    with suppress(UserError):
+        command = f"{shlex.join([PROGRAM, 'fit', str(data)])} --out DIR"
+        found[command] = cost_of_fit(configured(size), parts_of(target, data))
+    if target.name in known:
+        presets: tuple[Preset, ...] = ("smoke", "quick")
+        for preset in presets:
+            config = defaults(MainConfig, known[target.name], preset)
+            words = shlex.join([PROGRAM, target.name, "--data", str(data), "--preset", preset])
+            found[words] = total_of(plan(config))
+    return found

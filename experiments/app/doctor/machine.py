@@ -1,0 +1,75 @@
+"""Facts of this machine: versions, cores, GPU, renderers, extras."""
+
+from __future__ import annotations
+
+import os
+import platform
+from importlib.util import find_spec
+from typing import NamedTuple
+
+from common.files import versions
+from common.memory import in_words, memory
+from experiments.app.doctor.installed import DRIVER, EXTRAS
+from scene.render import RENDERERS, RendererError, renderer
+
+PACKAGES = (
+    "sdr-jax", "jax", "jaxlib", "flax", "optax", "numpy", "numba", "embreex", "opencv-python-headless",
+)  # fmt: skip
+Facts = list[tuple[str, str]]
+
+
+class Machine(NamedTuple):
+    """Facts in the order of the report, and problems."""
+
+    facts: Facts
+    amiss: list[str]
+
+
+def cores() -> int:
+    """The number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def look() -> Machine:
+    """Find all facts; starts JAX."""
+    amiss: list[str] = []
+    found = versions(PACKAGES)
+    facts: Facts = [
+        ("Python", platform.python_version()),
+        ("versions", ", ".join(f"{name} {version}" for name, version in found.items())),
+        ("processor", f"{cores()} cores, {in_words(memory())} of memory"),
+        ("GPU", _gpu(amiss)),
+    ]
+    for name in RENDERERS:
+        try:
+            renderer(name)
+            facts.append((f"renderer {name}", "works"))
+        except RendererError as error:
+            facts.append((f"renderer {name}", f"does not work: {error}"))
+    for name, (module, purpose) in EXTRAS.items():
+        there = (
+            "installed" if find_spec(module) else f"not installed: pip install 'sdr-jax[{name}]'"
+        )
+        facts.append((f"extra {name}", f"{there} ({purpose})"))
+    if dict(facts)[f"renderer {RENDERERS[0]}"] != "works":
+        amiss.append(f"the renderer {RENDERERS[0]}, which all commands use, does not work here")
+    return Machine(facts, amiss)
+
+
+def _gpu(amiss: list[str]) -> str:
+    import jax  # slow to load: not for --help
+
+    try:
+        kinds = [own.device_kind for own in jax.devices() if own.platform != "cpu"]
+    except RuntimeError as error:
+        amiss.append(f"JAX finds no device: {' '.join(str(error).split())}")
+        return "JAX cannot start"
+    if kinds:
+        return ", ".join(kinds)
+    if DRIVER.is_file():
+        amiss.append(
+            "there is an NVIDIA GPU, but JAX does not use it: pip install 'sdr-jax[cuda]', and unset "
+            "JAX_PLATFORMS"
+        )
+        return "one that JAX does not use"
+    return "none; nets train on the processor"

@@ -1,0 +1,311 @@
+"""Test a trained network on labelled images: `sdr-jax evaluate`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, nullcontext
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from common.command import Arguments, exit_code
+from common.errors import UserError, refuse_repeats
+from common.files import check_file, file_digest, write, write_json
+from common.labels.listing import split_names
+from common.labels.target_file import TargetFile, find_target
+from common.progress import Progress
+from experiments.config import parsers
+from experiments.config.parsers import WORST
+from experiments.targets.real import reported_split
+from scene.dataset.formats.png import encode
+from seg.boundary import SHARE, boundary_counts, boundary_iou
+from seg.classes import CITYSCAPES_19, IGNORE_LABEL, colorize, table_of
+from seg.data import DataError, Entry, LabelReader, list_split
+from seg.data.images import read_image
+from seg.metrics import absent_classes, confusion_matrix, iou
+from seg.model import SEEN, Model, load_model
+
+Read = Callable[[Entry], tuple[np.ndarray, np.ndarray]]
+
+
+class Labelled(NamedTuple):
+    """Labelled images of any sizes on disk."""
+
+    classes: tuple[str, ...]  # names of labels 0, 1, 2 ...
+    colors: np.ndarray  # u8[classes, 3] RGB
+    of_engine: np.ndarray  # u8[19], class of each engine class, 255 for none
+    entries: tuple[Entry, ...]  # with their groups
+    read: Read  # image u8[h, w, 3] and labels u8[h, w], 255 void
+    splits: tuple[str, ...] = ()  # that the images are from
+
+
+def labelled(
+    target: TargetFile | str,
+    data: Path,
+    splits: Sequence[str] = (),
+    groups: Sequence[str] = (),
+) -> Labelled:
+    """List the labelled images of a target.
+
+    Args:
+        target: the target, or the name or path of its file.
+        data: the folder.
+        splits: the splits to take; by default the split test or val, or all if there is neither.
+        groups: drives, cities or albums to take; by default all.
+
+    Raises:
+        UserError: no such target, split or group, or the folder is wrong.
+    """
+    target = find_target(target, data) if isinstance(target, str) else target
+    there = split_names(target, data)
+    refuse_repeats("--split", splits)
+    refuse_repeats("--group", groups)
+    if not splits:
+        reported = reported_split(target.name, there)
+        splits = [reported] if reported in there or not there else there
+    entries = [entry for split in splits for entry in list_split(target, data, split)]
+    known = sorted({entry.sequence for entry in entries})
+    for group in groups:
+        if group not in known:
+            shown = ", ".join(known[:8]) + (", ..." if len(known) > 8 else "")
+            raise UserError(f"--group {group}: {data} has none there; its groups: {shown}")
+    read_labels, table = LabelReader(target), table_of(target)
+
+    def read(entry: Entry) -> tuple[np.ndarray, np.ndarray]:
+        image, labels = read_image(entry.image_path), read_labels(entry.label_path)
+        if labels.shape != image.shape[:2]:
+            raise DataError(
+                f"{entry.label_path}: {labels.shape[1]}x{labels.shape[0]} pixels, but its image "
+                f"{entry.image_path} has {image.shape[1]}x{image.shape[0]}; both must agree"
+            )
+        return image, labels
+
+    chosen = tuple(e for e in entries if not groups or e.sequence in groups)
+    engine = table.from_train_id[:19]
+    return Labelled(table.classes, table.colors, engine, chosen, read, tuple(splits))
+
+
+def mapping(model: Model, data: Labelled) -> tuple[list[int], np.ndarray]:
+    """Find the model's classes that may be predicted, and their classes in the data.
+
+    Returns:
+        Indices of the model's classes, and u8[256] from such an index to a class of the data.
+
+    Raises:
+        UserError: the model has other classes.
+    """
+    table = np.full(256, IGNORE_LABEL, np.uint8)
+    if set(model.names) == set(data.classes):
+        table[: len(model.names)] = [data.classes.index(name) for name in model.names]
+    elif set(model.names) <= set(CITYSCAPES_19.classes):
+        engine = CITYSCAPES_19.classes
+        table[: len(model.names)] = [data.of_engine[engine.index(name)] for name in model.names]
+    among = np.flatnonzero(table != IGNORE_LABEL).tolist()
+    if not among:
+        raise UserError(
+            f"a model of other classes: {', '.join(model.names)}; the data have "
+            f"{', '.join(data.classes)}; expected these, or the engine's"
+        )
+    return among, table
+
+
+class _Scored(NamedTuple):
+    """The test of one image."""
+
+    entry: Entry
+    confusion: np.ndarray  # i64[classes, classes]
+    boundary: np.ndarray  # i64[2, classes]
+
+    @property
+    def miou(self) -> float:
+        """Mean IoU of the classes in the image, NaN if all of it is void."""
+        return _mean(iou(self.confusion))
+
+
+def evaluate(
+    model: Model | str | Path,
+    data: Labelled,
+    pictures: Path | None = None,
+    *,
+    progress: bool = False,
+) -> dict[str, Any]:
+    """Test a model.
+
+    Args:
+        model: a model, its folder, or the name of one that comes with the package.
+        data: from `labelled`, or made by hand.
+        pictures: a folder for the images with the worst results, with their labels and its predictions.
+        progress: whether to print progress and the time left.
+
+    Returns:
+        The content of `--json`: the number of `images`, and of those among them that a model of `fit` was
+        `trained_on`; `miou` and `classes` in percent, None for classes that do not occur; the
+        `confusion` in pixels, by true and predicted class; `boundary_iou`; all `groups`; the `worst`.
+
+    Raises:
+        UserError: no model, a model of other classes, no labels, or a folder with other files.
+        DataError: a file is missing or broken.
+        OSError: a file cannot be written; the error names it.
+    """
+    model = model if isinstance(model, Model) else load_model(model)
+    among, table = mapping(model, data)
+    if pictures is not None:
+        _refuse_others(pictures)
+        pictures.mkdir(parents=True, exist_ok=True)
+        check_file("--pictures", pictures / _picture(0))
+    scored: list[_Scored] = []
+    with closing(Progress(len(data.entries))) if progress else nullcontext() as told:
+        for entry, _, labels, found in _predicted(model, data, among, table, told):
+            counts = boundary_counts(labels, found, len(data.classes))
+            confusion = confusion_matrix(labels, found, len(data.classes))
+            scored.append(_Scored(entry, confusion, counts))
+    confusion = np.sum([own.confusion for own in scored], axis=0)
+    if not confusion.any():
+        raise UserError("no pixel of these images is labelled; every label is void")
+    worst = sorted((own for own in scored if own.miou == own.miou), key=lambda own: own.miou)[
+        :WORST
+    ]
+    if pictures is not None:
+        _show(pictures, model, data, [own.entry for own in worst], among, table)
+    edges = boundary_iou(np.sum([own.boundary for own in scored], axis=0), confusion)
+    groups = sorted({own.entry.sequence for own in scored})
+    known = model.notes.get(SEEN)
+    files = set(map(str, known)) if isinstance(known, list) else set()
+    paths = [own.entry.image_path for own in scored] if files else []
+    seen = [path for path in paths if path.is_file() and file_digest(path) in files]
+    return {
+        "model": model.digest,
+        "images": len(scored),
+        "trained_on": len(seen),
+        **_scores(data, iou(confusion)),
+        "absent": list(absent_classes(confusion, data.classes)),
+        "boundary_iou": {**_scores(data, edges), "share_of_diagonal": SHARE},
+        "groups": {group: _group(data, scored, group) for group in groups},
+        "worst": [
+            {
+                "name": own.entry.name,
+                "group": own.entry.sequence,
+                "miou": _percent(own.miou),
+                "picture": None if pictures is None else _picture(k),
+            }
+            for k, own in enumerate(worst)
+        ],
+        "confusion": {"classes": list(data.classes), "pixels": confusion.tolist()},
+    }
+
+
+def _predicted(
+    model: Model,
+    data: Labelled,
+    among: Sequence[int],
+    table: np.ndarray,
+    told: Progress | None = None,
+) -> Iterator[tuple[Entry, np.ndarray, np.ndarray, np.ndarray]]:
+    """Yield entry, image, labels and prediction in the data's classes; predict a few images at a time."""
+    many, count = model.settings.predict_batch, len(data.entries)
+    for start in range(0, count, many):
+        some = data.entries[start : start + many]
+        pairs = [data.read(entry) for entry in some]
+        found = model.predict([image for image, _ in pairs], among)
+        for entry, (image, labels), own in zip(some, pairs, found, strict=True):
+            yield entry, image, labels, table[own]
+        if told is not None:
+            told.advance(len(some))
+            told.update(f"{start + len(some)} of {count} images")
+
+
+def _mean(values: np.ndarray) -> float:
+    """Mean of the values that are not NaN; NaN if all are."""
+    known = values[~np.isnan(values)]
+    return float(known.mean()) if len(known) else float("nan")
+
+
+def _percent(value: float) -> float | None:
+    return None if np.isnan(value) else round(100 * value, 2)
+
+
+def _scores(data: Labelled, values: np.ndarray) -> dict[str, Any]:
+    classes = {name: _percent(v) for name, v in zip(data.classes, values.tolist(), strict=True)}
+    return {"miou": _percent(_mean(values)), "classes": classes}
+
+
+def _group(data: Labelled, scored: Sequence[_Scored], group: str) -> dict[str, Any]:
+    own = [one.confusion for one in scored if one.entry.sequence == group]
+    return {"images": len(own), **_scores(data, iou(np.sum(own, axis=0)))}
+
+
+def _picture(place: int) -> str:
+    return f"worst_{place + 1}.png"
+
+
+def _refuse_others(pictures: Path) -> None:
+    """Raise UserError for a folder with other files than such pictures."""
+    if pictures.exists() and not pictures.is_dir():
+        raise UserError(f"--pictures {pictures} is a file; it must be a folder")
+    ours = {_picture(k) for k in range(WORST)}
+    others = {path.name for path in pictures.iterdir()} - ours if pictures.is_dir() else set()
+    if others:
+        raise UserError(
+            f"--pictures {pictures} holds other files, such as {min(others)}; choose another"
+        )
+
+
+def _show(
+    pictures: Path,
+    model: Model,
+    data: Labelled,
+    entries: Sequence[Entry],
+    among: Sequence[int],
+    table: np.ndarray,
+) -> None:
+    """Write each image beside its labels and its prediction."""
+    for k in range(WORST):  # pictures of an earlier call
+        (pictures / _picture(k)).unlink(missing_ok=True)
+    shown = _predicted(model, data._replace(entries=tuple(entries)), among, table)
+    for k, (_, image, labels, found) in enumerate(shown):
+        row = np.concatenate(
+            [image, *(colorize(own, data.colors) for own in (labels, found))], axis=1
+        )
+        write(pictures / _picture(k), encode(row))
+
+
+def text(scores: dict[str, Any]) -> str:
+    """The figures as lines to print."""
+    edges = scores["boundary_iou"]
+    lines = [f"{'':16s} {'IoU':>6s} {'outline':>8s}"]
+    for name, value in {**scores["classes"], "mean": scores["miou"]}.items():
+        edge = edges["miou"] if name == "mean" else edges["classes"][name]
+        if value is not None:
+            lines.append(f"{name:16s} {value:6.2f} {edge:8.2f}")
+    lines += [
+        f"{group}: {own['miou']:.2f} on {own['images']} images"
+        for group, own in scores["groups"].items()
+        if own["miou"] is not None and len(scores["groups"]) <= 12
+    ]
+    if scores["trained_on"]:
+        lines.append(
+            f"The net was trained on {scores['trained_on']} of these {scores['images']} images: the figures "
+            "are higher than for images that it has not seen."
+        )
+    return "\n".join(lines)
+
+
+def main(arguments: Arguments = None) -> int:
+    """The command line; returns the exit code."""
+    options = parsers.evaluate().parse_args(arguments)
+
+    def work() -> None:
+        if options.json is not None:
+            check_file("--json", options.json)
+        model = load_model(options.model, mirror=not options.no_mirror)
+        target = find_target(options.target, options.data)
+        data = labelled(target, options.data, options.split, options.group)
+        scores = evaluate(model, data, options.pictures, progress=True)
+        print(f"split {', '.join(data.splits)}: {scores['images']} images\n{text(scores)}")
+        if options.json is not None:
+            about = {"target": target.name, "data": str(options.data), "splits": data.splits}
+            write_json(options.json, {**about, **scores})
+            print(options.json)
+
+    return exit_code(work, debug=options.debug, goes_on=False)

@@ -1,0 +1,59 @@
+"""``dataset/few.md`` of a run with ``--few``: how to train on renders and labelled images."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from experiments.session.session import Run
+from seg.classes import class_table
+
+NOTE = "few.md"
+CODE = """
+In Python, in the run's folder:
+```python
+import json
+from pathlib import Path
+
+from scene.dataset.export import read_dataset
+from seg.classes import table_of
+from seg.data import list_split, load
+from seg.settings import TrainSettings
+from seg.train import train
+from common.labels.target_file import find_target
+
+config = json.loads(Path("config.json").read_text())
+final, target = config["final"], find_target("{name}")
+table = table_of(target)
+few = json.loads(Path("summary.json").read_text())["few_images"]
+# Where --data was relative, give it as seen from here.
+entries = [e for e in list_split(target, config["data"], "train") if e.name in few]
+real = load(entries, target, (final["height"], final["width"]))
+renders = read_dataset(Path("dataset"), table.outlines)
+params = train(
+    config["seed"], renders.images, table.from_train_id[renders.labels],
+    TrainSettings(**final["train"]), len(table.classes),
+    beside=real, share=config["few_share"],
+)
+```
+"""
+
+
+def text(run: Run[Any]) -> str:
+    """The note, in Markdown."""
+    target, share = run.target, run.config.few_share
+    names = target.few_names
+    code = CODE.replace("{name}", target.name)
+    outlines = (
+        f"The run's networks saw labels with the `outlines` of {target.name}; the labels here are exact. "
+        "`read_dataset` draws the outlines.\n"
+        if class_table(target.table).outlines
+        else ""
+    )
+    return (
+        f"# Renders to train on beside {len(names)} labelled images\n"
+        f"These {run.config.final.images} rendered images were searched for beside {len(names)} labelled "
+        f"images of {target.name}, which are not in this folder. Train on both: {100 * share:g} % of "
+        "every batch from the labelled images, each of them as often as the others, and the rest from here. "
+        f"`summary.json` of the run says what that is worth (row `few+learnt`).\n\n"
+        f"The labelled images: {', '.join(names)}.\n" + outlines + (code if target.real else "")
+    )

@@ -1,0 +1,51 @@
+"""Write or serve the report of a run: `sdr-jax report`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from common.command import Arguments, exit_code
+from common.errors import UserError
+from common.files import check_file, write
+from experiments.app.report import live, page
+from experiments.app.report.folder import NAME, SUMMARY, read
+from experiments.config import parsers
+
+
+def make(path: Path, out: Path | None) -> Path:
+    """Write the page of a run; return its path.
+
+    Args:
+        path: the run's folder.
+        out: the page; by default in that folder.
+
+    Raises:
+        UserError: the folder is not a finished run, or the page cannot be written.
+    """
+    out = out or path / NAME
+    if out.is_dir():
+        raise UserError(f"--out {out} is a folder; name a file, such as {out / NAME}")
+    if path.is_dir():
+        check_file("--out", out)
+    write(out, page.html(read(path).summary, path))
+    return out
+
+
+def main(arguments: Arguments = None) -> int:
+    """The command line; returns the exit code."""
+    options = parsers.report().parse_args(arguments)
+
+    def work() -> None:
+        run = options.run
+        if options.serve is None:
+            print(make(run, options.out))
+            return
+        if options.out is not None:
+            raise UserError(f"--serve shows RUN/{NAME} and cannot be used with --out {options.out}")
+        if not run.is_dir():
+            raise UserError(f"{run}: no such folder; name the --out of a run")
+        if (run / SUMMARY).is_file() and not (run / NAME).is_file():
+            make(run, None)
+        live.serve(run, options.serve)
+
+    return exit_code(work, debug=options.debug, goes_on=False)

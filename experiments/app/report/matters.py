@@ -1,0 +1,39 @@
+"""Which attributes matter for a run's rewards, according to the model of `sdr-jax study sensitivity`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from common.errors import UserError
+from common.lines import Record
+from experiments.tables.form import Report
+from experiments.tables.importance import NOTHING, enough, summarize, verdict
+from experiments.tables.recorded import choose
+from scene.attributes import SpaceName
+
+FILE = "matters.json"
+"""The file of the result, among the run's pictures: for 216 rewards of 37 attributes the model takes half a
+minute of a core."""
+
+
+def matters(records: Sequence[Record], target: str, space: SpaceName) -> Report:
+    """Compute what the rewards of a search say about its attributes.
+
+    Returns:
+        ``said``, the result in words; ``rewards``, their number; and ``attributes``, the most important
+        first, empty if nothing is known about them.
+    """
+    try:
+        chosen = enough(choose(records, target, space, None, "the search"), "the search")
+    except UserError as error:
+        return {"said": f"Not known: {error}.", "rewards": 0, "attributes": []}
+    found = summarize(chosen)
+    r2 = found["r2"]
+    known = r2["value"] is not None and r2["value"] >= NOTHING
+    fit = "" if r2["value"] is None else f"Cross-validated R² {r2['value']:.2f}. "
+    said = verdict(r2) if known else "These rewards say nothing about any single attribute."
+    return {
+        "said": fit + said,
+        "rewards": len(chosen.rewards),
+        "attributes": found["attributes"] if known else [],
+    }

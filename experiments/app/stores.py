@@ -1,0 +1,71 @@
+"""Show and merge stores of evaluations: `sdr-jax store`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from common.command import Arguments, exit_code
+from common.errors import UserError
+from common.files import check_file
+from experiments.config import RewardKind, parsers
+from experiments.evaluation.job import REWARD_NAMES, in_words
+from experiments.evaluation.made_with import told_apart
+from experiments.evaluation.store import kinds_of, merged, read, write_store
+
+
+def merge(paths: Sequence[Path], out: Path) -> str:
+    """Write all evaluations of several stores into a new one; reports their number and backends.
+
+    Args:
+        paths: stores, or run folders.
+        out: the new file.
+
+    Raises:
+        UserError: a file is missing or no store, or two evaluations disagree; the message names both.
+    """
+    if out.exists():
+        raise UserError(f"--out {out} exists already; name a new file")
+    check_file("--out", out)
+    found = merged(entry for path in paths for entry in read(path).values())
+    records = [record for record, _ in found.values()]
+    write_store(out, records)
+    return "\n".join(filter(None, (f"{out}: {len(records)} evaluations", told_apart(records))))
+
+
+def table(path: Path) -> str:
+    """The contents of a store or a run folder, one line per configuration."""
+    records = [record for record, _ in read(path).values()]
+    lines = [f"{path}: {len(records)} evaluations"]
+    for config, own in kinds_of(records).items():
+        about = [str(own[0].get(name, "?")) for name in ("target", "side", "size", "images")]
+        kind = f"{' '.join(about)} images"
+        rewards = [r["reward"] for r in own if r["reward"] is not None]
+        score: RewardKind = own[0].get("kind", "miou")
+        told = ""
+        if rewards:
+            best, mean = (in_words(score, v) for v in (max(rewards), float(np.mean(rewards))))
+            told = f" | {REWARD_NAMES[score]} best {best}, mean {mean}"
+        lines.append(
+            f"  {config}  {kind:36s} {len(own):6d} evaluations, {len(own) - len(rewards)} failed{told}"
+        )
+    if apart := told_apart(records):
+        lines.append(f"  {apart}")
+    return "\n".join(lines)
+
+
+def main(arguments: Arguments = None) -> int:
+    """The command line; returns the exit code."""
+    options = parsers.store().parse_args(arguments)
+
+    def work() -> None:
+        if (options.out is not None) != (options.command == "merge"):
+            raise UserError("merge needs --out FILE, and show takes none")
+        if options.command == "show":
+            print("\n".join(table(path) for path in options.files))
+        else:
+            print(merge(options.files, options.out))
+
+    return exit_code(work, debug=options.debug, goes_on=False)

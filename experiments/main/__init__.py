@@ -1,1 +1,0 @@
-"""The main job: learn the attributes whose rendered images train the best segmentation net."""

@@ -1,1 +1,0 @@
-"""A running job: its context, the search, the final nets."""

@@ -1,0 +1,1 @@
+"""The search: rewards from workers, and one jitted step for each update."""

@@ -1,0 +1,113 @@
+"""The search: one jitted step per update, with rewards from worker processes through one callback."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+import sdr_jax
+from experiments.config import RewardKind
+from experiments.evaluation.job import REWARD_NAMES, Result, in_words
+from experiments.search.rewards import Rewards, SearchPlan, embed
+from experiments.session.session import Run
+from scene.proposal import Proposal
+from sdr_jax.method import on_clipping
+from sdr_jax.run import on_processor
+
+
+class Found(NamedTuple):
+    """The answer of a search, and its course."""
+
+    solution: Proposal  # the method's answer, f32[attributes of the space] each
+    results: list[Result]  # in the order of the requests
+    rewards: np.ndarray  # f32[updates, datasets]; NaN for failed ones
+    baselines: np.ndarray  # f32[updates]
+    groups: np.ndarray  # i32[updates]
+    probabilities: np.ndarray  # f32[updates, attributes of the subset, bins], after each update
+    expected: np.ndarray | None = None
+    """f32[updates, datasets, 2]: the model's prior mean and standard deviation of each reward, NaN before the
+    first rewards; None without a model."""
+
+
+@on_processor()
+def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
+    """Run a whole search, or the rest of it.
+
+    The loop replays the rewards of the run folder: the same keys give the same actions, and a logged reward
+    takes no time. So a killed and continued run ends with the same answer. A failed evaluation is left out of
+    its update.
+
+    Args:
+        run: its reward's fidelity is the search's.
+        plan: the plan of the search.
+        kind: kind of the rewards.
+
+    Raises:
+        UserError: more than a tenth of the evaluations failed, or the log is from another run.
+    """
+    method, rewards = plan.search, Rewards(run, plan, kind)
+    reward_fn = sdr_jax.host_reward(rewards, common=plan.options.common_random_numbers)
+    steps = sdr_jax.drive(jax.random.key(plan.seed), method, reward_fn, plan.updates, plan.datasets)
+    history: list[tuple] = []
+    foreseen: list[np.ndarray] = []
+    state: Any = None  # there are no expectations before the first update
+    clipped = False
+    for update in range(plan.updates):
+        before = state
+        state, record = next(steps)
+        foreseen += _foreseen(method, before, record)
+        info = jax.device_get(record.info)
+        probabilities = np.asarray(method.probabilities(state))
+        own = np.array([result.reward for result in rewards.results[-plan.datasets :]], np.float32)
+        history.append((own, float(info.baseline), int(info.group), probabilities))
+        if info.clipped and not clipped:
+            clipped = True
+            told = sum(len(rewards) for rewards, *_ in history)
+            run.progress.say(f"{plan.name}: {on_clipping(int(info.clipped), told)}")
+        run.progress.standing = standing(kind, [rewards for rewards, *_ in history])
+        run.progress.update(_said(plan, kind, update, history))
+    solution = embed(plan, jax.device_get(method.solution(state)))
+    by_update, baselines, groups, distributions = zip(*history, strict=True)
+    return Found(
+        solution,
+        results=rewards.results,
+        rewards=np.stack(by_update),
+        baselines=np.array(baselines, np.float32),
+        groups=np.array(groups, np.int32),
+        probabilities=np.stack(distributions),
+        expected=np.stack(foreseen) if foreseen else None,
+    )
+
+
+def _foreseen(method: sdr_jax.Method, before: Any, record: sdr_jax.Record) -> list[np.ndarray]:
+    """The model's expectations of an update's rewards, f32[datasets, 2]; empty without a model."""
+    if method.expects is None:
+        return []
+    if before is None:
+        return [np.full((len(record.rewards), 2), np.nan, np.float32)]
+    return [np.stack(method.expects(before, record.actions), axis=-1)]
+
+
+def standing(kind: RewardKind, rewards: Sequence[np.ndarray]) -> str:
+    """The best reward of all updates in words."""
+    known = [float(np.nanmax(own)) for own in rewards if not np.isnan(own).all()]
+    return f"best {REWARD_NAMES[kind]} {in_words(kind, max(known))}" if known else ""
+
+
+def _said(plan: SearchPlan, kind: RewardKind, update: int, history: Sequence[tuple]) -> str:
+    """The progress line of an update."""
+    latest, baseline, group, _ = history[-1]
+    where = f"{plan.name}: update {update + 1}/{plan.updates}"
+    if plan.method == "sdr":
+        where += f", group {group + 1}"
+    if np.isnan(latest).all():
+        return f"{where} | all failed"
+    best = max(float(np.nanmax(r)) for r, *_ in history if not np.isnan(r).all())
+    line = f"{REWARD_NAMES[kind]} {in_words(kind, float(np.nanmean(latest)))}, best {in_words(kind, best)}"
+    if np.isfinite(baseline):
+        scale = 100 if plan.options.squared_reward else 1
+        line += f", baseline {in_words(kind, baseline / scale)}"
+    return f"{where} | {line}"

@@ -1,0 +1,1 @@
+"""An open run folder with its target, workers, stores and progress."""

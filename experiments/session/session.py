@@ -1,0 +1,301 @@
+"""The context of a running job: its configuration, target, workers, folder, store and progress.
+
+    with opened(config) as run:
+        run.begin([Work.at("nets", count, config.final)])
+        results = run.runner.test(jobs)
+
+A restarted job does the rest, since its folder holds all evaluations so far.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from typing import Any, Generic, NamedTuple, TypeVar, cast
+
+from common import folder
+from common.errors import UserError
+from common.progress import Progress, Stage, duration
+from common.workers.executors import workers_of
+from common.workers.pool import Workers
+from experiments.config import Config, FewConfig, Fidelity
+from experiments.evaluation import pace as paces
+from experiments.evaluation.cost import (
+    COMPILE_COST,
+    Cost,
+    cost_of,
+    head_cost,
+    prepare_cost,
+    training_cost,
+)
+from experiments.evaluation.job import Recipe, Source
+from experiments.evaluation.made_with import FIELD, MadeWith, asked
+from experiments.evaluation.pace import REFERENCE, WORTH, Pace
+from experiments.evaluation.runner import Runner
+from experiments.evaluation.store import LOGS, Store
+from experiments.evaluation.train_and_test import worker_environment
+from experiments.targets.base import Side, Target
+from experiments.targets.named import named_target
+from scene.compiled import first_use
+from scene.dataset.render import compile_first
+from scene.render import RendererError, renderer
+from scene.version import ENGINE
+from scene.versions import picture_versions
+from seg.beside import TrainingSet
+from seg.data import LabelledImages
+from seg.weights import described
+
+PACKAGES = ("sdr-jax", "trimesh", "pyrender")
+"""Packages with versions in ``config.json``, beside those that decide evaluations."""
+FREE_FIELDS = ("out", "workers", "executor", "scheduler", "store", "from_scratch")
+"""Fields that may differ when a job is continued."""
+AnyConfig = TypeVar("AnyConfig", bound=Config)
+
+
+class Work(NamedTuple):
+    """Nets of one kind that a job trains."""
+
+    what: str  # such as "rewards of the search"
+    nets: int
+    fidelity: Fidelity
+    each: Cost  # of one
+
+    @classmethod
+    def at(cls, what: str, nets: int, fidelity: Fidelity) -> Work:
+        """Nets that are trained on rendered datasets."""
+        training = training_cost(fidelity)
+        return cls(what, nets, fidelity, Cost(cost_of(fidelity) - training, training))
+
+    @classmethod
+    def on_images(cls, what: str, nets: int, fidelity: Fidelity) -> Work:
+        """Nets that are trained on images that exist, with their features."""
+        return cls(what, nets, fidelity, Cost(train=head_cost(fidelity)))
+
+    @property
+    def cost(self) -> float:
+        """The total cost in the units of ``cost_of``."""
+        return sum(self.total)
+
+    @property
+    def total(self) -> Cost:
+        """The total cost of rendering and of training."""
+        return self.each.times(self.nets)
+
+
+def total_of(plan: Sequence[Work]) -> Cost:
+    """The cost of a whole plan."""
+    return Cost(*map(sum, zip(*(work.total for work in plan), strict=True)))
+
+
+@dataclass
+class Run(Generic[AnyConfig]):
+    """Everything that a job works with."""
+
+    config: AnyConfig
+    target: Target
+    workers: Workers
+    evaluations: Store
+    """Rewards of searches, one line each, as they are made."""
+    finals: Store
+    """All other nets."""
+    store: Store | None
+    """Evaluations shared with other runs."""
+    progress: Progress
+    made_with: MadeWith = ()
+    """Backend and versions of its workers."""
+    runner: Runner = field(init=False)
+    """It makes the job's evaluations."""
+
+    def __post_init__(self) -> None:
+        self.runner = Runner(
+            self.target, self.workers, self.config.out, self.finals, self.store,
+            lambda: self.progress, self.recipe(self.config.reward),
+        )  # fmt: skip
+
+    def recipe(self, fidelity: Fidelity, **pool: Any) -> Recipe:
+        """The recipe of nets at a fidelity; fields of the pool of assets may be changed."""
+        config = self.config
+        assets = config.pool._replace(**pool)
+        table, own = self.target.table, self.made_with
+        return Recipe(fidelity, table, config.renderer, assets, made_with=own)
+
+    def images(self, fidelity: Fidelity, side: Side) -> LabelledImages:
+        """The target's images of a side at a fidelity's size."""
+        return self.target.at(fidelity.height, fidelity.width)[side]
+
+    def with_few(self, fidelity: Fidelity, rendered: Source) -> Source:
+        """A rendered set with the few labelled images, if the job has any."""
+        if not self.target.few_names:
+            return rendered
+        share = cast(FewConfig, self.config).few_share
+        return TrainingSet((rendered, self.images(fidelity, "few")), (1 - share, share))
+
+    def begin(self, plan: Sequence[Work]) -> None:
+        """Print the plan with its time, and count progress from here."""
+        label = "" if self.target.real else f"{self.target.name}, not real | "
+        lines = self.evaluations.records + self.finals.records
+        elapsed = max((line.get("elapsed", 0.0) for line in lines), default=0.0)
+        stages = [Stage(work.what, work.nets, work.cost) for work in plan]
+        cost, workers = total_of(plan), max(self.workers.workers, 1)
+        self.progress = Progress(sum(cost), elapsed, label, stages=stages, workers=workers)
+        pace, start = paces.read(self._kind), self._prepare_cost()
+        self.progress.say(plan_text(plan, workers, pace or REFERENCE, start))
+        if self.workers.dashboard is not None:
+            self.progress.say(f"Dashboard: {self.workers.dashboard}")
+        shared = "" if self.store is None else f" | {self._held(self.store)}"
+        self.progress.say(f"Folder: {self.config.out}{shared}")
+        if lines:
+            self.progress.say(
+                f"Continuing: {len(self.evaluations.records)} rewards and "
+                f"{len(self.finals.records)} other nets are done, in {duration(elapsed)}"
+            )
+        self._expect(cost, pace or REFERENCE, start)
+        compile_first(self.workers, self.config.renderer)
+        start = start._replace(render=0.0)
+        if pace is None and sum(cost) > WORTH:
+            pace = _measured(self.workers, self._kind, self.progress.say)
+            self.progress.say(time_text(cost, workers, pace, start))
+        self._expect(cost, pace or REFERENCE, start)
+
+    def _expect(self, cost: Cost, pace: Pace, start: Cost) -> None:
+        workers = max(self.workers.workers, 1)
+        self.progress.expect(pace.wall(cost, workers), pace.start(start, workers))
+
+    @property
+    def _kind(self) -> str:
+        return paces.kind(self.config.executor, dict(self.made_with).get("backend", "cpu"))
+
+    def _prepare_cost(self) -> Cost:
+        """The cost of what precedes the plan: compiling the renderer, and features of labelled images."""
+        target = self.target
+        images = len(target.reward_names) + len(target.test_names) + len(target.few_names)
+        compiling = COMPILE_COST if first_use(self.config.renderer) is not None else 0.0
+        return prepare_cost(self.config.reward, images)._replace(render=compiling)
+
+    def _held(self, store: Store) -> str:
+        """The number of evaluations in a store, and of those that this run may use."""
+        ours = sum(record.get(FIELD) == dict(self.made_with) for record in store.records)
+        others = len(store) - ours
+        note = f", {others} of them made with other backends or versions" if others else ""
+        return f"{store.path} holds {len(store)}{note}"
+
+
+def plan_text(plan: Sequence[Work], workers: int, pace: Pace, start: Cost) -> str:
+    """The plan in words: one line per kind of net, the weights, and the approximate time.
+
+    Args:
+        plan: the nets.
+        workers: number of workers.
+        pace: the pace of each.
+        start: the cost of what precedes the nets.
+    """
+    lines = ["Plan, in CPU seconds:"]
+    for what, nets, fidelity, each in plan:
+        train, seconds = fidelity.train, pace.seconds(each)
+        size = f"{fidelity.size}, {fidelity.images} images, {train.steps} steps"
+        decimals = 1 if seconds >= 1 else 2
+        lines.append(f"  {nets:5d} x {seconds:6.{decimals}f}  {what} ({train.net}, {size})")
+    starts = (described(work.fidelity.train) for work in plan)
+    lines += [f"  {start}" for start in dict.fromkeys(starts) if start]
+    lines.append(
+        f"{time_text(total_of(plan), workers, pace, start)}; known evaluations take no time"
+    )
+    return "\n".join(lines)
+
+
+def time_text(cost: Cost, workers: int, pace: Pace, start: Cost) -> str:
+    """The approximate time of a plan in words; arguments as of `plan_text`."""
+    first = pace.start(start, workers)
+    whole = duration(first + pace.wall(cost, workers))
+    return f"About {whole} on {workers} worker(s), {duration(first)} of it to start and compile"
+
+
+def _measured(workers: Workers, kind: str, say: Callable[[str], None]) -> Pace:
+    say("Measuring how fast this machine is (once per machine)...")
+    pace = paces.measured_by(workers)
+    paces.keep(kind, pace)
+    return pace
+
+
+def pace_here(say: Callable[[str], None], *, measure: bool) -> Pace:
+    """The pace of processes of this machine, before a job begins.
+
+    Args:
+        say: called before it is measured.
+        measure: whether to measure it if it is not known; otherwise it is `REFERENCE`.
+    """
+    set_up_process()
+    import jax  # after the environment is set
+
+    kind = paces.kind("processes", jax.default_backend())
+    pace = paces.read(kind)
+    if pace is None and measure:
+        with workers_of("processes", 1, None, worker_environment()) as workers:
+            compile_first(workers, Config.renderer)
+            pace = _measured(workers, kind, say)
+    return pace or REFERENCE
+
+
+def workers_for(config: Config) -> Workers:
+    """The workers: at least one process, since nets must not train in JAX's callback."""
+    workers = max(config.workers, 1)
+    return workers_of(
+        config.executor, workers, config.scheduler, worker_environment(), picture_versions
+    )
+
+
+def set_up_process() -> None:
+    """Set the environment of this process as jobs need it; it has no effect once JAX has started."""
+    # A GPU's memory is for the workers' nets.
+    os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
+    # XLA's threads: nets of this process are the same as those of workers.
+    os.environ["NPROC"] = "1"
+
+
+@contextmanager
+def opened(
+    config: AnyConfig,
+    refuse: Callable[[Target], None] | None = None,
+    find: Callable[[AnyConfig, Workers], Target] = named_target,
+) -> Iterator[Run[AnyConfig]]:
+    """Open everything that a job works with, and close it afterwards.
+
+    Args:
+        config: the configuration with checked fields.
+        refuse: raises UserError for a job that does not fit this target, before the folder is made.
+        find: finds the target of the job.
+
+    Raises:
+        UserError, DataError: errors of the user.
+    """
+    set_up_process()
+    try:
+        renderer(config.renderer)
+    except RendererError as error:
+        raise UserError(str(error)) from None
+    plain = {"engine": ENGINE, **asdict(config)}
+    with workers_for(config) as workers:
+        answer = asked(workers)
+        target = find(config, workers)
+        folder.refuse_foreign(config.out, plain, (*FREE_FIELDS, FIELD))
+        if refuse is not None:
+            refuse(target)
+        store = None if config.store is None else Store(config.store, shared=True)
+        title = f"Target: {target.title}"
+        if not target.real:  # rendering it takes a while, so this is said first
+            print(title, flush=True)
+            compile_first(workers, config.renderer)  # after all that is refused at once
+        target.at(config.reward.height, config.reward.width)
+        if target.real:
+            print(title, flush=True)
+        ((_, own),) = answer
+        plain[FIELD] = dict(own)
+        with folder.opened(config.out, plain, free=FREE_FIELDS, packages=PACKAGES):
+            evaluations, finals = (Store(config.out / name) for name in LOGS)
+            run = Run(config, target, workers, evaluations, finals, store, Progress(1.0), own)
+            try:
+                yield run
+            finally:
+                run.progress.close()

@@ -1,0 +1,261 @@
+"""Finds from recorded rewards which of the 23 attributes matter, and which of them together.
+
+    sdr-jax study sensitivity --target camvid --records benchmarks/data/camvid.jsonl
+    sdr-jax study sensitivity --target camvid --data DIR --holdout 0006R0 --store FILE
+    sdr-jax study sensitivity --target twin --preset smoke                # a minute or two
+
+With --records nothing is rendered and no data are needed. Otherwise rewards come from the store and the run
+folder, and missing ones are made first. The same command continues a killed run.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure, SubFigure
+
+from common import folder
+from common.errors import UserError
+from experiments.config.cli import command
+from experiments.config.studies import SensitivityConfig
+from experiments.evaluation.cost import cost_of
+from experiments.evaluation.job import Job, Result
+from experiments.evaluation.job import verdict as told
+from experiments.evaluation.runner import refuse_failed
+from experiments.session.session import FREE_FIELDS, PACKAGES, Run, Work
+from experiments.studies.figure import plt, png
+from experiments.tables.bins import random_bins
+from experiments.tables.form import (
+    Column,
+    Form,
+    Report,
+    interval,
+    number,
+    starts,
+    table,
+    words,
+    write_report,
+)
+from experiments.tables.importance import enough, summarize, verdict
+from experiments.tables.recorded import Records, choose, holds, read
+from experiments.tables.skeleton import Study, do
+from experiments.tables.skeleton import check as check_all
+from scene.held import in_words
+from scene.version import ENGINE
+
+SENSITIVITY_SEED = 20_000_000
+"""The first seed, above those of a run's rows and of the measurement of fidelity."""
+TOP_PAIRS = 10
+ACROSS = 6
+"""Number of panels in a row."""
+
+
+def check(config: SensitivityConfig) -> None:
+    """Raise UserError with the flag for a field out of range."""
+    if config.records_config is not None and not config.records:
+        raise UserError("--records-config needs --records")
+
+
+def analyse(config: SensitivityConfig) -> Report:
+    """Do the whole study; with ``--records`` without a target or workers.
+
+    Raises:
+        UserError, DataError: errors of the user.
+        WorkerError: worker processes keep dying.
+    """
+    if not config.records or config.rederive is not None:
+        return do(STUDY, config)
+    check_all(STUDY, config)
+    where = ", ".join(map(str, config.records))
+    records = enough(read(config.records, config, config.target_name, config.records_config), where)
+    real = config.target != "twin"
+    words = config.target if real else f"the {config.target_name}, NOT real data"
+    plain = {"engine": ENGINE, **asdict(config)}
+    with folder.opened(config.out, plain, free=FREE_FIELDS, packages=PACKAGES):
+        scores = _report(config, real, f"{words}, recorded in {where}", records)
+        report = write_report(FORM, scores, config.out)
+    print(f"{FORM.text(report)}\n{config.out / 'sensitivity.md'}", flush=True)
+    return report
+
+
+def _report(config: SensitivityConfig, real: bool, note: str, records: Records) -> Report:
+    said = {"target": config.target_name, "real": real, "note": note, "preset": config.preset}
+    return {**said, "held": in_words(config.held), **summarize(records)}
+
+
+def plan(config: SensitivityConfig, _: Any = None) -> list[Work]:
+    """Plan all rewards at most; the store may have some."""
+    return [Work.at("rewards of random attributes at most", config.evaluations, config.reward)]
+
+
+def scores(run: Run[SensitivityConfig], _: Any) -> Report:
+    """Make the missing rewards, and analyse all of them."""
+    records = enough(record(run), str(run.config.out if run.store is None else run.store.path))
+    return _report(run.config, run.target.real, run.target.title, records)
+
+
+def record(run: Run[SensitivityConfig]) -> Records:
+    """Make the missing rewards; return all at the reward's fidelity in the run's store and folder."""
+    config = run.config
+    recipe, first = run.recipe(config.reward), SENSITIVITY_SEED + config.seed
+    jobs = [
+        Job(recipe, proposal, first + k, {"nets": "sensitivity"}, "reward")
+        for k, proposal in enumerate(random_bins(config, config.evaluations))
+    ]
+    # Rewards of other runs at this fidelity count, too.
+    own = run.runner.about(jobs[0])["config"]
+    drawn = {run.runner.key(job) for job in jobs}
+    others = sum(
+        line["config"] == own and None not in (line["reward"], line["centre"])
+        for key, line in _known(run).items()
+        if key not in drawn
+    )
+    wanted = jobs[: max(config.evaluations - others, 0)]
+    run.progress.advance(cost_of(config.reward) * (len(jobs) - len(wanted)), replayed=True)
+
+    def said(index: int, result: Result) -> str:
+        return f"reward {index + 1}/{len(wanted)} | {told(result)}"
+
+    refuse_failed(run.runner.run(wanted, say=said), len(wanted))
+    return choose(_known(run).values(), run.target.name, config.space, own, str(config.out))
+
+
+def _known(run: Run[SensitivityConfig]) -> dict[str, dict[str, Any]]:
+    """The evaluations of store and run by key."""
+    stored = [] if run.store is None else run.store.records
+    lines = (*stored, *run.finals.records)
+    return {line["key"]: line for line in lines if holds(line, run.config)}
+
+
+def _value(share: Report) -> str:
+    return number(share["value"])
+
+
+def _interval(share: Report) -> str:
+    return interval(share["ci95"])
+
+
+COLUMNS: list[Column] = [
+    ("rank", lambda row: str(row["rank"])),
+    ("attribute", lambda row: words(row["name"])),
+    ("share alone, %", lambda row: _value(row["share"])),
+    ("95 % interval", lambda row: _interval(row["share"])),
+    ("with interactions, %", lambda row: _value(row["total"])),
+    ("95 % interval", lambda row: _interval(row["total"])),
+    ("best value", lambda row: f"{row['best']:.3g} {row['unit']}"),
+    ("90 % range", lambda row: "{:.3g} to {:.3g}".format(*row["range90"])),
+    ("worth, mIoU points", lambda row: f"{row['worth']:.1f}"),
+]
+PAIRS: list[Column] = [
+    ("attributes", lambda row: " × ".join(map(words, row["names"]))),
+    ("share, %", lambda row: _value(row["share"])),
+    ("95 % interval", lambda row: _interval(row["share"])),
+]
+
+
+def text(report: Report) -> str:
+    """The tables, in Markdown."""
+    records, r2, noise = report["records"], report["r2"], report["noise"]
+    failed = f", {records['failed']} failed ones left out" if records["failed"] else ""
+    value, ci95 = number(r2["value"], ".2f") or "undefined", interval(r2["ci95"], ".2f")
+    between = ci95 and f" (95 % interval {ci95})"
+    repeats = "no proposal was scored twice"
+    if noise["repeats"] is not None:
+        repeats = (
+            f"{noise['repeats']:.2f} by proposals scored more than once ({noise['degrees']} degrees of "
+            "freedom)"
+        )
+    signal, interactions = report["signal"], report["interactions"]
+    ranked = [{"rank": k, **row} for k, row in enumerate(report["attributes"], 1)]
+    lines = [
+        f"Target: {report['note']}. {records['rewards']} rewards of {records['proposals']} proposals"
+        f"{failed}, mean {records['mean']:.1f}, standard deviation {records['sd']:.2f} mIoU points: "
+        f"{records['words']}.",
+        *(f"Left aside: {aside}." for aside in records["left_aside"]),
+        *([starts(report).strip()] if starts(report) else []),
+        "",
+        f"Cross-validated R²: {value}{between}, over {r2['folds']} folds. {verdict(r2)}",
+        f"Noise of one reward (standard deviation, mIoU points): {noise['model']:.2f} by the model, which "
+        f"is off by {r2['error']:.2f} on rewards that it has not seen; "
+        f"{repeats}.",
+        f"Were all attributes uniform over their ranges, the signal would be {_value(signal)} % of the "
+        f"rewards' variance ({_interval(signal)}), and interactions {_value(interactions)} % of the signal "
+        f"({_interval(interactions)}).",
+        "",
+        "Shares are Sobol indices of the expected model, their intervals those of its posterior: where one "
+        "begins at 0.0, the attribute may do nothing. Best values are of the attribute alone, averaged "
+        "over all others; what it is worth is the way from its worst to its best value.",
+        "",
+        *table(COLUMNS, ranked),
+        "",
+        f"The first {TOP_PAIRS} of {len(report['pairs'])} interactions:",
+        "",
+        *table(PAIRS, report["pairs"][:TOP_PAIRS]),
+    ]  # fmt: skip
+    return "\n".join(lines)
+
+
+def picture(report: Report) -> bytes:
+    """Draw the picture as PNG."""
+    rows = report["attributes"]
+    down = -(-len(rows) // ACROSS)
+    # Margins are fixed, since an automatic layout takes ten seconds for so many axes.
+    figure = plt.figure(figsize=(20, 2.5 * down + 0.8))
+    left, right = figure.subfigures(1, 2, width_ratios=(1, 2.6), squeeze=False)[0]
+    _bars(left, rows)
+    _curves(right, report, down)
+    note = "" if report["real"] else " (not real data)"
+    r2 = number(report["r2"]["value"], ".2f") or "undefined"
+    rewards = report["records"]["rewards"]
+    figure.suptitle(f"{report['target']}{note}, {rewards} rewards, cross-validated R² {r2}")
+    return png(figure, dpi=90)
+
+
+def _bars(figure: Figure | SubFigure, rows: list[Report]) -> None:
+    """Draw shares alone and with interactions, with their intervals, the largest on top."""
+    axis = figure.subplots(gridspec_kw={"left": 0.36, "right": 0.97, "bottom": 0.07, "top": 0.92})
+    places = np.arange(len(rows))
+    for offset, kind, label in ((-0.2, "share", "alone"), (0.2, "total", "with interactions")):
+        values = np.array([row[kind]["value"] for row in rows])
+        ends = np.array([row[kind]["ci95"] for row in rows]).T
+        # The mean of a skew posterior may lie outside its interval.
+        wings = np.maximum([values - ends[0], ends[1] - values], 0)
+        axis.barh(places + offset, values, 0.4, xerr=wings, label=label, error_kw={"lw": 0.8})
+    axis.set_yticks(places, [words(row["name"]) for row in rows], fontsize=8)
+    axis.invert_yaxis()
+    axis.set(xlabel="share of the reward's signal, %, 95 % intervals")
+    axis.set_xlim(left=0)
+    axis.legend(fontsize=8, loc="lower right")
+
+
+def _curves(figure: Figure | SubFigure, report: Report, down: int) -> None:
+    """Draw main effects of all attributes, in the order of the bars, on one scale of rewards."""
+    margins = {"left": 0.05, "right": 0.99, "bottom": 0.05, "top": 0.92}
+    spaces = {"hspace": 0.4, "wspace": 0.08}
+    axes = figure.subplots(down, ACROSS, sharey=True, gridspec_kw=margins | spaces).ravel()
+    for axis in axes[len(report["attributes"]) :]:
+        axis.set_axis_off()
+    unit = report["curves"]["unit"]
+    for row, axis in zip(report["attributes"], axes, strict=False):
+        curve = report["curves"][row["name"]]
+        axis.fill_between(unit, curve["low"], curve["high"], alpha=0.3, lw=0)
+        axis.plot(unit, curve["mean"])
+        axis.axhline(0, color="0.7", lw=0.6)
+        # Ticks are even in unit values and labelled in physical ones: some scales are logarithmic.
+        ticks = [0, len(unit) // 2, len(unit) - 1]
+        axis.set_xticks([unit[k] for k in ticks], [f"{curve['physical'][k]:.3g}" for k in ticks])
+        axis.tick_params(labelsize=6)
+        axis.set_title(f"{words(row['name'])}, {row['unit']}", fontsize=7)
+    figure.supylabel("effect on mIoU, points, mean and 90 % band", fontsize=8)
+
+
+FORM = Form("sensitivity", lambda report: report, text, {"sensitivity.png": picture})
+"""The JSON holds all figures, but not the records."""
+STUDY = Study(FORM, plan, scores, check)
+RUN = analyse
+
+if __name__ == "__main__":
+    sys.exit(command("sensitivity"))

@@ -1,1 +1,0 @@
-"""The common frame of every study: plan, jobs, report."""

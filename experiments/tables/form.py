@@ -1,0 +1,220 @@
+"""The files of a job: ``NAME.json``, ``NAME.md`` and its figure, all from the scores of single nets.
+
+The JSON holds every net's mIoU and class IoU, so that table and figure can be derived from it again without
+rendering: `sdr-jax study NAME --rederive FILE.json --out DIR`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from common.errors import UserError
+from common.files import naming, read_json, write, write_json
+from experiments.config import Fidelity, NetsConfig
+from experiments.evaluation.job import Result
+from experiments.session.session import Run
+from experiments.tables.stats import TOO_FEW, mean
+from scene.held import in_words
+from seg.classes import class_table
+from seg.weights import described
+
+Report = dict[str, Any]
+ONE_SEARCH = (
+    "Intervals of one search are over its nets; "
+    "they do not hold what another search would have found."
+)
+
+
+class Form(NamedTuple):
+    """How a job's report is made from its scores."""
+
+    name: str  # of the job and of its files
+    derive: Callable[[Report], Report]  # adds what follows from the scores; idempotent
+    text: Callable[[Report], str]  # the table, in Markdown
+    figures: Mapping[str, Callable[[Report], bytes | str]]  # by file name
+    pages: Mapping[str, Callable[[Report, Path], str]] = {}  # from other files, too
+
+
+def write_report(form: Form, scores: Report, folder: Path) -> Report:
+    """Derive the report and write its files, the JSON last, since it marks the others as done."""
+    report = form.derive({"study": form.name, **scores})
+    write(folder / f"{form.name}.md", form.text(report) + "\n")
+    for name, draw in form.figures.items():
+        write(folder / name, draw(report))
+    for name, lay_out in form.pages.items():
+        write(folder / name, lay_out(report, folder))
+    write_json(folder / f"{form.name}.json", report)
+    return report
+
+
+def rewrite(form: Form, file: Path, folder: Path) -> Report:
+    """Derive the report anew from the scores in an earlier one, and write its files.
+
+    Raises:
+        UserError: the file is missing, or is another report.
+    """
+    try:
+        scores = read_json(file)
+    except OSError as error:
+        raise UserError(f"--rederive {file}: {error.strerror}") from None
+    except UserError as error:
+        raise UserError(f"--rederive: {error}") from None
+    if not isinstance(scores, dict) or scores.get("study", form.name) != form.name:
+        raise UserError(f"--rederive {file} is no report of the study {form.name}")
+    try:
+        form.text(form.derive(scores))
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        raise UserError(
+            f"--rederive {file} does not hold what the study {form.name} writes ({error!r})"
+        ) from None
+    with naming(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    return write_report(form, scores, folder)
+
+
+def about(run: Run[Any], fidelity: Fidelity) -> Report:
+    """The first fields of every report.
+
+    Args:
+        run: the finished run.
+        fidelity: the fidelity of its tested nets.
+    """
+    config, target = run.config, run.target
+    return {
+        "target": target.name,
+        "real": target.real,
+        "note": target.title,
+        "preset": config.preset,
+        "reward_images": len(target.reward_names),
+        "test_images": len(target.test_names),
+        "seeds": config.seeds if isinstance(config, NetsConfig) else None,
+        "scored_at": fidelity.size,
+        "starts": [start] if (start := described(fidelity.train)) else [],
+        "held": in_words(config.held),
+        "classes": list(class_table(target.table).classes),
+    }
+
+
+def nets(outcomes: Sequence[Result], heads: int = 1) -> list[Report | None]:
+    """Scores of single nets in percent, in the order of the seeds; None if training failed.
+
+    Args:
+        outcomes: the nets.
+        heads: with more than one, the scores are those of each head alone.
+    """
+    found: list[Report | None] = []
+    for outcome in outcomes:
+        if outcome.failed:
+            found += [None] * heads
+        elif heads > 1:
+            found += [_net(mean(class_iou), class_iou) for class_iou in outcome.heads]
+        else:
+            found.append(_net(outcome.reward, outcome.class_iou))
+    return found
+
+
+def _net(reward: float | None, class_iou: Sequence[float | None]) -> Report | None:
+    """The scores of a net in percent."""
+    if reward is None:
+        return None
+    return {
+        "miou": 100 * reward,
+        "class_iou": [None if value is None else 100 * value for value in class_iou],
+    }
+
+
+def miou(scored: Sequence[Report | None]) -> list[float | None]:
+    """Every net's mIoU in percent."""
+    return [None if net is None else net["miou"] for net in scored]
+
+
+def class_means(scored: Sequence[Report | None], classes: Sequence[str]) -> dict[str, float | None]:
+    """Mean IoU of each class in percent; None for classes that are absent from the ground truth."""
+    return {
+        name: mean([net["class_iou"][index] for net in scored if net is not None])
+        for index, name in enumerate(classes)
+    }
+
+
+def number(value: float | None, form: str = ".1f") -> str:
+    """A figure in a table; empty for None."""
+    return "" if value is None else format(value, form)
+
+
+def interval(ci95: Sequence[float] | None, form: str = ".1f") -> str:
+    """An interval in a table."""
+    return "" if ci95 is None else f"{ci95[0]:{form}} to {ci95[1]:{form}}"
+
+
+def cells(entry: Report | None, form: str = ".1f") -> list[str]:
+    """Mean and interval of a row or a gain as two cells of a table; only the mean has a sign."""
+    if entry is None or entry["mean"] is None:
+        return ["", ""]
+    return [number(entry["mean"], form), interval(entry["ci95"], form.lstrip("+")) or TOO_FEW]
+
+
+def half(row: Report) -> float:
+    """Half the interval of a row for error bars; 0 without one."""
+    return row["mean"] - row["ci95"][0] if row["ci95"] else 0.0
+
+
+def words(name: str) -> str:
+    """The name of an attribute, method or variant for people."""
+    return name.replace("_", " ")
+
+
+def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """The lines of a table in Markdown."""
+    lines = [head, ["---"] * len(head), *rows]
+    return ["| " + " | ".join(cells) + " |" for cells in lines]
+
+
+Column = tuple[str, Callable[[Report], str]]
+"""A column of a table: its head, and the cell of a row."""
+
+
+def estimate(
+    head: str, of: Callable[[Report], Report | None] = lambda row: row, form: str = ".1f"
+) -> list[Column]:
+    """Two columns: the mean and interval of a row or of a part of it."""
+    return [
+        (head, lambda row: cells(of(row), form)[0]),
+        ("95 % interval", lambda row: cells(of(row), form)[1]),
+    ]
+
+
+def table(columns: Sequence[Column], rows: Sequence[Report]) -> list[str]:
+    """The lines of a table in Markdown, one for each row of a report."""
+    lines = [[cell(row) for _, cell in columns] for row in rows]
+    return markdown([head for head, _ in columns], lines)
+
+
+def failures(rows: Sequence[Report]) -> list[str]:
+    """A sentence on the failed nets of all rows, if there are any."""
+    failed = sum(net is None for row in rows for net in row["nets"])
+    return ["", f"{failed} nets failed in training and are left out."] if failed else []
+
+
+def introduction(report: Report) -> str:
+    """The first sentences of a report: the target, the test images and the intervals."""
+    learnt = report.get("learnt_from")
+    return (
+        f"Target: {report['note']}. mIoU in percent at {report['scored_at']} on {report['test_images']} "
+        f"test images, {report['seeds']} paired seeds, 95 % intervals by Student's t."
+        + ("" if learnt is None else f" Learnt attributes are from {learnt}.")
+        + starts(report)
+    )
+
+
+def starts(report: Report) -> str:
+    """Sentences on the weights from which nets start, and on held attributes, if there are any."""
+    held = report.get("held")
+    said = [*report.get("starts", ()), *([f"Held in all streets: {held}"] if held else [])]
+    return "".join(f" {sentence}." for sentence in said)
+
+
+def target_of(report: Report) -> str:
+    """The target in the title of a figure."""
+    return report["target"] + ("" if report["real"] else " (not real data)")

@@ -1,0 +1,106 @@
+"""Jobs of nets on named training sets with the same seeds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from experiments.config import Fidelity, RewardKind, SearchConfig
+from experiments.evaluation.job import Job, Recipe, Result, Source
+from experiments.session.session import Run
+from experiments.tables import few_rows
+from experiments.targets.base import Side
+from scene.proposal import Streets
+from seg import recipes
+from seg.settings import NetName
+
+
+def jobs_of(
+    what: str,
+    sources: Mapping[str, Source],
+    recipe: Recipe,
+    seeds: Sequence[int],
+    *,
+    side: Side = "test",
+    kind: RewardKind = "miou",
+    once: Sequence[str] = (),
+    keeps: bool = False,
+) -> list[Job]:
+    """Make one job for each seed and training set.
+
+    Args:
+        what: the nets' kind in the run folder and in progress, such as "table, compact".
+        sources: training sets by name.
+        recipe: sizes, net, training and assets.
+        seeds: seeds of streets and nets; the k-th nets of all sets share one.
+        side: the target's images for the test.
+        kind: kind of the reward.
+        once: names of sets for which the first seed is enough.
+        keeps: whether to keep confusion matrices, and for the first seed predictions.
+    """
+    return [
+        Job(
+            recipe,
+            source,
+            seed,
+            {"nets": what, "row": name, "seed": seed},
+            side,
+            kind,
+            ("predictions" if seed == seeds[0] else "confusion") if keeps else None,
+        )
+        for seed in seeds
+        for name, source in sources.items()
+        if name not in once or seed == seeds[0]
+    ]
+
+
+def by_row(jobs: Sequence[Job], results: Sequence[Result]) -> dict[str, list[Result]]:
+    """Results by name of the training set, in the order of the seeds, with failed ones."""
+    found: dict[str, list[Result]] = {}
+    for job, result in zip(jobs, results, strict=True):
+        found.setdefault(job.notes["row"], []).append(result)
+    return found
+
+
+def paired_seeds(run: Run[Any]) -> list[int]:
+    """The seeds of a result's rows."""
+    return [run.config.seed + k for k in range(run.config.seeds)]
+
+
+def training_sets(
+    run: Run[Any], learnt: Streets | None, fidelity: Fidelity | None = None, **others: Source
+) -> dict[str, Source]:
+    """The training sets to compare.
+
+    These are random, default and learnt attributes, the same beside the labelled subset if there is one,
+    other sets, and all labelled images.
+
+    Args:
+        run: the job.
+        learnt: the learnt attributes; None leaves out sets that depend on them.
+        fidelity: the fidelity with the size of real images; by default the final one.
+        others: sets by name.
+    """
+    config: SearchConfig = run.config
+    fidelity = fidelity or config.final
+    sets: dict[str, Source] = {
+        "random": config.streets("random"),
+        "default": config.streets("default"),
+    }
+    if learnt is not None:
+        sets["learnt"] = learnt
+    sets |= few_rows.rows(run, sets, fidelity) | others
+    return sets | ({"real": run.images(fidelity, "labelled")} if run.target.labelled else {})
+
+
+def with_net(fidelity: Fidelity, name: NetName, weights: str | None = None) -> Fidelity:
+    """A fidelity with another net, trained by the recipe that suits it (``seg.recipes.with_net``).
+
+    Args:
+        fidelity: sizes, and the training of its own net.
+        name: name of the net.
+        weights: file of weights for VGG nets or dinov2, instead of the fidelity's.
+    """
+    changes = {"net": name} if weights is None else {"net": name, "weights": weights}
+    return replace(fidelity, train=recipes.with_net(fidelity.train, **changes))

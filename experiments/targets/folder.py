@@ -1,0 +1,266 @@
+"""A user's own target: a folder of labelled images that a target's file describes, and its parts.
+
+Figures come from images on which a net was not trained: those of a held-out group, of a published split, or
+otherwise of each of k folds over groups in turn.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from PIL import Image
+
+from common.errors import UserError
+from common.files import file_digest
+from common.labels.listing import list_all, shared_groups
+from common.labels.target_file import Fit, TargetFile
+from experiments.targets.base import SIZES, Sides, Target, two_sides
+from experiments.targets.few import CHOICE, spread
+from experiments.targets.real import reported_split
+from seg.classes import table_text
+from seg.data import Entry, LabelledImages, load, refuse_shared
+from seg.data.images import upright
+
+FOLDS = 5
+"""Number of folds of images without a split, if there are so many groups."""
+
+
+def common_size(entries: Sequence[Entry]) -> tuple[int, int]:
+    """Width and height, upright, of most of the images; of the first of these where two are as frequent.
+
+    Raises:
+        UserError: the file of an image cannot be read.
+    """
+    sizes: Counter[tuple[int, int]] = Counter()
+    for entry in entries:
+        try:
+            with Image.open(entry.image_path) as picture:
+                sizes[upright(picture)] += 1
+        except OSError as error:
+            raise UserError(f"{entry.image_path}: not a readable image ({error})") from None
+    return sizes.most_common(1)[0][0]
+
+
+Read = Callable[[int, int], LabelledImages]
+"""(height, width) -> all images."""
+
+
+class Parts(NamedTuple):
+    """The images of a folder, by their use."""
+
+    target: TargetFile
+    entries: tuple[Entry, ...]  # their labels may be used
+    folds: tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]
+    """Training and test images of each fold, as indices of the entries and the held-out images after them."""
+    held_out: tuple[Entry, ...]  # a split or a group for the test only
+    all_labels: bool  # whether the saved net may see the held-out images, too
+    where: str  # origin of the figures in words
+    notes: tuple[str, ...]  # warnings for the report
+
+    @property
+    def every(self) -> tuple[Entry, ...]:
+        """All images."""
+        return (*self.entries, *self.held_out)
+
+    @property
+    def seen(self) -> tuple[Entry, ...]:
+        """The training images of the saved net.
+
+        They include a held-out group, unless only a few labels may be used, but not a split.
+        """
+        return self.every if self.all_labels else self.entries
+
+
+def parts_of(
+    target: TargetFile, data: Path, holdout: str | None = None, few: int | None = None
+) -> Parts:
+    """Sort the labelled images of a folder into parts.
+
+    Args:
+        target: describes its files.
+        data: the folder.
+        holdout: the group to test on; by default the split ``test`` or ``val`` if there is one, otherwise
+            folds over groups.
+        few: number of images whose labels are used, spread over groups and time.
+
+    Raises:
+        UserError: there is no such group, there are fewer images, or too few for two parts.
+    """
+    splits = list_all(target, data)
+    notes = [note] if (note := shared_groups(splits)) else []
+    reported = reported_split(target.name, splits)
+    held_out = splits.pop(reported, ()) if len(splits) > 1 else ()
+    entries = tuple(entry for own in splits.values() for entry in own)
+    where = f"split {reported}"
+    if holdout is not None:
+        groups = sorted({entry.sequence for entry in entries})
+        held_out = tuple(entry for entry in entries if entry.sequence == holdout)
+        entries = tuple(entry for entry in entries if entry.sequence != holdout)
+        where = f"group {holdout}"
+        if not entries or not held_out:
+            shown = ", ".join(groups[:12]) + (", ..." if len(groups) > 12 else "")
+            raise UserError(
+                f"--holdout {holdout} must leave images on both sides; the groups are {shown}"
+            )
+    if few is not None:
+        if not 1 <= few <= len(entries):
+            raise UserError(
+                f"--few must be 1 to {len(entries)}, as many labelled images as there are, not {few}"
+            )
+        names, sequences = zip(*((e.name, e.sequence) for e in entries), strict=True)
+        entries = tuple(entries[k] for k in spread(names, sequences, few, CHOICE))
+    count = len(entries)
+    if held_out:
+        behind = tuple(range(count, count + len(held_out)))
+        folds = [(tuple(range(count)), behind)]
+    else:
+        first = first_copies([entry.image_path for entry in entries])
+        copies = [k for k, other in enumerate(first) if k != other]
+        tests, warning = cut([entry.sequence for entry in entries], data, first)
+        folds = [(tuple(k for k in range(count) if k not in set(own)), own) for own in tests]
+        where = f"{len(folds)} folds, each tested on in turn"
+        notes += [warning] if warning else []
+        if copies:
+            one, other = entries[copies[0]].name, entries[first[copies[0]]].name
+            notes.append(
+                f"{len(copies)} images are copies of others, such as {one} of {other}: copies are in one fold"
+            )
+    whole = holdout is not None and few is None
+    return Parts(target, entries, tuple(folds), held_out, whole, where, tuple(notes))
+
+
+def first_copies(paths: Sequence[Path]) -> list[int]:
+    """The index of the first file with the same bytes as each file; only files of one size are read.
+
+    Raises:
+        OSError: a file cannot be read.
+    """
+    sizes = [path.stat().st_size for path in paths]
+    count = Counter(sizes)
+    first: dict[tuple[int, str], int] = {}
+    return [
+        k if count[size] == 1 else first.setdefault((size, file_digest(path)), k)
+        for k, (path, size) in enumerate(zip(paths, sizes, strict=True))
+    ]
+
+
+def _joined(groups: Sequence[str], first: Sequence[int]) -> list[str]:
+    """The groups, where those that hold copies of one image are one group."""
+    name = {group: group for group in groups}
+    for k, other in enumerate(first):
+        one, kept = name[groups[k]], name[groups[other]]
+        if one != kept:
+            name = {group: kept if own == one else own for group, own in name.items()}
+    return [name[group] for group in groups]
+
+
+def cut(
+    groups: Sequence[str], data: Path, first: Sequence[int] | None = None
+) -> tuple[list[tuple[int, ...]], str]:
+    """Cut images into folds of about equal size, with no group and no copies of an image in two of them.
+
+    Images of a single group are cut into stretches of time.
+
+    Args:
+        groups: the group of each image, in the order of group and name.
+        data: their folder, for the error.
+        first: the first copy of each image, of `first_copies`; by default all images differ.
+
+    Returns:
+        The indices of each fold's images; and a warning, if there is one.
+
+    Raises:
+        UserError: there is only one image, or all are copies of one.
+    """
+    first = range(len(groups)) if first is None else first
+    own: dict[str, list[int]] = {}
+    for index, group in enumerate(_joined(groups, first)):
+        own.setdefault(group, []).append(index)
+    different = sorted({*first})
+    if len(different) < 2:
+        copies = (
+            ""
+            if len(groups) == 1
+            else f" and {len(groups) - 1} copies of it"
+            if len(groups) > 2
+            else " and a copy of it"
+        )
+        raise UserError(
+            f"{data}: {len(different)} labelled image{copies}, and figures need another to be tested on; "
+            "label one more"
+        )
+    if len(own) == 1:
+        stretches = np.array_split(different, min(FOLDS, len(different)))
+        parts = [{*part.tolist()} for part in stretches]
+        linked = " or linked by copies" if len({*groups}) > 1 else ""
+        return [tuple(k for k, other in enumerate(first) if other in part) for part in parts], (
+            f"all {len(groups)} images are of one group{linked}, so folds are stretches of time: images at "
+            "their ends are alike, and figures are too high for other streets"
+        )
+    folds: list[list[int]] = [[] for _ in range(min(FOLDS, len(own)))]
+    for indices in sorted(own.values(), key=len, reverse=True):  # the largest first
+        min(folds, key=len).extend(indices)
+    return [tuple(sorted(fold)) for fold in folds], ""
+
+
+def reader(parts: Parts, fit: Fit | None = None) -> Read:
+    """Make a function that reads all images, once for each size."""
+
+    @lru_cache(maxsize=SIZES)
+    def whole(height: int, width: int) -> LabelledImages:
+        images = load(parts.every, parts.target, (height, width), fit)
+        count = len(parts.entries)
+        if parts.held_out:
+            ours, theirs = images.between(0, count), images.between(count, len(images.images))
+            refuse_shared({"the labelled images": ours, "the held-out images": theirs})
+        return images
+
+    return whole
+
+
+def fold_targets(parts: Parts, data: Path, whole: Read) -> list[Target]:
+    """Make a target for each fold.
+
+    Args:
+        parts: parts of the images.
+        data: their folder, for errors.
+        whole: reads all of them.
+    """
+
+    def target_of(train: tuple[int, ...], test: tuple[int, ...], number: int) -> Target:
+        @lru_cache(maxsize=SIZES)
+        def at(height: int, width: int) -> Sides:
+            images = whole(height, width)
+            where = str(data) if len(parts.folds) == 1 else f"{data}, fold {number}"
+            return two_sides(images.take(train), images.take(test), where, True)
+
+        return Target(
+            name=parts.target.name,
+            real=True,
+            table=table_text(parts.target),
+            title=f"{parts.target.name}, {len(parts.entries)} labelled images, reported on {parts.where}",
+            reward_names=tuple(parts.every[k].name for k in train),
+            reward_sequences=tuple(parts.every[k].sequence for k in train),
+            test_names=tuple(parts.every[k].name for k in test),
+            at=at,
+        )
+
+    return [target_of(*fold, number) for number, fold in enumerate(parts.folds, 1)]
+
+
+def all_labelled(parts: Parts, of: Target, data: Path, whole: Read) -> Target:
+    """The target whose labelled images are all training images of the saved net."""
+    own = parts.seen
+
+    @lru_cache(maxsize=SIZES)
+    def at(height: int, width: int) -> Sides:
+        images = whole(height, width).between(0, len(own))  # held-out images come after these
+        return two_sides(images, images, str(data), True)
+
+    names, sequences = zip(*((e.name, e.sequence) for e in own), strict=True)
+    return of._replace(reward_names=names, reward_sequences=sequences, at=at)

@@ -1,0 +1,81 @@
+"""The target that a configuration names."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from common.errors import UserError
+from common.workers.pool import Workers
+from experiments.config import Config, MainConfig
+from experiments.config.presets import VARIABLES
+from experiments.targets.base import SIZES, Sides, Target, two_sides
+from experiments.targets.few import with_few
+from experiments.targets.real import real_target
+from experiments.targets.twin import ASSETS, FIRST_ASSET, TABLE, twin_names, twin_split, twin_world
+
+
+def named_target(config: Config, workers: Workers) -> Target:
+    """Find the target of ``--target``, ``--data`` and ``--few``.
+
+    Raises:
+        UserError: data are missing, or given for the twin, or a flag does not fit the target.
+        DataError: the data are wrong.
+    """
+    if config.target == "twin":
+        if config.data is not None:
+            raise UserError("--target twin takes no --data; other targets do")
+        return with_few(_twin(config, workers), config)
+    if config.data is None:
+        if variable := VARIABLES.get(config.target):
+            raise UserError(
+                f"{config.target} needs its folder: --data DIR (or the variable {variable})"
+            )
+        raise UserError("Cityscapes needs its folder: --data DIR; or use --target twin")
+    return with_few(real_target(config.target, config, config.data), config)
+
+
+def _twin(config: Config, workers: Workers) -> Target:
+    """The embedded stand-in; see ``twin``."""
+    if config.holdout or config.test_split:
+        raise UserError("--holdout and --test-split need --data: the twin has no such names")
+    if isinstance(config, MainConfig) and config.unlabelled is not None:
+        raise UserError("--unlabelled needs --data: nothing real is like the twin")
+    if config.asset_count is not None and config.asset_count >= FIRST_ASSET:
+        raise UserError(
+            f"--asset-count must be less than {FIRST_ASSET}, where the twin's begin, "
+            f"not {config.asset_count}"
+        )
+    world, name = twin_world(config.twin_seed, config.twin), config.target_name
+    counts = {"train": config.reward_images, "test": config.test_images}
+    listed = {split: twin_names(split, n, world.shots) for split, n in counts.items()}
+    names, sequences = (
+        {split: tuple(r[k] for r in rows) for split, rows in listed.items()} for k in (0, 1)
+    )
+
+    @lru_cache(maxsize=SIZES)
+    def at(height: int, width: int) -> Sides:
+        reward, test = (
+            twin_split(
+                world,
+                split,
+                (height, width),
+                images=count,
+                renderer=config.renderer,
+                workers=workers,
+                assets=min(ASSETS, config.asset_count or ASSETS),
+            )
+            for split, count in counts.items()
+        )
+        return two_sides(reward, test, f"the {name}", True)
+
+    return Target(
+        name=name,
+        real=False,
+        table=TABLE,
+        title=f"the {name} {config.twin_seed}, a stand-in rendered by our own engine: NOT real data",
+        reward_names=names["train"],
+        reward_sequences=sequences["train"],
+        test_names=names["test"],
+        at=at,
+        twin=world,
+    )
