@@ -37,12 +37,12 @@ from common.workers.pool import WorkerError
 from experiments.app.doctor.outlines import Drawn
 from experiments.app.fit import share_of
 from experiments.tables.stats import paired_gain
+from seg.check import check_settings
 from seg.classes import table_of
 from seg.data import DataError, LabelledImages
 from seg.metrics import confusion_matrix, mean_iou
 from seg.pyramid import features
 from seg.recipes import RECIPES
-from seg.settings import check_settings
 from seg.train import TrainingError, TrainSettings, predict_heads, train
 from seg.views import LOOKS, view_images, with_mirror
 

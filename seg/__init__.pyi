@@ -1,3 +1,4 @@
+from .check import check_settings as check_settings
 from .classes import CAMVID_11 as CAMVID_11
 from .classes import CITYSCAPES_19 as CITYSCAPES_19
 from .classes import IGNORE_LABEL as IGNORE_LABEL
@@ -30,7 +31,6 @@ from .model import load_model as load_model
 from .nets import net as net
 from .recipes import RECIPES as RECIPES
 from .settings import TrainSettings as TrainSettings
-from .settings import check_settings as check_settings
 from .train import TrainingError as TrainingError
 from .train import predict as predict
 from .train import score as score

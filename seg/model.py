@@ -26,12 +26,13 @@ from common.files import digest, read_bytes, read_json, versions, whole_folder, 
 from common.labels.target_file import TargetFile
 from common.memory import refuse_larger
 from seg.card import README, card
+from seg.check import check_net
 from seg.classes import IGNORE_LABEL, colorize
 from seg.data.labelled import fitted, resize_image
 from seg.errors import ModelError
 from seg.names import As
 from seg.nets.trunks import trunk_of
-from seg.settings import TrainSettings, check_net
+from seg.settings import TrainSettings
 from seg.train import Params, logits, outline
 from seg.uncertainty import Uncertainty, uncertainty
 

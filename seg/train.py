@@ -19,6 +19,7 @@ from jaxtyping import Array, Float32, Int64, UInt8
 from seg import losses, pyramid
 from seg.batches import in_batches
 from seg.beside import TrainingSet, joined, mean_share, mixed, training_set
+from seg.check import check_settings
 from seg.classes import IGNORE_LABEL
 from seg.data import LabelledImages
 from seg.metrics import confusion_matrix
@@ -26,7 +27,7 @@ from seg.nets import net_of, normalise, variables_of
 from seg.nets.head import STATISTICS, Maps, OnTrunk
 from seg.nets.trunks import trunk_of
 from seg.pyramid import Statistics
-from seg.settings import VGG_NETS, TrainSettings, check_settings
+from seg.settings import VGG_NETS, TrainSettings
 from seg.step import Data, Functions, Params, Plan, TrainState, Variables, functions, plan
 from seg.views import view_labels, views, with_mirror
 from seg.weights import load

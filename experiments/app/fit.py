@@ -58,12 +58,13 @@ from scene.held import read_fixed
 from scene.proposal import Streets, draw
 from scene.render.protocol import MAX_PIXELS
 from seg.beside import TrainingSet
+from seg.check import check_settings
 from seg.classes import class_table, colorize
 from seg.data import LabelledImages
 from seg.errors import ModelError
 from seg.model import SEEN, Model, classes_of, load_model, refuse_others
 from seg.recipes import with_heads, with_net
-from seg.settings import FILELESS_NETS, Trunk, TrunkName, check_settings
+from seg.settings import FILELESS_NETS, Trunk, TrunkName
 from seg.train import Params, heads_of, stacked
 from seg.weights import check as check_weights
 

@@ -23,9 +23,9 @@ from experiments.config.options import Fidelity
 from scene.assets.catalogue import check_pool
 from scene.render import check_settings
 from seg.beside import drawn
+from seg.check import check_settings as check_train_settings
 from seg.nets.trunks import trunk_of
 from seg.settings import FILELESS_NETS, VGG_NETS, TrainSettings
-from seg.settings import check_settings as check_train_settings
 from seg.weights import check as check_weights
 
 
