@@ -1,6 +1,10 @@
-"""Each library can be had without the others, and `scene` without paying for JAX."""
+"""Each library can be had without the others, and `scene` without paying for JAX; imports point one way."""
 
+import ast
+from collections.abc import Iterator, Mapping
+from graphlib import CycleError, TopologicalSorter
 from importlib import import_module
+from pathlib import Path
 
 import griffe
 import pytest
@@ -55,3 +59,105 @@ def test_workers_wait_neither_for_trimesh_nor_for_rich_nor_for_opengl():
         "assets = [asset(family, 0) for family in FAMILIES]"
     )
     assert "scene" in loaded and not loaded & {"trimesh", "networkx", "rich", "OpenGL"}
+
+
+LIBRARIES = ("scene", "seg", "sdr_jax")
+MACHINERY = ("config", "targets", "evaluation", "session", "search", "tables")
+"""Folders of `experiments`; each imports from those before it only."""
+BELOW: dict[str, tuple[str, ...]] = {
+    "common": (),
+    **{library: ("common",) for library in LIBRARIES},
+    **{
+        f"experiments.{folder}": (
+            "common", *LIBRARIES, *(f"experiments.{before}" for before in MACHINERY[:k])
+        )
+        for k, folder in enumerate((*MACHINERY, "app"))
+    },
+}  # fmt: skip
+"""What each package or folder may import from, beside itself."""
+BELOW["experiments.studies"] = BELOW["experiments.app"]
+BELOW["experiments"] = (*BELOW["experiments.app"], "experiments.app", "experiments.studies")
+"""The commands."""
+
+
+def modules() -> dict[str, Path]:
+    """The files of all packages by module."""
+    packages = {name.partition(".")[0] for name in BELOW}
+    paths = [path for package in packages for path in (ROOT / package).rglob("*.py")]
+    names = [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in paths]
+    return dict(zip((name.removesuffix(".__init__") for name in names), paths, strict=True))
+
+
+FILES = modules()
+
+
+def imported(text: str) -> Iterator[str]:
+    """Our modules that a text imports, also within functions."""
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names if alias.name in FILES)
+        elif isinstance(node, ast.ImportFrom) and node.module in FILES:
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+            yield from (name if name in FILES else node.module for name in names)
+
+
+def folder(module: str) -> str:
+    """The key of `BELOW` for a module."""
+    first, *others = module.split(".")
+    inner = f"{first}.{others[0]}" if others else first
+    return inner if inner in BELOW else first
+
+
+def upward(module: str, text: str) -> list[str]:
+    """What a module imports that is not below it."""
+    own = folder(module)
+    return sorted({name for name in imported(text) if folder(name) not in (own, *BELOW[own])})
+
+
+def circle(graph: Mapping[str, set[str]]) -> list[str]:
+    """The nodes of a circle, if there is any."""
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        return error.args[1]
+    return []
+
+
+def test_imports_go_down_the_list_of_folders():
+    folders = {folder(module) for module in FILES}
+    assert folders == BELOW.keys()
+    wrong = {module: upward(module, path.read_text()) for module, path in FILES.items()}
+    assert {module: names for module, names in wrong.items() if names} == {}
+
+
+def test_no_files_and_no_folders_of_experiments_import_each_other():
+    files = {module: {*imported(path.read_text())} - {module} for module, path in FILES.items()}
+    assert circle(files) == []
+    folders: dict[str, set[str]] = {}
+    for module, names in files.items():
+        if module.count(".") > 1 and module.startswith("experiments."):
+            own = module.rpartition(".")[0]
+            others = {name.rpartition(".")[0] for name in names if name.count(".") > 1}
+            folders.setdefault(own, set()).update(others - {own})
+    assert "experiments.app.report" in folders["experiments.app"]
+    assert circle(folders) == []
+
+
+@pytest.mark.parametrize(("module", "text", "wrong"), [
+    ("common.files", "def f():\n    from scene.version import ENGINE", ["scene.version"]),
+    ("seg.train", "import scene.names", ["scene.names"]),
+    ("scene.check", "from experiments import config", ["experiments.config"]),
+    ("experiments.targets.base", "from experiments.session import session",
+     ["experiments.session.session"]),
+    ("experiments.tables.form", "from experiments import fit", ["experiments.fit"]),
+    ("experiments.app.fit", "from experiments.studies.table import FORM", ["experiments.studies.table"]),
+    ("experiments.studies.table", "from experiments.app import fit", ["experiments.app.fit"]),
+    ("experiments.fit", "from experiments.app.fit import main", []),
+    ("experiments.app.fit", "from experiments.tables import form\nfrom seg.train import train", []),
+])  # fmt: skip
+def test_an_import_of_what_lies_above_is_found(module, text, wrong):
+    assert upward(module, text) == wrong
+
+
+def test_a_circle_is_found():
+    assert set(circle({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}})) == {"a", "b", "c"}

@@ -7,8 +7,8 @@
 A study of rows gives each `Row` its training set, its fidelity, and the search that it waits for. From these
 follow the plan with its cost, the order of the nets (those that wait for nothing fill the gaps of the
 searches), the paired seeds, and the scores of every net; a stopped job continues from its folder. The `Form`
-of its report derives from the scores means and gains (``study.stats``), the table as a list of columns
-(``study.form``) and the figure (``study.figure``), so that ``--rederive`` needs no net.
+of its report derives from the scores means and gains (`tables.stats`), the table as a list of columns
+(`tables.form`) and the figure (`studies.figure`), so that ``--rederive`` needs no net.
 """
 
 from __future__ import annotations
