@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from experiments.session.session import Run
+from experiments.session.session import Session
 from seg.classes import class_table
 
 NOTE = "few.md"
@@ -38,7 +38,7 @@ params = train(
 """
 
 
-def text(run: Run[Any]) -> str:
+def text(run: Session[Any]) -> str:
     """The note, in Markdown."""
     target, share = run.target, run.config.few_share
     names = target.few_names

@@ -37,7 +37,7 @@ from experiments.evaluation.job import Job, Keeps, LabelledSubset, Source, Stree
 from experiments.evaluation.pace import Pace
 from experiments.evaluation.predictions import file_of, load
 from experiments.search.learn import learn, work_of
-from experiments.session.session import Run, Work, pace_here, set_up_process, total_of
+from experiments.session.session import Session, Work, pace_here, set_up_process, total_of
 from experiments.tables.form import Form, Report, about, miou, nets
 from experiments.tables.skeleton import Study, attributes, do
 from experiments.tables.stats import UNITS, over_units
@@ -418,7 +418,7 @@ def planned(config: FitConfig, folds: int) -> list[Work]:
     ]
 
 
-def scores(run: Run[FitConfig], known: Prepared) -> Report:
+def scores(run: Session[FitConfig], known: Prepared) -> Report:
     """Do the whole job, or the rest of it."""
     config, seeds = run.config, run.config.apart
     folds = [replace(run, target=target) for target in known.folds]
@@ -484,7 +484,7 @@ class _Pool(NamedTuple):
     pool: StreetPool
 
 
-def _pool(run: Run[FitConfig], streets: Streets, seed: int) -> _Pool:
+def _pool(run: Session[FitConfig], streets: Streets, seed: int) -> _Pool:
     """Name the pool of streets of one shot that all nets of a seed share."""
     config = run.config
     units = draw(streets, seed, config.final.streets)
@@ -500,7 +500,7 @@ class _Rendered:
         pools: the pools.
     """
 
-    def __init__(self, run: Run[FitConfig], pools: Sequence[_Pool]) -> None:
+    def __init__(self, run: Session[FitConfig], pools: Sequence[_Pool]) -> None:
         self._run, self._pools = run, pools
         self._recipe = run.recipe(run.config.final)
         self._held: dict[str, Cached] = {}
@@ -551,7 +551,7 @@ class _Rendered:
             self._run.runner.cache.forget(name, self._recipe)
 
 
-def _jobs(fold: Run[FitConfig], number: int, pools: Sequence[Mapping[int, _Pool]]) -> list[Job]:
+def _jobs(fold: Session[FitConfig], number: int, pools: Sequence[Mapping[int, _Pool]]) -> list[Job]:
     """The nets of all rows of a fold.
 
     Args:
@@ -585,7 +585,7 @@ def _beside(
 
 
 def _over_images(
-    folds: Sequence[Run[FitConfig]], jobs: Sequence[Sequence[Job]], parts: Parts
+    folds: Sequence[Session[FitConfig]], jobs: Sequence[Sequence[Job]], parts: Parts
 ) -> dict[Row, Report]:
     """The gain of the first network of each row over labels alone, with its bootstrap over tested images.
 
@@ -624,7 +624,7 @@ def _over_images(
 
 
 def _leave(
-    run: Run[FitConfig],
+    run: Session[FitConfig],
     known: Prepared,
     extra: Mapping[Row, Source],
     report: Report,
@@ -685,7 +685,7 @@ def _is_saved(config: FitConfig, notes: Mapping[str, Any]) -> bool:
         return False  # there is none, or it is damaged
 
 
-def _show(run: Run[FitConfig], fold: Run[FitConfig], jobs: Sequence[Job]) -> None:
+def _show(run: Session[FitConfig], fold: Session[FitConfig], jobs: Sequence[Job]) -> None:
     """Write the best, the median and the worst test image, with its label and each row's prediction."""
     colors = class_table(fold.target.table).colors
     images = fold.images(run.config.final, "test")

@@ -15,7 +15,7 @@ from experiments.config import MainConfig
 from experiments.evaluation.job import Recipe
 from experiments.evaluation.train_and_test import render
 from experiments.search.learn import learn, work_of
-from experiments.session.session import Run, Work
+from experiments.session.session import Session, Work
 from experiments.tables import few_rows
 from experiments.tables.form import Form, Report, about
 from experiments.tables.nets import by_row, jobs_of, paired_seeds, training_sets
@@ -37,7 +37,7 @@ def plan(config: MainConfig, _: Any = None) -> list[Work]:
     return work
 
 
-def scores(run: Run[MainConfig], _: Any) -> Report:
+def scores(run: Session[MainConfig], _: Any) -> Report:
     """Do the whole job, or the rest of it."""
     config, target, folder = run.config, run.target, run.config.out
     recipe, seeds = run.recipe(config.final), paired_seeds(run)
@@ -62,7 +62,7 @@ def scores(run: Run[MainConfig], _: Any) -> Report:
     }
 
 
-def _shown(run: Run[MainConfig], recipe: Recipe) -> dict[str, LabelledImages]:
+def _shown(run: Session[MainConfig], recipe: Recipe) -> dict[str, LabelledImages]:
     """Training images with labels to show: some random and hand-set streets, all learnt ones, real images."""
     config, fidelity = run.config, recipe.fidelity
     some = replace(fidelity, streets=min(fidelity.streets, 12), shots=min(fidelity.shots, 2))
@@ -78,7 +78,7 @@ def _shown(run: Run[MainConfig], recipe: Recipe) -> dict[str, LabelledImages]:
     return found | ({"real": run.images(fidelity, "labelled")} if run.target.labelled else {})
 
 
-def export(run: Run[MainConfig], recipe: Recipe, streets: Proposal) -> None:
+def export(run: Session[MainConfig], recipe: Recipe, streets: Proposal) -> None:
     """Write the learnt dataset with all of the engine's labels into ``dataset/``.
 
     With ``--few`` a note beside it says how to train on it and on the few images.

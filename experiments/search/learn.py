@@ -9,7 +9,7 @@ from experiments.config import SearchConfig, make_method, make_space
 from experiments.search import plans
 from experiments.search.loop import Found, search
 from experiments.search.rewards import SearchPlan
-from experiments.session.session import Run, Work
+from experiments.session.session import Session, Work
 from scene.proposal import describe
 
 
@@ -42,7 +42,7 @@ def work_of(config: SearchConfig, plan: SearchPlan | None = None) -> list[Work]:
 
 
 def learn(
-    run: Run[Any],
+    run: Session[Any],
     config: SearchConfig | None = None,
     name: str = "",
     plan: SearchPlan | None = None,

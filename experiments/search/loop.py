@@ -12,7 +12,7 @@ import sdr_jax
 from experiments.config import RewardKind
 from experiments.evaluation.job import REWARD_NAMES, Result, in_words
 from experiments.search.rewards import Rewards, SearchPlan, embed
-from experiments.session.session import Run
+from experiments.session.session import Session
 from scene.proposal import Proposal
 from sdr_jax.method import on_clipping
 from sdr_jax.run import on_processor
@@ -33,7 +33,7 @@ class Found(NamedTuple):
 
 
 @on_processor()
-def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
+def search(run: Session[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
     """Run a whole search, or the rest of it.
 
     The loop replays the rewards of the run folder: the same keys give the same actions, and a logged reward

@@ -13,7 +13,7 @@ from common.errors import UserError
 from experiments.config import RewardKind, SearchOptions
 from experiments.evaluation.job import Job, Result
 from experiments.evaluation.runner import refuse_failed
-from experiments.session.session import Run
+from experiments.session.session import Session
 from scene.attributes import SpaceName, names
 from scene.held import hold
 from scene.proposal import Proposal, random_proposal
@@ -66,7 +66,7 @@ class Rewards:
         kind: kind of the rewards.
     """
 
-    def __init__(self, run: Run[Any], plan: SearchPlan, kind: RewardKind) -> None:
+    def __init__(self, run: Session[Any], plan: SearchPlan, kind: RewardKind) -> None:
         self._run, self._plan = run, plan
         self._known = {
             tuple(line.get(name) for name in PLACE): line["key"] for line in run.evaluations.records

@@ -1,6 +1,6 @@
-"""The context of a running job: its configuration, target, workers, folder, store and progress.
+"""An open run folder: its configuration, target, workers, store and progress.
 
-    with opened(config) as run:
+    with session.open(config) as run:
         run.begin([Work.at("nets", count, config.final)])
         results = run.runner.test(jobs)
 
@@ -90,7 +90,7 @@ def total_of(plan: Sequence[Work]) -> Cost:
 
 
 @dataclass
-class Run(Generic[AnyConfig]):
+class Session(Generic[AnyConfig]):
     """Everything that a job works with."""
 
     config: AnyConfig
@@ -255,11 +255,11 @@ def set_up_process() -> None:
 
 
 @contextmanager
-def opened(
+def open(
     config: AnyConfig,
     refuse: Callable[[Target], None] | None = None,
     find: Callable[[AnyConfig, Workers], Target] = named_target,
-) -> Iterator[Run[AnyConfig]]:
+) -> Iterator[Session[AnyConfig]]:
     """Open everything that a job works with, and close it afterwards.
 
     Args:
@@ -294,7 +294,7 @@ def opened(
         plain[FIELD] = dict(own)
         with folder.opened(config.out, plain, free=FREE_FIELDS, packages=PACKAGES):
             evaluations, finals = (Store(config.out / name) for name in LOGS)
-            run = Run(config, target, workers, evaluations, finals, store, Progress(1.0), own)
+            run = Session(config, target, workers, evaluations, finals, store, Progress(1.0), own)
             try:
                 yield run
             finally:

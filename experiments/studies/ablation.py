@@ -26,7 +26,7 @@ from experiments.config.studies import AblationConfig, Variant
 from experiments.search import plans
 from experiments.search.loop import Found, search
 from experiments.search.rewards import SearchPlan
-from experiments.session.session import Run, Work
+from experiments.session.session import Session, Work
 from experiments.studies.figure import plt, png
 from experiments.studies.search_columns import REWARDS, core_seconds, failed_evaluations, rewards
 from experiments.tables.form import (
@@ -169,7 +169,7 @@ def rows(config: AblationConfig, _: Target) -> list[Row]:
     return [row(variant) for variant in config.variants]
 
 
-def report(run: Run[AblationConfig], made: Made, rows: list[Report]) -> Report:
+def report(run: Session[AblationConfig], made: Made, rows: list[Report]) -> Report:
     """Report the mIoU of every variant with its search."""
     config = run.config
     for row in rows:

@@ -19,7 +19,7 @@ from itertools import product
 from common.errors import UserError
 from experiments.config.cli import command
 from experiments.config.studies import AssetsConfig
-from experiments.session.session import Run
+from experiments.session.session import Session
 from experiments.studies.figure import curves
 from experiments.tables.form import (
     Column,
@@ -82,7 +82,7 @@ def rows(config: AssetsConfig, _: Target) -> list[Row]:
     return found
 
 
-def report(run: Run[AssetsConfig], _: Made, rows: list[Report]) -> Report:
+def report(run: Session[AssetsConfig], _: Made, rows: list[Report]) -> Report:
     """Report the mIoU and its conditions."""
     config = run.config
     about = {"attributes": config.attributes, "steps": config.final.train.steps}

@@ -28,7 +28,7 @@ from experiments.config import (
 from experiments.config.cli import Unmet, command
 from experiments.config.studies import MOST_REPEATS, FidelityConfig
 from experiments.evaluation.job import REWARD_NAMES
-from experiments.session.session import Run, Work
+from experiments.session.session import Session, Work
 from experiments.studies.figure import plt, png
 from experiments.tables.bins import random_bins
 from experiments.tables.form import Column, Form, Report, about, interval, number, starts, table
@@ -103,7 +103,7 @@ def plan(config: FidelityConfig, _: Any = None) -> list[Work]:
     return [Work.at(rung.name, nets, rung.fidelity) for rung in rungs(config)]
 
 
-def scores(run: Run[FidelityConfig], _: Any) -> Report:
+def scores(run: Session[FidelityConfig], _: Any) -> Report:
     """Make all measurements, or the rest of them."""
     config, chosen, steps = run.config, proposals(run.config), rungs(run.config)
     return {
@@ -117,7 +117,7 @@ def scores(run: Run[FidelityConfig], _: Any) -> Report:
 
 
 def _score(
-    run: Run[FidelityConfig], number: int, rung: Rung, chosen: dict[str, Proposal]
+    run: Session[FidelityConfig], number: int, rung: Rung, chosen: dict[str, Proposal]
 ) -> Report:
     """Rewards of every proposal on one rung, in the order of the seeds, which all proposals share."""
     (name, fidelity, kind), config = rung, run.config

@@ -22,7 +22,7 @@ from common.errors import UserError
 from experiments.config.cli import command
 from experiments.config.studies import LabelsConfig
 from experiments.evaluation.job import LabelledSubset, Source
-from experiments.session.session import Run
+from experiments.session.session import Session
 from experiments.studies.figure import curves
 from experiments.tables.form import (
     Column,
@@ -109,7 +109,7 @@ def rows(config: LabelsConfig, target: Target) -> list[Row]:
     ]
 
 
-def _source(count: int, renders: str, run: Run[LabelsConfig], made: Made, seed: int) -> Source:
+def _source(count: int, renders: str, run: Session[LabelsConfig], made: Made, seed: int) -> Source:
     """The training set of a seed's net; nets of one seed share their labelled images."""
     if count == 0:
         return attributes(run, made, renders)
@@ -124,7 +124,7 @@ def _source(count: int, renders: str, run: Run[LabelsConfig], made: Made, seed: 
     return TrainingSet((attributes(run, made, renders), few), (1 - share, share))
 
 
-def report(run: Run[LabelsConfig], _: Made, rows: list[Report]) -> Report:
+def report(run: Session[LabelsConfig], _: Made, rows: list[Report]) -> Report:
     """Report the mIoU and its conditions."""
     config = run.config
     return {

@@ -31,7 +31,7 @@ from experiments.config.cli import command
 from experiments.config.studies import PretrainConfig
 from experiments.evaluation.job import Job, LabelledSubset, Recipe, Result, Start
 from experiments.search.learn import learn
-from experiments.session.session import Run, Work
+from experiments.session.session import Session, Work
 from experiments.studies.figure import curves
 from experiments.tables.form import (
     Column,
@@ -121,7 +121,7 @@ def plan(config: PretrainConfig, _: None) -> list[Work]:
     return [*work, Work.on_images(what, count, fine)]
 
 
-def scores(run: Run[PretrainConfig], _: None) -> Report:
+def scores(run: Session[PretrainConfig], _: None) -> Report:
     """Train every net, or the rest of them."""
     config, images = run.config, len(run.target.reward_names)
     proposals: dict[str, Streets] = {"random": config.streets("random")}
@@ -163,7 +163,7 @@ def scores(run: Run[PretrainConfig], _: None) -> Report:
 
 
 def tuned(
-    run: Run[Any],
+    run: Session[Any],
     starts: Mapping[str, Start],
     fine: Recipe,
     fractions: Sequence[float],

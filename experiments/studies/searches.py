@@ -28,7 +28,7 @@ from experiments.evaluation.job import Source
 from experiments.search import learn, plans
 from experiments.search.loop import Found
 from experiments.search.rewards import SearchPlan
-from experiments.session.session import Run, Work
+from experiments.session.session import Session, Work
 from experiments.studies.figure import plt, png
 from experiments.studies.search_columns import core_seconds, failed_evaluations, rewards, thirds
 from experiments.tables import few_rows
@@ -132,13 +132,13 @@ def work(config: ManyConfig) -> list[Work]:
 def rows(config: ManyConfig, target: Target) -> list[Row]:
     """Rows of every answer, beside the few labelled images if there are any, and rows without a search."""
 
-    def images(side: Any, run: Run[ManyConfig], made: Made, seed: int) -> Source:
+    def images(side: Any, run: Session[ManyConfig], made: Made, seed: int) -> Source:
         return run.images(config.final, side)
 
-    def streets(name: str, run: Run[ManyConfig], made: Made, seed: int) -> Source:
+    def streets(name: str, run: Session[ManyConfig], made: Made, seed: int) -> Source:
         return run.with_few(config.final, config.streets(name))
 
-    def answer(name: str, run: Run[ManyConfig], made: Made, seed: int) -> Source:
+    def answer(name: str, run: Session[ManyConfig], made: Made, seed: int) -> Source:
         found: Found = made[name]
         return run.with_few(config.final, found.solution)
 
@@ -153,7 +153,7 @@ def rows(config: ManyConfig, target: Target) -> list[Row]:
     ]
 
 
-def report(run: Run[ManyConfig], made: Made, rows: list[Report]) -> Report:
+def report(run: Session[ManyConfig], made: Made, rows: list[Report]) -> Report:
     """Report the mIoU of every search's nets, and the course of the search."""
     config = run.config
     scored = {row["name"]: row["nets"] for row in rows}

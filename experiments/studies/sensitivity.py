@@ -25,7 +25,7 @@ from experiments.evaluation.cost import cost_of
 from experiments.evaluation.job import Job, Result
 from experiments.evaluation.job import verdict as told
 from experiments.evaluation.runner import refuse_failed
-from experiments.session.session import FREE_FIELDS, PACKAGES, Run, Work
+from experiments.session.session import FREE_FIELDS, PACKAGES, Session, Work
 from experiments.studies.figure import plt, png
 from experiments.tables.bins import random_bins
 from experiments.tables.form import (
@@ -91,13 +91,13 @@ def plan(config: SensitivityConfig, _: Any = None) -> list[Work]:
     return [Work.at("rewards of random attributes at most", config.evaluations, config.reward)]
 
 
-def scores(run: Run[SensitivityConfig], _: Any) -> Report:
+def scores(run: Session[SensitivityConfig], _: Any) -> Report:
     """Make the missing rewards, and analyse all of them."""
     records = enough(record(run), str(run.config.out if run.store is None else run.store.path))
     return _report(run.config, run.target.real, run.target.title, records)
 
 
-def record(run: Run[SensitivityConfig]) -> Records:
+def record(run: Session[SensitivityConfig]) -> Records:
     """Make the missing rewards; return all at the reward's fidelity in the run's store and folder."""
     config = run.config
     recipe, first = run.recipe(config.reward), SENSITIVITY_SEED + config.seed
@@ -123,7 +123,7 @@ def record(run: Run[SensitivityConfig]) -> Records:
     return choose(_known(run).values(), run.target.name, config.space, own, str(config.out))
 
 
-def _known(run: Run[SensitivityConfig]) -> dict[str, dict[str, Any]]:
+def _known(run: Session[SensitivityConfig]) -> dict[str, dict[str, Any]]:
     """The evaluations of store and run by key."""
     stored = [] if run.store is None else run.store.records
     lines = (*stored, *run.finals.records)

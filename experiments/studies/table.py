@@ -31,7 +31,7 @@ from experiments.config import (
 from experiments.config.cli import command
 from experiments.config.studies import TableConfig
 from experiments.evaluation.job import Source
-from experiments.session.session import Run
+from experiments.session.session import Session
 from experiments.studies.figure import plt, png
 from experiments.tables import few_rows
 from experiments.tables.form import (
@@ -182,7 +182,7 @@ def _source(
     name: str,
     at: Fidelity,
     given: dict[str, LabelledImages],
-    run: Run[TableConfig],
+    run: Session[TableConfig],
     made: Made,
     seed: int,
 ) -> Source:
@@ -195,7 +195,7 @@ def _source(
     return rendered if name in RENDERED else run.with_few(at, rendered)
 
 
-def report(run: Run[TableConfig], _: Made, rows: list[Report]) -> Report:
+def report(run: Session[TableConfig], _: Made, rows: list[Report]) -> Report:
     """Report the mIoU, and the weights from which nets start."""
     config = run.config
     starts = [described(fidelity_of(config, name).train) for name in config.nets]

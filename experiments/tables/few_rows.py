@@ -7,7 +7,7 @@ from typing import Any
 
 from experiments.config import Fidelity
 from experiments.evaluation.job import Source
-from experiments.session.session import Run
+from experiments.session.session import Session
 from experiments.tables.form import Report
 from experiments.tables.stats import statistics
 
@@ -22,7 +22,9 @@ TRAINED_ON = {
 """The training sets of these rows."""
 
 
-def rows(run: Run[Any], rendered: Mapping[str, Source], fidelity: Fidelity) -> dict[str, Source]:
+def rows(
+    run: Session[Any], rendered: Mapping[str, Source], fidelity: Fidelity
+) -> dict[str, Source]:
     """The few images alone, and beside each rendered set; nothing without few images."""
     if not run.target.few_names:
         return {}
@@ -30,7 +32,7 @@ def rows(run: Run[Any], rendered: Mapping[str, Source], fidelity: Fidelity) -> d
     return few | {f"{FEW}+{name}": run.with_few(fidelity, own) for name, own in rendered.items()}
 
 
-def about(run: Run[Any]) -> Report:
+def about(run: Session[Any]) -> Report:
     """The report's fields on the few images."""
     names = run.target.few_names
     return {"few_images": list(names), "few_share": run.config.few_share} if names else {}

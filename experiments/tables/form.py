@@ -14,7 +14,7 @@ from common.errors import UserError
 from common.files import naming, read_json, write, write_json
 from experiments.config import Fidelity, NetsConfig
 from experiments.evaluation.job import Result
-from experiments.session.session import Run
+from experiments.session.session import Session
 from experiments.tables.stats import TOO_FEW, mean
 from scene.held import in_words
 from seg.classes import class_table
@@ -74,7 +74,7 @@ def rewrite(form: Form, file: Path, folder: Path) -> Report:
     return write_report(form, scores, folder)
 
 
-def about(run: Run[Any], fidelity: Fidelity) -> Report:
+def about(run: Session[Any], fidelity: Fidelity) -> Report:
     """The first fields of every report.
 
     Args:

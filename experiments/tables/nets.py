@@ -8,7 +8,7 @@ from typing import Any
 
 from experiments.config import Fidelity, RewardKind, SearchConfig
 from experiments.evaluation.job import Job, Recipe, Result, Source
-from experiments.session.session import Run
+from experiments.session.session import Session
 from experiments.tables import few_rows
 from experiments.targets.base import Side
 from scene.proposal import Streets
@@ -63,13 +63,13 @@ def by_row(jobs: Sequence[Job], results: Sequence[Result]) -> dict[str, list[Res
     return found
 
 
-def paired_seeds(run: Run[Any]) -> list[int]:
+def paired_seeds(run: Session[Any]) -> list[int]:
     """The seeds of a result's rows."""
     return [run.config.seed + k for k in range(run.config.seeds)]
 
 
 def training_sets(
-    run: Run[Any], learnt: Streets | None, fidelity: Fidelity | None = None, **others: Source
+    run: Session[Any], learnt: Streets | None, fidelity: Fidelity | None = None, **others: Source
 ) -> dict[str, Source]:
     """The training sets to compare.
 

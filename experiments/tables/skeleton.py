@@ -19,11 +19,12 @@ from typing import Any, Generic, NamedTuple
 
 from common.progress import duration
 from common.workers.pool import Workers
+from experiments import session
 from experiments.config import Fidelity, LearntConfig, Rederived, read_attributes
 from experiments.config import check as check_flags
 from experiments.evaluation.job import Job, Result, Source
 from experiments.search.learn import learn, work_of
-from experiments.session.session import AnyConfig, Run, Work, opened, set_up_process
+from experiments.session.session import AnyConfig, Session, Work, set_up_process
 from experiments.tables.form import Form, Report, about, nets, rewrite, write_report
 from experiments.tables.nets import paired_seeds
 from experiments.targets.base import Target
@@ -48,7 +49,7 @@ class Study(Generic[AnyConfig]):
     """The form of its report."""
     plan: Callable[[AnyConfig, Any], list[Work]]
     """Plans its nets; takes the result of ``prepare``, as ``scores`` does."""
-    scores: Callable[[Run[AnyConfig], Any], Report]
+    scores: Callable[[Session[AnyConfig], Any], Report]
     """Does the work, or the rest of it. Raises UserError, WorkerError."""
     check: Callable[[AnyConfig], None] = nothing
     """Raises UserError with the flag for a field of this job alone that is out of range."""
@@ -76,7 +77,7 @@ def do(study: Study[AnyConfig], config: AnyConfig) -> Report:
     def prepare(target: Target) -> None:
         made.append(study.prepare(config, target))
 
-    with opened(config, prepare, study.target) as run:
+    with session.open(config, prepare, study.target) as run:
         run.begin(study.plan(config, made[0]))
         report = write_report(study.form, study.scores(run, made[0]), config.out)
         share = run.workers.cpu_share()
@@ -99,7 +100,7 @@ def check(study: Study[AnyConfig], config: AnyConfig) -> None:
 
 Made = Mapping[str, Any]
 """The results of a study's searches by name."""
-Search = Callable[[Run[Any]], Any]
+Search = Callable[[Session[Any]], Any]
 """Does one search, or the rest of it."""
 
 
@@ -108,7 +109,7 @@ class Row(NamedTuple):
 
     place: Report
     """Fields that identify it in the report."""
-    source: Callable[[Run[Any], Made, int], Source]
+    source: Callable[[Session[Any], Made, int], Source]
     """Gives the training set of a seed's net."""
     fidelity: Fidelity
     what: str
@@ -128,7 +129,7 @@ class Row(NamedTuple):
 def of_rows(
     form: Form,
     rows: Callable[[AnyConfig, Target], Sequence[Row]],
-    report: Callable[[Run[AnyConfig], Made, list[Report]], Report],
+    report: Callable[[Session[AnyConfig], Made, list[Report]], Report],
     check: Callable[[AnyConfig], None] = nothing,
     searches: Callable[[AnyConfig], Mapping[str, Search]] | None = None,
     work: Callable[[AnyConfig], list[Work]] | None = None,
@@ -156,7 +157,7 @@ def of_rows(
     def plan(config: Any, own: Sequence[Row]) -> list[Work]:
         return [*searched(config, own), *_planned(own, config.seeds)]
 
-    def scores(run: Run[Any], own: Sequence[Row]) -> Report:
+    def scores(run: Session[Any], own: Sequence[Row]) -> Report:
         made: dict[str, Any] = {}
         wanted = {LEARNT: learnt_attributes} if learns(own) else {}
         for name, search in (wanted if searches is None else searches(run.config)).items():
@@ -184,7 +185,7 @@ def _planned(rows: Sequence[Row], seeds: int) -> Iterator[Work]:
         yield work(f"nets on {what}, {count} rows x {seeds} seeds", count * seeds, fidelity)
 
 
-def _jobs(run: Run[Any], rows: Sequence[Row], made: Made) -> Iterator[tuple[Row, Job]]:
+def _jobs(run: Session[Any], rows: Sequence[Row], made: Made) -> Iterator[tuple[Row, Job]]:
     """The jobs of all rows that no longer wait for a search."""
     ready = [row for row in rows if not row.after or row.after in made]
     for what in dict.fromkeys(row.what for row in ready):
@@ -205,7 +206,7 @@ def learnt_work(config: LearntConfig) -> list[Work]:
     return [] if config.learnt is not None else work_of(config)
 
 
-def learnt_attributes(run: Run[Any]) -> Streets:
+def learnt_attributes(run: Session[Any]) -> Streets:
     """The attributes learnt for this target: from ``--learnt``, otherwise by the search of the main job.
 
     A run of the main job with the same flags gives the same; with the same ``--store`` neither repeats
@@ -220,7 +221,7 @@ def learnt_attributes(run: Run[Any]) -> Streets:
     return hold(read_attributes("--learnt", config.learnt, config.space), config.held)
 
 
-def attributes(run: Run[Any], made: Made, name: str) -> Streets:
+def attributes(run: Session[Any], made: Made, name: str) -> Streets:
     """The attributes of streets by a name that `streets_named` knows, or those of ``learnt``."""
     config = run.config
     return made.get(name) or hold(

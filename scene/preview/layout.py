@@ -10,11 +10,11 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from common import files
 from scene.assets.catalogue import AssetPool
 from scene.classes import colorize
 from scene.render import Frame, RenderSettings, renderer
 from scene.street.street import Street
-from shell import files
 
 FAR = 80.0
 """Metres at which the depth picture is black."""

@@ -32,7 +32,7 @@ from experiments.config.presets import PRESETS, TARGETS, defaults
 from experiments.evaluation.job import Recipe, Result
 from experiments.evaluation.runner import Runner
 from experiments.evaluation.store import LOGS, Store
-from experiments.session import session as context
+from experiments.session import session
 from experiments.tables.nets import by_row, jobs_of
 from experiments.targets.base import Target
 from scene.assets.catalogue import AssetPool
@@ -186,8 +186,8 @@ def within_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
         alone = config.workers == 0 and config.executor == "processes"
         return WorkerPool(0) if alone else started(config)
 
-    started = context.workers_for
-    monkeypatch.setattr(context, "workers_for", workers_for)
+    started = session.workers_for
+    monkeypatch.setattr(session, "workers_for", workers_for)
 
 
 @pytest.fixture

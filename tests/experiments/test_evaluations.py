@@ -37,7 +37,7 @@ from experiments.evaluation.train_and_test import attempt, worker_environment
 from experiments.search.learn import plan_of
 from experiments.search.loop import search
 from experiments.search.rewards import Rewards
-from experiments.session.session import Run
+from experiments.session.session import Session
 from experiments.tables.nets import jobs_of
 from scene.assets.own_class import OwnClass
 from scene.attributes import NAMES
@@ -78,12 +78,12 @@ def record(key: str = "k", reward: float | None = 0.25, **others) -> dict:
 def a_run(tmp_path):
     """Opens runs on the target above, without their folders' guards."""
 
-    def opened(out="run", store=None, pool=POOL, **changes) -> Run[MainConfig]:
+    def opened(out="run", store=None, pool=POOL, **changes) -> Session[MainConfig]:
         config = replace(CONFIG, out=tmp_path / out, **changes)
         config.out.mkdir(exist_ok=True)
         logs = [Store(config.out / name) for name in LOGS]
         shared = store and Store(store, shared=True)
-        return Run(config, TARGET, pool, *logs, shared, Progress(1))
+        return Session(config, TARGET, pool, *logs, shared, Progress(1))
 
     return opened
 
@@ -96,7 +96,7 @@ def test_a_search_asks_for_its_checkpoints(a_run):
         assert job.recipe == run.recipe(CONFIG.reward)._replace(checkpoints=checkpoints)
 
 
-def evaluate(run: Run[MainConfig], *seeds: int) -> list[Result]:
+def evaluate(run: Session[MainConfig], *seeds: int) -> list[Result]:
     """Outcomes of jobs, in their order."""
     recipe = run.recipe(run.config.reward)
     jobs = [Job(recipe, random_proposal(), seed, {"row": f"r{seed}"}, "reward") for seed in seeds]
@@ -361,7 +361,7 @@ def test_a_second_search_takes_its_rewards_from_the_store(a_run, tmp_path, score
     np.testing.assert_allclose(stored[0]["centre"], (bins + 0.5) / 5, atol=1e-6)
 
 
-def nets(run: Run[MainConfig]) -> dict[str, list[Result]]:
+def nets(run: Session[MainConfig]) -> dict[str, list[Result]]:
     sources = {"random": random_proposal(), "default": default_proposal(), "real": TRUTH}
     recipe = run.recipe(run.config.final)
     return results_of(run, "final", sources, recipe, [5, 6, 7], once=["default"])

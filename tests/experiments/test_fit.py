@@ -46,7 +46,7 @@ from experiments.evaluation.cache import Cache
 from experiments.evaluation.job import Source
 from experiments.evaluation.pace import Pace
 from experiments.evaluation.runner import Runner
-from experiments.session import session as context
+from experiments.session import session
 from experiments.tables.form import Report
 from experiments.targets.folder import FOLDS, cut, fold_targets, parts_of, reader
 from experiments.targets.sizes import Choice, choose, suitable_size
@@ -209,7 +209,7 @@ def test_fit_takes_the_size_that_this_machine_can_and_a_run_keeps_its_own(
         return final.width, final.height
 
     said: list[str] = []
-    monkeypatch.setattr(context.paces, "read", lambda kind: Pace(0.5, 0.5))
+    monkeypatch.setattr(session.paces, "read", lambda kind: Pace(0.5, 0.5))
     fast = config_of(large, tmp_path / "run", workers=2, say=said.append)
     assert fast.final.size == fast.reward.size == "480x360"
     (line,) = said
@@ -219,7 +219,7 @@ def test_fit_takes_the_size_that_this_machine_can_and_a_run_keeps_its_own(
     searching = config_of(large, tmp_path / "run", workers=2, search=True, size=(480, 360))
     assert (searching.reward.size, searching.final.size) == ("240x176", "480x360")
     # Twice as slow, it is a smaller size, unless the run in the folder has one, or minutes are allowed.
-    monkeypatch.setattr(context.paces, "read", lambda kind: Pace(2.0, 2.0))
+    monkeypatch.setattr(session.paces, "read", lambda kind: Pace(2.0, 2.0))
     slow = size()
     assert 240 <= slow[0] < 480
     assert size(minutes=1000.0) == (480, 360) and size(size=(320, 240)) == (320, 240)
@@ -257,11 +257,11 @@ def test_fit_takes_the_size_that_this_machine_can_and_a_run_keeps_its_own(
 def test_an_unknown_pace_is_measured_where_it_decides(large: Path, tmp_path, monkeypatch) -> None:
     said: list[str] = []
     kept: list[Pace] = []
-    monkeypatch.setattr(context.paces, "read", lambda kind: None)
-    monkeypatch.setattr(context.paces, "keep", lambda kind, pace: kept.append(pace))
-    monkeypatch.setattr(context.paces, "measured_by", lambda workers: Pace(1e3, 1e3))
-    monkeypatch.setattr(context, "compile_first", lambda workers, name: None)
-    monkeypatch.setattr(context, "workers_of", lambda *_: nullcontext())
+    monkeypatch.setattr(session.paces, "read", lambda kind: None)
+    monkeypatch.setattr(session.paces, "keep", lambda kind, pace: kept.append(pace))
+    monkeypatch.setattr(session.paces, "measured_by", lambda workers: Pace(1e3, 1e3))
+    monkeypatch.setattr(session, "compile_first", lambda workers, name: None)
+    monkeypatch.setattr(session, "workers_of", lambda *_: nullcontext())
     options = {"workers": 2, "say": said.append}
     assert config_of(large, tmp_path / "run", **options).final.size == "240x176"
     assert kept == [Pace(1e3, 1e3)] and said[0].startswith("Measuring how fast") and len(said) == 2
@@ -271,7 +271,7 @@ def test_an_unknown_pace_is_measured_where_it_decides(large: Path, tmp_path, mon
 
 
 def test_sizes_that_need_too_much_memory_are_not_chosen(large, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(context.paces, "read", lambda kind: Pace(0.01, 0.01))
+    monkeypatch.setattr(session.paces, "read", lambda kind: Pace(0.01, 0.01))
     monkeypatch.setattr(experiments.app.fit, "memory", lambda: 4_000_000_000)
     sizes = [config_of(large, tmp_path / "run", workers=n).final.width for n in (1, 2)]
     assert sizes[0] == 480 > sizes[1] > 240
@@ -392,7 +392,7 @@ def test_from_a_folder_of_ones_own_to_a_net(folder, tmp_path, capsys, monkeypatc
             charges.append(units)
             super().advance(units, replayed=replayed)
 
-    monkeypatch.setattr(context, "Progress", Charged)
+    monkeypatch.setattr(session, "Progress", Charged)
     arguments = [str(folder), "--out", str(tmp_path / "run"), "--preset", "smoke", "--seeds", "1"]
     arguments += ["--size", "64x48", "--workers", "0", "--fix", "field_of_view=90"]
     assert main(arguments) == 0

@@ -22,7 +22,7 @@ from experiments.evaluation.made_with import made_with
 from experiments.evaluation.mmd import train_features
 from experiments.evaluation.store import read, write_store
 from experiments.evaluation.train_and_test import trained, worker_environment
-from experiments.session import session as context
+from experiments.session import session
 from scene.assets.catalogue import AssetPool
 from scene.proposal import random_proposal
 from scene.render import RendererError
@@ -47,10 +47,10 @@ def fails(error_line, camvid):
 
 
 def test_a_folder_says_everything_needed_to_repeat_the_run(tiny_camvid):
-    with context.opened(tiny_camvid):
+    with session.open(tiny_camvid):
         stored = json.loads((tiny_camvid.out / "config.json").read_text())
     assert set(stored.pop("versions")) >= {"sdr-jax"} and stored.pop("version") == 1
-    own = {"engine": context.ENGINE, "made_with": dict(made_with())}
+    own = {"engine": session.ENGINE, "made_with": dict(made_with())}
     assert stored == plain({**own, **asdict(tiny_camvid)})
 
 
@@ -58,7 +58,7 @@ def test_jobs_called_from_python_set_up_their_process_like_commands(tiny_camvid,
     for name in ("NPROC", "XLA_PYTHON_CLIENT_PREALLOCATE"):
         monkeypatch.setenv(name, "7")
         monkeypatch.delenv(name)
-    with context.opened(tiny_camvid):
+    with session.open(tiny_camvid):
         environment = worker_environment()
         for name in ("NPROC", "XLA_PYTHON_CLIENT_PREALLOCATE"):
             assert os.environ[name] == environment[name]
@@ -70,8 +70,8 @@ def test_jobs_called_from_python_set_up_their_process_like_commands(tiny_camvid,
 
 def test_a_run_goes_on_with_other_workers_and_another_store(tiny_camvid, scored_by, capsys):
     def score(config) -> list[float]:
-        with context.opened(config) as run:
-            run.begin([context.Work.at("final nets", 2, config.final)])
+        with session.open(config) as run:
+            run.begin([session.Work.at("final nets", 2, config.final)])
             recipe = run.recipe(config.final)
             found = results_of(run, "final", {"random": random_proposal()}, recipe, [1, 2])
             return [outcome.reward for outcome in found["random"]]
@@ -88,18 +88,18 @@ def test_a_run_goes_on_with_other_workers_and_another_store(tiny_camvid, scored_
 
 def test_a_folder_in_use_and_a_missing_renderer(fails, tiny_camvid, camvid, monkeypatch, tmp_path):
     assert "is a file; it must be a folder" in fails(camvid / "train" / "A_1.png")
-    with context.opened(tiny_camvid):
+    with session.open(tiny_camvid):
         assert "in use by another run" in fails(tiny_camvid.out)
-    with context.opened(replace(tiny_camvid, out=tiny_camvid.out / "other", seed=4)):
+    with session.open(replace(tiny_camvid, out=tiny_camvid.out / "other", seed=4)):
         assert "seed = 4, not 0" in fails(tiny_camvid.out / "other")
     with monkeypatch.context() as patch:
-        patch.setattr(context, "ENGINE", 0)
-        with context.opened(replace(tiny_camvid, out=tiny_camvid.out / "old")):
+        patch.setattr(session, "ENGINE", 0)
+        with session.open(replace(tiny_camvid, out=tiny_camvid.out / "old")):
             pass
     assert f"engine = 0, not {context.ENGINE}" in fails(tiny_camvid.out / "old")
 
     missing = RendererError("EGL is missing;\ninstall libegl1")
-    monkeypatch.setattr(context, "renderer", Mock(side_effect=missing))
+    monkeypatch.setattr(session, "renderer", Mock(side_effect=missing))
     assert "EGL is missing; install libegl1" in fails(tmp_path / "new")
     assert not (tmp_path / "new").exists()
 
@@ -130,7 +130,7 @@ def elsewhere(monkeypatch):
 
 
 def test_a_run_keeps_to_its_backend_and_versions(tiny_camvid, fails, elsewhere):
-    with context.opened(tiny_camvid):
+    with session.open(tiny_camvid):
         stored = json.loads((tiny_camvid.out / "config.json").read_text())
     ours = stored["made_with"]
     assert (ours["backend"], ours["jax"], ours["numpy"]) == ("cpu", jax.__version__, np.__version__)
@@ -146,8 +146,8 @@ def test_a_store_keeps_two_backends_apart(tiny_camvid, counted, elsewhere, capsy
     def score(out: str) -> int:
         counted.calls.clear()
         config = replace(tiny_camvid, out=tiny_camvid.out.with_name(out), store=store)
-        with context.opened(config) as run:
-            run.begin([context.Work.at("final nets", 2, config.final)])
+        with session.open(config) as run:
+            run.begin([session.Work.at("final nets", 2, config.final)])
             recipe = run.recipe(config.final)
             results_of(run, "final", {"random": random_proposal()}, recipe, [1, 2])
         return len(counted.calls)

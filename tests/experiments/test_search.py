@@ -9,12 +9,12 @@ import pytest
 
 import sdr_jax
 from common.errors import UserError
+from experiments import session
 from experiments.config import make_space
 from experiments.evaluation.job import Result
 from experiments.search.learn import plan_of
 from experiments.search.loop import search
 from experiments.search.rewards import embed
-from experiments.session.session import opened
 from scene.attributes import NAMES
 
 from .conftest import Counted, Killed, diverge, formula, lines, main_job, never, searching, untimed
@@ -27,7 +27,7 @@ nothing_to_score = Mock(return_value=Result(float("nan"), [], 0.0, 0.0))
 def run(scored_by):
     def work(config, evaluate=formula, plan=None):
         scored_by(evaluate)
-        with opened(config) as job:
+        with session.open(config) as job:
             return search(job, plan or plan_of(config))
 
     return work

@@ -11,6 +11,7 @@ from PIL import Image
 
 from common.errors import UserError
 from common.files import read_json
+from experiments import session
 from experiments.config import LearntConfig, read_attributes
 from experiments.config.presets import defaults
 from experiments.config.studies import defaults_of
@@ -19,7 +20,7 @@ from experiments.evaluation.cost import Cost
 from experiments.evaluation.job import Result
 from experiments.evaluation.pace import REFERENCE, Pace
 from experiments.evaluation.store import LOGS, Store
-from experiments.session.session import Work, opened, plan_text
+from experiments.session.session import Work, plan_text
 from experiments.tables import form
 from experiments.tables.bins import random_bins
 from experiments.tables.nets import paired_seeds, training_sets
@@ -220,13 +221,13 @@ def test_flags_that_cannot_be_are_refused_by_name(name, flags, command, out, cap
 
 def test_learnt_attributes_are_made_once(config, counted, tmp_path):
     shared = replace(config, store=tmp_path / "shared.jsonl")
-    with opened(shared) as run:
+    with session.open(shared) as run:
         plan = learnt_work(shared)
         run.begin(plan)
         learnt = learnt_attributes(run)
         assert len(counted.calls) == sum(work.nets for work in plan) == 12
     again = replace(shared, out=tmp_path / "again")
-    with opened(again) as run:
+    with session.open(again) as run:
         found = learnt_attributes(run)
     assert len(counted.calls) == 12
     for other in (found, read_attributes("--learnt", again.out / "attributes.json", "scenex")):
@@ -244,7 +245,7 @@ def test_seeds_of_nets_and_of_random_bins_begin_at_the_jobs_own(config):
 
 
 def test_nets_are_paired_and_made_once(config, counted):
-    with opened(config) as run:
+    with session.open(config) as run:
         recipe, seeds = run.recipe(config.final), paired_seeds(run)
         sources = training_sets(run, random_proposal())
         assert list(sources) == ["random", "default", "learnt", "real"]
@@ -259,7 +260,7 @@ def test_nets_are_paired_and_made_once(config, counted):
         half = run.recipe(config.final, fraction=0.5)
         results_of(run, "some", {"random": random_proposal()}, half, seeds)
         assert len(counted.calls) == 8
-    with opened(config) as run:
+    with session.open(config) as run:
         results_of(run, "some", sources, recipe, seeds)
     made = {line["key"] for line in lines(config.out / "finals.jsonl")}
     assert len(counted.calls) == len(made) == 8
@@ -418,7 +419,7 @@ def test_a_long_job_measures_the_pace_of_the_machine_once(config, monkeypatch, t
     monkeypatch.setattr(paces, "measured_by", measure)
     kind = paces.kind("processes", "cpu")
     brief, long = (Work("nets", 10, config.final, Cost(n, n)) for n in (1.0, 30.0))
-    with opened(config) as run:
+    with session.open(config) as run:
         run.begin([brief])
         assert not measured and paces.read(kind) is None
         run.begin([long])

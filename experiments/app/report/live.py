@@ -13,11 +13,11 @@ from common.interrupt import PROGRAM
 from common.loopback import HOST, check_port, refusal
 from experiments.app.report import page
 from experiments.app.report.folder import NAME, RunFolder
-from experiments.session.session import Run
+from experiments.session.session import Session
 from experiments.tables.form import Report
 
 
-def watch(run: Run[Any], known: Report) -> None:
+def watch(run: Session[Any], known: Report) -> None:
     """Make a run write its page anew as it makes progress, at most every `page.EVERY` seconds.
 
     Args:

@@ -18,7 +18,7 @@ from common.files import naming, write, write_json
 from common.lines import Record
 from experiments.evaluation.predictions import Predictions, file_of, load
 from experiments.search.loop import Found
-from experiments.session.session import Run
+from experiments.session.session import Session
 from seg.classes import ClassTable, class_table, colorize
 from seg.data import LabelledImages
 
@@ -38,7 +38,7 @@ def search(folder: Path, found: Found) -> None:
             _write(folder, f"{name}.npy", data.getvalue())
 
 
-def show(run: Run[Any], test: LabelledImages, sets: Mapping[str, LabelledImages]) -> None:
+def show(run: Session[Any], test: LabelledImages, sets: Mapping[str, LabelledImages]) -> None:
     """Write all pictures, and the file that describes them.
 
     Args:

@@ -9,7 +9,7 @@ import numpy as np
 from common.command import given
 from experiments.evaluation.job import Result
 from experiments.evaluation.store import each
-from experiments.session.session import Run
+from experiments.session.session import Session
 from experiments.tables import few_rows
 from experiments.tables.form import Report, about, class_means, interval, miou, nets, starts
 from experiments.tables.stats import TOO_FEW, statistics
@@ -28,7 +28,7 @@ ROWS = tuple(row for row in TRAINED_ON if row not in few_rows.TRAINED_ON)
 """Rows of a target with labelled reward images (otherwise without ``real``); ``--few`` adds others."""
 
 
-def scores(run: Run[Any], rows: dict[str, list[Result]], learnt: Proposal) -> Report:
+def scores(run: Session[Any], rows: dict[str, list[Result]], learnt: Proposal) -> Report:
     """All measurements; mIoU in percent, unit values in [0, 1]."""
     config, target = run.config, run.target
     lines = each(run.evaluations.records + run.finals.records)
