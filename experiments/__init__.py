@@ -1,5 +1,18 @@
-"""The main job: learn the attributes whose rendered images train the best segmentation net."""
+"""Learn to simulate: train networks on labels plus renders, and optimise the streets for a target.
+
+    import experiments
+
+    fitted = experiments.fit("photos", "runs/fit", few=14)
+    fitted.verdict, fitted.miou, fitted.model.predict(images)
+    found = experiments.search("camvid", "CamVid", "runs/camvid", holdout="0006R0")
+    experiments.reward(found.attributes, "camvid", "CamVid").miou
+
+Names are imported on first use; ``__init__.pyi`` lists them.
+"""
+
+from lazy_loader import attach_stub
 
 from common.interrupt import while_loading
 
 while_loading(__name__)  # before all else
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -13,17 +13,28 @@ seen. If the data have no split, these are the folds of your images, by group, i
 from __future__ import annotations
 
 import sys
+from typing import TYPE_CHECKING, Any
 
 from common.command import Arguments
+
+if TYPE_CHECKING:
+    from experiments.app.functions import fit as fit
+
+
+def __getattr__(name: str) -> Any:
+    """Load the function `experiments.fit` on first use."""
+    if name == "fit":
+        from experiments.app.functions import fit as function
+
+        return function
+    raise AttributeError(name)
 
 
 def main(arguments: Arguments = None) -> int:
     """The command line; returns the exit code."""
-    from experiments.app.fit import (
-        main as work,  # help and worker processes load this file without it
-    )
+    from experiments.app import fit as work  # help and worker processes load this file without it
 
-    return work(arguments)
+    return work.main(arguments)
 
 
 if __name__ == "__main__":

@@ -62,7 +62,7 @@ def test_workers_wait_neither_for_trimesh_nor_for_rich_nor_for_opengl():
 
 
 LIBRARIES = ("scene", "seg", "sdr_jax")
-MACHINERY = ("config", "targets", "evaluation", "session", "search", "tables")
+MACHINERY = ("config", "targets", "evaluation", "session", "attribute_search", "tables")
 """Folders of `experiments`; each imports from those before it only."""
 BELOW: dict[str, tuple[str, ...]] = {
     "common": (),

@@ -27,6 +27,7 @@ from common.workers.pool import WorkerError
 from experiments.app.report import live, page
 from experiments.app.report.fit_table import MODEL, STRIP, Row, derive, rows_of, text
 from experiments.app.report.folder import NAME
+from experiments.attribute_search.learn import learn, work_of
 from experiments.config import FewConfig, Fidelity, Preset, parsers
 from experiments.config.config import NETS
 from experiments.config.limits import PIXEL, training_bytes
@@ -36,7 +37,6 @@ from experiments.evaluation.cost import Cost, job_cost, prepare_cost, street_cos
 from experiments.evaluation.job import Job, Keeps, LabelledSubset, Source, StreetPool
 from experiments.evaluation.pace import Pace
 from experiments.evaluation.predictions import file_of, load
-from experiments.search.learn import learn, work_of
 from experiments.session.session import Session, Work, pace_here, set_up_process, total_of
 from experiments.tables.form import Form, Report, about, miou, nets
 from experiments.tables.skeleton import Study, attributes, do

@@ -11,10 +11,10 @@ from experiments.app import few_note
 from experiments.app.report import live, page, pictures, summary
 from experiments.app.report.folder import NAME
 from experiments.app.report.matters import FILE, matters
+from experiments.attribute_search.learn import learn, work_of
 from experiments.config import MainConfig
 from experiments.evaluation.job import Recipe
 from experiments.evaluation.train_and_test import render
-from experiments.search.learn import learn, work_of
 from experiments.session.session import Session, Work
 from experiments.tables import few_rows
 from experiments.tables.form import Form, Report, about

@@ -13,7 +13,7 @@ from inspect import get_annotations
 from pathlib import Path
 from typing import Any
 
-from common.command import HELP, Parser, docstring, exit_code
+from common.command import HELP, Parser, docstring, exit_code, meant
 from common.errors import UserError
 from common.flags import Field, add_flag, filled, flags_of
 from common.workers.pool import WorkerError
@@ -101,15 +101,29 @@ def command(
     def run() -> None:
         from scene.render import RendererError  # the help needs no engine
 
-        config = filled(_default(name, given), given)
-        if given.get("rederive") is None:
-            refuse_unused(config, given)
+        config = configured(name, given)
         try:
             do(config)
         except RendererError as error:  # also from a worker
             raise UserError(str(error)) from None
 
     return exit_code(run, also=(WorkerError, Unmet), debug=debug)
+
+
+def configured(name: str, values: Mapping[str, Any]) -> Any:
+    """The configuration of a job: its defaults with values of fields by their dotted names.
+
+    Raises:
+        UserError: no field has a name, or a value has no effect beside the others.
+    """
+    default = _default(name, values)
+    known = [".".join(field.path) for field in flags_of(default)]
+    for unknown in values.keys() - {*known}:
+        raise UserError(f"{JOBS[name].called} has no option {unknown}{meant(unknown, known)}")
+    config = filled(default, values)
+    if values.get("rederive") is None:
+        refuse_unused(config, values)
+    return config
 
 
 def parser(name: str, given: Mapping[str, Any] | None = None) -> Parser:

@@ -24,13 +24,13 @@ from typing import Any
 import numpy as np
 
 from common.errors import UserError
+from experiments.attribute_search.learn import learn
 from experiments.config import (
     Fidelity,
 )
 from experiments.config.cli import command
 from experiments.config.studies import PretrainConfig
 from experiments.evaluation.job import Job, LabelledSubset, Recipe, Result, Start
-from experiments.search.learn import learn
 from experiments.session.session import Session, Work
 from experiments.studies.figure import curves
 from experiments.tables.form import (

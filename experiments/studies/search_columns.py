@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from experiments.search.loop import Found
+from experiments.attribute_search.loop import Found
 from experiments.tables.form import Column, Report, number
 from experiments.tables.stats import mean
 

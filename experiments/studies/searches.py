@@ -21,13 +21,13 @@ from functools import partial
 from typing import Any
 
 from common.errors import UserError
+from experiments.attribute_search import learn, plans
+from experiments.attribute_search.loop import Found
+from experiments.attribute_search.rewards import SearchPlan
 from experiments.config import check as check_flags
 from experiments.config.cli import command
 from experiments.config.studies import ManyConfig
 from experiments.evaluation.job import Source
-from experiments.search import learn, plans
-from experiments.search.loop import Found
-from experiments.search.rewards import SearchPlan
 from experiments.session.session import Session, Work
 from experiments.studies.figure import plt, png
 from experiments.studies.search_columns import core_seconds, failed_evaluations, rewards, thirds

@@ -20,10 +20,10 @@ from typing import Any, Generic, NamedTuple
 from common.progress import duration
 from common.workers.pool import Workers
 from experiments import session
+from experiments.attribute_search.learn import learn, work_of
 from experiments.config import Fidelity, LearntConfig, Rederived, read_attributes
 from experiments.config import check as check_flags
 from experiments.evaluation.job import Job, Result, Source
-from experiments.search.learn import learn, work_of
 from experiments.session.session import AnyConfig, Session, Work, set_up_process
 from experiments.tables.form import Form, Report, about, nets, rewrite, write_report
 from experiments.tables.nets import paired_seeds

@@ -18,6 +18,9 @@ from common.labels.classes import Outline
 from common.progress import Progress
 from common.workers.pool import WorkerPool
 from experiments.app.stores import main
+from experiments.attribute_search.learn import plan_of
+from experiments.attribute_search.loop import search
+from experiments.attribute_search.rewards import Rewards
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
 from experiments.evaluation import job, mmd, runner, store
@@ -34,9 +37,6 @@ from experiments.evaluation.store import (
     result_of,
 )
 from experiments.evaluation.train_and_test import attempt, worker_environment
-from experiments.search.learn import plan_of
-from experiments.search.loop import search
-from experiments.search.rewards import Rewards
 from experiments.session.session import Session
 from experiments.tables.nets import jobs_of
 from scene.assets.own_class import OwnClass

@@ -13,6 +13,7 @@ from common.errors import UserError
 from common.files import write_json
 from common.folder import plain
 from experiments.app.main_job import MAIN
+from experiments.attribute_search.learn import plan_of
 from experiments.config import (
     Fidelity,
     GroupsConfig,
@@ -34,7 +35,6 @@ from experiments.config.presets import (
     in_space,
 )
 from experiments.config.studies import STUDIES, TableConfig, defaults_of, methods_of
-from experiments.search.learn import plan_of
 from experiments.studies import table
 from experiments.tables.skeleton import check as refuse_wrong
 from experiments.tables.skeleton import do

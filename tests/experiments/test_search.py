@@ -10,11 +10,11 @@ import pytest
 import sdr_jax
 from common.errors import UserError
 from experiments import session
+from experiments.attribute_search.learn import plan_of
+from experiments.attribute_search.loop import search
+from experiments.attribute_search.rewards import embed
 from experiments.config import make_space
 from experiments.evaluation.job import Result
-from experiments.search.learn import plan_of
-from experiments.search.loop import search
-from experiments.search.rewards import embed
 from scene.attributes import NAMES
 
 from .conftest import Counted, Killed, diverge, formula, lines, main_job, never, searching, untimed

@@ -5,7 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import experiments
 from common.files import read_json, write_json
+from experiments.app import main_job
 from experiments.app.report.summary import advice, derive, scores, text
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
@@ -13,7 +15,7 @@ from experiments.evaluation.job import Result
 from experiments.targets.base import Target
 from experiments.targets.twin import twin_world
 from scene.attributes import names
-from scene.proposal import slide
+from scene.proposal import default_proposal, describe, slide
 from seg.classes import class_table
 
 CLASSES = class_table("cityscapes").classes
@@ -141,3 +143,24 @@ def test_a_net_that_failed_is_left_out_and_told():
     assert [*random["miou"], random["mean"]] == [None, pytest.approx(20), pytest.approx(20)]
     assert summary["failed"] == 1 and summary["gain"] == {"mean": pytest.approx(30), "ci95": None}
     assert "1 evaluations failed in training and are left out" in text(summary)
+
+
+def test_the_function_search_returns_scores_and_attributes(tmp_path, monkeypatch):
+    configs = []
+
+    def work(config):
+        configs.append(config)
+        write_json(config.out / "summary.json", made(seeds=2))
+        write_json(config.out / "attributes.json", describe(default_proposal()))
+
+    monkeypatch.setattr(main_job, "RUN", work)
+    options = {"twin": "far", "search": {"datasets_per_update": 4}}
+    found = experiments.search(out=tmp_path, space="extended", **options)
+    (config,) = configs
+    assert (config.target, config.twin, config.space) == ("twin", "far", "extended")
+    assert config.search.datasets_per_update == 4 and config.out == tmp_path
+    means = {row: score.mean for row, score in found.miou.items()}
+    assert means == pytest.approx({row: 100 * np.mean(own) for row, own in ROW_MIOU.items()})
+    assert found.miou["random"].ci95 is None
+    assert np.array_equal(found.attributes.centre, default_proposal().centre)
+    assert found.verdict in str(found) and found.verdict in found._repr_html_()

@@ -16,8 +16,8 @@ from PIL import Image
 
 from common.files import naming, write, write_json
 from common.lines import Record
+from experiments.attribute_search.loop import Found
 from experiments.evaluation.predictions import Predictions, file_of, load
-from experiments.search.loop import Found
 from experiments.session.session import Session
 from seg.classes import ClassTable, class_table, colorize
 from seg.data import LabelledImages

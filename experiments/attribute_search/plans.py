@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import sdr_jax
 from common.errors import UserError
+from experiments.attribute_search.rewards import SearchPlan
 from experiments.config import GroupsConfig, make_method, make_space
 from experiments.evaluation.cost import cost_of
-from experiments.search.rewards import SearchPlan
 from experiments.session.session import Work
 
 

@@ -9,9 +9,9 @@ import jax
 import numpy as np
 
 import sdr_jax
+from experiments.attribute_search.rewards import Rewards, SearchPlan, embed
 from experiments.config import RewardKind
 from experiments.evaluation.job import REWARD_NAMES, Result, in_words
-from experiments.search.rewards import Rewards, SearchPlan, embed
 from experiments.session.session import Session
 from scene.proposal import Proposal
 from sdr_jax.method import on_clipping

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from common.files import write_json
+from experiments.attribute_search import plans
+from experiments.attribute_search.loop import Found, search
+from experiments.attribute_search.rewards import SearchPlan
 from experiments.config import SearchConfig, make_method, make_space
-from experiments.search import plans
-from experiments.search.loop import Found, search
-from experiments.search.rewards import SearchPlan
 from experiments.session.session import Session, Work
 from scene.proposal import describe
 

@@ -1,0 +1,335 @@
+"""What `experiments` offers in Python: `fit`, `search` and `reward`, with named results.
+
+They do what `sdr-jax fit`, and `sdr-jax camvid` or its like, do: they print progress, and a stopped call
+resumes when it is made again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from html import escape
+from pathlib import Path
+from typing import Any, NamedTuple, cast
+
+from common.errors import UserError
+from common.files import read_json
+from common.labels.target_file import Fit as Shape
+from common.workers.pool import WorkerPool
+from experiments.app import fit as app_fit
+from experiments.app import main_job
+from experiments.app.fit import MODEL, FitConfig
+from experiments.app.report import fit_table, summary
+from experiments.app.report.folder import NAME
+from experiments.config import MainConfig, Preset, TargetName
+from experiments.config.cli import configured
+from experiments.evaluation.job import Recipe
+from experiments.evaluation.train_and_test import evaluate_miou
+from experiments.session.session import set_up_process
+from experiments.tables.form import Report
+from experiments.targets.base import Target
+from experiments.targets.named import named_target
+from experiments.targets.sizes import Size
+from scene.proposal import Streets, read_streets, streets_in
+from seg.model import Model, load_model
+from seg.recipes import with_steps
+from seg.settings import Trunk, TrunkName
+
+
+class Score(NamedTuple):
+    """A mean with its 95 % interval; None where there are too few networks."""
+
+    mean: float | None
+    ci95: tuple[float, float] | None
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A finished run folder."""
+
+    folder: Path
+    summary: Report
+    """The content of ``summary.json``."""
+
+    @property
+    def miou(self) -> dict[str, Score]:
+        """The mIoU in percent of each training set, by the name of its row."""
+        return {name: _score(row) for name, row in self.summary["rows"].items()}
+
+    @property
+    def report(self) -> Path:
+        """The report as a page."""
+        return self.folder / NAME
+
+    def _repr_html_(self) -> str:
+        rows = "".join(
+            f"<tr><td>{escape(name)}</td><td>{_number(score.mean)}</td><td>{_between(score.ci95)}</td></tr>"
+            for name, score in self.miou.items()
+        )
+        head = "<tr><th>trained on</th><th>mIoU, %</th><th>95 % interval</th></tr>"
+        return f"<table>{head}{rows}</table><p>{escape(self._sentence())}</p>"
+
+    def _sentence(self) -> str:
+        raise NotImplementedError
+
+
+class Fitted(Outcome):
+    """The result of `fit`."""
+
+    @property
+    def verdict(self) -> str:
+        """What the renders add to the labels, in one sentence."""
+        return str(self.summary["verdict"])
+
+    @property
+    def gain(self) -> Score:
+        """What the renders add to the labels, in points of mIoU."""
+        return _score(self.summary["gains"]["labels+renders"])
+
+    @property
+    def model(self) -> Model:
+        """The model trained on all labels."""
+        return load_model(self.folder / MODEL)
+
+    def _sentence(self) -> str:
+        return self.verdict
+
+    def __str__(self) -> str:
+        return fit_table.text(self.summary)
+
+
+class Searched(Outcome):
+    """The result of `search`."""
+
+    @property
+    def attributes(self) -> Streets:
+        """The attributes that the search has found, for `scene.stream` or `reward`."""
+        return streets_in(self.folder / "attributes.json")
+
+    @property
+    def dataset(self) -> Path:
+        """The folder of the optimised streets, rendered and labelled."""
+        return self.folder / "dataset"
+
+    @property
+    def verdict(self) -> str:
+        """Whether optimised streets are better than default ones, in one sentence."""
+        return summary.advice(self.summary)
+
+    def _sentence(self) -> str:
+        return self.verdict
+
+    def __str__(self) -> str:
+        return summary.text(self.summary)
+
+
+class Reward(NamedTuple):
+    """The value of a rendered training set: the mIoU of a network trained on it."""
+
+    miou: float  # in [0, 1]
+    classes: dict[
+        str, float | None
+    ]  # IoU in [0, 1] of each class; None where no tested pixel has it
+
+
+def fit(
+    data: str | Path,
+    out: str | Path,
+    *,
+    target: str | None = None,
+    few: int | None = None,
+    holdout: str | None = None,
+    size: Size | None = None,
+    minutes: float | None = None,
+    seeds: int = FitConfig.seeds,
+    workers: int | None = None,
+    preset: Preset = "quick",
+    search: bool = False,
+    shape: Shape | None = None,
+    init: str | Path | None = None,
+    store: str | Path | None = None,
+    net: TrunkName = "lite0",
+    trunk: Trunk = "frozen",
+    weights: str | Path | None = None,
+    fix: Sequence[str] = (),
+    mirror: bool = True,
+    streets: int | None = None,
+    steps: int | None = None,
+) -> Fitted:
+    """Train networks on labelled images plus renders, as `sdr-jax fit` does.
+
+    Args:
+        data: folder of images and labels, with a ``target.yaml`` unless ``target`` is given.
+        out: folder of the run.
+        target: the target's file, or the name of one in the package.
+        few: number of labelled images to use; by default all.
+        holdout: the group to test on.
+        size: width and height for networks; by default the largest that takes ten minutes.
+        minutes: the most minutes, instead of ten, that decide the size.
+        seeds: networks of each row.
+        workers: number of processes; by default the cores.
+        preset: ``quick``, or ``smoke`` for a trial.
+        search: whether to optimise the streets, too.
+        shape: how images of another shape are treated: ``crop`` or ``pad``.
+        init: folder of a model from which the final model starts.
+        store: file of evaluations that runs share.
+        net: the backbone.
+        trunk: whether the backbone is ``frozen`` or ``tuned``.
+        weights: file of the backbone's weights, for dinov2.
+        fix: attributes to hold in all streets, such as ``field_of_view=90``.
+        mirror: whether predictions are averaged over the mirror image.
+        streets: number of rendered streets; by default the preset's.
+        steps: training steps; by default the recipe's.
+
+    Returns:
+        Scores, the model, and the folder with everything else.
+
+    Raises:
+        UserError, DataError: the data or an argument cannot be used; the message names it.
+        WorkerError: worker processes keep dying.
+    """
+    config = app_fit.config_of(
+        Path(data),
+        Path(out),
+        target=target,
+        few=few,
+        holdout=holdout,
+        search=search,
+        preset=preset,
+        size=size,
+        minutes=minutes,
+        shape=shape,
+        seeds=seeds,
+        workers=workers,
+        init=_path(init),
+        store=_path(store),
+        net=net,
+        trunk=trunk,
+        weights=_path(weights),
+        fix=fix,
+        no_mirror=not mirror,
+        say=lambda text: print(text, flush=True),
+    )
+    final = config.final
+    if steps is not None:
+        final = replace(final, train=with_steps(final.train, steps))
+    if streets is not None:
+        final = replace(final, streets=streets)
+    return Fitted(config.out, app_fit.fit(replace(config, final=final)))
+
+
+def search(
+    target: TargetName = "twin",
+    data: str | Path | None = None,
+    out: str | Path | None = None,
+    *,
+    preset: Preset = "quick",
+    **options: Any,
+) -> Searched:
+    """Optimise the streets for a target, as `sdr-jax camvid` does, and compare them with others.
+
+    Args:
+        target: ``twin``, ``cityscapes``, ``camvid`` or ``labelmefacade``.
+        data: folder of the target's images; none for the twin.
+        out: folder of the run; by default ``runs/TARGET-PRESET``.
+        preset: ``smoke``, ``quick`` or ``paper``.
+        options: flags of the command with underscores, such as ``holdout="0006R0"``, ``space="extended"`` or
+            ``seeds=5``; those with a dot as a dictionary, such as ``search={"updates_per_group": 4}``.
+
+    Returns:
+        Scores, the attributes found, and the folder with everything else.
+
+    Raises:
+        UserError, DataError: the data or an argument cannot be used; the message names it.
+        WorkerError: worker processes keep dying.
+    """
+    config = _main_config(target, data, preset, options)
+    if out is not None:
+        config = replace(config, out=Path(out))
+    main_job.RUN(config)
+    return Searched(config.out, read_json(config.out / f"{main_job.FORM.name}.json"))
+
+
+def reward(
+    streets: Streets | str | Path = "default",
+    target: TargetName = "twin",
+    data: str | Path | None = None,
+    *,
+    seed: int = 0,
+    preset: Preset = "quick",
+    **options: Any,
+) -> Reward:
+    """Render a training set, train a network on it, and test it on a target's labelled images.
+
+    It runs in this process; the target's images are read once.
+
+    Args:
+        streets: ``random``, ``default``, ``mixed``, a file ``attributes.json``, or a `scene.Proposal`.
+        target: as in `search`.
+        data: as in `search`.
+        seed: seed of the streets and of the network; rewards to be compared have the same.
+        preset: as in `search`.
+        options: as in `search`, such as ``reward={"streets": 24, "train": {"steps": 100}}``.
+
+    Raises:
+        UserError, DataError: the data or an argument cannot be used; the message names it.
+        TrainingError: the loss is not finite.
+    """
+    set_up_process()
+    config = _main_config(target, data, preset, options)
+    if isinstance(streets, str | Path):
+        try:
+            streets = read_streets(str(streets), config.space)
+        except (OSError, ValueError) as error:
+            raise UserError(f"streets: {error}") from None
+    found, fidelity = _target(config), config.reward
+    recipe = Recipe(fidelity, found.table, config.renderer, config.pool)
+    images = found.at(fidelity.height, fidelity.width)["reward"]
+    result = evaluate_miou(recipe, streets, seed, images)
+    names = recipe.classes.classes
+    return Reward(result.reward, dict(zip(names, result.class_iou, strict=True)))
+
+
+@lru_cache(maxsize=2)
+def _target(config: MainConfig) -> Target:
+    return named_target(config, WorkerPool(0))
+
+
+def _main_config(
+    target: str, data: str | Path | None, preset: Preset, options: dict[str, Any]
+) -> MainConfig:
+    command = "cityscapes" if target == "twin" else target
+    known = ("cityscapes", "camvid", "labelmefacade")
+    if command not in known:
+        raise UserError(f"target must be one of twin, {', '.join(known)}, not {target!r}")
+    flags = {"preset": preset, **_flat(options)}
+    if data is not None:
+        flags["data"] = Path(data)
+    return cast(MainConfig, configured(command, flags))
+
+
+def _flat(options: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested dictionaries as dotted names: ``{"reward": {"streets": 4}}`` as ``reward.streets``."""
+    flat: dict[str, Any] = {}
+    for name, value in options.items():
+        nested = isinstance(value, dict)
+        flat |= _flat(value, f"{prefix}{name}.") if nested else {f"{prefix}{name}": value}
+    return flat
+
+
+def _path(value: str | Path | None) -> Path | None:
+    return None if value is None else Path(value)
+
+
+def _score(row: Report) -> Score:
+    ci95 = row["ci95"]
+    return Score(row["mean"], None if ci95 is None else (ci95[0], ci95[1]))
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.1f}"
+
+
+def _between(ci95: tuple[float, float] | None) -> str:
+    return "" if ci95 is None else f"{ci95[0]:.1f} to {ci95[1]:.1f}"

@@ -1,0 +1,69 @@
+"""`experiments.fit`, `search` and `reward`: the commands as functions, with named results."""
+
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import experiments
+from common.errors import UserError
+from common.files import write_json
+from scene.proposal import default_proposal, describe
+from seg.model import Model
+from tests.conftest import printed
+
+TOY = Path(str(files("experiments"))) / "toy"
+TINY = {"streets": 2, "width": 64, "height": 32, "train": {"steps": 2}}
+
+
+def reward(streets="default", **options) -> experiments.Reward:
+    small = {"reward_images": 2, "test_images": 2, "asset_count": 2}
+    return experiments.reward(streets, preset="smoke", reward=TINY, **{**small, **options})
+
+
+def test_a_reward_is_the_same_again_and_that_of_named_or_given_streets():
+    named = reward()
+    assert named == reward() == reward(default_proposal())
+    assert 0 <= named.miou <= 1 and len(named.classes) == 19 and "road" in named.classes
+    scored = [value for value in named.classes.values() if value is not None]
+    assert named.miou == pytest.approx(np.mean(scored))
+
+
+def test_a_reward_of_a_file_of_attributes(tmp_path):
+    path = tmp_path / "attributes.json"
+    write_json(path, describe(default_proposal()))
+    assert reward(path) == reward()
+
+
+@pytest.mark.parametrize(("options", "words"), [
+    ({"streets": "no such file"}, "streets: "),
+    ({"target": "kitti"}, "target must be one of twin, cityscapes, camvid, labelmefacade"),
+    ({"reward_image": 3}, "no option reward_image; did you mean reward_images"),
+    ({"twin_seed": 1, "target": "camvid"}, "--twin-seed is for --target twin"),
+])  # fmt: skip
+def test_what_cannot_be_used_is_named(options, words):
+    with pytest.raises(UserError, match=words):
+        experiments.reward(options.pop("streets", "default"), preset="smoke", **options)
+
+
+def test_fit_returns_scores_and_a_model(tmp_path, capsys):
+    fitted = experiments.fit(
+        TOY, tmp_path / "run", preset="smoke", size=(64, 40), seeds=1, steps=2, streets=2, workers=1
+    )
+    assert fitted.verdict in capsys.readouterr().out and fitted.report.is_file()
+    assert list(fitted.miou) == ["labels", "labels+renders", "renders"]
+    rows = fitted.summary["rows"]
+    assert fitted.miou["labels"] == (rows["labels"]["mean"], None)
+    gain = fitted.miou["labels+renders"].mean - fitted.miou["labels"].mean
+    assert fitted.gain.mean == pytest.approx(gain)
+    assert isinstance(fitted.model, Model)
+    assert str(fitted).startswith(fitted.verdict) and fitted.verdict in fitted._repr_html_()
+
+
+def test_functions_are_what_the_package_offers_whatever_was_imported_before():
+    printed(
+        "import experiments.fit, experiments\n"
+        "from experiments import fit\n"
+        "assert callable(fit) and fit is experiments.fit and fit.__module__ != 'experiments.fit'"
+    )
