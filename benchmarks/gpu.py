@@ -29,8 +29,8 @@ from benchmarks.train import random_truth
 from common.errors import UserError
 from experiments.config import Fidelity, MainConfig
 from experiments.config.presets import defaults
+from experiments.evaluation.in_worker import evaluate_miou, render
 from experiments.evaluation.job import Recipe
-from experiments.evaluation.train_and_test import evaluate_miou, render
 from scene.assets.catalogue import AssetPool
 from scene.proposal import default_proposal
 from scene.render import RendererError

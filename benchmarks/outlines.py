@@ -39,7 +39,7 @@ from common.progress import Progress
 from common.workers.pool import WorkerError, WorkerPool
 from experiments.app.doctor.outlines import Drawn
 from experiments.app.fit import share_of
-from experiments.evaluation.train_and_test import worker_environment
+from experiments.evaluation.in_worker import worker_environment
 from experiments.tables.stats import paired_gain
 from experiments.targets.few import CHOICE, spread
 from experiments.targets.folder import parts_of

@@ -32,8 +32,8 @@ from common.workers.pool import WorkerPool, Workers
 from experiments.config import Fidelity, MainConfig
 from experiments.config.presets import defaults
 from experiments.evaluation.cost import cost_of, training_cost
+from experiments.evaluation.in_worker import attempt, evaluate_miou, worker_environment
 from experiments.evaluation.job import Recipe
-from experiments.evaluation.train_and_test import attempt, evaluate_miou, worker_environment
 from scene.assets.catalogue import AssetPool
 from scene.attributes import NAMES
 from scene.dataset.export import export_dataset

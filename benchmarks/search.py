@@ -28,7 +28,7 @@ from benchmarks.problems import Problem, grouped_space
 from benchmarks.ranking import behind, mean_ranks, plot, text
 from benchmarks.report import Row, count, parser, table, write
 from benchmarks.rivals import METHODS, RIVALS, make
-from experiments.evaluation.train_and_test import worker_environment
+from experiments.evaluation.in_worker import worker_environment
 
 DEFAULT = "surrogate"
 """The default method of `sdr-jax tune`, which has no start."""

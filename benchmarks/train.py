@@ -38,8 +38,8 @@ from common.command import size
 from common.errors import UserError
 from experiments.config import Fidelity, MainConfig
 from experiments.config.presets import defaults
+from experiments.evaluation.in_worker import rendered_set, tested, trained
 from experiments.evaluation.job import Recipe
-from experiments.evaluation.train_and_test import rendered_set, tested, trained
 from experiments.tables.stats import mean_ci95
 from experiments.targets.base import Sides
 from experiments.targets.real import REPORTED, real_target

@@ -28,8 +28,8 @@ import numpy as np
 from common.workers.pool import WorkerPool
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
+from experiments.evaluation.in_worker import evaluate_miou
 from experiments.evaluation.job import Recipe
-from experiments.evaluation.train_and_test import evaluate_miou
 from experiments.targets.twin import TABLE, twin_split, twin_world
 from scene.assets.catalogue import AssetPool
 from scene.dataset.render import street_of

@@ -1,6 +1,7 @@
 """Each library can be had without the others, and `scene` without paying for JAX; imports point one way."""
 
 import ast
+import re
 from collections.abc import Iterator, Mapping
 from graphlib import CycleError, TopologicalSorter
 from importlib import import_module
@@ -128,6 +129,15 @@ def test_imports_go_down_the_list_of_folders():
     assert folders == BELOW.keys()
     wrong = {module: upward(module, path.read_text()) for module, path in FILES.items()}
     assert {module: names for module, names in wrong.items() if names} == {}
+
+
+def test_libraries_of_rivals_alone_come_from_a_checkout():
+    """`study searches` compares with methods of other libraries, which only benchmarks need."""
+    outside = r"^ *(?:from|import) (?:benchmarks|scripts|tests)\b"
+    lines = {name: re.findall(outside, path.read_text(), re.M) for name, path in FILES.items()}
+    assert {name: len(found) for name, found in lines.items() if found} == {
+        "experiments.config.method": 1
+    }
 
 
 def test_no_files_and_no_folders_of_experiments_import_each_other():

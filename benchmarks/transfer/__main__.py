@@ -33,7 +33,7 @@ from common.errors import UserError
 from common.lines import CURE, JsonLines
 from common.progress import Progress
 from common.workers.pool import WorkerError, WorkerPool
-from experiments.evaluation.train_and_test import worker_environment
+from experiments.evaluation.in_worker import worker_environment
 from scene.attributes import SpaceName
 from seg.data import DataError
 from seg.recipes import RECIPES

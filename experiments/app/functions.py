@@ -25,7 +25,7 @@ from experiments.app.report.folder import NAME
 from experiments.config import MainConfig, Preset, TargetName
 from experiments.config.cli import configured
 from experiments.evaluation.job import Recipe
-from experiments.evaluation.train_and_test import evaluate_miou
+from experiments.evaluation.in_worker import evaluate_miou
 from experiments.session.session import set_up_process
 from experiments.tables.form import Report
 from experiments.targets.base import Target

@@ -13,8 +13,8 @@ from experiments.app.report.folder import NAME
 from experiments.app.report.matters import FILE, matters
 from experiments.attribute_search.learn import learn, work_of
 from experiments.config import MainConfig
+from experiments.evaluation.in_worker import render
 from experiments.evaluation.job import Recipe
-from experiments.evaluation.train_and_test import render
 from experiments.session.session import Session, Work
 from experiments.tables import few_rows
 from experiments.tables.form import Form, Report, about

@@ -23,10 +23,10 @@ from common.files import write
 from common.sent import here
 from common.workers.pool import Workers
 from experiments.evaluation.cache import sent
+from experiments.evaluation.in_worker import render, training_set
 from experiments.evaluation.job import Recipe, Result
 from experiments.evaluation.made_with import refuse_other
 from experiments.evaluation.store import digest_of
-from experiments.evaluation.train_and_test import render, training_set
 from scene.proposal import Streets, random_proposal
 from seg.features import features
 from seg.mmd import mmd2

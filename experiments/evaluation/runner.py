@@ -28,6 +28,13 @@ from experiments.config import RewardKind
 from experiments.evaluation.cache import Cache, by_target, sent
 from experiments.evaluation.cached import Cached
 from experiments.evaluation.cost import job_cost
+from experiments.evaluation.in_worker import (
+    attempt,
+    evaluate_miou,
+    prepared,
+    rendered_set,
+    trained_net,
+)
 from experiments.evaluation.job import (
     Given,
     Job,
@@ -50,13 +57,6 @@ from experiments.evaluation.store import (
     identity,
     record_of,
     result_of,
-)
-from experiments.evaluation.train_and_test import (
-    attempt,
-    evaluate_miou,
-    prepared,
-    rendered_set,
-    trained_net,
 )
 from experiments.evaluation.transfer import transfer
 from experiments.targets.base import Side, Target

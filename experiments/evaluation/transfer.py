@@ -11,8 +11,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from experiments.evaluation.in_worker import attempt, tested, trained, training_set
 from experiments.evaluation.job import Recipe, Result, Start
-from experiments.evaluation.train_and_test import attempt, tested, trained, training_set
 from seg.data import LabelledImages
 from seg.train import Params, TrainingError
 

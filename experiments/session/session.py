@@ -30,12 +30,12 @@ from experiments.evaluation.cost import (
     prepare_cost,
     training_cost,
 )
+from experiments.evaluation.in_worker import worker_environment
 from experiments.evaluation.job import Recipe, Source
 from experiments.evaluation.made_with import FIELD, MadeWith, asked
 from experiments.evaluation.pace import REFERENCE, WORTH, Pace
 from experiments.evaluation.runner import Runner
 from experiments.evaluation.store import LOGS, Store
-from experiments.evaluation.train_and_test import worker_environment
 from experiments.targets.base import Side, Target
 from experiments.targets.named import named_target
 from scene.compiled import first_use

@@ -14,12 +14,12 @@ from common.files import read_json, write_json
 from common.labels.target_file import shipped
 from common.workers.pool import WorkerPool
 from experiments.config import Fidelity
-from experiments.evaluation import cache, train_and_test
+from experiments.evaluation import cache, in_worker
 from experiments.evaluation.cache import ABOUT, FOLDER, Cache
 from experiments.evaluation.cached import loaded
+from experiments.evaluation.in_worker import evaluate_miou, worker_environment
 from experiments.evaluation.job import Job, Recipe, Result
 from experiments.evaluation.runner import Runner, about
-from experiments.evaluation.train_and_test import evaluate_miou, worker_environment
 from scene.assets.catalogue import AssetPool
 from scene.proposal import default_proposal, draw
 from seg import pyramid
@@ -61,8 +61,8 @@ def test_the_reward_is_that_of_the_best_checkpoint(monkeypatch):
     def tested(recipe, number, *_):
         return Result((0.2, 0.7, 0.4)[number], [number], 0.0, 0.0)
 
-    monkeypatch.setattr(train_and_test, "train", train)
-    monkeypatch.setattr(train_and_test, "tested", tested)
+    monkeypatch.setattr(in_worker, "train", train)
+    monkeypatch.setattr(in_worker, "tested", tested)
     result = evaluate_miou(RECIPE._replace(checkpoints=3), REAL, 5, TEST)
     assert (result.reward, result.class_iou) == (0.7, [1]) and result.train_seconds > 0
 
@@ -165,7 +165,7 @@ def test_streets_are_rendered_once_and_whole_pieces_outlive_a_kill(opened, monke
     other = loaded(opened().streets("b" * 64, outlined, fresh, 3, int))
     fidelity = replace(RECIPE.fidelity, streets=4, shots=1)
     exact, again = (
-        train_and_test.rendered_set(recipe._replace(fidelity=fidelity), default_proposal(), 3)
+        in_worker.rendered_set(recipe._replace(fidelity=fidelity), default_proposal(), 3)
         for recipe in (RECIPE, outlined)
     )
     assert same([again.images, again.labels], [other.images, other.labels])

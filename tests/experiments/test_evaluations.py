@@ -25,6 +25,7 @@ from experiments.config import MainConfig
 from experiments.config.presets import defaults
 from experiments.evaluation import job, mmd, runner, store
 from experiments.evaluation.cost import cost_of, head_cost
+from experiments.evaluation.in_worker import attempt, worker_environment
 from experiments.evaluation.job import Job, Result
 from experiments.evaluation.store import (
     HEADER,
@@ -36,7 +37,6 @@ from experiments.evaluation.store import (
     record_of,
     result_of,
 )
-from experiments.evaluation.train_and_test import attempt, worker_environment
 from experiments.session.session import Session
 from experiments.tables.nets import jobs_of
 from scene.assets.own_class import OwnClass

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from common.files import read_json
 from experiments.app.report import summary
-from experiments.evaluation import train_and_test
+from experiments.evaluation import in_worker
 from experiments.evaluation.cache import FOLDER
 from experiments.evaluation.job import Job, LabelledSubset
 from experiments.tables.few_rows import TRAINED_ON
@@ -135,20 +135,20 @@ def test_nets_share_files_and_renders_and_are_those_of_arrays(tmp_path, monkeypa
     arrays = [*(TrainingSet((streets, REAL.take(o.picked)), (0.5, 0.5)) for o in few), streets]
     plain = []
     for source in arrays:
-        train_and_test._KEPT.clear()
-        plain.append(train_and_test.evaluate_miou(RECIPE, source, 5, TEST).reward)
+        in_worker._KEPT.clear()
+        plain.append(in_worker.evaluate_miou(RECIPE, source, 5, TEST).reward)
     assert len(set(plain)) == 3
-    train_and_test._KEPT.clear()
-    rendered = Counted(train_and_test.render)
-    monkeypatch.setattr(train_and_test, "render", rendered)
+    in_worker._KEPT.clear()
+    rendered = Counted(in_worker.render)
+    monkeypatch.setattr(in_worker, "render", rendered)
     found = runner_of(TARGET, tmp_path / "run").run([Job(RECIPE, s, 5, {}) for s in sources])
     assert [found[k].reward for k in range(3)] == plain and len(rendered.calls) == 1
     # Images and features of those tested on, and of all that the few were chosen from.
     assert len(list((tmp_path / "run" / FOLDER).iterdir())) == 4
-    monkeypatch.setattr(train_and_test, "render", never)
-    train_and_test.evaluate_miou(RECIPE, arrays[1], 5, TEST)
+    monkeypatch.setattr(in_worker, "render", never)
+    in_worker.evaluate_miou(RECIPE, arrays[1], 5, TEST)
     with pytest.raises(AssertionError, match="known"):
-        train_and_test.evaluate_miou(RECIPE, arrays[1], 6, TEST)
+        in_worker.evaluate_miou(RECIPE, arrays[1], 6, TEST)
 
 
 def test_a_job_searches_beside_the_few_and_tells_their_worth(camvid, out, counted, monkeypatch):

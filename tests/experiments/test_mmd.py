@@ -10,10 +10,10 @@ from common.errors import UserError
 from common.files import read_json
 from experiments.config import MainConfig, check
 from experiments.config.presets import defaults
+from experiments.evaluation.in_worker import render
 from experiments.evaluation.job import Job, Recipe
 from experiments.evaluation.mmd import FILE, FeatureNet, evaluate_mmd, feature_net
 from experiments.evaluation.runner import about
-from experiments.evaluation.train_and_test import render
 from experiments.targets.named import named_target
 from scene.attributes import NAMES
 from scene.proposal import random_proposal

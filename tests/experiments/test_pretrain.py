@@ -69,7 +69,7 @@ def way(monkeypatch):
             diverge()
         return f"net {len(done)}"
 
-    monkeypatch.setattr(train_and_test, "train", train)
+    monkeypatch.setattr(in_worker, "train", train)
     monkeypatch.setattr(transfer, "training_set", lambda recipe, proposal, seed: blank)
 
     def predict_heads(params, images, *_, **__):
@@ -77,7 +77,7 @@ def way(monkeypatch):
         found[..., 0, : len(done)] = 0  # the more, the later the net
         return found
 
-    monkeypatch.setattr(train_and_test, "predict_heads", predict_heads)
+    monkeypatch.setattr(in_worker, "predict_heads", predict_heads)
 
     def way(row):
         recipe = Recipe(fidelity, "camvid", "embree", AssetPool())

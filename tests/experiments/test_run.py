@@ -17,11 +17,11 @@ from experiments.app.main_job import RUN
 from experiments.app.stores import main as merge_stores
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
+from experiments.evaluation.in_worker import trained, worker_environment
 from experiments.evaluation.job import Recipe
 from experiments.evaluation.made_with import made_with
 from experiments.evaluation.mmd import train_features
 from experiments.evaluation.store import read, write_store
-from experiments.evaluation.train_and_test import trained, worker_environment
 from experiments.session import session
 from scene.assets.catalogue import AssetPool
 from scene.proposal import random_proposal
