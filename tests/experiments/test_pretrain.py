@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from experiments.config.studies import defaults_of
-from experiments.evaluation import transfer
+from experiments.evaluation import in_worker, transfer
 from experiments.evaluation.job import Recipe, Result, Start
 from experiments.studies import pretrain
 from experiments.studies.pretrain import FORM, fine_fidelity

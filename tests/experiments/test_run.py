@@ -96,7 +96,7 @@ def test_a_folder_in_use_and_a_missing_renderer(fails, tiny_camvid, camvid, monk
         patch.setattr(session, "ENGINE", 0)
         with session.open(replace(tiny_camvid, out=tiny_camvid.out / "old")):
             pass
-    assert f"engine = 0, not {context.ENGINE}" in fails(tiny_camvid.out / "old")
+    assert f"engine = 0, not {session.ENGINE}" in fails(tiny_camvid.out / "old")
 
     missing = RendererError("EGL is missing;\ninstall libegl1")
     monkeypatch.setattr(session, "renderer", Mock(side_effect=missing))
