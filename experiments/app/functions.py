@@ -24,8 +24,8 @@ from experiments.app.report import fit_table, summary
 from experiments.app.report.folder import NAME
 from experiments.config import MainConfig, Preset, TargetName
 from experiments.config.cli import configured
-from experiments.evaluation.job import Recipe
 from experiments.evaluation.in_worker import evaluate_miou
+from experiments.evaluation.job import Recipe
 from experiments.session.session import set_up_process
 from experiments.tables.form import Report
 from experiments.targets.base import Target
