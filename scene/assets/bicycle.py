@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.family import ROAD, Family, Size
-from scene.assets.parts.palette import BLACK, HEADLAMP, STEEL, TAILLAMP, TYRE, WICKER, pick
+from scene.assets.parts.draw import between, drawn, maybe, near, times
+from scene.assets.parts.palette import BLACK, HEADLAMP, STEEL, TAILLAMP, TYRE, WICKER
 from scene.assets.parts.vehicle import card, circle, mudguard, rod
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, Point, merge
@@ -85,26 +86,17 @@ _SADDLES: tuple[Color, ...] = (BLACK, (0.12, 0.06, 0.03))
 
 def sample_bicycle(rng: np.random.Generator, kind: str) -> BicycleParams:
     """Draw a bicycle of one frame type: wheel size, paint, basket and rack."""
-    model = _MODELS[kind]
-    load = _LOADS[int(rng.integers(len(_LOADS)))] if model.rack else ""
-    return model._replace(
-        wheel_radius=model.wheel_radius * rng.uniform(0.95, 1.03),
-        wheelbase=model.wheelbase * rng.uniform(0.97, 1.04),
-        tyre=model.tyre * rng.uniform(0.95, 1.2),
-        tube=model.tube * rng.uniform(0.9, 1.25),
-        step=model.step * rng.uniform(0.7, 1.1),
-        mudguards=model.mudguards and bool(rng.random() < 0.8),
-        basket=bool(rng.random() < (0.8 if model.basket else 0.25 if model.mudguards else 0.0)),
-        rack=model.rack and (bool(load) or bool(rng.random() < 0.7)),
-        load="box" if kind == "delivery" else load,
-        bottle=not model.mudguards and bool(rng.random() < 0.6),
-        chaincase=model.mudguards and bool(rng.random() < 0.5),
-        rise=rng.uniform(-0.02, 0.04),
-        color=pick(rng, _PAINTS, 0.25),
-        second=pick(rng, (*_PAINTS, STEEL)),
-        tyre_color=pick(rng, _TYRES),
-        saddle_color=pick(rng, _SADDLES),
-    )
+    m = _MODELS[kind]
+    load = _LOADS[int(rng.integers(len(_LOADS)))] if m.rack else ""
+    return drawn(
+        rng, m, wheel_radius=times(0.95, 1.03), wheelbase=times(0.97, 1.04), tyre=times(0.95, 1.2),
+        tube=times(0.9, 1.25), step=times(0.7, 1.1), mudguards=m.mudguards and maybe(0.8),
+        basket=maybe(0.8 if m.basket else 0.25 if m.mudguards else 0.0),
+        rack=m.rack and (bool(load) or maybe(0.7)), load="box" if kind == "delivery" else load,
+        bottle=not m.mudguards and maybe(0.6), chaincase=m.mudguards and maybe(0.5),
+        rise=between(-0.02, 0.04), color=near(0.25, *_PAINTS), second=near(0.15, *_PAINTS, STEEL),
+        tyre_color=near(0.15, *_TYRES), saddle_color=near(0.15, *_SADDLES),
+    )  # fmt: skip
 
 
 def bicycle(params: BicycleParams) -> Asset:

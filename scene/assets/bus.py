@@ -8,7 +8,18 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.family import ROAD, Family, Size
-from scene.assets.parts.glazing import EMPTY, Glazing, sample_glazing
+from scene.assets.parts.draw import (
+    SEED,
+    between,
+    drawn,
+    near,
+    one_of,
+    perhaps,
+    plus,
+    times,
+    whole,
+)
+from scene.assets.parts.glazing import EMPTY, Glazing, glazed
 from scene.assets.parts.palette import (
     AMBER,
     BLACK,
@@ -117,21 +128,15 @@ def sample_bus(rng: np.random.Generator, kind: str) -> BusParams:
         color = pick(rng, ((0.55, 0.30, 0.015),))
     elif kind == "double decker" and rng.random() < 0.4:
         color = pick(rng, _LIVERIES[:1])
-    return model._replace(
-        length=model.length * rng.uniform(0.92, 1.07),
-        height=model.height * rng.uniform(0.965, 1.035),
-        bays=model.bays + int(rng.integers(-1, 3)),
-        rake=model.rake * rng.uniform(0.5, 1.8),
-        round=rng.uniform(0.12, 0.3),
-        color=color,
-        second=pick(rng, (_LIVERIES[second],)) if rng.random() < 0.75 else pick(rng, (BLACK, TRIM)),
-        livery=_PATTERNS[int(rng.integers(len(_PATTERNS)))],
-        advert=pick(rng, _LIVERIES) if rng.random() < 0.55 else None,
-        pods=int(rng.integers(0, 4)) if model.decks == 1 else 0,
-        rim=pick(rng, (STEEL, (0.6, 0.6, 0.58), (0.12, 0.12, 0.12), color)),
-        seed=int(rng.integers(2**31)),
-        glazing=sample_glazing(rng, (0.6,), 0.8),
-    )
+    return drawn(
+        rng, model, length=times(0.92, 1.07), height=times(0.965, 1.035), bays=plus(-1, 3),
+        rake=times(0.5, 1.8), round=between(0.12, 0.3), color=color,
+        second=perhaps(0.75, near(0.15, _LIVERIES[second]), near(0.15, BLACK, TRIM)),
+        livery=one_of(*_PATTERNS), advert=perhaps(0.55, near(0.15, *_LIVERIES)),
+        pods=whole(0, 4) if model.decks == 1 else 0,
+        rim=near(0.15, STEEL, (0.6, 0.6, 0.58), (0.12, 0.12, 0.12), color), seed=SEED,
+        glazing=glazed(0.8),
+    )  # fmt: skip
 
 
 def bus(params: BusParams) -> Asset:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.family import ROAD, Family, Size
+from scene.assets.parts.draw import drawn, maybe, near, perhaps, times, whole
 from scene.assets.parts.palette import (
     AMBER,
     BLACK,
@@ -17,7 +18,6 @@ from scene.assets.parts.palette import (
     TRIM,
     WHITE,
     darker,
-    pick,
 )
 from scene.assets.parts.skin import pair, slab
 from scene.assets.parts.vehicle import card, mudguard, rod
@@ -90,26 +90,17 @@ _PAINTS: tuple[Color, ...] = (
 
 def sample_motorcycle(rng: np.random.Generator, kind: str) -> MotorcycleParams:
     """Draw a motorcycle of one body type: size within 5 %, paint, wheels, exhausts, luggage."""
-    model = _MODELS[kind]
-    return model._replace(
-        wheel_radius=model.wheel_radius * rng.uniform(0.95, 1.05),
-        tyre=model.tyre * rng.uniform(0.9, 1.15),
-        wheelbase=model.wheelbase * rng.uniform(0.95, 1.05),
-        fairing=model.fairing * rng.uniform(0.8, 1.2),
-        screen=model.screen * rng.uniform(0.6, 1.2)
-        if model.screen
-        else 0.25 * (rng.random() < 0.25),
-        cases=model.cases or (not model.fairing and bool(rng.random() < 0.25)),
-        tail=model.tail * rng.uniform(0.6, 1.4),
-        color=pick(rng, _PAINTS, 0.2),
-        seat_color=pick(rng, (BLACK, TRIM, (0.09, 0.045, 0.025))),
-        engine_color=pick(rng, (STEEL, (0.06, 0.06, 0.062), (0.15, 0.15, 0.15))),
-        second=pick(rng, _PAINTS, 0.2),
-        spokes=model.spokes if model.spokes > 8 else int(rng.integers(3, 8)),
-        rim=pick(rng, (STEEL, BLACK, (0.45, 0.30, 0.05), (0.5, 0.5, 0.5))),
-        pipes=2 if model.pipes == 2 or rng.random() < 0.3 else 1,
-        front_box=model.scooter and bool(rng.random() < 0.3),
-    )
+    m = _MODELS[kind]
+    return drawn(
+        rng, m, wheel_radius=times(0.95, 1.05), tyre=times(0.9, 1.15), wheelbase=times(0.95, 1.05),
+        fairing=times(0.8, 1.2), screen=times(0.6, 1.2) if m.screen else perhaps(0.25, 0.25, 0.0),
+        cases=m.cases or (not m.fairing and maybe(0.25)), tail=times(0.6, 1.4),
+        color=near(0.2, *_PAINTS), seat_color=near(0.15, BLACK, TRIM, (0.09, 0.045, 0.025)),
+        engine_color=near(0.15, STEEL, (0.06, 0.06, 0.062), (0.15, 0.15, 0.15)),
+        second=near(0.2, *_PAINTS), spokes=m.spokes if m.spokes > 8 else whole(3, 8),
+        rim=near(0.15, STEEL, BLACK, (0.45, 0.30, 0.05), (0.5, 0.5, 0.5)),
+        pipes=2 if m.pipes == 2 else perhaps(0.3, 2, 1), front_box=m.scooter and maybe(0.3),
+    )  # fmt: skip
 
 
 def motorcycle(params: MotorcycleParams) -> Asset:

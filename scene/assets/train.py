@@ -12,7 +12,17 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.family import FRONTAGE, Family, Size
-from scene.assets.parts.glazing import EMPTY, Glazing, sample_glazing
+from scene.assets.parts.draw import (
+    SEED,
+    between,
+    drawn,
+    maybe,
+    near,
+    perhaps,
+    times,
+    whole,
+)
+from scene.assets.parts.glazing import EMPTY, Glazing, glazed
 from scene.assets.parts.palette import (
     AMBER,
     BLACK,
@@ -23,7 +33,6 @@ from scene.assets.parts.palette import (
     TRIM,
     WHITE,
     darker,
-    pick,
 )
 from scene.assets.parts.vehicle import (
     Hull,
@@ -101,20 +110,13 @@ def sample_train(rng: np.random.Generator, kind: str) -> TrainParams:
     """Draw a vehicle of one type: length within 6 %, height within 2 %, livery."""
     model = _MODELS[kind]
     freight = _BODIES[model.body].freight
-    color = pick(rng, _FREIGHT if freight else _LIVERIES)
-    return model._replace(
-        length=model.length * rng.uniform(0.94, 1.06),
-        height=model.height * rng.uniform(0.98, 1.02),
-        color=color,
-        band=pick(rng, _FREIGHT if freight else (*_LIVERIES, TRIM, WHITE)),
-        pantograph=bool(rng.random() < 0.8),
-        bays=int(rng.integers(2, 5)),
-        face=pick(rng, _LIVERIES) if rng.random() < 0.5 else None,
-        round=rng.uniform(0.2, 0.5),
-        rake=model.rake * rng.uniform(0.8, 1.2),
-        seed=int(rng.integers(2**31)),
-        glazing=sample_glazing(rng, (0.6,), 0.6),
-    )
+    paints, bands = (_FREIGHT, _FREIGHT) if freight else (_LIVERIES, (*_LIVERIES, TRIM, WHITE))
+    return drawn(
+        rng, model, color=near(0.15, *paints), length=times(0.94, 1.06), height=times(0.98, 1.02),
+        band=near(0.15, *bands), pantograph=maybe(0.8), bays=whole(2, 5),
+        face=perhaps(0.5, near(0.15, *_LIVERIES)), round=between(0.2, 0.5), rake=times(0.8, 1.2),
+        seed=SEED, glazing=glazed(0.6),
+    )  # fmt: skip
 
 
 def train(params: TrainParams) -> Asset:

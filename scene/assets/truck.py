@@ -10,7 +10,16 @@ import numpy as np
 
 from scene.assets.family import ROAD, Family, Size
 from scene.assets.parts import cargo, lorry
-from scene.assets.parts.glazing import NARROW, sample_glazing
+from scene.assets.parts.draw import (
+    SEED,
+    between,
+    drawn,
+    maybe,
+    near,
+    perhaps,
+    times,
+)
+from scene.assets.parts.glazing import NARROW, glazed
 from scene.assets.parts.lorry import TruckParams, floor
 from scene.assets.parts.palette import (
     AMBER,
@@ -134,25 +143,16 @@ def sample_truck(rng: np.random.Generator, kind: str) -> TruckParams:
     dark = (0.03, 0.04, 0.12) if rng.random() < 0.5 else cab
     accent = WHITE if max(body) < 0.35 else dark if max(dark) < 0.4 else TRIM
     grille = rng.uniform(0.16, 0.24)
-    return model._replace(
-        length=model.length * long,
+    return drawn(
+        rng, model, length=model.length * long,
         axles=(model.axles[0], *(x * long for x in model.axles[1:])),
-        height=model.height * rng.uniform(0.9, 1.05),
-        cab_height=model.cab_height * rng.uniform(0.95, 1.06),
-        rake=model.rake * rng.uniform(0.4, 1.6),
-        cab=body if load.matching and rng.random() < 0.6 else cab,
-        body=body,
-        letters=accent if rng.random() < 0.75 else None,
-        band=pick(rng, _CABS) if rng.random() < 0.4 else None,
-        visor=bool(rng.random() < 0.4),
-        deflector=load.deflector and bool(rng.random() < 0.55),
-        beacons=bool(rng.random() < load.beacons),
-        round=rng.uniform(0.1, 0.28),
-        grille=(grille, grille + rng.uniform(0.1, 0.24)),
-        fill=rng.uniform(0.45, 0.95),
-        seed=int(rng.integers(2**31)),
-        glazing=sample_glazing(rng, (0.6,), 0.7),
-    )
+        height=times(0.9, 1.05), cab_height=times(0.95, 1.06), rake=times(0.4, 1.6),
+        cab=perhaps(0.6, body, cab) if load.matching else cab, body=body,
+        letters=perhaps(0.75, accent), band=perhaps(0.4, near(0.15, *_CABS)), visor=maybe(0.4),
+        deflector=load.deflector and maybe(0.55), beacons=maybe(load.beacons),
+        round=between(0.1, 0.28), grille=(grille, lambda rng, _: grille + rng.uniform(0.1, 0.24)),
+        fill=between(0.45, 0.95), seed=SEED, glazing=glazed(0.7),
+    )  # fmt: skip
 
 
 def truck(params: TruckParams) -> Asset:

@@ -37,6 +37,11 @@ def times(low: float, high: float) -> Rule:
     return draw
 
 
+def plus(low: int, high: int) -> Rule:
+    """The kind's whole number and one more, from ``low`` to below ``high``."""
+    return lambda rng, value: value + int(rng.integers(low, high))
+
+
 def near(spread: float, *colors: Color) -> Rule:
     """A colour near one of ``colors``, or near the kind's where there are none; see ``vary``."""
     return lambda rng, value: pick(rng, colors or (value,), spread)
@@ -45,6 +50,16 @@ def near(spread: float, *colors: Color) -> Rule:
 def one_of(*options: Any) -> Rule:
     """One of several values or rules, each as likely."""
     return lambda rng, value: _resolved(rng, options[rng.integers(len(options))], value)
+
+
+def perhaps(chance: float, rule: Any, otherwise: Any = None) -> Rule:
+    """With a probability of ``chance`` one value or rule, else the other."""
+    return lambda rng, value: _resolved(rng, rule if rng.random() < chance else otherwise, value)
+
+
+def maybe(chance: float) -> Rule:
+    """True with a probability of ``chance``."""
+    return perhaps(chance, rule=True, otherwise=False)
 
 
 SEED = whole(0, 2**31)

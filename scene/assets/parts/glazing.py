@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.parts.bodywork import ROOF, Body, roof, stations
+from scene.assets.parts.draw import Rule
 from scene.assets.parts.fittings import on_cabin
 from scene.assets.parts.palette import darker
 from scene.assets.parts.skin import sheet
@@ -78,6 +79,11 @@ def sample_glazing(rng: np.random.Generator, dims: Sequence[float], driven: floa
         clothes=vary(rng, (0.1, 0.1, 0.11), 0.9),
         side=float(rng.choice([-1.0, 1.0])),
     )
+
+
+def glazed(driven: float) -> Rule:
+    """The windows of a bus, lorry or train are drawn; somebody drives with probability ``driven``."""
+    return lambda rng, value: sample_glazing(rng, (0.6,), driven)
 
 
 def glazing(b: Body, g: Glazing, windows: tuple[bool, bool]) -> list[Asset]:
