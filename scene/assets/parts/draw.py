@@ -62,6 +62,17 @@ def maybe(chance: float) -> Rule:
     return perhaps(chance, rule=True, otherwise=False)
 
 
+def keep(rng: np.random.Generator, value: Any) -> Any:
+    """The kind's value."""
+    return value
+
+
+class Like(NamedTuple):
+    """In the place of a rule: the value that another field gets."""
+
+    field: str
+
+
 SEED = whole(0, 2**31)
 """Of what is drawn while the asset is built."""
 
@@ -72,10 +83,11 @@ def drawn(rng: np.random.Generator, kind: Params, **rules: Any) -> Params:
     Args:
         rng: draws them.
         kind: the parameters before.
-        **rules: by field, a rule, the value itself, or a tuple of them.
+        **rules: by field, a rule, the value itself, a tuple of them, or ``Like`` another field.
     """
     fields = {name: _resolved(rng, rule, getattr(kind, name)) for name, rule in rules.items()}
-    return kind._replace(**fields)
+    likes = {name: fields[v.field] for name, v in fields.items() if isinstance(v, Like)}
+    return kind._replace(**{**fields, **likes})
 
 
 def _resolved(rng: np.random.Generator, rule: Any, value: Any) -> Any:

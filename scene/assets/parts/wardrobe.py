@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
 import numpy as np
 
+from scene.assets.parts.draw import Like, between, drawn, keep, maybe, near, one_of, perhaps
 from scene.assets.parts.human import Outfit
 from scene.assets.parts.palette import BLACK, REFLECTING, WHITE_SOLE, pick
 from scene.mesh.asset import Color
@@ -49,15 +53,79 @@ _WOMENS_HAIR = ("bob", "long", "long", "ponytail", "bun", "curly", "short")
 _MENS_HAIR = ("short", "short", "short", "thick", "bald", "curly")
 HI_VIS: tuple[Color, ...] = ((0.52, 0.66, 0.04), (0.75, 0.20, 0.02))
 
-# How far down the leg a top, coat or skirt hangs, as a share of the leg: least and most.
-_HEMS: dict[str, tuple[float, float]] = {
-    "jacket": (0.06, 0.22), "jumper": (0.04, 0.14), "hoodie": (0.06, 0.18), "hood": (0.08, 0.24),
-    "t-shirt": (0.05, 0.16), "t-shirt and shorts": (0.05, 0.16), "puffer": (0.06, 0.26),
-    "suit": (0.12, 0.18), "short coat": (0.22, 0.38), "long coat": (0.5, 0.72),
-    "skirt": (0.35, 0.8), "dress": (0.4, 0.85), "sports": (0.03, 0.1), "work": (0.06, 0.2),
-    "robe": (0.93, 0.93),
+
+class Stock(NamedTuple):
+    """What an outfit may have, drawn for every style alike."""
+
+    top: Color
+    other: Color
+    warm: Color
+    dress: Color
+    legs: Color  # below a skirt
+    hairdo: str  # of those who run
+
+
+_STYLES: dict[str, Callable[[Stock], dict[str, Any]]] = {
+    "jacket": lambda d: dict(
+        hem=between(0.06, 0.22), padding=0.008, shirt=perhaps(0.6, d.other),
+        accent=perhaps(0.2, d.warm),
+    ),
+    "jumper": lambda d: dict(
+        hem=between(0.04, 0.14), padding=0.005, accent=perhaps(0.35, d.other), stripes=maybe(0.6)
+    ),
+    "hoodie": lambda d: dict(hem=between(0.06, 0.18), padding=0.008, collar=d.top),
+    "hood": lambda d: dict(
+        hem=between(0.08, 0.24), padding=0.010, hat="hood", hat_color=d.top, collar=d.top
+    ),
+    "t-shirt": lambda d: dict(
+        hem=between(0.05, 0.16), top=d.other, sleeves=0.42, collar=None, stripes=maybe(0.2),
+        accent=perhaps(0.3, d.warm),
+    ),
+    "t-shirt and shorts": lambda d: dict(
+        hem=between(0.05, 0.16), top=d.other, sleeves=0.42, trousers=between(0.35, 0.5), width=1.3,
+        collar=None, legs=near(0.3, *TROUSERS, *BRIGHT[:3]), shoes=near(0.15, *SHOES[2:]),
+        sole=WHITE_SOLE,
+    ),
+    "puffer": lambda d: dict(hem=between(0.06, 0.26), padding=0.022, quilted=True, collar=d.top),
+    "suit": lambda d: dict(
+        hem=between(0.12, 0.18), top=near(0.3, *CLOTHES[:3], (0.10, 0.10, 0.105)), legs=Like("top"),
+        shirt=(0.55, 0.56, 0.58), padding=0.006, shoes=SHOES[0], sole=BLACK, hat="", collar=None,
+    ),
+    "short coat": lambda d: dict(
+        hem=between(0.22, 0.38), padding=0.011, flare=1.1, shirt=perhaps(0.25, d.other)
+    ),
+    "long coat": lambda d: dict(
+        hem=between(0.5, 0.72), padding=0.012, top=d.warm, flare=between(1.1, 1.5)
+    ),
+    "skirt": lambda d: dict(
+        hem=between(0.35, 0.8), legs=d.legs, trousers=1.0, width=0.88, hem_color=d.dress,
+        flare=between(1.1, 1.8),
+    ),
+    "dress": lambda d: dict(
+        hem=between(0.4, 0.85), top=d.dress, legs=d.legs, width=0.88, collar=None, hat="",
+        sleeves=one_of(0.3, 0.42, 1.0), hem_color=d.dress, flare=between(1.2, 1.9),
+    ),
+    "sports": lambda d: dict(
+        hem=between(0.03, 0.1), top=near(0.15, *BRIGHT), sleeves=0.4, collar=None, hat="",
+        width=0.95, trousers=one_of(0.4, 0.8, 1.0), legs=near(0.15, *TROUSERS[:4]),
+        shoes=near(0.15, *BRIGHT), sole=WHITE_SOLE, hairdo=d.hairdo,
+    ),
+    "work": lambda d: dict(
+        hem=between(0.06, 0.2), top=one_of(*HI_VIS), legs=perhaps(0.4, Like("top"), keep),
+        bands=REFLECTING, padding=0.010, collar=None, width=1.25, hat="hard hat",
+        hat_color=near(0.15, (0.6, 0.6, 0.58), (0.6, 0.42, 0.03), (0.05, 0.15, 0.4)),
+        shoes=SHOES[0],
+    ),
+    "robe": lambda d: dict(
+        hem=between(0.93, 0.93), top=d.warm, hem_color=d.warm, flare=1.25, padding=0.008,
+        hat="headscarf", collar=None, hat_color=perhaps(0.4, d.warm, d.other),
+    ),
 }  # fmt: skip
-STYLES: tuple[str, ...] = tuple(_HEMS)
+"""By style, what it fixes of an outfit, and rules by which the rest is drawn.
+
+``hem``: how far down the leg a top, coat or skirt hangs, as a share of the leg.
+"""
+STYLES: tuple[str, ...] = tuple(_STYLES)
 """Names that ``sample_outfit`` knows."""
 
 
@@ -108,76 +176,17 @@ def sample_outfit(
         hat=str(rng.choice(("", "", "", "", "beanie", "cap", "brim" if old else ""))),
         hat_color=pick(rng, CLOTHES + BRIGHT, 0.3),
     )
-    outfit = _styled(rng, outfit, style, dark)
+    outfit = drawn(rng, outfit, **_STYLES[style](_stock(rng, outfit, dark=dark)))
     if rng.random() < VEST_SHARE and style in VESTS:
         outfit = outfit._replace(top=HI_VIS[rng.integers(2)], bands=REFLECTING, shirt=None)
     return outfit, curves
 
 
-def _styled(rng: np.random.Generator, base: Outfit, style: str, dark: bool) -> Outfit:
-    """The outfit with what its style fixes."""
+def _stock(rng: np.random.Generator, base: Outfit, *, dark: bool) -> Stock:
+    """Draw what goes with the outfit ``base``."""
     other = pick(rng, BRIGHT + CLOTHES + PALE, 0.25)
     warm = pick(rng, CLOTHES[:4] if dark else CLOTHES + BRIGHT[:2], 0.3)
-    bare = rng.random() < 0.5
-    dress = warm if dark else other
-    base = base._replace(hem=float(rng.uniform(*_HEMS[style])))
-    match style:
-        case "jacket":
-            return base._replace(padding=0.008, shirt=other if rng.random() < 0.6 else None,
-                                 accent=warm if rng.random() < 0.2 else None)  # fmt: skip
-        case "jumper":
-            return base._replace(padding=0.005, accent=other if rng.random() < 0.35 else None,
-                                 stripes=bool(rng.random() < 0.6))  # fmt: skip
-        case "hoodie":
-            return base._replace(padding=0.008, collar=base.top)
-        case "hood":
-            return base._replace(padding=0.010, hat="hood", hat_color=base.top, collar=base.top)
-        case "t-shirt":
-            return base._replace(top=other, sleeves=0.42, collar=None,
-                                 stripes=bool(rng.random() < 0.2),
-                                 accent=warm if rng.random() < 0.3 else None)  # fmt: skip
-        case "t-shirt and shorts":
-            return base._replace(top=other, sleeves=0.42, trousers=float(rng.uniform(0.35, 0.5)),
-                                 width=1.3, collar=None, legs=pick(rng, TROUSERS + BRIGHT[:3], 0.3),
-                                 shoes=pick(rng, SHOES[2:]), sole=WHITE_SOLE)  # fmt: skip
-        case "puffer":
-            return base._replace(padding=0.022, quilted=True, collar=base.top)
-        case "suit":
-            suit = pick(rng, (CLOTHES[0], CLOTHES[1], CLOTHES[2], (0.10, 0.10, 0.105)), 0.3)
-            return base._replace(top=suit, legs=suit, shirt=(0.55, 0.56, 0.58), padding=0.006,
-                                 shoes=SHOES[0], sole=BLACK, hat="",
-                                 collar=None)  # fmt: skip
-        case "short coat":
-            return base._replace(padding=0.011, flare=1.1,
-                                 shirt=other if rng.random() < 0.25 else None)  # fmt: skip
-        case "long coat":
-            return base._replace(padding=0.012, top=warm,
-                                 flare=float(rng.uniform(1.1, 1.5)))  # fmt: skip
-        case "skirt":
-            legs = base.skin if bare else CLOTHES[0]
-            return base._replace(legs=legs, trousers=1.0, width=0.88, hem_color=dress,
-                                 flare=float(rng.uniform(1.1, 1.8)))  # fmt: skip
-        case "dress":
-            legs = base.skin if bare else CLOTHES[0]
-            return base._replace(top=dress, legs=legs, width=0.88, collar=None, hat="",
-                                 sleeves=float(rng.choice([0.3, 0.42, 1.0])), hem_color=dress,
-                                 flare=float(rng.uniform(1.2, 1.9)))  # fmt: skip
-        case "sports":
-            return base._replace(top=pick(rng, BRIGHT), sleeves=0.4, collar=None, hat="", width=0.95,
-                                 trousers=float(rng.choice([0.4, 0.8, 1.0])),
-                                 legs=pick(rng, TROUSERS[:4]), shoes=pick(rng, BRIGHT),
-                                 sole=WHITE_SOLE,
-                                 hairdo=base.hairdo if base.hairdo in ("bald", "bun") else "ponytail"
-                                 if base.hairdo in _WOMENS_HAIR[:4] else "short")  # fmt: skip
-        case "work":
-            vis = HI_VIS[rng.integers(2)]
-            full = rng.random() < 0.4
-            return base._replace(top=vis, bands=REFLECTING, padding=0.010, collar=None,
-                                 legs=vis if full else base.legs, width=1.25, hat="hard hat",
-                                 hat_color=pick(rng, ((0.6, 0.6, 0.58), (0.6, 0.42, 0.03),
-                                                      (0.05, 0.15, 0.4))),
-                                 shoes=SHOES[0])  # fmt: skip
-        case _:  # robe
-            return base._replace(top=warm, hem_color=warm, flare=1.25, padding=0.008,
-                                 hat="headscarf", collar=None,
-                                 hat_color=warm if rng.random() < 0.4 else other)  # fmt: skip
+    legs = base.skin if rng.random() < 0.5 else CLOTHES[0]
+    tied = "ponytail" if base.hairdo in _WOMENS_HAIR[:4] else "short"
+    hairdo = base.hairdo if base.hairdo in ("bald", "bun") else tied
+    return Stock(base.top, other, warm, warm if dark else other, legs, hairdo)
