@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,7 +23,7 @@ PETALS: tuple[Color, ...] = (
 class BushParams(NamedTuple):
     """A body of one ``form`` and what grows on or out of it."""
 
-    form: str  # "box", "mounds", "stems", "blades" or "trough"
+    form: str  # see ``_FORMS``
     length: float  # along x, m
     width: float  # along y, m
     height: float  # m
@@ -123,7 +124,9 @@ def _box(rng: np.random.Generator, params: BushParams) -> tuple[Asset, np.ndarra
     )
 
 
-def _mounds(rng: np.random.Generator, params: BushParams, foot: float) -> tuple[Asset, np.ndarray]:
+def _mounds(
+    rng: np.random.Generator, params: BushParams, foot: float = 0.0
+) -> tuple[Asset, np.ndarray]:
     """Dark lumps side by side, and points on and under their surface."""
     p = params
     n = p.parts
@@ -147,6 +150,14 @@ def _mounds(rng: np.random.Generator, params: BushParams, foot: float) -> tuple[
         p.color, 0.5,
     )  # fmt: skip
     return lumps, points
+
+
+def _trough(rng: np.random.Generator, params: BushParams) -> tuple[Asset, np.ndarray]:
+    """Mounds that are planted in a trough."""
+    p, high = params, 0.45 * params.height
+    lumps, points = _mounds(rng, p, high - 0.05)
+    trough = box((p.length, p.width, high), (0, 0, 0), (0.20, 0.18, 0.15), "concrete")
+    return merge(trough, lumps), points
 
 
 def _stems(rng: np.random.Generator, params: BushParams) -> tuple[Asset, np.ndarray]:
@@ -177,27 +188,17 @@ def _blades(rng: np.random.Generator, params: BushParams) -> tuple[Asset, np.nda
     return shade(blades, rng.uniform(0.4, 1.6, p.parts)), np.empty((0, 3))
 
 
+_FORMS: dict[str, Callable[[np.random.Generator, BushParams], tuple[Asset, np.ndarray]]] = {
+    "box": _box, "mounds": _mounds, "trough": _trough, "stems": _stems, "blades": _blades,
+}  # fmt: skip
+
+
 def bush(params: BushParams) -> Asset:
     """Build the bush."""
     p = params
     rng = np.random.default_rng(p.seed)
-    parts = []
-    match p.form:
-        case "box":
-            body, points = _box(rng, p)
-        case "stems":
-            body, points = _stems(rng, p)
-        case "blades":
-            body, points = _blades(rng, p)
-        case "trough":
-            trough = 0.45 * p.height
-            body, points = _mounds(rng, p, trough - 0.05)
-            parts.append(
-                box((p.length, p.width, trough), (0, 0, 0), (0.20, 0.18, 0.15), "concrete")
-            )
-        case _:
-            body, points = _mounds(rng, p, 0.0)
-    parts.append(body)
+    body, points = _FORMS[p.form](rng, p)
+    parts = [body]
     if len(points):
         # Leaves low on the body lie in its own shadow.
         tone = 0.55 + 0.75 * np.clip(points[:, 2] / p.height, 0, 1)

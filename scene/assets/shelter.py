@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -37,7 +38,7 @@ POSTERS: tuple[Color, ...] = (
 class ShelterParams(NamedTuple):
     """One of them: metres along x, y and z, and what it is made of."""
 
-    form: str
+    kind: str
     size: tuple[float, float, float]
     frame: Color
     cover: Color
@@ -50,18 +51,11 @@ def sample_shelter(rng: np.random.Generator, kind: str) -> ShelterParams:
     stall = kind in STALLS
     long = float(rng.uniform(2.2, 3.4) if stall else rng.uniform(2.8, 5.2))
     size = (long, float(rng.uniform(1.3, 1.9)), float(rng.uniform(2.3, 2.7)))
-    frame, cover, second = {
-        "brick shelter": (BRICK, (0.10, 0.05, 0.035), SHELTER_TIMBER),
-        "timber shelter": (SHELTER_TIMBER, (0.06, 0.055, 0.05), SHELTER_TIMBER),
-        "kiosk": (CLOTHS[rng.integers(5)], SHELTER_GREY, CLOTHS[rng.integers(5)]),
-    }.get(
-        kind,
-        (
-            (GALVANISED, SHELTER_GREY)[rng.integers(2)],
-            CLOTHS[rng.integers(5)],
-            POSTERS[rng.integers(5)],
-        ),
+    metals: tuple[Color, ...] = (GALVANISED, SHELTER_GREY)
+    stock = Stock(
+        *(few[rng.integers(len(few))] for few in (CLOTHS, CLOTHS, metals, CLOTHS, POSTERS))
     )
+    frame, cover, second = _KINDS[kind].colors(stock)
     return ShelterParams(
         kind, size, vary(rng, frame, 0.3), vary(rng, cover, 0.25), vary(rng, second, 0.25),
         int(rng.integers(2**31)),
@@ -74,8 +68,8 @@ def _posts(p: ShelterParams, inset: float = 0.06, gauge: float = 0.07) -> list[A
             for d in (inset, y - inset)]  # fmt: skip
 
 
-def _glazed(p: ShelterParams) -> list[Asset]:
-    """Posts, bars and narrow panes along the back, a bench, a flat roof; posters at one end or both."""
+def _glazed(p: ShelterParams, ends: tuple[int, ...] = (1,)) -> list[Asset]:
+    """Posts, bars and narrow panes along the back, a bench, a flat roof; posters at its ``ends``."""
     x, y, z = p.size
     parts = [
         *_posts(p),
@@ -91,7 +85,7 @@ def _glazed(p: ShelterParams) -> list[Asset]:
             box((0.045, 0.05, z), (middle + 0.5 * x / panes - 0.04, y - 0.06, 0), p.frame, "metal")
         )
     parts.append(box((0.7 * x, 0.3, 0.05), (0, y - 0.35, 0.48), p.frame, "metal"))
-    for s in (-1, 1) if p.form == "advert shelter" else (1,):
+    for s in ends:
         parts.append(
             box((0.16, 0.8 * y, 1.75), (s * (x / 2 - 0.06), y / 2, 0.3), SHELTER_GREY, "paint")
         )
@@ -120,10 +114,9 @@ def _cantilever(p: ShelterParams) -> list[Asset]:
     return [roof, rail, frame, *posts]
 
 
-def _walled(p: ShelterParams) -> list[Asset]:
+def _walled(p: ShelterParams, material: str) -> list[Asset]:
     """Walls on three sides and a pitched roof."""
     x, y, z = p.size
-    material = "brick" if p.form == "brick shelter" else "wood"
     low = z - 0.3
     walls = [
         box((x, 0.14, low), (0, y - 0.07, 0), p.frame, material),
@@ -141,12 +134,11 @@ def _walled(p: ShelterParams) -> list[Asset]:
     return [*walls, loft(np.array(roof), p.cover, "roof"), bench, window, beam]
 
 
-def _stall(p: ShelterParams) -> list[Asset]:
+def _stall(p: ShelterParams, *, produce: bool = False) -> list[Asset]:
     """A table with a skirt and goods below a striped cloth, or one of crates below a flat one."""
     x, y, z = p.size
     rng = np.random.default_rng(p.seed)
     parts = _posts(p, 0.05, 0.05)
-    produce = p.form == "produce stall"
     table, high = (0.72, 0.5) if produce else (0.85, 0.62)
     parts.append(box((x, high * y, table), (0, 0.1 + high * y / 2, 0),
                      darker(p.cover, 0.7) if not produce else SHELTER_TIMBER,
@@ -188,19 +180,43 @@ def _kiosk(p: ShelterParams) -> list[Asset]:
     return [*parts, translate(rotate(awning, -np.pi / 2, (0, 0, 1)), (0, 0, z - 0.1))]
 
 
-_FORMS: dict[str, Callable[[ShelterParams], list[Asset]]] = {
-    "glass shelter": _glazed, "market stall": _stall, "advert shelter": _glazed,
-    "produce stall": _stall, "cantilever shelter": _cantilever, "kiosk": _kiosk,
-    "brick shelter": _walled, "timber shelter": _walled,
+class Stock(NamedTuple):
+    """Colours of what is built, drawn for every kind alike."""
+
+    hut: Color
+    awning: Color
+    metal: Color
+    cloth: Color
+    poster: Color
+
+
+class Kind(NamedTuple):
+    """How a kind is built, and its colours of frame, cover and what is beside them."""
+
+    build: Callable[[ShelterParams], list[Asset]]
+    colors: Callable[[Stock], tuple[Color, Color, Color]] = lambda d: (d.metal, d.cloth, d.poster)
+
+
+_TILES: Color = (0.10, 0.05, 0.035)
+_KINDS: dict[str, Kind] = {
+    "glass shelter": Kind(_glazed),
+    "market stall": Kind(_stall),
+    "advert shelter": Kind(partial(_glazed, ends=(-1, 1))),
+    "produce stall": Kind(partial(_stall, produce=True)),
+    "cantilever shelter": Kind(_cantilever),
+    "kiosk": Kind(_kiosk, lambda d: (d.hut, SHELTER_GREY, d.awning)),
+    "brick shelter": Kind(partial(_walled, material="brick"), lambda d: (BRICK, _TILES, SHELTER_TIMBER)),
+    "timber shelter": Kind(partial(_walled, material="wood"),
+                           lambda d: (SHELTER_TIMBER, (0.06, 0.055, 0.05), SHELTER_TIMBER)),
 }  # fmt: skip
-KINDS: tuple[str, ...] = tuple(_FORMS)
+KINDS: tuple[str, ...] = tuple(_KINDS)
 SHELTERS: tuple[str, ...] = tuple(name for name in KINDS if "shelter" in name)
 STALLS: tuple[str, ...] = tuple(name for name in KINDS if name not in SHELTERS)
 
 
 def shelter(params: ShelterParams) -> Asset:
     """Build it."""
-    return merge(*_FORMS[params.form](params))
+    return merge(*_KINDS[params.kind].build(params))
 
 
 FAMILY = Family(

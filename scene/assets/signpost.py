@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.family import Family, Size
+from scene.assets.parts.draw import Like, drawn, near, times
 from scene.assets.parts.palette import (
     GOLD,
     POST_BLACK,
@@ -25,7 +26,7 @@ from scene.assets.parts.palette import (
     WHITE,
 )
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, merge, vary
+from scene.mesh.asset import Asset, Color, merge
 from scene.mesh.solids import box, polygon, tube, turned
 
 MAX_RADIUS = 0.06
@@ -79,14 +80,12 @@ def sample_signpost(rng: np.random.Generator, kind: str) -> SignpostParams:
     """Draw a post of one of ``KINDS``."""
     p = _PATTERNS[kind]
     top = MAX_HEIGHT - (0.45 if p.extra in ("beacon", "solar") else 0.0)
-    one = p.color == p.second_color
-    color = vary(rng, p.color, 0.25)
-    return p._replace(
-        height=float(np.clip(p.height * rng.uniform(0.94, 1.08), MIN_HEIGHT, top)),
-        radius=float(min(p.radius * rng.uniform(0.92, 1.08), MAX_RADIUS)),
-        color=color,
-        second_color=color if one else vary(rng, p.second_color, 0.15),
-    )
+    second = Like("color") if p.color == p.second_color else near(0.15)
+    p = drawn(
+        rng, p, color=near(0.25), height=times(0.94, 1.08), radius=times(0.92, 1.08), second_color=second
+    )  # fmt: skip
+    height = float(np.clip(p.height, MIN_HEIGHT, top))
+    return p._replace(height=height, radius=min(p.radius, MAX_RADIUS))
 
 
 def _bin(p: SignpostParams) -> list[Asset]:
