@@ -9,6 +9,7 @@ import numpy as np
 from scene.assets.family import ROAD, Family, Size
 from scene.assets.parts.draw import between, drawn, maybe, near, times
 from scene.assets.parts.palette import BLACK, HEADLAMP, STEEL, TAILLAMP, TYRE, WICKER
+from scene.assets.parts.skin import across
 from scene.assets.parts.vehicle import card, circle, mudguard, rod
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, Point, merge
@@ -209,9 +210,8 @@ def _drive(p: BicycleParams) -> list[Asset]:
         side = np.sign(pedal[1])
         start = (CRANK[0], side * 0.06, CRANK[2])
         parts.append(rod(start, (pedal[0], side * 0.07, pedal[2]), 0.014, STEEL))
-        low = (pedal[0] - 0.05, pedal[1] - 0.05, pedal[2] - 0.012)
-        high = (pedal[0] + 0.05, pedal[1] + 0.05, pedal[2] + 0.012)
-        parts.append(block(low, high, BLACK))
+        span, high = (pedal[0] - 0.05, pedal[0] + 0.05), (pedal[2] - 0.012, pedal[2] + 0.012)
+        parts.append(across(span, 0.05, high, BLACK, at=pedal[1]))
     return parts
 
 
@@ -232,7 +232,7 @@ def _fittings(p: BicycleParams) -> list[Asset]:
             hub = (x, 0.0, p.wheel_radius)
             parts.append(mudguard(hub, p.wheel_radius + 0.02, 0.06, angles, p.color))
     if p.rack:
-        parts.append(block((rear - 0.17, -0.06, top), (rear + 0.2, 0.06, top + 0.02), BLACK))
+        parts.append(across((rear - 0.17, rear + 0.2), 0.06, (top, top + 0.02), BLACK))
         parts.append(rod((rear - 0.1, 0.0, top), (rear, 0.0, p.wheel_radius), 0.012, BLACK))
         parts.append(card((rear - 0.18, 0.0, top - 0.025), 0.06, 0.05, TAILLAMP, "lamp"))
     if p.bottle:
@@ -276,23 +276,18 @@ def _rear_load(p: BicycleParams) -> list[Asset]:
     """Bags beside the rack, or a child's seat or a box on it."""
     rear, top = -p.wheelbase / 2, 2 * p.wheel_radius + 0.08
     if p.load == "panniers":
-        bags = [(y - 0.06, y + 0.06) for y in (0.15, -0.15)]
-        return [
-            block((rear - 0.16, a, top - 0.36), (rear + 0.16, b, top), p.second, "cloth")
-            for a, b in bags
-        ]
+        return [across((rear - 0.16, rear + 0.16), 0.06, (top - 0.36, top), p.second, "cloth", at=y)
+                for y in (0.15, -0.15)]  # fmt: skip
     if p.load == "child seat":
         return [
-            block((rear - 0.12, -0.15, top), (rear + 0.16, 0.15, top + 0.08), BLACK),
-            block((rear - 0.18, -0.15, top), (rear - 0.12, 0.15, top + 0.36), p.second, "plain"),
-            *(
-                block((rear - 0.15, y - 0.02, top), (rear + 0.1, y + 0.02, top + 0.2), BLACK)
-                for y in (0.15, -0.15)
-            ),
-        ]
+            across((rear - 0.12, rear + 0.16), 0.15, (top, top + 0.08), BLACK),
+            across((rear - 0.18, rear - 0.12), 0.15, (top, top + 0.36), p.second),
+            *(across((rear - 0.15, rear + 0.1), 0.02, (top, top + 0.2), BLACK, at=y)
+              for y in (0.15, -0.15)),
+        ]  # fmt: skip
     if p.load == "box":
-        low, high = (rear - 0.24, -0.19, top + 0.02), (rear + 0.16, 0.19, min(top + 0.36, 1.1))
-        return [block(low, high, p.second, "plain")]
+        high = min(top + 0.36, 1.1)
+        return [across((rear - 0.24, rear + 0.16), 0.19, (top + 0.02, high), p.second)]
     return []
 
 

@@ -33,6 +33,7 @@ from scene.assets.parts.palette import (
     WHITE,
     pick,
 )
+from scene.assets.parts.skin import across
 from scene.assets.parts.vehicle import (
     Hull,
     Walls,
@@ -49,7 +50,7 @@ from scene.assets.parts.vehicle import (
 )
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, merge
-from scene.mesh.solids import block, polygon, tube
+from scene.mesh.solids import polygon, tube
 
 
 class BusParams(NamedTuple):
@@ -167,8 +168,7 @@ def bus(params: BusParams) -> Asset:
             out = 0.02 + 0.02 * (k % 2)
             half = p.width / 2 + out
             back, front = x + 0.16 * k, x + 0.16 * k + 0.17
-            fold = (back, -half, _FLOOR), (front, half, p.height + out)
-            parts.append(block(*fold, BLACK, "cloth"))
+            parts.append(across((back, front), half, (_FLOOR, p.height + out), BLACK, "cloth"))
     if p.bonnet:
         parts += _bonnet(p)
     return merge(*parts)
@@ -300,7 +300,7 @@ def _ends(p: BusParams, shape: Hull, side: Walls) -> list[Asset]:
     ]
     x, z = p.length / 2 - p.bonnet + 0.1, min(2.3, 0.75 * p.height)
     for y in (p.width / 2 + 0.12, -p.width / 2 - 0.12):
-        parts.append(block((x - 0.12, y - 0.09, z - 0.35), (x, y + 0.09, z), TRIM))
+        parts.append(across((x - 0.12, x), 0.09, (z - 0.35, z), TRIM, at=y))
         parts.append(
             tube((x - 0.05, y, z), (x - 0.3, y - np.sign(y) * 0.2, z + 0.15), 0.02, TRIM, sides=4)
         )
@@ -318,17 +318,17 @@ def _above(p: BusParams, shape: Hull) -> list[Asset]:
         x = shape.x + (0.28 - 0.26 * k) * shape.length
         long, wide = 0.5 + 0.35 * ((p.seed >> k) % 3), 0.35 * p.width
         top = shape.high + 0.16 + 0.05 * k
-        parts.append(block((x - long, -wide, shape.high - 0.02), (x + long, wide, top), p.color))
+        parts.append(across((x - long, x + long), wide, (shape.high - 0.02, top), p.color))
     if p.open_top:
         low, inner, end = shape.high, p.width / 2 - 0.12, shape.length / 2
         for x, y in product(np.arange(-end + 0.8, end - 1, 0.85).tolist(), (-0.55, 0.55)):
-            seat = (x, y - 0.4, low), (x + 0.1, y + 0.4, low + 0.75)
-            parts.append(block(*seat, p.second, "cloth"))
+            parts.append(across((x, x + 0.1), 0.4, (low, low + 0.75), p.second, "cloth", at=y))
         for y in (-inner, inner):
-            parapet = (-end + 0.2, y - 0.03, low - 0.05), (end - 0.4, y + 0.03, low + 0.4)
-            parts.append(block(*parapet, p.color))
-        screen = (end - 0.5, -inner, low - 0.05), (end - 0.42, inner, low + 0.95)
-        parts.append(block(*screen, GLASS, "glass"))
+            parapet = (-end + 0.2, end - 0.4), 0.03, (low - 0.05, low + 0.4)
+            parts.append(across(*parapet, p.color, at=y))
+        parts.append(
+            across((end - 0.5, end - 0.42), inner, (low - 0.05, low + 0.95), GLASS, "glass")
+        )
     return parts
 
 

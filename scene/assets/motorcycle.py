@@ -19,12 +19,12 @@ from scene.assets.parts.palette import (
     WHITE,
     darker,
 )
-from scene.assets.parts.skin import pair, slab
+from scene.assets.parts.skin import across, pair, slab
 from scene.assets.parts.vehicle import card, mudguard, rod
 from scene.assets.parts.wheel import Wheel, wheel
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, Point, merge, translate
-from scene.mesh.solids import block, disc, ellipsoid, polygon, tube
+from scene.mesh.solids import disc, ellipsoid, polygon, tube
 
 SADDLE: Point = (-0.18, 0.0, 0.80)
 """Top of the seat where the rider sits, m."""
@@ -188,7 +188,7 @@ def _cylinders(p: MotorcycleParams) -> list[Asset]:
         x, z = 0.02 + 0.02 * k, 0.48 + 0.032 * k
         wide = 0.115 if k % 2 else 0.09
         color = p.engine_color if k % 2 else darker(p.engine_color, 0.3)
-        parts.append(block((x - 0.11, -wide, z), (x + 0.11, wide, z + 0.032), color, "metal"))
+        parts.append(across((x - 0.11, x + 0.11), wide, (z, z + 0.032), color, "metal"))
     return parts
 
 
@@ -235,7 +235,7 @@ def _scooter(p: MotorcycleParams) -> list[Asset]:
         slab(body, p.color, "paint"),
         slab(seat, p.seat_color, "plain"),
         slab(shield, p.color, "paint"),
-        block((x + 0.05, -0.2, 0.2), (0.34, 0.2, 0.28), TRIM),
+        across((x + 0.05, 0.34), 0.2, (0.2, 0.28), TRIM),
         tube(*pipe, 0.06, STEEL, "metal", sides=10),
         *_scooter_details(p),
     ]
@@ -250,7 +250,7 @@ def _scooter_details(p: MotorcycleParams) -> list[Asset]:
         pair(ellipsoid((0.43, 0.13, 0.72), (0.04, 0.035, 0.05), AMBER, "paint", subdivisions=0)),
     ]
     if p.front_box:
-        parts.append(block((0.46, -0.15, 0.76), (0.66, 0.15, 0.98), p.second, "plain"))
+        parts.append(across((0.46, 0.66), 0.15, (0.76, 0.98), p.second, "plain"))
     return parts
 
 
@@ -272,7 +272,7 @@ def _extras(p: MotorcycleParams) -> list[Asset]:
         parts += _cases(p)
     if p.sissy:
         x = -p.wheelbase / 2 + 0.08
-        parts.append(block((x, -0.12, z + 0.1), (x + 0.06, 0.12, z + 0.42), p.seat_color))
+        parts.append(across((x, x + 0.06), 0.12, (z + 0.1, z + 0.42), p.seat_color))
     return parts
 
 
@@ -280,10 +280,10 @@ def _cases(p: MotorcycleParams) -> list[Asset]:
     """A delivery box on a scooter; panniers and a top case on a tourer."""
     rear, low = -p.wheelbase / 2, SADDLE[2] + 0.06
     if p.scooter:
-        return [block((rear - 0.25, -0.2, low), (rear + 0.17, 0.2, low + 0.42), p.second, "plain")]
-    top = block((rear - 0.25, -0.17, low), (rear + 0.17, 0.17, low + 0.28), TRIM)
+        return [across((rear - 0.25, rear + 0.17), 0.2, (low, low + 0.42), p.second, "plain")]
+    top = across((rear - 0.25, rear + 0.17), 0.17, (low, low + 0.28), TRIM)
     return [top] + [
-        block((rear - 0.28, y - 0.1, 0.42), (rear + 0.22, y + 0.1, 0.76), p.color, "paint")
+        across((rear - 0.28, rear + 0.22), 0.1, (0.42, 0.76), p.color, "paint", at=y)
         for y in (0.24, -0.24)
     ]
 

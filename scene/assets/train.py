@@ -34,6 +34,7 @@ from scene.assets.parts.palette import (
     WHITE,
     darker,
 )
+from scene.assets.parts.skin import across
 from scene.assets.parts.vehicle import (
     Hull,
     Walls,
@@ -53,7 +54,7 @@ from scene.assets.parts.vehicle import (
 )
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, merge, translate
-from scene.mesh.solids import block, loft, tube
+from scene.mesh.solids import loft, tube
 
 
 class TrainParams(NamedTuple):
@@ -138,11 +139,11 @@ def _bogies(p: TrainParams) -> list[Asset]:
         for x in (middle - 0.95, middle + 0.95):
             parts.append(axle(x, half, radius, 0.14, None, sides=16))
         if p.floor > radius + 0.1:
-            low = (middle - 1.5, -half - 0.03, radius + 0.05)
-            parts.append(block(low, (middle + 1.5, half + 0.03, p.floor + 0.02), BLACK, "metal"))
+            span, high = (middle - 1.5, middle + 1.5), (radius + 0.05, p.floor + 0.02)
+            parts.append(across(span, half + 0.03, high, BLACK, "metal"))
     if p.floor > 0.8:
-        corner = (0.18 * p.length, p.width / 2 - 0.25, p.floor)
-        parts.append(block((-corner[0], -corner[1], 0.35), corner, TRIM, "metal"))
+        span = (-0.18 * p.length, 0.18 * p.length)
+        parts.append(across(span, p.width / 2 - 0.25, (0.35, p.floor), TRIM, "metal"))
     return parts
 
 
@@ -152,7 +153,7 @@ def _pantograph(p: TrainParams) -> list[Asset]:
     elbow, head = (x - 0.7, 0.0, top + 0.55), (x + 0.25, 0.0, top + 1.1)
     bar = [(head[0], y, head[2]) for y in (-0.75, 0.75)]
     return [
-        block((x - 0.6, -0.5, top - 0.02), (x + 0.6, 0.5, top + 0.16), TRIM),
+        across((x - 0.6, x + 0.6), 0.5, (top - 0.02, top + 0.16), TRIM),
         rod((x + 0.3, 0, top), elbow, 0.035, STEEL),
         rod(elbow, head, 0.03, STEEL),
         rod(bar[0], bar[1], 0.03, STEEL),
@@ -179,7 +180,7 @@ def _cab_ends(p: TrainParams, side: Walls, glass: tuple[float, float]) -> list[A
             lettering(face, (0.3, 0.7), (glass[1] + 0.025, glass[1] + 0.07), AMBER, p.seed),
         ]
         x, z = end * p.length / 2, p.floor
-        parts.append(block((x - 0.25, -0.15, z - 0.1), (x + 0.25, 0.15, z + 0.15), TRIM))
+        parts.append(across((x - 0.25, x + 0.25), 0.15, (z - 0.1, z + 0.15), TRIM))
     return parts
 
 
@@ -190,7 +191,7 @@ def _passenger(p: TrainParams, bays: int, doors: int, glass: tuple[float, float]
     parts = [hull(_shape(p), p.color)]
     parts += _cab_ends(p, side, (glass[0] - 0.03, glass[1]))
     parts += [  # cooling boxes on the roof
-        block((x - 1.1, -0.7, p.height - 0.05), (x + 1.1, 0.7, p.height + 0.22), TRIM, "metal")
+        across((x - 1.1, x + 1.1), 0.7, (p.height - 0.05, p.height + 0.22), TRIM, "metal")
         for x in (p.length - 2 * p.rake)
         * np.array((-0.3, 0.35) if p.seed % 2 else (-0.12, 0.3, -0.38))
     ]
@@ -206,8 +207,7 @@ def _passenger(p: TrainParams, bays: int, doors: int, glass: tuple[float, float]
             parts += panes(wall, leaves, (0.3, glass[1]), p.glazing, lift=0.035)
     for joint in np.linspace(-0.5, 0.5, p.sections + 1)[1:-1] * p.length:
         half = p.width / 2 + 0.03
-        bellows = (joint - 0.3, -half, p.floor), (joint + 0.3, half, p.height - 0.2)
-        parts.append(block(*bellows, BLACK))
+        parts.append(across((joint - 0.3, joint + 0.3), half, (p.floor, p.height - 0.2), BLACK))
     return parts
 
 
@@ -232,7 +232,7 @@ def _locomotive(p: TrainParams) -> list[Asset]:
                 parts.append(panel(wall, (start, start + 0.12), (v, v + 0.012), STEEL, lift=0.02))
     reach = p.length / 2 + 0.4
     return parts + [  # buffers, one bar through the length for a pair
-        block((-reach, y - 0.16, 0.9), (reach, y + 0.16, 1.2), TRIM) for y in (-0.88, 0.88)
+        across((-reach, reach), 0.16, (0.9, 1.2), TRIM, at=y) for y in (-0.88, 0.88)
     ]
 
 
@@ -250,7 +250,7 @@ def _hopper(p: TrainParams) -> list[Asset]:
     ]
     heap = [rings[2] - [0, 0, 0.05], plan * [0.7 * end, 0.3 * half, 0] + [0, 0, p.height + 0.35]]
     parts = [loft(rings, p.color, "metal"), loft(heap, (0.05, 0.048, 0.045), "concrete")]
-    parts.append(block((-p.length / 2, -0.5, 0.85), (p.length / 2, 0.5, 1.1), BLACK, "metal"))
+    parts.append(across((-p.length / 2, p.length / 2), 0.5, (0.85, 1.1), BLACK, "metal"))
     for wall in walls(2 * end, 0.97 * p.width, p.floor + 0.9, p.height)[:2]:
         for share in np.linspace(0.02, 0.98, 9):  # ribs
             rib = (share - 0.012, share + 0.012)
@@ -261,11 +261,10 @@ def _hopper(p: TrainParams) -> list[Asset]:
 def _container(p: TrainParams) -> list[Asset]:
     """Two containers on a flat wagon."""
     half, end = p.width / 2, p.length / 2
-    frame = block((-end, -half, p.floor - 0.25), (end, half, p.floor), BLACK, "metal")
+    frame = across((-end, end), half, (p.floor - 0.25, p.floor), BLACK, "metal")
     parts = [frame]
     for start, stop, color in ((-end + 0.3, -0.1, p.color), (0.1, end - 0.3, p.band)):
-        low, high = (start, -half, p.floor), (stop, half, p.height)
-        parts.append(block(low, high, color, "metal"))
+        parts.append(across((start, stop), half, (p.floor, p.height), color, "metal"))
         side = walls(stop - start, p.width, p.floor, p.height, x=(start + stop) / 2)
         for wall in side[:2]:
             for share in np.linspace(0.04, 0.96, 9):  # corrugation
@@ -283,7 +282,7 @@ def _tank(p: TrainParams) -> list[Asset]:
     ends = ((0.97, 0.5), (0.95, 0.8), (0.91, 0.96), (0.86, 1.0))
     middle = p.floor + radius
     parts = [
-        block((-end, -half, p.floor - 0.3), (end, half, p.floor), BLACK, "metal"),
+        across((-end, end), half, (p.floor - 0.3, p.floor), BLACK, "metal"),
         tank(loop, 0.0, middle, end, ends, p.color),
         tube(
             (0, 0, p.height - 0.1), (0, 0, p.height + 0.25), 0.5, darker(p.color), "metal", sides=12

@@ -36,7 +36,7 @@ from scene.assets.parts.palette import (
     darker,
     pick,
 )
-from scene.assets.parts.skin import pair
+from scene.assets.parts.skin import across, pair
 from scene.assets.parts.vehicle import (
     Hull,
     arch,
@@ -218,8 +218,9 @@ def _on_cab(p: TruckParams, h: Hull) -> list[Asset]:
     parts = []
     if p.visor:
         x, z = nose - p.rake * top, h.low + top * (h.high - h.low)
-        visor = (x - 0.05, -0.45 * p.width, z - 0.02), (x + 0.22, 0.45 * p.width, z + 0.1)
-        parts.append(block(*visor, darker(p.cab, 0.4)))
+        parts.append(
+            across((x - 0.05, x + 0.22), 0.45 * p.width, (z - 0.02, z + 0.1), darker(p.cab, 0.4))
+        )
     if p.deflector and p.height > h.high + 0.15:
         long, x = p.cab_length, nose - p.cab_length + 0.42 * p.cab_length
         shape = Hull(0.8 * long, 0.86 * p.width, h.high - 0.05, p.height - 0.05, x)
@@ -235,15 +236,14 @@ def _on_cab(p: TruckParams, h: Hull) -> list[Asset]:
 def _chassis(p: TruckParams) -> list[Asset]:
     """Frame rails, fuel tank, mudguards, and side guards between the axles that are far apart."""
     nose, tail, bed = p.length / 2, -p.length / 2, floor(p)
-    parts = [block((tail, -0.45, bed - 0.35), (nose - 1, 0.45, bed), BLACK, "metal")]
+    parts = [across((tail, nose - 1), 0.45, (bed - 0.35, bed), BLACK, "metal")]
     for ahead, behind in itertools.pairwise(p.axles):
         start, end = nose - behind + p.wheel_radius + 0.1, nose - ahead - p.wheel_radius - 0.1
         end = min(end, nose - p.cab_length - 0.1)
         if end - start > 1:
             for low, high in ((0.42, 0.52), (0.65, 0.75)):
                 y = p.width / 2 - 0.06
-                guard = (start, y - 0.02, low), (end, y + 0.02, high)
-                parts.append(pair(block(*guard, STEEL, "metal")))
+                parts.append(pair(across((start, end), 0.02, (low, high), STEEL, "metal", at=y)))
             y, z = -0.75 * p.width / 2, bed - 0.32
             parts.append(tube((end - 0.9, y, z), (end - 0.1, y, z), 0.26, STEEL, "metal", sides=12))
     for x in p.axles[1:]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from scene.assets.parts.lorry import TruckParams, bed, floor, sign
 from scene.assets.parts.palette import AMBER, BLACK, GRAVEL, STEEL, TAILLAMP, TRIM, WHITE, darker
-from scene.assets.parts.skin import pair, revolve
+from scene.assets.parts.skin import across, pair, revolve
 from scene.assets.parts.vehicle import hoop, lettering, panel, tank, walls
 from scene.mesh.asset import Asset, Point, repaint, reshaped, translate
 from scene.mesh.solids import block, loft, polygon, tube
@@ -21,8 +21,8 @@ def flatbed(p: TruckParams) -> list[Asset]:
     front, rear = x + length / 2, x - length / 2
     rng = np.random.default_rng(p.seed)
     parts = [
-        block((rear, -half, low), (front, half, low + 0.14), p.body, "wood"),
-        block((front - 0.08, -half, low), (front, half, p.height + 0.4), STEEL, "metal"),
+        across((rear, front), half, (low, low + 0.14), p.body, "wood"),
+        across((front - 0.08, front), half, (low, p.height + 0.4), STEEL, "metal"),
     ]
     start = rear + 0.15
     while start < rear + p.fill * length:
@@ -32,24 +32,21 @@ def flatbed(p: TruckParams) -> list[Asset]:
         wide = rng.uniform(0.55, 0.95) * half
         kind = rng.integers(3)
         if kind == 0:  # pipes
-            for y, (across, up) in product(
-                np.arange(-wide, wide, 0.24).tolist(), ((0.0, 0.27), (0.1, 0.47))
-            ):
-                ends = (start, y + across, low + up), (end, y + across, low + up)
+            levels = ((0.0, 0.27), (0.1, 0.47))
+            for y, (aside, up) in product(np.arange(-wide, wide, 0.24).tolist(), levels):
+                ends = (start, y + aside, low + up), (end, y + aside, low + up)
                 parts.append(tube(*ends, 0.11, STEEL, "metal", sides=8))
         else:
             color = (WHITE, (0.16, 0.10, 0.06), p.cab, (0.25, 0.07, 0.03))[int(rng.integers(4))]
-            case = (start, -wide, low + 0.16), (end, wide, tall)
-            parts.append(block(*case, color, "wood" if kind == 1 else "cloth"))
+            material, high = "wood" if kind == 1 else "cloth", (low + 0.16, tall)
+            parts.append(across((start, end), wide, high, color, material))
             for share in (0.3, 0.7):
-                at, out = start + share * (end - start), wide + 0.01
-                strap = (at - 0.03, -wide - 0.01, low + 0.16), (at + 0.03, out, tall + 0.01)
-                parts.append(block(*strap, AMBER))
+                at, strap = start + share * (end - start), (low + 0.16, tall + 0.01)
+                parts.append(across((at - 0.03, at + 0.03), wide + 0.01, strap, AMBER))
         start = end + rng.uniform(0.05, 0.3)
     if p.fill < 0.75:  # drop sides
-        for y in (half, -half):
-            board = (rear, y - 0.02, low + 0.1), (front, y + 0.02, low + 0.5)
-            parts.append(block(*board, p.cab, "metal"))
+        parts += [across((rear, front), 0.02, (low + 0.1, low + 0.5), p.cab, "metal", at=y)
+                  for y in (half, -half)]  # fmt: skip
     return parts
 
 
@@ -72,7 +69,7 @@ def tipper(p: TruckParams) -> list[Asset]:
     parts = [
         loft(edge, p.body, "metal"),
         loft([heap, peak], GRAVEL, "concrete"),
-        block((x + length / 2, -half, high - 0.1), (x + length / 2 + 0.7, half, high), p.body),
+        across((x + length / 2, x + length / 2 + 0.7), half, (high - 0.1, high), p.body),
         tube((x + length / 2 + 0.15, 0, low), (x + length / 2 + 0.1, 0, high), 0.1, STEEL, "metal"),
     ]
     for share in np.linspace(0.04, 0.96, 7):  # ribs
@@ -100,12 +97,11 @@ def tanker(p: TruckParams) -> list[Asset]:
     angle = np.arange(20) * np.pi / 10
     loop = np.column_stack([np.cos(angle) * 0.49 * width, np.sin(angle) * radius])
     top, reach = p.height, 0.4 * length
-    walkway = (x - reach, -0.3, top - 0.04), (x + reach, 0.3, top + 0.05)
     ends = ((0.5, 0.55), (0.49, 0.8), (0.46, 0.97), (0.44, 1.0))
     parts = [
         tank(loop, x, middle, length, ends, p.body),
-        block(*walkway, TRIM),
-        block((x - length / 2, -0.5, low - 0.1), (x + length / 2, 0.5, low + 0.15), TRIM),
+        across((x - reach, x + reach), 0.3, (top - 0.04, top + 0.05), TRIM),
+        across((x - length / 2, x + length / 2), 0.5, (low - 0.1, low + 0.15), TRIM),
     ]
     back = x - length / 2 - 0.02
     for y, head in ((0.5, top), (0.8, top - 0.1)):
@@ -142,7 +138,7 @@ def refuse(p: TruckParams) -> list[Asset]:
         ]
     )
     parts = [
-        block((split, -half, low), (x + length / 2, half, p.height - 0.15), p.body, "paint"),
+        across((split, x + length / 2), half, (low, p.height - 0.15), p.body, "paint"),
         loft(rings, darker(p.body, 0.8), "paint"),
         panel(slope, (0.12, 0.88), (0.02, 0.45), BLACK),
         panel(slope, (0, 1), (0.62, 0.72), AMBER),
@@ -182,7 +178,7 @@ def mixer(p: TruckParams) -> list[Asset]:
     chute = [(high, 0.25, 1.9), (high, -0.25, 1.9), (deep, -0.2, 1.2), (deep, 0.2, 1.2)]
     return [
         translate(reshaped(drum, turned), (x, 0, low + radius + 0.25)),
-        block((x + 0.32 * length, -0.5, low), (x + 0.42 * length, 0.5, low + 1.1), p.cab),
+        across((x + 0.32 * length, x + 0.42 * length), 0.5, (low, low + 1.1), p.cab),
         pair(tube((rear + 0.7, 0.8, low), (rear + 0.5, 0.3, p.height - 0.4), 0.06, p.cab, "metal")),
         loft([np.array(chute), np.array(chute) - [0, 0, 0.06]], STEEL, "metal"),
         tube(*hopper, 0.3, p.cab, "paint", end_radius=0.6, sides=8),
@@ -201,7 +197,7 @@ def skip(p: TruckParams) -> list[Asset]:
         (x - 0.38 * length, half - 0.12, p.height),
     )
     return [
-        block((x - length / 2, -half, low), (x + length / 2, half, low + 0.16), TRIM, "metal"),
+        across((x - length / 2, x + length / 2), half, (low, low + 0.16), TRIM, "metal"),
         loft(edge, p.body, "metal"),
         loft([heap, peak], (0.13, 0.10, 0.08), "concrete"),
         pair(tube(root, tip, 0.12, p.cab, "paint", sides=4)),
@@ -217,14 +213,12 @@ def recovery(p: TruckParams) -> list[Asset]:
     front, rear = x + length / 2, x - length / 2 + 0.5  # ahead of the ramp
     elbow = (front - 0.3, 0.0, p.height + 0.3)
     hook = (front - 0.3 - 0.45 * length * p.fill, 0.0, p.height + 0.1)
-    bar = block(
-        (front - 0.05, -0.7, p.height - 0.35), (front + 0.1, 0.7, p.height - 0.2), AMBER, "lamp"
-    )
+    bar = across((front - 0.05, front + 0.1), 0.7, (p.height - 0.35, p.height - 0.2), AMBER, "lamp")
     rail = block((rear, half - 0.06, low), (front, half, low + 0.22), p.body, "metal")
     tip = rear - 0.5
     ramp: list[Point] = [(rear, half, low), (rear, -half, low), (tip, -half, 0.6), (tip, half, 0.6)]
     return [
-        block((rear, -half, low - 0.05), (front, half, low + 0.1), STEEL, "metal"),
+        across((rear, front), half, (low - 0.05, low + 0.1), STEEL, "metal"),
         pair(rail),
         bar,
         tube((front - 0.3, 0, low), elbow, 0.16, p.cab, "paint", sides=8),

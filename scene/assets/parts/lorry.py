@@ -8,9 +8,10 @@ import numpy as np
 
 from scene.assets.parts.glazing import EMPTY, Glazing
 from scene.assets.parts.palette import BLACK, STEEL, TRIM, darker
+from scene.assets.parts.skin import across
 from scene.assets.parts.vehicle import Span, Walls, lettering, panel, walls
 from scene.mesh.asset import Asset, Color
-from scene.mesh.solids import block, loft
+from scene.mesh.solids import loft
 
 
 class TruckParams(NamedTuple):
@@ -97,9 +98,8 @@ def _closed(
 ) -> list[Asset]:
     """A body with doors behind, rails round its edges, and lettering on its sides."""
     x, length, width = bed(p)
-    low, high = (x - length / 2, -width / 2, floor(p)), (x + length / 2, width / 2, p.height)
     return [
-        block(low, high, p.body, material),
+        across((x - length / 2, x + length / 2), width / 2, (floor(p), p.height), p.body, material),
         *_doors(side.rear),
         *_edges(side, rails),
         *sign(p, side, u, v),

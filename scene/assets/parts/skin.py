@@ -9,7 +9,7 @@ import numpy as np
 from scene.look.materials import material_id
 from scene.mesh.asset import Asset, Color, merge, solid
 from scene.mesh.mesh import Mesh, frozen, twice_areas
-from scene.mesh.solids import loft
+from scene.mesh.solids import block, loft
 
 _SAME = 1e4
 """Points that agree to 1 / _SAME of a metre are one vertex after welding."""
@@ -76,6 +76,14 @@ _MIRROR = np.array([1.0, -1.0, 1.0])
 def pair(asset: Asset) -> Asset:
     """The asset and its mirror image."""
     return merge(asset, mirrored(asset))
+
+
+def across(
+    x: tuple[float, float], half: float, z: tuple[float, float], color: Color,
+    material: str = "plain", *, at: float = 0.0,
+) -> Asset:  # fmt: skip
+    """A box between two places x and two heights, ``half`` m wide to either side of y = ``at``; 12 faces."""
+    return block((x[0], at - half, z[0]), (x[1], at + half, z[1]), color, material)
 
 
 def revolve(
