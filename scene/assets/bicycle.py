@@ -67,19 +67,10 @@ _GUARDS = tuple(np.linspace(0.5, 3.2, 9)), tuple(np.linspace(0.4, 2.6, 8))
 """Angles through which the rear and the front mudguard run, rad up from straight ahead."""
 
 _PAINTS: tuple[Color, ...] = (
-    BLACK,
-    BLACK,
-    (0.035, 0.035, 0.04),
-    (0.05, 0.05, 0.055),
-    (0.24, 0.015, 0.015),
-    (0.02, 0.06, 0.2),
-    (0.02, 0.09, 0.045),
-    (0.20, 0.21, 0.22),
-    (0.45, 0.45, 0.43),
-    (0.36, 0.15, 0.015),
-    (0.07, 0.20, 0.22),
+    BLACK, BLACK, (0.035, 0.035, 0.04), (0.05, 0.05, 0.055), (0.24, 0.015, 0.015), (0.02, 0.06, 0.2),
+    (0.02, 0.09, 0.045), (0.20, 0.21, 0.22), (0.45, 0.45, 0.43), (0.36, 0.15, 0.015), (0.07, 0.20, 0.22),
     (0.13, 0.02, 0.10),
-)
+)  # fmt: skip
 _TYRES: tuple[Color, ...] = (TYRE, TYRE, TYRE, (0.10, 0.06, 0.03), (0.30, 0.26, 0.18))
 _LOADS = ("", "", "panniers", "child seat", "box")
 _SADDLES: tuple[Color, ...] = (BLACK, (0.12, 0.06, 0.03))

@@ -88,31 +88,21 @@ _MODELS: dict[str, BusParams] = {
     "coach": BusParams(12.2, 2.55, 3.55, 1, 6, (0.50, 0.90), 0.50, 2, 1, 0.6, 0.40, False),
     "minibus": BusParams(7.2, 2.15, 2.75, 1, 4, (0.42, 0.86), 0.36, 1, 1, 2.1, 0.45, True),
     "midibus": BusParams(9.3, 2.40, 2.90, 1, 5, (0.34, 0.88), 0.42, 1, 1, 0.4, 0.15, True),
-    "articulated": BusParams(
-        17.6, 2.55, 3.05, 1, 10, (0.36, 0.86), 0.48, 1, 3, 0.45, 0.12, True, joint=True
-    ),
-    "open-top": BusParams(
-        10.4, 2.50, 4.05, 2, 6, (0.34, 0.84), 0.48, 1, 1, 0.5, 0.12, True, open_top=True
-    ),
-    "school bus": BusParams(
-        9.6, 2.40, 3.05, 1, 8, (0.48, 0.84), 0.46, 1, 1, 1.75, 0.08, True, bonnet=1.4
-    ),
-}
+    "articulated": BusParams(17.6, 2.55, 3.05, 1, 10, (0.36, 0.86), 0.48, 1, 3, 0.45, 0.12, True,
+                             joint=True),
+    "open-top": BusParams(10.4, 2.50, 4.05, 2, 6, (0.34, 0.84), 0.48, 1, 1, 0.5, 0.12, True,
+                          open_top=True),
+    "school bus": BusParams(9.6, 2.40, 3.05, 1, 8, (0.48, 0.84), 0.46, 1, 1, 1.75, 0.08, True,
+                            bonnet=1.4),
+}  # fmt: skip
 KINDS: tuple[str, ...] = tuple(_MODELS)
 """Body types."""
 
 _LIVERIES: tuple[Color, ...] = (
-    (0.38, 0.016, 0.018),  # red
-    WHITE,  # white
-    (0.50, 0.45, 0.33),  # cream
-    (0.52, 0.31, 0.025),  # yellow
-    (0.025, 0.07, 0.22),  # blue
-    (0.03, 0.16, 0.08),  # green
-    (0.34, 0.35, 0.36),  # silver
-    (0.10, 0.30, 0.42),  # turquoise
-    (0.16, 0.03, 0.14),  # purple
-    (0.48, 0.15, 0.015),  # orange
-)
+    (0.38, 0.016, 0.018), WHITE, (0.50, 0.45, 0.33), (0.52, 0.31, 0.025), (0.025, 0.07, 0.22),
+    (0.03, 0.16, 0.08), (0.34, 0.35, 0.36), (0.10, 0.30, 0.42), (0.16, 0.03, 0.14), (0.48, 0.15, 0.015),
+)  # fmt: skip
+"""Red, white, cream, yellow, blue, green, silver, turquoise, purple and orange."""
 _PATTERNS = ("plain", "skirt", "band", "two-tone", "swoop", "rear")
 _FLOOR = 0.32
 """Height of the lower edge of the body, m."""

@@ -64,28 +64,19 @@ _MODELS: dict[str, MotorcycleParams] = {
     "tourer": MotorcycleParams(0.320, 0.15, 1.50, False, 0.6, 0.34, True, 0.04),
     "sports": MotorcycleParams(0.310, 0.16, 1.40, False, 1.0, 0.12, False, 0.18),
     "delivery scooter": MotorcycleParams(0.240, 0.12, 1.30, True, 0.0, 0.30, True, 0.02),
-    "cruiser": MotorcycleParams(
-        0.325, 0.17, 1.58, False, 0.0, 0.0, False, 0.02, pipes=2, sissy=True
-    ),
-    "adventure": MotorcycleParams(
-        0.335, 0.13, 1.50, False, 0.35, 0.24, True, 0.08, high_pipe=True, beak=True
-    ),
+    "cruiser": MotorcycleParams(0.325, 0.17, 1.58, False, 0.0, 0.0, False, 0.02, pipes=2, sissy=True),
+    "adventure": MotorcycleParams(0.335, 0.13, 1.50, False, 0.35, 0.24, True, 0.08, high_pipe=True,
+                                  beak=True),
     "cafe racer": MotorcycleParams(0.320, 0.13, 1.40, False, 0.2, 0.08, False, 0.12, spokes=12),
     "moped": MotorcycleParams(0.285, 0.09, 1.22, True, 0.0, 0.0, False, 0.02, spokes=12),
-}
+}  # fmt: skip
 KINDS: tuple[str, ...] = tuple(_MODELS)
 """Body types."""
 
 _PAINTS: tuple[Color, ...] = (
-    (0.018, 0.018, 0.02),
-    (0.07, 0.07, 0.075),
-    (0.33, 0.018, 0.018),
-    (0.025, 0.06, 0.24),
-    (0.04, 0.16, 0.05),
-    WHITE,
-    (0.38, 0.39, 0.40),
-    (0.45, 0.16, 0.015),
-)
+    (0.018, 0.018, 0.02), (0.07, 0.07, 0.075), (0.33, 0.018, 0.018), (0.025, 0.06, 0.24), (0.04, 0.16, 0.05),
+    WHITE, (0.38, 0.39, 0.40), (0.45, 0.16, 0.015),
+)  # fmt: skip
 
 
 def sample_motorcycle(rng: np.random.Generator, kind: str) -> MotorcycleParams:

@@ -34,11 +34,8 @@ class ScaffoldParams(NamedTuple):
 
 
 _NETS: tuple[Color, ...] = (
-    (0.05, 0.20, 0.10),
-    (0.10, 0.20, 0.36),
-    (0.46, 0.46, 0.44),
-    (0.24, 0.24, 0.23),
-)
+    (0.05, 0.20, 0.10), (0.10, 0.20, 0.36), (0.46, 0.46, 0.44), (0.24, 0.24, 0.23),
+)  # fmt: skip
 _HOARDINGS: tuple[Color, ...] = ((0.03, 0.10, 0.28), (0.50, 0.50, 0.48), BOARDS)
 _SCAFFOLD = ScaffoldParams(3, 2.0, 1.0, 3, SCAFFOLD_STEEL, BOARDS, _NETS[0], 0.0, False, False, 0)
 _KINDS: dict[str, dict[str, Any]] = {

@@ -45,8 +45,10 @@ from scene.assets.parts.vehicle import (
     lamps,
     lettering,
     panel,
+    panels,
     panes,
     rod,
+    strips,
     tank,
     walls,
     window_row,
@@ -91,20 +93,14 @@ KINDS: tuple[str, ...] = tuple(_MODELS)
 """Vehicle types."""
 
 _LIVERIES: tuple[Color, ...] = (
-    (0.36, 0.016, 0.018),  # red
-    (0.50, 0.30, 0.025),  # yellow
-    (0.025, 0.08, 0.25),  # blue
-    (0.03, 0.15, 0.07),  # green
-    (0.60, 0.60, 0.58),  # white
-    (0.33, 0.34, 0.35),  # silver
-)
+    (0.36, 0.016, 0.018), (0.50, 0.30, 0.025), (0.025, 0.08, 0.25), (0.03, 0.15, 0.07),
+    (0.60, 0.60, 0.58), (0.33, 0.34, 0.35),
+)  # fmt: skip
+"""Red, yellow, blue, green, white and silver."""
 _FREIGHT: tuple[Color, ...] = (
-    (0.14, 0.055, 0.03),  # rust
-    (0.16, 0.16, 0.165),  # grey
-    (0.04, 0.09, 0.18),  # blue
-    (0.05, 0.11, 0.06),  # green
-    (0.36, 0.12, 0.02),  # orange
-)
+    (0.14, 0.055, 0.03), (0.16, 0.16, 0.165), (0.04, 0.09, 0.18), (0.05, 0.11, 0.06), (0.36, 0.12, 0.02),
+)  # fmt: skip
+"""Rust, grey, blue, green and orange."""
 
 
 def sample_train(rng: np.random.Generator, kind: str) -> TrainParams:
@@ -227,9 +223,9 @@ def _locomotive(p: TrainParams) -> list[Asset]:
         parts.append(lettering(wall, (0.35, 0.65), (0.28, 0.46), p.band, p.seed))
         parts += panes(wall, ((0.06, 0.11), (0.89, 0.94)), (0.52, 0.84), p.glazing)
         for start in (0.2, 0.36, 0.52, 0.68):  # ventilation grilles
-            parts.append(panel(wall, (start, start + 0.12), (0.55, 0.82), TRIM, "metal"))
-            for v in (0.6, 0.66, 0.72, 0.78):
-                parts.append(panel(wall, (start, start + 0.12), (v, v + 0.012), STEEL, lift=0.02))
+            grille, slats = (start, start + 0.12), [(v, v + 0.012) for v in (0.6, 0.66, 0.72, 0.78)]
+            parts.append(panel(wall, grille, (0.55, 0.82), TRIM, "metal"))
+            parts.append(panels(wall, [grille], slats, STEEL, lift=0.02))
     reach = p.length / 2 + 0.4
     return parts + [  # buffers, one bar through the length for a pair
         across((-reach, reach), 0.16, (0.9, 1.2), TRIM, at=y) for y in (-0.88, 0.88)
@@ -252,9 +248,8 @@ def _hopper(p: TrainParams) -> list[Asset]:
     parts = [loft(rings, p.color, "metal"), loft(heap, (0.05, 0.048, 0.045), "concrete")]
     parts.append(across((-p.length / 2, p.length / 2), 0.5, (0.85, 1.1), BLACK, "metal"))
     for wall in walls(2 * end, 0.97 * p.width, p.floor + 0.9, p.height)[:2]:
-        for share in np.linspace(0.02, 0.98, 9):  # ribs
-            rib = (share - 0.012, share + 0.012)
-            parts.append(panel(wall, rib, (0, 1), darker(p.color), "metal"))
+        ribs = strips(np.linspace(0.02, 0.98, 9), 0.012)
+        parts.append(panels(wall, ribs, [(0, 1)], darker(p.color), "metal"))
     return parts
 
 
@@ -267,9 +262,8 @@ def _container(p: TrainParams) -> list[Asset]:
         parts.append(across((start, stop), half, (p.floor, p.height), color, "metal"))
         side = walls(stop - start, p.width, p.floor, p.height, x=(start + stop) / 2)
         for wall in side[:2]:
-            for share in np.linspace(0.04, 0.96, 9):  # corrugation
-                stripe = (share - 0.018, share + 0.018)
-                parts.append(panel(wall, stripe, (0.05, 0.95), darker(color), "metal"))
+            folds = strips(np.linspace(0.04, 0.96, 9), 0.018)
+            parts.append(panels(wall, folds, [(0.05, 0.95)], darker(color), "metal"))
     return parts
 
 

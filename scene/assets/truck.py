@@ -45,7 +45,9 @@ from scene.assets.parts.vehicle import (
     hull,
     lamps,
     panel,
+    panels,
     panes,
+    strips,
     walls,
     wrap,
 )
@@ -53,52 +55,31 @@ from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, merge
 from scene.mesh.solids import block, tube
 
-_CAB = (0.50, 0.86)
+_CAB, _TRACTOR = (0.50, 0.86), (0.44, 0.74)
+"""Windscreens, as shares of the cab's height."""
 _MODELS: dict[str, TruckParams] = {
     "box lorry": TruckParams("box", 8.2, 2.45, 3.55, 1.9, 2.75, (1.3, 6.2), 0.47, 0.15, _CAB, 0.2),
     "flatbed": TruckParams("flatbed", 8.0, 2.45, 1.9, 1.9, 2.75, (1.3, 6.0), 0.47, 0.2, _CAB, 0.2),
-    "tipper": TruckParams(
-        "tipper", 7.8, 2.50, 2.85, 2.0, 2.95, (1.3, 5.1, 6.45), 0.5, 0.2, _CAB, 0.2
-    ),
-    "articulated": TruckParams(
-        "box", 14.5, 2.50, 3.95, 2.2, 3.55, (1.4, 4.6, 11.2, 12.5), 0.5, 0.7, (0.44, 0.74), 0.25
-    ),
-    "tanker": TruckParams(
-        "tanker", 9.5, 2.45, 3.1, 2.0, 2.95, (1.4, 6.2, 7.55), 0.5, 0.25, _CAB, 0.2
-    ),
+    "tipper": TruckParams("tipper", 7.8, 2.50, 2.85, 2.0, 2.95, (1.3, 5.1, 6.45), 0.5, 0.2, _CAB, 0.2),
+    "articulated": TruckParams("box", 14.5, 2.50, 3.95, 2.2, 3.55, (1.4, 4.6, 11.2, 12.5), 0.5, 0.7,
+                               _TRACTOR, 0.25),
+    "tanker": TruckParams("tanker", 9.5, 2.45, 3.1, 2.0, 2.95, (1.4, 6.2, 7.55), 0.5, 0.25, _CAB, 0.2),
     "refuse": TruckParams("refuse", 8.8, 2.50, 3.4, 2.1, 2.85, (1.5, 5.7), 0.48, 0.2, _CAB, 0.1),
-    "luton van": TruckParams(
-        "luton", 6.4, 2.15, 3.1, 2.1, 2.2, (1.05, 4.9), 0.36, 0.05, (0.5, 0.88), 0.55
-    ),
-    "curtainsider": TruckParams(
-        "curtain", 9.6, 2.50, 3.8, 2.0, 3.0, (1.4, 6.4, 7.7), 0.48, 0.25, _CAB, 0.2
-    ),
-    "concrete mixer": TruckParams(
-        "mixer", 8.8, 2.45, 3.7, 1.9, 2.85, (1.3, 5.6, 6.95), 0.5, 0.2, _CAB, 0.2
-    ),
+    "luton van": TruckParams("luton", 6.4, 2.15, 3.1, 2.1, 2.2, (1.05, 4.9), 0.36, 0.05, (0.5, 0.88), 0.55),
+    "curtainsider": TruckParams("curtain", 9.6, 2.50, 3.8, 2.0, 3.0, (1.4, 6.4, 7.7), 0.48, 0.25, _CAB, 0.2),
+    "concrete mixer": TruckParams("mixer", 8.8, 2.45, 3.7, 1.9, 2.85, (1.3, 5.6, 6.95), 0.5, 0.2, _CAB, 0.2),
     "skip lorry": TruckParams("skip", 7.0, 2.40, 2.9, 1.9, 2.7, (1.3, 5.0), 0.46, 0.25, _CAB, 0.2),
-    "recovery": TruckParams(
-        "recovery", 8.2, 2.35, 2.6, 2.0, 2.6, (1.3, 5.9), 0.42, 0.25, _CAB, 0.25
-    ),
-    "curtain trailer": TruckParams(
-        "curtain", 15.0, 2.50, 3.95, 2.2, 3.6, (1.4, 4.7, 11.4, 12.7), 0.5, 0.7, (0.44, 0.74), 0.2
-    ),
-}
+    "recovery": TruckParams("recovery", 8.2, 2.35, 2.6, 2.0, 2.6, (1.3, 5.9), 0.42, 0.25, _CAB, 0.25),
+    "curtain trailer": TruckParams("curtain", 15.0, 2.50, 3.95, 2.2, 3.6, (1.4, 4.7, 11.4, 12.7), 0.5, 0.7,
+                                   _TRACTOR, 0.2),
+}  # fmt: skip
 KINDS: tuple[str, ...] = tuple(_MODELS)
 """Body types."""
 
 _CABS: tuple[Color, ...] = (
-    WHITE,
-    WHITE,
-    (0.30, 0.018, 0.018),
-    (0.025, 0.06, 0.19),
-    (0.04, 0.13, 0.30),
-    (0.03, 0.11, 0.05),
-    (0.50, 0.30, 0.03),
-    (0.30, 0.31, 0.32),
-    (0.02, 0.02, 0.022),
-    (0.48, 0.14, 0.015),
-)
+    WHITE, WHITE, (0.30, 0.018, 0.018), (0.025, 0.06, 0.19), (0.04, 0.13, 0.30), (0.03, 0.11, 0.05),
+    (0.50, 0.30, 0.03), (0.30, 0.31, 0.32), (0.02, 0.02, 0.022), (0.48, 0.14, 0.015),
+)  # fmt: skip
 _BOXES: tuple[Color, ...] = (
     (0.64, 0.64, 0.62), (0.64, 0.64, 0.62), (0.40, 0.41, 0.41), (0.05, 0.10, 0.24), (0.30, 0.03, 0.03),
     (0.03, 0.13, 0.07), (0.52, 0.34, 0.03), (0.10, 0.10, 0.11),
@@ -192,15 +173,15 @@ def _cab(p: TruckParams) -> list[Asset]:
         lamps(front, (0.08, 0.2), (0.14, 0.21), HEADLAMP, lift=0.035),
         lamps(front, (0.21, 0.24), (0.14, 0.21), AMBER, lift=0.035),
     ]
-    for v in np.linspace(*p.grille, 5)[1:-1]:
-        parts.append(panel(front, (0.21, 0.79), (v - 0.006, v + 0.006), STEEL, "metal", lift=0.025))
+    slats = strips(np.linspace(*p.grille, 5)[1:-1], 0.006)
+    parts.append(panels(front, [(0.21, 0.79)], slats, STEEL, "metal", lift=0.025))
     for wall, u in ((side.right, door), (side.left, (1 - door[1], 1 - door[0]))):
         parts += panes(wall, [u], (foot, top - 0.03), p.glazing, (), 0.0, narrow=NARROW)
-        ends = (u[0] - 0.01, u[0] - 0.002), (u[1] + 0.002, u[1] + 0.01)
-        parts += [panel(wall, seam, (0.14, top), BLACK) for seam in ends]
+        seams = [(u[0] - 0.01, u[0] - 0.002), (u[1] + 0.002, u[1] + 0.01)]
+        parts.append(panels(wall, seams, [(0.14, top)], BLACK))
         handle = (u[0] + 0.02, u[0] + 0.1) if wall is side.right else (u[1] - 0.1, u[1] - 0.02)
         parts.append(panel(wall, handle, (foot - 0.06, foot - 0.04), TRIM, lift=0.03))
-        parts += [panel(wall, u, (v, v + 0.03), BLACK, lift=0.02) for v in (0.02, 0.1)]
+        parts.append(panels(wall, [u], [(0.02, 0.05), (0.1, 0.13)], BLACK, lift=0.02))
     eyes = low + foot * (p.cab_height - low)
     x = nose - p.rake * foot
     mirror = block((x - 0.1, p.width / 2 + 0.03, eyes), (x, p.width / 2 + 0.23, eyes + 0.5), TRIM)

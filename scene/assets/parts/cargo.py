@@ -9,7 +9,7 @@ import numpy as np
 from scene.assets.parts.lorry import TruckParams, bed, floor, sign
 from scene.assets.parts.palette import AMBER, BLACK, GRAVEL, STEEL, TAILLAMP, TRIM, WHITE, darker
 from scene.assets.parts.skin import across, pair, revolve
-from scene.assets.parts.vehicle import hoop, lettering, panel, tank, walls
+from scene.assets.parts.vehicle import hoop, lettering, panel, panels, tank, walls
 from scene.mesh.asset import Asset, Point, repaint, reshaped, translate
 from scene.mesh.solids import block, loft, polygon, tube
 
@@ -78,11 +78,12 @@ def tipper(p: TruckParams) -> list[Asset]:
         parts.append(pair(block(*rib, darker(p.body, 0.8), "metal")))
     rail = (x - length / 2, half - 0.06, high - 0.08), (x + length / 2, half + 0.04, high)
     side = walls(length, width + 0.08, low, high, x=x)
-    for u in (0.02, 0.3, 0.66, 0.94):  # ribs of the tailgate
-        parts.append(panel(side.rear, (u, u + 0.04), (0, 1), darker(p.body, 0.6), lift=0.04))
-    parts += [
-        panel(side.rear, (0, 1), (v, v + 0.05), darker(p.body, 0.6), lift=0.03)
-        for v in (0.0, 0.5, 0.95)
+    dark = darker(p.body, 0.6)
+    ribs = [(u, u + 0.04) for u in (0.02, 0.3, 0.66, 0.94)]
+    bars = [(v, v + 0.05) for v in (0.0, 0.5, 0.95)]
+    parts += [  # of the tailgate
+        panels(side.rear, ribs, [(0, 1)], dark, lift=0.04),
+        panels(side.rear, [(0, 1)], bars, dark, lift=0.03),
     ]
     parts.append(pair(block(*rail, p.body, "metal")))
     return [*parts, *sign(p._replace(band=None), side, (0.3, 0.7), (0.35, 0.7))]

@@ -9,7 +9,7 @@ import numpy as np
 from scene.assets.parts.glazing import EMPTY, Glazing
 from scene.assets.parts.palette import BLACK, STEEL, TRIM, darker
 from scene.assets.parts.skin import across
-from scene.assets.parts.vehicle import Span, Walls, lettering, panel, walls
+from scene.assets.parts.vehicle import Span, Walls, lettering, panel, panels, strips, walls
 from scene.mesh.asset import Asset, Color
 from scene.mesh.solids import loft
 
@@ -71,26 +71,21 @@ def sign(
 
 def _doors(rear: np.ndarray) -> list[Asset]:
     """Rear doors: a seam, upright locking bars and hinges."""
-    parts = [panel(rear, (0.495, 0.505), (0.03, 0.97), BLACK)]
-    for u in (0.2, 0.4, 0.6, 0.8):
-        parts.append(panel(rear, (u - 0.006, u + 0.006), (0.02, 0.98), STEEL, "metal", lift=0.03))
-    for v in (0.12, 0.5, 0.86):
-        for u in (0.0, 0.95):
-            parts.append(panel(rear, (u, u + 0.05), (v, v + 0.02), TRIM, "metal", lift=0.03))
-    return parts
+    return [
+        panel(rear, (0.495, 0.505), (0.03, 0.97), BLACK),
+        panels(rear, strips((0.2, 0.4, 0.6, 0.8), 0.006), [(0.02, 0.98)], STEEL, "metal", lift=0.03),
+        panels(rear, [(0.0, 0.05), (0.95, 1.0)], [(v, v + 0.02) for v in (0.12, 0.5, 0.86)], TRIM,
+               "metal", lift=0.03),
+    ]  # fmt: skip
 
 
 def _edges(side: Walls, color: Color) -> list[Asset]:
     """Rails round the edges of a box body, which catch the light."""
-    parts = []
-    for wall in (side.left, side.right, side.rear, side.front):
-        parts += [
-            panel(wall, (0, 1), v, color, "metal", lift=0.02) for v in ((0, 0.035), (0.965, 1))
-        ]
-        parts += [
-            panel(wall, u, (0, 1), color, "metal", lift=0.02) for u in ((0, 0.012), (0.988, 1))
-        ]
-    return parts
+    spans: tuple[tuple[list[Span], list[Span]], ...] = (
+        ([(0, 1)], [(0, 0.035), (0.965, 1)]), ([(0, 0.012), (0.988, 1)], [(0, 1)]),
+    )  # fmt: skip
+    return [panels(wall, u, v, color, "metal", lift=0.02)
+            for wall in (side.left, side.right, side.rear, side.front) for u, v in spans]  # fmt: skip
 
 
 def _closed(

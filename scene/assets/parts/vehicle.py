@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
@@ -14,7 +14,7 @@ from scene.assets.parts.glazing import NARROW, Glazing, dimmed, inside, on_panes
 from scene.assets.parts.palette import BLACK, GLASS, STEEL, TRIM, TYRE
 from scene.assets.parts.skin import sheet
 from scene.assets.parts.wheel import Wheel, wheels
-from scene.mesh.asset import Asset, Color, Point, merge
+from scene.mesh.asset import Asset, Color, Point
 from scene.mesh.mesh import cross
 from scene.mesh.solids import loft, polygon, quads, tube
 
@@ -113,7 +113,22 @@ def panel(
     wall: Corners, u: Span, v: Span, color: Color, material: str = "plain", *, lift: float = 0.012
 ) -> Asset:
     """A rectangle laid on ``wall``: shares ``u`` along and ``v`` up it, ``lift`` m outside."""
-    return quads(_laid(wall, [u], [v], lift), [color], [material])
+    return panels(wall, [u], [v], color, material, lift=lift)
+
+
+def panels(
+    wall: Corners, u: Sequence[Span], v: Sequence[Span], color: Color, material: str = "plain",
+    *, lift: float = 0.012,
+) -> Asset:  # fmt: skip
+    """A ``panel`` wherever one of the columns ``u`` meets one of the rows ``v``, row by row."""
+    columns, rows = list(u) * len(v), [row for row in v for _ in u]
+    count = len(rows)
+    return quads(_laid(wall, columns, rows, lift), [color] * count, [material] * count)
+
+
+def strips(places: Iterable[float], half: float) -> list[Span]:
+    """Spans that reach ``half`` to either side of ``places``."""
+    return [(at - half, at + half) for at in places]
 
 
 def _laid(
@@ -293,7 +308,4 @@ def lamps(
     wall: Corners, u: tuple[float, float], v: tuple[float, float], color: Color, lift: float = 0.015
 ) -> Asset:
     """A pair of lamps on ``wall``, mirrored about its middle."""
-    return merge(
-        panel(wall, u, v, color, "lamp", lift=lift),
-        panel(wall, (1 - u[1], 1 - u[0]), v, color, "lamp", lift=lift),
-    )
+    return panels(wall, [u, (1 - u[1], 1 - u[0])], [v], color, "lamp", lift=lift)
