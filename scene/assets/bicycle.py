@@ -201,8 +201,8 @@ def _drive(p: BicycleParams) -> list[Asset]:
         side = np.sign(pedal[1])
         start = (CRANK[0], side * 0.06, CRANK[2])
         parts.append(rod(start, (pedal[0], side * 0.07, pedal[2]), 0.014, STEEL))
-        span, high = (pedal[0] - 0.05, pedal[0] + 0.05), (pedal[2] - 0.012, pedal[2] + 0.012)
-        parts.append(across(span, 0.05, high, BLACK, at=pedal[1]))
+        x, y, z = pedal
+        parts.append(across((x - 0.05, x + 0.05), 0.05, (z - 0.012, z + 0.012), BLACK, at=y))
     return parts
 
 
