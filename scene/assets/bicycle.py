@@ -197,11 +197,9 @@ def _drive(p: BicycleParams) -> list[Asset]:
         parts.append(polygon(np.array(chain) + [0, -0.02, 0], p.color, "paint"))
     for a, b in ((chain[0], chain[1]), (chain[3], chain[2])):
         parts.append(rod(a, b, 0.008, TYRE))
-    for pedal in pedals():
-        side = np.sign(pedal[1])
-        start = (CRANK[0], side * 0.06, CRANK[2])
-        parts.append(rod(start, (pedal[0], side * 0.07, pedal[2]), 0.014, STEEL))
-        x, y, z = pedal
+    for x, y, z in pedals():
+        side = np.sign(y)
+        parts.append(rod((CRANK[0], side * 0.06, CRANK[2]), (x, side * 0.07, z), 0.014, STEEL))
         parts.append(across((x - 0.05, x + 0.05), 0.05, (z - 0.012, z + 0.012), BLACK, at=y))
     return parts
 

@@ -7,10 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.family import ROAD, Family, Size
+from scene.assets.parts.draw import drawn, keep, near, times
 from scene.assets.parts.palette import PALE_STONE
 from scene.classes import TrainId
 from scene.look.surfaces import SIDEWALK_TONE
-from scene.mesh.asset import Asset, Color, merge, vary
+from scene.mesh.asset import Asset, Color, merge
 from scene.mesh.solids import box, loft, polygon
 
 PATH: tuple[float, float] = (2.0, 2.2)
@@ -49,12 +50,9 @@ KINDS: tuple[str, ...] = tuple(_KINDS)
 
 def sample_paving(rng: np.random.Generator, kind: str) -> PavingParams:
     """Draw a piece of one of ``KINDS``; paths keep their length, so that pieces meet."""
-    p = _KINDS[kind]
-    p = p._replace(color=vary(rng, p.color, 0.35), kerb=vary(rng, p.kerb, 0.3))
-    if "path" in kind:
-        return p._replace(size=(PATH[0], float(PATH[1] * rng.uniform(0.6, 1.2)), p.size[2]))
-    (x, y, z), scale = p.size, rng.uniform(0.85, 1.25)
-    return p._replace(size=(float(x * scale), float(y * rng.uniform(0.9, 1.15)), z))
+    island = (times(0.85, 1.25), times(0.9, 1.15), keep)
+    size = (keep, times(0.6, 1.2), keep) if "path" in kind else island
+    return drawn(rng, _KINDS[kind], color=near(0.35), kerb=near(0.3), size=size)
 
 
 def paving(params: PavingParams) -> Asset:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
+from itertools import repeat
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -83,7 +85,8 @@ def drawn(rng: np.random.Generator, kind: Params, **rules: Any) -> Params:
     Args:
         rng: draws them.
         kind: the parameters before.
-        **rules: by field, a rule, the value itself, a tuple of them, or ``Like`` another field.
+        **rules: by field, a rule, the value itself, a tuple of them for the numbers of
+            a tuple, or ``Like`` another field.
     """
     fields = {name: _resolved(rng, rule, getattr(kind, name)) for name, rule in rules.items()}
     likes = {name: fields[v.field] for name, v in fields.items() if isinstance(v, Like)}
@@ -94,7 +97,8 @@ def _resolved(rng: np.random.Generator, rule: Any, value: Any) -> Any:
     if callable(rule):
         return rule(rng, value)
     if type(rule) is tuple:
-        return tuple(_resolved(rng, one, value) for one in rule)
+        same = isinstance(value, tuple) and len(value) == len(rule)
+        return tuple(map(partial(_resolved, rng), rule, value if same else repeat(value)))
     return rule
 
 

@@ -265,8 +265,8 @@ def _over(b: Body, f: Fittings) -> list[Asset]:
             (0.07, 0.3, -0.03, 0.13, f.sign, "lamp"),
             (0.075, 0.2, 0.02, 0.09, BLACK, "plain"),
         ):
-            ends, rise = (at - long, at + long), (foot + low, foot + high)
-            parts.append(across(ends, wide, rise, color, material))
+            deep, tall = (at - long, at + long), (foot + low, foot + high)
+            parts.append(across(deep, wide, tall, color, material))
     if f.aerial:
         root = roof(b, np.array([b.roof_rear - 0.06]), np.zeros(1))[0]
         tip: Point = (root[0] - 0.1, 0.0, root[2] + 0.22)
