@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from scene.assets.family import ROAD, Family, Size
 from scene.assets.parts.bodywork import ARCH_GAP, Body, Paint, axles, half, shell, underside
+from scene.assets.parts.draw import Rule, maybe, near, perhaps, resolved
 from scene.assets.parts.fittings import Fittings, fittings
 from scene.assets.parts.glazing import Glazing, glazing, sample_glazing
 from scene.assets.parts.palette import (
@@ -39,6 +40,10 @@ class CarParams(NamedTuple):
     van: VanSides | None = None
 
 
+def _as_met(rng: np.random.Generator, value: Any) -> Color:
+    return car_paint(rng)
+
+
 class _Model(NamedTuple):
     """A body style: metres, and shares of the length measured from the nose."""
 
@@ -62,9 +67,24 @@ class _Model(NamedTuple):
     dark_glass: bool = False  # behind the driver
     high_lamps: bool = False  # at the rear
     plain_wheels: bool = False  # caps or bare steel more often than spokes
-    taxi: bool = False  # may be one
+    taxi: Any = False  # whether it is one, or a rule
     two_tones: bool = False  # may have a roof in another colour
-    van: bool = False  # closed behind the cab, mostly in colours of firms
+    van: bool = False  # closed behind the cab
+    sealed: Any = False  # whether its rear doors may be without windows, or a rule
+    soft_top: bool = False
+    spare: Any = False  # whether a wheel hangs on the tail, or a rule
+    bed: tuple[float, float] | None = None  # shares of the length, of a pickup's
+    paint: Rule = _as_met
+
+
+_VAN_PAINTS: tuple[Color, ...] = (
+    (0.64, 0.64, 0.62), (0.64, 0.64, 0.62), (0.64, 0.64, 0.62), (0.35, 0.015, 0.018), CHROME,
+    (0.02, 0.05, 0.16), (0.50, 0.32, 0.02), (0.03, 0.12, 0.06), (0.08, 0.085, 0.09),
+)  # fmt: skip
+_OLD_PAINTS: tuple[Color, ...] = (
+    (0.30, 0.34, 0.27), (0.45, 0.40, 0.28), (0.15, 0.27, 0.36), (0.25, 0.02, 0.02), (0.02, 0.06, 0.04),
+)  # fmt: skip
+_FIRM = perhaps(0.8, near(0.15, *_VAN_PAINTS), _as_met)
 
 
 _MODELS: dict[str, _Model] = {
@@ -75,7 +95,7 @@ _MODELS: dict[str, _Model] = {
     "saloon": _Model(
         (4.60, 1.80, 1.44), 2.70, 0.88, 0.315, 0.17, (0.74, 0.95), 0.93, 0.99,
         (0.27, 0.43, 0.70, 0.83), (0.29, 0.785), (0.515, 0.715), (0.27, 0.515, 0.715),
-        taxi=True,
+        taxi=maybe(0.08),
     ),
     "supermini": _Model(
         (3.85, 1.68, 1.46), 2.47, 0.78, 0.295, 0.18, (0.76, 0.96), 0.93, 0.95,
@@ -85,7 +105,7 @@ _MODELS: dict[str, _Model] = {
     "estate": _Model(
         (4.70, 1.80, 1.48), 2.72, 0.88, 0.32, 0.17, (0.74, 0.95), 0.94, 0.97,
         (0.26, 0.41, 0.89, 0.985), (0.28, 0.93), (0.50, 0.69), (0.265, 0.50, 0.69), rails=0.65,
-        high_lamps=True, taxi=True,
+        high_lamps=True, taxi=maybe(0.08),
     ),
     "crossover": _Model(
         (4.40, 1.84, 1.64), 2.65, 0.86, 0.35, 0.23, (0.90, 1.08), 1.06, 1.08,
@@ -102,7 +122,7 @@ _MODELS: dict[str, _Model] = {
         (4.60, 1.83, 1.70), 2.80, 0.90, 0.325, 0.18, (0.86, 1.08), 1.00, 1.04,
         (0.19, 0.38, 0.91, 0.988), (0.20, 0.93), (0.44, 0.66, 0.80), (0.235, 0.45, 0.665),
         rails=0.4, plastic=0.35,
-        high_lamps=True, taxi=True,
+        high_lamps=True, taxi=maybe(0.08),
     ),
     "three-door": _Model(
         (3.95, 1.73, 1.40), 2.48, 0.82, 0.315, 0.15, (0.72, 0.92), 0.90, 0.95,
@@ -117,13 +137,14 @@ _MODELS: dict[str, _Model] = {
         (4.45, 1.86, 1.86), 2.65, 0.78, 0.385, 0.30, (1.06, 1.17), 1.18, 1.18,
         (0.28, 0.36, 0.955, 0.985), (0.30, 0.94), (0.53, 0.74), (0.28, 0.53, 0.735),
         tumblehome=0.12, rails=0.6, plastic=0.75, nose=0.12,
-        clad=True, high_lamps=True,
+        clad=True, high_lamps=True, spare=maybe(0.6),
     ),
     "panel van": _Model(
         (5.30, 1.98, 2.28), 3.25, 0.98, 0.34, 0.24, (0.98, 1.22), 1.20, 1.24,
         (0.15, 0.29, 0.972, 0.99), (0.165, 0.36), (), (0.19, 0.375, 0.56),
         tumblehome=0.11, plastic=0.9, nose=0.20,
-        clad=True, dark_glass=True, high_lamps=True, plain_wheels=True, van=True,
+        clad=True, dark_glass=True, high_lamps=True, plain_wheels=True, van=True, sealed=maybe(0.5),
+        paint=_FIRM,
     ),
     "coupe": _Model(
         (4.40, 1.80, 1.32), 2.58, 0.86, 0.335, 0.14, (0.68, 0.88), 0.87, 0.94,
@@ -133,29 +154,31 @@ _MODELS: dict[str, _Model] = {
         (4.25, 1.78, 1.82), 2.70, 0.84, 0.31, 0.19, (0.82, 1.03), 1.00, 1.05,
         (0.21, 0.38, 0.968, 0.99), (0.23, 0.46), (), (0.24, 0.475, 0.64),
         tumblehome=0.13, plastic=0.85,
-        clad=True, dark_glass=True, high_lamps=True, plain_wheels=True, van=True,
+        clad=True, dark_glass=True, high_lamps=True, plain_wheels=True, van=True, sealed=True, paint=_FIRM,
     ),
     "black cab": _Model(
         (4.58, 1.78, 1.78), 2.88, 0.84, 0.33, 0.22, (0.86, 1.02), 1.02, 1.04,
         (0.29, 0.39, 0.84, 0.955), (0.31, 0.90), (0.50, 0.725), (0.29, 0.50, 0.725),
         tumblehome=0.17, plastic=0.5, nose=0.16,
-        high_lamps=True, plain_wheels=True,
+        high_lamps=True, plain_wheels=True, taxi=True,
+        paint=perhaps(0.7, (0.018, 0.018, 0.02), _as_met),
     ),
     "convertible": _Model(
         (4.05, 1.74, 1.36), 2.48, 0.84, 0.315, 0.15, (0.70, 0.90), 0.89, 0.96,
         (0.29, 0.45, 0.64, 0.77), (0.31, 0.70), (0.60,), (0.30, 0.615), plastic=0.0,
+        soft_top=True,
     ),
     "pickup": _Model(
         (5.15, 1.85, 1.76), 3.05, 0.92, 0.375, 0.29, (1.00, 1.14), 1.13, 1.10,
         (0.25, 0.36, 0.58, 0.625), (0.265, 0.60), (0.44,), (0.26, 0.44, 0.61),
         tumblehome=0.16, plastic=0.5, nose=0.16,
-        clad=True,
+        clad=True, bed=(0.655, 0.955),
     ),
     "old-timer": _Model(
         (3.85, 1.58, 1.45), 2.35, 0.72, 0.30, 0.20, (0.74, 0.94), 0.92, 0.86,
         (0.30, 0.39, 0.70, 0.86), (0.32, 0.79), (0.54,), (0.31, 0.56), tumblehome=0.24,
         plastic=0.0, nose=0.34,
-        plain_wheels=True, two_tones=True,
+        plain_wheels=True, two_tones=True, paint=near(0.15, *_OLD_PAINTS),
     ),
 }  # fmt: skip
 _TUK_TUK = "tuk-tuk"
@@ -167,34 +190,26 @@ _MORE = (
 )  # fmt: skip
 """What roads have most of; the rest about as often as these are left."""
 
-_VAN_PAINTS: tuple[Color, ...] = (
-    (0.64, 0.64, 0.62), (0.64, 0.64, 0.62), (0.64, 0.64, 0.62), (0.35, 0.015, 0.018), CHROME,
-    (0.02, 0.05, 0.16), (0.50, 0.32, 0.02), (0.03, 0.12, 0.06), (0.08, 0.085, 0.09),
-)  # fmt: skip
-_OLD_PAINTS: tuple[Color, ...] = (
-    (0.30, 0.34, 0.27), (0.45, 0.40, 0.28), (0.15, 0.27, 0.36), (0.25, 0.02, 0.02), (0.02, 0.06, 0.04),
-)  # fmt: skip
-
 
 def sample_car(rng: np.random.Generator, kind: str) -> CarParams | Rickshaw:
     """Draw a car of one body style: proportions, paint, wheels, lamps and fittings."""
     if kind == _TUK_TUK:
         return sample_rickshaw(rng)
     m = _MODELS[kind]
-    body = _sample_body(rng, kind, m)
-    color = _sample_paint(rng, kind)
-    wear = _sample_wear(rng, kind, color)
+    body = _sample_body(rng, m)
+    color = resolved(rng, m.paint)
+    wear = _sample_wear(rng, m, color)
     return CarParams(
         body,
         wear,
-        _sample_fittings(rng, kind, color),
-        _sample_wheel(rng, kind, body),
+        _sample_fittings(rng, m, color),
+        _sample_wheel(rng, m, body),
         sample_glazing(rng, (0.15,) if m.dark_glass else (0.15, 0.6, 0.9), 0.4),
         _sample_van(rng, wear) if m.van else None,
     )
 
 
-def _sample_body(rng: np.random.Generator, kind: str, m: _Model) -> Body:
+def _sample_body(rng: np.random.Generator, m: _Model) -> Body:
     long, wide, tall = rng.uniform([0.94, 0.965, 0.95], [1.06, 1.035, 1.05])
     face, waist, slope, foot = rng.uniform(-1, 1, 4)
     cowl, roof_front, roof_rear, tail = m.screens
@@ -227,36 +242,25 @@ def _sample_body(rng: np.random.Generator, kind: str, m: _Model) -> Body:
         stern=rng.uniform(0.08, 0.15) * (0.6 if m.van else 1),
         rake=rng.uniform(0.03, 0.13),
         crown=rng.uniform(0.045, 0.075),
-        bed=(0.655, 0.955) if kind == "pickup" else None,
+        bed=m.bed,
     )
 
 
-def _sample_paint(rng: np.random.Generator, kind: str) -> Color:
-    if kind == "black cab":
-        return (0.018, 0.018, 0.02) if rng.random() < 0.7 else car_paint(rng)
-    if _MODELS[kind].van and rng.random() < 0.8:
-        return pick(rng, _VAN_PAINTS)
-    return pick(rng, _OLD_PAINTS) if kind == "old-timer" else car_paint(rng)
-
-
-def _sample_wear(rng: np.random.Generator, kind: str, color: Color) -> Paint:
-    m, glass = _MODELS[kind], vary(rng, GLASS, 0.5)
+def _sample_wear(rng: np.random.Generator, m: _Model, color: Color) -> Paint:
+    glass = vary(rng, GLASS, 0.5)
     tint = rng.random()
     k = float(rng.uniform(0.0, 0.7))
     lower, rows = _mixed(color, DUST, k), 1
     if m.clad and rng.random() < 0.6:
         lower, rows = TRIM if rng.random() < 0.7 else (0.2, 0.2, 0.2), int(rng.integers(1, 3))
     roof, cloth = color, "paint"
-    if kind == "convertible":
-        roof, cloth = (
-            pick(rng, (BLACK, (0.10, 0.07, 0.04), (0.02, 0.03, 0.08), (0.08, 0.01, 0.01))),
-            "cloth",
-        )
+    if m.soft_top:
+        canvas = (BLACK, (0.10, 0.07, 0.04), (0.02, 0.03, 0.08), (0.08, 0.01, 0.01))
+        roof, cloth = pick(rng, canvas), "cloth"
     elif m.two_tones and rng.random() < 0.2:
         roof = (0.64, 0.64, 0.62) if max(color) < 0.4 else BLACK
     side = darker(glass, 0.5 + 1.2 * float(tint))
-    sealed = kind == "small van" or (kind == "panel van" and rng.random() < 0.5)
-    windows = (True, not (sealed and rng.random() < 0.3))
+    windows = (True, not (resolved(rng, m.sealed) and rng.random() < 0.3))
     return Paint(color, lower, roof, side, glass, windows, rows, cloth, bool(rng.random() < 0.7))
 
 
@@ -265,12 +269,11 @@ def _mixed(one: Color, other: Color, share: float) -> Color:
     return a, b, c
 
 
-def _sample_fittings(rng: np.random.Generator, kind: str, color: Color) -> Fittings:
-    m = _MODELS[kind]
+def _sample_fittings(rng: np.random.Generator, m: _Model, color: Color) -> Fittings:
     plastic = rng.random() < m.plastic
     inner, lamp_low = rng.uniform(0.42, 0.7), rng.uniform(0.58, 0.7)
     rear_low = rng.uniform(0.55, 0.62)
-    taxi = kind == "black cab" or (m.taxi and rng.random() < 0.08)
+    taxi = resolved(rng, m.taxi)
     crest = rng.uniform(0.84, 0.93)
     hatch = m.screens[3] > 0.95 and not m.van
     return Fittings(
@@ -294,18 +297,16 @@ def _sample_fittings(rng: np.random.Generator, kind: str, color: Color) -> Fitti
         if rng.random() < (0.12 if m.rails else 0.0)
         else None,
         sign=(0.6, 0.38, 0.04) if taxi else None,
-        spare=kind == "off-roader" and rng.random() < 0.6,
+        spare=resolved(rng, m.spare),
         aerial=bool(rng.random() < 0.5),
         doors=m.doors,
         fog=bool(rng.random() < 0.6),
     )
 
 
-def _sample_wheel(rng: np.random.Generator, kind: str, body: Body) -> Wheel:
-    plain = _MODELS[kind].plain_wheels
-    style = STYLES[
-        int(rng.integers(2, 4) if rng.random() < (0.75 if plain else 0.25) else rng.integers(0, 2))
-    ]
+def _sample_wheel(rng: np.random.Generator, m: _Model, body: Body) -> Wheel:
+    plain = rng.random() < (0.75 if m.plain_wheels else 0.25)
+    style = STYLES[rng.integers(2, 4) if plain else rng.integers(0, 2)]
     dark = rng.random() < 0.2
     return Wheel(
         body.wheel_radius,

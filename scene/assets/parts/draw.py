@@ -51,12 +51,12 @@ def near(spread: float, *colors: Color) -> Rule:
 
 def one_of(*options: Any) -> Rule:
     """One of several values or rules, each as likely."""
-    return lambda rng, value: _resolved(rng, options[rng.integers(len(options))], value)
+    return lambda rng, value: resolved(rng, options[rng.integers(len(options))], value)
 
 
 def perhaps(chance: float, rule: Any, otherwise: Any = None) -> Rule:
     """With a probability of ``chance`` one value or rule, else the other."""
-    return lambda rng, value: _resolved(rng, rule if rng.random() < chance else otherwise, value)
+    return lambda rng, value: resolved(rng, rule if rng.random() < chance else otherwise, value)
 
 
 def maybe(chance: float) -> Rule:
@@ -88,17 +88,18 @@ def drawn(rng: np.random.Generator, kind: Params, **rules: Any) -> Params:
         **rules: by field, a rule, the value itself, a tuple of them for the numbers of
             a tuple, or ``Like`` another field.
     """
-    fields = {name: _resolved(rng, rule, getattr(kind, name)) for name, rule in rules.items()}
+    fields = {name: resolved(rng, rule, getattr(kind, name)) for name, rule in rules.items()}
     likes = {name: fields[v.field] for name, v in fields.items() if isinstance(v, Like)}
     return kind._replace(**{**fields, **likes})
 
 
-def _resolved(rng: np.random.Generator, rule: Any, value: Any) -> Any:
+def resolved(rng: np.random.Generator, rule: Any, value: Any = None) -> Any:
+    """What a rule draws, or the value itself that stands in its place; ``value`` is the kind's."""
     if callable(rule):
         return rule(rng, value)
     if type(rule) is tuple:
         same = isinstance(value, tuple) and len(value) == len(rule)
-        return tuple(map(partial(_resolved, rng), rule, value if same else repeat(value)))
+        return tuple(map(partial(resolved, rng), rule, value if same else repeat(value)))
     return rule
 
 
