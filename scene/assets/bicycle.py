@@ -58,7 +58,7 @@ _MODELS: dict[str, BicycleParams] = {
     "step-through": BicycleParams(0.340, 0.046, 1.10, 0.022, 0.42, "swept", True, True, True),
     "folding": BicycleParams(0.255, 0.048, 1.02, 0.026, 0.44, "flat", True, False, True),
     "touring": BicycleParams(0.348, 0.042, 1.06, 0.019, 0.08, "drop", True, False, True),
-    "delivery": BicycleParams(0.335, 0.050, 1.10, 0.024, 0.30, "flat", True, True, True),
+    "delivery": BicycleParams(0.335, 0.050, 1.10, 0.024, 0.30, "flat", True, True, True, "box"),
 }
 KINDS: tuple[str, ...] = tuple(_MODELS)
 """Frame types."""
@@ -84,7 +84,7 @@ def sample_bicycle(rng: np.random.Generator, kind: str) -> BicycleParams:
         rng, m, wheel_radius=times(0.95, 1.03), wheelbase=times(0.97, 1.04), tyre=times(0.95, 1.2),
         tube=times(0.9, 1.25), step=times(0.7, 1.1), mudguards=m.mudguards and maybe(0.8),
         basket=maybe(0.8 if m.basket else 0.25 if m.mudguards else 0.0),
-        rack=m.rack and (bool(load) or maybe(0.7)), load="box" if kind == "delivery" else load,
+        rack=m.rack and (bool(load) or maybe(0.7)), load=m.load or load,
         bottle=not m.mudguards and maybe(0.6), chaincase=m.mudguards and maybe(0.5),
         rise=between(-0.02, 0.04), color=near(0.25, *_PAINTS), second=near(0.15, *_PAINTS, STEEL),
         tyre_color=near(0.15, *_TYRES), saddle_color=near(0.15, *_SADDLES),

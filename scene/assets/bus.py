@@ -10,12 +10,15 @@ import numpy as np
 from scene.assets.family import ROAD, Family, Size
 from scene.assets.parts.draw import (
     SEED,
+    Rule,
     between,
     drawn,
+    keep,
     near,
     one_of,
     perhaps,
     plus,
+    resolved,
     times,
     whole,
 )
@@ -103,6 +106,11 @@ _LIVERIES: tuple[Color, ...] = (
     (0.03, 0.16, 0.08), (0.34, 0.35, 0.36), (0.10, 0.30, 0.42), (0.16, 0.03, 0.14), (0.48, 0.15, 0.015),
 )  # fmt: skip
 """Red, white, cream, yellow, blue, green, silver, turquoise, purple and orange."""
+_PAINTS: dict[str, Rule] = {
+    "school bus": near(0.15, (0.55, 0.30, 0.015)),
+    "double decker": perhaps(0.4, near(0.15, _LIVERIES[0]), keep),
+}
+"""Of kinds that have colours of their own."""
 _PATTERNS = ("plain", "skirt", "band", "two-tone", "swoop", "rear")
 _FLOOR = 0.32
 """Height of the lower edge of the body, m."""
@@ -114,11 +122,7 @@ def sample_bus(rng: np.random.Generator, kind: str) -> BusParams:
     """Draw a bus of one body type: size within 8 %, livery, adverts, boxes on the roof."""
     model = _MODELS[kind]
     first, second = rng.choice(len(_LIVERIES), 2, replace=False)
-    color = pick(rng, (_LIVERIES[first],))
-    if kind == "school bus":
-        color = pick(rng, ((0.55, 0.30, 0.015),))
-    elif kind == "double decker" and rng.random() < 0.4:
-        color = pick(rng, _LIVERIES[:1])
+    color = resolved(rng, _PAINTS.get(kind, keep), pick(rng, (_LIVERIES[first],)))
     return drawn(
         rng, model, length=times(0.92, 1.07), height=times(0.965, 1.035), bays=plus(-1, 3),
         rake=times(0.5, 1.8), round=between(0.12, 0.3), color=color,

@@ -51,6 +51,9 @@ class Kind(NamedTuple):
     gait: str = "walk"  # "walk", "stand", "run", or "any" of the first two
     arms: tuple[str, str] = ("swing", "swing")
     things: tuple[str, ...] = ()
+    child: bool = False
+    old: bool = False
+    hat: bool = True  # may wear one
 
 
 _KINDS: dict[str, Kind] = {
@@ -76,9 +79,11 @@ _KINDS: dict[str, Kind] = {
     "umbrella": Kind(("long coat", "short coat", "jacket"), "any", ("hang", "hold"), ("umbrella",)),
     "pushing a pram": Kind(("jacket", "jumper", "short coat"), "walk", ("push", "push"), ("pram",)),
     "pushing a buggy": Kind(("t-shirt", "puffer", "skirt"), "walk", ("push", "push"), ("buggy",)),
-    "child": Kind(("t-shirt and shorts", "dress", "hoodie", "jumper"), "any"),
-    "schoolchild": Kind(("puffer", "jumper", "skirt"), "walk", ("swing", "strap"), ("backpack",)),
-    "elderly with stick": Kind(("short coat", "jacket"), "walk", ("hang", "stick"), ("stick",)),
+    "child": Kind(("t-shirt and shorts", "dress", "hoodie", "jumper"), "any", child=True),
+    "schoolchild": Kind(("puffer", "jumper", "skirt"), "walk", ("swing", "strap"), ("backpack",),
+                        child=True, hat=False),
+    "elderly with stick": Kind(("short coat", "jacket"), "walk", ("hang", "stick"), ("stick",),
+                               old=True),
     "jogger": Kind(("sports",), "run", ("run", "run")),
     "workman": Kind(("work",), "any", ("hang", "swing")),
     "headscarf": Kind(("robe",), "any", ("hang", "hang"), ("handbag",)),
@@ -86,7 +91,7 @@ _KINDS: dict[str, Kind] = {
     "coffee": Kind(("suit", "short coat", "hoodie"), "any", ("pocket", "cup"), ("cup",)),
     "carrying a box": Kind(("t-shirt", "hoodie", "jumper"), "walk", ("lift", "lift"), ("box",)),
     "hands on hips": Kind(("t-shirt", "sports", "jacket"), "stand", ("hip", "hip")),
-}
+}  # fmt: skip
 KINDS: tuple[str, ...] = tuple(_KINDS)
 """What sets a person apart at a glance."""
 STANDING: tuple[str, ...] = tuple(name for name, kind in _KINDS.items() if kind.gait == "stand")
@@ -115,13 +120,13 @@ _ARMS: dict[str, tuple[Point, Point]] = {
 def sample_person(rng: np.random.Generator, kind: str) -> PersonParams:
     """Draw a person of one of ``KINDS``: adults 1.46-1.95 m, children 0.95-1.4 m."""
     entry = _KINDS[kind]
-    child, old = kind in ("child", "schoolchild"), kind == "elderly with stick"
+    child, old = entry.child, entry.old
     curves = float(rng.choice([0.0, 0.2, 0.85, 1.0]))
     tall = float(np.clip(rng.normal(1.77 - 0.13 * curves, 0.07), 1.52, 1.95))
     build = float(np.clip(rng.normal(1.06, 0.13), 0.85, 1.38))
     young = float(rng.uniform(0.95, 1.4))
     outfit, curves = sample_outfit(rng, str(rng.choice(entry.wear)), curves, old=old, child=child)
-    if kind == "schoolchild":
+    if not entry.hat:
         outfit = outfit._replace(hat="")
     gait = str(rng.choice(("walk", "stand"))) if entry.gait == "any" else entry.gait
     left, right = entry.arms
