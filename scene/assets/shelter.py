@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -51,11 +51,8 @@ def sample_shelter(rng: np.random.Generator, kind: str) -> ShelterParams:
     stall = kind in STALLS
     long = float(rng.uniform(2.2, 3.4) if stall else rng.uniform(2.8, 5.2))
     size = (long, float(rng.uniform(1.3, 1.9)), float(rng.uniform(2.3, 2.7)))
-    metals: tuple[Color, ...] = (GALVANISED, SHELTER_GREY)
-    stock = Stock(
-        *(few[rng.integers(len(few))] for few in (CLOTHS, CLOTHS, metals, CLOTHS, POSTERS))
-    )
-    frame, cover, second = _KINDS[kind].colors(stock)
+    stock: dict[Any, Color] = {name: few[rng.integers(len(few))] for name, few in _STOCK.items()}
+    frame, cover, second = (stock.get(color, color) for color in _KINDS[kind].colors)
     return ShelterParams(
         kind, size, vary(rng, frame, 0.3), vary(rng, cover, 0.25), vary(rng, second, 0.25),
         int(rng.integers(2**31)),
@@ -180,34 +177,29 @@ def _kiosk(p: ShelterParams) -> list[Asset]:
     return [*parts, translate(rotate(awning, -np.pi / 2, (0, 0, 1)), (0, 0, z - 0.1))]
 
 
-class Stock(NamedTuple):
-    """Colours of what is built, drawn for every kind alike."""
-
-    hut: Color
-    awning: Color
-    metal: Color
-    cloth: Color
-    poster: Color
-
-
 class Kind(NamedTuple):
     """How a kind is built, and its colours of frame, cover and what is beside them."""
 
     build: Callable[[ShelterParams], list[Asset]]
-    colors: Callable[[Stock], tuple[Color, Color, Color]] = lambda d: (d.metal, d.cloth, d.poster)
+    colors: tuple[Any, Any, Any] = ("metal", "cloth", "poster")  # or names of ``_STOCK``
 
 
-_TILES: Color = (0.10, 0.05, 0.035)
+_STOCK: dict[str, tuple[Color, ...]] = {
+    "hut": CLOTHS, "awning": CLOTHS, "metal": (GALVANISED, SHELTER_GREY), "cloth": CLOTHS,
+    "poster": POSTERS,
+}  # fmt: skip
+"""Colours of which one is drawn."""
 _KINDS: dict[str, Kind] = {
     "glass shelter": Kind(_glazed),
     "market stall": Kind(_stall),
     "advert shelter": Kind(partial(_glazed, ends=(-1, 1))),
     "produce stall": Kind(partial(_stall, produce=True)),
     "cantilever shelter": Kind(_cantilever),
-    "kiosk": Kind(_kiosk, lambda d: (d.hut, SHELTER_GREY, d.awning)),
-    "brick shelter": Kind(partial(_walled, material="brick"), lambda d: (BRICK, _TILES, SHELTER_TIMBER)),
+    "kiosk": Kind(_kiosk, ("hut", SHELTER_GREY, "awning")),
+    "brick shelter": Kind(partial(_walled, material="brick"),
+                          (BRICK, (0.10, 0.05, 0.035), SHELTER_TIMBER)),
     "timber shelter": Kind(partial(_walled, material="wood"),
-                           lambda d: (SHELTER_TIMBER, (0.06, 0.055, 0.05), SHELTER_TIMBER)),
+                           (SHELTER_TIMBER, (0.06, 0.055, 0.05), SHELTER_TIMBER)),
 }  # fmt: skip
 KINDS: tuple[str, ...] = tuple(_KINDS)
 SHELTERS: tuple[str, ...] = tuple(name for name in KINDS if "shelter" in name)
