@@ -8,6 +8,7 @@ from hypothesis import given, settings
 
 from scene.assets import signpost
 from scene.assets.families import FAMILIES
+from scene.assets.parts.draw import Like, drawn, keep, perhaps, plus, times
 from scene.look.materials import MATERIALS
 from tests.scene.conftest import SEEDS, kinds, make, solid
 
@@ -95,3 +96,21 @@ def test_same_seed_same_bytes_and_other_seeds_others(family, kind):
     forms, paints = (len(set(parts)) for parts in zip(*one, strict=True))
     assert one == again and paints == 4
     assert forms >= (3 if family == "signpost" else 4)  # posts come in few sizes
+
+
+class Row(NamedTuple):
+    """A kind in a table."""
+
+    size: tuple[float, float] = (2.0, 3.0)
+    count: int = 5
+    color: str = "red"
+    second: str = "blue"
+
+
+def test_rules_see_the_row_and_a_field_may_be_like_another():
+    rng = np.random.default_rng(0)
+    row = drawn(rng, Row(), size=(keep, times(2, 2)), count=plus(1, 2), second=Like("color"),
+                color=perhaps(1, "green", keep))  # fmt: skip
+    assert row == Row((2.0, 6.0), 6, "green", "green")
+    other = drawn(rng, Row(), color=perhaps(0, "green", keep), second=perhaps(0, "green", "grey"))
+    assert other == Row(second="grey")

@@ -40,7 +40,7 @@ def times(low: float, high: float) -> Rule:
 
 
 def plus(low: int, high: int) -> Rule:
-    """The kind's whole number and one more, from ``low`` to below ``high``."""
+    """The kind's whole number plus one from ``low`` to below ``high``."""
     return lambda rng, value: value + int(rng.integers(low, high))
 
 
