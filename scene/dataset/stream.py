@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Sequence
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -19,20 +19,41 @@ from scene.dataset.formats.labels import (
     target_entry,
     target_labels,
 )
-from scene.dataset.render import check_request, compile_first, images_and_labels
+from scene.dataset.render import check_request, compile_first, render_street
+from scene.outline import outlined
 from scene.proposal import Streets, draw, read_streets
 from scene.render import RenderSettings
+from scene.street.camera import Camera
+from common.workers.pool import Workers, opened
+from common.labels.classes import Outline
+from common.errors import UserError
 
 if TYPE_CHECKING:
     from common.labels.target_file import TargetFile
 
 
-class Sample(NamedTuple):
-    """One image of a stream."""
+EXTRA = ("depth", "instances", "normals", "camera")
+"""Names for ``passes`` of `stream`."""
 
+
+class _Sample(NamedTuple):
     image: np.ndarray  # u8[h, w, 3] sRGB
     label: np.ndarray  # u8[h, w] class numbers, 255 is void
     street: np.ndarray  # f32[attributes] of its street, in [0, 1]
+
+
+class Sample(_Sample):
+    """One image of a stream; it unpacks into image, label and street.
+
+    What ``passes`` asks for are attributes beside these three, else None: ``depth`` f32[h, w] metres along
+    the optical axis (0: sky), ``instances`` u16[h, w] (0: sky), ``normals`` f32[h, w, 3] in the camera's
+    frame (x right, y up, z towards the camera), ``camera``, a `Camera`.
+    """
+
+    depth: np.ndarray | None = None
+    instances: np.ndarray | None = None
+    normals: np.ndarray | None = None
+    camera: Camera | None = None
 
 
 def stream(
@@ -49,6 +70,7 @@ def stream(
     pool: AssetPool | None = None,
     target: TargetFile | str | Path | None = None,
     workers: int | Workers = 0,
+    passes: Sequence[str] = (),
 ) -> Generator[Sample, None, None]:
     """Render images one by one: the k-th equals the k-th of an export with the same settings.
 
@@ -67,9 +89,10 @@ def stream(
         target: the target, or its name or file, of the labels' classes; by default labels are train ids.
         workers: processes to render in, which work a few streets ahead; 0 renders here, ``Workers`` are used
             and left open.
+        passes: what samples hold beside these: ``depth``, ``instances``, ``normals``, ``camera``.
 
     Yields:
-        Image, label and the attributes of its street.
+        Image, label and the attributes of its street; and the passes, by name.
 
     Raises:
         ValueError: attributes, numbers or size out of range, unknown renderer.
@@ -82,6 +105,9 @@ def stream(
     for name, value in (("start", start), ("images", images or 0), ("seed", seed)):
         if value < 0:
             raise ValueError(f"{name} must be 0 or more, not {value}")
+    for name in passes:
+        if name not in EXTRA:
+            raise UserError(f"passes: {name!r} is unknown; known: {', '.join(EXTRA)}")
     check_request(draw(drawn, seed, 1), shots, settings, renderer_name)
     pool = check_pool(pool or AssetPool())
     if target is None:
@@ -92,7 +118,9 @@ def stream(
             refuse_with_target(pool.own_class.name, entry["name"])
         own = target_labels(entry)
     last = None if images is None else start + images
-    return _samples(drawn, seed, start, last, shots, settings, renderer_name, pool, own, workers)
+    return _samples(
+        drawn, seed, start, last, shots, settings, renderer_name, pool, own, workers, tuple(passes)
+    )
 
 
 def _samples(
@@ -106,6 +134,7 @@ def _samples(
     pool: AssetPool,
     classes: Labels,
     workers: int | Workers,
+    passes: tuple[str, ...],
 ) -> Generator[Sample, None, None]:
     first = start // shots
 
@@ -118,14 +147,26 @@ def _samples(
         compile_first(processes, renderer_name)
         sent = pool.called(processes.share)
         tasks: Iterator[tuple[Any, ...]] = (
-            (classes.outlines, units(k), seed, k, shots, settings, renderer_name, sent)
+            (passes, classes.outlines, units(k), seed, k, shots, settings, renderer_name, sent)
             for k in streets
         )
-        for index, (images, labels) in enumerate(
-            processes.in_order(images_and_labels, tasks), start=first
-        ):
+        for index, shown in enumerate(processes.in_order(_shown, tasks), start=first):
             street = units(index)
-            for image, label in zip(images, labels, strict=True):
+            for image, label, extra in shown:
                 if start <= number and (last is None or number < last):
-                    yield Sample(image, classes.of_engine[label], street)
+                    sample = Sample(image, classes.of_engine[label], street)
+                    vars(sample).update(extra)
+                    yield sample
                 number += 1
+
+
+def _shown(
+    passes: tuple[str, ...], outlines: Sequence[Outline], *task: Any
+) -> list[tuple[np.ndarray, np.ndarray, dict[str, Any]]]:
+    """Image, label and further passes of each shot of a street, rendered with `render_street`'s arguments."""
+    fields = {"depth": "depth", "instances": "instance", "normals": "normal", "camera": "camera"}
+    frames = [outlined(frame, outlines) for frame in render_street(*task)]
+    return [
+        (frame.image, frame.label, {name: getattr(frame, fields[name]) for name in passes})
+        for frame in frames
+    ]

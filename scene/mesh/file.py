@@ -103,6 +103,28 @@ def read_mesh(
     return whole._replace(mesh=Mesh(np.asarray(mesh.vertices), np.asarray(mesh.faces)))
 
 
+def from_trimesh(mesh: trimesh.Trimesh | trimesh.Scene) -> Asset:
+    """The asset of a mesh in memory: metres, z up, front along x; colours are sRGB.
+
+    Raises:
+        MeshError: no faces, too many, or vertices that are not finite.
+    """
+    import trimesh
+
+    whole = mesh if isinstance(mesh, trimesh.Scene) else trimesh.Scene(mesh)
+    placed = list(_placed(whole))
+    if sum(len(own.faces) for own, _ in placed) > MOST_FACES:
+        raise MeshError(f"has more than {MOST_FACES:,} faces, the most that are allowed")
+    pieces = [_piece(own, np.asarray(matrix), False, {}, []) for own, matrix in placed]
+    pieces = [piece for piece in pieces if len(piece.color)]
+    if not pieces:
+        raise MeshError("has no faces")
+    asset = merge(*pieces)
+    if not np.isfinite(asset.mesh.vertices).all():
+        raise MeshError("has vertices that are not finite numbers")
+    return asset
+
+
 def _axes(path: Path, up: str, forward: str) -> np.ndarray:
     """Rotation f64[3, 3] from the file's axes to x forward, y left, z up."""
     gltf = path.suffix.lower() in GLTF
