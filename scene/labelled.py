@@ -211,7 +211,8 @@ def sample(
         raise UserError(f"space {space!r} is unknown; known: {', '.join(SPACES)}")
     unit = default_unit(space)
     for name, value in attributes.items():
-        unit[_index(name, space)] = _unit_value(name, value)
+        place = _index(name, space)  # refuses unknown names first
+        unit[place] = _unit_value(name, value)
     pool = AssetPool(own=str(assets)) if isinstance(assets, str | Path) else assets or AssetPool()
     try:
         pool = check_pool(pool._replace(weather=weather or pool.weather))
