@@ -1,3 +1,5 @@
+from common.workers.pool import WorkerPool as WorkerPool
+
 from .assets.catalogue import AssetPool as AssetPool
 from .assets.own_class import OwnClass as OwnClass
 from .attributes import ATTRIBUTES as ATTRIBUTES
@@ -35,4 +37,3 @@ from .render.sensor import CameraResponse as CameraResponse
 from .street.camera import Camera as Camera
 from .street.street import Street as Street
 from .street.street import sample_street as sample_street
-from .workers import WorkerPool as WorkerPool

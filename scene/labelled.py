@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from common.errors import UserError
 from scene.assets import catalogue, own_class
 from scene.assets.catalogue import AssetPool, check_pool
 from scene.assets.families import FAMILIES
@@ -31,7 +32,6 @@ from scene.render.protocol import seen_through
 from scene.street.camera import Camera, camera_axes
 from scene.street.instances import FIRST_INSTANCE, Stand, placed
 from scene.street.street import Street
-from shell.errors import UserError
 
 if TYPE_CHECKING:
     import trimesh

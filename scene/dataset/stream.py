@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from common.errors import UserError
+from common.labels.classes import Outline
 from common.workers.pool import Workers, opened
 from scene.assets.catalogue import AssetPool, check_pool
 from scene.attributes import SpaceName
@@ -24,9 +26,6 @@ from scene.outline import outlined
 from scene.proposal import Streets, draw, read_streets
 from scene.render import RenderSettings
 from scene.street.camera import Camera
-from common.workers.pool import Workers, opened
-from common.labels.classes import Outline
-from common.errors import UserError
 
 if TYPE_CHECKING:
     from common.labels.target_file import TargetFile

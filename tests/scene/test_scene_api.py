@@ -7,8 +7,8 @@ from pathlib import Path
 import scene
 
 ROOMS = (
-    "names", "classes", "attributes", "version", "cache", "compiled", "streams", "workers", "cluster",
-    "executors", "proposal", "held", "look", "mesh", "sky", "ground", "assets", "street", "render",
+    "names", "classes", "attributes", "version", "versions", "cache", "compiled", "streams",
+    "proposal", "held", "look", "mesh", "sky", "ground", "assets", "street", "render",
     "outline", "dataset", "labelled", "preview", "check", "stats", "callback", "parsers",
 )  # fmt: skip
 """Each imports from those before it only."""
