@@ -9,8 +9,7 @@ import pytest
 from tests.conftest import ROOT
 
 WORDS = {
-    "by eye": "hand-set",
-    "the judge": "model selection",
+    "by eye": "hand-tuned",
     "surely": "significantly, or for certain",
     "hopeless": "worse",
     "so manyth": "a sentence with a subject and a verb",
@@ -94,7 +93,7 @@ def test_replaced_names_do_not_come_back() -> None:
 
 
 @pytest.mark.parametrize(("text", "hits"), [
-    ("A street set by eye.", 1), ("The judge, surely.", 2), ("a hand-set street", 0),
+    ("A street set by eye.", 1), ("Surely, set by eye.", 2), ("a default street", 0),
 ])  # fmt: skip
 def test_a_word_is_found_wherever_it_stands(text: str, hits: int, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr("tests.test_words.ROOT", tmp_path)
