@@ -28,6 +28,10 @@ class Baseline(NamedTuple):
     least: int = 1  # known rewards that an update needs
 
 
+def _init() -> BaselineState:
+    return BaselineState(jnp.zeros((), jnp.float32), jnp.zeros((), jnp.int32))
+
+
 def ema(decay: float = 0.9, includes_current: bool = False) -> Baseline:
     """Exponential moving average of past rewards, `b <- decay b + (1 - decay) mean(rewards)`.
 
@@ -87,6 +91,27 @@ def leave_one_out() -> Baseline:
     return Baseline(_init, advantage, least=2)
 
 
+BASELINES = {
+    "ema": ema(),
+    "ema_current": ema(includes_current=True),
+    "leave_one_out": leave_one_out(),
+}
+"""The paper's baseline, that of the authors' code, and the mean of the update's other rewards."""
+
+
+def baseline_of(baseline: str | Baseline) -> Baseline:
+    """Looks up a baseline by its name in `BASELINES`; one that is made already stays as it is.
+
+    Raises:
+        ValueError: an unknown name.
+    """
+    if isinstance(baseline, Baseline):
+        return baseline
+    if baseline not in BASELINES:
+        raise ValueError(f"baseline is {baseline!r}, but must be one of {', '.join(BASELINES)}")
+    return BASELINES[baseline]
+
+
 def normalised(advantages: Float[Array, "n"], eps: float = 1e-6) -> Float[Array, "n"]:
     """Divides advantages by their size, `a / (sqrt(mean(a^2)) + eps)`.
 
@@ -94,7 +119,3 @@ def normalised(advantages: Float[Array, "n"], eps: float = 1e-6) -> Float[Array,
     where all rewards are equal.
     """
     return advantages / (jnp.sqrt(mean_known(advantages**2)) + eps)
-
-
-def _init() -> BaselineState:
-    return BaselineState(jnp.zeros((), jnp.float32), jnp.zeros((), jnp.int32))

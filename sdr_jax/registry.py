@@ -1,16 +1,12 @@
-"""The table of search methods by name, with plain values as options; all command lines read it."""
+"""The table of search methods by name; all command lines read it."""
 
 import inspect
 from collections.abc import Callable
 from typing import Any
 
-import optax
-
-from sdr_jax.baseline import ema, leave_one_out
 from sdr_jax.method import Method
 from sdr_jax.models.intervals import intervals
 from sdr_jax.models.surrogate import surrogate
-from sdr_jax.rewards import identity, squared_percent
 from sdr_jax.rivals.attribute_descent import attribute_descent
 from sdr_jax.rivals.gaussian import gaussian
 from sdr_jax.rivals.random_attributes import random_attributes
@@ -18,67 +14,19 @@ from sdr_jax.rivals.random_search import random_search
 from sdr_jax.sdr import sdr
 from sdr_jax.space import Space, Width
 
-BASELINES = {
-    "ema": ema(),
-    "ema_current": ema(includes_current=True),
-    "leave_one_out": leave_one_out(),
-}
-"""The paper's baseline, that of the authors' code, and the mean of the update's other rewards."""
-
-
-def _sdr(
-    space: Space,
-    width: Width = None,
-    *,
-    updates_per_group: int = 50,
-    hidden: int = 256,
-    learning_rate: float = 0.01,
-    baseline: str = "ema",
-    normalise: bool = False,
-    squared_reward: bool = False,
-    unoptimised: str = "random",
-) -> Method:
-    if baseline not in BASELINES:
-        raise ValueError(f"baseline is {baseline!r}, but must be one of {', '.join(BASELINES)}")
-    return sdr(
-        space,
-        optax.adam(learning_rate),
-        updates_per_group=updates_per_group,
-        hidden=hidden,
-        baseline=BASELINES[baseline],
-        transform=squared_percent if squared_reward else identity,
-        normalise=normalise,
-        width=width,
-        unoptimised=unoptimised,
-    )
-
-
-def _gaussian(
-    space: Space,
-    width: Width = None,
-    *,
-    learning_rate: float = 0.1,
-    normalise: bool = True,
-    std: float = 1.5,
-) -> Method:
-    return gaussian(space, optax.adam(learning_rate), normalise=normalise, std=std, width=width)
-
-
-def _random_attributes(space: Space, width: Width = None) -> Method:
-    del width  # nothing is ever decided
-    return random_attributes(space)
-
-
 METHODS: dict[str, Callable[..., Method]] = {
-    "surrogate": surrogate,
-    "sdr": _sdr,
-    "random_attributes": _random_attributes,
-    "random_search": random_search,
-    "attribute_descent": attribute_descent,
-    "gaussian": _gaussian,
-    "intervals": intervals,
+    function.__name__: function
+    for function in (
+        surrogate,
+        sdr,
+        random_attributes,
+        random_search,
+        attribute_descent,
+        gaussian,
+        intervals,
+    )
 }
-"""What makes each method, by name: of a space and a width; its keywords are the options."""
+"""Every method by name: a function of a space, a width and options, the last two by keyword."""
 
 
 def options_of(name: str) -> dict[str, Any]:
@@ -88,7 +36,7 @@ def options_of(name: str) -> dict[str, Any]:
         ValueError: an unknown name.
     """
     parameters = inspect.signature(_entry(name)).parameters.values()
-    return {p.name: p.default for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY}
+    return {p.name: p.default for p in parameters if p.name not in ("space", "width")}
 
 
 def make(name: str, space: Space, width: Width = None, **options: Any) -> Method:
@@ -111,7 +59,7 @@ def make(name: str, space: Space, width: Width = None, **options: Any) -> Method
     if unknown:
         some = ", ".join(known) or "none"
         raise ValueError(f"{name} has no option {unknown[0]!r}; known: {some}")
-    return _entry(name)(space, width, **options)
+    return _entry(name)(space, width=width, **options)
 
 
 def _entry(name: str) -> Callable[..., Method]:

@@ -36,6 +36,13 @@ def reinforce_loss(log_probs: Float[Array, "n"], advantages: Float[Array, "n"]) 
     return -jnp.sum(log_probs * weights) / jnp.maximum(known.sum(), 1)
 
 
+def adam(learning_rate: float | optax.GradientTransformation) -> optax.GradientTransformation:
+    """Makes Adam of a learning rate; an optimiser that is made already stays as it is."""
+    if isinstance(learning_rate, optax.GradientTransformation):
+        return learning_rate
+    return optax.adam(learning_rate)
+
+
 class Rule(NamedTuple):
     """The rule by which a policy learns (constants)."""
 

@@ -1,6 +1,5 @@
 """SDR, scalable discretization and relaxation: REINFORCE over the bins of one group after the other."""
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -8,7 +7,7 @@ import jax.numpy as jnp
 import optax
 from jaxtyping import Array, Float, PyTree
 
-from sdr_jax.baseline import Baseline, ema
+from sdr_jax.baseline import Baseline, baseline_of
 from sdr_jax.coordinate_descent import (
     Descent,
     active,
@@ -22,13 +21,10 @@ from sdr_jax.coordinate_descent import (
 )
 from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, jitted
 from sdr_jax.policy import Policy, entropy, init_policies, log_prob, mask_logits, sample_bins
-from sdr_jax.reinforce import Learner, Rule, init_learner, learn
+from sdr_jax.reinforce import Learner, Rule, adam, init_learner, learn
 from sdr_jax.relaxation import UNDECIDED, check_relaxation, moments, relax
-from sdr_jax.rewards import identity
+from sdr_jax.rewards import identity, squared_percent
 from sdr_jax.space import Proposal, Space, Width
-
-PAPER_OPTIMIZER = optax.adam(1e-2)
-PAPER_BASELINE = ema(decay=0.9)
 
 
 class SdrState(NamedTuple):
@@ -41,14 +37,14 @@ class SdrState(NamedTuple):
 
 def sdr(
     space: Space,
-    optimizer: optax.GradientTransformation = PAPER_OPTIMIZER,
     *,
+    width: Width = None,
     updates_per_group: int = 50,
     hidden: int = 256,
-    baseline: Baseline = PAPER_BASELINE,
-    transform: Callable[[Array], Array] = identity,
+    learning_rate: float | optax.GradientTransformation = 0.01,
+    baseline: str | Baseline = "ema",
     normalise: bool = False,
-    width: Width = None,
+    squared_reward: bool = False,
     unoptimised: str = "random",
 ) -> Method:
     """Scalable discretization and relaxation, in groups.
@@ -76,14 +72,15 @@ def sdr(
 
     Args:
         space: the attributes, their bins and groups.
-        optimizer: any optax transformation; a schedule in it starts afresh with every group.
+        width: width of the relaxed bins, see `relax`.
         updates_per_group: number of updates of each group (the paper: "up to 50").
         hidden: hidden units of each policy.
-        baseline: `ema()`, `ema(includes_current=True)` (the authors' code) or `leave_one_out()`;
-            it starts afresh with every group.
-        transform: first applied to rewards: `identity` or `squared_percent` (the authors' code).
+        learning_rate: Adam's, or any optax transformation in its place; a schedule in it starts afresh with
+            every group.
+        baseline: "ema", "ema_current" (the authors' code), "leave_one_out", or a `Baseline` such as
+            `ema(0.5)`; it starts afresh with every group.
         normalise: whether to divide advantages by their size.
-        width: width of the relaxed bins, see `relax`.
+        squared_reward: whether to learn from `squared_percent` of the rewards (the authors' code).
         unoptimised: "random" (the paper) or "half" (the authors' code), see `relax`.
 
     Returns:
@@ -98,7 +95,8 @@ def sdr(
         raise ValueError(f"updates_per_group is {updates_per_group}, but must be at least 1")
     check_relaxation(space, width, unoptimised)
     groups = lay_out(space, updates_per_group)
-    rule = Rule(optimizer, baseline, transform, normalise)
+    transform = squared_percent if squared_reward else identity
+    rule = Rule(adam(learning_rate), baseline_of(baseline), transform, normalise)
     net = Policy(groups.slots.members.shape[1], space.max_bins, hidden)
 
     def logits_of(params: PyTree, inputs: Array, bins: Array) -> Array:
@@ -151,7 +149,6 @@ def sdr(
         undecided = proposal(jnp.full(space.attributes, UNDECIDED))
         return choose(begun(groups, state.descent), wide, undecided)
 
-    level = transform is not identity
     return jitted(
-        init, sample, update, solution, probabilities, spread, groups.updates, level=level
+        init, sample, update, solution, probabilities, spread, groups.updates, level=squared_reward
     )

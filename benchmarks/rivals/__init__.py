@@ -17,12 +17,13 @@ RIVALS: dict[str, Callable[..., sdr_jax.Method]] = {
     "tpe": tpe,
     "gaussian_process": gaussian_process,
 }
-"""What makes each method of another library, by name, of a space and a width."""
+"""What makes each method of another library, by name, of a space and, by keyword, a width."""
 METHODS = {**sdr_jax.METHODS, **RIVALS}
 """What makes each method, ours and theirs."""
 
 
 def make(name: str, space: sdr_jax.Space, width: Width = None, **options: Any) -> sdr_jax.Method:
     """Make a method, as `sdr_jax.registry.make`."""
-    own = RIVALS.get(name)
-    return own(space, width, **options) if own else registry.make(name, space, width, **options)
+    if name in RIVALS:
+        return RIVALS[name](space, width=width, **options)
+    return registry.make(name, space, width, **options)

@@ -26,8 +26,8 @@ class CmaState(NamedTuple):
 
 def cma_es(
     space: Space,
-    width: Width = None,
     *,
+    width: Width = None,
     sigma: float = 0.25,
     population: int | None = None,
 ) -> Method:

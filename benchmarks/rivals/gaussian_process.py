@@ -24,8 +24,8 @@ NEAR = 8
 
 def gaussian_process(
     space: Space,
-    width: Width = None,
     *,
+    width: Width = None,
     startup: int = 10,
     candidates: int = 1000,
 ) -> Method:

@@ -23,8 +23,8 @@ class _Latest(NamedTuple):
 
 def tpe(
     space: Space,
-    width: Width = None,
     *,
+    width: Width = None,
     startup: int = 10,
     multivariate: bool = True,
 ) -> Method:

@@ -55,8 +55,8 @@ class IntervalsState(NamedTuple):
 
 def intervals(
     space: Space,
-    width: Width = None,
     *,
+    width: Width = None,
     start: tuple[tuple[float, ...], tuple[float, ...]] | None = None,
     caution: float = 0.3,
     degree: int = 9,

@@ -33,8 +33,8 @@ class SurrogateState(NamedTuple):
 
 def surrogate(
     space: Space,
-    width: Width = None,
     *,
+    width: Width = None,
     temperature: float = 1.0,
     degree: int = 9,
     pair_degree: int | None = None,

@@ -29,8 +29,8 @@ class DescentState(NamedTuple):
 
 def attribute_descent(
     space: Space,
-    width: Width = None,
     *,
+    width: Width = None,
     repeats: int = 1,
     unoptimised: str = "random",
 ) -> Method:

@@ -9,10 +9,10 @@ import optax
 from jax.scipy.special import ndtr, ndtri
 from jaxtyping import Array, Float
 
-from sdr_jax.baseline import Baseline, leave_one_out
+from sdr_jax.baseline import Baseline, baseline_of
 from sdr_jax.coordinate_descent import choose
 from sdr_jax.method import Info, Method, Rewards, RngKey, Values, jitted
-from sdr_jax.reinforce import Learner, Rule, init_learner, learn
+from sdr_jax.reinforce import Learner, Rule, adam, init_learner, learn
 from sdr_jax.relaxation import (
     bin_mask,
     bin_widths,
@@ -24,8 +24,6 @@ from sdr_jax.relaxation import (
 )
 from sdr_jax.space import Proposal, Space, Width
 
-OPTIMIZER = optax.adam(0.1)
-BASELINE = leave_one_out()
 QUANTILES = np.asarray(ndtri((jnp.arange(64) + 0.5) / 64))  # of the standard normal
 
 
@@ -38,12 +36,12 @@ class GaussianParams(NamedTuple):
 
 def gaussian(
     space: Space,
-    optimizer: optax.GradientTransformation = OPTIMIZER,
     *,
-    baseline: Baseline = BASELINE,
+    width: Width = None,
+    learning_rate: float | optax.GradientTransformation = 0.1,
+    baseline: str | Baseline = "leave_one_out",
     normalise: bool = True,
     std: float = 1.5,
-    width: Width = None,
 ) -> Method:
     """REINFORCE on the mean and spread of a Gaussian per attribute; actions are continuous.
 
@@ -55,11 +53,11 @@ def gaussian(
 
     Args:
         space: the attributes; their bins set the width of proposals only.
-        optimizer: any optax transformation.
-        baseline: `leave_one_out()` needs two or more data sets per update; `ema()` takes one.
+        width: width of the proposals, see `relax`.
+        learning_rate: Adam's, or any optax transformation in its place.
+        baseline: as of `sdr`; "leave_one_out" needs two or more data sets per update, "ema" takes one.
         normalise: whether to divide advantages by their size, so that the scale of rewards has no effect.
         std: initial standard deviation of the logits; 1.5 is close to uniform on [0, 1].
-        width: width of the proposals, see `relax`.
 
     Returns:
         The method, for any number of updates; actions are the logits z, f32.
@@ -74,7 +72,7 @@ def gaussian(
         raise ValueError(f"std is {std}, but must be above 0")
     check_relaxation(space, width, "random")
     widths = bin_widths(space, width)
-    rule = Rule(optimizer, baseline, normalise=normalise)
+    rule = Rule(adam(learning_rate), baseline_of(baseline), normalise=normalise)
 
     def init(rng_key: RngKey) -> Learner:
         del rng_key  # nothing is random before the first sample

@@ -7,24 +7,26 @@ from jaxtyping import Array, Float
 
 from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, jitted, plain_info
 from sdr_jax.relaxation import UNDECIDED, entropy, relax, uniform
-from sdr_jax.space import Proposal, Space
+from sdr_jax.space import Proposal, Space, Width
 
 
 class NothingLearnt(NamedTuple):
     """The state of a method that keeps nothing."""
 
 
-def random_attributes(space: Space) -> Method:
+def random_attributes(space: Space, *, width: Width = None) -> Method:
     """Proposes every attribute's whole range (centre 0.5, width 1), whatever the rewards are.
 
     Args:
         space: the attributes.
+        width: has no effect, since nothing is ever decided.
 
     Returns:
         The method, for any number of updates; its actions are all -1.
 
     Source: the paper's baseline ("random attributes").
     """
+    del width
 
     def proposal(*batch: int) -> Proposal:
         return relax(space, jnp.full((*batch, space.attributes), UNDECIDED, jnp.int32))

@@ -17,7 +17,7 @@ class SearchState(NamedTuple):
     reward: Float[Array, ""]  # its reward, minus infinity before the first update
 
 
-def random_search(space: Space, width: Width = None) -> Method:
+def random_search(space: Space, *, width: Width = None) -> Method:
     """Proposes uniform bins for all attributes at once; the answer is the best data set so far.
 
     Groups play no part. `solution` and `spread` are the same, since one reward gives no estimate of

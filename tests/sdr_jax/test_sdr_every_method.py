@@ -25,7 +25,7 @@ SPACE = space(list("abcde"), bins=[3, 5, 2, 10, 7], groups=GROUPS, unordered=["a
 TARGET = jnp.asarray([0.9, 0.1, 0.25, 0.65, 0.3])
 
 # Not Adam for SDR, which makes whole steps of the rounding of gradients near zero.
-SDR = sdr_jax.sdr(SPACE, optax.sgd(0.3), hidden=8, baseline=sdr_jax.leave_one_out())
+SDR = sdr_jax.sdr(SPACE, learning_rate=optax.sgd(0.3), hidden=8, baseline=sdr_jax.leave_one_out())
 ALL = {name: SDR if name == "sdr" else make(name, SPACE) for name in METHODS}
 PURE = {name: method for name, method in ALL.items() if method.traced}
 HOST = {name: method for name, method in ALL.items() if not method.traced}
@@ -86,10 +86,12 @@ def test_the_same_key_gives_the_same_bytes(name: str) -> None:
         assert np.asarray(a).tobytes() == np.asarray(b).tobytes()
 
 
+CLIPPED = optax.chain(optax.clip_by_global_norm(1.0), optax.sgd(0.1, 0.9))
+SCHEDULED = optax.adamw(optax.linear_schedule(1e-2, 0.0, 3))
 GROUP_BY_GROUP = [
     sdr_jax.sdr(SPACE, hidden=8, normalise=True, baseline=sdr_jax.ema(includes_current=True)),
-    sdr_jax.sdr(SPACE, optax.chain(optax.clip_by_global_norm(1.0), optax.sgd(0.1, 0.9)), hidden=8),
-    sdr_jax.sdr(SPACE, optax.adamw(optax.linear_schedule(1e-2, 0.0, 3)), hidden=8),
+    sdr_jax.sdr(SPACE, hidden=8, learning_rate=CLIPPED),
+    sdr_jax.sdr(SPACE, hidden=8, learning_rate=SCHEDULED),
 ]
 
 

@@ -24,7 +24,7 @@ OWN = jnp.asarray([[True, True, False], [True] * 3])
 BOTH = jnp.asarray([True, True])
 ACTIONS = jnp.asarray(list(itertools.product(range(2), range(3))), jnp.int32)  # all 6
 SPACE = space(["a", "b"], bins=[2, 3])
-METHOD = sdr(SPACE, optax.sgd(1.0), hidden=8, baseline=leave_one_out())
+METHOD = sdr(SPACE, learning_rate=optax.sgd(1.0), hidden=8, baseline=leave_one_out())
 PAIRS = jnp.asarray(list(itertools.product(range(6), repeat=2)))
 
 

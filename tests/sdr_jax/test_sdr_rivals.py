@@ -17,7 +17,7 @@ from .conftest import KEY, SEEDS, driven, refuses, tell
 
 SPACE = space(["a", "b", "c"], bins=[2, 10, 5])
 PAIR = space(["a", "b"], bins=[4, 2])
-GAUSSIAN = gaussian(PAIR, optax.sgd(1.0), normalise=False)
+GAUSSIAN = gaussian(PAIR, learning_rate=optax.sgd(1.0), normalise=False)
 
 
 def test_random_search_tries_all_bins_alike_and_keeps_the_best_it_has_seen() -> None:
@@ -49,7 +49,7 @@ def test_the_gradient_of_the_gaussian_by_hand_and_of_one_data_set() -> None:
     np.testing.assert_allclose(after.params.mean, mean, rtol=1e-5)
     np.testing.assert_allclose(after.params.log_std, log_std, rtol=1e-5)
     # Advantages that do not add up to 0, as after a first update, show the density's -log std.
-    method = gaussian(PAIR, optax.sgd(1.0), normalise=False, baseline=ema())
+    method = gaussian(PAIR, learning_rate=optax.sgd(1.0), normalise=False, baseline=ema())
     state, _ = tell(method, np.float32(1.5 * whitened), [0, 0])
     after, info = tell(method, np.float32(1.5 * whitened), [3, 1], state)
     np.testing.assert_allclose(info.advantages, [3, 1])

@@ -149,7 +149,7 @@ def test_info_by_hand(failed: bool) -> None:
     np.testing.assert_allclose(info.advantages, [-0.25, 0.25, 0][: 2 + failed])
     assert 0 < info.entropy <= np.log(5) + 1e-6 and np.isfinite(info.grad_norm)
     # The authors' code learns from squares.
-    _, info = tell(sdr(SPACE, hidden=8, transform=squared_percent), actions, rewards)
+    _, info = tell(sdr(SPACE, hidden=8, squared_reward=True), actions, rewards)
     np.testing.assert_allclose(info.advantages[:2], [625 - 3125, 5625 - 3125], rtol=1e-5)
     assert (info.reward_mean, info.baseline) == (0.5, pytest.approx(3125))
     # The worse of two negative rewards is not the better one.
