@@ -81,7 +81,7 @@ def make_method(
     options = config.search
     if name in get_args(RivalName):
         with flagged("--methods"):
-            return _rival(name)(space, options.relaxation)
+            return _rival(name)(space, width=options.relaxation)
     if name == "sdr":
         own = {
             "learning_rate": options.learning_rate,
