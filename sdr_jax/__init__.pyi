@@ -6,6 +6,7 @@ from .baseline import leave_one_out as leave_one_out
 from .callback import DataSets as DataSets
 from .callback import HostReward as HostReward
 from .callback import host_reward as host_reward
+from .method import Diagnostics as Diagnostics
 from .method import Info as Info
 from .method import Method as Method
 from .models.intervals import intervals as intervals

@@ -154,8 +154,13 @@ class AskTell:
 
     @on_processor()
     def spread(self) -> Proposal:
-        """The answer with wide intervals where the method is unsure, f32[attributes] each."""
-        return _plain(*self.method.spread(self._answering))
+        """The answer with wide intervals where the method is unsure, f32[attributes] each.
+
+        It is the solution for a method without diagnostics.
+        """
+        diagnostics = self.method.diagnostics
+        answer = self.method.solution if diagnostics is None else diagnostics.spread
+        return _plain(*answer(self._answering))
 
     @property
     def _answering(self) -> State:

@@ -79,6 +79,16 @@ ExpectsFn = Callable[
 ]
 
 
+class Diagnostics(NamedTuple):
+    """What a method can tell of itself, for reports and for answers that say how sure they are."""
+
+    spread: ProposalFn  # the answer with wide intervals where the method is unsure
+    probabilities: ProbabilitiesFn  # of the bins in `sample`; 0 for bins that an attribute lacks
+    expects: ExpectsFn | None = None
+    """The mean and standard deviation that the method's model predicts for the rewards of actions; NaN before
+    the first update, and None for a method without a model."""
+
+
 class Method(NamedTuple):
     """A search method: pure functions, which are jitted and work under jit, scan and vmap.
 
@@ -95,14 +105,10 @@ class Method(NamedTuple):
     sample: SampleFn  # (rng_key, state, n) -> (actions, n proposals to evaluate); n is static
     update: UpdateFn  # (state, actions, rewards) -> (state, info)
     solution: ProposalFn  # the answer, f32[attributes] each; may be asked at any time
-    spread: ProposalFn  # the answer with wide intervals where the method is unsure
-    probabilities: ProbabilitiesFn  # of the bins in `sample`; 0 for bins that an attribute lacks
-    updates: int | None  # how many updates the method takes; None for any number
+    diagnostics: Diagnostics | None = None
+    updates: int | None = None  # how many updates the method takes; None for any number
     traced: bool = True  # False for a host adapter, which is not to be jitted
     level: bool = False  # whether the method depends on a constant added to all rewards
-    expects: ExpectsFn | None = None
-    """The mean and standard deviation that the method's model predicts for the rewards of actions, for
-    reports; NaN before the first update, and None for a method without a model."""
 
 
 def jitted(
@@ -118,14 +124,17 @@ def jitted(
 ) -> Method:
     """Makes a method of these functions and jits each one; by default `spread` is the solution."""
     answer = jax.jit(solution)
+    diagnostics = Diagnostics(
+        spread=answer if spread is None else jax.jit(spread),
+        probabilities=jax.jit(probabilities),
+        expects=None if expects is None else jax.jit(expects),
+    )
     return Method(
         init=jax.jit(init),
         sample=jax.jit(sample, static_argnames="n"),
         update=jax.jit(update),
         solution=answer,
-        spread=answer if spread is None else jax.jit(spread),
-        probabilities=jax.jit(probabilities),
+        diagnostics=diagnostics,
         updates=updates,
         level=level,
-        expects=None if expects is None else jax.jit(expects),
     )

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from benchmarks.rivals import host
-from sdr_jax.method import Info, Method, Rewards, RngKey, Values
+from sdr_jax.method import Diagnostics, Info, Method, Rewards, RngKey, Values
 from sdr_jax.relaxation import UNDECIDED, moments
 from sdr_jax.space import Proposal, Space, Width
 
@@ -120,4 +120,4 @@ def cma_es(
         shares = (tried[:, :, None] == np.arange(space.max_bins)).mean(axis=0)
         return jnp.asarray(shares, jnp.float32)
 
-    return Method(init, sample, update, solution, spread, probabilities, None, traced=False)
+    return Method(init, sample, update, solution, Diagnostics(spread, probabilities), traced=False)

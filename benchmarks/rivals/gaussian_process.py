@@ -11,7 +11,7 @@ from scipy.linalg import solve_triangular
 from scipy.stats import norm
 
 from benchmarks.rivals import host
-from sdr_jax.method import Bins, Info, Method, Rewards, RngKey
+from sdr_jax.method import Bins, Diagnostics, Info, Method, Rewards, RngKey
 from sdr_jax.relaxation import UNDECIDED, moments, ordered, uniform
 from sdr_jax.space import Proposal, Space, Width
 
@@ -185,7 +185,12 @@ def gaussian_process(
         return jnp.asarray(state.rewards.mean() + unit * mean), jnp.asarray(unit * std)
 
     return Method(
-        init, sample, update, solution, spread, probabilities, None, traced=False, expects=expects
+        init,
+        sample,
+        update,
+        solution,
+        Diagnostics(spread, probabilities, expects),
+        traced=False,
     )
 
 

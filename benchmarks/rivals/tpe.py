@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from benchmarks.rivals import host
-from sdr_jax.method import Bins, Info, Method, Rewards, RngKey
+from sdr_jax.method import Bins, Diagnostics, Info, Method, Rewards, RngKey
 from sdr_jax.relaxation import UNDECIDED, moments, ordered, uniform
 from sdr_jax.space import Proposal, Space, Width
 
@@ -155,4 +155,4 @@ def tpe(
     def spread(state: host.Seen) -> Proposal:
         return moments(space, probabilities(state), width)
 
-    return Method(init, sample, update, solution, spread, probabilities, None, traced=False)
+    return Method(init, sample, update, solution, Diagnostics(spread, probabilities), traced=False)

@@ -67,7 +67,7 @@ def test_cma_es_leaves_its_generator_alone_and_says_where_it_tries() -> None:
 
     before = left()
     method.sample(jax.random.key(1), state, 3)
-    p = np.asarray(method.probabilities(state))
+    p = np.asarray(method.diagnostics.probabilities(state))
     assert left() == before
     _, proposals = method.sample(jax.random.key(2), state, 2000)
     for own, column, bins in zip(p, np.asarray(proposals.centre).T, SPACE.bins, strict=True):
@@ -79,7 +79,7 @@ def test_tpe_answers_with_the_best_it_has_seen() -> None:
     method = tpe(SPACE)
     state, _ = tell(method, [[0, 1, 2], [1, 9, 4], [1, 8, 3]], [0.1, 0.9, np.nan])
     np.testing.assert_allclose(method.solution(state).centre, [0.75, 0.95, 0.9], rtol=1e-6)
-    p = np.asarray(method.probabilities(state))
+    p = np.asarray(method.diagnostics.probabilities(state))
     np.testing.assert_allclose(p[0, :2], [0.25, 0.75])
     np.testing.assert_allclose(p[1], [0.05] * 9 + [0.55], rtol=1e-5)
 

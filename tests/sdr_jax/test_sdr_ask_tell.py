@@ -40,7 +40,7 @@ def drive(search: AskTell, trials: int = 5 * N, order: int = 1) -> AskTell:
 
 
 def answers(search: AskTell) -> tuple:
-    chances = search.method.probabilities(search.state)
+    chances = search.method.diagnostics.probabilities(search.state)
     return search.solution(), search.spread(), chances, search.updates
 
 
@@ -219,7 +219,7 @@ def test_what_is_no_number_counts_as_failed(reward: float | None) -> None:
     for trial in search.ask():
         search.tell(trial.id, reward)
     assert [line["reward"] for line in search.history] == [None, None] and search.updates == 1
-    assert np.isfinite(search.method.probabilities(search.state)).all()
+    assert np.isfinite(search.method.diagnostics.probabilities(search.state)).all()
 
 
 def test_wrong_use_is_refused_and_a_method_of_so_many_updates_ends(tmp_path: Path) -> None:

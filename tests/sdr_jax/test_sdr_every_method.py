@@ -141,8 +141,8 @@ def check_inside(proposal: Proposal, shape: tuple[int, ...]) -> None:
 
 def check_answers(method: Method, state: object) -> None:
     check_inside(method.solution(state), (5,))
-    check_inside(method.spread(state), (5,))
-    probabilities = np.asarray(method.probabilities(state))
+    check_inside(method.diagnostics.spread(state), (5,))
+    probabilities = np.asarray(method.diagnostics.probabilities(state))
     assert probabilities.shape == (5, 10) and np.all(probabilities >= 0)
     assert not np.any(probabilities[~bin_mask(SPACE)])
     np.testing.assert_allclose(probabilities.sum(axis=1), 1, rtol=1e-4)
@@ -176,7 +176,7 @@ def test_learning_with_failed_rewards_is_learning_from_the_others(name, seed, fa
     rewards = np.where(known, rng.normal(0, 1, 5), rng.choice([np.nan, np.inf]))
     left, info = tell(method, actions, rewards, state)
     right, alone = tell(method, actions[known], rewards[known], state)
-    for answer in (method.solution, method.spread, method.probabilities):
+    for answer in (method.solution, method.diagnostics.spread, method.diagnostics.probabilities):
         np.testing.assert_allclose(answer(left), answer(right), atol=2e-4)
     assert info.reward_mean == pytest.approx(float(alone.reward_mean), abs=1e-5)
     # What it proposes next is the same, too.
@@ -218,7 +218,7 @@ def test_a_method_is_made_with_its_own_options(name: str) -> None:
     assert method.traced == (name not in RIVALS)
 
 
-MODELS = [name for name, method in ALL.items() if method.expects is not None]
+MODELS = [name for name, method in ALL.items() if method.diagnostics.expects is not None]
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -233,11 +233,11 @@ def test_models_foresee_rewards_and_how_far_they_are_off(name: str) -> None:
         return actions, value(proposals) + 0.03 * jax.random.normal(noise_key, (60,))
 
     actions, rewards = asked(1)
-    assert np.all(np.isnan(np.stack(method.expects(state, actions))))
+    assert np.all(np.isnan(np.stack(method.diagnostics.expects(state, actions))))
     for part in (slice(start, start + 10) for start in range(0, 60, 10)):
         state, _ = tell(method, actions[part], rewards[part], state)
     actions, rewards = asked(2)
-    mean, std = map(np.asarray, method.expects(state, actions))
+    mean, std = map(np.asarray, method.diagnostics.expects(state, actions))
     assert np.corrcoef(mean, rewards)[0, 1] > 0.6
     assert 0.6 < np.std((rewards - mean) / std) < 1.4
 

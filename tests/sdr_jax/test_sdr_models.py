@@ -295,7 +295,7 @@ def test_an_effect_is_found_and_what_has_none_stays_wide() -> None:
 
     state, record = driven(KEY, SURROGATE, reward, 20, 4)
     np.testing.assert_allclose(SURROGATE.solution(state).centre[1], 0.7, atol=1e-6)
-    a, b, c, d = np.asarray(SURROGATE.spread(state).width)
+    a, b, c, d = np.asarray(SURROGATE.diagnostics.spread(state).width)
     assert b == pytest.approx(0.2, abs=0.15) and np.mean([a, c, d]) > 0.6
     entropy = np.asarray(record.info.entropy)
     assert entropy[0] == pytest.approx(np.log([3, 5, 2, 4]).sum(), rel=1e-5)
@@ -383,12 +383,15 @@ def test_an_attribute_stays_where_it_began_unless_moving_it_pays():
     state = told(method, lambda centre, width: centre[:, 0], noise=0.05)
     centre, width = np.asarray(method.solution(state))
     assert centre[0] > 0.8 and width[0] <= 0.25
-    for answer in (method.spread(state), method.solution(told(method, lambda c, w: 0 * c[:, 0]))):
+    for answer in (
+        method.diagnostics.spread(state),
+        method.solution(told(method, lambda c, w: 0 * c[:, 0])),
+    ):
         assert [float(part[1]) for part in answer] == pytest.approx([0.3, 0.2])
     # Noise alone moves nothing for certain.
-    unsure = method.spread(told(method, lambda c, w: 0 * c[:, 0], noise=1.0))
+    unsure = method.diagnostics.spread(told(method, lambda c, w: 0 * c[:, 0], noise=1.0))
     np.testing.assert_allclose(np.stack(unsure), BEGAN, atol=1e-6)
-    p = np.asarray(method.probabilities(state))
+    p = np.asarray(method.diagnostics.probabilities(state))
     assert p.shape == (2, 8) and p[0, 6:].sum() > 0.4
     # Narrow intervals lose where variety pays, and the second began narrow.
     state = told(method, lambda centre, width: width.sum(axis=1), noise=0.02)
@@ -421,7 +424,7 @@ def test_without_relaxation_every_data_set_is_of_single_values():
     assert len(np.unique(first.centre[1::2])) > 2  # and anywhere, in turn
     state = told(method, lambda centre, width: centre[:, 0] - 9 * width.sum(axis=1), noise=0.05)
     proposals = method.sample(KEY, state, 16)[1]
-    for answer in (first, proposals, method.solution(state), method.spread(state)):
+    for answer in (first, proposals, method.solution(state), method.diagnostics.spread(state)):
         assert (np.asarray(answer.width) == 0).all()
     assert method.solution(state).centre[0] > 0.8
     with pytest.raises(ValueError, match=r"width is 1.5, but must lie in \[0, 1\]"):
@@ -522,9 +525,9 @@ def test_penalties_do_not_decide_the_answer(name: str, share: float, penalty: fl
 def test_a_flat_reward_decides_nothing_and_the_search_goes_on_looking(name: str) -> None:
     method = BANDIT_METHODS[name]
     state = learnt(method, lambda *_: [0.1] * 10, updates=2, n=10)
-    for answer in (method.solution(state), method.spread(state)):
+    for answer in (method.solution(state), method.diagnostics.spread(state)):
         np.testing.assert_allclose(answer, [[0.5, 0.5], [1, 1]], rtol=1e-6)
-    p = np.asarray(method.probabilities(state))
+    p = np.asarray(method.diagnostics.probabilities(state))
     assert np.all(p[bin_mask(BANDIT)] > 0.1)
     drawn = [method.sample(jax.random.key(seed), state, 10)[0] for seed in (8, 9)]
     assert len(np.unique(np.concatenate(drawn), axis=0)) > 5

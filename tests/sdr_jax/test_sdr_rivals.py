@@ -25,14 +25,14 @@ def test_random_search_tries_all_bins_alike_and_keeps_the_best_it_has_seen() -> 
     state = method.init(KEY)
     actions, proposal = method.sample(jax.random.key(1), state, 20_000)
     counts = [np.bincount(column, minlength=10) for column in np.asarray(actions).T]
-    np.testing.assert_allclose(counts, 20_000 * method.probabilities(state), atol=300)
+    np.testing.assert_allclose(counts, 20_000 * method.diagnostics.probabilities(state), atol=300)
     np.testing.assert_allclose(proposal, relax(SPACE, actions), atol=1e-6)
     tried = jnp.asarray([[0, 4, 1], [1, 2, 3]])
     state, info = tell(method, tried, [0.25, 0.75])
     assert (info.reward_mean, info.reward_best) == (0.5, 0.75)
     for reward in (0.5, 0.75, jnp.nan):  # worse, equal, unknown
         state, _ = tell(method, tried[:1], [reward], state)
-    for answer in (method.solution(state), method.spread(state)):
+    for answer in (method.solution(state), method.diagnostics.spread(state)):
         np.testing.assert_array_equal(answer, relax(SPACE, tried[1]))
     state, _ = tell(method, tried[:1], [1.0], state)
     assert state.actions.tolist() == [0, 4, 1]
@@ -67,13 +67,15 @@ def test_probabilities_and_spread_of_the_gaussian_are_those_of_samples() -> None
     actions, _ = GAUSSIAN.sample(jax.random.key(1), state, 40_000)
     assert actions.dtype == jnp.float32
     values = np.asarray(jax.nn.sigmoid(actions))
-    for p, column, bins in zip(GAUSSIAN.probabilities(state), values.T, PAIR.bins, strict=True):
+    for p, column, bins in zip(
+        GAUSSIAN.diagnostics.probabilities(state), values.T, PAIR.bins, strict=True
+    ):
         counts, _ = np.histogram(column, bins, (0, 1))
         np.testing.assert_allclose(p[:bins], counts / 40_000, atol=0.01)
     # A street's value is a sample, relaxed: uniform around it.
     variance = values.var(axis=0) + np.asarray([0.25, 0.5]) ** 2 / 12
     width = np.minimum(1, np.sqrt(12 * variance))
-    np.testing.assert_allclose(GAUSSIAN.spread(state).width, width, atol=0.02)
+    np.testing.assert_allclose(GAUSSIAN.diagnostics.spread(state).width, width, atol=0.02)
     np.testing.assert_allclose(GAUSSIAN.solution(state).centre[0], jax.nn.sigmoid(1.0), rtol=1e-5)
 
 
@@ -154,7 +156,7 @@ def test_repeats_are_averaged_and_failed_bins_tried_again_but_not_for_ever() -> 
         np.testing.assert_array_equal(actions, tried)
         state, _ = tell(method, actions, rewards, state)
     assert int(state.current[0]) == 1  # 0.6, against the mean of 1, 0 and 0
-    np.testing.assert_allclose(method.probabilities(state), 0.5)  # it goes round again
+    np.testing.assert_allclose(method.diagnostics.probabilities(state), 0.5)  # it goes round again
     failing = lambda _, proposals: jnp.where(proposals.centre[:, 0] == 0.75, jnp.nan, 1.0)  # noqa: E731
     state, record = driven(KEY, attribute_descent(space(["a", "b"], bins=2)), failing, 6)
     assert record.actions[:, 0, 0].tolist() == [0, 1, 1, 1, 1, 1]  # 3 times the usual 2

@@ -88,17 +88,19 @@ def test_actions_are_sampled_learnt_or_undecided_and_the_answer_is_arg_max_once_
     state = after(4)  # group 0 is finished, group 1 active
     actions, proposal = METHOD.sample(jax.random.key(5), state, 64)
     assert actions.dtype == jnp.int32
-    best = np.argmax(np.asarray(METHOD.probabilities(state)), axis=1)
+    best = np.argmax(np.asarray(METHOD.diagnostics.probabilities(state)), axis=1)
     a, b, c, d = (set(np.asarray(column)) for column in actions.T)
     assert b == {best[1]} == {int(state.descent.fixed[1])}
     assert (a, c, d) == (set(range(3)), {-1}, set(range(4)))
     assert_same(proposal, relax(SPACE, actions))
     best[2] = -1  # group 2 has not begun
     assert_same(METHOD.solution(state), relax(SPACE, best))
-    wide = moments(SPACE, METHOD.probabilities(state))
-    np.testing.assert_allclose(METHOD.spread(state), np.where(best < 0, [[0.5], [1]], wide))
+    wide = moments(SPACE, METHOD.diagnostics.probabilities(state))
+    np.testing.assert_allclose(
+        METHOD.diagnostics.spread(state), np.where(best < 0, [[0.5], [1]], wide)
+    )
     start = METHOD.init(KEY)
-    for answer in (METHOD.solution(start), METHOD.spread(start)):
+    for answer in (METHOD.solution(start), METHOD.diagnostics.spread(start)):
         np.testing.assert_array_equal(answer, [[0.5] * 4, [1] * 4])
 
 
@@ -136,7 +138,9 @@ def test_after_the_last_group_nothing_changes_and_the_first_policy_is_flax_s() -
     assert not np.any(outputs[:, 1]) and not np.any(outputs[:, 0, 2:])
     # The likeliest of ten bins has about 0.18 at first, as the docstring says.
     ten = sdr(space([f"x{k}" for k in range(7)]))
-    likeliest = [np.max(ten.probabilities(ten.init(jax.random.key(k))), axis=1) for k in range(8)]
+    likeliest = [
+        np.max(ten.diagnostics.probabilities(ten.init(jax.random.key(k))), axis=1) for k in range(8)
+    ]
     assert np.mean(likeliest) == pytest.approx(0.18, abs=0.03)
 
 
