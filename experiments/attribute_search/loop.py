@@ -49,6 +49,8 @@ def search(run: Session[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Fo
         UserError: more than a tenth of the evaluations failed, or the log is from another run.
     """
     method, rewards = plan.search, Rewards(run, plan, kind)
+    diagnostics = method.diagnostics
+    assert diagnostics is not None  # every method by name has them
     reward_fn = sdr_jax.host_reward(rewards, common=plan.options.common_random_numbers)
     steps = sdr_jax.drive(jax.random.key(plan.seed), method, reward_fn, plan.updates, plan.datasets)
     history: list[tuple] = []
@@ -60,7 +62,7 @@ def search(run: Session[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Fo
         state, record = next(steps)
         foreseen += _foreseen(method, before, record)
         info = jax.device_get(record.info)
-        probabilities = np.asarray(method.probabilities(state))
+        probabilities = np.asarray(diagnostics.probabilities(state))
         own = np.array([result.reward for result in rewards.results[-plan.datasets :]], np.float32)
         history.append((own, float(info.baseline), int(info.group), probabilities))
         if info.clipped and not clipped:
@@ -84,11 +86,11 @@ def search(run: Session[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Fo
 
 def _foreseen(method: sdr_jax.Method, before: Any, record: sdr_jax.Record) -> list[np.ndarray]:
     """The model's expectations of an update's rewards, f32[datasets, 2]; empty without a model."""
-    if method.expects is None:
+    if method.diagnostics is None or method.diagnostics.expects is None:
         return []
     if before is None:
         return [np.full((len(record.rewards), 2), np.nan, np.float32)]
-    return [np.stack(method.expects(before, record.actions), axis=-1)]
+    return [np.stack(method.diagnostics.expects(before, record.actions), axis=-1)]
 
 
 def standing(kind: RewardKind, rewards: Sequence[np.ndarray]) -> str:
