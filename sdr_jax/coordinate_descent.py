@@ -26,26 +26,20 @@ from sdr_jax.relaxation import UNDECIDED
 from sdr_jax.space import Space
 
 
-class Slots(NamedTuple):
-    """The attributes that the slots of the stacked learners stand for."""
+class Groups(NamedTuple):
+    """The groups of a space as a table [groups size], where size is the largest group's (constants)."""
 
     members: Int[np.ndarray, "groups size"]  # attribute of each slot; `attributes` for padding
-    present: Bool[np.ndarray, "groups size"]  # false for padding
-    bins: Bool[np.ndarray, "groups size bins"]  # bins the slot's attribute has; all for padding
-
-
-class Groups(NamedTuple):
-    """The groups of a space, and the number of updates of each (constants)."""
-
-    slots: Slots
-    group: Int[np.ndarray, "attributes"]  # the group of each attribute
-    slot: Int[np.ndarray, "attributes"]  # its slot in the group
-    updates_each: int
+    valid_mask: Bool[np.ndarray, "groups size"]  # false for padding
+    bin_mask: Bool[np.ndarray, "groups size bins"]  # bins the slot's attribute has; all for padding
+    group_of: Int[np.ndarray, "attributes"]  # the group of each attribute
+    slot_of: Int[np.ndarray, "attributes"]  # its slot in the group
+    updates_per_group: int
 
     @property
     def updates(self) -> int:
         """The number of updates of the whole descent."""
-        return len(self.slots.members) * self.updates_each
+        return len(self.members) * self.updates_per_group
 
 
 class Descent(NamedTuple):
@@ -55,37 +49,37 @@ class Descent(NamedTuple):
     updates: Int[Array, ""]  # updates made so far
 
 
-def lay_out(space: Space, updates_each: int) -> Groups:
+def lay_out(space: Space, updates_per_group: int) -> Groups:
     """Lays out a space's groups as [groups size], where size is the largest group's."""
     size = max(map(len, space.groups))
     members = np.full((len(space.groups), size), space.attributes, np.int32)
-    bins = np.ones((len(space.groups), size, space.max_bins), bool)
+    bin_mask = np.ones((len(space.groups), size, space.max_bins), bool)
     group_of = np.zeros(space.attributes, np.int32)
     slot_of = np.zeros(space.attributes, np.int32)
     for group, indices in enumerate(space.groups):
         for slot, attribute in enumerate(indices):
             members[group, slot] = attribute
-            bins[group, slot, space.bins[attribute] :] = False
+            bin_mask[group, slot, space.bins[attribute] :] = False
             group_of[attribute], slot_of[attribute] = group, slot
-    slots = Slots(members, members < space.attributes, bins)
-    return Groups(slots, group_of, slot_of, updates_each)
+    valid_mask = members < space.attributes
+    return Groups(members, valid_mask, bin_mask, group_of, slot_of, updates_per_group)
 
 
 def begin(groups: Groups) -> Descent:
     """The descent before its first update, when nothing is fixed."""
-    undecided = jnp.full(len(groups.group), UNDECIDED, jnp.int32)
+    undecided = jnp.full(len(groups.group_of), UNDECIDED, jnp.int32)
     return Descent(undecided, jnp.zeros((), jnp.int32))
 
 
-def active(groups: Groups, descent: Descent) -> Int[Array, ""]:
+def active_group(groups: Groups, descent: Descent) -> Int[Array, ""]:
     """The group that the next update optimises; after the end it is the last one."""
-    turn = descent.updates // groups.updates_each
-    return jnp.minimum(turn, len(groups.slots.members) - 1)
+    turn = descent.updates // groups.updates_per_group
+    return jnp.minimum(turn, len(groups.members) - 1)
 
 
-def begun(groups: Groups, descent: Descent) -> Bool[Array, "attributes"]:
+def has_started(groups: Groups, descent: Descent) -> Bool[Array, "attributes"]:
     """The mask of the attributes whose group has had an update."""
-    return jnp.asarray(groups.group) * groups.updates_each < descent.updates
+    return jnp.asarray(groups.group_of) * groups.updates_per_group < descent.updates
 
 
 def concat(
@@ -95,7 +89,7 @@ def concat(
 
     After the end all groups are fixed, and the sampled bins play no part.
     """
-    members = jnp.asarray(groups.slots.members)[active(groups, descent)]
+    members = jnp.asarray(groups.members)[active_group(groups, descent)]
     fixed = jnp.broadcast_to(descent.fixed, (len(sampled), len(descent.fixed)))
     # Padded slots lie out of bounds and are dropped.
     actions = fixed.at[:, members].set(sampled, mode="drop")
@@ -120,10 +114,10 @@ def descend(
         The new progress, the learners (all but the active one bitwise equal) and the info. After the
         end nothing changes.
     """
-    group = active(groups, descent)
+    group = active_group(groups, descent)
     learner, best, info = learn(take(learners, group), group)
-    ends = (descent.updates + 1) % groups.updates_each == 0
-    members = jnp.asarray(groups.slots.members)[group]
+    ends = (descent.updates + 1) % groups.updates_per_group == 0
+    members = jnp.asarray(groups.members)[group]
     fixed = descent.fixed.at[members].set(best, mode="drop")
     moved = Descent(jnp.where(ends, fixed, descent.fixed), descent.updates + 1)
     before, after = (descent, learners), (moved, _put(learners, group, learner))

@@ -52,33 +52,33 @@ def sample_bins(
 def log_prob(
     logits: Float[Array, "attributes bins"],
     actions: Int[Array, "n attributes"],
-    present: Bool[Array, "attributes"],
+    valid_mask: Bool[Array, "attributes"],
 ) -> Float[Array, "n"]:
-    """Log-probability of joint actions, `log pi(a) = sum_i log pi_i(a_i)` over present attributes.
+    """Log-probability of joint actions, `log pi(a) = sum_i log pi_i(a_i)` over valid attributes.
 
     Args:
         logits: f32[attributes bins]; minus infinity where an attribute lacks the bin.
         actions: bins, int[n attributes]; those of absent attributes are ignored.
-        present: bool[attributes], false for padding.
+        valid_mask: bool[attributes], false for padding.
 
     Returns:
         f32[n].
     """
     log_probs = jax.nn.log_softmax(logits)
     rows = jnp.arange(logits.shape[0])
-    picked = log_probs[rows[None, :], jnp.where(present[None, :], actions, 0)]
-    return jnp.where(present[None, :], picked, 0.0).sum(axis=1)
+    chosen = log_probs[rows[None, :], jnp.where(valid_mask[None, :], actions, 0)]
+    return jnp.where(valid_mask[None, :], chosen, 0.0).sum(axis=1)
 
 
 def entropy(
-    logits: Float[Array, "attributes bins"], present: Bool[Array, "attributes"]
+    logits: Float[Array, "attributes bins"], valid_mask: Bool[Array, "attributes"]
 ) -> Float[Array, ""]:
-    """Entropy in nats, `-sum_i sum_k pi_i(k) log pi_i(k)`, over the attributes present."""
+    """Entropy in nats, `-sum_i sum_k pi_i(k) log pi_i(k)`, over the valid attributes."""
     log_probs = jax.nn.log_softmax(logits)
     # For bins that an attribute lacks 0 log 0 is 0, also in gradients.
     log_probs = jnp.where(jnp.isneginf(log_probs), 0.0, log_probs)
     terms = -jax.nn.softmax(logits) * log_probs
-    return jnp.where(present, terms.sum(axis=1), 0.0).sum()
+    return jnp.where(valid_mask, terms.sum(axis=1), 0.0).sum()
 
 
 def init_policies(
@@ -106,8 +106,8 @@ def init_policies(
     keys = jax.random.split(rng_key, len(space.groups))
     parts = []
     for (attributes, bins), indices in alike.items():
-        own_init = partial(_init_policy, attributes=attributes, bins=bins, hidden=hidden)
-        part = jax.vmap(own_init)(keys[np.asarray(indices)])
+        init_group = partial(_init_policy, attributes=attributes, bins=bins, hidden=hidden)
+        part = jax.vmap(init_group)(keys[np.asarray(indices)])
         parts.append(jax.tree.map(_pad, part, shapes))
     order = np.argsort(np.concatenate(list(alike.values())))
     return jax.tree.map(lambda *leaves: jnp.concatenate(leaves)[order], *parts)

@@ -31,9 +31,9 @@ def reinforce_loss(log_probs: Float[Array, "n"], advantages: Float[Array, "n"]) 
     Source: section "Scalable Discretization-and-Relaxation", second equation (there the number of
         data sets n is called K); Williams 1992.
     """
-    known = ~jnp.isnan(advantages)
-    weights = jax.lax.stop_gradient(jnp.where(known, advantages, 0.0))
-    return -jnp.sum(log_probs * weights) / jnp.maximum(known.sum(), 1)
+    valid_mask = ~jnp.isnan(advantages)
+    weights = jax.lax.stop_gradient(jnp.where(valid_mask, advantages, 0.0))
+    return -jnp.sum(log_probs * weights) / jnp.maximum(valid_mask.sum(), 1)
 
 
 def adam(learning_rate: float | optax.GradientTransformation) -> optax.GradientTransformation:
@@ -94,8 +94,8 @@ def learn(
     grads, entropy = jax.grad(loss, has_aux=True)(learner.params)
     steps, opt_state = rule.optimizer.update(grads, learner.opt_state, learner.params)
     params = optax.apply_updates(learner.params, steps)
-    known = ~jnp.isnan(finite)
-    enough = known.sum() >= rule.baseline.least
+    valid_mask = ~jnp.isnan(finite)
+    enough = valid_mask.sum() >= rule.baseline.least
     learnt = jax.tree.map(
         lambda new, old: jnp.where(enough, new, old),
         Learner(params, opt_state, baseline_state),
@@ -104,7 +104,7 @@ def learn(
     grad_norm = jnp.sqrt(sum(jnp.sum(leaf**2) for leaf in jax.tree.leaves(grads)))
     info = plain_info(rewards, entropy)._replace(
         baseline=mean_known(finite - differences),
-        advantages=jnp.where(known, advantages, 0.0),
+        advantages=jnp.where(valid_mask, advantages, 0.0),
         grad_norm=grad_norm,
         finite=jnp.isfinite(grad_norm) | ~enough,
     )

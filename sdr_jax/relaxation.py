@@ -53,8 +53,8 @@ def check_relaxation(space: Space, width: Width, unoptimised: str) -> None:
 def bin_widths(space: Space, width: Width) -> Float[Array, "attributes"]:
     """The width of each attribute's relaxed bin: `width`, or 1 / K by default and for unordered values."""
     default = 1 / np.asarray(space.bins, np.float32)
-    given = default if width is None else np.asarray(width, np.float32)
-    return jnp.asarray(np.where(ordered(space), np.broadcast_to(given, default.shape), default))
+    widths = default if width is None else np.asarray(width, np.float32)
+    return jnp.asarray(np.where(ordered(space), np.broadcast_to(widths, default.shape), default))
 
 
 def relax(
@@ -162,8 +162,8 @@ def moments(
     middle = jnp.asarray(bin_centres(space))
     mean = jnp.sum(probabilities * middle, axis=1)
     variance = jnp.sum(probabilities * (middle - mean[:, None]) ** 2, axis=1)
-    own = bin_widths(space, width)
-    wide = jnp.sqrt(12 * variance + own**2)
+    widths = bin_widths(space, width)
+    wide = jnp.sqrt(12 * variance + widths**2)
     certain = jnp.max(probabilities, axis=1) > 0.5
     likeliest = jnp.take_along_axis(middle, jnp.argmax(probabilities, axis=1)[:, None], axis=1)[
         :, 0
@@ -171,5 +171,5 @@ def moments(
     in_order = ordered(space)
     return slide(
         jnp.where(in_order, mean, jnp.where(certain, likeliest, 0.5)),
-        jnp.where(in_order, wide, jnp.where(certain, own, 1.0)),
+        jnp.where(in_order, wide, jnp.where(certain, widths, 1.0)),
     )

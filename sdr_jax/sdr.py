@@ -10,12 +10,12 @@ from jaxtyping import Array, Float, PyTree
 from sdr_jax.baseline import Baseline, baseline_of
 from sdr_jax.coordinate_descent import (
     Descent,
-    active,
+    active_group,
     begin,
-    begun,
     choose,
     concat,
     descend,
+    has_started,
     lay_out,
     take,
 )
@@ -97,7 +97,7 @@ def sdr(
     groups = lay_out(space, updates_per_group)
     transform = squared_percent if squared_reward else identity
     rule = Rule(adam(learning_rate), baseline_of(baseline), transform, normalise)
-    net = Policy(groups.slots.members.shape[1], space.max_bins, hidden)
+    net = Policy(groups.members.shape[1], space.max_bins, hidden)
 
     def logits_of(params: PyTree, inputs: Array, bins: Array) -> Array:
         return mask_logits(net.apply(params, inputs), bins)
@@ -107,12 +107,13 @@ def sdr(
 
     def init(rng_key: RngKey) -> SdrState:
         params, inputs = init_policies(rng_key, space, hidden)
-        learners = jax.vmap(lambda own: init_learner(rule, own))(params)
+        learners = jax.vmap(lambda group_params: init_learner(rule, group_params))(params)
         return SdrState(learners, inputs, begin(groups))
 
     def sample(rng_key: RngKey, state: SdrState, n: int) -> tuple[Bins, Proposal]:
         params, inputs, bins = take(
-            (state.learners.params, state.inputs, groups.slots.bins), active(groups, state.descent)
+            (state.learners.params, state.inputs, groups.bin_mask),
+            active_group(groups, state.descent),
         )
         sampled = sample_bins(rng_key, logits_of(params, inputs, bins), n)
         actions = concat(groups, state.descent, sampled)
@@ -120,34 +121,34 @@ def sdr(
 
     def update(state: SdrState, actions: Bins, rewards: Rewards) -> tuple[SdrState, Info]:
         def learn_group(learner: Learner, group: Array) -> tuple[Learner, Array, Info]:
-            inputs, slots = take((state.inputs, groups.slots), group)
-            group_actions = jnp.take(actions, slots.members, axis=1, mode="clip")
+            inputs, members, valid_mask, bin_mask = take((state.inputs, *groups[:3]), group)
+            group_actions = jnp.take(actions, members, axis=1, mode="clip")
 
             def policy(params: PyTree) -> tuple[Array, Array]:
-                logits = logits_of(params, inputs, slots.bins)
-                log_probs = log_prob(logits, group_actions, slots.present)
-                return log_probs, entropy(logits, slots.present)
+                logits = logits_of(params, inputs, bin_mask)
+                log_probs = log_prob(logits, group_actions, valid_mask)
+                return log_probs, entropy(logits, valid_mask)
 
             learner, info = learn(rule, learner, policy, rewards)
-            best = jnp.argmax(logits_of(learner.params, inputs, slots.bins), axis=1)
+            best = jnp.argmax(logits_of(learner.params, inputs, bin_mask), axis=1)
             return learner, best.astype(jnp.int32), info._replace(group=group)
 
         descent, learners, info = descend(groups, state.descent, state.learners, learn_group)
         return SdrState(learners, state.inputs, descent), info
 
     def probabilities(state: SdrState) -> Float[Array, "attributes bins"]:
-        bins = jnp.asarray(groups.slots.bins)
+        bins = jnp.asarray(groups.bin_mask)
         logits = jax.vmap(logits_of)(state.learners.params, state.inputs, bins)
-        return jax.nn.softmax(logits)[groups.group, groups.slot]
+        return jax.nn.softmax(logits)[groups.group_of, groups.slot_of]
 
     def solution(state: SdrState) -> Proposal:
         best = jnp.argmax(probabilities(state), axis=1).astype(jnp.int32)
-        return proposal(jnp.where(begun(groups, state.descent), best, UNDECIDED))
+        return proposal(jnp.where(has_started(groups, state.descent), best, UNDECIDED))
 
     def spread(state: SdrState) -> Proposal:
         wide = moments(space, probabilities(state), width)
         undecided = proposal(jnp.full(space.attributes, UNDECIDED))
-        return choose(begun(groups, state.descent), wide, undecided)
+        return choose(has_started(groups, state.descent), wide, undecided)
 
     return jitted(
         init, sample, update, solution, probabilities, spread, groups.updates, level=squared_reward

@@ -9,7 +9,15 @@ from hypothesis import strategies as st
 from jax.flatten_util import ravel_pytree
 
 from sdr_jax import Method, ema, leave_one_out, relax, sdr, space, squared_percent
-from sdr_jax.coordinate_descent import Descent, active, begin, begun, concat, descend, lay_out
+from sdr_jax.coordinate_descent import (
+    Descent,
+    active_group,
+    begin,
+    concat,
+    descend,
+    has_started,
+    lay_out,
+)
 from sdr_jax.registry import make
 from sdr_jax.relaxation import moments
 from sdr_jax.sdr import SdrState
@@ -17,7 +25,7 @@ from sdr_jax.sdr import SdrState
 from .conftest import KEY, SEEDS, assert_same, learnt, tell
 
 THREE = space(["a", "b", "c"], bins=[3, 5, 2], groups=[["c"], ["b", "a"]])
-LAYOUT = lay_out(THREE, updates_each=2)
+LAYOUT = lay_out(THREE, updates_per_group=2)
 CONCAT = jax.jit(lambda descent, sampled: concat(LAYOUT, descent, sampled))
 BEST = jnp.asarray([1, 4])  # of both slots
 SPACE = space(["a", "b", "c", "d"], bins=[3, 5, 2, 4], groups=[["b"], ["d", "a"], ["c"]])
@@ -41,10 +49,10 @@ def course(updates: int) -> tuple[Descent, dict]:
 
 
 def test_layout_by_hand() -> None:
-    slots, group, slot, _ = LAYOUT
-    assert slots.members.tolist() == [[2, 3], [1, 0]]
-    assert slots.present.tolist() == [[True, False], [True, True]]
-    assert slots.bins.sum(axis=2).tolist() == [[2, 5], [5, 3]]
+    members, valid_mask, bin_mask, group, slot, _ = LAYOUT
+    assert members.tolist() == [[2, 3], [1, 0]]
+    assert valid_mask.tolist() == [[True, False], [True, True]]
+    assert bin_mask.sum(axis=2).tolist() == [[2, 5], [5, 3]]
     assert (group.tolist(), slot.tolist(), LAYOUT.updates) == ([1, 1, 0], [1, 0, 0], 4)
 
 
@@ -58,8 +66,8 @@ def test_layout_by_hand() -> None:
 ])  # fmt: skip
 def test_the_course_and_the_concat_by_hand(updates, turn, fixed, ever, concatenated) -> None:
     descent, learners = course(updates)
-    assert (active(LAYOUT, descent), descent.fixed.tolist()) == (turn, fixed)
-    assert np.flatnonzero(begun(LAYOUT, descent)).tolist() == ever
+    assert (active_group(LAYOUT, descent), descent.fixed.tolist()) == (turn, fixed)
+    assert np.flatnonzero(has_started(LAYOUT, descent)).tolist() == ever
     assert CONCAT(descent, jnp.asarray([[0, 2], [1, 0]])).tolist() == concatenated
     done = min(updates, 4)
     assert descent.updates == done
