@@ -85,7 +85,10 @@ class _Watched:
     def __init__(self, problem: Problem) -> None:
         self._problem, self.seconds = problem, 0.0
 
-    def __call__(self, rng_key: jax.Array, proposals: sdr_jax.Proposal) -> np.ndarray:
+    def __call__(
+        self, rng_key: jax.Array, proposals: sdr_jax.Proposal, actions: jax.Array
+    ) -> np.ndarray:
+        del actions  # the problems are functions of proposals
         jax.block_until_ready(proposals)
         started = time.perf_counter()
         rewards = np.asarray(self._problem.reward(rng_key, proposals), np.float32)

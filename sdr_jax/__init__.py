@@ -2,7 +2,7 @@
 
     attributes = space(["car", "tree", "sun"], groups=[["car", "tree"], ["sun"]])
     method = sdr(attributes)
-    reward_fn = lambda rng_key, proposals: -((proposals.centre - 0.3) ** 2).sum(axis=1)
+    reward_fn = lambda rng_key, proposals, actions: -((proposals.centre - 0.3) ** 2).sum(axis=1)
     state, record = jax.jit(lambda key: run(key, method, reward_fn, n=4))(jax.random.key(0))
     method.solution(state)  # centre and width of every attribute
 

@@ -17,7 +17,7 @@ from sdr_jax.space import Proposal
 class DataSets(NamedTuple):
     """The data sets that one update evaluates, in NumPy."""
 
-    actions: np.ndarray  # [n attributes], see the method's `sample`; [n 0] if the caller gave none
+    actions: np.ndarray  # [n attributes], see the method's `sample`
     proposals: Proposal  # f32[n attributes] each
     seeds: np.ndarray  # u32[n], for everything that is random in an evaluation
 
@@ -35,15 +35,14 @@ class HostReward:
         self,
         rng_key: Key[Array, ""],
         proposals: Proposal,
-        actions: Real[Array, "n attributes"] | None = None,
+        actions: Real[Array, "n attributes"],
     ) -> Float[Array, "n"]:
         """Draws seeds and lets the host evaluate the data sets; the key is consumed."""
         n = len(proposals.centre)
-        told = jnp.zeros((n, 0), jnp.int32) if actions is None else actions
         shape = () if self._common else (n,)
         seeds = jnp.broadcast_to(jax.random.bits(rng_key, shape, jnp.uint32), (n,))
         result = jax.ShapeDtypeStruct((n,), jnp.float32)
-        return io_callback(self._on_host, result, told, proposals, seeds, ordered=True)
+        return io_callback(self._on_host, result, actions, proposals, seeds, ordered=True)
 
     def reraise(self) -> None:
         """Raises the error of a failed evaluation, if there is one, and forgets it.

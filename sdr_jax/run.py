@@ -22,10 +22,15 @@ MOST_FAILED = 0.1
 class RewardFn(Protocol):
     """Gives the rewards of data sets."""
 
-    def __call__(self, rng_key: RngKey, proposals: Proposal) -> Float[Array | np.ndarray, "n"]:
-        """Takes a key, which is consumed, and proposals f32[n attributes] each; higher rewards are better.
+    def __call__(
+        self, rng_key: RngKey, proposals: Proposal, actions: Real[Array, "n attributes"]
+    ) -> Float[Array | np.ndarray, "n"]:
+        """Evaluates data sets; higher rewards are better, and NaN says that an evaluation failed.
 
-        A reward of NaN says that the evaluation failed.
+        Args:
+            rng_key: consumed.
+            proposals: f32[n attributes] each.
+            actions: what the method chose, [n attributes]; most rewards need the proposals only.
         """
 
 
@@ -60,8 +65,7 @@ def _plain_step(method: Method, reward_fn: RewardFn, n: int) -> StepFn:
     def step(rng_key: RngKey, state: State) -> tuple[State, Record]:
         sample_key, reward_key = jax.random.split(rng_key)
         actions, proposals = method.sample(sample_key, state, n)
-        told = (actions,) if isinstance(reward_fn, HostReward) else ()
-        rewards = jnp.asarray(reward_fn(reward_key, proposals, *told), jnp.float32)
+        rewards = jnp.asarray(reward_fn(reward_key, proposals, actions), jnp.float32)
         state, info = method.update(state, actions, rewards)
         return state, Record(actions, rewards, info)
 

@@ -45,7 +45,7 @@ def answers(search: AskTell) -> tuple:
 
 
 def test_it_tries_what_the_loop_on_the_host_tries() -> None:
-    def reward_fn(rng_key: jax.Array, proposals: Proposal) -> jax.Array:
+    def reward_fn(rng_key: jax.Array, proposals: Proposal, actions: jax.Array) -> jax.Array:
         return jnp.asarray([score(Proposal(*pair)) for pair in zip(*proposals, strict=True)])
 
     state, record = driven(jax.random.key(5), GAUSSIAN, reward_fn, updates=4, n=N)
@@ -180,7 +180,7 @@ def test_a_flat_score_gives_no_answer(name: str) -> None:
 
 
 def test_a_transform_of_scores_sees_them_as_they_are() -> None:
-    method = sdr_jax.sdr(SPACE, hidden=4, transform=sdr_jax.squared_percent)
+    method = sdr_jax.sdr(SPACE, hidden=4, squared_reward=True)
     state = method.init(jax.random.split(jax.random.key(0))[0])
     search = AskTell(SPACE, method, n=3)
     search.ask()

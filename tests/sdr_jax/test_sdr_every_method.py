@@ -42,7 +42,7 @@ def value(proposals: Proposal) -> jax.Array:
 def reward(share: float):
     """Of which a share is NaN, perhaps the first ones."""
 
-    def reward_fn(rng_key: jax.Array, proposals: Proposal) -> jax.Array:
+    def reward_fn(rng_key: jax.Array, proposals: Proposal, actions: jax.Array) -> jax.Array:
         failed = jax.random.uniform(rng_key, proposals.centre.shape[:1]) < share
         return jnp.where(failed, jnp.nan, value(proposals))
 
@@ -117,7 +117,7 @@ def test_no_key_is_used_twice(name: str) -> None:
         jax.eval_shape(make_step(method, reward_of_any, 4), KEY, state)
 
 
-def reward_of_any(rng_key: jax.Array, proposals: Proposal) -> jax.Array:
+def reward_of_any(rng_key: jax.Array, proposals: Proposal, actions: jax.Array) -> jax.Array:
     return proposals.centre.sum(axis=1) + jax.random.normal(rng_key, proposals.centre.shape[:1])
 
 

@@ -289,7 +289,7 @@ def test_every_second_data_set_is_a_thompson_draw_whatever_the_updates_hold(n: i
 def test_an_effect_is_found_and_what_has_none_stays_wide() -> None:
     """Only b matters, and noise hides the rest."""
 
-    def reward(rng_key: jax.Array, proposals: Proposal) -> jax.Array:
+    def reward(rng_key: jax.Array, proposals: Proposal, actions: jax.Array) -> jax.Array:
         noise = 0.2 * jax.random.normal(rng_key, proposals.centre.shape[:1])
         return 70 - 4 * jnp.abs(proposals.centre[:, 1] - 0.7) + noise
 
@@ -304,7 +304,7 @@ def test_an_effect_is_found_and_what_has_none_stays_wide() -> None:
 
 def test_interactions_within_a_group_are_learnt() -> None:
     """Where d and a agree in sign it is good; neither matters alone."""
-    both = lambda _, proposals: (proposals.centre[:, [0, 3]] - 0.5).prod(axis=1)  # noqa: E731
+    both = lambda _, proposals, actions: (proposals.centre[:, [0, 3]] - 0.5).prod(axis=1)  # noqa: E731
     state, _ = driven(jax.random.key(1), SURROGATE, both, 15, 4)
     a, _, _, d = SURROGATE.solution(state).centre
     assert (a - 0.5) * (d - 0.5) > 0.12

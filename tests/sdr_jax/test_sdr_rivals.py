@@ -93,7 +93,7 @@ def test_descent_is_sdr_with_one_group_per_attribute_and_brute_force_for_a_polic
     """The paper's remark, with SDR's own schedule, fixed groups and undecided attributes."""
     table = jnp.asarray(np.random.default_rng(seed).uniform(size=(5,) * 4), jnp.float32)
 
-    def reward(rng_key: jax.Array, proposals: Proposal) -> jax.Array:
+    def reward(rng_key: jax.Array, proposals: Proposal, actions: jax.Array) -> jax.Array:
         """Of all attributes together, undecided ones included, with no structure at all."""
         decided = proposals.width < 1
         return table[tuple(jnp.where(decided, jnp.floor(proposals.centre * 4), 4).astype(int).T)]
@@ -110,7 +110,9 @@ def test_descent_is_sdr_with_one_group_per_attribute_and_brute_force_for_a_polic
             actions, _ = method.sample(jax.random.key(seed), state, n)
             brute_force = (jnp.arange(n) + t * n) % 4  # in place of what the policy samples
             expected.append(actions.at[:, group].set(brute_force))
-            for k, r in zip(brute_force, reward(KEY, relax(SINGLE, expected[-1])), strict=True):
+            for k, r in zip(
+                brute_force, reward(KEY, relax(SINGLE, expected[-1]), expected[-1]), strict=True
+            ):
                 tried[int(k)].append(float(r))
             state = moved(updates=state.descent.updates + 1)  # moves on to the next group by itself
         best = max(tried, key=lambda k: np.mean(tried[k]))
@@ -128,7 +130,7 @@ def test_a_round_tries_every_bin_with_any_number_of_data_sets(n: int, updates: i
     best = jnp.asarray([2, 1, 0])
     values = relax(UNEVEN, best).centre
 
-    def reward(rng_key: jax.Array, proposals: Proposal) -> jax.Array:
+    def reward(rng_key: jax.Array, proposals: Proposal, actions: jax.Array) -> jax.Array:
         distance = jnp.abs(proposals.centre - values[None, :])
         return -jnp.sum(jnp.where(proposals.width < 1, distance, 1.0), axis=1)
 
@@ -157,7 +159,7 @@ def test_repeats_are_averaged_and_failed_bins_tried_again_but_not_for_ever() -> 
         state, _ = tell(method, actions, rewards, state)
     assert int(state.current[0]) == 1  # 0.6, against the mean of 1, 0 and 0
     np.testing.assert_allclose(method.diagnostics.probabilities(state), 0.5)  # it goes round again
-    failing = lambda _, proposals: jnp.where(proposals.centre[:, 0] == 0.75, jnp.nan, 1.0)  # noqa: E731
+    failing = lambda _, proposals, actions: jnp.where(proposals.centre[:, 0] == 0.75, jnp.nan, 1.0)  # noqa: E731
     state, record = driven(KEY, attribute_descent(space(["a", "b"], bins=2)), failing, 6)
     assert record.actions[:, 0, 0].tolist() == [0, 1, 1, 1, 1, 1]  # 3 times the usual 2
     assert (state.current.tolist(), int(state.sweeps)) == ([0, -1], 1)

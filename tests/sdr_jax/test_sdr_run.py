@@ -18,7 +18,7 @@ PAIR = space(["a", "b"], bins=[3, 5], groups=[["a"], ["b"]])
 METHOD = sdr(PAIR, updates_per_group=4, hidden=8)
 
 
-def bandit(rng_key: jax.Array, proposals: Proposal) -> jax.Array:
+def bandit(rng_key: jax.Array, proposals: Proposal, actions: jax.Array) -> jax.Array:
     noise = 0.01 * jax.random.normal(rng_key, (len(proposals.centre),))
     return 1 - jnp.abs(proposals.centre - TARGET[None, :]).mean(axis=1) + noise
 
@@ -49,7 +49,7 @@ def test_correlated_attributes_need_a_common_group(groups: list, expected: float
     pair = space(["building", "tree"], bins=4, groups=groups)
     method = sdr(pair, baseline=leave_one_out(), updates_per_group=80)
 
-    def table(rng_key: jax.Array, proposals: Proposal) -> jax.Array:
+    def table(rng_key: jax.Array, proposals: Proposal, actions: jax.Array) -> jax.Array:
         # An undecided attribute is random: draw its bin.
         random = jax.random.uniform(rng_key, proposals.centre.shape)
         bins = 4 * (proposals.centre + (random - 0.5) * proposals.width)
@@ -143,7 +143,8 @@ def test_an_evaluation_that_raises_ends_the_run(way: str, error: BaseException) 
     assert caught.value is error
     assert len(evaluate.asked) == 2  # what comes after the error is not evaluated
     reward_fn.reraise()  # it is forgotten, and evaluation goes on
-    assert np.all(np.isfinite(reward_fn(KEY, relax(PAIR, jnp.zeros((2, 2), jnp.int32)))))
+    actions = jnp.zeros((2, 2), jnp.int32)
+    assert np.all(np.isfinite(reward_fn(KEY, relax(PAIR, actions), actions)))
 
 
 def test_numbers_that_are_not_finite_are_an_error_and_no_answer() -> None:
