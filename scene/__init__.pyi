@@ -1,4 +1,3 @@
-from common.workers.pool import WorkerPool as WorkerPool
 
 from .assets.catalogue import AssetPool as AssetPool
 from .assets.own_class import OwnClass as OwnClass
