@@ -58,6 +58,15 @@ MOVED = {
     "renders19": "in a checkout, python -m scripts.renders19",
 }
 """Commands that are gone, and what to use."""
+FIRST = (
+    ("predict renders19 photos --as overlay --out labels", "label your photos now"),
+    ("doctor photos --write photos/target.yaml", "describe your labelled images"),
+    ("fit photos --out runs/fit", "train on your labels plus rendered streets"),
+    ("render --images 8 --out streets", "render labelled streets"),
+    ("camvid --data CAMVID", "optimise the streets for a data set"),
+    ("tune space.toml -- ./simulator", "optimise your own simulator"),
+)
+"""Six commands to begin with, by task."""
 STUDY = "study"
 SHELLS = ("bash", "zsh", "tcsh")
 """Shells that complete commands and flags with the tab key."""
@@ -69,7 +78,11 @@ PARSERS = {"experiments": "experiments.config.parsers", "scene": "scene.parsers"
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command in this process, as `python -m` would; returns the exit code."""
-    name, *rest = [*(sys.argv[1:] if arguments is None else arguments), "--help"]
+    words = [*(sys.argv[1:] if arguments is None else arguments)]
+    if not words:
+        print(first_commands())
+        return 0
+    name, *rest = [*words, "--help"]
     called, kind, known, shown = PROGRAM, "command", (*COMMANDS, STUDY), text
     if name == STUDY:
         name, *rest = rest
@@ -162,6 +175,20 @@ def completion(shell: str) -> int:
                 action.complete = shtab.FILE  # type: ignore[attr-defined]
     print(shtab.complete(root, shell))
     return 0
+
+
+def first_commands() -> str:
+    """What the program prints without arguments."""
+    rows = [line for words, task in FIRST for line in (f"  # {task}", f"  {PROGRAM} {words}")]
+    return "\n".join(
+        [
+            "Train street-segmentation networks from a few labelled photos plus rendered streets.",
+            "",
+            *rows,
+            "",
+            f"{PROGRAM} --help lists all commands; {PROGRAM} COMMAND --help explains one.",
+        ]
+    )
 
 
 def text() -> str:

@@ -2,11 +2,12 @@
 
 import json
 import re
+import shlex
 
 import pytest
 
 from common.command import Parser
-from experiments.__main__ import COMMANDS, STUDIES
+from experiments.__main__ import COMMANDS, STUDIES, main, parser_of
 from tests.conftest import printed
 
 CODE = """
@@ -88,3 +89,14 @@ def test_parsers_of_commands_are_called_as_the_commands_are():
             parser = line()
             assert isinstance(parser, Parser) and parser.prog == f"sdr-jax {name}"
             assert len(parser.description) > 20
+
+
+def test_without_arguments_six_commands_are_shown_by_task(capsys):
+    assert main([]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    commands = [shlex.split(line) for line in lines if line.startswith("  sdr-jax ")]
+    assert len(commands) == 6 and max(map(len, lines)) <= 90
+    for _, name, *words in commands:
+        before = words.index("--") if "--" in words else len(words)
+        assert parser_of(name).parse_args(words[:before])
+    assert lines[-1].startswith("sdr-jax --help lists all commands")
