@@ -125,7 +125,8 @@ def words(text: str) -> int:
 def test_the_front_page_is_read_in_ten_minutes():
     text = PAGES["README.md"]
     assert len(text.splitlines()) <= 120
-    assert len(re.findall(r"(?<![\w.])\d[\d.,]*", prose(text))) <= 25
+    outside_tables = re.sub(r"^\|.*", "", prose(text), flags=re.MULTILINE)
+    assert len(re.findall(r"(?<![\w.])\d[\d.,]*", outside_tables)) <= 25
 
 
 def test_the_pages_are_short_and_the_appendix_is_last():

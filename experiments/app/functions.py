@@ -45,7 +45,7 @@ class Score(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Outcome:
+class FinishedRun:
     """A finished run folder."""
 
     folder: Path
@@ -74,7 +74,7 @@ class Outcome:
         raise NotImplementedError
 
 
-class Fitted(Outcome):
+class Fitted(FinishedRun):
     """The result of `fit`."""
 
     @property
@@ -99,7 +99,7 @@ class Fitted(Outcome):
         return fit_table.text(self.summary)
 
 
-class Searched(Outcome):
+class Searched(FinishedRun):
     """The result of `search`."""
 
     @property

@@ -21,6 +21,7 @@ from experiments.tables.form import Form, Report, about
 from experiments.tables.nets import by_row, jobs_of, paired_seeds, training_sets
 from experiments.tables.skeleton import Study, do
 from scene.dataset.export import export_dataset, read_dataset
+from scene.preview.dataset import write_sheet
 from scene.proposal import Proposal, draw
 from seg.data import LabelledImages
 
@@ -96,6 +97,7 @@ def export(run: Session[MainConfig], recipe: Recipe, streets: Proposal) -> None:
         streets=streets,
         workers=run.workers,
     )
+    write_sheet(config.out / "dataset")
     if run.target.few_names:
         write(config.out / "dataset" / few_note.NOTE, few_note.text(run))
 

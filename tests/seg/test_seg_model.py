@@ -214,7 +214,7 @@ def test_its_card_is_read_by_hugging_face(tmp_path, compact):
 def test_the_model_that_comes_with_the_package_is_there_and_small():
     assert shipped_models() == ("renders19",)
     model = load_model("renders19")
-    assert model.names == seg.CITYSCAPES_19.classes and model.size == (176, 240)
+    assert model.names == seg.CITYSCAPES_19.classes and model.size == (360, 480)
     assert sum(path.stat().st_size for path in (SHIPPED / "renders19").iterdir()) < 2_000_000
     sky_above_ground = np.full((88, 120, 3), (120, 120, 120), np.uint8)
     sky_above_ground[:44] = (150, 190, 240)
