@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 
 import msgspec
 import numpy as np
@@ -28,6 +29,7 @@ from seg.data import (
 )
 from seg.data.labelled import _fit, cut, resize_image
 from seg.model import classes_of
+from tests.conftest import ROOT
 from tests.layouts import FACADE, FACADE_IDS, LAYOUTS, SIZE, save, write, write_packed
 
 from .conftest import pixels, refuses, refuses_file
@@ -477,3 +479,73 @@ def test_equal_channels_are_ids_and_others_are_colours(tmp_path, mode):
         Image.new(mode, (2, 2), (1, 2, 3)).save(tmp_path / "a.png")
         with pytest.raises(UserError, match=f"a label of mode {mode}, that is colours"):
             label_ids((tmp_path / "a.png").read_bytes())
+
+
+EXAMPLES = {
+    name: cell.replace("`", "").split("<br>")
+    for name, cell in re.findall(
+        r"^\| ([^|]+) \| (`.*`) \|$", (ROOT / "docs/howto/target.md").read_text(), re.MULTILINE
+    )
+}
+"""Rows of the page's table of labels: what to write in `target.yaml`."""
+
+
+def polygons(sizes, shapes, points):
+    """A label file with sky above road: the names of its keys differ between tools."""
+    rows = (("sky", [[0, 0], [7, 0], [7, 2], [0, 2]]), ("road", [[0, 3], [7, 3], [7, 5], [0, 5]]))
+    places = [{"label": name, points: corners} for name, corners in rows]
+    return json.dumps({sizes[0]: 6, sizes[1]: 8, shapes: places})
+
+
+def labelled_as(name, classes):
+    """The label file of a row: sky in the upper half, road in the lower, in the values of its classes."""
+    if "LabelMe" in name:
+        return polygons(("imageHeight", "imageWidth"), "shapes", "points")
+    if "polygons" in name:
+        return polygons(("imgHeight", "imgWidth"), "objects", "polygon")
+    upper, lower = classes
+    values = np.array([upper] * 3 + [lower] * 3, np.uint8)
+    return np.repeat(values[:, None], 8, axis=1)
+
+
+VALUES = {  # of the upper and the lower half, and the classes that are expected there
+    "a binary mask, 0 and 255": ((0, 255), ("other", "road")),
+    "ids from 0, 255 is ignored": ((255, 0), (None, "road")),
+    "ids from 1, 0 is unlabelled (as ADE20K)": ((2, 0), ("sky", None)),
+    "RGB colours": (((70, 130, 180), (128, 64, 128)), ("sky", "road")),
+    "a PNG with a palette": ((1, 0), ("sky", "road")),
+    "two ids that are one class": ((7, 1), ("building", "building")),
+    "one class, the rest is background": ((9, 1), ("background", "road")),
+    "LabelMe polygons": ((0, 0), ("sky", "road")),
+    "Cityscapes polygons": ((0, 0), ("sky", "road")),
+    'CVAT\'s "Segmentation mask 1.1"': (((51, 221, 255), (250, 50, 83)), ("sky", "road")),
+}
+
+
+def test_the_page_has_the_rows_that_are_tried():
+    assert EXAMPLES.keys() == VALUES.keys()
+
+
+@pytest.mark.parametrize("name", VALUES)
+def test_labels_by_example_are_read_as_the_page_says(name, tmp_path):
+    fields = {line.partition(":")[0]: line for line in EXAMPLES[name]}
+    usual = {"images": 'images: "images/{name}.png"', "labels": 'labels: "labels/{name}.png"'}
+    target = parse_target("\n".join({**usual, **fields}.values()), "target.yaml")
+    values, expected = VALUES[name]
+    save(tmp_path / target.images.format(name="a"), pixels(6, 8, 3))
+    label, path = labelled_as(name, values), tmp_path / target.labels.format(name="a")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if isinstance(label, str):
+        path.write_text(label)
+    elif "palette" in name:
+        image = Image.fromarray(label).convert("P")
+        image.putpalette([0, 0, 0, 70, 130, 180] * 8)
+        image.putdata(label.ravel().tolist())
+        image.save(path)
+    else:
+        save(path, label)
+    data = read_target(target, tmp_path, size=(6, 8))
+    labels = data.splits["train"].labels[0]
+    for rows, wanted in ((labels[:3], expected[0]), (labels[3:], expected[1])):
+        place = IGNORE_LABEL if wanted is None else data.table.classes.index(wanted)
+        assert (rows == place).all(), wanted
