@@ -57,7 +57,7 @@ lint: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/codespell
 	$(BIN)/codespell --dictionary scripts/words.txt --skip docs/results.md,docs/findings.md \
-	    --ignore-multiline-regex '(?sm)^```.*?^```$$|````[^\n]*?````|`[^`\n]*`|\]\([^)]*\)|\{ #[^}]*\}|^:::[^\n]*' docs/*.md docs/*/*.md CONTRIBUTING.md examples/*/*.md
+	    --ignore-multiline-regex '(?sm)^```.*?^```$$|````[^\n]*?````|`[^`\n]*`|\]\([^)]*\)|\{ #[^}]*\}|^:::[^\n]*' docs/*.md docs/*/*.md README.md CONTRIBUTING.md examples/*/*.md
 	$(BIN)/mypy
 
 docs: setup

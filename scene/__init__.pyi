@@ -1,4 +1,3 @@
-
 from .assets.catalogue import AssetPool as AssetPool
 from .assets.own_class import OwnClass as OwnClass
 from .attributes import ATTRIBUTES as ATTRIBUTES
