@@ -1,6 +1,7 @@
 from .assets.catalogue import AssetPool as AssetPool
 from .assets.own_class import OwnClass as OwnClass
 from .attributes import ATTRIBUTES as ATTRIBUTES
+from .attributes import BY_NAME as BY_NAME
 from .attributes import StreetParams as StreetParams
 from .attributes import default_unit as default_unit
 from .attributes import street_params as street_params

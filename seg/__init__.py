@@ -1,7 +1,7 @@
 """Segmentation: class tables, readers of real data, nets, their weights, training, metrics.
 
-Names are imported on first use, so that reading data does not load JAX; `__init__.pyi` lists them. The
-functions `train` and `augment` share their name with their module: `from seg.train import train`.
+Names are imported on first use, so that reading data does not load JAX; `__init__.pyi` lists them. `train` is
+the function; its module is `seg.train`, as in `from seg.train import TrainingError`.
 """
 
 from lazy_loader import attach_stub

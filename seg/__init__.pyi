@@ -7,6 +7,9 @@ from .classes import SYNTHIA_13 as SYNTHIA_13
 from .classes import SYNTHIA_16 as SYNTHIA_16
 from .classes import ClassTable as ClassTable
 from .classes import class_table as class_table
+from .classes import colorize as colorize
+from .classes import find_target as find_target
+from .classes import table_of as table_of
 from .data import Entry as Entry
 from .data import LabelledImages as LabelledImages
 from .data import TargetData as TargetData
@@ -29,8 +32,11 @@ from .model import classes_of as classes_of
 from .model import label_classes as label_classes
 from .model import load_model as load_model
 from .nets import net as net
+from .nets.trunks import TRUNKS as TRUNKS
+from .nets.trunks import Trunk as Trunk
 from .recipes import RECIPES as RECIPES
 from .settings import TrainSettings as TrainSettings
 from .train import TrainingError as TrainingError
 from .train import predict as predict
 from .train import score as score
+from .train import train as train

@@ -14,6 +14,7 @@ from jaxtyping import UInt8
 
 from common.labels.classes import Outline
 from common.labels.target_file import SHIPPED, TargetFile, shipped
+from common.labels.target_file import find_target as find_target
 
 IGNORE_LABEL = 255
 

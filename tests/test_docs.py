@@ -6,10 +6,13 @@ A ```py block needs what we do not install; tests/test_other_tools.py runs it wh
 """
 
 import argparse
+import ast
+import json
 import re
 import runpy
 import shlex
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from unittest.mock import patch
 
@@ -69,6 +72,35 @@ def test_the_examples_of_a_simulator_learn_and_go_on(tmp_path, monkeypatch):
     history = Path("history.jsonl").read_text()
     assert ran(SIMULATOR, first=-1)["search"].updates == 10
     assert Path("history.jsonl").read_text() == history
+
+
+OURS = ("common", "experiments", "scene", "sdr_jax", "seg")
+
+
+def examples() -> Iterator[tuple[str, str]]:
+    """The Python of every page, notebook and example, with its place."""
+    for page, text in PAGES.items():
+        yield from ((page, code) for kind, code in FENCE.findall(text) if kind in ("python", "py"))
+    for path in sorted((ROOT / "examples").rglob("*.py")):
+        yield path.name, path.read_text(encoding="utf-8")
+    for path in sorted((ROOT / "examples").rglob("*.ipynb")):
+        for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
+            if cell["cell_type"] == "code":
+                lines = "".join(cell["source"]).splitlines()
+                plain = (re.sub(r"^( *)%.*", r"\1pass", line) for line in lines)
+                yield path.name, "\n".join(plain)
+
+
+def test_examples_import_from_the_top_of_our_packages():
+    deep = []
+    for place, code in examples():
+        for node in ast.walk(ast.parse(code)):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            if isinstance(node, ast.ImportFrom) and node.module is not None:
+                names = [node.module]
+            ours = [name for name in names if name.partition(".")[0] in OURS]
+            deep += [(place, name) for name in ours if "." in name or name == "common"]
+    assert deep == []
 
 
 @pytest.fixture

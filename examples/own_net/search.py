@@ -19,8 +19,7 @@ from PIL import Image
 
 import scene
 import sdr_jax
-from scene.attributes import NAMES
-from scene.proposal import Proposal, describe
+from scene import Proposal, describe
 
 Score = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], float]
 
@@ -51,7 +50,7 @@ def search(
 ) -> Proposal:
     """Learn attributes whose renders train the best net; run again, it goes on where it was."""
     size = real[0].shape[2], real[0].shape[1]
-    space = sdr_jax.space(list(NAMES), bins=10)
+    space = sdr_jax.space([attribute.name for attribute in scene.ATTRIBUTES], bins=10)
     method = sdr_jax.surrogate(space)
     out.mkdir(parents=True, exist_ok=True)
     asked = sdr_jax.AskTell(space, method, n=at_once, seed=0, path=out / "history.jsonl")
