@@ -1,0 +1,142 @@
+"""Streets in a few lines of Python: sampled, added to, and rendered with any camera."""
+
+import numpy as np
+import pytest
+import trimesh
+
+import scene
+from common.errors import UserError
+from scene import AssetPool, RenderSettings, render_street, sample
+from scene.labelled import PASSES
+
+SIZE, SEED, SHOTS = (96, 64), 7, 2
+POOL = AssetPool(size=3)
+FLAT = {"space": "extended", "bend": 0.0, "gradient": 0.0}
+"""On a straight, level road, positions along the road are those of the world."""
+
+
+@pytest.fixture(scope="module")
+def street():
+    return sample(SEED, assets=POOL, shots=SHOTS, tree_interval=8.0)
+
+
+def test_a_street_is_the_first_of_a_dataset_with_its_seed(street):
+    unit = scene.default_unit()
+    unit[list(scene.BY_NAME).index("tree_interval")] = scene.BY_NAME["tree_interval"].to_unit(8.0)
+    frames = render_street(unit, SEED, 0, SHOTS, RenderSettings(*SIZE), "embree", POOL)
+    for camera, frame in enumerate(frames):
+        rendered = street.render(camera, SIZE)
+        for name, field in PASSES.items():
+            np.testing.assert_array_equal(getattr(rendered, name), getattr(frame, field))
+
+
+def test_the_table_has_every_object_that_is_seen(street):
+    rendered = street.render(0, SIZE)
+    ids, counts = np.unique(rendered.instances[rendered.instances > 0], return_counts=True)
+    assert {row.id: row.pixels for row in rendered.table} == dict(zip(ids, counts, strict=True))
+    for row in rendered.table:
+        left, top, width, height = row.box
+        rows, columns = np.nonzero(rendered.instances == row.id)
+        assert (columns.min(), columns.max() + 1) == (left, left + width)
+        assert (rows.min(), rows.max() + 1) == (top, top + height)
+
+
+def test_only_the_passes_that_were_asked_for_are_there(street):
+    rendered = street.render(0, SIZE, passes=("depth",))
+    assert rendered.depth.shape == SIZE[::-1]
+    assert rendered.image is rendered.classes is rendered.normals is rendered.instances is None
+
+
+def test_an_added_mesh_is_labelled_and_nothing_else_moves():
+    street = sample(SEED, assets=POOL, **FLAT)
+    before = street.render(0, SIZE)
+    box = trimesh.creation.box(
+        (2, 2, 2), transform=trimesh.transformations.translation_matrix((0, 0, 1))
+    )
+    camera = street.street.cameras[0].position
+    number = street.add(box, "car", (camera[0] + 8, camera[1]), yaw=30)
+    after = street.render(0, SIZE)
+    mask = after.instances == number
+    assert 20 < mask.sum() and (after.classes[mask] == scene.CLASS_NAMES.index("car")).all()
+    np.testing.assert_array_equal(after.classes[~mask], before.classes[~mask])
+    [row] = [row for row in after.table if row.id == number]
+    assert row.class_name == "car" and row.pixels == mask.sum()
+    assert (after.depth[mask] <= before.depth[mask]).sum() + (
+        before.depth[mask] == 0
+    ).sum() == mask.sum()
+    assert street.add(("car", 3), "truck", (camera[0] + 12, camera[1])) == number + 1
+
+
+def test_intrinsics_and_pose_are_those_of_the_image(street):
+    first = street.render(0, SIZE)
+    again = street.render((first.intrinsics, first.pose), SIZE)
+    np.testing.assert_allclose(again.intrinsics, first.intrinsics, rtol=1e-5)
+    np.testing.assert_allclose(again.pose, first.pose, atol=1e-5)
+    assert (again.classes != first.classes).mean() < 0.01
+    # A point of the depth map, seen from a camera one metre further on, is where the camera model says.
+    moved = first.pose.copy()
+    moved[:3, 3] += first.pose[:3, 2]
+    ahead = street.render((first.intrinsics, moved), SIZE)
+    road = np.argwhere((first.classes == 0) & (first.depth > 8) & (first.depth < 20))
+    checked = 0
+    for y, x in road[:: max(len(road) // 50, 1)]:
+        ray = np.linalg.solve(first.intrinsics, (x, y, 1.0))
+        u, v, w = first.intrinsics @ (ray * first.depth[y, x] - (0, 0, 1))
+        column, row = round(u / w), round(v / w)
+        if 0 <= column < SIZE[0] and 0 <= row < SIZE[1] and ahead.classes[row, column] == 0:
+            checked += 1
+            assert ahead.depth[row, column] == pytest.approx(first.depth[y, x] - 1, rel=0.15)
+    assert checked > 10
+
+
+EYE = np.eye(4)
+K = np.array([[60.0, 0, 47.5], [0, 60.0, 31.5], [0, 0, 1]])
+BOX = trimesh.creation.box((1, 1, 1))
+
+
+@pytest.mark.parametrize(("work", "words"), [
+    (lambda _: sample(tree_intervall=3), "did you mean tree_interval"),
+    (lambda _: sample(tree_interval=-3), "tree_interval must be a number from"),
+    (lambda _: sample(bend=1), "use space='extended'"),
+    (lambda _: sample(weather="hail"), "hail"),
+    (lambda _: sample(-1), "seed must be 0 or more"),
+    (lambda s: s.add(BOX, "lorry", (3, 0)), "class_name 'lorry' is unknown"),
+    (lambda s: s.add(3, "car", (3, 0)), "mesh must be a trimesh mesh, a file or an asset, not int"),
+    (lambda s: s.add("no.glb", "car", (3, 0)), "no.glb is not a file"),
+    (lambda s: s.add(("carr", 1), "car", (3, 0)), "families: "),
+    (lambda s: s.add(BOX, "car", (3,)), "position must be 2 or 3 finite numbers"),
+    (lambda s: s.add(BOX, "car", (3, 0), yaw=np.inf), "yaw must be a finite number"),
+    (lambda s: s.render(0, SIZE, passes=("flow",)), "passes: 'flow' is unknown"),
+    (lambda s: s.render(0, (1, 1)), "size"),
+    (lambda s: s.render(9, SIZE), "the street has 0 to 1"),
+    (lambda s: s.render("front", SIZE), "camera must be a number"),
+    (lambda s: s.render((K, np.eye(3)), SIZE), r"camera pose must be finite numbers \(4, 4\)"),
+    (lambda s: s.render((K, 2 * EYE), SIZE), "camera pose must be a rotation"),
+    (lambda s: s.render((K + 9 * (K == 31.5), EYE), SIZE), "the principal point"),
+])  # fmt: skip
+def test_what_cannot_be_is_one_line(work, words, street):
+    with pytest.raises(UserError, match=words) as refused:
+        work(street)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("workers", [0, 1])
+def test_samples_of_a_stream_hold_the_passes_that_were_asked_for(workers):
+    options = {"settings": RenderSettings(*SIZE), "pool": POOL, "images": 2, "shots": 2}
+    for number, found in enumerate(
+        scene.stream(
+            "default", SEED, passes=("depth", "instances", "camera"), workers=workers, **options
+        )
+    ):
+        image, label, unit = found
+        [*_, frame] = render_street(unit, SEED, 0, 2, options["settings"], "embree", POOL)[
+            : number + 1
+        ]
+        np.testing.assert_array_equal(image, frame.image)
+        np.testing.assert_array_equal(label, frame.label)
+        np.testing.assert_array_equal(found.depth, frame.depth)
+        np.testing.assert_array_equal(found.instances, frame.instance)
+        assert found.camera == frame.camera and found.normals is None
+    assert number == 1
+    with pytest.raises(UserError, match="passes: 'flow' is unknown"):
+        next(scene.stream(passes=("flow",)))
