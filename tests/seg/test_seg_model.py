@@ -2,6 +2,7 @@
 
 import json
 import os
+import sys
 from dataclasses import replace
 
 import jax
@@ -64,7 +65,7 @@ def test_weights_go_to_the_device_once(compact, saved, monkeypatch):
         seen.append(jax.tree.leaves(variables))
         return run(variables, batch)
 
-    monkeypatch.setattr("seg.train._predictor", lambda *_: noting)
+    monkeypatch.setattr(sys.modules["seg.train"], "_predictor", lambda *_: noting)
     predict(jax.tree.map(np.asarray, compact.variables), pixels(4, *SIZE, 3), COMPACT, 3)
     first, second = seen
     assert all(a is b and isinstance(a, jax.Array) for a, b in zip(first, second, strict=True))

@@ -13,13 +13,12 @@ import pytest
 
 import seg.nets
 import seg.step
-import seg.train
 import seg.weights.vgg16 as names
 from seg import RECIPES, TrainSettings, WeightsError, check_settings, predict
 from seg.nets import Compact, DeepLabV2, FCN8s, net
 from seg.recipes import with_net
 from seg.step import accumulated, functions
-from seg.train import train
+from seg.train import _predictor, train
 from seg.weights import check
 
 from .conftest import assert_close, filled, narrow_vgg16, normal, ours, pixels, refuses
@@ -33,7 +32,7 @@ SMALL |= {"compact": Compact}
 @pytest.fixture(autouse=True)
 def narrow_nets(monkeypatch):
     monkeypatch.setattr(seg.nets, "_NETS", SMALL)
-    caches = (seg.step._compiled, seg.train._predictor)
+    caches = (seg.step._compiled, _predictor)
     for cache in caches:
         cache.cache_clear()
     yield
