@@ -56,7 +56,7 @@ def features(
     """Describe images.
 
     Args:
-        params: a trained compact net, from `seg.train.train` or from a file of any version.
+        params: a trained compact net, from `seg.train` or from a file of any version.
         images: RGB, at least 16x16.
         classes: the net's number of classes.
 

@@ -110,7 +110,7 @@ class Model:
 
     Attributes:
         settings: its recipe, which names the net.
-        variables: all of its variables, as `seg.train.train` returns them.
+        variables: all of its variables, as `seg.train` returns them.
         size: (height, width) of its training images; other images are brought to it.
         classes: the meaning of its labels 0, 1, 2 ...
         written: how label files of its data name classes: ids or colours.
