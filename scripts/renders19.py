@@ -58,11 +58,12 @@ def make(datasets: Sequence[Path], steps: int = RECIPE.steps, seed: int = 0) -> 
                 )
         settings, classes = with_steps(RECIPE, steps), classes_of(target)
         images, labels = (np.concatenate(column) for column in zip(*renders, strict=True))
-        with closing(Progress(steps)) as progress:
+        total = steps * settings.heads  # heads train one after the other
+        with closing(Progress(total)) as progress:
 
             def told(done: int, loss: float) -> None:
                 progress.advance(min(CHUNK, steps))
-                progress.update(f"step {done} of {steps}, loss {loss:.3f}")
+                progress.update(f"step {done} of {total}, loss {loss:.3f}")
 
             variables = train(seed, images, labels, settings, len(classes), progress=told)
     except ValueError as error:
