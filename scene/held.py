@@ -52,9 +52,14 @@ def _refuse_unknown(word: str, name: str, space: SpaceName) -> None:
         raise UserError(
             f"--fix {word}: streets of --space {space} do not have {name}; --space extended does"
         )
+    raise UserError(f"--fix {word}: {no_attribute(name, space)}")
+
+
+def no_attribute(name: str, space: SpaceName) -> str:
+    """What an error says of a name that no attribute has."""
     near = get_close_matches(name, BY_NAME, 1)
     known = f"did you mean {near[0]}?" if near else f"known: {', '.join(names(space))}"
-    raise UserError(f"--fix {word}: there is no attribute {name!r}; {known}")
+    return f"there is no attribute {name!r}; {known}"
 
 
 @overload

@@ -21,9 +21,11 @@ from scene.assets.families import FAMILIES
 from scene.assets.library import snapshot
 from scene.attributes import BY_NAME, SPACES, SpaceName, default_unit, names
 from scene.classes import CLASS_NAMES
+from scene.dataset.formats.planes import focal_length
 from scene.dataset.formats.segments import segments
 from scene.dataset.render import street_of
 from scene.ground.build import GROUND_INSTANCES
+from scene.held import no_attribute
 from scene.mesh.asset import Asset
 from scene.mesh.bombs import MeshError
 from scene.mesh.file import from_trimesh
@@ -228,9 +230,7 @@ def _index(name: str, space: SpaceName) -> int:
         return names(space).index(name)
     if name in BY_NAME:
         raise UserError(f"attribute {name!r} is not one of space {space!r}; use space='extended'")
-    near = get_close_matches(name, BY_NAME, 1)
-    hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(names(space))}"
-    raise UserError(f"there is no attribute {name!r}; {hint}")
+    raise UserError(no_attribute(name, space))
 
 
 def _unit_value(name: str, value: float) -> float:
@@ -316,7 +316,7 @@ def _camera(given: Any, settings: RenderSettings, like: Camera) -> Camera:
 
 
 def _intrinsics(settings: RenderSettings) -> np.ndarray:
-    focal = settings.width / 2 / math.tan(math.radians(settings.fov) / 2)
+    focal = focal_length(settings)
     middle = (settings.width - 1) / 2, (settings.height - 1) / 2
     return np.array([[focal, 0, middle[0]], [0, focal, middle[1]], [0, 0, 1]])
 

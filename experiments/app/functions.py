@@ -6,7 +6,6 @@ resumes when it is made again.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from html import escape
@@ -15,26 +14,27 @@ from typing import Any, NamedTuple, cast
 
 from common.errors import UserError
 from common.files import read_json
-from common.labels.target_file import Fit as Shape
 from common.workers.pool import WorkerPool
 from experiments.app import fit as app_fit
 from experiments.app import main_job
-from experiments.app.fit import MODEL, FitConfig
+from experiments.app.fit import MODEL
 from experiments.app.report import fit_table, summary
 from experiments.app.report.folder import NAME
 from experiments.config import MainConfig, Preset, TargetName
 from experiments.config.cli import configured
+from experiments.config.studies import JOBS
 from experiments.evaluation.in_worker import evaluate_miou
 from experiments.evaluation.job import Recipe
 from experiments.session.session import set_up_process
-from experiments.tables.form import Report
+from experiments.tables.form import Report, interval, number
 from experiments.targets.base import Target
 from experiments.targets.named import named_target
-from experiments.targets.sizes import Size
 from scene.proposal import Streets, read_streets, streets_in
 from seg.model import Model, load_model
 from seg.recipes import with_steps
-from seg.settings import Trunk, TrunkName
+
+PATHS = ("init", "store", "weights")
+"""Options of `fit` that are files or folders."""
 
 
 class Score(NamedTuple):
@@ -62,16 +62,18 @@ class FinishedRun:
         """The report as a page."""
         return self.folder / NAME
 
+    @property
+    def verdict(self) -> str:
+        """The result in one sentence."""
+        raise NotImplementedError
+
     def _repr_html_(self) -> str:
         rows = "".join(
-            f"<tr><td>{escape(name)}</td><td>{_number(score.mean)}</td><td>{_between(score.ci95)}</td></tr>"
+            f"<tr><td>{escape(name)}</td><td>{number(score.mean)}</td><td>{interval(score.ci95)}</td></tr>"
             for name, score in self.miou.items()
         )
         head = "<tr><th>trained on</th><th>mIoU, %</th><th>95 % interval</th></tr>"
-        return f"<table>{head}{rows}</table><p>{escape(self._sentence())}</p>"
-
-    def _sentence(self) -> str:
-        raise NotImplementedError
+        return f"<table>{head}{rows}</table><p>{escape(self.verdict)}</p>"
 
 
 class Fitted(FinishedRun):
@@ -91,9 +93,6 @@ class Fitted(FinishedRun):
     def model(self) -> Model:
         """The model trained on all labels."""
         return load_model(self.folder / MODEL)
-
-    def _sentence(self) -> str:
-        return self.verdict
 
     def __str__(self) -> str:
         return fit_table.text(self.summary)
@@ -117,9 +116,6 @@ class Searched(FinishedRun):
         """Whether optimised streets are better than default ones, in one sentence."""
         return summary.advice(self.summary)
 
-    def _sentence(self) -> str:
-        return self.verdict
-
     def __str__(self) -> str:
         return summary.text(self.summary)
 
@@ -137,79 +133,37 @@ def fit(
     data: str | Path,
     out: str | Path,
     *,
-    target: str | None = None,
-    few: int | None = None,
-    holdout: str | None = None,
-    size: Size | None = None,
-    minutes: float | None = None,
-    seeds: int = FitConfig.seeds,
-    workers: int | None = None,
-    preset: Preset = "quick",
-    search: bool = False,
-    shape: Shape | None = None,
-    init: str | Path | None = None,
-    store: str | Path | None = None,
-    net: TrunkName = "lite0",
-    trunk: Trunk = "frozen",
-    weights: str | Path | None = None,
-    fix: Sequence[str] = (),
     mirror: bool = True,
     streets: int | None = None,
     steps: int | None = None,
+    **options: Any,
 ) -> Fitted:
     """Train networks on labelled images plus renders, as `sdr-jax fit` does.
 
     Args:
         data: folder of images and labels, with a ``target.yaml`` unless ``target`` is given.
         out: folder of the run.
-        target: the target's file, or the name of one in the package.
-        few: number of labelled images to use; by default all.
-        holdout: the group to test on.
-        size: width and height for networks; by default the largest that takes ten minutes.
-        minutes: the most minutes, instead of ten, that decide the size.
-        seeds: networks of each row.
-        workers: number of processes; by default the cores.
-        preset: ``quick``, or ``smoke`` for a trial.
-        search: whether to optimise the streets, too.
-        shape: how images of another shape are treated: ``crop`` or ``pad``.
-        init: folder of a model from which the final model starts.
-        store: file of evaluations that runs share.
-        net: the backbone.
-        trunk: whether the backbone is ``frozen`` or ``tuned``.
-        weights: file of the backbone's weights, for dinov2.
-        fix: attributes to hold in all streets, such as ``field_of_view=90``.
         mirror: whether predictions are averaged over the mirror image.
         streets: number of rendered streets; by default the preset's.
         steps: training steps; by default the recipe's.
+        options: flags of the command with underscores, such as ``few=14``, ``holdout="0006R0"``,
+            ``size=(480, 360)``, ``minutes=20`` or ``seeds=5``.
 
     Returns:
         Scores, the model, and the folder with everything else.
 
     Raises:
         UserError, DataError: the data or an argument cannot be used; the message names it.
+        TypeError: the command has no such flag.
         WorkerError: worker processes keep dying.
     """
+    paths = {name: Path(options[name]) for name in PATHS if options.get(name) is not None}
     config = app_fit.config_of(
         Path(data),
         Path(out),
-        target=target,
-        few=few,
-        holdout=holdout,
-        search=search,
-        preset=preset,
-        size=size,
-        minutes=minutes,
-        shape=shape,
-        seeds=seeds,
-        workers=workers,
-        init=_path(init),
-        store=_path(store),
-        net=net,
-        trunk=trunk,
-        weights=_path(weights),
-        fix=fix,
         no_mirror=not mirror,
         say=lambda text: print(text, flush=True),
+        **options | paths,
     )
     final = config.final
     if steps is not None:
@@ -300,7 +254,7 @@ def _main_config(
     target: str, data: str | Path | None, preset: Preset, options: dict[str, Any]
 ) -> MainConfig:
     command = "cityscapes" if target == "twin" else target
-    known = ("cityscapes", "camvid", "labelmefacade")
+    known = [name for name, job in JOBS.items() if job.target is not None]
     if command not in known:
         raise UserError(f"target must be one of twin, {', '.join(known)}, not {target!r}")
     flags = {"preset": preset, **_flat(options)}
@@ -318,18 +272,6 @@ def _flat(options: dict[str, Any], prefix: str = "") -> dict[str, Any]:
     return flat
 
 
-def _path(value: str | Path | None) -> Path | None:
-    return None if value is None else Path(value)
-
-
 def _score(row: Report) -> Score:
     ci95 = row["ci95"]
     return Score(row["mean"], None if ci95 is None else (ci95[0], ci95[1]))
-
-
-def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.1f}"
-
-
-def _between(ci95: tuple[float, float] | None) -> str:
-    return "" if ci95 is None else f"{ci95[0]:.1f} to {ci95[1]:.1f}"

@@ -44,7 +44,7 @@ class _Sample(NamedTuple):
 class Sample(_Sample):
     """One image of a stream; it unpacks into image, label and street.
 
-    What ``passes`` asks for are attributes beside these three, else None: ``depth`` f32[h, w] metres along
+    What ``passes`` asks for are further attributes, else None: ``depth`` f32[h, w] metres along
     the optical axis (0: sky), ``instances`` u16[h, w] (0: sky), ``normals`` f32[h, w, 3] in the camera's
     frame (x right, y up, z towards the camera), ``camera``, a `Camera`.
     """
@@ -88,7 +88,7 @@ def stream(
         target: the target, or its name or file, of the labels' classes; by default labels are train ids.
         workers: processes to render in, which work a few streets ahead; 0 renders here, ``Workers`` are used
             and left open.
-        passes: what samples hold beside these: ``depth``, ``instances``, ``normals``, ``camera``.
+        passes: what else samples hold: ``depth``, ``instances``, ``normals``, ``camera``.
 
     Yields:
         Image, label and the attributes of its street; and the passes, by name.

@@ -15,6 +15,7 @@ SHEET = "index.jpg"
 """The contact sheet in a dataset's folder."""
 IMAGES = 8
 """The most images of a sheet, evenly spread over the dataset."""
+COLUMNS = 4
 WIDTH = 320
 """Width of each image in pixels; a smaller dataset keeps its own."""
 
@@ -35,8 +36,7 @@ def sheet(dataset: Described, images: int = IMAGES) -> np.ndarray:
     count = min(images, len(dataset.stems))
     picked = np.linspace(0, len(dataset.stems) - 1, count).round().astype(int)
     columns = [_column(dataset, dataset.stems[k]) for k in picked]
-    rows = [grid(columns[k : k + 4], min(count, 4)) for k in range(0, count, 4)]
-    return np.concatenate(rows)
+    return grid(columns, min(count, COLUMNS))
 
 
 def _column(dataset: Described, stem: str) -> np.ndarray:
