@@ -234,7 +234,7 @@ def config_of(
     check_weights(first.final.train, 1)
     if begun is not None:
         _refuse_large(first, len(parts.every))
-    pace = pace_here(say, measure=begun is None and preset != "smoke")
+    pace = pace_here(first.processes, say, measure=begun is None and preset != "smoke")
     choice = sized(at, parts, photographs, pace, size=begun, minutes=minutes)
     config = at(choice.size)
     _refuse_large(config, len(parts.every))

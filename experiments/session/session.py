@@ -219,23 +219,31 @@ def _measured(workers: Workers, kind: str, say: Callable[[str], None]) -> Pace:
     return pace
 
 
-def pace_here(say: Callable[[str], None], *, measure: bool) -> Pace:
-    """The pace of processes of this machine, before a job begins.
+def pace_here(workers: int, say: Callable[[str], None], *, measure: bool) -> Pace:
+    """The pace of so many processes of this machine, before a job begins.
 
     Args:
+        workers: number of processes.
         say: called before it is measured.
         measure: whether to measure it if it is not known; otherwise it is `REFERENCE`.
     """
     set_up_process()
     import jax  # after the environment is set
 
-    kind = paces.kind("processes", jax.default_backend())
-    pace = paces.read(kind)
+    pace = paces.read(paces.kind("processes", jax.default_backend()))
     if pace is None and measure:
-        with workers_of("processes", 1, None, worker_environment()) as workers:
-            compile_first(workers, Config.renderer)
-            pace = _measured(workers, kind, say)
+        return measured_here(workers, say)
     return pace or REFERENCE
+
+
+def measured_here(workers: int, say: Callable[[str], None] = lambda text: None) -> Pace:
+    """Measure the pace of so many processes of this machine, and keep it for other jobs."""
+    set_up_process()
+    import jax  # after the environment is set
+
+    with workers_of("processes", workers, None, worker_environment()) as pool:
+        compile_first(pool, Config.renderer)
+        return _measured(pool, paces.kind("processes", jax.default_backend()), say)
 
 
 def workers_for(config: Config) -> Workers:

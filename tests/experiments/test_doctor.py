@@ -27,6 +27,7 @@ from experiments.config import MainConfig
 from experiments.config.presets import defaults
 from experiments.evaluation import pace
 from experiments.evaluation.pace import Pace
+from experiments.session import session
 from experiments.targets.folder import parts_of
 from experiments.targets.sizes import suitable_size
 from experiments.targets.twin import twin_split, twin_world
@@ -82,7 +83,8 @@ def renders(size, streets=2):
 @pytest.fixture
 def doctor(tmp_path, monkeypatch, capsys):
     """The command without its measurement and its look at the machine; returns code, output and error."""
-    monkeypatch.setattr(pace, "measure", lambda: Pace(1.0, 2.0))
+    monkeypatch.setattr(pace, "measured_by", lambda workers: Pace(1.0, 2.0))
+    monkeypatch.setattr(session, "compile_first", lambda workers, name: None)
     monkeypatch.setattr(pace, "kept", lambda name: tmp_path / name)
     monkeypatch.setattr(outlines, "renders", renders)
     monkeypatch.setattr(machine, "look", lambda: machine.Machine([("GPU", "none")], ["a warning"]))
@@ -384,10 +386,10 @@ def test_labels_without_a_class_and_files_in_other_letters_are_refused(streets, 
 def test_a_folder_is_looked_at_where_nothing_can_be_rendered(
     streets, doctor, tmp_path, monkeypatch
 ):
-    def measure():
+    def measured_by(workers):
         raise RendererError("Embree is missing")
 
-    monkeypatch.setattr(pace, "measure", measure)
+    monkeypatch.setattr(pace, "measured_by", measured_by)
     code, out, err = doctor(streets)
     assert (code, err) == (0, "") and "! minutes are not known" in out
     assert "sdr-jax render" not in out and "The file that is proposed" in out

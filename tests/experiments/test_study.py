@@ -408,6 +408,17 @@ def test_other_files_are_neither_attributes_nor_reports(config, out, content, at
     assert not out.exists()
 
 
+def test_the_pace_is_measured_with_all_workers_busy():
+    class TwoWorkers:
+        workers = 2
+
+        def map(self, function, tasks, *, net):
+            assert function is paces.measure and net
+            yield from enumerate([Pace(1.0, 3.0), Pace(3.0, 4.0)][: len(tasks)])
+
+    assert paces.measured_by(TwoWorkers()) == Pace(2.0, 3.5)
+
+
 def test_a_long_job_measures_the_pace_of_the_machine_once(config, monkeypatch, tmp_path, capsys):
     measured = []
 

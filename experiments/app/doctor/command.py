@@ -175,17 +175,15 @@ class Costs(NamedTuple):
 
 def _costs(target: Any, data: Path, seen: Any) -> Costs:
     """Measure the pace of this machine, and estimate what commands for a folder take."""
-    import jax
-
     from experiments.app.doctor import costs, machine
-    from experiments.evaluation import pace as paces
+    from experiments.evaluation.pace import SECONDS
+    from experiments.session import session
 
     cores = machine.cores()
     try:
-        pace = paces.measure()
+        pace = session.measured_here(cores)
     except RuntimeError:  # a RendererError, or JAX finds no device
         return Costs()
-    paces.keep(paces.kind("processes", jax.default_backend()), pace)
     choice = costs.choice(target, data, seen.photographs, pace)
     size = seen.size if choice is None else choice.size
     rows = []
@@ -193,7 +191,7 @@ def _costs(target: Any, data: Path, seen: Any) -> Costs:
         minutes = pace.seconds_of(cost, cores) / 60
         rows.append((command, f"{minutes:.1f}" if minutes < 10 else f"{minutes:.0f}"))
     fit = "" if choice is None else choice.text(cores)
-    return Costs(rows, fit, cores, round(2 * paces.SECONDS))
+    return Costs(rows, fit, cores, round(2 * SECONDS))
 
 
 def _pictures(
