@@ -38,7 +38,7 @@ from common.lines import JsonLines
 from common.progress import Progress
 from common.workers.pool import WorkerError, WorkerPool
 from experiments.app.doctor.outlines import Drawn
-from experiments.app.fit import share_of
+from experiments.app.fit.config import share_of
 from experiments.evaluation.in_worker import worker_environment
 from experiments.tables.stats import paired_gain
 from experiments.targets.few import CHOICE, spread

@@ -23,7 +23,8 @@ from benchmarks.report import Row, count, parser, report
 from common.command import exit_code
 from common.labels.target_file import SHIPPED
 from common.progress import Progress
-from experiments.app import fit
+from experiments.app.fit.config import config_of
+from experiments.app.fit.job import fit
 
 
 def measured(options: argparse.Namespace, few: int) -> Row:
@@ -36,11 +37,11 @@ def measured(options: argparse.Namespace, few: int) -> Row:
         expect(progress, seconds, start)
 
     with tempfile.TemporaryDirectory() as folder, mock.patch.object(Progress, "expect", remembered):
-        config = fit.config_of(
+        config = config_of(
             options.data, Path(folder) / "run", target=options.target, few=few,
             holdout=options.holdout, seeds=options.seeds, workers=options.workers,
         )  # fmt: skip
-        fit.fit(config)
+        fit(config)
         took = time.perf_counter() - planned[-1][1]
     seconds = planned[-1][0]
     return {

@@ -35,7 +35,7 @@ from common.errors import UserError
 from common.lines import JsonLines
 from common.workers.pool import WorkerError
 from experiments.app.doctor.outlines import Drawn
-from experiments.app.fit import share_of
+from experiments.app.fit.config import share_of
 from experiments.tables.stats import paired_gain
 from seg.check import check_settings
 from seg.classes import table_of

@@ -1,13 +1,13 @@
-"""Fits a net to your labelled images, with renders beside them, and measures the gain by the renders.
+"""Trains a network on your labelled images plus renders, and measures what the renders add.
 
-    sdr-jax fit photographs --out runs/fit                       # photographs/target.yaml says what is where
+    sdr-jax fit photographs --out runs/fit                       # photographs/target.yaml describes the files
     sdr-jax fit CamVid --target camvid --few 14 --holdout 0006R0 --out runs/fit14
     sdr-jax fit photographs --preset smoke --out runs/try        # a minute or two
 
-It saves the net in OUT/model (see `sdr-jax predict`) and a report in OUT/report.html on nets that are trained
-on your labels alone, with renders beside them, and on renders alone, and tested on images that they have not
-seen. If the data have no split, these are the folds of your images, by group, in turn. While the run goes on,
-`sdr-jax report OUT --serve` shows the report so far. The same command continues a stopped run.
+It saves a model in OUT/model (see `sdr-jax predict`) and a report in OUT/report.html. The report compares
+networks trained on your labels alone, on labels plus renders, and on renders alone, all tested on images that
+they have not seen: a held-out split or group, or each fold of your images in turn. `sdr-jax report OUT
+--serve` shows the report while the run is under way. The same command resumes a stopped run.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ def __getattr__(name: str) -> Any:
 
 def main(arguments: Arguments = None) -> int:
     """The command line; returns the exit code."""
-    from experiments.app import fit as work  # help and worker processes load this file without it
+    from experiments.app.fit import command  # help and worker processes load this file without it
 
-    return work.main(arguments)
+    return command.main(arguments)
 
 
 if __name__ == "__main__":

@@ -74,6 +74,14 @@ RECIPES = {
         loss_stride=2,
     ),
 }
+RECIPES["lite0-full"] = replace(
+    RECIPES["lite0-tuned"],
+    steps=2000,
+    batch=16,
+    average=0.2,
+    average_mirror=True,
+    dtype="bfloat16",
+)
 """`compact`: ours. Adam, class weights, mirror images, colours and blur.
 
 `paper`: SGD of section 4 with poly decay, mirroring only, and DeepLab's rates by layer. It is made for
@@ -93,7 +101,10 @@ Jaccard loss, batches that end with labelled images alone, logits averaged over 
 head's image costs about as much as with `lite0-frozen`, in batches of 2, which fit a CPU's cache.
 
 `lite0-tuned`: ours, for all nets that tune the trunk: 300 steps of 8 with all augmentations; the trunk trains
-at a tenth of the head's rate, as is common in fine-tuning, and batch normalisation is fixed."""
+at a tenth of the head's rate, as is common in fine-tuning, and batch normalisation is fixed.
+
+`lite0-full`: ours, for a GPU: as `lite0-tuned`, but 2000 steps of 16, in bfloat16; parameters are averaged
+over the last fifth of the steps, logits over the mirror image."""
 
 
 def recipe_for(settings: TrainSettings) -> str:

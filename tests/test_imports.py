@@ -160,10 +160,10 @@ def test_no_files_and_no_folders_of_experiments_import_each_other():
     ("experiments.targets.base", "from experiments.session import session",
      ["experiments.session.session"]),
     ("experiments.tables.form", "from experiments import fit", ["experiments.fit"]),
-    ("experiments.app.fit", "from experiments.studies.table import FORM", ["experiments.studies.table"]),
-    ("experiments.studies.table", "from experiments.app import fit", ["experiments.app.fit"]),
-    ("experiments.fit", "from experiments.app.fit import main", []),
-    ("experiments.app.fit", "from experiments.tables import form\nfrom seg.train import train", []),
+    ("experiments.app.export", "from experiments.studies.table import FORM", ["experiments.studies.table"]),
+    ("experiments.studies.table", "from experiments.app import export", ["experiments.app.export"]),
+    ("experiments.fit", "from experiments.app.fit.command import main", []),
+    ("experiments.app.export", "from experiments.tables import form\nfrom seg.train import train", []),
 ])  # fmt: skip
 def test_an_import_of_what_lies_above_is_found(module, text, wrong):
     assert upward(module, text) == wrong

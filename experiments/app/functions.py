@@ -15,10 +15,11 @@ from typing import Any, NamedTuple, cast
 from common.errors import UserError
 from common.files import read_json
 from common.workers.pool import WorkerPool
-from experiments.app import fit as app_fit
 from experiments.app import main_job
-from experiments.app.fit import MODEL
+from experiments.app.fit import job as fit_job
+from experiments.app.fit.config import config_of
 from experiments.app.report import fit_table, summary
+from experiments.app.report.fit_table import MODEL
 from experiments.app.report.folder import NAME
 from experiments.config import MainConfig, Preset, TargetName
 from experiments.config.cli import configured
@@ -158,7 +159,7 @@ def fit(
         WorkerError: worker processes keep dying.
     """
     paths = {name: Path(options[name]) for name in PATHS if options.get(name) is not None}
-    config = app_fit.config_of(
+    config = config_of(
         Path(data),
         Path(out),
         no_mirror=not mirror,
@@ -170,7 +171,7 @@ def fit(
         final = replace(final, train=with_steps(final.train, steps))
     if streets is not None:
         final = replace(final, streets=streets)
-    return Fitted(config.out, app_fit.fit(replace(config, final=final)))
+    return Fitted(config.out, fit_job.fit(replace(config, final=final)))
 
 
 def search(

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from scene.assets.catalogue import AssetPool
 
 Preset = Literal["smoke", "quick", "paper"]
+FitPreset = Literal["smoke", "quick", "full"]
+"""The presets of `sdr-jax fit`."""
 TargetName = Literal["twin", "camvid", "cityscapes", "labelmefacade"]
 TwinName = Literal["near", "far"]
 RewardKind = Literal["miou", "mmd"]

@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 from common.flags import ARGUMENT, REPEATED, SWITCH, Option, Size, command_line
 from common.labels.target_file import SHIPPED
 from common.labels.target_file import Fit as Shape
+from experiments.config.config import FitPreset
 from scene.attributes import SpaceName
 from scene.names import HELD
 from seg.names import As
@@ -52,8 +53,9 @@ class Fit:
     """report on this group; no figure comes from nets that have seen it"""
     search: Annotated[bool, SWITCH] = False
     """learn streets, too, for each fold; its cost is printed first"""
-    preset: Literal["smoke", "quick"] = "quick"
-    """how much is spent"""
+    preset: FitPreset | None = None
+    """smoke: a minute; quick: minutes of a CPU; full: the backbone trains, too, at up to 480x360 (the default
+    on a GPU; hours of a CPU)"""
     size: Size | None = None
     """size of the images for networks; by default the photographs' own up to about 480x360, or the largest
     that takes ten minutes"""
@@ -72,8 +74,9 @@ class Fit:
     """evaluations that runs share"""
     net: TrunkName = "lite0"
     """trunk on whose features a head is trained; docs/howto/net.md"""
-    trunk: Trunk = "frozen"
-    """tuned: train the trunk, too, which takes hours of a core"""
+    trunk: Trunk | None = None
+    """tuned: train the backbone, too, which takes hours of a core; by default frozen, but with --preset full
+    tuned"""
     weights: Annotated[Path | None, Option("FILE")] = None
     """for dinov2: model.safetensors in Hugging Face's layout"""
     no_mirror: Annotated[bool, SWITCH] = False

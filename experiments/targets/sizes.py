@@ -11,11 +11,15 @@ import numpy as np
 
 from common.errors import UserError
 from common.progress import duration
-from experiments.config import Preset
+from experiments.config.config import FitPreset
 
 Size = tuple[int, int]
 """Width and height in pixels."""
-AREAS: dict[Preset, tuple[int, int]] = {"smoke": (64 * 48,) * 2, "quick": (240 * 176, 480 * 360)}
+AREAS: dict[FitPreset, tuple[int, int]] = {
+    "smoke": (64 * 48,) * 2,
+    "quick": (240 * 176, 480 * 360),
+    "full": (480 * 360,) * 2,
+}
 """Approximate pixels of the smallest and the largest size that a preset takes."""
 MINUTES = 10.0
 """A size may take so many minutes of this machine unless the user allows others."""
@@ -57,7 +61,7 @@ def suitable_size(width: int, height: int, pixels: int = AREAS["quick"][0]) -> S
 
 def choose(
     shape: Size,
-    preset: Preset,
+    preset: FitPreset,
     seconds: Callable[[Size], float],
     fits: Callable[[Size], bool] = lambda size: True,
     *,

@@ -21,7 +21,7 @@ from experiments.app.doctor.command import PAGE, SHEET, main
 from experiments.app.doctor.installed import EXTRAS
 from experiments.app.doctor.propose import _named_value, propose
 from experiments.app.doctor.survey import survey
-from experiments.app.fit import config_of, configured, cost_of_fit, planned
+from experiments.app.fit.config import config_of, configured, cost_of_fit, planned
 from experiments.app.main_job import plan
 from experiments.config import MainConfig
 from experiments.config.presets import defaults

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from PIL import Image
 from safetensors.numpy import save_file
 
-import experiments.app.fit
+import experiments
 from common import folder as run_folder
 from common.errors import UserError
 from common.files import read_json
@@ -25,22 +25,16 @@ from common.files import write as write_file
 from common.labels.target_file import find_target
 from common.progress import Progress
 from experiments.app.evaluate import evaluate, labelled
-from experiments.app.fit import (
-    FitConfig,
-    _beside,
-    config_of,
-    configured,
-    derive,
-    fit,
-    main,
-    planned,
-    shown,
-    text,
-)
+from experiments.app.fit import config as fit_config
+from experiments.app.fit import job as fit_job
+from experiments.app.fit import streets as fit_streets
+from experiments.app.fit.command import main
+from experiments.app.fit.config import FitConfig, config_of, configured, planned, share_of
+from experiments.app.fit.job import best_median_worst, fit, with_labels
 from experiments.app.report import live
 from experiments.app.report import page as page_of_runs
 from experiments.app.report.command import main as make_report
-from experiments.app.report.fit_table import by_class, verdict
+from experiments.app.report.fit_table import by_class, derive, text, verdict
 from experiments.config import parsers
 from experiments.evaluation.cache import Cache
 from experiments.evaluation.job import Source
@@ -249,7 +243,7 @@ def test_fit_takes_the_size_that_this_machine_can_and_a_run_keeps_its_own(
     for damaged in ("", '{"final": 3}', '{"final": {"width": 0, "height": 1e999}}'):
         (tmp_path / "other").mkdir(exist_ok=True)
         write_file(tmp_path / "other" / run_folder.CONFIG, damaged)
-        assert experiments.app.fit._size_of(tmp_path / "other") is None
+        assert fit_config._size_of(tmp_path / "other") is None
     with pytest.raises(UserError, match=r"a run with minutes = null, not 9\.0"):
         run_folder.refuse_foreign(tmp_path / "run", other)
 
@@ -272,7 +266,7 @@ def test_an_unknown_pace_is_measured_where_it_decides(large: Path, tmp_path, mon
 
 def test_sizes_that_need_too_much_memory_are_not_chosen(large, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(session.paces, "read", lambda kind: Pace(0.01, 0.01))
-    monkeypatch.setattr(experiments.app.fit, "memory", lambda: 4_000_000_000)
+    monkeypatch.setattr(fit_config, "memory", lambda: 4_000_000_000)
     sizes = [config_of(large, tmp_path / "run", workers=n).final.width for n in (1, 2)]
     assert sizes[0] == 480 > sizes[1] > 240
     with pytest.raises(UserError, match=r"^--size 240x176 would take .* in 16 worker.*are 4 GB"):
@@ -383,7 +377,7 @@ def test_from_a_folder_of_ones_own_to_a_net(folder, tmp_path, capsys, monkeypatc
         return draw(streets, *options)
 
     monkeypatch.setattr(live, "write", write_live)
-    monkeypatch.setattr(experiments.app.fit, "draw", draw_kept)
+    monkeypatch.setattr(fit_streets, "draw", draw_kept)
     monkeypatch.setattr(page_of_runs, "EVERY", 0)
     charges: list[float] = []
 
@@ -491,15 +485,15 @@ def test_from_a_folder_of_ones_own_to_a_net(folder, tmp_path, capsys, monkeypatc
 def test_with_a_search_the_net_that_is_left_may_be_of_learnt_streets(folder, tmp_path, monkeypatch):
     taken = []
 
-    def beside(config: FitConfig, renders: Source, labels: LabelledImages) -> TrainingSet:
+    def record_renders(config: FitConfig, renders: Source, labels: LabelledImages) -> TrainingSet:
         taken.append(renders)
-        return _beside(config, renders, labels)
+        return with_labels(config, renders, labels)
 
     def learnt_is_best(report: Report) -> Report:
         return {**derive(report), "recipe": "labels+learnt"}
 
-    monkeypatch.setattr(experiments.app.fit, "_beside", beside)
-    monkeypatch.setattr(experiments.app.fit, "derive", learnt_is_best)
+    monkeypatch.setattr(fit_job, "with_labels", record_renders)
+    monkeypatch.setattr(fit_job, "derive", learnt_is_best)
     size = (64, 48)
     options = {"preset": "smoke", "seeds": 1, "size": size, "workers": 1, "search": True}
     fit(config_of(folder, tmp_path / "run", **options))
@@ -507,6 +501,39 @@ def test_with_a_search_the_net_that_is_left_may_be_of_learnt_streets(folder, tmp
     assert taken[0] == taken[2] and taken[4] == taken[1] and len(set(taken)) == 3
     notes = load_model(tmp_path / "run" / "model").notes
     assert notes["trained_on"] == "labels+learnt"
+
+
+def test_a_gpu_takes_the_full_preset_and_a_cpu_takes_it_on_request(folder, tmp_path, monkeypatch):
+    monkeypatch.setattr(session.paces, "read", lambda kind: Pace(1.0, 1.0))
+    lines: list[str] = []
+    usual = config_of(folder, tmp_path / "run")
+    asked = config_of(folder, tmp_path / "run", preset="full", say=lines.append)
+    monkeypatch.setattr(fit_config, "_has_gpu", lambda: True)
+    on_gpu = config_of(folder, tmp_path / "run")
+    assert (usual.preset, usual.final.train.trunk) == ("quick", "frozen")
+    assert (asked.preset, on_gpu.preset) == ("full", "full")
+    train = asked.final.train
+    assert (train.trunk, train.steps, train.batch, train.dtype) == ("tuned", 2000, 16, "float32")
+    assert on_gpu.final.train == replace(train, dtype="bfloat16")
+    assert (asked.final.streets, asked.few_share, len(asked.trainings)) == (800, 0.25, 3)
+    assert asked.final.size == "64x48"  # the images' own
+    assert re.fullmatch(r"Images of 64x48, about .* on \d+ worker\(s\)", lines[-1])
+    assert configured((960, 720), "full").reward.size == "960x720"
+    assert share_of(100, "full") == 0.25 and share_of(100) == 0.5
+    again = config_of(folder, tmp_path / "run", preset="full", trunk="frozen")
+    assert (again.final.train.trunk, again.final.train.heads) == ("frozen", 3)
+
+
+@pytest.mark.slow
+def test_the_full_preset_trains_the_backbone_and_saves_a_model(folder, tmp_path):
+    out = tmp_path / "run"
+    steps = {"preset": "full", "steps": 3, "streets": 4, "seeds": 1, "size": (64, 48), "workers": 1}
+    result = experiments.fit(folder, out, **steps)
+    assert set(result.miou) == {"labels", "labels+renders", "renders"}
+    settings = result.model.settings
+    assert (settings.trunk, settings.steps, settings.average_mirror) == ("tuned", 3, True)
+    predicted = result.model.predict(np.zeros((1, 48, 64, 3), np.uint8))
+    assert predicted.shape == (1, 48, 64)
 
 
 @pytest.mark.slow
@@ -559,7 +586,7 @@ def test_what_cannot_be_fitted_is_one_line(folder: Path, tmp_path: Path, capsys)
 
 @pytest.mark.parametrize("size", [(800, 8000), (80_000, 8000), (8 * 10**400, 64)])
 def test_a_size_that_does_not_fit_is_refused_with_flags_of_fit(folder, tmp_path, monkeypatch, size):
-    monkeypatch.setattr(experiments.app.fit, "memory", lambda: 24_000_000_000)
+    monkeypatch.setattr(fit_config, "memory", lambda: 24_000_000_000)
     with pytest.raises(UserError, match=r"^--size .*(use --size \d+x\d+ or less|pixels)") as error:
         config_of(folder, tmp_path / "run", size=size, workers=2)
     assert (
@@ -574,7 +601,7 @@ def test_memory_counts_every_worker_and_both_copies_of_a_training_set(
     size = (240, 176)
     final = configured(size).final
     features = final.images * final.train.views * size[0] * size[1] * 3.5
-    monkeypatch.setattr(experiments.app.fit, "memory", lambda: int(6 * features))
+    monkeypatch.setattr(fit_config, "memory", lambda: int(6 * features))
     config_of(folder, tmp_path / "run", size=size, workers=1)
     with pytest.raises(UserError, match="in 4 worker"):
         config_of(folder, tmp_path / "run", size=size, workers=4)
@@ -612,4 +639,4 @@ def test_smoke_nets_end_their_warm_up_before_they_end() -> None:
     ([np.nan, np.nan], [0]),
 ])  # fmt: skip
 def test_the_report_shows_the_best_the_median_and_the_worst_image(miou, places):
-    assert shown(np.array(miou, np.float32)) == places
+    assert best_median_worst(np.array(miou, np.float32)) == places

@@ -83,6 +83,7 @@ def test_the_paper_s_recipe_has_its_numbers_and_the_warm_up_fits_fewer_steps():
         "vgg-adam": ("adam", 1e-4, 0, 1e-4, 0.9), "scratch": ("adam", 1e-3, 50, 0, 0.9),
         "lite0-frozen": ("adam", 1e-2, 20, 0, 0.9),
         "lite0-heads": ("adam", 1e-2, 20, 0, 0.9), "lite0-tuned": ("adam", 1e-3, 20, 0, 0.9),
+        "lite0-full": ("adam", 1e-3, 20, 0, 0.9),
     }  # fmt: skip
     short = with_net(replace(RECIPES["compact"], steps=7, warmup=0), net="fcn8s")
     assert (short.steps, short.warmup) == (7, 1)

@@ -10,7 +10,7 @@ from pathlib import Path
 from common.errors import UserError
 from common.interrupt import PROGRAM
 from common.labels.target_file import TargetFile
-from experiments.app.fit import configured, cost_of_fit, sized
+from experiments.app.fit.config import choose_size, configured, cost_of_fit
 from experiments.app.main_job import plan
 from experiments.config import Fidelity, MainConfig, Preset, TargetName
 from experiments.config.presets import defaults
@@ -25,7 +25,7 @@ from seg.recipes import RECIPES
 def choice(target: TargetFile, data: Path, photographs: Size, pace: Pace) -> Choice | None:
     """The size that `fit` takes, with its time; None for images that it refuses."""
     with suppress(UserError):  # errors of the images are reported elsewhere
-        return sized(configured, parts_of(target, data), photographs, pace)
+        return choose_size(configured, parts_of(target, data), photographs, pace)
     return None
 
 

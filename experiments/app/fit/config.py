@@ -1,0 +1,355 @@
+"""The configuration of `sdr-jax fit`, with the size of its images and the time that it takes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated
+
+from common.bounds import POSITIVE, at_least, check_bounds
+from common.errors import UserError, flagged
+from common.folder import read_config
+from common.labels.classes import NAMES
+from common.labels.listing import list_all
+from common.labels.target_file import Fit, find_target
+from common.memory import in_words, memory
+from experiments.app.report.fit_table import rows_of
+from experiments.attribute_search.learn import work_of
+from experiments.config import FewConfig, Fidelity
+from experiments.config.config import NETS, FitPreset
+from experiments.config.limits import PIXEL, training_bytes
+from experiments.config.presets import defaults, in_space
+from experiments.evaluation.cost import Cost, prepare_cost, street_cost
+from experiments.evaluation.pace import Pace
+from experiments.session.session import Work, pace_here, set_up_process, total_of
+from experiments.targets.folder import Parts, common_size, parts_of
+from experiments.targets.sizes import AREAS, SMALLEST, UNIT, Choice, Size, choose, suitable_size
+from scene.attributes import SpaceName
+from scene.held import read_fixed
+from scene.render.protocol import MAX_PIXELS
+from seg.check import check_settings
+from seg.model import load_model
+from seg.recipes import RECIPES, with_heads, with_net
+from seg.settings import FILELESS_NETS, Trunk, TrunkName
+from seg.weights import check as check_weights
+
+SPACE: SpaceName = "extended"
+"""The space of the streets' attributes."""
+FEW = 20
+"""With fewer labels than these, they fill a quarter of a batch with renders, otherwise half
+(`docs/findings.md`)."""
+MEMORY_FACTOR = 2
+"""`fit` chooses a size on its own only if memory is this many times its estimated need: code and compiled
+functions make a process take 1.6 times the estimate at 480x360."""
+FULL_STREETS = 800
+"""Streets of `--preset full`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitConfig(FewConfig):
+    """The fields of one run; the command line has a few of them."""
+
+    target: str = "camvid"  # type: ignore[assignment]
+    """The name of the target, which may be the user's own."""
+    preset: FitPreset = "quick"  # type: ignore[assignment]
+    """The set of defaults of all other fields."""
+    file: str | None = None
+    """The target's file, or its name; by default target.yaml in the folder of the images."""
+    shape: Fit | None = None
+    """How images of another shape are treated; by default as the target's file says."""
+    learnt: bool = False
+    """Whether streets are optimised, too."""
+    minutes: Annotated[float | None, POSITIVE] = None
+    """The time limit by which the size was chosen."""
+    seeds: Annotated[int, at_least(1), NETS] = 3
+    """Networks of each row and fold; on a frozen backbone they are heads of one."""
+    init: Path | None = None
+    """Folder of a model from which the saved network starts."""
+
+    @property
+    def trainings(self) -> list[int]:
+        """The seeds of a row's trainings: heads of one network are trained together and share its seed."""
+        heads = self.final.train.heads
+        return [self.seed + k for k in range(self.seeds // heads)]
+
+    @property
+    def processes(self) -> int:
+        """The number of worker processes."""
+        return max(self.workers, 1)
+
+
+def config_of(
+    data: Path,
+    out: Path,
+    *,
+    target: str | None = None,
+    few: int | None = None,
+    holdout: str | None = None,
+    search: bool = False,
+    preset: FitPreset | None = None,
+    size: Size | None = None,
+    minutes: float | None = None,
+    shape: Fit | None = None,
+    seeds: int = FitConfig.seeds,
+    workers: int | None = None,
+    init: Path | None = None,
+    store: Path | None = None,
+    net: TrunkName = "lite0",
+    trunk: Trunk | None = None,
+    weights: Path | None = None,
+    fix: Sequence[str] = (),
+    no_mirror: bool = False,
+    say: Callable[[str], None] = lambda text: None,
+) -> FitConfig:
+    """Make the configuration of a command line.
+
+    Without ``size``, the run that ``out`` holds keeps its own.
+
+    Args:
+        data: folder of the images.
+        out: folder of the run.
+        target: the target's file, or the name of one in the package.
+        few: number of labels to use.
+        holdout: the group to test on.
+        search: whether to optimise streets, too.
+        preset: by default `full` on a GPU, otherwise `quick`.
+        size: width and height of the images for networks; by default as `choose` decides.
+        minutes: time limit of this machine by which the size is chosen, without ``size``.
+        shape: how images of another shape are treated.
+        seeds: networks of each row and fold.
+        workers: number of processes.
+        init: folder of a model to start from.
+        store: file of evaluations that runs share.
+        net: the network, named by its backbone.
+        trunk: whether the backbone is frozen or tuned, by default as the preset says; it is always frozen
+            for the rewards of a search.
+        weights: file of the backbone's weights, for dinov2.
+        fix: attributes to hold at a value in all streets, such as field_of_view=90.
+        no_mirror: whether to leave out averaging over the mirror image.
+        say: called with size and time, and before this machine's pace is measured.
+
+    Raises:
+        UserError: there is no such target or folder, none of its classes is rendered, an image cannot be
+            read, weights are of another network, an attribute cannot be held, or a size takes too much
+            memory or time.
+    """
+    read_fixed(fix, SPACE)
+    target_file = find_target(target, data)
+    if not any(target_file.rendered):
+        raise UserError(
+            f"{target_file.source}: no class has 'renders', so renders would show none of them; say which "
+            f"of the engine's classes each one is: {', '.join(NAMES)}"
+        )
+    parts = parts_of(target_file, data, holdout, few)
+    if size is not None and (min(size) < SMALLEST or any(side % UNIT for side in size)):
+        raise UserError(
+            f"--size must be two multiples of {UNIT}, {SMALLEST} or more, not {size[0]}x{size[1]}"
+        )
+    if weights is not None and net in FILELESS_NETS:
+        raise UserError(
+            f"--weights {weights} is for --net dinov2; those of {net} come with a package"
+        )
+    on_gpu = _has_gpu()
+    preset = preset or ("full" if on_gpu else "quick")
+    weights_file = None if weights is None else str(weights.absolute())
+    decided = _size_of(out) if size is None else size
+    if decided is None:
+        entries = [entry for split in list_all(target_file, data).values() for entry in split]
+        photographs = common_size(entries)
+    else:
+        photographs = decided
+    head_width = None if init is None else load_model(init).settings.head_width
+
+    def at(size: Size) -> FitConfig:
+        base = configured(size, preset, net, trunk, weights_file, search=search, seeds=seeds)
+        train = replace(base.final.train, average_mirror=not no_mirror)
+        if not on_gpu:
+            train = replace(train, dtype="float32")  # CPUs emulate bfloat16
+        if head_width is not None and train.has_trunk:
+            train = replace(train, head_width=head_width)
+        return replace(
+            base,
+            final=replace(base.final, train=train),
+            target=target_file.name,
+            data=data,
+            out=out,
+            few_share=share_of(len(parts.entries), preset),
+            file=target,
+            shape=shape,
+            few=few,
+            holdout=holdout,
+            minutes=minutes,
+            init=init,
+            store=store,
+            fix=tuple(fix),
+            workers=base.workers if workers is None else workers,
+        )
+
+    first = at(photographs)
+    check_bounds(first, "--")
+    with flagged("--net"):
+        check_settings(first.final.train)
+    check_weights(first.final.train, 1)
+    if decided is not None:
+        _refuse_large(first, len(parts.every))
+    pace = pace_here(first.processes, say, measure=decided is None and preset != "smoke")
+    choice = choose_size(at, parts, photographs, pace, size=decided, minutes=minutes)
+    config = at(choice.size)
+    _refuse_large(config, len(parts.every))
+    say(choice.text(config.processes))
+    return config
+
+
+def _has_gpu() -> bool:
+    """Whether JAX finds an accelerator in this process."""
+    set_up_process()
+    import jax  # after the environment is set
+
+    return jax.default_backend() != "cpu"
+
+
+def share_of(labels: int, preset: FitPreset = "quick") -> float:
+    """The share of so many labelled images in the first batch with renders."""
+    return 0.25 if labels < FEW or preset == "full" else 0.5
+
+
+def choose_size(
+    at: Callable[[Size], FitConfig],
+    parts: Parts,
+    photographs: Size,
+    pace: Pace,
+    *,
+    size: Size | None = None,
+    minutes: float | None = None,
+) -> Choice:
+    """Choose the size of the images for networks, as `fit` does and `doctor` announces.
+
+    Args:
+        at: gives the configuration at a size.
+        parts: parts of the labelled images.
+        photographs: width and height of most of them.
+        pace: this machine's.
+        size: a size that is decided already.
+        minutes: the time limit.
+
+    Raises:
+        UserError: as `choose`.
+    """
+
+    def seconds(size: Size) -> float:
+        config = at(size)
+        return pace.seconds_of(cost_of_fit(config, parts), config.processes)
+
+    def fits(size: Size) -> bool:
+        return MEMORY_FACTOR * _memory(at(size), len(parts.every)) <= memory()
+
+    preset = at(photographs).preset
+    return choose(photographs, preset, seconds, fits, size=size, minutes=minutes)
+
+
+def _size_of(out: Path) -> Size | None:
+    """The size of the run that a folder holds, if it holds one."""
+    with suppress(UserError, OSError, LookupError, TypeError, ValueError, OverflowError):
+        final = read_config(out)["final"]
+        size = int(final["width"]), int(final["height"])
+        return size if min(size) >= SMALLEST else None
+    return None
+
+
+STREETS = "streets"
+"""The word in plans for streets that are rendered without a network of their own."""
+
+
+def planned(config: FitConfig, folds: int) -> list[Work]:
+    """Plan the streets, the searches, and the networks of every row for a number of folds."""
+    final = config.final
+    kinds = 1 + config.learnt * folds
+    trainings = len(config.trainings)
+    searches = [work._replace(nets=work.nets * folds) for work in work_of(config)]
+    tested = len(rows_of(config.learnt)) * folds * trainings
+    return [
+        *(searches if config.learnt else []),
+        Work(STREETS, kinds * trainings * final.streets, final, Cost(street_cost(final))),
+        Work.on_images("networks to test", tested, final),
+        Work.on_images("network to save", 1, final),
+    ]
+
+
+def cost_of_fit(config: FitConfig, parts: Parts) -> Cost:
+    """The cost of a whole run, with the features of every fold's labelled images."""
+    folds = len(parts.folds)
+    work = total_of(planned(config, folds))
+    features = prepare_cost(config.final, len(parts.every)).times(folds)
+    return work._replace(train=work.train + features.train)
+
+
+def _memory(config: FitConfig, labelled: int) -> int:
+    """The bytes that a run takes.
+
+    Each worker has a training set of its own; this process holds all labelled images, and those of a fold.
+    """
+    final = config.final
+    images = 2 * labelled * final.width * final.height * PIXEL
+    return config.processes * training_bytes(final, labelled) + images
+
+
+def _refuse_large(config: FitConfig, labelled: int) -> None:
+    """Raise UserError with the flags of `fit` for a size whose arrays do not fit into memory."""
+    final, workers = config.final, config.processes
+    if final.width * final.height > MAX_PIXELS:
+        raise UserError(f"--size {final.size} has more than {MAX_PIXELS:,} pixels, the most")
+    need = _memory(config, labelled)
+    if need > memory():
+        scale = math.sqrt(memory() / need)
+        width, height = (int(scale * side / UNIT) * UNIT for side in (final.width, final.height))
+        fewer = ", or fewer --workers" if workers > 1 else ""
+        raise UserError(
+            f"--size {final.size} would take {in_words(need)} of memory to train networks in {workers} "
+            f"worker(s), and there are {in_words(memory())}: use --size {width}x{height} or less{fewer}"
+        )
+
+
+def configured(
+    size: Size,
+    preset: FitPreset = "quick",
+    net: TrunkName = "lite0",
+    trunk: Trunk | None = None,
+    weights: str | None = None,
+    *,
+    search: bool = False,
+    seeds: int = FitConfig.seeds,
+) -> FitConfig:
+    """The configuration of a preset for a network at a size of images.
+
+    The networks of a row are heads of one where the backbone is frozen (recipe `lite0-heads`). The rewards of
+    a search take the smallest size of `quick`, for which they were made cheap.
+    """
+    full = preset == "full"
+    others = "quick" if preset == "full" else preset  # decides what is not changed below
+    trunk = trunk or ("tuned" if full else "frozen")
+    base = in_space(defaults(FitConfig, "camvid", others), SPACE)
+    reward_size = suitable_size(*size, AREAS[others][0]) if search else size
+
+    def fidelity(usual: Fidelity, trunk: Trunk, size: Size) -> Fidelity:
+        train = with_net(usual.train, net=net, trunk=trunk, weights=weights)
+        return replace(usual, width=size[0], height=size[1], train=train)
+
+    final = fidelity(base.final, trunk, size)
+    train = with_heads(final.train, max(seeds, 1))
+    if full:
+        final = replace(final, streets=FULL_STREETS)
+        if trunk == "tuned":
+            train = replace(RECIPES["lite0-full"], net=net, weights=weights)
+    return replace(
+        base,
+        preset=preset,
+        learnt=search,
+        seeds=seeds,
+        reward=fidelity(base.reward, "frozen", reward_size),
+        final=replace(final, shots=1, train=train),
+        reward_images=None,
+        test_images=None,
+    )

@@ -1,0 +1,95 @@
+"""The rendered streets of `sdr-jax fit`: pools that all networks of a seed share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from common.files import digest, read_json
+from experiments.app.fit.config import FitConfig
+from experiments.evaluation.cached import Cached
+from experiments.evaluation.cost import street_cost
+from experiments.evaluation.job import Job, StreetPool
+from experiments.session.session import Session
+from experiments.tables.form import Form
+from scene.proposal import Streets, draw
+from seg.beside import TrainingSet
+
+
+class Pool(NamedTuple):
+    """A pool whose streets may not be rendered yet."""
+
+    units: np.ndarray  # f32[streets, attributes]
+    seed: int
+    pool: StreetPool
+
+
+def pool_of(run: Session[FitConfig], streets: Streets, seed: int) -> Pool:
+    """Name the pool of streets of one shot that all networks of a seed share."""
+    config = run.config
+    units = draw(streets, seed, config.final.streets)
+    name = digest([digest(units.tolist()), seed, config.final.size])
+    return Pool(units, seed, StreetPool(name, Cached("")))
+
+
+class RenderedStreets:
+    """Pools of streets, rendered when the first network needs them: a finished run needs none.
+
+    Args:
+        run: the run.
+        pools: the pools.
+    """
+
+    def __init__(self, run: Session[FitConfig], pools: Sequence[Pool]) -> None:
+        self._run, self._pools = run, pools
+        self._recipe = run.recipe(run.config.final)
+        self._rendered: dict[str, Cached] = {}
+
+    def render(self) -> None:
+        """Render all streets, with their features."""
+        progress, cost = self._run.progress, street_cost(self._run.config.final)
+        for units, seed, pool in self._pools:
+
+            def report_progress(count: int, seed: int = seed) -> None:
+                progress.advance(count * cost)
+                progress.update(f"streets of seed {seed}")
+
+            if pool.name not in self._rendered:
+                cache = self._run.runner.cache
+                self._rendered[pool.name] = cache.streets(
+                    pool.name, self._recipe, units, seed, report_progress
+                )
+
+    def skip(self) -> None:
+        """Count streets as done that no network needs."""
+        if not self._rendered:
+            count = sum(len(pool.units) for pool in self._pools)
+            cost = count * street_cost(self._run.config.final)
+            self._run.progress.advance(cost, replayed=True)
+
+    def fill(self, job: Job) -> Job:
+        """A job with the rendered streets of its pool, if they are rendered."""
+        return job._replace(source=self._filled(job.source))
+
+    def _filled(self, source: Any) -> Any:
+        if isinstance(source, TrainingSet):
+            return source._replace(parts=tuple(map(self._filled, source.parts)))
+        if isinstance(source, StreetPool) and source.name in self._rendered:
+            return source._replace(held=self._rendered[source.name])
+        return source
+
+    def seconds(self, form: Form) -> float:
+        """The core seconds of rendering, also of an earlier call that rendered the streets."""
+        if self._rendered:
+            cache = self._run.runner.cache
+            return round(sum(cache.seconds(name, self._recipe) for name in self._rendered), 1)
+        file = self._run.config.out / f"{form.name}.json"
+        earlier = read_json(file) if file.exists() else {}
+        return float(earlier.get("seconds", {}).get("streets", 0.0))
+
+    def remove_files(self) -> None:
+        """Remove the files of the streets."""
+        for name in self._rendered:
+            self._run.runner.cache.forget(name, self._recipe)
