@@ -46,7 +46,7 @@ class BicycleParams(NamedTuple):
     chaincase: bool = False
     second: Color = (0.3, 0.3, 0.3)  # of fork, bags and rims
     rise: float = 0.0  # m that the head tube is longer
-    color: Color = (0.02, 0.02, 0.02)
+    color: Color = BLACK
     tyre_color: Color = TYRE
     saddle_color: Color = BLACK
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from scene.assets.family import FOOTWAY, Family, Size
 from scene.assets.parts.draw import near, sampler, times
-from scene.assets.parts.palette import BOLLARD_BLUE, BOLLARD_RED, BOLLARD_WHITE, BOLLARD_YELLOW
+from scene.assets.parts.palette import BOLLARD_BLUE, BOLLARD_RED, OFF_WHITE, PLATE_YELLOW
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, merge
 from scene.mesh.solids import box, tube, turned
@@ -28,7 +28,7 @@ class BollardParams(NamedTuple):
 
 
 _ROUND = ((0.0, 1.0), (0.93, 1.0), (0.98, 0.75), (1.0, 0.2))
-_POST = BollardParams(1.0, 0.055, _ROUND, (0.22, 0.225, 0.23), BOLLARD_WHITE, (), "metal")
+_POST = BollardParams(1.0, 0.055, _ROUND, (0.22, 0.225, 0.23), OFF_WHITE, (), "metal")
 _KINDS: dict[str, BollardParams] = {
     "steel": _POST,
     "cast iron": _POST._replace(
@@ -49,10 +49,10 @@ _KINDS: dict[str, BollardParams] = {
         bands=((0.55, 0.68), (0.78, 0.91)), outline=((0.0, 2.0), (0.06, 1.8), (0.08, 1.0), (1.0, 1.0)),
     ),
     "keep left beacon": _POST._replace(
-        outline=(), color=BOLLARD_WHITE, band=BOLLARD_YELLOW, radius=0.17, height=1.1, material="lamp"
+        outline=(), color=OFF_WHITE, band=PLATE_YELLOW, radius=0.17, height=1.1, material="lamp"
     ),
     "yellow beacon": _POST._replace(
-        outline=(), color=BOLLARD_YELLOW, band=BOLLARD_WHITE, radius=0.16, height=1.0, material="lamp"
+        outline=(), color=PLATE_YELLOW, band=OFF_WHITE, radius=0.16, height=1.0, material="lamp"
     ),
     "banded": _POST._replace(
         color=BOLLARD_RED, bands=((0.2, 0.4), (0.6, 0.8)), material="paint", radius=0.05, height=1.1
@@ -91,7 +91,7 @@ def _beacon(p: BollardParams) -> Asset:
     z, r = 0.8 * h, 0.8 * p.radius
     signs = [tube((s * deep / 2, 0, z), (s * (deep / 2 + 0.012), 0, z), r, BOLLARD_BLUE, "paint", sides=14)
              for s in (-1, 1)]  # fmt: skip
-    bars = [box((0.004, 0.25 * r, 1.1 * r), (s * (deep / 2 + 0.015), 0, z - 0.55 * r), BOLLARD_WHITE, "paint")
+    bars = [box((0.004, 0.25 * r, 1.1 * r), (s * (deep / 2 + 0.015), 0, z - 0.55 * r), OFF_WHITE, "paint")
             for s in (-1, 1)]  # fmt: skip
     return merge(foot, body, head, *signs, *bars)
 

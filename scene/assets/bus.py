@@ -28,8 +28,9 @@ from scene.assets.parts.palette import (
     BLACK,
     GLASS,
     HEADLAMP,
+    OFF_WHITE,
     PLATE,
-    PLATE_REAR,
+    PLATE_YELLOW,
     STEEL,
     TAILLAMP,
     TRIM,
@@ -129,7 +130,7 @@ def sample_bus(rng: np.random.Generator, kind: str) -> BusParams:
         second=perhaps(0.75, near(0.15, _LIVERIES[second]), near(0.15, BLACK, TRIM)),
         livery=one_of(*_PATTERNS), advert=perhaps(0.55, near(0.15, *_LIVERIES)),
         pods=whole(0, 4) if model.decks == 1 else 0,
-        rim=near(0.15, STEEL, (0.6, 0.6, 0.58), (0.12, 0.12, 0.12), color), seed=SEED,
+        rim=near(0.15, STEEL, OFF_WHITE, (0.12, 0.12, 0.12), color), seed=SEED,
         glazing=glazed(0.8),
     )  # fmt: skip
 
@@ -286,7 +287,7 @@ def _ends(p: BusParams, shape: Hull, side: Walls) -> list[Asset]:
         wrap(shape, -1, (0.0, 0.07 / d + 0.02), 0.3, TRIM),
         panel(front, (0.3, 0.7), (0.24 / d, 0.29 / d), BLACK, lift=0.02),
         panel(front, (0.4, 0.6), (0.05, 0.09), PLATE, lift=0.03),
-        panel(rear, (0.4, 0.6), (0.11, 0.15), PLATE_REAR, lift=0.03),
+        panel(rear, (0.4, 0.6), (0.11, 0.15), PLATE_YELLOW, lift=0.03),
         panel(rear, (0.2, 0.8), (0.2 / d, 0.32 / d), TRIM, "metal"),
         lamps(front, (0.1, 0.24), (0.12 / d + 0.02, 0.2 / d + 0.02), HEADLAMP, lift=0.02),
         lamps(front, (0.25, 0.28), (0.12 / d + 0.02, 0.2 / d + 0.02), AMBER, lift=0.02),

@@ -13,11 +13,14 @@ from scene.assets.parts.fittings import Fittings, fittings
 from scene.assets.parts.glazing import Glazing, glazing, sample_glazing
 from scene.assets.parts.palette import (
     BLACK,
+    BLACK_PAINT,
     CHROME,
     DUST,
     GLASS,
+    OFF_WHITE,
     STEEL,
     TRIM,
+    VAN_WHITE,
     car_paint,
     darker,
     pick,
@@ -78,7 +81,7 @@ class _Model(NamedTuple):
 
 
 _VAN_PAINTS: tuple[Color, ...] = (
-    (0.64, 0.64, 0.62), (0.64, 0.64, 0.62), (0.64, 0.64, 0.62), (0.35, 0.015, 0.018), CHROME,
+    VAN_WHITE, VAN_WHITE, VAN_WHITE, (0.35, 0.015, 0.018), CHROME,
     (0.02, 0.05, 0.16), (0.50, 0.32, 0.02), (0.03, 0.12, 0.06), (0.08, 0.085, 0.09),
 )  # fmt: skip
 _OLD_PAINTS: tuple[Color, ...] = (
@@ -161,7 +164,7 @@ _MODELS: dict[str, _Model] = {
         (0.29, 0.39, 0.84, 0.955), (0.31, 0.90), (0.50, 0.725), (0.29, 0.50, 0.725),
         tumblehome=0.17, plastic=0.5, nose=0.16,
         high_lamps=True, plain_wheels=True, taxi=True,
-        paint=perhaps(0.7, (0.018, 0.018, 0.02), _as_met),
+        paint=perhaps(0.7, BLACK_PAINT, _as_met),
     ),
     "convertible": _Model(
         (4.05, 1.74, 1.36), 2.48, 0.84, 0.315, 0.15, (0.70, 0.90), 0.89, 0.96,
@@ -258,7 +261,7 @@ def _sample_wear(rng: np.random.Generator, m: _Model, color: Color) -> Paint:
         canvas = (BLACK, (0.10, 0.07, 0.04), (0.02, 0.03, 0.08), (0.08, 0.01, 0.01))
         roof, cloth = pick(rng, canvas), "cloth"
     elif m.two_tones and rng.random() < 0.2:
-        roof = (0.64, 0.64, 0.62) if max(color) < 0.4 else BLACK
+        roof = VAN_WHITE if max(color) < 0.4 else BLACK
     side = darker(glass, 0.5 + 1.2 * float(tint))
     windows = (True, not (resolved(rng, m.sealed) and rng.random() < 0.3))
     return Paint(color, lower, roof, side, glass, windows, rows, cloth, bool(rng.random() < 0.7))
@@ -293,9 +296,7 @@ def _sample_fittings(rng: np.random.Generator, m: _Model, color: Color) -> Fitti
         mirrors=TRIM if plastic else color,
         rails=(TRIM if rng.random() < 0.5 else CHROME) if rng.random() < m.rails else None,
         spoiler=color if hatch and rng.random() < 0.4 else None,
-        box=pick(rng, (BLACK, (0.3, 0.3, 0.31)))
-        if rng.random() < (0.12 if m.rails else 0.0)
-        else None,
+        box=pick(rng, (BLACK, STEEL)) if rng.random() < (0.12 if m.rails else 0.0) else None,
         sign=(0.6, 0.38, 0.04) if taxi else None,
         spare=resolved(rng, m.spare),
         aerial=bool(rng.random() < 0.5),
@@ -321,7 +322,7 @@ def _sample_wheel(rng: np.random.Generator, m: _Model, body: Body) -> Wheel:
 def _sample_van(rng: np.random.Generator, wear: Paint) -> VanSides:
     letters = pick(rng, ((0.3, 0.02, 0.02), (0.02, 0.06, 0.25), (0.02, 0.15, 0.05), BLACK))
     if max(wear.body) < 0.4:
-        letters = pick(rng, ((0.6, 0.6, 0.58), (0.55, 0.4, 0.03)))
+        letters = pick(rng, (OFF_WHITE, (0.55, 0.4, 0.03)))
     named = rng.random() < 0.6
     return VanSides(
         wear.body, letters if named else None, int(rng.integers(2**31)), not wear.windows[1]

@@ -11,6 +11,7 @@ from scene.assets.parts.draw import drawn, maybe, near, perhaps, times, whole
 from scene.assets.parts.palette import (
     AMBER,
     BLACK,
+    BLACK_PAINT,
     HEADLAMP,
     PLATE,
     STEEL,
@@ -45,7 +46,7 @@ class MotorcycleParams(NamedTuple):
     screen: float  # height of the windscreen above the bar, 0 for none
     cases: bool  # panniers and top case
     tail: float  # how far the tail rises above the seat
-    color: Color = (0.02, 0.02, 0.02)
+    color: Color = BLACK
     seat_color: Color = BLACK
     engine_color: Color = STEEL
     second: Color = TRIM  # of fairing stripes, cases and side panels
@@ -74,7 +75,7 @@ KINDS: tuple[str, ...] = tuple(_MODELS)
 """Body types."""
 
 _PAINTS: tuple[Color, ...] = (
-    (0.018, 0.018, 0.02), (0.07, 0.07, 0.075), (0.33, 0.018, 0.018), (0.025, 0.06, 0.24), (0.04, 0.16, 0.05),
+    BLACK_PAINT, (0.07, 0.07, 0.075), (0.33, 0.018, 0.018), (0.025, 0.06, 0.24), (0.04, 0.16, 0.05),
     WHITE, (0.38, 0.39, 0.40), (0.45, 0.16, 0.015),
 )  # fmt: skip
 

@@ -12,7 +12,7 @@ from scene.assets.parts.body import figure
 from scene.assets.parts.carried import backpack
 from scene.assets.parts.head import head
 from scene.assets.parts.human import ANKLE, Body, Outfit, Pose
-from scene.assets.parts.palette import BLACK, REFLECTING, WHITE, pick
+from scene.assets.parts.palette import BLACK, REFLECTING, SILVER, WHITE, pick
 from scene.assets.parts.wardrobe import BRIGHT, CLOTHES, HI_VIS, TROUSERS, sample_outfit
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, Point, merge
@@ -62,7 +62,7 @@ KINDS: tuple[str, ...] = tuple(MOUNT)
 _LEATHERS: tuple[Color, ...] = ((0.012, 0.012, 0.013), (0.033, 0.033, 0.035), (0.046, 0.026, 0.016))
 _HELMETS: tuple[Color, ...] = (
     BLACK, WHITE, (0.35, 0.02, 0.02), (0.03, 0.09, 0.30),
-    (0.30, 0.31, 0.32), (0.45, 0.40, 0.03),
+    SILVER, (0.45, 0.40, 0.03),
 )  # fmt: skip
 
 

@@ -11,10 +11,10 @@ import numpy as np
 
 from scene.assets.family import FRONTAGE, Family, Size
 from scene.assets.parts.palette import (
+    ANTHRACITE,
     BRICK,
     GALVANISED,
     GLASS,
-    SHELTER_GREY,
     SHELTER_TIMBER,
     SHELTER_WHITE,
     darker,
@@ -84,7 +84,7 @@ def _glazed(p: ShelterParams, ends: tuple[int, ...] = (1,)) -> list[Asset]:
     parts.append(box((0.7 * x, 0.3, 0.05), (0, y - 0.35, 0.48), p.frame, "metal"))
     for s in ends:
         parts.append(
-            box((0.16, 0.8 * y, 1.75), (s * (x / 2 - 0.06), y / 2, 0.3), SHELTER_GREY, "paint")
+            box((0.16, 0.8 * y, 1.75), (s * (x / 2 - 0.06), y / 2, 0.3), ANTHRACITE, "paint")
         )
         for d in (-1, 1):
             at = s * (x / 2 - 0.06) + d * 0.085
@@ -185,7 +185,7 @@ class Kind(NamedTuple):
 
 
 _STOCK: dict[str, tuple[Color, ...]] = {
-    "hut": CLOTHS, "awning": CLOTHS, "metal": (GALVANISED, SHELTER_GREY), "cloth": CLOTHS,
+    "hut": CLOTHS, "awning": CLOTHS, "metal": (GALVANISED, ANTHRACITE), "cloth": CLOTHS,
     "poster": POSTERS,
 }  # fmt: skip
 """Colours of which one is drawn."""
@@ -195,7 +195,7 @@ _KINDS: dict[str, Kind] = {
     "advert shelter": Kind(partial(_glazed, ends=(-1, 1))),
     "produce stall": Kind(partial(_stall, produce=True)),
     "cantilever shelter": Kind(_cantilever),
-    "kiosk": Kind(_kiosk, ("hut", SHELTER_GREY, "awning")),
+    "kiosk": Kind(_kiosk, ("hut", ANTHRACITE, "awning")),
     "brick shelter": Kind(partial(_walled, material="brick"),
                           (BRICK, (0.10, 0.05, 0.035), SHELTER_TIMBER)),
     "timber shelter": Kind(partial(_walled, material="wood"),

@@ -15,6 +15,7 @@ from scene.assets.parts.palette import (
     LIGHT_WHITE,
     SIGNAL_BLACK,
     SIGNAL_YELLOW,
+    WHITE,
 )
 from scene.assets.signpost import MAX_RADIUS, MIN_HEIGHT
 from scene.classes import TrainId
@@ -60,8 +61,8 @@ class TrafficLightParams(NamedTuple):
 _THREE = ((LIGHT_RED, LIGHT_AMBER, LIGHT_GREEN), 1.0)
 _WALK = ((LIGHT_RED, LIGHT_GREEN), 1.0)
 _KINDS: dict[str, Kind] = {
-    "backed red": Kind((_THREE,), 0, 0.15, (0.62, 0.62, 0.6)),
-    "backed green": Kind((_THREE,), 2, 0.15, (0.62, 0.62, 0.6)),
+    "backed red": Kind((_THREE,), 0, 0.15, WHITE),
+    "backed green": Kind((_THREE,), 2, 0.15, WHITE),
     "pedestrian": Kind((_WALK,), 0, hoods=False),
     "single": Kind((_THREE,), 2),
     "double": Kind((_THREE, _THREE), 0),

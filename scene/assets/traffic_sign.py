@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.family import SIGN, Family, Size
-from scene.assets.parts.palette import BLACK, GALVANISED
+from scene.assets.parts.palette import BLACK, BRIGHT_WHITE, GALVANISED
 from scene.assets.parts.pictogram import Layer
 from scene.assets.parts.sign_boards import Inks
 from scene.assets.parts.sign_faces import FACES
@@ -48,7 +48,7 @@ def sample_traffic_sign(rng: np.random.Generator, kind: str) -> TrafficSignParam
     # The plate must lie within reach of the shortest post.
     centre = float(rng.uniform(2.1, MIN_HEIGHT - 0.05))
     centre = float(np.clip(centre, LOWEST + 0.3 - low, HIGHEST - high))
-    supplements = (None, None, (0.72, 0.72, 0.70), (0.60, 0.36, 0.02), (0.015, 0.07, 0.30))
+    supplements = (None, None, BRIGHT_WHITE, (0.60, 0.36, 0.02), (0.015, 0.07, 0.30))
     below = supplements[rng.integers(len(supplements))] if face.supplement else None
     return TrafficSignParams(centre, radius, layers, below, vary(rng, GALVANISED, 0.2))
 

@@ -28,6 +28,7 @@ from scene.assets.parts.palette import (
     BLACK,
     GLASS,
     HEADLAMP,
+    OFF_WHITE,
     STEEL,
     TAILLAMP,
     TRIM,
@@ -94,7 +95,7 @@ KINDS: tuple[str, ...] = tuple(_MODELS)
 
 _LIVERIES: tuple[Color, ...] = (
     (0.36, 0.016, 0.018), (0.50, 0.30, 0.025), (0.025, 0.08, 0.25), (0.03, 0.15, 0.07),
-    (0.60, 0.60, 0.58), (0.33, 0.34, 0.35),
+    OFF_WHITE, (0.33, 0.34, 0.35),
 )  # fmt: skip
 """Red, yellow, blue, green, white and silver."""
 _FREIGHT: tuple[Color, ...] = (

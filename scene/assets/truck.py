@@ -28,10 +28,12 @@ from scene.assets.parts.palette import (
     GLASS,
     HEADLAMP,
     PLATE,
-    PLATE_REAR,
+    PLATE_YELLOW,
+    SILVER,
     STEEL,
     TAILLAMP,
     TRIM,
+    VAN_WHITE,
     WHITE,
     darker,
     pick,
@@ -78,10 +80,10 @@ KINDS: tuple[str, ...] = tuple(_MODELS)
 
 _CABS: tuple[Color, ...] = (
     WHITE, WHITE, (0.30, 0.018, 0.018), (0.025, 0.06, 0.19), (0.04, 0.13, 0.30), (0.03, 0.11, 0.05),
-    (0.50, 0.30, 0.03), (0.30, 0.31, 0.32), (0.02, 0.02, 0.022), (0.48, 0.14, 0.015),
+    (0.50, 0.30, 0.03), SILVER, (0.02, 0.02, 0.022), (0.48, 0.14, 0.015),
 )  # fmt: skip
 _BOXES: tuple[Color, ...] = (
-    (0.64, 0.64, 0.62), (0.64, 0.64, 0.62), (0.40, 0.41, 0.41), (0.05, 0.10, 0.24), (0.30, 0.03, 0.03),
+    VAN_WHITE, VAN_WHITE, (0.40, 0.41, 0.41), (0.05, 0.10, 0.24), (0.30, 0.03, 0.03),
     (0.03, 0.13, 0.07), (0.52, 0.34, 0.03), (0.10, 0.10, 0.11),
 )  # fmt: skip
 
@@ -108,7 +110,7 @@ LOADS: dict[str, Load] = {
         (0.60, 0.60, 0.57), (0.52, 0.20, 0.02), (0.05, 0.16, 0.07), (0.04, 0.09, 0.25)), 0.8,
         matching=True),
     "mixer": Load(cargo.mixer, (
-        WHITE, (0.50, 0.16, 0.02), (0.30, 0.31, 0.32), (0.03, 0.1, 0.25))),
+        WHITE, (0.50, 0.16, 0.02), SILVER, (0.03, 0.1, 0.25))),
     "skip": Load(cargo.skip, (
         (0.50, 0.33, 0.03), (0.28, 0.05, 0.03), (0.04, 0.10, 0.2), (0.20, 0.20, 0.2)), 0.8),
     "recovery": Load(cargo.recovery, ((0.50, 0.33, 0.03), CHROME, (0.25, 0.02, 0.02)), 0.8),
@@ -242,7 +244,7 @@ def _tail(p: TruckParams) -> list[Asset]:
         lamps(rear, (0.02, 0.12), (0.25, 0.65), TAILLAMP, lift=0.02),
         lamps(rear, (0.13, 0.17), (0.25, 0.65), AMBER, lift=0.02),
         lamps(rear, (0.2, 0.34), (0.25, 0.6), (0.5, 0.2, 0.02), lift=0.02),
-        panel(rear, (0.4, 0.6), (0.3, 0.6), PLATE_REAR, lift=0.02),
+        panel(rear, (0.4, 0.6), (0.3, 0.6), PLATE_YELLOW, lift=0.02),
     ]
 
 

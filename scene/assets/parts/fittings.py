@@ -14,7 +14,7 @@ from scene.assets.parts.palette import (
     CHROME,
     LENS,
     PLATE,
-    PLATE_REAR,
+    PLATE_YELLOW,
     REFLECTOR,
     TAILLAMP_LENS,
     TRIM,
@@ -185,7 +185,7 @@ def _rear(b: Body, f: Fittings) -> list[Asset]:
         on_nose(b, 1, (-1, 1), (0.0, 0.12), TRIM, lift=0.01),
         on_nose(b, 1, (-inner, inner), (0.515, 0.53), BLACK, lift=0.012),
         on_nose(b, 1, (-0.1, 0.1), (0.88, 0.92), CHROME, "metal", lift=0.016),
-        plate(b, 1, PLATE_REAR if f.plate else PLATE, 0.64),
+        plate(b, 1, PLATE_YELLOW if f.plate else PLATE, 0.64),
     ]
     end = fascia(b, 1, np.array([0.55]), np.array([0.0]))[0]
     pipe = (end[0] - 0.03, end[1], end[2] + 0.02), (end[0] + 0.2, end[1], end[2] + 0.02)

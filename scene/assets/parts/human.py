@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from scene.assets.parts.palette import BLACK
 from scene.mesh.asset import Asset, Color, Point, repaint, solid
 from scene.mesh.mesh import circle, cross
 from scene.mesh.solids import loft_faces
@@ -28,7 +29,7 @@ class Outfit(NamedTuple):
     top: Color
     legs: Color
     shoes: Color
-    sole: Color = (0.02, 0.02, 0.02)
+    sole: Color = BLACK
     accent: Color | None = None  # lower half of the top, or its stripes
     stripes: bool = False  # of ``accent`` around the top
     shirt: Color | None = None  # shows in the open front of a jacket
@@ -45,7 +46,7 @@ class Outfit(NamedTuple):
     hairdo: str = "short"  # see ``parts/head.py``
     beard: bool = False
     hat: str = ""  # see ``parts/head.py``
-    hat_color: Color = (0.02, 0.02, 0.02)
+    hat_color: Color = BLACK
 
 
 class Body(NamedTuple):

@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from scene.assets.parts.facade import PROUD, Part, Patch, bays, relief, upright
-from scene.assets.parts.palette import WINDOW
+from scene.assets.parts.palette import BLACK, WINDOW
 from scene.mesh.asset import Color, Point
 from scene.mesh.solids import block, disc, polygon, tube
 
@@ -108,7 +108,7 @@ def hanging_sign(x: float, base: float, color: Color) -> list[Part]:
               (-0.35, base + 0.65), (-out + 0.1, base + 0.65))], contrast(color), "paint")
         for s in (-1, 1)
     ]  # fmt: skip
-    bar = block((x - 0.03, -out, base + 0.85), (x + 0.03, 0.05, base + 0.93), (0.02, 0.02, 0.02))
+    bar = block((x - 0.03, -out, base + 0.85), (x + 0.03, 0.05, base + 0.93), BLACK)
     return [board, *picture, bar]
 
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from scene.assets.parts.draw import between, drawn, near, one_of, whole
-from scene.assets.parts.palette import pick
+from scene.assets.parts.palette import ANTHRACITE, BLACK_PAINT, BRIGHT_WHITE, OFF_WHITE, pick
 from scene.mesh.asset import Color, vary
 
 Finish = tuple[Color, str]
@@ -25,14 +25,14 @@ RENDERS: tuple[Color, ...] = (
 )  # fmt: skip
 STONES: tuple[Color, ...] = ((0.42, 0.37, 0.28), (0.20, 0.175, 0.135), (0.52, 0.47, 0.37))
 PAINTS: tuple[Color, ...] = (
-    (0.02, 0.045, 0.18), (0.02, 0.10, 0.05), (0.33, 0.02, 0.025), (0.018, 0.018, 0.02),
+    (0.02, 0.045, 0.18), (0.02, 0.10, 0.05), (0.33, 0.02, 0.025), BLACK_PAINT,
     (0.62, 0.57, 0.42), (0.03, 0.20, 0.24), (0.50, 0.20, 0.02), (0.16, 0.02, 0.08),
     (0.70, 0.70, 0.68), (0.55, 0.42, 0.03),
 )  # fmt: skip
 SLATES: tuple[Color, ...] = (
     (0.075, 0.08, 0.09), (0.16, 0.075, 0.05), (0.12, 0.105, 0.09), (0.05, 0.05, 0.055),
 )  # fmt: skip
-CURTAINS: tuple[Color, ...] = ((0.5, 0.48, 0.42), (0.35, 0.30, 0.24), (0.60, 0.60, 0.58))
+CURTAINS: tuple[Color, ...] = ((0.5, 0.48, 0.42), (0.35, 0.30, 0.24), OFF_WHITE)
 
 
 class BuildingParams(NamedTuple):
@@ -231,7 +231,7 @@ _KINDS: dict[str, Callable[[Stock], dict[str, Any]]] = {
     "modern terrace": lambda d: dict(
         width=between(9, 11.5), storeys=2, bays=4, window=(0.62, 0.72), panes=(1, 1),
         doors=(0, 2), hood=0.5, roof="front gable" if d.hooded else "gable", chimneys=0,
-        wall=(near(0.15, (0.72, 0.72, 0.70), (0.20, 0.13, 0.08)), one_of("plaster", "wood")),
+        wall=(near(0.15, BRIGHT_WHITE, (0.20, 0.13, 0.08)), one_of("plaster", "wood")),
         ground_wall=d.bricks, frame=d.dark, trim=("number",), balconies=(1,), accent=d.dark,
     ),
     "parade": lambda d: _shop(d, d.bricks),
@@ -255,8 +255,8 @@ def sample_building(rng: np.random.Generator, kind: str) -> BuildingParams:
         paint=paint, stone=stone, bricks=bricks, plaster=plaster, stones=(stone, "concrete"),
         concrete=(vary(rng, (0.31, 0.30, 0.28), 0.35), "concrete"),
         either=(bricks, plaster)[rng.integers(2)], hooded=bool(rng.random() < 0.4),
-        flat_topped=bool(rng.random() < 0.5), white=vary(rng, (0.72, 0.72, 0.70), 0.08),
-        dark=vary(rng, (0.03, 0.032, 0.035), 0.3),
+        flat_topped=bool(rng.random() < 0.5), white=vary(rng, BRIGHT_WHITE, 0.08),
+        dark=vary(rng, ANTHRACITE, 0.3),
     )  # fmt: skip
     terrace = BuildingParams(
         width=float(rng.uniform(9, 12)), depth=float(rng.uniform(8, 10)), storeys=int(rng.integers(1, 3)),

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.parts.facade import upright
-from scene.assets.parts.palette import BLACK, RAILING_IRON, pick
+from scene.assets.parts.palette import BLACK, OFF_WHITE, RAILING_IRON, pick
 from scene.mesh.asset import Asset, Color, solid, vary
 from scene.mesh.solids import box, loft, polygon, tube, turned
 
@@ -80,7 +80,7 @@ def _weep_holes(p: WallParams, rng: np.random.Generator) -> list[Asset]:
 def _graffiti(p: WallParams, rng: np.random.Generator) -> list[Asset]:
     """Fat letters in bright paint that nobody can read, with dark outlines."""
     paints = ((0.55, 0.05, 0.25), (0.05, 0.35, 0.5), (0.6, 0.45, 0.03), (0.1, 0.4, 0.1),
-              (0.6, 0.6, 0.58), (0.3, 0.05, 0.4))  # fmt: skip
+              OFF_WHITE, (0.3, 0.05, 0.4))  # fmt: skip
     paint = pick(rng, paints, 0.2)
     parts, x, slant = [], -0.42 * p.length, float(rng.uniform(-0.1, 0.15))
     while x < 0.32 * p.length:

@@ -9,7 +9,7 @@ import numpy as np
 
 from scene.assets.parts.draw import Like, between, drawn, keep, maybe, near, one_of, perhaps
 from scene.assets.parts.human import Outfit
-from scene.assets.parts.palette import BLACK, REFLECTING, WHITE_SOLE, pick
+from scene.assets.parts.palette import BLACK, OFF_WHITE, REFLECTING, WHITE_SOLE, pick
 from scene.mesh.asset import Color
 
 SKINS: tuple[Color, ...] = (
@@ -113,7 +113,7 @@ _STYLES: dict[str, Callable[[Stock], dict[str, Any]]] = {
     "work": lambda d: dict(
         hem=between(0.06, 0.2), top=one_of(*HI_VIS), legs=perhaps(0.4, Like("top"), keep),
         bands=REFLECTING, padding=0.010, collar=None, width=1.25, hat="hard hat",
-        hat_color=near(0.15, (0.6, 0.6, 0.58), (0.6, 0.42, 0.03), (0.05, 0.15, 0.4)),
+        hat_color=near(0.15, OFF_WHITE, (0.6, 0.42, 0.03), (0.05, 0.15, 0.4)),
         shoes=SHOES[0],
     ),
     "robe": lambda d: dict(
