@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.family import ROAD, Family, Size
-from scene.assets.parts.draw import between, drawn, maybe, near, times
+from scene.assets.parts.draw import between, maybe, near, sample_fields, times
 from scene.assets.parts.palette import BLACK, HEADLAMP, STEEL, TAILLAMP, TYRE, WICKER
-from scene.assets.parts.skin import across
+from scene.assets.parts.skin import cuboid
 from scene.assets.parts.vehicle import card, circle, mudguard, rod
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, Point, merge
@@ -80,7 +80,7 @@ def sample_bicycle(rng: np.random.Generator, kind: str) -> BicycleParams:
     """Draw a bicycle of one frame type: wheel size, paint, basket and rack."""
     m = _MODELS[kind]
     load = _LOADS[int(rng.integers(len(_LOADS)))] if m.rack else ""
-    return drawn(
+    return sample_fields(
         rng, m, wheel_radius=times(0.95, 1.03), wheelbase=times(0.97, 1.04), tyre=times(0.95, 1.2),
         tube=times(0.9, 1.25), step=times(0.7, 1.1), mudguards=m.mudguards and maybe(0.8),
         basket=maybe(0.8 if m.basket else 0.25 if m.mudguards else 0.0),
@@ -200,7 +200,7 @@ def _drive(p: BicycleParams) -> list[Asset]:
     for x, y, z in pedals():
         side = np.sign(y)
         parts.append(rod((CRANK[0], side * 0.06, CRANK[2]), (x, side * 0.07, z), 0.014, STEEL))
-        parts.append(across((x - 0.05, x + 0.05), 0.05, (z - 0.012, z + 0.012), BLACK, at=y))
+        parts.append(cuboid((x - 0.05, x + 0.05), 0.05, (z - 0.012, z + 0.012), BLACK, at=y))
     return parts
 
 
@@ -221,7 +221,7 @@ def _fittings(p: BicycleParams) -> list[Asset]:
             hub = (x, 0.0, p.wheel_radius)
             parts.append(mudguard(hub, p.wheel_radius + 0.02, 0.06, angles, p.color))
     if p.rack:
-        parts.append(across((rear - 0.17, rear + 0.2), 0.06, (top, top + 0.02), BLACK))
+        parts.append(cuboid((rear - 0.17, rear + 0.2), 0.06, (top, top + 0.02), BLACK))
         parts.append(rod((rear - 0.1, 0.0, top), (rear, 0.0, p.wheel_radius), 0.012, BLACK))
         parts.append(card((rear - 0.18, 0.0, top - 0.025), 0.06, 0.05, TAILLAMP, "lamp"))
     if p.bottle:
@@ -265,18 +265,18 @@ def _rear_load(p: BicycleParams) -> list[Asset]:
     """Bags beside the rack, or a child's seat or a box on it."""
     rear, top = -p.wheelbase / 2, 2 * p.wheel_radius + 0.08
     if p.load == "panniers":
-        return [across((rear - 0.16, rear + 0.16), 0.06, (top - 0.36, top), p.second, "cloth", at=y)
+        return [cuboid((rear - 0.16, rear + 0.16), 0.06, (top - 0.36, top), p.second, "cloth", at=y)
                 for y in (0.15, -0.15)]  # fmt: skip
     if p.load == "child seat":
         return [
-            across((rear - 0.12, rear + 0.16), 0.15, (top, top + 0.08), BLACK),
-            across((rear - 0.18, rear - 0.12), 0.15, (top, top + 0.36), p.second),
-            *(across((rear - 0.15, rear + 0.1), 0.02, (top, top + 0.2), BLACK, at=y)
+            cuboid((rear - 0.12, rear + 0.16), 0.15, (top, top + 0.08), BLACK),
+            cuboid((rear - 0.18, rear - 0.12), 0.15, (top, top + 0.36), p.second),
+            *(cuboid((rear - 0.15, rear + 0.1), 0.02, (top, top + 0.2), BLACK, at=y)
               for y in (0.15, -0.15)),
         ]  # fmt: skip
     if p.load == "box":
         high = min(top + 0.36, 1.1)
-        return [across((rear - 0.24, rear + 0.16), 0.19, (top + 0.02, high), p.second)]
+        return [cuboid((rear - 0.24, rear + 0.16), 0.19, (top + 0.02, high), p.second)]
     return []
 
 

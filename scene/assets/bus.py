@@ -12,15 +12,15 @@ from scene.assets.parts.draw import (
     SEED,
     Rule,
     between,
-    drawn,
+    integer,
     keep,
     near,
     one_of,
     perhaps,
     plus,
-    resolved,
+    resolve,
+    sample_fields,
     times,
-    whole,
 )
 from scene.assets.parts.glazing import EMPTY, Glazing, glazed
 from scene.assets.parts.palette import (
@@ -37,7 +37,7 @@ from scene.assets.parts.palette import (
     WHITE,
     pick,
 )
-from scene.assets.parts.skin import across
+from scene.assets.parts.skin import cuboid
 from scene.assets.parts.vehicle import (
     Hull,
     Walls,
@@ -123,13 +123,13 @@ def sample_bus(rng: np.random.Generator, kind: str) -> BusParams:
     """Draw a bus of one body type: size within 8 %, livery, adverts, boxes on the roof."""
     model = _MODELS[kind]
     first, second = rng.choice(len(_LIVERIES), 2, replace=False)
-    color = resolved(rng, _PAINTS.get(kind, keep), pick(rng, (_LIVERIES[first],)))
-    return drawn(
+    color = resolve(rng, _PAINTS.get(kind, keep), pick(rng, (_LIVERIES[first],)))
+    return sample_fields(
         rng, model, length=times(0.92, 1.07), height=times(0.965, 1.035), bays=plus(-1, 3),
         rake=times(0.5, 1.8), round=between(0.12, 0.3), color=color,
         second=perhaps(0.75, near(0.15, _LIVERIES[second]), near(0.15, BLACK, TRIM)),
         livery=one_of(*_PATTERNS), advert=perhaps(0.55, near(0.15, *_LIVERIES)),
-        pods=whole(0, 4) if model.decks == 1 else 0,
+        pods=integer(0, 4) if model.decks == 1 else 0,
         rim=near(0.15, STEEL, OFF_WHITE, (0.12, 0.12, 0.12), color), seed=SEED,
         glazing=glazed(0.8),
     )  # fmt: skip
@@ -163,7 +163,7 @@ def bus(params: BusParams) -> Asset:
             out = 0.02 + 0.02 * (k % 2)
             half = p.width / 2 + out
             back, front = x + 0.16 * k, x + 0.16 * k + 0.17
-            parts.append(across((back, front), half, (_FLOOR, p.height + out), BLACK, "cloth"))
+            parts.append(cuboid((back, front), half, (_FLOOR, p.height + out), BLACK, "cloth"))
     if p.bonnet:
         parts += _bonnet(p)
     return merge(*parts)
@@ -295,7 +295,7 @@ def _ends(p: BusParams, shape: Hull, side: Walls) -> list[Asset]:
     ]
     x, z = p.length / 2 - p.bonnet + 0.1, min(2.3, 0.75 * p.height)
     for y in (p.width / 2 + 0.12, -p.width / 2 - 0.12):
-        parts.append(across((x - 0.12, x), 0.09, (z - 0.35, z), TRIM, at=y))
+        parts.append(cuboid((x - 0.12, x), 0.09, (z - 0.35, z), TRIM, at=y))
         parts.append(
             tube((x - 0.05, y, z), (x - 0.3, y - np.sign(y) * 0.2, z + 0.15), 0.02, TRIM, sides=4)
         )
@@ -313,16 +313,16 @@ def _above(p: BusParams, shape: Hull) -> list[Asset]:
         x = shape.x + (0.28 - 0.26 * k) * shape.length
         long, wide = 0.5 + 0.35 * ((p.seed >> k) % 3), 0.35 * p.width
         top = shape.high + 0.16 + 0.05 * k
-        parts.append(across((x - long, x + long), wide, (shape.high - 0.02, top), p.color))
+        parts.append(cuboid((x - long, x + long), wide, (shape.high - 0.02, top), p.color))
     if p.open_top:
         low, inner, end = shape.high, p.width / 2 - 0.12, shape.length / 2
         for x, y in product(np.arange(-end + 0.8, end - 1, 0.85).tolist(), (-0.55, 0.55)):
-            parts.append(across((x, x + 0.1), 0.4, (low, low + 0.75), p.second, "cloth", at=y))
+            parts.append(cuboid((x, x + 0.1), 0.4, (low, low + 0.75), p.second, "cloth", at=y))
         for y in (-inner, inner):
             parapet = (-end + 0.2, end - 0.4), 0.03, (low - 0.05, low + 0.4)
-            parts.append(across(*parapet, p.color, at=y))
+            parts.append(cuboid(*parapet, p.color, at=y))
         parts.append(
-            across((end - 0.5, end - 0.42), inner, (low - 0.05, low + 0.95), GLASS, "glass")
+            cuboid((end - 0.5, end - 0.42), inner, (low - 0.05, low + 0.95), GLASS, "glass")
         )
     return parts
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from scene.assets.family import Family, Size
-from scene.assets.parts.draw import between, drawn, near
+from scene.assets.parts.draw import between, near, sample_fields
 from scene.assets.parts.foliage import AUTUMNS, GREENS, directions, leaf_cards, slivers, tufts
 from scene.assets.parts.palette import IVY, pick
 from scene.classes import TrainId
@@ -89,11 +89,11 @@ def sample_bush(rng: np.random.Generator, kind: str) -> BushParams:
         leaves=900, leaf=0.11, color=pick(rng, GREENS, 0.3), bloom=pick(rng, PETALS, 0.2), blooms=0,
         seed=int(rng.integers(2**31)),
     )  # fmt: skip
-    hedge = drawn(
+    hedge = sample_fields(
         rng, round_, form="box", length=between(2.8, 4.2), width=between(0.6, 1.0),
         height=between(0.9, 1.9), parts=0, leaves=1500, leaf=0.1,
     )  # fmt: skip
-    return drawn(rng, hedge if "hedge" in kind else round_, **_KINDS[kind])
+    return sample_fields(rng, hedge if "hedge" in kind else round_, **_KINDS[kind])
 
 
 def _box(rng: np.random.Generator, params: BushParams) -> tuple[Asset, np.ndarray]:
@@ -207,9 +207,9 @@ def bush(params: BushParams) -> Asset:
         high = points[np.argsort(points[:, 2])[-len(points) // 2 :]]
         chosen = high[rng.integers(len(high), size=p.blooms // 4)]
         parts.append(tufts(rng, chosen + [0, 0, 0.04], 0.08, 4, 0.09, p.bloom))
-    whole = merge(*parts)
+    merged = merge(*parts)
     # What would be below the ground lies on it.
-    return reshaped(whole, np.maximum(whole.mesh.vertices, [-np.inf, -np.inf, 0]))
+    return reshaped(merged, np.maximum(merged.mesh.vertices, [-np.inf, -np.inf, 0]))
 
 
 FAMILY = Family(

@@ -8,7 +8,7 @@ import numpy as np
 
 from scene.assets.family import ROAD, Family, Size
 from scene.assets.parts.bodywork import ARCH_GAP, Body, Paint, axles, half, shell, underside
-from scene.assets.parts.draw import Rule, maybe, near, perhaps, resolved
+from scene.assets.parts.draw import Rule, maybe, near, perhaps, resolve
 from scene.assets.parts.fittings import Fittings, fittings
 from scene.assets.parts.glazing import Glazing, glazing, sample_glazing
 from scene.assets.parts.palette import (
@@ -200,7 +200,7 @@ def sample_car(rng: np.random.Generator, kind: str) -> CarParams | Rickshaw:
         return sample_rickshaw(rng)
     m = _MODELS[kind]
     body = _sample_body(rng, m)
-    color = resolved(rng, m.paint)
+    color = resolve(rng, m.paint)
     wear = _sample_wear(rng, m, color)
     return CarParams(
         body,
@@ -263,7 +263,7 @@ def _sample_wear(rng: np.random.Generator, m: _Model, color: Color) -> Paint:
     elif m.two_tones and rng.random() < 0.2:
         roof = VAN_WHITE if max(color) < 0.4 else BLACK
     side = darker(glass, 0.5 + 1.2 * float(tint))
-    windows = (True, not (resolved(rng, m.sealed) and rng.random() < 0.3))
+    windows = (True, not (resolve(rng, m.sealed) and rng.random() < 0.3))
     return Paint(color, lower, roof, side, glass, windows, rows, cloth, bool(rng.random() < 0.7))
 
 
@@ -276,7 +276,7 @@ def _sample_fittings(rng: np.random.Generator, m: _Model, color: Color) -> Fitti
     plastic = rng.random() < m.plastic
     inner, lamp_low = rng.uniform(0.42, 0.7), rng.uniform(0.58, 0.7)
     rear_low = rng.uniform(0.55, 0.62)
-    taxi = resolved(rng, m.taxi)
+    taxi = resolve(rng, m.taxi)
     crest = rng.uniform(0.84, 0.93)
     hatch = m.screens[3] > 0.95 and not m.van
     return Fittings(
@@ -298,7 +298,7 @@ def _sample_fittings(rng: np.random.Generator, m: _Model, color: Color) -> Fitti
         spoiler=color if hatch and rng.random() < 0.4 else None,
         box=pick(rng, (BLACK, STEEL)) if rng.random() < (0.12 if m.rails else 0.0) else None,
         sign=(0.6, 0.38, 0.04) if taxi else None,
-        spare=resolved(rng, m.spare),
+        spare=resolve(rng, m.spare),
         aerial=bool(rng.random() < 0.5),
         doors=m.doors,
         fog=bool(rng.random() < 0.6),

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.family import Family, Size
-from scene.assets.parts.draw import drawn, near, times
+from scene.assets.parts.draw import near, sample_fields, times
 from scene.assets.parts.palette import (
     GLOW,
     LAMP_CONCRETE,
@@ -82,7 +82,7 @@ KINDS: tuple[str, ...] = tuple(_KINDS)
 def sample_lamp(rng: np.random.Generator, kind: str) -> LampParams:
     """Draw a lamp of one of ``KINDS``."""
     p = _KINDS[kind]
-    return drawn(
+    return sample_fields(
         rng, p, height=times(1 - p.spread, 1 + p.spread), radius=times(0.9, 1.1),
         arms=times(0.85, 1.1), rise=times(0.85, 1.1), head_size=times(0.9, 1.15), color=near(0.3),
     )  # fmt: skip

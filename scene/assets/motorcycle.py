@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.family import ROAD, Family, Size
-from scene.assets.parts.draw import drawn, maybe, near, perhaps, times, whole
+from scene.assets.parts.draw import integer, maybe, near, perhaps, sample_fields, times
 from scene.assets.parts.palette import (
     AMBER,
     BLACK,
@@ -20,7 +20,7 @@ from scene.assets.parts.palette import (
     WHITE,
     darker,
 )
-from scene.assets.parts.skin import across, pair, slab
+from scene.assets.parts.skin import cuboid, pair, rounded_body
 from scene.assets.parts.vehicle import card, mudguard, rod
 from scene.assets.parts.wheel import Wheel, wheel
 from scene.classes import TrainId
@@ -83,13 +83,13 @@ _PAINTS: tuple[Color, ...] = (
 def sample_motorcycle(rng: np.random.Generator, kind: str) -> MotorcycleParams:
     """Draw a motorcycle of one body type: size within 5 %, paint, wheels, exhausts, luggage."""
     m = _MODELS[kind]
-    return drawn(
+    return sample_fields(
         rng, m, wheel_radius=times(0.95, 1.05), tyre=times(0.9, 1.15), wheelbase=times(0.95, 1.05),
         fairing=times(0.8, 1.2), screen=times(0.6, 1.2) if m.screen else perhaps(0.25, 0.25, 0.0),
         cases=m.cases or (not m.fairing and maybe(0.25)), tail=times(0.6, 1.4),
         color=near(0.2, *_PAINTS), seat_color=near(0.15, BLACK, TRIM, (0.09, 0.045, 0.025)),
         engine_color=near(0.15, STEEL, (0.06, 0.06, 0.062), (0.15, 0.15, 0.15)),
-        second=near(0.2, *_PAINTS), spokes=m.spokes if m.spokes > 8 else whole(3, 8),
+        second=near(0.2, *_PAINTS), spokes=m.spokes if m.spokes > 8 else integer(3, 8),
         rim=near(0.15, STEEL, BLACK, (0.45, 0.30, 0.05), (0.5, 0.5, 0.5)),
         pipes=2 if m.pipes == 2 else perhaps(0.3, 2, 1), front_box=m.scooter and maybe(0.3),
     )  # fmt: skip
@@ -154,8 +154,8 @@ def _machine(p: MotorcycleParams) -> list[Asset]:
     seat = [(tail, 0.05, z + p.tail, z + p.tail + 0.06), (x - 0.2, 0.12, z - 0.07, z + p.tail)]
     seat += [(x, 0.13, z - 0.09, z), (0.02, 0.09, z - 0.09, z + 0.01)]
     parts = [
-        slab(tank, p.color, "paint"),
-        slab(seat, p.seat_color, "plain"),
+        rounded_body(tank, p.color, "paint"),
+        rounded_body(seat, p.seat_color, "plain"),
         ellipsoid((0.02, 0, 0.37), (0.27, 0.16, 0.16), p.engine_color, "metal", subdivisions=2),
         tube((-0.05, -0.19, 0.36), (-0.05, 0.19, 0.36), 0.11, p.engine_color, "metal", sides=12),
         *_cylinders(p),
@@ -180,7 +180,7 @@ def _cylinders(p: MotorcycleParams) -> list[Asset]:
         x, z = 0.02 + 0.02 * k, 0.48 + 0.032 * k
         wide = 0.115 if k % 2 else 0.09
         color = p.engine_color if k % 2 else darker(p.engine_color, 0.3)
-        parts.append(across((x - 0.11, x + 0.11), wide, (z, z + 0.032), color, "metal"))
+        parts.append(cuboid((x - 0.11, x + 0.11), wide, (z, z + 0.032), color, "metal"))
     return parts
 
 
@@ -207,7 +207,7 @@ def _fairing(p: MotorcycleParams) -> Asset:
     stations += [(0.50, 0.18, low + 0.2, 1.0), (0.62, 0.07, 0.76, 0.92)]
     stripe = [(0.08, 0.215, low + 0.05), (0.4, 0.225, low + 0.3), (0.3, 0.225, low + 0.4)]
     return merge(
-        slab(stations, p.color, "paint"),
+        rounded_body(stations, p.color, "paint"),
         disc((0.63, 0.0, 0.85), 0.085, HEADLAMP, "lamp", axis=(1, 0, 0), sides=12),
         pair(polygon(stripe, p.second, "paint")),
     )
@@ -224,10 +224,10 @@ def _scooter(p: MotorcycleParams) -> list[Asset]:
     pipe = (-0.3, -0.19, radius), (rear - 0.1, -0.21, radius + 0.06)
     shield = [(0.26, 0.24, 0.22, 0.5), (0.38, 0.19, 0.4, 0.95), (0.46, 0.08, 0.5, 1.0)]
     return [
-        slab(body, p.color, "paint"),
-        slab(seat, p.seat_color, "plain"),
-        slab(shield, p.color, "paint"),
-        across((x + 0.05, 0.34), 0.2, (0.2, 0.28), TRIM),
+        rounded_body(body, p.color, "paint"),
+        rounded_body(seat, p.seat_color, "plain"),
+        rounded_body(shield, p.color, "paint"),
+        cuboid((x + 0.05, 0.34), 0.2, (0.2, 0.28), TRIM),
         tube(*pipe, 0.06, STEEL, "metal", sides=10),
         *_scooter_details(p),
     ]
@@ -242,7 +242,7 @@ def _scooter_details(p: MotorcycleParams) -> list[Asset]:
         pair(ellipsoid((0.43, 0.13, 0.72), (0.04, 0.035, 0.05), AMBER, "paint", subdivisions=0)),
     ]
     if p.front_box:
-        parts.append(across((0.46, 0.66), 0.15, (0.76, 0.98), p.second, "plain"))
+        parts.append(cuboid((0.46, 0.66), 0.15, (0.76, 0.98), p.second, "plain"))
     return parts
 
 
@@ -264,7 +264,7 @@ def _extras(p: MotorcycleParams) -> list[Asset]:
         parts += _cases(p)
     if p.sissy:
         x = -p.wheelbase / 2 + 0.08
-        parts.append(across((x, x + 0.06), 0.12, (z + 0.1, z + 0.42), p.seat_color))
+        parts.append(cuboid((x, x + 0.06), 0.12, (z + 0.1, z + 0.42), p.seat_color))
     return parts
 
 
@@ -272,10 +272,10 @@ def _cases(p: MotorcycleParams) -> list[Asset]:
     """A delivery box on a scooter; panniers and a top case on a tourer."""
     rear, low = -p.wheelbase / 2, SADDLE[2] + 0.06
     if p.scooter:
-        return [across((rear - 0.25, rear + 0.17), 0.2, (low, low + 0.42), p.second, "plain")]
-    top = across((rear - 0.25, rear + 0.17), 0.17, (low, low + 0.28), TRIM)
+        return [cuboid((rear - 0.25, rear + 0.17), 0.2, (low, low + 0.42), p.second, "plain")]
+    top = cuboid((rear - 0.25, rear + 0.17), 0.17, (low, low + 0.28), TRIM)
     return [top] + [
-        across((rear - 0.28, rear + 0.22), 0.1, (0.42, 0.76), p.color, "paint", at=y)
+        cuboid((rear - 0.28, rear + 0.22), 0.1, (0.42, 0.76), p.color, "paint", at=y)
         for y in (0.24, -0.24)
     ]
 

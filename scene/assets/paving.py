@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.family import ROAD, Family, Size
-from scene.assets.parts.draw import drawn, keep, near, times
+from scene.assets.parts.draw import keep, near, sample_fields, times
 from scene.assets.parts.palette import PALE_STONE
 from scene.classes import TrainId
 from scene.look.surfaces import SIDEWALK_TONE
@@ -52,7 +52,7 @@ def sample_paving(rng: np.random.Generator, kind: str) -> PavingParams:
     """Draw a piece of one of ``KINDS``; paths keep their length, so that pieces meet."""
     island = (times(0.85, 1.25), times(0.9, 1.15), keep)
     size = (keep, times(0.6, 1.2), keep) if "path" in kind else island
-    return drawn(rng, _KINDS[kind], color=near(0.35), kerb=near(0.3), size=size)
+    return sample_fields(rng, _KINDS[kind], color=near(0.35), kerb=near(0.3), size=size)
 
 
 def paving(params: PavingParams) -> Asset:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from scene.assets.family import FRONTAGE, Family, Size
-from scene.assets.parts.draw import SEED, between, drawn, near, whole
+from scene.assets.parts.draw import SEED, between, integer, near, sample_fields
 from scene.assets.parts.palette import BOARDS, SCAFFOLD_STEEL
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, Point, merge, shade
@@ -51,10 +51,10 @@ KINDS: tuple[str, ...] = tuple(_KINDS)
 def sample_scaffold(rng: np.random.Generator, kind: str) -> ScaffoldParams:
     """Draw a scaffold of one of ``KINDS``."""
     rules = dict(
-        bays=whole(3, 6), bay=between(1.8, 2.3), depth=between(0.9, 1.25), lifts=whole(2, 5),
+        bays=integer(3, 6), bay=between(1.8, 2.3), depth=between(0.9, 1.25), lifts=integer(2, 5),
         steel=near(0.3), boards=near(0.3), net=near(0.25, *_NETS), seed=SEED,
     )  # fmt: skip
-    return drawn(rng, _SCAFFOLD, **{**rules, **_KINDS[kind]})
+    return sample_fields(rng, _SCAFFOLD, **{**rules, **_KINDS[kind]})
 
 
 def scaffold(params: ScaffoldParams) -> Asset:

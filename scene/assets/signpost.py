@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.family import Family, Size
-from scene.assets.parts.draw import Like, drawn, near, times
+from scene.assets.parts.draw import SameAs, near, sample_fields, times
 from scene.assets.parts.palette import (
     GOLD,
     POST_BLACK,
@@ -80,8 +80,8 @@ def sample_signpost(rng: np.random.Generator, kind: str) -> SignpostParams:
     """Draw a post of one of ``KINDS``."""
     p = _PATTERNS[kind]
     top = MAX_HEIGHT - (0.45 if p.extra in ("beacon", "solar") else 0.0)
-    second = Like("color") if p.color == p.second_color else near(0.15)
-    p = drawn(
+    second = SameAs("color") if p.color == p.second_color else near(0.15)
+    p = sample_fields(
         rng, p, color=near(0.25), height=times(0.94, 1.08), radius=times(0.92, 1.08), second_color=second
     )  # fmt: skip
     height = float(np.clip(p.height, MIN_HEIGHT, top))

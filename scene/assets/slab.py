@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.family import FOOTWAY, Family, Size
-from scene.assets.parts.draw import between, drawn, near
+from scene.assets.parts.draw import between, near, sample_fields
 from scene.assets.parts.palette import SLAB_WHITE, darker
 from scene.classes import TrainId
 from scene.look.surfaces import ROAD_TONE
@@ -45,7 +45,7 @@ KINDS: tuple[str, ...] = tuple(_KINDS)
 def sample_slab(rng: np.random.Generator, kind: str) -> SlabParams:
     """Draw a tile of one of ``KINDS``."""
     stain = (between(-0.35, 0.35), between(-1.6, 1.6), float(rng.uniform(0.2, 0.8)))
-    return drawn(rng, _KINDS[kind], stain=stain, color=near(0.45), paint=near(0.2))
+    return sample_fields(rng, _KINDS[kind], stain=stain, color=near(0.45), paint=near(0.2))
 
 
 def slab(params: SlabParams) -> Asset:

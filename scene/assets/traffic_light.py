@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.family import SIGN, Family, Size
-from scene.assets.parts.draw import drawn, near
+from scene.assets.parts.draw import near, sample_fields
 from scene.assets.parts.palette import (
     LIGHT_AMBER,
     LIGHT_GREEN,
@@ -93,7 +93,7 @@ def sample_traffic_light(rng: np.random.Generator, kind: str) -> TrafficLightPar
     # The housing must reach down to the shortest post.
     centre = float(rng.uniform(2.3, min(2.95, MIN_HEIGHT - 0.1 + half)))
     depth = float(rng.uniform(0.18, 0.24))
-    p = drawn(rng, p, edge=near(0.1), color=near(0.25), front=near(0.25))
+    p = sample_fields(rng, p, edge=near(0.1), color=near(0.25), front=near(0.25))
     return TrafficLightParams(centre, heads, radius, depth, p)
 
 

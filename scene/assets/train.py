@@ -15,12 +15,12 @@ from scene.assets.family import FRONTAGE, Family, Size
 from scene.assets.parts.draw import (
     SEED,
     between,
-    drawn,
+    integer,
     maybe,
     near,
     perhaps,
+    sample_fields,
     times,
-    whole,
 )
 from scene.assets.parts.glazing import EMPTY, Glazing, glazed
 from scene.assets.parts.palette import (
@@ -35,7 +35,7 @@ from scene.assets.parts.palette import (
     WHITE,
     darker,
 )
-from scene.assets.parts.skin import across
+from scene.assets.parts.skin import cuboid
 from scene.assets.parts.vehicle import (
     Hull,
     Walls,
@@ -109,9 +109,9 @@ def sample_train(rng: np.random.Generator, kind: str) -> TrainParams:
     model = _MODELS[kind]
     freight = _BODIES[model.body].freight
     paints, bands = (_FREIGHT, _FREIGHT) if freight else (_LIVERIES, (*_LIVERIES, TRIM, WHITE))
-    return drawn(
+    return sample_fields(
         rng, model, color=near(0.15, *paints), length=times(0.94, 1.06), height=times(0.98, 1.02),
-        band=near(0.15, *bands), pantograph=maybe(0.8), bays=whole(2, 5),
+        band=near(0.15, *bands), pantograph=maybe(0.8), bays=integer(2, 5),
         face=perhaps(0.5, near(0.15, *_LIVERIES)), round=between(0.2, 0.5), rake=times(0.8, 1.2),
         seed=SEED, glazing=glazed(0.6),
     )  # fmt: skip
@@ -137,10 +137,10 @@ def _bogies(p: TrainParams) -> list[Asset]:
             parts.append(axle(x, half, radius, 0.14, None, sides=16))
         if p.floor > radius + 0.1:
             span, high = (middle - 1.5, middle + 1.5), (radius + 0.05, p.floor + 0.02)
-            parts.append(across(span, half + 0.03, high, BLACK, "metal"))
+            parts.append(cuboid(span, half + 0.03, high, BLACK, "metal"))
     if p.floor > 0.8:
         span = (-0.18 * p.length, 0.18 * p.length)
-        parts.append(across(span, p.width / 2 - 0.25, (0.35, p.floor), TRIM, "metal"))
+        parts.append(cuboid(span, p.width / 2 - 0.25, (0.35, p.floor), TRIM, "metal"))
     return parts
 
 
@@ -150,7 +150,7 @@ def _pantograph(p: TrainParams) -> list[Asset]:
     elbow, head = (x - 0.7, 0.0, top + 0.55), (x + 0.25, 0.0, top + 1.1)
     bar = [(head[0], y, head[2]) for y in (-0.75, 0.75)]
     return [
-        across((x - 0.6, x + 0.6), 0.5, (top - 0.02, top + 0.16), TRIM),
+        cuboid((x - 0.6, x + 0.6), 0.5, (top - 0.02, top + 0.16), TRIM),
         rod((x + 0.3, 0, top), elbow, 0.035, STEEL),
         rod(elbow, head, 0.03, STEEL),
         rod(bar[0], bar[1], 0.03, STEEL),
@@ -177,7 +177,7 @@ def _cab_ends(p: TrainParams, side: Walls, glass: tuple[float, float]) -> list[A
             lettering(face, (0.3, 0.7), (glass[1] + 0.025, glass[1] + 0.07), AMBER, p.seed),
         ]
         x, z = end * p.length / 2, p.floor
-        parts.append(across((x - 0.25, x + 0.25), 0.15, (z - 0.1, z + 0.15), TRIM))
+        parts.append(cuboid((x - 0.25, x + 0.25), 0.15, (z - 0.1, z + 0.15), TRIM))
     return parts
 
 
@@ -188,7 +188,7 @@ def _passenger(p: TrainParams, bays: int, doors: int, glass: tuple[float, float]
     parts = [hull(_shape(p), p.color)]
     parts += _cab_ends(p, side, (glass[0] - 0.03, glass[1]))
     parts += [  # cooling boxes on the roof
-        across((x - 1.1, x + 1.1), 0.7, (p.height - 0.05, p.height + 0.22), TRIM, "metal")
+        cuboid((x - 1.1, x + 1.1), 0.7, (p.height - 0.05, p.height + 0.22), TRIM, "metal")
         for x in (p.length - 2 * p.rake)
         * np.array((-0.3, 0.35) if p.seed % 2 else (-0.12, 0.3, -0.38))
     ]
@@ -204,7 +204,7 @@ def _passenger(p: TrainParams, bays: int, doors: int, glass: tuple[float, float]
             parts += panes(wall, leaves, (0.3, glass[1]), p.glazing, lift=0.035)
     for joint in np.linspace(-0.5, 0.5, p.sections + 1)[1:-1] * p.length:
         half = p.width / 2 + 0.03
-        parts.append(across((joint - 0.3, joint + 0.3), half, (p.floor, p.height - 0.2), BLACK))
+        parts.append(cuboid((joint - 0.3, joint + 0.3), half, (p.floor, p.height - 0.2), BLACK))
     return parts
 
 
@@ -229,7 +229,7 @@ def _locomotive(p: TrainParams) -> list[Asset]:
             parts.append(panels(wall, [grille], slats, STEEL, lift=0.02))
     reach = p.length / 2 + 0.4
     return parts + [  # buffers, one bar through the length for a pair
-        across((-reach, reach), 0.16, (0.9, 1.2), TRIM, at=y) for y in (-0.88, 0.88)
+        cuboid((-reach, reach), 0.16, (0.9, 1.2), TRIM, at=y) for y in (-0.88, 0.88)
     ]
 
 
@@ -247,7 +247,7 @@ def _hopper(p: TrainParams) -> list[Asset]:
     ]
     heap = [rings[2] - [0, 0, 0.05], plan * [0.7 * end, 0.3 * half, 0] + [0, 0, p.height + 0.35]]
     parts = [loft(rings, p.color, "metal"), loft(heap, (0.05, 0.048, 0.045), "concrete")]
-    parts.append(across((-p.length / 2, p.length / 2), 0.5, (0.85, 1.1), BLACK, "metal"))
+    parts.append(cuboid((-p.length / 2, p.length / 2), 0.5, (0.85, 1.1), BLACK, "metal"))
     for wall in walls(2 * end, 0.97 * p.width, p.floor + 0.9, p.height)[:2]:
         ribs = strips(np.linspace(0.02, 0.98, 9), 0.012)
         parts.append(panels(wall, ribs, [(0, 1)], darker(p.color), "metal"))
@@ -257,10 +257,10 @@ def _hopper(p: TrainParams) -> list[Asset]:
 def _container(p: TrainParams) -> list[Asset]:
     """Two containers on a flat wagon."""
     half, end = p.width / 2, p.length / 2
-    frame = across((-end, end), half, (p.floor - 0.25, p.floor), BLACK, "metal")
+    frame = cuboid((-end, end), half, (p.floor - 0.25, p.floor), BLACK, "metal")
     parts = [frame]
     for start, stop, color in ((-end + 0.3, -0.1, p.color), (0.1, end - 0.3, p.band)):
-        parts.append(across((start, stop), half, (p.floor, p.height), color, "metal"))
+        parts.append(cuboid((start, stop), half, (p.floor, p.height), color, "metal"))
         side = walls(stop - start, p.width, p.floor, p.height, x=(start + stop) / 2)
         for wall in side[:2]:
             folds = strips(np.linspace(0.04, 0.96, 9), 0.018)
@@ -277,7 +277,7 @@ def _tank(p: TrainParams) -> list[Asset]:
     ends = ((0.97, 0.5), (0.95, 0.8), (0.91, 0.96), (0.86, 1.0))
     middle = p.floor + radius
     parts = [
-        across((-end, end), half, (p.floor - 0.3, p.floor), BLACK, "metal"),
+        cuboid((-end, end), half, (p.floor - 0.3, p.floor), BLACK, "metal"),
         tank(loop, 0.0, middle, end, ends, p.color),
         tube(
             (0, 0, p.height - 0.1), (0, 0, p.height + 0.25), 0.5, darker(p.color), "metal", sides=12

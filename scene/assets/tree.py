@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from scene.assets.family import Family, Size
-from scene.assets.parts.draw import between, drawn, near
+from scene.assets.parts.draw import between, near, sample_fields
 from scene.assets.parts.foliage import AUTUMNS, GREENS, leaf_cards, slivers, tubes, tufts
 from scene.assets.parts.palette import BLACK, IVY, pick
 from scene.classes import TrainId
@@ -144,7 +144,7 @@ def sample_tree(rng: np.random.Generator, kind: str) -> TreeParams:
     share = float(rng.uniform(0.85, 1.0))
     if row.leafy:
         p = p._replace(forks=(5, 3, 0), leafy=share, each=20, tuft=0.6, leaf=0.29)
-    p = drawn(rng, p, **row.fields)
+    p = sample_fields(rng, p, **row.fields)
     names = [n for n in _OF_HEIGHT if n in row.fields and not (n == "radius" and p.staked)]
     return p._replace(**{name: getattr(p, name) * p.height for name in names})
 
@@ -297,8 +297,8 @@ def tree(params: TreeParams) -> Asset:
         ]
     if p.ivy:
         leaves.append(_ivy(rng, p, trunk))
-    whole = merge(*wood, *leaves, *(_stakes(p) if p.staked else []))
-    return _within(whole, p)
+    merged = merge(*wood, *leaves, *(_stakes(p) if p.staked else []))
+    return _within(merged, p)
 
 
 def _within(asset: Asset, params: TreeParams) -> Asset:

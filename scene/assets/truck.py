@@ -13,10 +13,10 @@ from scene.assets.parts import cargo, lorry
 from scene.assets.parts.draw import (
     SEED,
     between,
-    drawn,
     maybe,
     near,
     perhaps,
+    sample_fields,
     times,
 )
 from scene.assets.parts.glazing import NARROW, glazed
@@ -38,7 +38,7 @@ from scene.assets.parts.palette import (
     darker,
     pick,
 )
-from scene.assets.parts.skin import across, pair
+from scene.assets.parts.skin import cuboid, pair
 from scene.assets.parts.vehicle import (
     Hull,
     arch,
@@ -126,7 +126,7 @@ def sample_truck(rng: np.random.Generator, kind: str) -> TruckParams:
     dark = (0.03, 0.04, 0.12) if rng.random() < 0.5 else cab
     accent = WHITE if max(body) < 0.35 else dark if max(dark) < 0.4 else TRIM
     grille = rng.uniform(0.16, 0.24)
-    return drawn(
+    return sample_fields(
         rng, model, length=model.length * long,
         axles=(model.axles[0], *(x * long for x in model.axles[1:])),
         height=times(0.9, 1.05), cab_height=times(0.95, 1.06), rake=times(0.4, 1.6),
@@ -202,7 +202,7 @@ def _on_cab(p: TruckParams, h: Hull) -> list[Asset]:
     if p.visor:
         x, z = nose - p.rake * top, h.low + top * (h.high - h.low)
         parts.append(
-            across((x - 0.05, x + 0.22), 0.45 * p.width, (z - 0.02, z + 0.1), darker(p.cab, 0.4))
+            cuboid((x - 0.05, x + 0.22), 0.45 * p.width, (z - 0.02, z + 0.1), darker(p.cab, 0.4))
         )
     if p.deflector and p.height > h.high + 0.15:
         long, x = p.cab_length, nose - p.cab_length + 0.42 * p.cab_length
@@ -219,14 +219,14 @@ def _on_cab(p: TruckParams, h: Hull) -> list[Asset]:
 def _chassis(p: TruckParams) -> list[Asset]:
     """Frame rails, fuel tank, mudguards, and side guards between the axles that are far apart."""
     nose, tail, bed = p.length / 2, -p.length / 2, floor(p)
-    parts = [across((tail, nose - 1), 0.45, (bed - 0.35, bed), BLACK, "metal")]
+    parts = [cuboid((tail, nose - 1), 0.45, (bed - 0.35, bed), BLACK, "metal")]
     for ahead, behind in itertools.pairwise(p.axles):
         start, end = nose - behind + p.wheel_radius + 0.1, nose - ahead - p.wheel_radius - 0.1
         end = min(end, nose - p.cab_length - 0.1)
         if end - start > 1:
             for low, high in ((0.42, 0.52), (0.65, 0.75)):
                 y = p.width / 2 - 0.06
-                parts.append(pair(across((start, end), 0.02, (low, high), STEEL, "metal", at=y)))
+                parts.append(pair(cuboid((start, end), 0.02, (low, high), STEEL, "metal", at=y)))
             y, z = -0.75 * p.width / 2, bed - 0.32
             parts.append(tube((end - 0.9, y, z), (end - 0.1, y, z), 0.26, STEEL, "metal", sides=12))
     for x in p.axles[1:]:

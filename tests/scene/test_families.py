@@ -8,7 +8,7 @@ from hypothesis import given, settings
 
 from scene.assets import signpost
 from scene.assets.families import FAMILIES
-from scene.assets.parts.draw import Like, drawn, keep, perhaps, plus, times
+from scene.assets.parts.draw import SameAs, keep, perhaps, plus, sample_fields, times
 from scene.look.materials import MATERIALS
 from tests.scene.conftest import SEEDS, kinds, make, solid
 
@@ -109,8 +109,10 @@ class Row(NamedTuple):
 
 def test_rules_see_the_row_and_a_field_may_be_like_another():
     rng = np.random.default_rng(0)
-    row = drawn(rng, Row(), size=(keep, times(2, 2)), count=plus(1, 2), second=Like("color"),
+    row = sample_fields(rng, Row(), size=(keep, times(2, 2)), count=plus(1, 2), second=SameAs("color"),
                 color=perhaps(1, "green", keep))  # fmt: skip
     assert row == Row((2.0, 6.0), 6, "green", "green")
-    other = drawn(rng, Row(), color=perhaps(0, "green", keep), second=perhaps(0, "green", "grey"))
+    other = sample_fields(
+        rng, Row(), color=perhaps(0, "green", keep), second=perhaps(0, "green", "grey")
+    )
     assert other == Row(second="grey")

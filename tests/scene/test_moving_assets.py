@@ -13,7 +13,7 @@ from scene.assets.parts import carried, head, vehicle, wardrobe, wheel
 from scene.assets.parts.bodywork import ARCH_GAP, Paint, at, axles, low, share, shell
 from scene.assets.parts.glazing import glazing
 from scene.assets.parts.human import FOREARM, HAND, UPPER_ARM, Body, bend
-from scene.assets.parts.skin import mirrored, revolve, sheet, slab, twin_sheets, weld
+from scene.assets.parts.skin import mirrored, revolve, rounded_body, sheet, twin_sheets, weld
 from scene.assets.parts.van import van_sides
 from scene.look.materials import MATERIALS
 from scene.mesh.asset import merge
@@ -178,7 +178,7 @@ def test_sheets_twins_cylinders_and_slabs_by_hand():
     tube = revolve([(0.5, -1.0), (0.5, 1.0)], RED, "metal", sides=6)
     assert len(tube.mesh.vertices) == 12
     assert solid(tube.mesh).area == pytest.approx(6 * 0.5 * 2.0)  # a hexagon's side is its radius
-    mesh = slab([(0, 0.1, 0, 1), (1, 0.1, 0, 1), (2, 0.1, 0, 1)], RED, "paint").mesh
+    mesh = rounded_body([(0, 0.1, 0, 1), (1, 0.1, 0, 1), (2, 0.1, 0, 1)], RED, "paint").mesh
     assert mesh.bounds == pytest.approx(np.array([[0, -0.1, 0], [2, 0.1, 1]]))
 
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.parts.palette import BLACK
-from scene.assets.parts.skin import mirrored, painted, weld
+from scene.assets.parts.skin import mirrored, paint_cells, weld
 from scene.mesh.asset import Asset, Color
 from scene.mesh.mesh import frozen
 
@@ -287,7 +287,7 @@ def shell(b: Body, paint: Paint) -> Asset:
     )
     wear = [(paint.body, "paint"), (paint.lower, "plain"), (paint.roof, paint.roof_material)]
     wear += [(paint.glass, "glass"), (paint.screen, "glass"), (BLACK, "plain")]
-    left = painted(points, wear, _cells(b, paint, s))
+    left = paint_cells(points, wear, _cells(b, paint, s))
     ends = []
     for end in (0, 1):
         rim = points[0 if end == 0 else -1]
@@ -297,7 +297,7 @@ def shell(b: Body, paint: Paint) -> Asset:
         cells = np.zeros((len(FLANK) - 1, len(c) - 1), int)
         cells[: paint.lower_rows] = 1
         ends.append(
-            painted(grid if end == 0 else grid[::-1], wear, cells if end == 0 else cells[::-1])
+            paint_cells(grid if end == 0 else grid[::-1], wear, cells if end == 0 else cells[::-1])
         )
     one = weld(left, *ends)
     return weld(one, mirrored(one))
@@ -340,7 +340,7 @@ def underside(b: Body) -> Asset:
     down = inner.copy()
     down[:, 2] = np.minimum(b.sill + 0.02, inner[:, 2])
     middle = down * [1, 0, 1]
-    left = painted(
+    left = paint_cells(
         np.stack([middle, down, inner, edge], 1), [(BLACK, "plain")], np.zeros((len(s) - 1, 3), int)
     )
     return weld(left, mirrored(left))

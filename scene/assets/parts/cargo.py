@@ -8,7 +8,7 @@ import numpy as np
 
 from scene.assets.parts.lorry import TruckParams, bed, floor, sign
 from scene.assets.parts.palette import AMBER, BLACK, GRAVEL, STEEL, TAILLAMP, TRIM, WHITE, darker
-from scene.assets.parts.skin import across, pair, revolve
+from scene.assets.parts.skin import cuboid, pair, revolve
 from scene.assets.parts.vehicle import hoop, lettering, panel, panels, tank, walls
 from scene.mesh.asset import Asset, Point, repaint, reshaped, translate
 from scene.mesh.solids import block, loft, polygon, tube
@@ -21,8 +21,8 @@ def flatbed(p: TruckParams) -> list[Asset]:
     front, rear = x + length / 2, x - length / 2
     rng = np.random.default_rng(p.seed)
     parts = [
-        across((rear, front), half, (low, low + 0.14), p.body, "wood"),
-        across((front - 0.08, front), half, (low, p.height + 0.4), STEEL, "metal"),
+        cuboid((rear, front), half, (low, low + 0.14), p.body, "wood"),
+        cuboid((front - 0.08, front), half, (low, p.height + 0.4), STEEL, "metal"),
     ]
     start = rear + 0.15
     while start < rear + p.fill * length:
@@ -39,13 +39,13 @@ def flatbed(p: TruckParams) -> list[Asset]:
         else:
             color = (WHITE, (0.16, 0.10, 0.06), p.cab, (0.25, 0.07, 0.03))[int(rng.integers(4))]
             material, high = "wood" if kind == 1 else "cloth", (low + 0.16, tall)
-            parts.append(across((start, end), wide, high, color, material))
+            parts.append(cuboid((start, end), wide, high, color, material))
             for share in (0.3, 0.7):
                 at, strap = start + share * (end - start), (low + 0.16, tall + 0.01)
-                parts.append(across((at - 0.03, at + 0.03), wide + 0.01, strap, AMBER))
+                parts.append(cuboid((at - 0.03, at + 0.03), wide + 0.01, strap, AMBER))
         start = end + rng.uniform(0.05, 0.3)
     if p.fill < 0.75:  # drop sides
-        parts += [across((rear, front), 0.02, (low + 0.1, low + 0.5), p.cab, "metal", at=y)
+        parts += [cuboid((rear, front), 0.02, (low + 0.1, low + 0.5), p.cab, "metal", at=y)
                   for y in (half, -half)]  # fmt: skip
     return parts
 
@@ -69,7 +69,7 @@ def tipper(p: TruckParams) -> list[Asset]:
     parts = [
         loft(edge, p.body, "metal"),
         loft([heap, peak], GRAVEL, "concrete"),
-        across((x + length / 2, x + length / 2 + 0.7), half, (high - 0.1, high), p.body),
+        cuboid((x + length / 2, x + length / 2 + 0.7), half, (high - 0.1, high), p.body),
         tube((x + length / 2 + 0.15, 0, low), (x + length / 2 + 0.1, 0, high), 0.1, STEEL, "metal"),
     ]
     for share in np.linspace(0.04, 0.96, 7):  # ribs
@@ -101,8 +101,8 @@ def tanker(p: TruckParams) -> list[Asset]:
     ends = ((0.5, 0.55), (0.49, 0.8), (0.46, 0.97), (0.44, 1.0))
     parts = [
         tank(loop, x, middle, length, ends, p.body),
-        across((x - reach, x + reach), 0.3, (top - 0.04, top + 0.05), TRIM),
-        across((x - length / 2, x + length / 2), 0.5, (low - 0.1, low + 0.15), TRIM),
+        cuboid((x - reach, x + reach), 0.3, (top - 0.04, top + 0.05), TRIM),
+        cuboid((x - length / 2, x + length / 2), 0.5, (low - 0.1, low + 0.15), TRIM),
     ]
     back = x - length / 2 - 0.02
     for y, head in ((0.5, top), (0.8, top - 0.1)):
@@ -139,7 +139,7 @@ def refuse(p: TruckParams) -> list[Asset]:
         ]
     )
     parts = [
-        across((split, x + length / 2), half, (low, p.height - 0.15), p.body, "paint"),
+        cuboid((split, x + length / 2), half, (low, p.height - 0.15), p.body, "paint"),
         loft(rings, darker(p.body, 0.8), "paint"),
         panel(slope, (0.12, 0.88), (0.02, 0.45), BLACK),
         panel(slope, (0, 1), (0.62, 0.72), AMBER),
@@ -179,7 +179,7 @@ def mixer(p: TruckParams) -> list[Asset]:
     chute = [(high, 0.25, 1.9), (high, -0.25, 1.9), (deep, -0.2, 1.2), (deep, 0.2, 1.2)]
     return [
         translate(reshaped(drum, turned), (x, 0, low + radius + 0.25)),
-        across((x + 0.32 * length, x + 0.42 * length), 0.5, (low, low + 1.1), p.cab),
+        cuboid((x + 0.32 * length, x + 0.42 * length), 0.5, (low, low + 1.1), p.cab),
         pair(tube((rear + 0.7, 0.8, low), (rear + 0.5, 0.3, p.height - 0.4), 0.06, p.cab, "metal")),
         loft([np.array(chute), np.array(chute) - [0, 0, 0.06]], STEEL, "metal"),
         tube(*hopper, 0.3, p.cab, "paint", end_radius=0.6, sides=8),
@@ -198,7 +198,7 @@ def skip(p: TruckParams) -> list[Asset]:
         (x - 0.38 * length, half - 0.12, p.height),
     )
     return [
-        across((x - length / 2, x + length / 2), half, (low, low + 0.16), TRIM, "metal"),
+        cuboid((x - length / 2, x + length / 2), half, (low, low + 0.16), TRIM, "metal"),
         loft(edge, p.body, "metal"),
         loft([heap, peak], (0.13, 0.10, 0.08), "concrete"),
         pair(tube(root, tip, 0.12, p.cab, "paint", sides=4)),
@@ -214,12 +214,12 @@ def recovery(p: TruckParams) -> list[Asset]:
     front, rear = x + length / 2, x - length / 2 + 0.5  # ahead of the ramp
     elbow = (front - 0.3, 0.0, p.height + 0.3)
     hook = (front - 0.3 - 0.45 * length * p.fill, 0.0, p.height + 0.1)
-    bar = across((front - 0.05, front + 0.1), 0.7, (p.height - 0.35, p.height - 0.2), AMBER, "lamp")
+    bar = cuboid((front - 0.05, front + 0.1), 0.7, (p.height - 0.35, p.height - 0.2), AMBER, "lamp")
     rail = block((rear, half - 0.06, low), (front, half, low + 0.22), p.body, "metal")
     tip = rear - 0.5
     ramp: list[Point] = [(rear, half, low), (rear, -half, low), (tip, -half, 0.6), (tip, half, 0.6)]
     return [
-        across((rear, front), half, (low - 0.05, low + 0.1), STEEL, "metal"),
+        cuboid((rear, front), half, (low - 0.05, low + 0.1), STEEL, "metal"),
         pair(rail),
         bar,
         tube((front - 0.3, 0, low), elbow, 0.16, p.cab, "paint", sides=8),

@@ -24,7 +24,7 @@ def between(low: float, high: float) -> Rule:
     return lambda rng, value: float(rng.uniform(low, high))
 
 
-def whole(low: int, high: int) -> Rule:
+def integer(low: int, high: int) -> Rule:
     """A whole number from ``low`` to below ``high``."""
     return lambda rng, value: int(rng.integers(low, high))
 
@@ -51,12 +51,12 @@ def near(spread: float, *colors: Color) -> Rule:
 
 def one_of(*options: Any) -> Rule:
     """One of several values or rules, each as likely."""
-    return lambda rng, value: resolved(rng, options[rng.integers(len(options))], value)
+    return lambda rng, value: resolve(rng, options[rng.integers(len(options))], value)
 
 
 def perhaps(chance: float, rule: Any, otherwise: Any = None) -> Rule:
     """With a probability of ``chance`` one value or rule, else the other."""
-    return lambda rng, value: resolved(rng, rule if rng.random() < chance else otherwise, value)
+    return lambda rng, value: resolve(rng, rule if rng.random() < chance else otherwise, value)
 
 
 def maybe(chance: float) -> Rule:
@@ -69,17 +69,17 @@ def keep(rng: np.random.Generator, value: Any) -> Any:
     return value
 
 
-class Like(NamedTuple):
+class SameAs(NamedTuple):
     """In the place of a rule: the value that another field gets."""
 
     field: str
 
 
-SEED = whole(0, 2**31)
+SEED = integer(0, 2**31)
 """Of what is drawn while the asset is built."""
 
 
-def drawn(rng: np.random.Generator, kind: Params, **rules: Any) -> Params:
+def sample_fields(rng: np.random.Generator, kind: Params, **rules: Any) -> Params:
     """The parameters of a kind with some fields drawn, in the order of ``rules``.
 
     Args:
@@ -88,18 +88,18 @@ def drawn(rng: np.random.Generator, kind: Params, **rules: Any) -> Params:
         **rules: by field, a rule, the value itself, a tuple of them for the numbers of
             a tuple, or ``Like`` another field.
     """
-    fields = {name: resolved(rng, rule, getattr(kind, name)) for name, rule in rules.items()}
-    likes = {name: fields[v.field] for name, v in fields.items() if isinstance(v, Like)}
+    fields = {name: resolve(rng, rule, getattr(kind, name)) for name, rule in rules.items()}
+    likes = {name: fields[v.field] for name, v in fields.items() if isinstance(v, SameAs)}
     return kind._replace(**{**fields, **likes})
 
 
-def resolved(rng: np.random.Generator, rule: Any, value: Any = None) -> Any:
+def resolve(rng: np.random.Generator, rule: Any, value: Any = None) -> Any:
     """What a rule draws, or the value itself that stands in its place; ``value`` is the kind's."""
     if callable(rule):
         return rule(rng, value)
     if type(rule) is tuple:
         same = isinstance(value, tuple) and len(value) == len(rule)
-        return tuple(map(partial(resolved, rng), rule, value if same else repeat(value)))
+        return tuple(map(partial(resolve, rng), rule, value if same else repeat(value)))
     return rule
 
 
@@ -109,6 +109,6 @@ def sampler(
     """The ``sample`` of a family whose table of kinds holds parameters; see ``drawn``."""
 
     def sample(rng: np.random.Generator, kind: str) -> Params:
-        return drawn(rng, kinds[kind], **rules)
+        return sample_fields(rng, kinds[kind], **rules)
 
     return sample

@@ -19,7 +19,7 @@ from scene.assets.parts.palette import (
     TAILLAMP_LENS,
     TRIM,
 )
-from scene.assets.parts.skin import across, pair, sheet, twin_sheets
+from scene.assets.parts.skin import cuboid, pair, sheet, twin_sheets
 from scene.mesh.asset import Asset, Color, Point, merge
 from scene.mesh.solids import ellipsoid, tube
 
@@ -256,7 +256,7 @@ def _over(b: Body, f: Fittings) -> list[Asset]:
         shape = (x, 0.12, z + 0.15), (length / 1.6, 0.42, 0.17)
         parts.append(ellipsoid(*shape, f.box, subdivisions=2))
         parts += [
-            across((x + d - 0.03, x + d + 0.03), 0.55, (z - 0.02, z + 0.05), BLACK)
+            cuboid((x + d - 0.03, x + d + 0.03), 0.55, (z - 0.02, z + 0.05), BLACK)
             for d in (-0.3, 0.4)
         ]
     if f.sign is not None:
@@ -266,7 +266,7 @@ def _over(b: Body, f: Fittings) -> list[Asset]:
             (0.075, 0.2, 0.02, 0.09, BLACK, "plain"),
         ):
             deep, tall = (at - long, at + long), (foot + low, foot + high)
-            parts.append(across(deep, wide, tall, color, material))
+            parts.append(cuboid(deep, wide, tall, color, material))
     if f.aerial:
         root = roof(b, np.array([b.roof_rear - 0.06]), np.zeros(1))[0]
         tip: Point = (root[0] - 0.1, 0.0, root[2] + 0.22)

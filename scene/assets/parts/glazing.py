@@ -215,6 +215,6 @@ def on_panes(
     corners = np.stack(
         [points[:, :-1, :-1], points[:, :-1, 1:], points[:, 1:, 1:], points[:, 1:, :-1]], axis=3
     ).reshape(-1, 4, 3)
-    whole = quads(corners, [color] * len(corners), ["glass"] * len(corners)).mesh
-    left = whole.faces[twice_areas(whole.vertices, whole.faces) > EMPTIED]
-    return solid(whole.vertices, left, color, "glass")
+    mesh = quads(corners, [color] * len(corners), ["glass"] * len(corners)).mesh
+    faces = mesh.faces[twice_areas(mesh.vertices, mesh.faces) > EMPTIED]
+    return solid(mesh.vertices, faces, color, "glass")

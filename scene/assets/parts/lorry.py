@@ -8,7 +8,7 @@ import numpy as np
 
 from scene.assets.parts.glazing import EMPTY, Glazing
 from scene.assets.parts.palette import BLACK, STEEL, TRIM, darker
-from scene.assets.parts.skin import across
+from scene.assets.parts.skin import cuboid
 from scene.assets.parts.vehicle import Span, Walls, lettering, panel, panels, strips, walls
 from scene.mesh.asset import Asset, Color
 from scene.mesh.solids import loft
@@ -94,7 +94,7 @@ def _closed(
     """A body with doors behind, rails round its edges, and lettering on its sides."""
     x, length, width = bed(p)
     return [
-        across((x - length / 2, x + length / 2), width / 2, (floor(p), p.height), p.body, material),
+        cuboid((x - length / 2, x + length / 2), width / 2, (floor(p), p.height), p.body, material),
         *_doors(side.rear),
         *_edges(side, rails),
         *sign(p, side, u, v),

@@ -18,7 +18,7 @@ from scene.assets.parts.palette import (
     TRIM,
     pick,
 )
-from scene.assets.parts.skin import across, pair, twin_sheets
+from scene.assets.parts.skin import cuboid, pair, twin_sheets
 from scene.assets.parts.vehicle import card
 from scene.assets.parts.wheel import Wheel, wheel
 from scene.mesh.asset import Asset, Color, merge, translate
@@ -91,11 +91,11 @@ def _tub(r: Rickshaw) -> list[Asset]:
         ],
         r.tub, "paint",
     )  # fmt: skip
-    floor = across((tail + 0.8, nose - 0.55), 0.92 * half, (0.26, 0.36), r.tub, "paint")
+    floor = cuboid((tail + 0.8, nose - 0.55), 0.92 * half, (0.26, 0.36), r.tub, "paint")
     seats = [
-        across((tail + 0.2, tail + 0.75), 0.84 * half, (0.7, 0.8), TRIM, "cloth"),
-        across((tail + 0.12, tail + 0.24), 0.84 * half, (0.75, 1.2), TRIM, "cloth"),
-        across((0.16, 0.5), 0.3, (0.36, 0.72), TRIM, "cloth"),
+        cuboid((tail + 0.2, tail + 0.75), 0.84 * half, (0.7, 0.8), TRIM, "cloth"),
+        cuboid((tail + 0.12, tail + 0.24), 0.84 * half, (0.75, 1.2), TRIM, "cloth"),
+        cuboid((0.16, 0.5), 0.3, (0.36, 0.72), TRIM, "cloth"),
     ]
     inside = [(tail + 0.1, 0, 0.4), (nose - 0.6, 0, 0.4), (nose - 0.72, 0, r.height - 0.1)]
     dark = polygon([*inside, (tail + 0.1, 0, r.height - 0.1)], BLACK)
@@ -111,7 +111,7 @@ def _hood(r: Rickshaw) -> list[Asset]:
          for x, drop in ((tail + 0.02, 0.06), (tail + 0.3, 0.0), (front - 0.2, 0.01), (front + 0.08, 0.08))],
         r.hood, "cloth",
     )  # fmt: skip
-    back = across((tail + 0.02, tail + 0.06), 0.9 * half, (0.85, top - 0.1), r.hood, "cloth")
+    back = cuboid((tail + 0.02, tail + 0.06), 0.9 * half, (0.85, top - 0.1), r.hood, "cloth")
     quarter = np.array(
         [[(tail + 0.04, 0.93 * half, 0.85), (tail + 0.55, 0.95 * half, 0.85)],
          [(tail + 0.04, 0.95 * half, top - 0.12), (tail + 0.75, 0.96 * half, top - 0.12)]]
@@ -143,7 +143,7 @@ def _front(r: Rickshaw) -> list[Asset]:
     signal = ellipsoid((nose - 0.42, 0.55 * half, 0.66), (0.03, 0.04, 0.03), AMBER, "paint")
     guard = ellipsoid((nose - 0.3, 0, 0.4), (0.3, 0.1, 0.12), r.tub, "paint")
     lamp = tube((nose - 0.36, 0, 0.72), (nose - 0.18, 0, 0.72), 0.09, HEADLAMP, "lamp", sides=10)
-    trim = across((nose - 0.3, nose - 0.25), 0.2, (0.9, 0.94), CHROME, "metal")
+    trim = cuboid((nose - 0.3, nose - 0.25), 0.2, (0.9, 0.94), CHROME, "metal")
     return [
         twin_sheets(np.array(rows), r.tub), twin_sheets(np.array(screen), GLASS, "glass"),
         pair(mirror), pair(signal), guard, lamp, trim,

@@ -41,7 +41,7 @@ def _twin_cells(n: int, m: int) -> np.ndarray:
     return frozen(np.concatenate([faces, faces[:, ::-1] + n * m]))
 
 
-def painted(points: np.ndarray, paints: list[tuple[Color, str]], cells: np.ndarray) -> Asset:
+def paint_cells(points: np.ndarray, paints: list[tuple[Color, str]], cells: np.ndarray) -> Asset:
     """A sheet whose cell (i, j) wears ``paints[cells[i, j]]``, a colour and a material."""
     skin = sheet(points, (0, 0, 0))
     which = np.repeat(cells.ravel(), 2)
@@ -78,7 +78,7 @@ def pair(asset: Asset) -> Asset:
     return merge(asset, mirrored(asset))
 
 
-def across(
+def cuboid(
     x: tuple[float, float], half: float, z: tuple[float, float], color: Color,
     material: str = "plain", *, at: float = 0.0,
 ) -> Asset:  # fmt: skip
@@ -106,7 +106,9 @@ def revolve(
 _ROUND = np.linspace(0, np.pi / 2, 4)
 
 
-def slab(stations: list[tuple[float, float, float, float]], color: Color, material: str) -> Asset:
+def rounded_body(
+    stations: list[tuple[float, float, float, float]], color: Color, material: str
+) -> Asset:
     """A rounded body along x from (x, half width, low, high) sections, narrower above."""
     rings = []
     for x, half, low, high in _smooth(stations):

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from scene.assets.parts.draw import between, drawn, near, one_of, whole
+from scene.assets.parts.draw import between, integer, near, one_of, sample_fields
 from scene.assets.parts.palette import ANTHRACITE, BLACK_PAINT, BRIGHT_WHITE, OFF_WHITE, pick
 from scene.mesh.asset import Color, vary
 
@@ -90,13 +90,13 @@ class Stock(NamedTuple):
 def _shop(d: Stock, wall: Finish) -> dict[str, Any]:
     """Homes over a shop."""
     return dict(
-        storeys=whole(1, 4), ground=between(3.4, 4), bays=whole(3, 6),
+        storeys=integer(1, 4), ground=between(3.4, 4), bays=integer(3, 6),
         ground_floor="shop", ground_wall=(d.paint, "paint"),
         wall=wall,
         roof="flat" if d.flat_topped else "gable", trim=("sills", "lintels", "sign", "cornice"),
         rise=between(0.6, 1) if d.flat_topped else between(1.8, 2.8),
-        hood=0.6 if d.hooded else 0.0, chimneys=whole(0, 3),
-        dormers=0 if d.flat_topped else whole(0, 3), second=d.white,
+        hood=0.6 if d.hooded else 0.0, chimneys=integer(0, 3),
+        dormers=0 if d.flat_topped else integer(0, 3), second=d.white,
     )  # fmt: skip
 
 
@@ -104,15 +104,15 @@ _KINDS: dict[str, Callable[[Stock], dict[str, Any]]] = {
     "terrace": lambda d: {},
     "shop": lambda d: _shop(d, d.plaster),
     "office": lambda d: dict(
-        width=between(10, 13.5), depth=11.0, storeys=whole(2, 6), ground=3.6,
-        storey=between(3.1, 3.5), bays=whole(4, 7),
+        width=between(10, 13.5), depth=11.0, storeys=integer(2, 6), ground=3.6,
+        storey=between(3.1, 3.5), bays=integer(4, 7),
         window=(between(0.72, 0.9), between(0.45, 0.6)), panes=(2, 1), trim=("plant",),
         side_windows=2, ground_floor="windows", hood=0.0, roof="flat", rise=1.0, chimneys=0,
         wall=one_of(d.concrete, d.bricks, d.stones), ground_wall=(d.dark, "paint"),
         frame=one_of(d.dark, d.white),
     ),
     "apartments": lambda d: dict(
-        width=between(10, 13), depth=11.0, storeys=whole(2, 5), ground=3.0,
+        width=between(10, 13), depth=11.0, storeys=integer(2, 5), ground=3.0,
         storey=2.9, window=(0.5, 0.6), panes=(2, 1), trim=("dish", "number"),
         side_windows=2, doors=(2,), hood=0.5, balconies=one_of((1, 2), (0, 3)),
         roof="flat" if d.flat_topped else "hip", rise=0.9 if d.flat_topped else between(2, 3),
@@ -132,7 +132,7 @@ _KINDS: dict[str, Callable[[Stock], dict[str, Any]]] = {
         wall=(near(0.5, (0.24, 0.27, 0.29)), "metal"),
     ),
     "townhouse": lambda d: dict(
-        width=between(8.5, 10.5), storeys=whole(2, 5), storey=between(3, 3.5),
+        width=between(8.5, 10.5), storeys=integer(2, 5), storey=between(3, 3.5),
         window=(0.42, 0.66), panes=(2, 2), doors=(3,), hood=0.0, roof="flat", rise=0.8,
         wall=d.plaster, ground_wall=(near(0.3, *RENDERS), "plaster"),
         trim=("sills", "lintels", "strings", "cornice", "number"),
@@ -145,25 +145,25 @@ _KINDS: dict[str, Callable[[Stock], dict[str, Any]]] = {
         trim=("strings",), frame=d.dark, wall=d.stones, ground_wall=d.stones,
     ),
     "bay terrace": lambda d: dict(
-        doors=(1, 2), bay_windows=(0, 3), storeys=whole(1, 3), chimneys=2,
-        dormers=whole(0, 3), head=one_of("flat", "round"),
+        doors=(1, 2), bay_windows=(0, 3), storeys=integer(1, 3), chimneys=2,
+        dormers=integer(0, 3), head=one_of("flat", "round"),
         ground_wall=d.either, trim=("sills", "strings", "lintels", "number"),
     ),
     "pub": lambda d: dict(
-        width=between(9, 12), storeys=whole(1, 3), bays=4, doors=(1,),
+        width=between(9, 12), storeys=integer(1, 3), bays=4, doors=(1,),
         wall=d.plaster, ground_wall=(d.paint, "paint"), hood=0.5, panes=(3, 3),
-        trim=("sills", "sign", "board", "pipe"), dormers=whole(0, 3),
+        trim=("sills", "sign", "board", "pipe"), dormers=integer(0, 3),
     ),
     "curtain wall": lambda d: dict(
-        width=between(10, 14), depth=12.0, storeys=whole(4, 7), ground=4.0,
-        storey=between(2.9, 3.1), bays=whole(6, 10), window=(0.93, 0.74),
+        width=between(10, 14), depth=12.0, storeys=integer(4, 7), ground=4.0,
+        storey=between(2.9, 3.1), bays=integer(6, 10), window=(0.93, 0.74),
         panes=(1, 1), trim=("mullions", "plant"), ground_floor="windows", roof="flat",
         rise=0.7, chimneys=0, hood=0.0, side_windows=3,
         wall=(near(0.3, (0.03, 0.05, 0.07), (0.25, 0.35, 0.38), (0.08, 0.09, 0.10)), "glass"),
         ground_wall=(d.dark, "paint"), frame=one_of(d.dark, d.white),
     ),
     "chain store": lambda d: dict(
-        width=between(11, 14), depth=11.0, storeys=whole(1, 4), ground=4.2,
+        width=between(11, 14), depth=11.0, storeys=integer(1, 4), ground=4.2,
         storey=between(3.2, 3.8), bays=5, window=(0.72, 0.78), panes=(2, 3),
         trim=("cornice", "pilasters", "sign"), ground_floor="shop", hood=0.0, roof="flat",
         rise=1.1, chimneys=0, wall=one_of(d.stones, d.plaster, d.concrete),
@@ -173,10 +173,10 @@ _KINDS: dict[str, Callable[[Stock], dict[str, Any]]] = {
         width=between(9.5, 12.5), storeys=2, storey=between(3.0, 3.4), bays=5, doors=(2,),
         window=(0.46, 0.64), panes=(3, 4), hood=0.6, roof="hip", rise=between(1.6, 2.4),
         trim=("sills", "lintels", "quoins", "strings", "cornice"), frame=d.white,
-        dormers=whole(0, 4),
+        dormers=integer(0, 4),
     ),
     "college": lambda d: dict(
-        width=between(11, 14), storeys=whole(1, 3), ground=3.8,
+        width=between(11, 14), storeys=integer(1, 3), ground=3.8,
         storey=between(3.4, 4.0), bays=5, window=(0.42, 0.62), panes=(2, 2), doors=(2,),
         head="pointed", hood=0.0, roof="flat", rise=0.9, chimneys=2, wall=d.stones,
         ground_wall=d.stones, frame=near(0.3, *STONES), trim=("strings", "battlements"),
@@ -189,40 +189,40 @@ _KINDS: dict[str, Callable[[Stock], dict[str, Any]]] = {
         trim=("sills", "pipe"), chimneys=1,
     ),
     "corner": lambda d: dict(
-        width=between(10, 12), storeys=whole(2, 4), ground=3.6,
+        width=between(10, 12), storeys=integer(2, 4), ground=3.6,
         storey=between(2.9, 3.3), ground_floor="shop", ground_wall=(d.paint, "paint"),
         trim=("turret", "sills", "lintels", "strings"), dormers=2, bays=4, second=d.white,
         hood=0.6 if d.hooded else 0.0, wall=d.either,
     ),
     "concrete block": lambda d: dict(
-        width=between(10, 14), depth=11.0, storeys=whole(3, 6), ground=3.0,
+        width=between(10, 14), depth=11.0, storeys=integer(3, 6), ground=3.0,
         storey=2.75, bays=6, window=(0.7, 0.5), panes=(2, 1), doors=(2,), hood=0.9,
         trim=("strings", "plant", "dish"), balconies=one_of((0, 5), (1, 4)),
         roof="flat", rise=0.9, chimneys=0, wall=d.concrete, ground_wall=d.bricks,
         side_windows=2, accent=near(0.3, *PAINTS),
     ),
     "car park": lambda d: dict(
-        width=between(12, 14.5), depth=12.0, storeys=whole(2, 5), ground=3.2,
+        width=between(12, 14.5), depth=12.0, storeys=integer(2, 5), ground=3.2,
         storey=2.9, bays=3, window=(0.93, 0.58), ground_floor="decks", trim=("mullions",),
         roof="flat", rise=0.9, chimneys=0, hood=0.0, wall=d.concrete, ground_wall=d.concrete,
         frame=d.dark, side_windows=0, tower=between(13, 17) if d.hooded else 0.0,
     ),
     "timbered": lambda d: dict(
-        width=between(8.5, 10.5), storeys=whole(1, 3), bays=3, panes=(3, 3),
+        width=between(8.5, 10.5), storeys=integer(1, 3), bays=3, panes=(3, 3),
         window=(0.46, 0.5), doors=(1,), roof=one_of("front gable", "gable"),
         rise=between(2.6, 3.8), wall=(near(0.12, (0.74, 0.70, 0.58)), "plaster"),
         ground_wall=d.either, trim=("timbers", "sign"), frame=d.dark,
         accent=(0.05, 0.035, 0.025), roof_color=near(0.25, (0.17, 0.08, 0.05)),
     ),
     "mill": lambda d: dict(
-        width=between(11, 14), depth=12.0, storeys=whole(3, 5), ground=3.6,
+        width=between(11, 14), depth=12.0, storeys=integer(3, 5), ground=3.6,
         storey=between(3.2, 3.6), bays=5, window=(0.5, 0.64), panes=(3, 4), head="round",
         ground_floor="gates", trim=("sills", "strings", "pipe"), hood=0.0,
         roof=one_of("front gable", "gable"), chimneys=0, frame=d.dark,
         wall=(near(0.3, *BRICKS[1::2]), "brick"), ground_wall=d.bricks,
     ),
     "bank": lambda d: dict(
-        width=between(9.5, 12.5), storeys=whole(1, 3), ground=4.4,
+        width=between(9.5, 12.5), storeys=integer(1, 3), ground=4.4,
         storey=between(3.6, 4.2), bays=5, window=(0.42, 0.7), panes=(2, 3), doors=(2,),
         head="round", hood=0.0, roof="flat", rise=1.3, chimneys=0, wall=d.stones,
         ground_wall=d.stones, frame=near(0.1, *STONES),
@@ -236,7 +236,7 @@ _KINDS: dict[str, Callable[[Stock], dict[str, Any]]] = {
     ),
     "parade": lambda d: _shop(d, d.bricks),
     "white villa": lambda d: dict(
-        width=between(8.5, 11), storeys=whole(1, 3), bays=3, doors=(1,),
+        width=between(8.5, 11), storeys=integer(1, 3), bays=3, doors=(1,),
         window=(0.42, 0.62), panes=(2, 2), head=one_of("flat", "round"),
         bay_windows=(0, 2), roof="hip", rise=between(1.8, 2.6), hood=0.6,
         wall=(d.white, "plaster"), ground_wall=(d.white, "plaster"),
@@ -269,4 +269,4 @@ def sample_building(rng: np.random.Generator, kind: str) -> BuildingParams:
         roof_color=pick(rng, SLATES, 0.3), chimney=brick, curtain=pick(rng, CURTAINS, 0.3),
         seed=int(rng.integers(2**31)),
     )  # fmt: skip
-    return drawn(rng, terrace, **_KINDS[kind](stock))
+    return sample_fields(rng, terrace, **_KINDS[kind](stock))

@@ -7,7 +7,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from scene.assets.parts.draw import Like, between, drawn, keep, maybe, near, one_of, perhaps
+from scene.assets.parts.draw import (
+    SameAs,
+    between,
+    keep,
+    maybe,
+    near,
+    one_of,
+    perhaps,
+    sample_fields,
+)
 from scene.assets.parts.human import Outfit
 from scene.assets.parts.palette import BLACK, OFF_WHITE, REFLECTING, WHITE_SOLE, pick
 from scene.mesh.asset import Color
@@ -88,7 +97,7 @@ _STYLES: dict[str, Callable[[Stock], dict[str, Any]]] = {
     ),
     "puffer": lambda d: dict(hem=between(0.06, 0.26), padding=0.022, quilted=True, collar=d.top),
     "suit": lambda d: dict(
-        hem=between(0.12, 0.18), top=near(0.3, *CLOTHES[:3], (0.10, 0.10, 0.105)), legs=Like("top"),
+        hem=between(0.12, 0.18), top=near(0.3, *CLOTHES[:3], (0.10, 0.10, 0.105)), legs=SameAs("top"),
         shirt=(0.55, 0.56, 0.58), padding=0.006, shoes=SHOES[0], sole=BLACK, hat="", collar=None,
     ),
     "short coat": lambda d: dict(
@@ -111,7 +120,7 @@ _STYLES: dict[str, Callable[[Stock], dict[str, Any]]] = {
         shoes=near(0.15, *BRIGHT), sole=WHITE_SOLE, hairdo=d.hairdo,
     ),
     "work": lambda d: dict(
-        hem=between(0.06, 0.2), top=one_of(*HI_VIS), legs=perhaps(0.4, Like("top"), keep),
+        hem=between(0.06, 0.2), top=one_of(*HI_VIS), legs=perhaps(0.4, SameAs("top"), keep),
         bands=REFLECTING, padding=0.010, collar=None, width=1.25, hat="hard hat",
         hat_color=near(0.15, OFF_WHITE, (0.6, 0.42, 0.03), (0.05, 0.15, 0.4)),
         shoes=SHOES[0],
@@ -176,7 +185,7 @@ def sample_outfit(
         hat=str(rng.choice(("", "", "", "", "beanie", "cap", "brim" if old else ""))),
         hat_color=pick(rng, CLOTHES + BRIGHT, 0.3),
     )
-    outfit = drawn(rng, outfit, **_STYLES[style](_stock(rng, outfit, dark=dark)))
+    outfit = sample_fields(rng, outfit, **_STYLES[style](_stock(rng, outfit, dark=dark)))
     if rng.random() < VEST_SHARE and style in VESTS:
         outfit = outfit._replace(top=HI_VIS[rng.integers(2)], bands=REFLECTING, shirt=None)
     return outfit, curves
