@@ -205,7 +205,7 @@ class Cache:
 def sent(recipe: Recipe, workers: Workers) -> Recipe:
     """A recipe with files that workers find: own assets, weights."""
     fidelity = replace(recipe.fidelity, train=_sent(recipe.fidelity.train, workers))
-    return recipe._replace(fidelity=fidelity, pool=recipe.pool.called(workers.share))
+    return recipe._replace(fidelity=fidelity, pool=recipe.pool.with_paths(workers.share))
 
 
 def _sent(train: TrainSettings, workers: Workers) -> TrainSettings:

@@ -407,7 +407,7 @@ def about(recipe: Recipe, target: Target, side: Side, real: LabelledImages | Ref
         kind, source = "mmd", real.source
     else:
         kind, source = "miou", digest_of_images(real)
-    fidelity, pool = recipe.fidelity, recipe.pool.decides
+    fidelity, pool = recipe.fidelity, recipe.pool.identity
     size = asdict(fidelity)
     # The content of files counts, not their path.
     if pool["own"]:

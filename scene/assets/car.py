@@ -1,4 +1,4 @@
-"""Cars: a curved shell with wheel arches and glazing, its fittings, and four wheels; and auto-rickshaws."""
+"""Cars, each a curved shell with windows, fittings and four wheels, and auto-rickshaws."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from scene.assets.family import ROAD, Family, Size
-from scene.assets.parts.bodywork import ARCH_GAP, Body, Paint, axles, half, shell, underside
+from scene.assets.parts.bodywork import ARCH_GAP, Body, Paint, axles, half_width, shell, underside
 from scene.assets.parts.draw import Rule, maybe, near, perhaps, resolve
 from scene.assets.parts.fittings import Fittings, fittings
 from scene.assets.parts.glazing import Glazing, glazing, sample_glazing
@@ -21,6 +21,7 @@ from scene.assets.parts.palette import (
     STEEL,
     TRIM,
     VAN_WHITE,
+    blend,
     car_paint,
     darker,
     pick,
@@ -33,7 +34,7 @@ from scene.mesh.asset import Asset, Color, merge, vary
 
 
 class CarParams(NamedTuple):
-    """One car: its shape, what it wears and what is fitted to it."""
+    """One car: shape, paint, fittings, wheels and windows."""
 
     body: Body
     paint: Paint
@@ -43,16 +44,16 @@ class CarParams(NamedTuple):
     van: VanSides | None = None
 
 
-def _as_met(rng: np.random.Generator, value: Any) -> Color:
+def _common_paint(rng: np.random.Generator, value: Any) -> Color:
     return car_paint(rng)
 
 
 class _Model(NamedTuple):
-    """A body style: metres, and shares of the length measured from the nose."""
+    """A body style; metres, and shares of the length measured from the nose."""
 
     size: tuple[float, float, float]  # length, width, height
     wheelbase: float
-    front: float  # nose to front axle
+    front: float  # m from the nose to the front axle
     radius: float  # of the wheels
     sill: float
     hood: tuple[float, float]  # height of the bonnet at nose and windscreen
@@ -63,21 +64,21 @@ class _Model(NamedTuple):
     pillars: tuple[float, ...]
     doors: tuple[float, ...]
     tumblehome: float = 0.22
-    rails: float = 0.0  # how likely there are roof rails
-    plastic: float = 0.25  # how likely bumpers are of bare plastic
+    rails: float = 0.0  # probability of roof rails
+    plastic: float = 0.25  # probability of bumpers of bare plastic
     nose: float = 0.24
-    clad: bool = False  # may have sills of bare plastic
-    dark_glass: bool = False  # behind the driver
-    high_lamps: bool = False  # at the rear
-    plain_wheels: bool = False  # caps or bare steel more often than spokes
-    taxi: Any = False  # whether it is one, or a rule
-    two_tones: bool = False  # may have a roof in another colour
+    clad: bool = False  # sills may be of bare plastic
+    dark_glass: bool = False  # of the rear windows
+    high_lamps: bool = False  # tail lamps sit high
+    plain_wheels: bool = False  # mostly caps or bare steel instead of spokes
+    taxi: Any = False  # a bool, or a rule that draws it
+    two_tones: bool = False  # the roof may have another colour
     van: bool = False  # closed behind the cab
-    sealed: Any = False  # whether its rear doors may be without windows, or a rule
+    sealed: Any = False  # rear doors may have no windows; a bool or a rule
     soft_top: bool = False
-    spare: Any = False  # whether a wheel hangs on the tail, or a rule
-    bed: tuple[float, float] | None = None  # shares of the length, of a pickup's
-    paint: Rule = _as_met
+    spare: Any = False  # a wheel hangs on the tail; a bool or a rule
+    bed: tuple[float, float] | None = None  # shares of the length: ends of a pickup's load bed
+    paint: Rule = _common_paint
 
 
 _VAN_PAINTS: tuple[Color, ...] = (
@@ -87,7 +88,7 @@ _VAN_PAINTS: tuple[Color, ...] = (
 _OLD_PAINTS: tuple[Color, ...] = (
     (0.30, 0.34, 0.27), (0.45, 0.40, 0.28), (0.15, 0.27, 0.36), (0.25, 0.02, 0.02), (0.02, 0.06, 0.04),
 )  # fmt: skip
-_FIRM = perhaps(0.8, near(0.15, *_VAN_PAINTS), _as_met)
+_COMPANY_PAINT = perhaps(0.8, near(0.15, *_VAN_PAINTS), _common_paint)
 
 
 _MODELS: dict[str, _Model] = {
@@ -147,7 +148,7 @@ _MODELS: dict[str, _Model] = {
         (0.15, 0.29, 0.972, 0.99), (0.165, 0.36), (), (0.19, 0.375, 0.56),
         tumblehome=0.11, plastic=0.9, nose=0.20,
         clad=True, dark_glass=True, high_lamps=True, plain_wheels=True, van=True, sealed=maybe(0.5),
-        paint=_FIRM,
+        paint=_COMPANY_PAINT,
     ),
     "coupe": _Model(
         (4.40, 1.80, 1.32), 2.58, 0.86, 0.335, 0.14, (0.68, 0.88), 0.87, 0.94,
@@ -157,14 +158,15 @@ _MODELS: dict[str, _Model] = {
         (4.25, 1.78, 1.82), 2.70, 0.84, 0.31, 0.19, (0.82, 1.03), 1.00, 1.05,
         (0.21, 0.38, 0.968, 0.99), (0.23, 0.46), (), (0.24, 0.475, 0.64),
         tumblehome=0.13, plastic=0.85,
-        clad=True, dark_glass=True, high_lamps=True, plain_wheels=True, van=True, sealed=True, paint=_FIRM,
+        clad=True, dark_glass=True, high_lamps=True, plain_wheels=True, van=True, sealed=True,
+        paint=_COMPANY_PAINT,
     ),
     "black cab": _Model(
         (4.58, 1.78, 1.78), 2.88, 0.84, 0.33, 0.22, (0.86, 1.02), 1.02, 1.04,
         (0.29, 0.39, 0.84, 0.955), (0.31, 0.90), (0.50, 0.725), (0.29, 0.50, 0.725),
         tumblehome=0.17, plastic=0.5, nose=0.16,
         high_lamps=True, plain_wheels=True, taxi=True,
-        paint=perhaps(0.7, BLACK_PAINT, _as_met),
+        paint=perhaps(0.7, BLACK_PAINT, _common_paint),
     ),
     "convertible": _Model(
         (4.05, 1.74, 1.36), 2.48, 0.84, 0.315, 0.15, (0.70, 0.90), 0.89, 0.96,
@@ -187,105 +189,100 @@ _MODELS: dict[str, _Model] = {
 _TUK_TUK = "tuk-tuk"
 KINDS: tuple[str, ...] = (*_MODELS, _TUK_TUK)
 """Body styles."""
-_MORE = (
+_FREQUENT = (
     *("hatchback",) * 4, *("supermini",) * 3, *("saloon",) * 3, *("crossover",) * 3,
     *("estate",) * 2, "people carrier",
 )  # fmt: skip
-"""What roads have most of; the rest about as often as these are left."""
+"""The most common styles on roads, repeated by how much more often they occur than the others."""
 
 
 def sample_car(rng: np.random.Generator, kind: str) -> CarParams | Rickshaw:
     """Draw a car of one body style: proportions, paint, wheels, lamps and fittings."""
     if kind == _TUK_TUK:
         return sample_rickshaw(rng)
-    m = _MODELS[kind]
-    body = _sample_body(rng, m)
-    color = resolve(rng, m.paint)
-    wear = _sample_wear(rng, m, color)
+    model = _MODELS[kind]
+    body = _sample_body(rng, model)
+    color = resolve(rng, model.paint)
+    paint = _sample_paint(rng, model, color)
     return CarParams(
         body,
-        wear,
-        _sample_fittings(rng, m, color),
-        _sample_wheel(rng, m, body),
-        sample_glazing(rng, (0.15,) if m.dark_glass else (0.15, 0.6, 0.9), 0.4),
-        _sample_van(rng, wear) if m.van else None,
+        paint,
+        _sample_fittings(rng, model, color),
+        _sample_wheel(rng, model, body),
+        sample_glazing(rng, (0.15,) if model.dark_glass else (0.15, 0.6, 0.9), 0.4),
+        _sample_van(rng, paint) if model.van else None,
     )
 
 
-def _sample_body(rng: np.random.Generator, m: _Model) -> Body:
+def _sample_body(rng: np.random.Generator, model: _Model) -> Body:
     long, wide, tall = rng.uniform([0.94, 0.965, 0.95], [1.06, 1.035, 1.05])
     face, waist, slope, foot = rng.uniform(-1, 1, 4)
-    cowl, roof_front, roof_rear, tail = m.screens
+    cowl, roof_front, roof_rear, tail = model.screens
     boot = tail < 0.95
-    length, height = m.size[0] * long, m.size[2] * tall
-    radius = m.radius * rng.uniform(0.95, 1.07)
-    front = m.front * (0.3 + 0.7 * long) + 0.02 * face
-    nose = min(m.nose * rng.uniform(0.8, 1.25), front - 1.03 * (radius + ARCH_GAP) - 0.04)
-    belt = m.belt * (0.5 + 0.5 * tall) * (1 + 0.03 * waist)
+    length, height = model.size[0] * long, model.size[2] * tall
+    radius = model.radius * rng.uniform(0.95, 1.07)
+    front = model.front * (0.3 + 0.7 * long) + 0.02 * face
+    nose = min(model.nose * rng.uniform(0.8, 1.25), front - 1.03 * (radius + ARCH_GAP) - 0.04)
+    belt = model.belt * (0.5 + 0.5 * tall) * (1 + 0.03 * waist)
     return Body(
         length=length,
-        width=m.size[1] * wide,
+        width=model.size[1] * wide,
         height=height,
-        wheelbase=m.wheelbase * (0.3 + 0.7 * long),
+        wheelbase=model.wheelbase * (0.3 + 0.7 * long),
         front=front,
         wheel_radius=radius,
-        sill=m.sill * rng.uniform(0.9, 1.12),
-        hood=min(m.hood[0] * (1 + 0.06 * face), belt - 0.06),
-        cowl_height=m.hood[1] + belt - m.belt,
+        sill=model.sill * rng.uniform(0.9, 1.12),
+        hood=min(model.hood[0] * (1 + 0.06 * face), belt - 0.06),
+        cowl_height=model.hood[1] + belt - model.belt,
         belt=belt,
-        deck=m.deck + belt - m.belt + (0.03 * slope if boot else 0),
+        deck=model.deck + belt - model.belt + (0.03 * slope if boot else 0),
         cowl=cowl + 0.015 * foot,
         roof_front=roof_front + 0.015 * foot,
         roof_rear=roof_rear + (0.02 if boot else 0.03) * min(slope, 0.3 if tail > 0.95 else 1),
         tail=tail,
-        glass=(m.glass[0] + 0.015 * foot, m.glass[1]),
-        pillars=m.pillars,
-        tumblehome=m.tumblehome * rng.uniform(0.85, 1.12),
+        glass=(model.glass[0] + 0.015 * foot, model.glass[1]),
+        pillars=model.pillars,
+        tumblehome=model.tumblehome * rng.uniform(0.85, 1.12),
         nose=nose,
-        stern=rng.uniform(0.08, 0.15) * (0.6 if m.van else 1),
+        stern=rng.uniform(0.08, 0.15) * (0.6 if model.van else 1),
         rake=rng.uniform(0.03, 0.13),
         crown=rng.uniform(0.045, 0.075),
-        bed=m.bed,
+        bed=model.bed,
     )
 
 
-def _sample_wear(rng: np.random.Generator, m: _Model, color: Color) -> Paint:
+def _sample_paint(rng: np.random.Generator, model: _Model, color: Color) -> Paint:
     glass = vary(rng, GLASS, 0.5)
     tint = rng.random()
     k = float(rng.uniform(0.0, 0.7))
-    lower, rows = _mixed(color, DUST, k), 1
-    if m.clad and rng.random() < 0.6:
+    lower, rows = blend(color, DUST, k), 1
+    if model.clad and rng.random() < 0.6:
         lower, rows = TRIM if rng.random() < 0.7 else (0.2, 0.2, 0.2), int(rng.integers(1, 3))
     roof, cloth = color, "paint"
-    if m.soft_top:
+    if model.soft_top:
         canvas = (BLACK, (0.10, 0.07, 0.04), (0.02, 0.03, 0.08), (0.08, 0.01, 0.01))
         roof, cloth = pick(rng, canvas), "cloth"
-    elif m.two_tones and rng.random() < 0.2:
+    elif model.two_tones and rng.random() < 0.2:
         roof = VAN_WHITE if max(color) < 0.4 else BLACK
     side = darker(glass, 0.5 + 1.2 * float(tint))
-    windows = (True, not (resolve(rng, m.sealed) and rng.random() < 0.3))
+    windows = (True, not (resolve(rng, model.sealed) and rng.random() < 0.3))
     return Paint(color, lower, roof, side, glass, windows, rows, cloth, bool(rng.random() < 0.7))
 
 
-def _mixed(one: Color, other: Color, share: float) -> Color:
-    a, b, c = ((1 - share) * x + share * y for x, y in zip(one, other, strict=True))
-    return a, b, c
-
-
-def _sample_fittings(rng: np.random.Generator, m: _Model, color: Color) -> Fittings:
-    plastic = rng.random() < m.plastic
+def _sample_fittings(rng: np.random.Generator, model: _Model, color: Color) -> Fittings:
+    plastic = rng.random() < model.plastic
     inner, lamp_low = rng.uniform(0.42, 0.7), rng.uniform(0.58, 0.7)
     rear_low = rng.uniform(0.55, 0.62)
-    taxi = resolve(rng, m.taxi)
+    taxi = resolve(rng, model.taxi)
     crest = rng.uniform(0.84, 0.93)
-    hatch = m.screens[3] > 0.95 and not m.van
+    hatch = model.screens[3] > 0.95 and not model.van
     return Fittings(
         lamp=(inner, lamp_low, min(lamp_low + rng.uniform(0.18, 0.3), 0.95)),
         wrap=rng.uniform(0.005, 0.06),
         grille=(rng.uniform(0.4, 0.96) * inner, crest - rng.uniform(0.12, 0.3), crest),
         slats=int(rng.integers(0, 4)),
         rear_lamp=(
-            rng.uniform(0.78, 0.86) if m.high_lamps else rng.uniform(0.5, 0.75),
+            rng.uniform(0.78, 0.86) if model.high_lamps else rng.uniform(0.5, 0.75),
             rear_low,
             rng.uniform(0.9, 1.0),
         ),
@@ -294,47 +291,47 @@ def _sample_fittings(rng: np.random.Generator, m: _Model, color: Color) -> Fitti
         strip=TRIM if plastic and rng.random() < 0.7 else color if rng.random() < 0.3 else None,
         handles=TRIM if plastic else color if rng.random() < 0.7 else CHROME,
         mirrors=TRIM if plastic else color,
-        rails=(TRIM if rng.random() < 0.5 else CHROME) if rng.random() < m.rails else None,
+        rails=(TRIM if rng.random() < 0.5 else CHROME) if rng.random() < model.rails else None,
         spoiler=color if hatch and rng.random() < 0.4 else None,
-        box=pick(rng, (BLACK, STEEL)) if rng.random() < (0.12 if m.rails else 0.0) else None,
+        box=pick(rng, (BLACK, STEEL)) if rng.random() < (0.12 if model.rails else 0.0) else None,
         sign=(0.6, 0.38, 0.04) if taxi else None,
-        spare=resolve(rng, m.spare),
+        spare=resolve(rng, model.spare),
         aerial=bool(rng.random() < 0.5),
-        doors=m.doors,
+        doors=model.doors,
         fog=bool(rng.random() < 0.6),
     )
 
 
-def _sample_wheel(rng: np.random.Generator, m: _Model, body: Body) -> Wheel:
-    plain = rng.random() < (0.75 if m.plain_wheels else 0.25)
-    style = STYLES[rng.integers(2, 4) if plain else rng.integers(0, 2)]
-    dark = rng.random() < 0.2
+def _sample_wheel(rng: np.random.Generator, model: _Model, body: Body) -> Wheel:
+    is_plain = rng.random() < (0.75 if model.plain_wheels else 0.25)
+    style = STYLES[rng.integers(2, 4) if is_plain else rng.integers(0, 2)]
+    is_dark = rng.random() < 0.2
     return Wheel(
         body.wheel_radius,
         rng.uniform(0.18, 0.23),
         style,
         int(rng.integers(5, 11)) if style != "steel" else 8,
         rng.uniform(0.60, 0.74),
-        vary(rng, (0.05, 0.05, 0.05) if dark or style == "steel" else STEEL, 0.35),
+        vary(rng, (0.05, 0.05, 0.05) if is_dark or style == "steel" else STEEL, 0.35),
     )
 
 
-def _sample_van(rng: np.random.Generator, wear: Paint) -> VanSides:
+def _sample_van(rng: np.random.Generator, paint: Paint) -> VanSides:
     letters = pick(rng, ((0.3, 0.02, 0.02), (0.02, 0.06, 0.25), (0.02, 0.15, 0.05), BLACK))
-    if max(wear.body) < 0.4:
+    if max(paint.body) < 0.4:
         letters = pick(rng, (OFF_WHITE, (0.55, 0.4, 0.03)))
-    named = rng.random() < 0.6
+    has_name = rng.random() < 0.6
     return VanSides(
-        wear.body, letters if named else None, int(rng.integers(2**31)), not wear.windows[1]
+        paint.body, letters if has_name else None, int(rng.integers(2**31)), not paint.windows[1]
     )
 
 
 def car(params: CarParams | Rickshaw) -> Asset:
-    """The car of ``params``, nose towards +x."""
+    """Build the car, nose towards +x."""
     if isinstance(params, Rickshaw):
         return rickshaw(params)
     b = params.body
-    track = float(half(b, np.array([0.5]))[0]) - 0.025
+    track = float(half_width(b, np.array([0.5]))[0]) - 0.025
     return merge(
         shell(b, params.paint),
         underside(b),
@@ -349,5 +346,5 @@ FAMILY = Family(
     "car", TrainId.CAR, KINDS, sample_car, car,
     classes=(("pickup", TrainId.TRUCK),),  # Cityscapes: the loading area is apart from the cab
     count=195, size=Size((2.2, 7), (0.9, 3)), tone=0.95, line=("car", 0.9),
-    facing="lane", stage=ROAD, again=(175,), more=_MORE,
+    facing="lane", stage=ROAD, redrawn=(175,), frequent=_FREQUENT,
 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""What the engine knows about a family of assets, all in one place: its file's ``FAMILY``."""
+"""The record of an asset family, ``FAMILY`` in its file: all that the engine needs to know about it."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from scene.mesh.asset import Asset
 
 
 class Size(NamedTuple):
-    """What a family's assets measure, metres; a file far from that is in other units, or lies on its side."""
+    """Plausible sizes of a family's assets, metres; a file beyond them is in other units or on its side."""
 
     longest: tuple[float, float]  # longest side
     height: tuple[float, float]
 
 
 class Stage(NamedTuple):
-    """Where a family is shown: metres left of the centre line, and from where it is seen."""
+    """Where previews put an asset, in metres left of the centre line, and the viewpoint."""
 
     y: float
     azimuth: float  # degrees of the viewer, from the asset's front axis x, left positive
@@ -37,45 +37,50 @@ SIGN = Stage(6.5, -155, 4)
 class Family:
     """One asset family.
 
-    ``tone``: colours look right one by one; streets need more. On photographs people and cyclists are dark
-    against the road, poles hardly darker than what is behind. The factors bring the median tone of each
-    class, beside the road's, near that of CamVid's 0016E5 and 0001TP (``python -m benchmarks.transfer --only
-    tones``). Crowns as annotators outline them have the median tone of those of CamVid and LabelMeFacade.
+    ``tone``: Each colour looks right by itself, but streets need a correction: in photographs people and
+    cyclists are dark against the road, and poles hardly darker than their background. The factors bring the
+    median tone of each class, relative to the road's, close to that of CamVid's 0016E5 and 0001TP (``python
+    -m benchmarks.transfer --only tones``). Tree crowns, as annotators outline them, have the median tone of
+    those in CamVid and LabelMeFacade.
 
-    ``facing``: ``road`` looks at the road, ``lane`` drives with the traffic of its side, ``either`` goes
-    along the road one way or the other, ``camera`` looks at the traffic, ``any`` stands anyhow.
+    ``facing``: ``road`` faces the road, ``lane`` drives with the traffic on its side, ``either`` moves along
+    the road in either direction, ``camera`` faces the traffic, ``any`` is turned at random.
     """
 
     name: str
     train_id: TrainId
-    kinds: tuple[str, ...]  # index k is of kind turns[k % len(turns)]
+    kinds: tuple[str, ...]  # index k has kind kind_cycle[k % len(kind_cycle)]
     sample: Callable[[np.random.Generator, str], Any]  # (rng, kind) -> params
     build: Callable[[Any], Asset]  # params -> asset, pure
-    count: int  # assets that streets draw from by default; any larger index works, too
-    size: Size  # that a user's own may have
-    tone: float  # factor on the albedo; a user's own assets are left as they are
-    line: tuple[str, float] | None  # on which line of a street, and its share there
+    count: int  # assets that streets draw from by default; larger indices work, too
+    size: Size  # accepted for a user's own assets
+    tone: float  # factor on the albedo of built-in assets
+    line: tuple[str, float] | None  # the line of a street it stands on, and its share of that line
     facing: str = "any"
-    front: str = "ahead"  # where it looks in its own frame: "ahead" +x, "right" -y, "back" -x
+    front: str = "ahead"  # its front in its own frame: "ahead" +x, "right" -y, "back" -x
     stage: Stage = FOOTWAY
-    on: str | Mapping[str, str] = ""  # family of the post or machine it comes on, or that by kind
-    runs: bool = False  # one asset is a panel; up to three stand in a row
-    more: tuple[str, ...] = ()  # kinds that are met more often, each once for every time more
-    classes: tuple[tuple[str, TrainId], ...] = ()  # of kinds whose class is not ``train_id``
-    again: tuple[int, ...] = ()  # whose first draw looked like an earlier one: the second is taken
+    mounted_on: str | Mapping[str, str] = (
+        ""  # family of the post or machine it comes with, or that by kind
+    )
+    in_rows: bool = False  # an asset is one panel of up to three in a row
+    frequent: tuple[str, ...] = ()  # more common kinds, once for each additional turn in the cycle
+    classes: tuple[tuple[str, TrainId], ...] = ()  # of kinds with another class than ``train_id``
+    redrawn: tuple[
+        int, ...
+    ] = ()  # indices that use a second seed, as the first looked like an earlier asset
 
     @property
-    def turns(self) -> tuple[str, ...]:
-        """The kinds in the order in which indices take them, over and over."""
-        return self.kinds + self.more
+    def kind_cycle(self) -> tuple[str, ...]:
+        """Kinds in the order in which consecutive indices have them, cyclically."""
+        return self.kinds + self.frequent
 
     def draw(self, rng: np.random.Generator, kind: str) -> Asset:
-        """An asset of one of the kinds; raises ValueError naming them."""
+        """Draw an asset of one kind; raise ValueError with the known kinds for another."""
         if kind not in self.kinds:
             known = ", ".join(self.kinds)
             raise ValueError(f"unknown kind of {self.name} {kind!r}; known: {known}")
         return self.build(self.sample(rng, kind))
 
     def base(self, kind: str) -> str:
-        """The family of what an asset of a kind comes on; empty for nothing."""
-        return self.on if isinstance(self.on, str) else self.on[kind]
+        """Return the family that an asset of ``kind`` is mounted on; empty for none."""
+        return self.mounted_on if isinstance(self.mounted_on, str) else self.mounted_on[kind]

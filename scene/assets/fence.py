@@ -299,5 +299,5 @@ FAMILY = Family(
             color=near(0.25), second=near(0.15), seed=SEED),
     fence,
     count=16, size=Size((0.5, 40), (0.3, 5)), tone=0.85, line=("fence", 0.6),
-    facing="road", front="right", stage=FRONTAGE, runs=True,
+    facing="road", front="right", stage=FRONTAGE, in_rows=True,
 )  # fmt: skip

@@ -33,7 +33,7 @@ class OwnClass(NamedTuple):
     file: str  # GLB of its asset, or the file's snapshot, see ``library.snapshot``
     place: str = "sidewalk"  # or "carriageway"
 
-    def called(self, naming: Callable[[str], str]) -> OwnClass:
+    def with_path(self, naming: Callable[[str], str]) -> OwnClass:
         """The same class, its file by the name that ``naming`` gives it."""
         return self._replace(file=naming(self.file))
 

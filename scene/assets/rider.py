@@ -140,5 +140,5 @@ def _pose(p: RiderParams) -> Pose:
 FAMILY = Family(
     "rider", TrainId.RIDER, KINDS, sample_rider, rider,
     count=30, size=Size((0.6, 2.6), (0.6, 2.3)), tone=0.55, line=("person", 0.25),
-    facing="either", stage=ROAD._replace(azimuth=-50), on=MOUNT,
+    facing="either", stage=ROAD._replace(azimuth=-50), mounted_on=MOUNT,
 )  # fmt: skip

@@ -173,5 +173,5 @@ def traffic_light(params: TrafficLightParams) -> Asset:
 FAMILY = Family(
     "traffic light", TrainId.TRAFFIC_LIGHT, KINDS, sample_traffic_light, traffic_light,
     count=10, size=Size((0.3, 10), (0.3, 10)), tone=1.4, line=("pole", 0.25),
-    facing="camera", front="back", stage=SIGN, on="signpost",
+    facing="camera", front="back", stage=SIGN, mounted_on="signpost",
 )  # fmt: skip

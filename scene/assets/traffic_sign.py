@@ -95,5 +95,5 @@ def traffic_sign(params: TrafficSignParams) -> Asset:
 FAMILY = Family(
     "traffic sign", TrainId.TRAFFIC_SIGN, KINDS, sample_traffic_sign, traffic_sign,
     count=40, size=Size((0.2, 8), (0.15, 8)), tone=1.7, line=("pole", 0.35),
-    facing="camera", front="back", stage=SIGN, on="signpost",
+    facing="camera", front="back", stage=SIGN, mounted_on="signpost",
 )  # fmt: skip

@@ -124,5 +124,5 @@ FAMILY = Family(
             color=near(0.22), second=near(0.2), seed=SEED),
     wall,
     count=16, size=Size((0.5, 40), (0.3, 8)), tone=0.66, line=("fence", 0.4),
-    facing="road", front="right", stage=FRONTAGE, runs=True,
+    facing="road", front="right", stage=FRONTAGE, in_rows=True,
 )  # fmt: skip

@@ -86,7 +86,7 @@ def settings(plan: Plan, units: np.ndarray, streets: Streets | None) -> dict[str
     of_own = (
         {} if plan.pool.own_class is None else {"own_class": own_class_entry(plan.pool.own_class)}
     )
-    pool = {k: v for k, v in plan.pool.decides.items() if k not in of_own}
+    pool = {k: v for k, v in plan.pool.identity.items() if k not in of_own}
     render = {**plan.settings._asdict(), "response": plan.settings.response._asdict()}
     return {
         "engine": ENGINE,

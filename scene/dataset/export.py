@@ -173,7 +173,7 @@ def _export(
     if progress is not None:
         progress(done, plan.images, written)
     with opened(workers) as processes:
-        sent = plan._replace(pool=plan.pool.called(processes.share))
+        sent = plan._replace(pool=plan.pool.with_paths(processes.share))
         tasks = [(sent, k, unit) for k, unit in enumerate(units) if k not in done_before]
         for position, (files, record) in processes.map(_draw_street, tasks):
             street = tasks[position][1]

@@ -141,7 +141,7 @@ def render_dataset(
     images, labels = np.empty((n, h, w, 3), np.uint8), np.empty((n, h, w), np.uint8)
     with opened(workers) as processes:
         compile_first(processes, renderer_name)
-        pool = pool.called(processes.share)
+        pool = pool.with_paths(processes.share)
         tasks = [
             (outlines, u, seed, i, shots, settings, renderer_name, pool)
             for i, u in enumerate(units)

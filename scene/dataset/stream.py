@@ -144,7 +144,7 @@ def _samples(
     number = first * shots
     with opened(workers) as processes:
         compile_first(processes, renderer_name)
-        sent = pool.called(processes.share)
+        sent = pool.with_paths(processes.share)
         tasks: Iterator[tuple[Any, ...]] = (
             (passes, classes.outlines, units(k), seed, k, shots, settings, renderer_name, sent)
             for k in streets

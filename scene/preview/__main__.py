@@ -22,7 +22,7 @@ import numpy as np
 from common import files
 from common.command import Arguments, exit_code
 from common.workers.pool import WorkerPool
-from scene.assets.catalogue import AssetPool, absent, check_pool
+from scene.assets.catalogue import AssetPool, check_pool, missing_families
 from scene.dataset.render import compile_first
 from scene.parsers import preview as parser
 from scene.preview.closeup import all_classes, class_page
@@ -109,7 +109,7 @@ def main(arguments: Arguments = None) -> int:
     def work() -> None:
         files.check_file("--out", options.out)
         picture = page(options)
-        missing = absent(AssetPool(own=options.assets, use=options.asset_use))
+        missing = missing_families(AssetPool(own=options.assets, use=options.asset_use))
         if missing:
             print(f"No own assets, so left out: {', '.join(missing)}")
         save(picture, options.out)

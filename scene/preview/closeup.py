@@ -95,7 +95,7 @@ def asset_street(family: str, ref: int | str, aspect: float, fov: float) -> Stre
     pose = np.eye(4)
     pose[:3, 3] = PLACE, stage.y, ground_height(ground, stage.y)
     parts = [(family, ref)]
-    if isinstance(ref, int) and row.on:
+    if isinstance(ref, int) and row.mounted_on:
         parts.append((row.base(kind(family, ref)), ref))
     placements = tuple(
         Placement(name, part, catalogue.train_id(name, part), FIRST_INSTANCE + k, pose)

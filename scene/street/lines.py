@@ -14,7 +14,7 @@ from itertools import accumulate
 
 import numpy as np
 
-from scene.assets.catalogue import chosen, in_season, parts_of
+from scene.assets.catalogue import asset_at, in_season, parts_of
 from scene.assets.families import FAMILIES
 from scene.streams import stream
 from scene.street.instances import WHEELED, Stand, footprint
@@ -69,7 +69,7 @@ def _line(
     for slot in range(count):
         filled, which, share, jitter, season, chance, turned, free = draws[slot]
         family = families[bisect_right(shares, which * shares[-1])]
-        ref = chosen(pool, family, share)
+        ref = asset_at(pool, family, share)
         if filled >= probability or ref is None:
             continue
         row = FAMILIES[family]
@@ -77,7 +77,7 @@ def _line(
         forward = side == street.drive
         yaw = _yaw(row.facing, side, forward, turned, free, wobbles[slot])
         long, wide = (2 * half for half in footprint((family, ref))[2:])
-        panels = _panels(long, interval) if row.runs else [0.0]
+        panels = _panels(long, interval) if row.in_rows else [0.0]
         step = STEP * (slot % 3) if row.front == "right" else 0.0
         across = distance + step
         if family not in WHEELED:

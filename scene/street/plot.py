@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.assets.catalogue import AssetPool, chosen, kind, parts_of
+from scene.assets.catalogue import AssetPool, asset_at, kind, parts_of
 from scene.attributes import StreetParams
 from scene.classes import TrainId
 from scene.ground.ground import Ground
@@ -93,13 +93,13 @@ class Plot:
         rows = turned_out(path, np.tile(own, (len(moves), 1)), *np.concatenate(
             [np.array([x + dx, y + dy, yaw]) for dx, dy in moves.transpose(0, 2, 1)], axis=1
         )).reshape(len(moves), len(whole), 6).transpose(1, 0, 2)  # fmt: skip
-        chosen = self._taken.admit(np.ascontiguousarray(rows), spare)
-        stays = np.flatnonzero(chosen >= 0).tolist()
+        asset_at = self._taken.admit(np.ascontiguousarray(rows), spare)
+        stays = np.flatnonzero(asset_at >= 0).tolist()
         moved = []
         for k in stays:
-            dx, dy = moves[chosen[k], k].tolist()
+            dx, dy = moves[asset_at[k], k].tolist()
             moved.append([s._replace(x=s.x + dx, y=s.y + dy) for s in whole[k]])
-        self._occupy(moved, rows[stays, chosen[stays]])
+        self._occupy(moved, rows[stays, asset_at[stays]])
 
     def put(
         self,
@@ -234,7 +234,7 @@ def draw_kind(
     pool: AssetPool, family: str, kinds: tuple[str, ...], rng: np.random.Generator
 ) -> int | str | None:
     """Draw one asset of certain kinds if eight draws find one, otherwise any. Takes eight numbers."""
-    drawn = [chosen(pool, family, share) for share in rng.random(8).tolist()]
+    drawn = [asset_at(pool, family, share) for share in rng.random(8).tolist()]
     return next((ref for ref in drawn if ref is not None and kind(family, ref) in kinds), drawn[0])
 
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.assets.catalogue import AssetPool, chosen, in_season, refuse_unknown
+from scene.assets.catalogue import AssetPool, asset_at, in_season, refuse_unknown
 from scene.assets.library import snapshot
 from scene.attributes import StreetParams
 from scene.ground.arms import with_junction
@@ -62,7 +62,7 @@ def sample_street(
     """
     pool = pool or AssetPool()
     refuse_unknown(pool)
-    pool = pool.called(snapshot)  # once for all objects of the street
+    pool = pool.with_paths(snapshot)  # once for all objects of the street
     rng = stream(seed, "street")
     sky = sample_sky(
         rng,
@@ -147,7 +147,7 @@ def _background(setting: Setting, seed: int) -> list[Stand]:
     shares = rng.random((len(things), 2)).tolist()
     found: list[Stand] = []
     for thing, (share, season) in zip(things, shares, strict=True):
-        ref = chosen(pool, thing.family, share)
+        ref = asset_at(pool, thing.family, share)
         if ref is not None:
             ref = in_season(thing.family, ref, params.bare_tree_share, pool, season)
             found.append(Stand(thing.family, ref, thing.x, thing.y, thing.yaw))

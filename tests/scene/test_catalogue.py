@@ -77,7 +77,7 @@ def test_a_street_asks_once_a_family_how_many_assets_there_are():
 @pytest.mark.parametrize("family", FAMILIES)
 def test_no_two_assets_of_a_family_are_alike_and_any_index_gives_one_of_its_kind(family):
     far = 1_000_003
-    assert kind(family, far) == FAMILIES[family].turns[far % len(FAMILIES[family].turns)]
+    assert kind(family, far) == FAMILIES[family].kind_cycle[far % len(FAMILIES[family].kind_cycle)]
     low, high = bounds(family, far)
     assert (low < high).all() and np.isfinite([low, high]).all()
     row = FAMILIES[family]
@@ -89,7 +89,7 @@ def test_no_two_assets_of_a_family_are_alike_and_any_index_gives_one_of_its_kind
 def test_the_first_cars_are_one_of_each_kind_and_of_all_most_are_hatchbacks():
     kinds = FAMILIES["car"].kinds
     assert tuple(kind("car", index) for index in range(len(kinds))) == kinds
-    count = Counter(kind("car", index) for index in range(10 * len(FAMILIES["car"].turns)))
+    count = Counter(kind("car", index) for index in range(10 * len(FAMILIES["car"].kind_cycle)))
     assert set(count) == set(kinds) and count.most_common(1) == [("hatchback", 50)]
     assert count["tuk-tuk"] == count["pickup"] == 10
 
@@ -109,7 +109,7 @@ def test_the_whole_catalogue_or_half_of_it_comes_up_but_for_what_looked_like_an_
     assert half == set(range(FAMILIES["bicycle"].count // 2))
     rng = np.random.default_rng([zlib.crc32(b"car"), 175])
     first, taken = car.car(car.sample_car(rng, kind("car", 175))), asset("car", 175)
-    assert FAMILIES["car"].again == (175,) and not np.array_equal(first.color, taken.color)
+    assert FAMILIES["car"].redrawn == (175,) and not np.array_equal(first.color, taken.color)
 
 
 def test_own_assets_are_drawn_beside_the_built_in_ones_or_alone(folder):
@@ -125,8 +125,8 @@ def test_own_assets_are_drawn_beside_the_built_in_ones_or_alone(folder):
     pool = AssetPool(own=folder, use="own")
     assert set(drawn(pool, "person", 5)) == {None}
     refused(LibraryError, "not there", check_pool, pool._replace(own=f"{folder}/nowhere"))
-    assert set(catalogue.absent(check_pool(pool))) == set(FAMILIES) - {"car"}
-    assert catalogue.absent(AssetPool(own=folder)) == ()
+    assert set(catalogue.missing_families(check_pool(pool))) == set(FAMILIES) - {"car"}
+    assert catalogue.missing_families(AssetPool(own=folder)) == ()
 
 
 @pytest.mark.parametrize("pool", [AssetPool(), AssetPool(size=1), AssetPool(use="own")])
@@ -163,6 +163,6 @@ def test_the_catalogue_and_the_closest_pairs_are_printed(printed, refusal):
 
 
 def test_a_pickup_is_a_truck_as_in_cityscapes_and_other_cars_are_cars():
-    for ref, name in enumerate(FAMILIES["car"].turns):
+    for ref, name in enumerate(FAMILIES["car"].kind_cycle):
         assert catalogue.train_id("car", ref) == (14 if name == "pickup" else 13), name
     assert catalogue.train_id("car", "an own pickup.glb") == 13

@@ -10,7 +10,15 @@ from hypothesis import strategies as st
 from scene.assets import bicycle, bus, car, motorcycle, person, rider
 from scene.assets.families import FAMILIES
 from scene.assets.parts import carried, head, vehicle, wardrobe, wheel
-from scene.assets.parts.bodywork import ARCH_GAP, Paint, at, axles, low, share, shell
+from scene.assets.parts.bodywork import (
+    ARCH_GAP,
+    Paint,
+    axles,
+    flank_x,
+    lower_edge,
+    share_at_x,
+    shell,
+)
 from scene.assets.parts.glazing import glazing
 from scene.assets.parts.human import FOREARM, HAND, UPPER_ARM, Body, bend
 from scene.assets.parts.skin import mirrored, revolve, rounded_body, sheet, twin_sheets, weld
@@ -210,9 +218,11 @@ def test_arches_are_circles_over_the_axles_and_shares_of_the_length_are_told_bot
     b = car.sample_car(np.random.default_rng(seed), kind).body
     front, rear = axles(b)
     over, middle = 2 * b.wheel_radius + ARCH_GAP, (front + rear) / 2
-    assert low(b, share(b, np.array([front, rear, middle]))) == pytest.approx([over, over, b.sill])
+    assert lower_edge(b, share_at_x(b, np.array([front, rear, middle]))) == pytest.approx(
+        [over, over, b.sill]
+    )
     assert front - rear == pytest.approx(b.wheelbase)
-    assert share(b, at(b, np.linspace(0, 1, 50))) == pytest.approx(np.linspace(0, 1, 50))
+    assert share_at_x(b, flank_x(b, np.linspace(0, 1, 50))) == pytest.approx(np.linspace(0, 1, 50))
 
 
 @pytest.mark.parametrize("kind", ["hatchback", "pickup", "old-timer"])

@@ -280,7 +280,7 @@ def test_the_file_counts_by_its_content_wherever_it_lies(pool, file, frames, tmp
     copy.parent.mkdir()
     shutil.copy(file, copy)
     received("0123/bin.glb", copy)  # as a worker of a cluster has it
-    sent = pool.called(lambda name: "0123/bin.glb" if name else name)
+    sent = pool.with_paths(lambda name: "0123/bin.glb" if name else name)
     frame = render_street(UNITS[0], SEED, 0, 1, SETTINGS, "embree", sent)[0]
     np.testing.assert_array_equal(frame.image, frames[0].image)
     with WorkerPool(1) as workers:

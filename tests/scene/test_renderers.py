@@ -181,7 +181,7 @@ def test_faces_are_seen_from_both_sides(draw):
 def test_labels_ignore_what_cityscapes_gives_no_class(draw, family, kind, share):
     """Guard rails, parking that is set off, wheeled luggage, prams, dogs and benches; not what is carried."""
     row = FAMILIES[family]
-    frame = draw(asset_street(family, row.turns.index(kind), 96 / 64, 50))
+    frame = draw(asset_street(family, row.kind_cycle.index(kind), 96 / 64, 50))
     label, void = frame.label[frame.instance == 4], frame.label == VOID
     assert set(np.unique(label)) <= {row.train_id, VOID} and len(label) > 300
     assert (label == VOID).mean() == pytest.approx(share, abs=0.1 if 0 < share < 1 else 0)

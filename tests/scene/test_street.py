@@ -216,7 +216,7 @@ def test_no_sign_or_light_and_no_built_in_rider_is_in_the_air(shelf):
     """Whatever a pool leaves out."""
     shelf("rider/them.stl", trimesh.creation.box((0.6, 0.6, 1.8)))
     own = shelf("traffic sign/stop.stl", trimesh.creation.box((0.02, 0.7, 0.7)))
-    assert "signpost" not in catalogue.absent(AssetPool(own=own, use="own"))
+    assert "signpost" not in catalogue.missing_families(AssetPool(own=own, use="own"))
     pools = {
         AssetPool(own=own, use="own"): {"traffic sign", "rider"},
         POOL._replace(without=("signpost",)): {"rider"},

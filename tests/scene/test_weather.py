@@ -82,4 +82,4 @@ def test_an_unknown_weather_is_refused_and_only_one_that_is_asked_for_is_recorde
         check_pool,
         AssetPool(weather="hail"),
     )
-    assert AssetPool(weather="fog").decides == AssetPool().decides | {"weather": "fog"}
+    assert AssetPool(weather="fog").identity == AssetPool().identity | {"weather": "fog"}

@@ -56,12 +56,12 @@ class Body(NamedTuple):
     bed: tuple[float, float] | None = None  # shares: an open load bed (pickup) or cabin
 
 
-def at(b: Body, s: np.ndarray | float) -> np.ndarray:
+def flank_x(b: Body, s: np.ndarray | float) -> np.ndarray:
     """X of the flank at share ``s`` of the length, m."""
     return b.length / 2 - b.nose - np.asarray(s) * (b.length - b.nose - b.stern)
 
 
-def share(b: Body, x: np.ndarray | float) -> np.ndarray:
+def share_at_x(b: Body, x: np.ndarray | float) -> np.ndarray:
     """Inverse of ``at``."""
     return (b.length / 2 - b.nose - np.asarray(x)) / (b.length - b.nose - b.stern)
 
@@ -72,7 +72,7 @@ def axles(b: Body) -> tuple[float, float]:
     return front, front - b.wheelbase
 
 
-def top(b: Body, s: np.ndarray) -> np.ndarray:
+def middle_height(b: Body, s: np.ndarray) -> np.ndarray:
     """Height of the body's middle line, m."""
     return np.interp(s, *_top_knots(b))
 
@@ -98,29 +98,31 @@ def shoulder(b: Body, s: np.ndarray) -> np.ndarray:
     line = np.interp(
         s, [0, b.cowl - 0.02, b.cowl + 0.03, b.tail], [b.hood, b.belt - 0.03, b.belt, b.belt + 0.02]
     )
-    return np.minimum(line, top(b, s) - 0.035)
+    return np.minimum(line, middle_height(b, s) - 0.035)
 
 
-_HALF = np.array([[0, 0.06, 0.16, 0.3, 0.75, 0.9, 1], [0.90, 0.955, 0.99, 1, 1, 0.975, 0.93]])
+_HALF_WIDTHS = np.array(
+    [[0, 0.06, 0.16, 0.3, 0.75, 0.9, 1], [0.90, 0.955, 0.99, 1, 1, 0.975, 0.93]]
+)
 # Under the waist the flank looks at the road, above it at the sky: a dark half and a light one.
-_SIDE = np.array([[0, 0.2, 0.45, 0.78, 1], [0.945, 0.975, 0.984, 1.0, 0.95]])
+_SIDE_PROFILE = np.array([[0, 0.2, 0.45, 0.78, 1], [0.945, 0.975, 0.984, 1.0, 0.95]])
 SHELF = 0.03
 """Metres that windows stand behind the flank below them; what is between looks up and catches the sky."""
 
 
-def half(b: Body, s: np.ndarray) -> np.ndarray:
+def half_width(b: Body, s: np.ndarray) -> np.ndarray:
     """Half the width of the body, m."""
-    return b.width / 2 * np.interp(s, *_HALF)
+    return b.width / 2 * np.interp(s, *_HALF_WIDTHS)
 
 
-def low(b: Body, s: np.ndarray) -> np.ndarray:
+def lower_edge(b: Body, s: np.ndarray) -> np.ndarray:
     """Height of the flank's lower edge, a circle over each wheel, m."""
     edge = np.interp(s, [0, 0.08, 0.9, 1], [b.sill + 0.04, b.sill, b.sill, b.sill + 0.09])
     reach = b.wheel_radius + ARCH_GAP
     for x in axles(b):
-        across = np.abs(at(b, s) - x)
-        inside = across < reach
-        circle = b.wheel_radius + np.sqrt(np.maximum(reach**2 - across**2, 0))
+        distance = np.abs(flank_x(b, s) - x)
+        inside = distance < reach
+        circle = b.wheel_radius + np.sqrt(np.maximum(reach**2 - distance**2, 0))
         edge = np.where(inside, circle, edge)
     return edge
 
@@ -132,18 +134,18 @@ ARCH_GAP = 0.05
 def side_y(b: Body, wide: np.ndarray, crest: np.ndarray, z: np.ndarray) -> np.ndarray:
     """Half the width at height ``z`` of a flank that is ``wide`` and ends at ``crest``, m."""
     up = (z - b.sill) / np.maximum(crest - b.sill, 1e-3)
-    return wide * np.interp(up, *_SIDE)
+    return wide * np.interp(up, *_SIDE_PROFILE)
 
 
-def _ends(b: Body, s: np.ndarray, v: np.ndarray) -> np.ndarray:
+def _end_setback(b: Body, s: np.ndarray, v: np.ndarray) -> np.ndarray:
     """How far nose and tail recede at row height ``v`` (0 sill, 1 shoulder), m, negative at the nose."""
     if s.min() > 0.08 and s.max() < 0.95:
         return np.zeros(1)
     fade = (1 - s / 0.08).clip(0, 1), (1 - (1 - s) / 0.05).clip(0, 1)
-    return -fade[0] * _receding(b, 0, v) + fade[1] * _receding(b, 1, v)
+    return -fade[0] * _setback(b, 0, v) + fade[1] * _setback(b, 1, v)
 
 
-def _receding(b: Body, end: int, v: np.ndarray) -> np.ndarray:
+def _setback(b: Body, end: int, v: np.ndarray) -> np.ndarray:
     """How far the very nose (0) or tail (1) recedes at row height ``v``, m."""
     nose, stern = (0.05, 0.008, 0.0, 0.5 * b.rake, b.rake), (0.06, 0.008, 0.0, 0.03, 0.05)
     return np.interp(v, FLANK, stern if end else nose)
@@ -159,7 +161,7 @@ def fascia(b: Body, end: int, c: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Points of the nose (``end`` 0) or tail (1): ``c`` -1 right .. 1 left, ``v`` 0 sill .. 1 shoulder."""
     foot, crest, wide, flank_x, bulge = _rim(b, end)
     z = foot + v * (crest - foot)
-    back = _receding(b, end, v)
+    back = _setback(b, end, v)
     x = flank_x + bulge * (1 - np.abs(c) ** _POWER) + (back if end else -back)
     return _points(x, c * side_y(b, wide, crest, z), z)
 
@@ -168,7 +170,7 @@ def fascia(b: Body, end: int, c: np.ndarray, v: np.ndarray) -> np.ndarray:
 def _rim(b: Body, end: int) -> tuple[np.ndarray, ...]:
     """Of nose (0) or tail (1): foot, shoulder, half width, x, how far its middle is ahead of it, m."""
     s = np.array([float(end)])
-    return low(b, s), shoulder(b, s), half(b, s), at(b, s), _bulge(b, s)
+    return lower_edge(b, s), shoulder(b, s), half_width(b, s), flank_x(b, s), _bulge(b, s)
 
 
 def _points(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
@@ -180,26 +182,26 @@ def _points(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
 
 def flank(b: Body, s: np.ndarray, v: np.ndarray, *, arches: bool = True) -> np.ndarray:
     """Points of the left flank: ``s`` along, ``v`` 0 at the sill (or arch) .. 1 at the shoulder."""
-    foot, crest = low(b, s) if arches else b.sill, shoulder(b, s)
+    foot, crest = lower_edge(b, s) if arches else b.sill, shoulder(b, s)
     z = foot + v * (crest - foot)
-    return _points(at(b, s) + _ends(b, s, v), side_y(b, half(b, s), crest, z), z)
+    return _points(flank_x(b, s) + _end_setback(b, s, v), side_y(b, half_width(b, s), crest, z), z)
 
 
 def doorway(b: Body) -> tuple[float, float]:
     """Shares of the length between the wheel arches."""
     front, rear = axles(b)
     reach = b.wheel_radius + 1.2 * ARCH_GAP
-    return float(share(b, front - reach)), float(share(b, rear + reach))
+    return float(share_at_x(b, front - reach)), float(share_at_x(b, rear + reach))
 
 
 def cabin(b: Body, s: np.ndarray, w: np.ndarray) -> np.ndarray:
     """Points of the left window band: ``w`` 0 at the shoulder .. 1 at the edge of the roof."""
-    foot, ridge, wide = shoulder(b, s), top(b, s), half(b, s)
+    foot, ridge, wide = shoulder(b, s), middle_height(b, s), half_width(b, s)
     edge = np.maximum(ridge - b.crown, foot + 0.6 * (ridge - foot))
     y = side_y(b, wide, foot, foot)
     grown = ((edge - foot) / (b.height - b.crown - b.belt)).clip(0, 1)
     inset = wide * (0.12 * (1 - grown) + b.tumblehome * grown)
-    x = at(b, s) + _ends(b, s, np.ones_like(s))
+    x = flank_x(b, s) + _end_setback(b, s, np.ones_like(s))
     inset = inset * w**1.2 + SHELF * grown * np.minimum(w / CABIN[0], 1)
     lateral = 1 - inset / y
     x = x + _bulge(b, s) * (1 - lateral**_POWER)
@@ -211,9 +213,9 @@ def roof(b: Body, s: np.ndarray, c: np.ndarray) -> np.ndarray:
     edge = cabin(b, s, np.ones_like(s))
     y = c * edge[..., 1]
     crest = shoulder(b, s)
-    lateral = y / side_y(b, half(b, s), crest, crest)
-    x = at(b, s) + _ends(b, s, np.ones_like(s)) + _bulge(b, s) * (1 - lateral**_POWER)
-    z = edge[..., 2] + (top(b, s) - edge[..., 2]) * (1 - c**2.2)
+    lateral = y / side_y(b, half_width(b, s), crest, crest)
+    x = flank_x(b, s) + _end_setback(b, s, np.ones_like(s)) + _bulge(b, s) * (1 - lateral**_POWER)
+    z = edge[..., 2] + (middle_height(b, s) - edge[..., 2]) * (1 - c**2.2)
     return _points(x, y, z)
 
 
@@ -242,23 +244,23 @@ def stations(b: Body) -> np.ndarray:
     if b.bed:
         marks += [b.bed[0], b.bed[1]]
     line = np.sort(np.clip(np.concatenate([marks, _arch_marks(b)]), 0, 1)).tolist()
-    kept = line[:1]
+    sections = line[:1]
     for mark in line[1:]:
-        if mark - kept[-1] > _APART:
-            kept.append(mark)
-    return np.array(kept)
+        if mark - sections[-1] > _MIN_SPACING:
+            sections.append(mark)
+    return np.array(sections)
 
 
 def _arch_marks(b: Body) -> np.ndarray:
     """Shares of the length at which the wheel arches have a corner."""
     reach = b.wheel_radius + ARCH_GAP
-    return np.concatenate([share(b, x + reach * _ARCH) for x in axles(b)])
+    return np.concatenate([share_at_x(b, x + reach * _ARCH_CORNERS) for x in axles(b)])
 
 
-_ARCH = np.array([-1.03, -0.99, -0.9, -0.63, -0.22, 0.22, 0.63, 0.9, 0.99, 1.03])
+_ARCH_CORNERS = np.array([-1.03, -0.99, -0.9, -0.63, -0.22, 0.22, 0.63, 0.9, 0.99, 1.03])
 
 
-_APART = 3.5e-3
+_MIN_SPACING = 3.5e-3
 """Share of the length that sections are apart, at least."""
 _POST = 0.009
 """Half the width of a window post, as a share of the length."""
@@ -285,9 +287,9 @@ def shell(b: Body, paint: Paint) -> Asset:
     points = np.concatenate(
         [flank(b, along, FLANK), cabin(b, along, CABIN), roof(b, along, ROOF)], axis=1
     )
-    wear = [(paint.body, "paint"), (paint.lower, "plain"), (paint.roof, paint.roof_material)]
-    wear += [(paint.glass, "glass"), (paint.screen, "glass"), (BLACK, "plain")]
-    left = paint_cells(points, wear, _cells(b, paint, s))
+    paints = [(paint.body, "paint"), (paint.lower, "plain"), (paint.roof, paint.roof_material)]
+    paints += [(paint.glass, "glass"), (paint.screen, "glass"), (BLACK, "plain")]
+    sides = paint_cells(points, paints, _cells(b, paint, s))
     ends = []
     for end in (0, 1):
         rim = points[0 if end == 0 else -1]
@@ -297,10 +299,12 @@ def shell(b: Body, paint: Paint) -> Asset:
         cells = np.zeros((len(FLANK) - 1, len(c) - 1), int)
         cells[: paint.lower_rows] = 1
         ends.append(
-            paint_cells(grid if end == 0 else grid[::-1], wear, cells if end == 0 else cells[::-1])
+            paint_cells(
+                grid if end == 0 else grid[::-1], paints, cells if end == 0 else cells[::-1]
+            )
         )
-    one = weld(left, *ends)
-    return weld(one, mirrored(one))
+    half_shell = weld(sides, *ends)
+    return weld(half_shell, mirrored(half_shell))
 
 
 def _cells(b: Body, paint: Paint, s: np.ndarray) -> np.ndarray:
@@ -340,7 +344,7 @@ def underside(b: Body) -> Asset:
     down = inner.copy()
     down[:, 2] = np.minimum(b.sill + 0.02, inner[:, 2])
     middle = down * [1, 0, 1]
-    left = paint_cells(
+    half_floor = paint_cells(
         np.stack([middle, down, inner, edge], 1), [(BLACK, "plain")], np.zeros((len(s) - 1, 3), int)
     )
-    return weld(left, mirrored(left))
+    return weld(half_floor, mirrored(half_floor))

@@ -1,7 +1,7 @@
-"""What is seen in a vehicle's windows: seats and people, dark before the light from behind.
+"""What is visible through a vehicle's windows: seats and people, dark against the light behind them.
 
-Windows are opaque to renderers, so that what stands behind a car is not labelled in its place. Their inside
-is laid on them as thin sheets of glass of other tones, which mirror the sky as the panes do.
+Windows are opaque to the renderers, so that objects behind a car are not labelled where the car is. The
+interior is laid on them as thin sheets of glass in other tones, which reflect the sky as the panes do.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from scene.assets.parts.bodywork import ROOF, Body, roof, stations
 from scene.assets.parts.draw import Rule
 from scene.assets.parts.fittings import on_cabin
-from scene.assets.parts.palette import darker
+from scene.assets.parts.palette import blend, darker
 from scene.assets.parts.skin import sheet
 from scene.mesh.asset import Asset, Color, solid, vary
 from scene.mesh.mesh import cross, twice_areas
@@ -28,27 +28,27 @@ PERSON = (
     (0.1, 0.27), (0.36, 0.23), (0.44, 0.055), (0.50, 0.075), (0.58, 0.088), (0.70, 0.086),
     (0.78, 0.064), (0.83, 0.03),
 )  # fmt: skip
-"""That of somebody at the wheel; the head, as deep as wide, begins in the third row."""
+"""Outline of a person at the wheel, in the same units; the head, as deep as wide, starts in the third row."""
 NARROW = 0.42
-"""Share of the widths of seats and shoulders that is seen from the side."""
+"""Width of seats and shoulders seen from the side, as a share of that from ahead."""
 HAIR = 0.2
-"""Brightness of hair, which is what is seen of a head from behind, as a share of the skin's."""
+"""Brightness of hair, which covers a head seen from behind, as a share of the skin's."""
 LEAN = 0.10
-"""Metres that the top of a seat lies behind its foot."""
+"""Metres from the foot of a seat back to its top."""
 UPRIGHT = 0.025
-"""Share of the length below which a rear window is the door of a van, with nothing to see behind it."""
-EMPTIED = 1e-8
-"""Square metres of a face, twice, below which nothing of it is left at the edge of a pane."""
-_SEAT = 0.4
-"""Metres from the middle of a car to a seat's."""
+"""A rear window that spans less of the length than this is in the door of a van; nothing is behind it."""
+MIN_TWICE_AREA = 1e-8
+"""Twice the area (square metres) below which a face cut off at the edge of a pane is dropped."""
+_SEAT_Y = 0.4
+"""Metres from the middle of a car to the middle of a seat."""
 TALL = 0.55
-"""Height of a car's window, metres."""
+"""Height of a car's window (metres)."""
 _LIFTS = (0.009, 0.015, 0.02)
-"""Metres by which light, seats and people stand before the pane."""
+"""Metres from the pane to the sheets of light, seats and people in front of it."""
 _ACROSS = np.array([*-ROOF[:-1], *ROOF[::-1]])
 
 
-Lay = Callable[[np.ndarray, np.ndarray, Color, float], Asset]
+LaySheet = Callable[[np.ndarray, np.ndarray, Color, float], Asset]
 """Lays a sheet on glass: shares of a window's height f64[n, 1], metres across f64[n, m], colour, lift."""
 
 
@@ -58,17 +58,17 @@ class Glazing(NamedTuple):
     behind: Color  # light from the other side
     dim: float  # share of it that passes the rear windows
     seats: Color
-    skin: Color | None  # of the driver; None: nobody is there
+    skin: Color | None  # of the driver; None for an empty seat
     clothes: Color
     side: float  # of the driver, 1 left or -1 right, as a share of half the seats' distance
 
 
 EMPTY = Glazing((0.05, 0.055, 0.06), 0.6, (0.01, 0.01, 0.01), None, (0.05, 0.05, 0.05), 1.0)
-"""Of vehicles of which nothing has been drawn yet."""
+"""The default of parameters before they are drawn."""
 
 
 def sample_glazing(rng: np.random.Generator, dims: Sequence[float], driven: float) -> Glazing:
-    """Draw light, seats and, with probability ``driven``, a driver; ``dims`` has values of ``dim``."""
+    """Draw light, seats and, with probability ``driven``, a driver; ``dim`` is one of ``dims``."""
     light = float(rng.uniform(0.02, 0.16))
     seat = float(rng.choice([0.006, 0.006, 0.012, 0.05]))
     return Glazing(
@@ -82,20 +82,20 @@ def sample_glazing(rng: np.random.Generator, dims: Sequence[float], driven: floa
 
 
 def glazed(driven: float) -> Rule:
-    """The windows of a bus, lorry or train are drawn; somebody drives with probability ``driven``."""
+    """Return the rule for a bus, lorry or train; it has a driver with probability ``driven``."""
     return lambda rng, value: sample_glazing(rng, (0.6,), driven)
 
 
 def glazing(b: Body, g: Glazing, windows: tuple[bool, bool]) -> list[Asset]:
-    """What is laid on the panes of the car ``b``; ``windows`` as in ``Paint``."""
+    """Build what is laid on the panes of the car ``b``; ``windows`` as in ``Paint``."""
     parts = _screen(b, g, 0)
     if windows[1] and b.tail - b.roof_rear > UPRIGHT:
         parts += _screen(b, g, 1)
     return parts + (_sides(b, g) if windows[0] else [])
 
 
-def inside(
-    lay: Lay,
+def interior(
+    lay: LaySheet,
     g: Glazing,
     seats: Sequence[float],
     driver: float | None = None,
@@ -104,10 +104,10 @@ def inside(
     lean: float = 0.0,
     from_behind: bool = False,
 ) -> list[Asset]:
-    """Seats at ``seats`` metres across a window and whoever drives at ``driver``, as ``lay`` lays them."""
+    """Lay seats at ``seats`` metres across a window, and the driver at ``driver``, by ``lay``."""
     low, high = _LIFTS[1:]
     if from_behind:
-        low, high = high, low  # the seats hide who sits in them
+        low, high = high, low  # seats hide the people in them
     shapes: list[tuple[tuple[tuple[float, float], ...], float, Color, float, float]] = [
         (SEAT, at, g.seats, low, narrow) for at in seats
     ]
@@ -124,13 +124,12 @@ def inside(
 
 
 def dimmed(g: Glazing, share: float) -> Color:
-    """The tone of glass that ``share`` of the light from behind passes."""
-    a, b, c = (share * x + (1 - share) * y for x, y in zip(g.behind, g.seats, strict=True))
-    return a, b, c
+    """Return the tone of glass that lets ``share`` of the light behind it through."""
+    return blend(g.seats, g.behind, share)
 
 
 def _sides(b: Body, g: Glazing) -> list[Asset]:
-    """Light and seats in the side windows, and the driver's profile."""
+    """Build light and seats in the side windows, and the driver's profile."""
     ends = (max(b.glass[0] + 0.02, b.roof_front - 0.045), *b.pillars, min(b.glass[1], b.roof_rear))
     marks, parts = stations(b), []
     panes = [(low + 0.016, high - _LIFTS[2]) for low, high in pairwise(ends) if high - low > 0.05]
@@ -142,26 +141,26 @@ def _sides(b: Body, g: Glazing) -> list[Asset]:
         parts.append(on_cabin(b, s[:, None], rows, tone, "glass", lift=_LIFTS[0]))
         if k < 2:
             lay = partial(_on_side, b, high - 0.28 / b.length)
-            parts += inside(lay, g, (0.0,), None if k else -0.14, narrow=NARROW, lean=LEAN)
+            parts += interior(lay, g, (0.0,), None if k else -0.14, narrow=NARROW, lean=LEAN)
     return parts
 
 
 def _on_side(
     b: Body, s: float, up: np.ndarray, across: np.ndarray, color: Color, lift: float
 ) -> Asset:
-    """A sheet on the side windows, ``across`` from the share ``s`` of the length."""
+    """Lay a sheet on the side windows, ``across`` from the share ``s`` of the length."""
     return on_cabin(b, s + across / b.length, up, color, "glass", lift=lift)
 
 
 def _screen(b: Body, g: Glazing, end: int) -> list[Asset]:
-    """Light, seats, driver and mirror behind the windscreen (``end`` 0) or rear window (1)."""
+    """Build light, seats, driver and mirror behind the windscreen (``end`` 0) or rear window (1)."""
     wide = 0.45 * b.width
     lay = partial(on_screen, b, end)
     light = np.array([-0.66, *_ACROSS[np.abs(_ACROSS) < 0.6], 0.66])[None] * wide
     rows = np.array([[0.3], [0.6 if end else 0.5], [0.84]])
     parts = [lay(rows, light, dimmed(g, g.dim if end else 1.0), _LIFTS[0])]
-    parts += inside(
-        partial(_upright, b, end), g, (-_SEAT, _SEAT), g.side * _SEAT, from_behind=end == 1
+    parts += interior(
+        partial(_upright, b, end), g, (-_SEAT_Y, _SEAT_Y), g.side * _SEAT_Y, from_behind=end == 1
     )
     if end == 0:
         parts.append(lay(np.array([[0.72], [0.83]]), np.array([[-0.1, 0.1]]), g.seats, _LIFTS[2]))
@@ -171,7 +170,7 @@ def _screen(b: Body, g: Glazing, end: int) -> list[Asset]:
 def _upright(
     b: Body, end: int, up: np.ndarray, across: np.ndarray, color: Color, lift: float
 ) -> Asset:
-    """A sheet on a screen that stands upright, though the screen is narrower above."""
+    """Lay a sheet on a screen with upright sides, although the screen narrows upwards."""
     foot, ridge = (b.cowl, b.roof_front) if end == 0 else (b.tail, b.roof_rear)
     edge = roof(b, foot + up * (ridge - foot), np.ones_like(up))[..., 1]
     return on_screen(b, end, up, across * edge.min() / edge, color, lift)
@@ -186,7 +185,7 @@ def on_screen(
     lift: float,
     material: str = "glass",
 ) -> Asset:
-    """A sheet on windscreen (``end`` 0) or rear window (1), ``up`` from its foot, ``across`` to the left."""
+    """Lay a sheet on windscreen (``end`` 0) or rear window (1): ``up`` from the foot, ``across`` left."""
     foot, ridge = (b.cowl, b.roof_front) if end == 0 else (b.tail, b.roof_rear)
     up, c = np.broadcast_arrays(up, across / (0.45 * b.width))
     points = roof(b, foot + up * (ridge - foot), np.abs(c))
@@ -198,9 +197,9 @@ def on_screen(
 def on_panes(
     panes: np.ndarray, up: np.ndarray, across: np.ndarray, color: Color, lift: float
 ) -> Asset:
-    """A sheet on each of the flat panes f64[k, 4, 3], ``across`` from its middle, cut off at its edges.
+    """Lay a sheet on each of the flat panes f64[k, 4, 3], ``across`` from its middle, cut off at its edges.
 
-    ``up`` is of a car's window, ``TALL`` metres: a bus has larger windows, not larger people.
+    ``up`` is a share of a car's window, ``TALL`` metres: a bus has larger windows, not larger people.
     """
     foot, right, _, left = np.moveaxis(panes, 1, 0)[:, :, None, None]
     wide, tall = (
@@ -216,5 +215,5 @@ def on_panes(
         [points[:, :-1, :-1], points[:, :-1, 1:], points[:, 1:, 1:], points[:, 1:, :-1]], axis=3
     ).reshape(-1, 4, 3)
     mesh = quads(corners, [color] * len(corners), ["glass"] * len(corners)).mesh
-    faces = mesh.faces[twice_areas(mesh.vertices, mesh.faces) > EMPTIED]
+    faces = mesh.faces[twice_areas(mesh.vertices, mesh.faces) > MIN_TWICE_AREA]
     return solid(mesh.vertices, faces, color, "glass")

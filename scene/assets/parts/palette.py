@@ -117,6 +117,12 @@ def car_paint(rng: np.random.Generator) -> Color:
     return vary(rng, _CAR_PAINTS[rng.choice(len(shares), p=shares / shares.sum())][1])
 
 
+def blend(one: Color, other: Color, share: float) -> Color:
+    """Return a colour ``share`` of the way from one to the other."""
+    red, green, blue = ((1 - share) * x + share * y for x, y in zip(one, other, strict=True))
+    return red, green, blue
+
+
 def darker(color: Color, share: float = 0.6) -> Color:
     """Return a colour at ``share`` of its brightness."""
     return share * color[0], share * color[1], share * color[2]

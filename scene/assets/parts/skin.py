@@ -1,4 +1,4 @@
-"""Curved surfaces of vehicles: sheets over a grid of points, welded together so that light runs over them."""
+"""Curved surfaces of vehicles: sheets over grids of points, welded so that shading is smooth."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ from scene.mesh.asset import Asset, Color, merge, solid
 from scene.mesh.mesh import Mesh, frozen, twice_areas
 from scene.mesh.solids import block, loft
 
-_SAME = 1e4
-"""Points that agree to 1 / _SAME of a metre are one vertex after welding."""
+_WELD = 1e4
+"""Welding merges points that agree to 1 / _WELD metres."""
 
 
 def sheet(points: np.ndarray, color: Color, material: str = "paint") -> Asset:
-    """A skin over a grid of points f64[n, m, 3]; cell (i, j) has the faces 2 (i (m - 1) + j) and next."""
+    """Cover a grid of points f64[n, m, 3]; cell (i, j) has the faces 2 (i (m - 1) + j) and the next one."""
     return solid(points.reshape(-1, 3), _cells(*points.shape[:2]), color, material)
 
 
 @lru_cache
 def _cells(n: int, m: int) -> np.ndarray:
-    """Triangles i64[2 (n - 1) (m - 1), 3] of a grid of n by m points (read-only)."""
+    """Return the triangles i64[2 (n - 1) (m - 1), 3] of a grid of n by m points (read-only)."""
     first = (np.arange(n - 1)[:, None] * m + np.arange(m - 1)).ravel()
     a, b, c, d = first, first + 1, first + m + 1, first + m
     return frozen(np.stack([a, b, c, a, c, d], 1).reshape(-1, 3))
 
 
 def twin_sheets(points: np.ndarray, color: Color, material: str = "paint") -> Asset:
-    """A sheet and its mirror image on the other side of the x-z plane, as one solid."""
-    one = points.reshape(-1, 3)
-    both = np.concatenate([one, one * _MIRROR])
-    return solid(both, _twin_cells(*points.shape[:2]), color, material)
+    """Cover a grid and its mirror image on the other side of the x-z plane, as one solid."""
+    left = points.reshape(-1, 3)
+    vertices = np.concatenate([left, left * _MIRROR])
+    return solid(vertices, _twin_cells(*points.shape[:2]), color, material)
 
 
 @lru_cache
@@ -42,30 +42,30 @@ def _twin_cells(n: int, m: int) -> np.ndarray:
 
 
 def paint_cells(points: np.ndarray, paints: list[tuple[Color, str]], cells: np.ndarray) -> Asset:
-    """A sheet whose cell (i, j) wears ``paints[cells[i, j]]``, a colour and a material."""
+    """Cover a grid, its cell (i, j) in ``paints[cells[i, j]]``, a colour and a material."""
     skin = sheet(points, (0, 0, 0))
-    which = np.repeat(cells.ravel(), 2)
-    color = np.array([c for c, _ in paints], np.float32)[which]
-    material = np.array([material_id(m) for _, m in paints], np.uint8)[which]
+    paint = np.repeat(cells.ravel(), 2)
+    color = np.array([c for c, _ in paints], np.float32)[paint]
+    material = np.array([material_id(m) for _, m in paints], np.uint8)[paint]
     return skin._replace(color=color, material=material)
 
 
 def weld(*parts: Asset) -> Asset:
-    """One asset in which points at the same place are one vertex and no face is without area."""
-    whole = merge(*parts)
-    vertices = whole.mesh.vertices
-    key = np.round(vertices * _SAME).astype(np.int64)
-    # Three coordinates of a vehicle fit one integer: sorting it is cheaper than sorting rows.
+    """Merge parts into one asset, points at the same place into one vertex, and drop faces without area."""
+    merged = merge(*parts)
+    vertices = merged.mesh.vertices
+    key = np.round(vertices * _WELD).astype(np.int64)
+    # The three coordinates of a point on a vehicle fit one integer, which sorts faster than rows do.
     key = (key[:, 0] * 2**21 + key[:, 1]) * 2**21 + key[:, 2]
     _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
-    faces = inverse[whole.mesh.faces]
+    faces = inverse[merged.mesh.faces]
     points = vertices[first]
     keep = twice_areas(points, faces) > 2e-7
-    return Asset(Mesh(points, faces[keep]), whole.color[keep], whole.material[keep])
+    return Asset(Mesh(points, faces[keep]), merged.color[keep], merged.material[keep])
 
 
 def mirrored(asset: Asset) -> Asset:
-    """The asset on the other side of the x-z plane."""
+    """Mirror an asset to the other side of the x-z plane."""
     faces = np.ascontiguousarray(asset.mesh.faces[:, ::-1])
     return asset._replace(mesh=Mesh(asset.mesh.vertices * _MIRROR, faces))
 
@@ -74,7 +74,7 @@ _MIRROR = np.array([1.0, -1.0, 1.0])
 
 
 def pair(asset: Asset) -> Asset:
-    """The asset and its mirror image."""
+    """Merge an asset with its mirror image."""
     return merge(asset, mirrored(asset))
 
 
@@ -82,20 +82,20 @@ def cuboid(
     x: tuple[float, float], half: float, z: tuple[float, float], color: Color,
     material: str = "plain", *, at: float = 0.0,
 ) -> Asset:  # fmt: skip
-    """A box between two places x and two heights, ``half`` m wide to either side of y = ``at``; 12 faces."""
+    """Build a box from x[0] to x[1], z[0] to z[1], and ``half`` m to either side of y = ``at``; 12 faces."""
     return block((x[0], at - half, z[0]), (x[1], at + half, z[1]), color, material)
 
 
 def revolve(
     profile: list[tuple[float, float]], color: Color, material: str, *, sides: int = 18
 ) -> Asset:
-    """A surface of revolution about the y axis from (radius, y) points, m."""
+    """Build a surface of revolution about the y axis from (radius, y) points, m."""
     angle = np.arange(sides + 1) * 2 * np.pi / sides
-    radius, across = np.array(profile).T
+    radius, y = np.array(profile).T
     points = np.stack(
         [
             radius[:, None] * np.cos(angle),
-            np.broadcast_to(across[:, None], (len(profile), sides + 1)),
+            np.broadcast_to(y[:, None], (len(profile), sides + 1)),
             radius[:, None] * np.sin(angle),
         ],
         axis=-1,
@@ -109,7 +109,7 @@ _ROUND = np.linspace(0, np.pi / 2, 4)
 def rounded_body(
     stations: list[tuple[float, float, float, float]], color: Color, material: str
 ) -> Asset:
-    """A rounded body along x from (x, half width, low, high) sections, narrower above."""
+    """Build a rounded body along x from (x, half width, low, high) sections, narrower above."""
     rings = []
     for x, half, low, high in _smooth(stations):
         middle = low + 0.45 * (high - low)
@@ -122,7 +122,7 @@ def rounded_body(
 
 
 def _smooth(stations: list[tuple[float, float, float, float]]) -> np.ndarray:
-    """The stations with two more in every gap, on a curve through them."""
+    """Add two stations in every gap, on a smooth curve through all."""
     knots = np.array(stations)
     t = np.arange(len(knots))
     fine = np.linspace(0, len(knots) - 1, 3 * (len(knots) - 1) + 1)

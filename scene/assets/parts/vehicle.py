@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.assets.parts.glazing import NARROW, Glazing, dimmed, inside, on_panes
+from scene.assets.parts.glazing import NARROW, Glazing, dimmed, interior, on_panes
 from scene.assets.parts.palette import BLACK, GLASS, STEEL, TRIM, TYRE
 from scene.assets.parts.skin import sheet
 from scene.assets.parts.wheel import Wheel, wheels
@@ -158,7 +158,7 @@ def panes(
     narrow: float = 1.0,
     lift: float = 0.012,
 ) -> list[Asset]:
-    """Windows on ``wall``, light from behind in them, and what ``inside`` tells of ``g`` in each."""
+    """Windows on ``wall``, light from behind in them, and what ``interior`` tells of ``g`` in each."""
     count, tall = len(u), v[1] - v[0]
     sill, head = v[0] + 0.16 * tall, v[1] - 0.05 * tall
     bright = [(a + 0.06 * (b - a), b - 0.06 * (b - a)) for a, b in u]
@@ -168,7 +168,7 @@ def panes(
     corners = np.concatenate([whole, light])
     return [
         quads(corners, [GLASS] * count + tones, ["glass"] * len(corners)),
-        *inside(partial(on_panes, whole), g, seats, driver, narrow=narrow),
+        *interior(partial(on_panes, whole), g, seats, driver, narrow=narrow),
     ]
 
 
@@ -186,7 +186,9 @@ def window_row(
     bars = _laid(wall, spans, [(vent, vent + 0.008)], 0.036)
     return [
         *panes(wall, spans, v, g, (-0.35, 0.35), narrow=NARROW),
-        *inside(partial(on_panes, _laid(wall, spans[::3], [v], 0.012)), g, (), 0.25, narrow=NARROW),
+        *interior(
+            partial(on_panes, _laid(wall, spans[::3], [v], 0.012)), g, (), 0.25, narrow=NARROW
+        ),
         quads(bars, [TRIM] * count, ["plain"] * count),
     ]
 
