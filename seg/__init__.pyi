@@ -22,6 +22,8 @@ from .errors import ModelError as ModelError
 from .errors import WeightsError as WeightsError
 from .losses import class_weights as class_weights
 from .losses import cross_entropy as cross_entropy
+from .many import TrainedNetworks as TrainedNetworks
+from .many import train_many as train_many
 from .metrics import absent_classes as absent_classes
 from .metrics import confusion_matrix as confusion_matrix
 from .metrics import iou as iou
@@ -38,5 +40,6 @@ from .recipes import RECIPES as RECIPES
 from .settings import TrainSettings as TrainSettings
 from .train import TrainingError as TrainingError
 from .train import predict as predict
+from .train import predict_heads as predict_heads
 from .train import score as score
 from .train import train as train

@@ -100,6 +100,7 @@ class Functions(NamedTuple):
     resume: Callable[..., TrainState]  # variables -> state with them
     step: Callable[..., tuple[TrainState, Array]]  # state, data, one row of the plan -> loss
     steps: Callable[..., tuple[TrainState, Array]]  # the same over many rows, scanned
+    many: Callable[..., tuple[TrainState, Array]]  # `steps` of networks of axes sets and heads
 
 
 def functions(settings: TrainSettings, classes: int) -> Functions:
@@ -187,11 +188,21 @@ def _compiled(settings: TrainSettings, classes: int) -> Functions:
     ) -> tuple[TrainState, Float[Array, " steps"]]:
         return jax.lax.scan(lambda carry, row: step(carry, data, row), state, rows)
 
+    # Heads share their set's images; all networks share the schedule.
+    of_heads = jax.vmap(step, in_axes=(0, Data(None, None, None, 0), Plan(0, 0, None, None)))
+    of_sets = jax.vmap(of_heads, in_axes=(0, Data(0, 0, 0, 0), Plan(0, 0, None, None)))
+
+    def many(
+        states: TrainState, data: Data, rows: Plan
+    ) -> tuple[TrainState, Float[Array, "steps sets heads"]]:
+        return jax.lax.scan(lambda carry, row: of_sets(carry, data, row), states, rows)
+
     return Functions(
         init=jax.jit(init),
         resume=jax.jit(resume),
         step=jax.jit(step, donate_argnums=0),
         steps=jax.jit(steps, donate_argnums=0),
+        many=jax.jit(many, donate_argnums=0),
     )
 
 

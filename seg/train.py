@@ -16,21 +16,29 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float32, Int64, UInt8
 
-from seg import losses, pyramid
+from seg import pyramid
 from seg.batches import in_batches
-from seg.beside import TrainingSet, joined, mean_share, mixed, training_set
+from seg.beside import joined, training_set
 from seg.check import check_settings
-from seg.classes import IGNORE_LABEL
 from seg.data import LabelledImages
 from seg.metrics import confusion_matrix
 from seg.nets import net_of, normalise, variables_of
-from seg.nets.head import STATISTICS, Maps, OnTrunk
+from seg.nets.head import Maps, OnTrunk
 from seg.nets.trunks import trunk_of
+from seg.prepare import (
+    check_arrays,
+    check_inputs,
+    check_seed,
+    error_of,
+    first_variables,
+    head_seeds,
+    prepare,
+)
 from seg.pyramid import Statistics
-from seg.settings import VGG_NETS, TrainSettings
-from seg.step import Data, Functions, Params, Plan, TrainState, Variables, functions, plan
-from seg.views import view_labels, views, with_mirror
-from seg.weights import load
+from seg.settings import TrainSettings
+from seg.step import Data, Functions, Plan, TrainState, Variables, functions, plan
+from seg.step import Params as Params
+from seg.views import with_mirror
 
 CHUNK = 50  # steps between two checks of the loss; also the length of a scan on an accelerator
 
@@ -141,79 +149,6 @@ def _of_net(settings: TrainSettings) -> TrainSettings:
     return replace(TrainSettings(), **{name: getattr(settings, name) for name in names})
 
 
-def _started(
-    state: TrainState,
-    compiled: Functions,
-    settings: TrainSettings,
-    statistics: Statistics | None,
-) -> TrainState:
-    """Make a fresh state with the given weights and statistics of features."""
-    params: Params = state.params
-    fixed = state.fixed
-    if settings.has_trunk:
-        assert statistics is not None
-        mean, deviation = (jnp.array(s) for s in statistics)
-        fixed = {STATISTICS: {"head": {"mean": mean, "deviation": deviation}}}
-        if not settings.frozen:
-            # A copy, since the step donates its state.
-            params = {**params, "trunk": jax.tree.map(jnp.array, pyramid.trunk_params(settings))}
-    if settings.net in VGG_NETS and settings.weights is not None:
-        params = load(settings.weights, settings.net, params)
-    return compiled.resume({"params": params, **fixed})
-
-
-def _check_part(part: LabelledImages, settings: TrainSettings, classes: int) -> None:
-    _check(part.images, part.labels)
-    _check_net(part.images, settings, part.features, settings.views)
-    stray = part.labels[(part.labels >= classes) & (part.labels != IGNORE_LABEL)]
-    if stray.size:
-        raise ValueError(
-            f"label {stray.max()} is none of {classes} classes; expected "
-            f"0..{classes - 1}, or {IGNORE_LABEL} for void"
-        )
-
-
-def _statistics(own: TrainingSet, settings: TrainSettings) -> Statistics:
-    """Mean and deviation of each channel over the images of the batches."""
-    maps = (part.features or pyramid.features(part.images, settings) for part in own.parts)
-    return mixed(own.shares, [pyramid.channel_statistics(m) for m in maps])
-
-
-def _seen(part: LabelledImages, settings: TrainSettings) -> LabelledImages:
-    """The training data of a frozen trunk's head: labels and features of all views of a part."""
-    if part.features is not None:
-        return part._replace(labels=view_labels(part.images, part.labels, settings))
-    images, labels = views(part.images, part.labels, settings)
-    return part._replace(labels=labels, features=pyramid.features(images, settings))
-
-
-def _check(images: np.ndarray, labels: np.ndarray | None = None) -> None:
-    if images.ndim != 4 or images.shape[-1] != 3 or images.dtype != np.uint8:
-        raise ValueError(f"images must be u8[n, h, w, 3]; got {images.dtype}{list(images.shape)}")
-    if len(images) == 0:
-        raise ValueError("zero images; expected at least one")
-    if labels is None:
-        return
-    if labels.dtype != np.uint8 or labels.shape != images.shape[:3]:
-        raise ValueError(
-            f"labels must be u8{list(images.shape[:3])}, one per pixel of the images; "
-            f"got {labels.dtype}{list(labels.shape)}"
-        )
-
-
-def _check_net(
-    images: np.ndarray, settings: TrainSettings, features: Maps | None, views: int
-) -> None:
-    if settings.has_trunk:
-        pyramid.check_size(images, settings)
-    if features is not None and not settings.frozen:
-        raise ValueError(
-            f"features are for a frozen trunk, and not for {settings.net}, {settings.trunk}"
-        )
-    if features is not None:
-        pyramid.check_features(features, images, settings, views)
-
-
 def train(
     rng_seed: int,
     images: UInt8[np.ndarray, "n h w 3"],
@@ -273,71 +208,47 @@ def train(
         WeightsError: the settings' `weights`, or the trunk's, cannot be used.
     """
     check_settings(settings)
-    own = training_set(LabelledImages(images, labels, features=features), beside, share)
-    for part in own.parts:
-        _check_part(part, settings, classes)
-    of_target = settings.head_statistics == "target"
-    if statistics is not None and not of_target:
-        raise ValueError('statistics are for head_statistics "target"; the settings say "training"')
-    if statistics is None and of_target and params is None:
-        raise ValueError('head_statistics "target" needs statistics, or params that have them')
-    if not 0 <= rng_seed < 2**32:
-        raise ValueError(f"rng_seed must be in 0..2**32 - 1; got {rng_seed}")
+    check_seed(rng_seed)
     if not 1 <= checkpoints <= settings.steps:
         raise ValueError(
             f"checkpoints must lie in 1..{settings.steps}, the steps; got {checkpoints}"
         )
     if checkpoints > 1 and settings.heads > 1:
         raise ValueError(f"checkpoints are of nets of one head; the settings have {settings.heads}")
-    if beside is not None:  # weights and statistics are of all batches
-        mean = mean_share(share, settings.last_share)
-        own = own._replace(shares=(1 - mean, mean))
+    own = training_set(LabelledImages(images, labels, features=features), beside, share)
+    prepared = prepare(own, settings, classes, statistics, resumes=params is not None)
     compiled = functions(settings, classes)
-    class_weights = np.ones(classes, np.float32)
-    if settings.weighted:
-        shares = [
-            share * losses.class_shares(part.labels, classes)
-            for part, share in zip(own.parts, own.shares, strict=True)
-        ]
-        class_weights = losses.weights_of_shares(np.sum(shares, axis=0))
-    seed = np.uint32(rng_seed)
-    if settings.frozen:
-        own = own._replace(parts=tuple(_seen(part, settings) for part in own.parts))
-    if settings.has_trunk and params is None and statistics is None:
-        statistics = _statistics(own, settings)
-    inputs: Any = joined([p.features if settings.frozen else p.images for p in own.parts])
-    counts = [len(part.labels) for part in own.parts]
-    data = jax.device_put(Data(inputs, joined([p.labels for p in own.parts]), class_weights, seed))
-    del own, inputs  # features are large, and joined ones are a copy
+    seeds = head_seeds(rng_seed, settings.heads)
+    data = jax.device_put(
+        Data(
+            joined(prepared.inputs),
+            joined(prepared.labels),
+            prepared.class_weights,
+            np.uint32(rng_seed),
+        )
+    )
+    counts, statistics = prepared.counts, prepared.statistics
+    del own, prepared  # features are large, and joined ones are a copy
     starts = [None] * settings.heads if params is None else heads_of(variables_of(params), settings)
     nets = []
-    for head, start in enumerate(starts):
-        head_seed = _head_seed(rng_seed, head)
-        if start is not None:
+    for head, (seed, start) in enumerate(zip(seeds, starts, strict=True)):
+        if start is not None or settings.weights is not None or settings.has_trunk:
+            if start is None:
+                random = compiled.init(np.uint32(seed), data.images).params
+                start = first_variables(random, settings, statistics)
             # The step donates its state, so it gets a copy.
             state = compiled.resume(jax.tree.map(jnp.array, start))
         else:
-            state = compiled.init(np.uint32(head_seed), data.images)
-            if settings.weights is not None or settings.has_trunk:
-                state = _started(state, compiled, settings, statistics)
-        rows = plan(head_seed, counts, settings, share)
+            state = compiled.init(np.uint32(seed), data.images)
+        rows = plan(seed, counts, settings, share)
         told = progress and partial(_told, progress, head * settings.steps)
-        data = data._replace(seed=np.uint32(head_seed))
+        data = data._replace(seed=np.uint32(seed))
         nets.append(
             _after(
                 compiled, state, data, rows, settings, told, stepwise, checkpoints, at_checkpoint
             )
         )
     return stacked(nets)
-
-
-def _head_seed(rng_seed: int, head: int) -> int:
-    """The seed of a head's parameters and images; the first has that of the training."""
-    return (
-        rng_seed
-        if head == 0
-        else int(np.random.SeedSequence([rng_seed, head]).generate_state(1)[0])
-    )
 
 
 def _told(progress: Callable[[int, float], None], before: int, step: int, loss: float) -> None:
@@ -368,11 +279,8 @@ def _after(
             state, every_loss = compiled.steps(state, data, rows.rows(slice(start, stop)))
             loss = every_loss[-1]
         value = float(loss)
-        if not np.isfinite(value):
-            raise TrainingError(
-                f"the loss is {value} after {stop} of {settings.steps} steps; "
-                f"a lower learning rate than {settings.lr} may help"
-            )
+        if error := error_of(value, stop, settings):
+            raise TrainingError(error)
         if progress is not None and stop in checked:
             progress(stop, value)
         if at_checkpoint is not None and stop in kept:
@@ -430,9 +338,9 @@ def _of_batches(
     output: Output,
 ) -> np.ndarray:
     """Compute labels, or the scores of all classes; only nets on a frozen trunk have "heads"."""
-    _check(images)
+    check_arrays(images)
     sides = 2 if settings.average_mirror else 1
-    _check_net(images, settings, features, sides)
+    check_inputs(images, settings, features, sides)
     variables = jax.device_put(variables_of(params))  # once, not for every batch
     if settings.frozen:
         size, count = (images.shape[1], images.shape[2]), len(images)
@@ -486,7 +394,7 @@ def score(
     Raises:
         ValueError: no images, shapes that do not match, or labels outside the classes.
     """
-    _check(images, labels)
+    check_arrays(images, labels)
     predicted = predict(params, images, settings, classes, features=features)
     return confusion_matrix(labels, predicted, classes)
 

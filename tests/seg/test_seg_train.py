@@ -25,9 +25,10 @@ from seg import (
     score,
 )
 from seg.data import LabelledImages, list_split, load, read_split
+from seg.prepare import check_arrays
 from seg.pyramid import features
 from seg.step import Data, functions, plan
-from seg.train import _check, apply, heads_of, logits, outline, predict_heads, train
+from seg.train import apply, heads_of, logits, outline, predict_heads, train
 from seg.views import with_mirror
 
 from .conftest import assert_close, assert_same, refuses, toy
@@ -259,7 +260,7 @@ def test_every_image_is_seen_equally_often_and_what_is_compiled_is_kept():
     (np.zeros((2, 8, 8, 3), np.uint8), np.zeros((2, 8, 8), np.int32), "got int32"),
 ])  # fmt: skip
 def test_arrays_that_do_not_fit(images, labels, message):
-    refuses(message, _check, images, labels)
+    refuses(message, check_arrays, images, labels)
 
 
 @pytest.mark.parametrize(("change", "message"), [

@@ -1,0 +1,169 @@
+"""Prepares a training: checks its images, computes features, statistics and class weights."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float32, UInt8
+
+from seg import losses, pyramid
+from seg.beside import TrainingSet, mean_share, mixed
+from seg.classes import IGNORE_LABEL
+from seg.data import LabelledImages
+from seg.nets.head import STATISTICS, Maps
+from seg.pyramid import Statistics
+from seg.settings import VGG_NETS, TrainSettings
+from seg.step import Params, Variables
+from seg.views import view_labels, views
+from seg.weights import load
+
+
+class Prepared(NamedTuple):
+    """What a network trains on, in NumPy."""
+
+    inputs: tuple[
+        Any, ...
+    ]  # of each part: u8[n h w 3]; for a frozen backbone the maps of all views
+    labels: tuple[UInt8[np.ndarray, "_n h w"], ...]  # of each part
+    share: float  # of the second part in the first batch
+    class_weights: Float32[np.ndarray, " classes"]
+    statistics: Statistics | None  # of the head's features; None without a backbone
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """Number of images, or views, of each part."""
+        return tuple(len(labels) for labels in self.labels)
+
+
+def prepare(
+    training_set: TrainingSet,
+    settings: TrainSettings,
+    classes: int,
+    statistics: Statistics | None = None,
+    resumes: bool = False,
+) -> Prepared:
+    """Check a training set and compute what its training needs.
+
+    Args:
+        training_set: labelled images of one size, in one or two parts.
+        settings: of the training; `seg.check.check_settings` allows them.
+        classes: the network's number of classes.
+        statistics: for `head_statistics` "target", those of real images.
+        resumes: whether training starts from a trained network, which has statistics.
+
+    Raises:
+        ValueError: settings, images, labels, features and statistics do not fit together.
+        WeightsError: the backbone's weights cannot be used.
+    """
+    parts, shares = training_set
+    for part in parts:
+        check_arrays(part.images, part.labels)
+        check_inputs(part.images, settings, part.features, settings.views)
+        check_labels(part.labels, classes)
+    of_target = settings.head_statistics == "target"
+    if statistics is not None and not of_target:
+        raise ValueError('statistics are for head_statistics "target"; the settings say "training"')
+    if statistics is None and of_target and not resumes:
+        raise ValueError('head_statistics "target" needs statistics, or params that have them')
+    share = shares[-1]
+    if len(parts) > 1:  # weights and statistics are those of all batches
+        mean = mean_share(share, settings.last_share)
+        shares = (1 - mean, mean)
+    class_weights = np.ones(classes, np.float32)
+    if settings.weighted:
+        class_shares = [
+            share * losses.class_shares(part.labels, classes)
+            for part, share in zip(parts, shares, strict=True)
+        ]
+        class_weights = losses.weights_of_shares(np.sum(class_shares, axis=0))
+    if settings.frozen:
+        parts = tuple(_with_views(part, settings) for part in parts)
+    if settings.has_trunk and statistics is None and not resumes:
+        maps = (part.features or pyramid.features(part.images, settings) for part in parts)
+        statistics = mixed(shares, [pyramid.channel_statistics(m) for m in maps])
+    inputs = tuple(part.features if settings.frozen else part.images for part in parts)
+    labels = tuple(part.labels for part in parts)
+    return Prepared(inputs, labels, share, class_weights, statistics)
+
+
+def _with_views(part: LabelledImages, settings: TrainSettings) -> LabelledImages:
+    """Labels and features of all views of a part, for the head of a frozen backbone."""
+    if part.features is not None:
+        return part._replace(labels=view_labels(part.images, part.labels, settings))
+    images, labels = views(part.images, part.labels, settings)
+    return part._replace(labels=labels, features=pyramid.features(images, settings))
+
+
+def check_arrays(images: np.ndarray, labels: np.ndarray | None = None) -> None:
+    """Raise ValueError unless images are RGB bytes with a label for each pixel."""
+    if images.ndim != 4 or images.shape[-1] != 3 or images.dtype != np.uint8:
+        raise ValueError(f"images must be u8[n, h, w, 3]; got {images.dtype}{list(images.shape)}")
+    if len(images) == 0:
+        raise ValueError("zero images; expected at least one")
+    if labels is None:
+        return
+    if labels.dtype != np.uint8 or labels.shape != images.shape[:3]:
+        raise ValueError(
+            f"labels must be u8{list(images.shape[:3])}, one per pixel of the images; "
+            f"got {labels.dtype}{list(labels.shape)}"
+        )
+
+
+def check_labels(labels: UInt8[np.ndarray, "n h w"], classes: int) -> None:
+    """Raise ValueError if a label is none of the classes."""
+    stray = labels[(labels >= classes) & (labels != IGNORE_LABEL)]
+    if stray.size:
+        raise ValueError(
+            f"label {stray.max()} is none of {classes} classes; expected "
+            f"0..{classes - 1}, or {IGNORE_LABEL} for void"
+        )
+
+
+def check_inputs(
+    images: np.ndarray, settings: TrainSettings, features: Maps | None, views: int
+) -> None:
+    """Raise ValueError unless the network takes images of this size, and the features are theirs."""
+    if settings.has_trunk:
+        pyramid.check_size(images, settings)
+    if features is not None and not settings.frozen:
+        raise ValueError(
+            f"features are for a frozen trunk, and not for {settings.net}, {settings.trunk}"
+        )
+    if features is not None:
+        pyramid.check_features(features, images, settings, views)
+
+
+def check_seed(rng_seed: int) -> None:
+    """Raise ValueError unless a seed has 32 bits."""
+    if not 0 <= rng_seed < 2**32:
+        raise ValueError(f"rng_seed must be in 0..2**32 - 1; got {rng_seed}")
+
+
+def head_seeds(rng_seed: int, heads: int) -> list[int]:
+    """The seeds of the heads' parameters and images; the first has that of the training."""
+    more = (np.random.SeedSequence([rng_seed, head]) for head in range(1, heads))
+    return [rng_seed, *(int(sequence.generate_state(1)[0]) for sequence in more)]
+
+
+def first_variables(
+    params: Params, settings: TrainSettings, statistics: Statistics | None
+) -> Variables:
+    """The variables at the start: random parameters, but where the settings name weights."""
+    if settings.net in VGG_NETS and settings.weights is not None:
+        params = load(settings.weights, settings.net, params)
+    if not settings.has_trunk:
+        return {"params": params}
+    assert statistics is not None
+    if not settings.frozen:
+        params = {**params, "trunk": pyramid.trunk_params(settings)}
+    mean, deviation = statistics
+    return {"params": params, STATISTICS: {"head": {"mean": mean, "deviation": deviation}}}
+
+
+def error_of(loss: float, step: int, settings: TrainSettings) -> str | None:
+    """Say that the loss after a step is not finite; None if it is."""
+    if np.isfinite(loss):
+        return None
+    return (
+        f"the loss is {loss} after {step} of {settings.steps} steps; "
+        f"a lower learning rate than {settings.lr} may help"
+    )
