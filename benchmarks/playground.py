@@ -79,7 +79,7 @@ def measured(size: str, repeats: int, program: str) -> list[Row]:
     with served(size) as address, sync_playwright() as playwright:
         page = playwright.chromium.launch(executable_path=program).new_page()
         page.goto(address)
-        page.wait_for_selector(".time:has-text('picture in')", timeout=600_000)
+        page.wait_for_selector(".time:has-text('image in')", timeout=600_000)
         page.evaluate(LISTEN)
         for slider in SLIDERS:  # warms up
             drawn(page, slider, "PageDown")

@@ -4,8 +4,8 @@
 
     fitted = experiments.fit("photos", "runs/fit", few=14)
     fitted.verdict, fitted.miou, fitted.model.predict(images)
-    found = experiments.search("camvid", "CamVid", "runs/camvid", holdout="0006R0")
-    experiments.reward(found.attributes, "camvid", "CamVid").miou
+    searched = experiments.search("camvid", "CamVid", "runs/camvid", holdout="0006R0")
+    experiments.reward(searched.attributes, "camvid", "CamVid").miou
 
 Names are imported on first use; ``__init__.pyi`` lists them.
 """

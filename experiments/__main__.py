@@ -1,4 +1,4 @@
-"""All commands under one name, and the studies of the paper under `sdr-jax study`."""
+"""All commands as `sdr-jax COMMAND`, and the studies of the paper as `sdr-jax study NAME`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from common.interrupt import PROGRAM
 
 DISTRIBUTION = "sdr-jax"
 PACKAGES = ("sdr_jax", "scene", "seg", "experiments", "common")
-"""The packages that we install, whose short names other distributions may have, too."""
+"""The packages that we install; other distributions may use the same short names."""
 GROUPS = {
     "Your own images": {
         "doctor": "experiments.doctor",
@@ -32,7 +32,7 @@ GROUPS = {
         "playground": "experiments.playground",
         "catalogue": "scene.assets",
     },
-    "Learning to simulate": {
+    "Optimise streets or your own simulator": {
         "cityscapes": "experiments.cityscapes",
         "camvid": "experiments.camvid",
         "labelmefacade": "experiments.labelmefacade",
@@ -57,7 +57,7 @@ MOVED = {
     "results": "in a checkout, make results or python -m scripts.results",
     "renders19": "in a checkout, python -m scripts.renders19",
 }
-"""Commands that are gone, and what to use."""
+"""Removed commands, and what to use instead."""
 FIRST = (
     ("predict renders19 photos --as overlay --out labels", "label your photos now"),
     ("doctor photos --write photos/target.yaml", "describe your labelled images"),
@@ -66,14 +66,14 @@ FIRST = (
     ("camvid --data CAMVID", "optimise the streets for a data set"),
     ("tune space.toml -- ./simulator", "optimise your own simulator"),
 )
-"""Six commands to begin with, by task."""
+"""Six commands to start with, by task."""
 STUDY = "study"
 SHELLS = ("bash", "zsh", "tcsh")
 """Shells that complete commands and flags with the tab key."""
-WIDE = 80
-"""The most characters of a line of the help."""
+WIDTH = 80
+"""Characters of a line of the help."""
 PARSERS = {"experiments": "experiments.config.parsers", "scene": "scene.parsers"}
-"""The modules with the command lines of a package's commands, without their work."""
+"""The modules with the command lines of a package's commands; they do not import their work."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -83,12 +83,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(first_commands())
         return 0
     name, *rest = [*words, "--help"]
-    called, kind, known, shown = PROGRAM, "command", (*COMMANDS, STUDY), text
+    program, kind, names, help_text = PROGRAM, "command", (*COMMANDS, STUDY), text
     if name == STUDY:
         name, *rest = rest
-        called, kind, known, shown = f"{PROGRAM} {STUDY}", "study", (*STUDIES,), studies
+        program, kind, names, help_text = f"{PROGRAM} {STUDY}", "study", (*STUDIES,), studies
     if name in HELP:
-        print(shown())
+        print(help_text())
         return 0
     if name == "--version":
         from experiments.app.doctor.installed import installed
@@ -98,16 +98,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     if name == "--completion":
         return completion(rest[0] if len(rest) > 1 else SHELLS[0])
-    if name not in known:
-        cure = f"; {MOVED[name]}" if name in MOVED else meant(name, known)
-        cure = cure or f"; {called} --help lists all"
-        print(f"{called}: error: no {kind} {name!r}{cure}", file=sys.stderr)
+    if name not in names:
+        advice = f"; {MOVED[name]}" if name in MOVED else meant(name, names)
+        advice = advice or f"; {program} --help lists all"
+        print(f"{program}: error: no {kind} {name!r}{advice}", file=sys.stderr)
         return USAGE
     return run(name, rest[:-1])
 
 
 def run(name: str, words: Sequence[str]) -> int:
-    """Run a command; help and wrong flags end it before it loads its libraries."""
+    """Run a command; for help and wrong flags its libraries are not loaded."""
     try:
         return _run(name, words)
     except ImportError as error:
@@ -120,11 +120,11 @@ def run(name: str, words: Sequence[str]) -> int:
 
 def _run(name: str, words: Sequence[str]) -> int:
     module = COMMANDS[name]
-    if own := _parser(name):
-        options = own().parse_args(words)
+    if make_parser := _parser(name):
+        options = make_parser().parse_args(words)
         work = f"{module}.__main__" if path_of(module).stem == "__main__" else module
-        done: int = import_module(work).main(options)
-        return done
+        code: int = import_module(work).main(options)
+        return code
     if module.startswith("experiments."):
         from experiments.config.cli import command
 
@@ -135,30 +135,30 @@ def _run(name: str, words: Sequence[str]) -> int:
 
 
 def _parser(name: str) -> Callable[[], Parser] | None:
-    """What makes the command line of a command that is no job and has it apart from what it starts."""
-    place = PARSERS.get(COMMANDS[name].partition(".")[0])
-    return getattr(import_module(place), name, None) if place else None
+    """The function that makes a command's parser without importing its work; None for other commands."""
+    module = PARSERS.get(COMMANDS[name].partition(".")[0])
+    return getattr(import_module(module), name, None) if module else None
 
 
 def parser_of(name: str) -> Parser:
-    """The command line of a command or study; what it starts is not loaded."""
-    if own := _parser(name):
-        return own()
+    """The parser of a command or study; its work is not imported."""
+    if make_parser := _parser(name):
+        return make_parser()
     from experiments.config import cli
 
     if name in cli.JOBS:
         return cli.parser(name)
-    found: Parser = import_module(f"{COMMANDS[name]}.__main__").parser()
-    return found
+    parser: Parser = import_module(f"{COMMANDS[name]}.__main__").parser()
+    return parser
 
 
 def completion(shell: str) -> int:
-    """Print what a shell reads to complete commands, flags and their values; returns the exit code."""
+    """Print the completion script of a shell; return the exit code."""
     import shtab
 
     if shell not in SHELLS:
-        known = ", ".join(SHELLS)
-        print(f"{PROGRAM}: error: --completion {shell}: must be one of {known}", file=sys.stderr)
+        shells = ", ".join(SHELLS)
+        print(f"{PROGRAM}: error: --completion {shell}: must be one of {shells}", file=sys.stderr)
         return USAGE
     root = argparse.ArgumentParser(PROGRAM, add_help=False)
     for flag in ("--help", "--version", "--completion"):
@@ -168,9 +168,9 @@ def completion(shell: str) -> int:
     of_study = study.add_subparsers(parser_class=argparse.ArgumentParser)
     for name, module in COMMANDS.items():
         group = of_study if name in STUDIES else commands
-        parents, said = [parser_of(name)], summary(module)
-        own = group.add_parser(name, parents=parents, help=said, add_help=False)
-        for action in own._actions:
+        parents, line = [parser_of(name)], summary(module)
+        parser = group.add_parser(name, parents=parents, help=line, add_help=False)
+        for action in parser._actions:
             if action.nargs != 0 and not action.choices:
                 action.complete = shtab.FILE  # type: ignore[attr-defined]
     print(shtab.complete(root, shell))
@@ -178,7 +178,7 @@ def completion(shell: str) -> int:
 
 
 def first_commands() -> str:
-    """What the program prints without arguments."""
+    """The text that the program prints without arguments."""
     rows = [line for words, task in FIRST for line in (f"  # {task}", f"  {PROGRAM} {words}")]
     return "\n".join(
         [
@@ -197,33 +197,33 @@ def text() -> str:
     lines = []
     for title, group in GROUPS.items():
         lines += ["", f"{title}:", *_rows(group, width)]
-    first, *more = wrap(f"NAME is one of {', '.join(STUDIES)}", WIDE - width - 4)
-    lines += ["", "The studies of the paper:", f"  {STUDY:{width}s}  {first}"]
+    first, *more = wrap(f"NAME is one of {', '.join(STUDIES)}", WIDTH - width - 4)
+    lines += ["", "Studies of the paper:", f"  {STUDY:{width}s}  {first}"]
     lines += [f"  {'':{width}s}  {line}" for line in more]
     return "\n".join(
         [
             f"usage: {PROGRAM} COMMAND ...",
             "",
-            f"Learning to simulate complex scenes. {PROGRAM} COMMAND --help says more.",
+            f"Street segmentation with rendered images. {PROGRAM} COMMAND --help explains a command.",
             *lines,
             "",
-            f'{PROGRAM} --version says what is installed; eval "$({PROGRAM} --completion)" in',
-            "~/.bashrc completes commands and flags with the tab key; zsh: --completion zsh.",
+            f"{PROGRAM} --version shows the installed versions. For tab completion, add",
+            f'eval "$({PROGRAM} --completion)" to ~/.bashrc; in zsh, use --completion zsh.',
         ]
     )
 
 
 def studies() -> str:
     """The help of `sdr-jax study`."""
-    head = f"The studies of the paper. {PROGRAM} {STUDY} NAME --help says more."
+    head = f"Studies of the paper. {PROGRAM} {STUDY} NAME --help explains a study."
     rows = _rows(STUDIES, max(map(len, STUDIES)))
     return "\n".join([f"usage: {PROGRAM} {STUDY} NAME ...", "", head, "", *rows])
 
 
 def _rows(group: Mapping[str, str], width: int) -> Iterator[str]:
-    """One line or more for each command, none longer than `WIDE`."""
+    """One line or more for each command, none longer than `WIDTH`."""
     for name, module in group.items():
-        first, *more = wrap(summary(module), WIDE - width - 4)
+        first, *more = wrap(summary(module), WIDTH - width - 4)
         yield f"  {name:{width}s}  {first}"
         yield from (f"  {'':{width}s}  {line}" for line in more)
 
@@ -234,7 +234,7 @@ def summary(module: str) -> str:
 
 
 def clashes(installed: Mapping[str, list[str]]) -> Iterator[str]:
-    """Report other distributions that have put files into our packages.
+    """Yield a message for each of our packages that another distribution has, too.
 
     Args:
         installed: the distributions of each top-level package, from `packages_distributions`.
@@ -243,8 +243,8 @@ def clashes(installed: Mapping[str, list[str]]) -> Iterator[str]:
         others = sorted({*installed.get(package, ())} - {DISTRIBUTION})
         if others:
             yield (
-                f"{' and '.join(others)}, installed here, too, has a package named {package!r} as "
-                f"{DISTRIBUTION} has, and one may hide the other; give each an environment of its own"
+                f"{' and '.join(others)} is also installed here and has a package {package!r}, as "
+                f"{DISTRIBUTION} has; one may hide the other, so install each in its own environment"
             )
 
 

@@ -1,10 +1,11 @@
-"""Learn to simulate for CamVid.
+"""Optimise the streets for CamVid.
 
-    sdr-jax camvid --data DIR                     # reward: train, reported: test
-    sdr-jax camvid --data DIR --holdout 0006R0    # reported on a sequence left out
-    sdr-jax camvid --data DIR --preset smoke      # a minute or two
+    sdr-jax camvid --data DIR                     # rewards: train; tested on: test
+    sdr-jax camvid --data DIR --holdout 0006R0    # tested on a sequence left out
+    sdr-jax camvid --data DIR --preset smoke      # a minute or two, tests the set-up
 
-The same command continues a killed run.
+It writes a report, the optimised attributes and a rendered dataset into --out. The same command resumes a
+stopped run.
 """
 
 from __future__ import annotations

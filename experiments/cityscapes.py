@@ -1,10 +1,11 @@
-"""Learn to simulate for Cityscapes, or without data for the embedded twin.
+"""Optimise the streets for Cityscapes, or for the built-in twin.
 
-    sdr-jax cityscapes                       # the twin: a stand-in, not real data
+    sdr-jax cityscapes                       # the twin, a stand-in for real data
     sdr-jax cityscapes --data DIR            # real Cityscapes
-    sdr-jax cityscapes --preset smoke        # a minute or two
+    sdr-jax cityscapes --preset smoke        # a minute or two, tests the set-up
 
-The same command continues a killed run.
+It writes a report, the optimised attributes and a rendered dataset into --out. The same command resumes a
+stopped run.
 """
 
 from __future__ import annotations

@@ -1,12 +1,13 @@
-"""Says what this machine has, and what a folder of labelled images holds.
+"""Checks the installation and a folder of labelled images.
 
     sdr-jax doctor                              # versions, GPU, renderers, extras
-    sdr-jax doctor DATA                         # the folder, too: a page in runs/doctor
-    sdr-jax doctor DATA --write target.yaml     # writes the file that it proposes
-    sdr-jax doctor DATA --target camvid         # looks at the folder with a file that exists
+    sdr-jax doctor DATA                         # and the folder: a page in runs/doctor
+    sdr-jax doctor DATA --write target.yaml     # writes the proposed target.yaml
+    sdr-jax doctor DATA --target camvid         # reads the folder by an existing target
 
-A folder is described by its own target.yaml, by that of a known data set with its layout and values, or by a
-proposed file, which says what it does not know, such as names of classes.
+The folder is read by its own target.yaml or by that of a known data set with the same layout and label
+values. Otherwise doctor proposes a target.yaml, in which you fill in what it cannot know, such as the names
+of classes.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""Writes a trained net as an ONNX file, for onnxruntime and other programs.
+"""Writes a model as an ONNX file, for onnxruntime and other programs.
 
-    sdr-jax export runs/fit/model --onnx net.onnx
+    sdr-jax export runs/fit/model --onnx model.onnx
 
-The file's input is `image`, u8[1, height, width, 3], RGB of the model's size; its outputs are `labels`, u8[1,
-height, width], indices of the classes, and `logits`. Its metadata has the classes. It needs the extra onnx:
-pip install 'sdr-jax[onnx]'.
+The input is `image`, u8[1, height, width, 3], RGB at the model's size. The outputs are `labels`, u8[1,
+height, width], indices of the classes, and `logits`. The file's metadata has the names of the classes. The
+command needs the extra onnx: pip install 'sdr-jax[onnx]'.
 """
 
 from __future__ import annotations

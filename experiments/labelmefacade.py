@@ -1,10 +1,11 @@
-"""Learn to simulate for LabelMeFacade.
+"""Optimise the streets for LabelMeFacade.
 
-    sdr-jax labelmefacade --data DIR                    # reward: train, reported: test
-    sdr-jax labelmefacade --data DIR --holdout ALBUM    # reported on an album left out
-    sdr-jax labelmefacade --data DIR --preset smoke     # a minute or two
+    sdr-jax labelmefacade --data DIR                    # rewards: train; tested on: test
+    sdr-jax labelmefacade --data DIR --holdout GROUP    # tested on a group left out
+    sdr-jax labelmefacade --data DIR --preset smoke     # a minute or two, tests the set-up
 
-The same command continues a killed run.
+It writes a report, the optimised attributes and a rendered dataset into --out. The same command resumes a
+stopped run.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
-"""Writes or serves the report of a run, a page that needs no network.
+"""Writes or serves the report of a run, a page that works offline.
 
-    sdr-jax report runs/a             # writes runs/a/report.html anew
-    sdr-jax report runs/a --serve     # shows it, also while the run goes on
+    sdr-jax report runs/a             # rewrites runs/a/report.html
+    sdr-jax report runs/a --serve     # shows it in a browser, also during the run
 
-A run is the folder (--out) of `sdr-jax fit`, `camvid`, `cityscapes` or `labelmefacade`. While it goes on, it
-writes the page every 15 seconds; this command writes the page of a finished run. Studies have reports in a
-form of their own, which --rederive writes anew.
+RUN is the folder (--out) of `sdr-jax fit`, `camvid`, `cityscapes` or `labelmefacade`. During a run, the run
+itself updates the page every 15 seconds; this command rewrites the page of a finished run. Studies write
+other reports; their flag --rederive rewrites them.
 """
 
 from __future__ import annotations

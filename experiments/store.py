@@ -1,12 +1,13 @@
-"""Shows and merges files of evaluations that runs share, so that none is made twice.
+"""Shows and merges stores: files of evaluations that runs share, so that none is repeated.
 
     sdr-jax store show FILE
     sdr-jax store merge A.jsonl B.jsonl runs/c --out C.jsonl
 
-Two evaluations are the same if they agree in sizes, net and training, class table, renderer, assets, real
-images, version of the engine, JAX's backend, versions of libraries, proposal and seed. The file is lines of
-JSON after a first line that names the attributes; a half-written last line is dropped, and many runs may
-write at once. Run folders, which record evaluations in the same way, may replace files.
+Two evaluations are the same if they agree in sizes, network, training, classes, renderer, assets, real
+images, engine version, JAX backend, library versions, proposal and seed. A store has one JSON object per
+line, after a first line that names the attributes. Several runs may write to it at once, and a half-written
+last line is dropped. In place of a file you can pass a run folder, which records its evaluations in the
+same way.
 """
 
 from __future__ import annotations

@@ -26,7 +26,7 @@ from seg.data.images import read_image
 from seg.metrics import absent_classes, confusion_matrix, iou
 from seg.model import SEEN, Model, load_model
 
-Read = Callable[[Entry], tuple[np.ndarray, np.ndarray]]
+Reader = Callable[[Entry], tuple[np.ndarray, np.ndarray]]
 
 
 class Labelled(NamedTuple):
@@ -36,8 +36,8 @@ class Labelled(NamedTuple):
     colors: np.ndarray  # u8[classes, 3] RGB
     of_engine: np.ndarray  # u8[19], class of each engine class, 255 for none
     entries: tuple[Entry, ...]  # with their groups
-    read: Read  # image u8[h, w, 3] and labels u8[h, w], 255 void
-    splits: tuple[str, ...] = ()  # that the images are from
+    read: Reader  # image u8[h, w, 3] and labels u8[h, w], 255 for ignored pixels
+    splits: tuple[str, ...] = ()  # of the images
 
 
 def labelled(
@@ -51,33 +51,34 @@ def labelled(
     Args:
         target: the target, or the name or path of its file.
         data: the folder.
-        splits: the splits to take; by default the split test or val, or all if there is neither.
-        groups: drives, cities or albums to take; by default all.
+        splits: the splits to use; by default test or val, or all if there is neither.
+        groups: sequences, cities or other groups to use; by default all.
 
     Raises:
-        UserError: no such target, split or group, or the folder is wrong.
+        UserError: no such target, split or group, or the folder does not fit the target.
     """
     target = find_target(target, data) if isinstance(target, str) else target
-    there = split_names(target, data)
+    available = split_names(target, data)
     refuse_repeats("--split", splits)
     refuse_repeats("--group", groups)
     if not splits:
-        reported = reported_split(target.name, there)
-        splits = [reported] if reported in there or not there else there
+        tested = reported_split(target.name, available)
+        splits = [tested] if tested in available or not available else available
     entries = [entry for split in splits for entry in list_split(target, data, split)]
-    known = sorted({entry.sequence for entry in entries})
+    names = sorted({entry.sequence for entry in entries})
     for group in groups:
-        if group not in known:
-            shown = ", ".join(known[:8]) + (", ..." if len(known) > 8 else "")
-            raise UserError(f"--group {group}: {data} has none there; its groups: {shown}")
+        if group not in names:
+            shown = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
+            where = f"split {', '.join(splits)} of {data}"
+            raise UserError(f"--group {group}: {where} has no such group; it has {shown}")
     read_labels, table = LabelReader(target), table_of(target)
 
     def read(entry: Entry) -> tuple[np.ndarray, np.ndarray]:
         image, labels = read_image(entry.image_path), read_labels(entry.label_path)
         if labels.shape != image.shape[:2]:
             raise DataError(
-                f"{entry.label_path}: {labels.shape[1]}x{labels.shape[0]} pixels, but its image "
-                f"{entry.image_path} has {image.shape[1]}x{image.shape[0]}; both must agree"
+                f"{entry.label_path} has {labels.shape[1]}x{labels.shape[0]} pixels, but its image "
+                f"{entry.image_path} has {image.shape[1]}x{image.shape[0]}; both must have the same size"
             )
         return image, labels
 
@@ -87,13 +88,13 @@ def labelled(
 
 
 def mapping(model: Model, data: Labelled) -> tuple[list[int], np.ndarray]:
-    """Find the model's classes that may be predicted, and their classes in the data.
+    """Find the model's classes that the data have, too, and their indices there.
 
     Returns:
         Indices of the model's classes, and u8[256] from such an index to a class of the data.
 
     Raises:
-        UserError: the model has other classes.
+        UserError: model and data share no class.
     """
     table = np.full(256, IGNORE_LABEL, np.uint8)
     if set(model.names) == set(data.classes):
@@ -104,8 +105,8 @@ def mapping(model: Model, data: Labelled) -> tuple[list[int], np.ndarray]:
     among = np.flatnonzero(table != IGNORE_LABEL).tolist()
     if not among:
         raise UserError(
-            f"a model of other classes: {', '.join(model.names)}; the data have "
-            f"{', '.join(data.classes)}; expected these, or the engine's"
+            f"model and data have no class in common: the model has {', '.join(model.names)}; the data "
+            f"have {', '.join(data.classes)}; use a model with these classes or with those of Cityscapes"
         )
     return among, table
 
@@ -119,7 +120,7 @@ class _Scored(NamedTuple):
 
     @property
     def miou(self) -> float:
-        """Mean IoU of the classes in the image, NaN if all of it is void."""
+        """Mean IoU of the classes in the image, NaN if all its pixels are ignored."""
         return _mean(iou(self.confusion))
 
 
@@ -134,8 +135,8 @@ def evaluate(
 
     Args:
         model: a model, its folder, or the name of one that comes with the package.
-        data: from `labelled`, or made by hand.
-        pictures: a folder for the images with the worst results, with their labels and its predictions.
+        data: from `labelled`, or put together in Python.
+        pictures: a folder for the images with the worst results, with labels and predictions.
         progress: whether to print progress and the time left.
 
     Returns:
@@ -144,7 +145,7 @@ def evaluate(
         `confusion` in pixels, by true and predicted class; `boundary_iou`; all `groups`; the `worst`.
 
     Raises:
-        UserError: no model, a model of other classes, no labels, or a folder with other files.
+        UserError: no such model, no class in common, no labels, or a folder with other files.
         DataError: a file is missing or broken.
         OSError: a file cannot be written; the error names it.
     """
@@ -155,25 +156,24 @@ def evaluate(
         pictures.mkdir(parents=True, exist_ok=True)
         check_file("--pictures", pictures / _picture(0))
     scored: list[_Scored] = []
-    with closing(Progress(len(data.entries))) if progress else nullcontext() as told:
-        for entry, _, labels, found in _predicted(model, data, among, table, told):
-            counts = boundary_counts(labels, found, len(data.classes))
-            confusion = confusion_matrix(labels, found, len(data.classes))
+    with closing(Progress(len(data.entries))) if progress else nullcontext() as bar:
+        for entry, _, labels, prediction in _predicted(model, data, among, table, bar):
+            counts = boundary_counts(labels, prediction, len(data.classes))
+            confusion = confusion_matrix(labels, prediction, len(data.classes))
             scored.append(_Scored(entry, confusion, counts))
-    confusion = np.sum([own.confusion for own in scored], axis=0)
+    confusion = np.sum([image.confusion for image in scored], axis=0)
     if not confusion.any():
-        raise UserError("no pixel of these images is labelled; every label is void")
-    worst = sorted((own for own in scored if own.miou == own.miou), key=lambda own: own.miou)[
-        :WORST
-    ]
+        raise UserError("no pixel of these images has a class: all labels are ignored pixels")
+    with_score = [image for image in scored if not np.isnan(image.miou)]
+    worst = sorted(with_score, key=lambda image: image.miou)[:WORST]
     if pictures is not None:
-        _show(pictures, model, data, [own.entry for own in worst], among, table)
-    edges = boundary_iou(np.sum([own.boundary for own in scored], axis=0), confusion)
-    groups = sorted({own.entry.sequence for own in scored})
-    known = model.notes.get(SEEN)
-    files = set(map(str, known)) if isinstance(known, list) else set()
-    paths = [own.entry.image_path for own in scored] if files else []
-    seen = [path for path in paths if path.is_file() and file_digest(path) in files]
+        _show(pictures, model, data, [image.entry for image in worst], among, table)
+    edges = boundary_iou(np.sum([image.boundary for image in scored], axis=0), confusion)
+    groups = sorted({image.entry.sequence for image in scored})
+    digests = model.notes.get(SEEN)
+    trained_on = set(map(str, digests)) if isinstance(digests, list) else set()
+    paths = [image.entry.image_path for image in scored] if trained_on else []
+    seen = [path for path in paths if path.is_file() and file_digest(path) in trained_on]
     return {
         "model": model.digest,
         "images": len(scored),
@@ -184,12 +184,12 @@ def evaluate(
         "groups": {group: _group(data, scored, group) for group in groups},
         "worst": [
             {
-                "name": own.entry.name,
-                "group": own.entry.sequence,
-                "miou": _percent(own.miou),
+                "name": image.entry.name,
+                "group": image.entry.sequence,
+                "miou": _percent(image.miou),
                 "picture": None if pictures is None else _picture(k),
             }
-            for k, own in enumerate(worst)
+            for k, image in enumerate(worst)
         ],
         "confusion": {"classes": list(data.classes), "pixels": confusion.tolist()},
     }
@@ -200,25 +200,25 @@ def _predicted(
     data: Labelled,
     among: Sequence[int],
     table: np.ndarray,
-    told: Progress | None = None,
+    bar: Progress | None = None,
 ) -> Iterator[tuple[Entry, np.ndarray, np.ndarray, np.ndarray]]:
-    """Yield entry, image, labels and prediction in the data's classes; predict a few images at a time."""
-    many, count = model.settings.predict_batch, len(data.entries)
-    for start in range(0, count, many):
-        some = data.entries[start : start + many]
-        pairs = [data.read(entry) for entry in some]
-        found = model.predict([image for image, _ in pairs], among)
-        for entry, (image, labels), own in zip(some, pairs, found, strict=True):
-            yield entry, image, labels, table[own]
-        if told is not None:
-            told.advance(len(some))
-            told.update(f"{start + len(some)} of {count} images")
+    """Yield entry, image, labels and prediction in the data's classes; predict in batches."""
+    size, count = model.settings.predict_batch, len(data.entries)
+    for start in range(0, count, size):
+        batch = data.entries[start : start + size]
+        pairs = [data.read(entry) for entry in batch]
+        predictions = model.predict([image for image, _ in pairs], among)
+        for entry, (image, labels), prediction in zip(batch, pairs, predictions, strict=True):
+            yield entry, image, labels, table[prediction]
+        if bar is not None:
+            bar.advance(len(batch))
+            bar.update(f"{start + len(batch)} of {count} images")
 
 
 def _mean(values: np.ndarray) -> float:
     """Mean of the values that are not NaN; NaN if all are."""
-    known = values[~np.isnan(values)]
-    return float(known.mean()) if len(known) else float("nan")
+    numbers = values[~np.isnan(values)]
+    return float(numbers.mean()) if len(numbers) else float("nan")
 
 
 def _percent(value: float) -> float | None:
@@ -231,8 +231,8 @@ def _scores(data: Labelled, values: np.ndarray) -> dict[str, Any]:
 
 
 def _group(data: Labelled, scored: Sequence[_Scored], group: str) -> dict[str, Any]:
-    own = [one.confusion for one in scored if one.entry.sequence == group]
-    return {"images": len(own), **_scores(data, iou(np.sum(own, axis=0)))}
+    confusions = [image.confusion for image in scored if image.entry.sequence == group]
+    return {"images": len(confusions), **_scores(data, iou(np.sum(confusions, axis=0)))}
 
 
 def _picture(place: int) -> str:
@@ -240,14 +240,14 @@ def _picture(place: int) -> str:
 
 
 def _refuse_others(pictures: Path) -> None:
-    """Raise UserError for a folder with other files than such pictures."""
+    """Raise UserError for a folder with files that an earlier call has not written."""
     if pictures.exists() and not pictures.is_dir():
         raise UserError(f"--pictures {pictures} is a file; it must be a folder")
-    ours = {_picture(k) for k in range(WORST)}
-    others = {path.name for path in pictures.iterdir()} - ours if pictures.is_dir() else set()
+    names = {_picture(k) for k in range(WORST)}
+    others = {path.name for path in pictures.iterdir()} - names if pictures.is_dir() else set()
     if others:
         raise UserError(
-            f"--pictures {pictures} holds other files, such as {min(others)}; choose another"
+            f"--pictures {pictures} has other files, such as {min(others)}; choose an empty folder"
         )
 
 
@@ -259,34 +259,32 @@ def _show(
     among: Sequence[int],
     table: np.ndarray,
 ) -> None:
-    """Write each image beside its labels and its prediction."""
-    for k in range(WORST):  # pictures of an earlier call
+    """Write each image with its labels and its prediction, side by side."""
+    for k in range(WORST):  # of an earlier call
         (pictures / _picture(k)).unlink(missing_ok=True)
     shown = _predicted(model, data._replace(entries=tuple(entries)), among, table)
-    for k, (_, image, labels, found) in enumerate(shown):
-        row = np.concatenate(
-            [image, *(colorize(own, data.colors) for own in (labels, found))], axis=1
-        )
-        write(pictures / _picture(k), encode(row))
+    for k, (_, image, labels, prediction) in enumerate(shown):
+        coloured = [colorize(classes, data.colors) for classes in (labels, prediction)]
+        write(pictures / _picture(k), encode(np.concatenate([image, *coloured], axis=1)))
 
 
 def text(scores: dict[str, Any]) -> str:
-    """The figures as lines to print."""
+    """The scores as lines to print."""
     edges = scores["boundary_iou"]
-    lines = [f"{'':16s} {'IoU':>6s} {'outline':>8s}"]
+    lines = [f"{'':16s} {'IoU':>6s} {'boundary':>8s}"]
     for name, value in {**scores["classes"], "mean": scores["miou"]}.items():
         edge = edges["miou"] if name == "mean" else edges["classes"][name]
         if value is not None:
             lines.append(f"{name:16s} {value:6.2f} {edge:8.2f}")
     lines += [
-        f"{group}: {own['miou']:.2f} on {own['images']} images"
-        for group, own in scores["groups"].items()
-        if own["miou"] is not None and len(scores["groups"]) <= 12
+        f"{group}: {score['miou']:.2f} on {score['images']} images"
+        for group, score in scores["groups"].items()
+        if score["miou"] is not None and len(scores["groups"]) <= 12
     ]
     if scores["trained_on"]:
         lines.append(
-            f"The net was trained on {scores['trained_on']} of these {scores['images']} images: the figures "
-            "are higher than for images that it has not seen."
+            f"The model was trained on {scores['trained_on']} of these {scores['images']} images, so these "
+            "scores are higher than for new images."
         )
     return "\n".join(lines)
 

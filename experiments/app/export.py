@@ -12,14 +12,14 @@ from seg.onnx_graph import onnx_bytes
 
 
 def export(model: Model | str | Path, path: str | Path) -> int:
-    """Write a model as an ONNX file, whole or not at all; returns the number of bytes.
+    """Write a model as an ONNX file, whole or not at all, and return the number of bytes.
 
     Args:
         model: a model, its folder, or the name of one that comes with the package.
         path: the file.
 
     Raises:
-        UserError: there is no model or no package onnx, or the model cannot be written as ONNX.
+        UserError: there is no model, the package onnx is missing, or ONNX cannot express the model.
         OSError: the file cannot be written; the error names it.
     """
     check_file("--onnx", Path(path))

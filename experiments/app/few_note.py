@@ -1,4 +1,4 @@
-"""``dataset/few.md`` of a run with ``--few``: how to train on renders and labelled images."""
+"""``dataset/few.md`` of a run with ``--few``: how to train on renders plus labelled images."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ config = json.loads(Path("config.json").read_text())
 final, target = config["final"], find_target("{name}")
 table = table_of(target)
 few = json.loads(Path("summary.json").read_text())["few_images"]
-# Where --data was relative, give it as seen from here.
+# If --data was a relative path, write it relative to this folder.
 entries = [e for e in list_split(target, config["data"], "train") if e.name in few]
 real = load(entries, target, (final["height"], final["width"]))
 renders = read_dataset(Path("dataset"), table.outlines)
@@ -44,16 +44,16 @@ def text(run: Session[Any]) -> str:
     names = target.few_names
     code = CODE.replace("{name}", target.name)
     outlines = (
-        f"The run's networks saw labels with the `outlines` of {target.name}; the labels here are exact. "
-        "`read_dataset` draws the outlines.\n"
+        f"The run trained its networks on labels with the `outlines` of {target.name}. The labels in this "
+        "folder are exact; `read_dataset` draws the outlines.\n"
         if class_table(target.table).outlines
         else ""
     )
     return (
-        f"# Renders to train on beside {len(names)} labelled images\n"
-        f"These {run.config.final.images} rendered images were searched for beside {len(names)} labelled "
-        f"images of {target.name}, which are not in this folder. Train on both: {100 * share:g} % of "
-        "every batch from the labelled images, each of them as often as the others, and the rest from here. "
-        f"`summary.json` of the run says what that is worth (row `few+learnt`).\n\n"
+        f"# Renders to train on with {len(names)} labelled images\n"
+        f"These {run.config.final.images} rendered images were optimised for training together with "
+        f"{len(names)} labelled images of {target.name}, which are not in this folder. Train on both: take "
+        f"{100 * share:g} % of every batch from the labelled images, each of them equally often, and the "
+        "rest from here. `summary.json` of the run has the gain (row `few+learnt`).\n\n"
         f"The labelled images: {', '.join(names)}.\n" + outlines + (code if target.real else "")
     )

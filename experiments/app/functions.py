@@ -1,7 +1,7 @@
-"""What `experiments` offers in Python: `fit`, `search` and `reward`, with named results.
+"""The Python interface of `experiments`: `fit`, `search` and `reward`, with named results.
 
-They do what `sdr-jax fit`, and `sdr-jax camvid` or its like, do: they print progress, and a stopped call
-resumes when it is made again.
+`fit` does the work of `sdr-jax fit`, and `search` that of `sdr-jax camvid` and its siblings. They print
+progress, and a stopped call resumes when it is repeated.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from experiments.evaluation.in_worker import evaluate_miou
 from experiments.evaluation.job import Recipe
 from experiments.session.session import set_up_process
 from experiments.tables.form import Report, interval, number
+from experiments.tables.row_names import trained_on
 from experiments.targets.base import Target
 from experiments.targets.named import named_target
 from scene.proposal import Streets, read_streets, streets_in
@@ -70,8 +71,9 @@ class FinishedRun:
 
     def _repr_html_(self) -> str:
         rows = "".join(
-            f"<tr><td>{escape(name)}</td><td>{number(score.mean)}</td><td>{interval(score.ci95)}</td></tr>"
-            for name, score in self.miou.items()
+            f"<tr><td>{escape(trained_on(self.summary, row))}</td><td>{number(score.mean)}</td>"
+            f"<td>{interval(score.ci95)}</td></tr>"
+            for row, score in self.miou.items()
         )
         head = "<tr><th>trained on</th><th>mIoU, %</th><th>95 % interval</th></tr>"
         return f"<table>{head}{rows}</table><p>{escape(self.verdict)}</p>"
@@ -82,12 +84,12 @@ class Fitted(FinishedRun):
 
     @property
     def verdict(self) -> str:
-        """What the renders add to the labels, in one sentence."""
+        """The gain from renders, in one sentence."""
         return str(self.summary["verdict"])
 
     @property
     def gain(self) -> Score:
-        """What the renders add to the labels, in points of mIoU."""
+        """The gain from renders over labels alone, in points of mIoU."""
         return _score(self.summary["gains"]["labels+renders"])
 
     @property
@@ -182,7 +184,7 @@ def search(
     preset: Preset = "quick",
     **options: Any,
 ) -> Searched:
-    """Optimise the streets for a target, as `sdr-jax camvid` does, and compare them with others.
+    """Optimise the streets for a target, as `sdr-jax camvid` does, and compare them with the default ones.
 
     Args:
         target: ``twin``, ``cityscapes``, ``camvid`` or ``labelmefacade``.
@@ -238,9 +240,9 @@ def reward(
             streets = read_streets(str(streets), config.space)
         except (OSError, ValueError) as error:
             raise UserError(f"streets: {error}") from None
-    found, fidelity = _target(config), config.reward
-    recipe = Recipe(fidelity, found.table, config.renderer, config.pool)
-    images = found.at(fidelity.height, fidelity.width)["reward"]
+    labelled, fidelity = _target(config), config.reward
+    recipe = Recipe(fidelity, labelled.table, config.renderer, config.pool)
+    images = labelled.at(fidelity.height, fidelity.width)["reward"]
     result = evaluate_miou(recipe, streets, seed, images)
     names = recipe.classes.classes
     return Reward(result.reward, dict(zip(names, result.class_iou, strict=True)))
@@ -255,9 +257,9 @@ def _main_config(
     target: str, data: str | Path | None, preset: Preset, options: dict[str, Any]
 ) -> MainConfig:
     command = "cityscapes" if target == "twin" else target
-    known = [name for name, job in JOBS.items() if job.target is not None]
-    if command not in known:
-        raise UserError(f"target must be one of twin, {', '.join(known)}, not {target!r}")
+    commands = [name for name, job in JOBS.items() if job.target is not None]
+    if command not in commands:
+        raise UserError(f"target must be one of twin, {', '.join(commands)}, not {target!r}")
     flags = {"preset": preset, **_flat(options)}
     if data is not None:
         flags["data"] = Path(data)

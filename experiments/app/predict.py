@@ -33,7 +33,7 @@ def predict(
     rank: int | None = None,
     progress: bool = False,
 ) -> int:
-    """Write a label picture of each image, and continue a stopped call.
+    """Write a label PNG for each image; a stopped call resumes.
 
     Args:
         model: a model, its folder, or the name of one that comes with the package.
@@ -41,7 +41,7 @@ def predict(
         out: the folder of the results, new or of the same call.
         how: ids, colours or overlays; by default as in the label files of the model's data.
         probabilities: whether to write `NAME.npy`, f16[h, w, classes], too.
-        rank: order the images, the least certain first, and write pre-labels of so many for annotation tools.
+        rank: rank the images, least certain first, and write pre-labels of this many for annotation tools.
         progress: whether to print progress and the time left.
 
     Returns:
@@ -58,39 +58,41 @@ def predict(
         how = refuse_unranked(sources, how, probabilities, rank)
     how = how or model.written
     if images.is_dir() and out.resolve().is_relative_to(images.resolve()):
-        raise UserError(f"--out {out} lies within {images}, whose images are read; choose another")
+        raise UserError(
+            f"--out {out} is inside {images}, whose images are read; choose another folder"
+        )
     job = {
         "command": "predict",
         "model": model.digest,
         "images": str(images.resolve()),
         "as": how,
         "probabilities": probabilities,
-        "classes": [own._asdict() for own in model.classes],
+        "classes": [label._asdict() for label in model.classes],
     }
     if rank is not None:
         job["rank"] = True
     total = sum(source.frames for source in sources)
-    bar = closing(Progress(total)) if progress else nullcontext()
+    progress_bar = closing(Progress(total)) if progress else nullcontext()
     unread = unread_words(images)
     done = 0
-    with opened(out, job, packages=PACKAGES), bar as told:
-        if told is not None and unread:
-            told.say(f"{images}: {unread}")
+    with opened(out, job, packages=PACKAGES), progress_bar as bar:
+        if bar is not None and unread:
+            bar.say(f"{images}: {unread}")
         scores = None if rank is None else Scores(out / SCORES, len(model.classes))
 
-        def there(name: str) -> bool:
+        def is_done(name: str) -> bool:
             return _label(out, name).exists() and (scores is None or name in scores.known)
 
-        found = chain.from_iterable(frames(source, there) for source in sources)
-        for some in _batches(found, model.settings.predict_batch):
-            new = [frame for frame in some if frame is not None]
+        all_frames = chain.from_iterable(frames(source, is_done) for source in sources)
+        for batch in _batches(all_frames, model.settings.predict_batch):
+            new = [frame for frame in batch if frame is not None]
             _write(model, new, out, how, probabilities, scores)
-            before, done = done, done + len(some)
-            if told is not None:
-                told.advance(len(some) - len(new), replayed=True)
-                told.advance(len(new))
+            before, done = done, done + len(batch)
+            if bar is not None:
+                bar.advance(len(batch) - len(new), replayed=True)
+                bar.advance(len(new))
                 if 100 * before // total < 100 * done // total:
-                    told.update(f"{done} of {total} images")
+                    bar.update(f"{done} of {total} images")
         if scores is not None:
             assert rank is not None
             rows = ranked(sources, scores, images, lambda name: _label(out, name), rank)
@@ -98,9 +100,9 @@ def predict(
     return done
 
 
-def _batches(found: Iterator[Frame | None], size: int) -> Iterator[list[Frame | None]]:
-    while some := list(islice(found, size)):
-        yield some
+def _batches(all_frames: Iterator[Frame | None], size: int) -> Iterator[list[Frame | None]]:
+    while batch := list(islice(all_frames, size)):
+        yield batch
 
 
 def _label(out: Path, name: str) -> Path:
@@ -115,16 +117,17 @@ def _write(
     probabilities: bool,
     scores: Scores | None,
 ) -> None:
-    """Write the results of some images; labels come last, since they mark an image as done."""
+    """Write the results of a batch; labels come last, since they mark an image as done."""
     if not new:
         return
     images = [frame.image for frame in new]
     if scores is not None:
-        found, unsure = zip(*model.predict_with_uncertainty(images), strict=True)
-        scores.add({frame.name: own for frame, own in zip(new, unsure, strict=True)})
+        predictions, uncertainties = zip(*model.predict_with_uncertainty(images), strict=True)
+        names = (frame.name for frame in new)
+        scores.add(dict(zip(names, uncertainties, strict=True)))
     else:
-        found = model.probabilities(images) if probabilities else model.predict(images)
-    for frame, labels in zip(new, found, strict=True):
+        predictions = model.probabilities(images) if probabilities else model.predict(images)
+    for frame, labels in zip(new, predictions, strict=True):
         path = _label(out, frame.name)
         path.parent.mkdir(parents=True, exist_ok=True)
         if probabilities:
@@ -151,10 +154,11 @@ def main(arguments: Arguments = None) -> int:
             progress=True,
         )
         how = "ids" if options.rank else options.how or model.written
-        print(f"{options.out}: {done} images, {how} of {', '.join(model.names)}")
+        print(f"{options.out}: labels of {done} images as {how}; classes: {', '.join(model.names)}")
 
         if options.rank:
-            some = f"{min(options.first, done)} in {CVAT} and {STUDIO}"
-            print(f"{options.out / RANKING}: label from the top; pre-labels of the first {some}")
+            count, files = min(options.first, done), f"{CVAT} and {STUDIO}"
+            print(f"{options.out / RANKING}: label these images first, from the top")
+            print(f"{files}: pre-labels of the first {count}")
 
     return exit_code(work, debug=options.debug)

@@ -17,20 +17,20 @@ from experiments.evaluation.store import kinds_of, merged, read, write_store
 
 
 def merge(paths: Sequence[Path], out: Path) -> str:
-    """Write all evaluations of several stores into a new one; reports their number and backends.
+    """Write all evaluations of several stores into a new one, and say how many there are.
 
     Args:
         paths: stores, or run folders.
         out: the new file.
 
     Raises:
-        UserError: a file is missing or no store, or two evaluations disagree; the message names both.
+        UserError: a file is missing or not a store, or two evaluations disagree; the message names both.
     """
     if out.exists():
-        raise UserError(f"--out {out} exists already; name a new file")
+        raise UserError(f"--out {out} exists already; choose a new file")
     check_file("--out", out)
-    found = merged(entry for path in paths for entry in read(path).values())
-    records = [record for record, _ in found.values()]
+    entries = merged(entry for path in paths for entry in read(path).values())
+    records = [record for record, _ in entries.values()]
     write_store(out, records)
     return "\n".join(filter(None, (f"{out}: {len(records)} evaluations", told_apart(records))))
 
@@ -39,20 +39,22 @@ def table(path: Path) -> str:
     """The contents of a store or a run folder, one line per configuration."""
     records = [record for record, _ in read(path).values()]
     lines = [f"{path}: {len(records)} evaluations"]
-    for config, own in kinds_of(records).items():
-        about = [str(own[0].get(name, "?")) for name in ("target", "side", "size", "images")]
+    for config, evaluations in kinds_of(records).items():
+        first = evaluations[0]
+        about = [str(first.get(name, "?")) for name in ("target", "side", "size", "images")]
         kind = f"{' '.join(about)} images"
-        rewards = [r["reward"] for r in own if r["reward"] is not None]
-        score: RewardKind = own[0].get("kind", "miou")
-        told = ""
+        rewards = [line["reward"] for line in evaluations if line["reward"] is not None]
+        score: RewardKind = first.get("kind", "miou")
+        best_and_mean = ""
         if rewards:
             best, mean = (in_words(score, v) for v in (max(rewards), float(np.mean(rewards))))
-            told = f" | {REWARD_NAMES[score]} best {best}, mean {mean}"
+            best_and_mean = f" | {REWARD_NAMES[score]} best {best}, mean {mean}"
+        count, failed = len(evaluations), len(evaluations) - len(rewards)
         lines.append(
-            f"  {config}  {kind:36s} {len(own):6d} evaluations, {len(own) - len(rewards)} failed{told}"
+            f"  {config}  {kind:36s} {count:6d} evaluations, {failed} failed{best_and_mean}"
         )
-    if apart := told_apart(records):
-        lines.append(f"  {apart}")
+    if differences := told_apart(records):
+        lines.append(f"  {differences}")
     return "\n".join(lines)
 
 
@@ -62,7 +64,11 @@ def main(arguments: Arguments = None) -> int:
 
     def work() -> None:
         if (options.out is not None) != (options.command == "merge"):
-            raise UserError("merge needs --out FILE, and show takes none")
+            raise UserError(
+                "merge needs --out FILE"
+                if options.command == "merge"
+                else "--out is only for merge; leave it out with show"
+            )
         if options.command == "show":
             print("\n".join(table(path) for path in options.files))
         else:

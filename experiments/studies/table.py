@@ -33,7 +33,7 @@ from experiments.config.studies import TableConfig
 from experiments.evaluation.job import Source
 from experiments.session.session import Session
 from experiments.studies.figure import plt, png
-from experiments.tables import few_rows
+from experiments.tables import few_rows, row_names
 from experiments.tables.form import (
     Column,
     Form,
@@ -70,18 +70,14 @@ BASELINE, EYE = "random", "default"
 """Rows over which gains are measured."""
 RENDERED = (BASELINE, EYE, LEARNT)
 """Rows whose training sets are rendered."""
-TRAINED_ON = {
-    "random": "SceneX, random attributes",
-    "default": "SceneX, hand-set attributes",
-    "learnt": "SceneX, learnt attributes",
-    **few_rows.TRAINED_ON,
-    "gta5": "GTA5",
-    "synthia": "SYNTHIA",
-    "kitti": "KITTI",
-    "real": "the reward images themselves",
-}
 OTHERS = ("gta5", "synthia", "kitti")
 """Rows of other data sets, which are also the names of flags and layouts."""
+TRAINED_ON = {
+    **{row: row_names.TRAINED_ON[row] for row in (*RENDERED, *few_rows.ROWS)},
+    **{row: row.upper() for row in OTHERS},
+    "real": row_names.TRAINED_ON["real"],
+}
+"""Training sets in the order of the table."""
 SUBSETS = {"16": SYNTHIA_16, "13": SYNTHIA_13}
 """Classes over which nets trained on SYNTHIA are compared on labels of Cityscapes."""
 

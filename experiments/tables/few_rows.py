@@ -13,13 +13,8 @@ from experiments.tables.stats import statistics
 
 FEW = "few"
 """The row of nets that are trained on the few images alone; ``few+ROW`` adds the images of ROW."""
-TRAINED_ON = {
-    FEW: "the few labelled images alone",
-    "few+random": "the few and random attributes",
-    "few+default": "the few and hand-set attributes",
-    "few+learnt": "the few and learnt attributes",
-}
-"""The training sets of these rows."""
+ROWS = (FEW, f"{FEW}+random", f"{FEW}+default", f"{FEW}+learnt")
+"""All of these rows."""
 
 
 def rows(
@@ -46,13 +41,3 @@ def gains(rows: Mapping[str, Report]) -> Report:
     others = (FEW, f"{FEW}+random", f"{FEW}+default")
     found = {other: statistics(ours, rows[other]["miou"])["gain"] for other in others}
     return {"gain_beside_few": {k: v or {"mean": None, "ci95": None} for k, v in found.items()}}
-
-
-def words(report: Report, row: str, trained_on: Mapping[str, str]) -> str:
-    """The training set of a row in words, with the number of the few images."""
-    count = len(report.get("few_images", ()))
-    if count == 0:
-        return trained_on[row]
-    if row == "real":
-        return f"all {report['reward_images'] + count} labelled images"
-    return trained_on[row].replace("the few", f"the {count}", 1)

@@ -101,7 +101,7 @@ def test_the_engines_classes_are_brought_to_those_of_the_data(table, gone, red):
 
 def test_a_model_of_other_classes_is_refused(red):
     for names in (("road", "sky", "bus"), ("road", "sky"), "abc"):
-        message = f"a model of other classes: {', '.join(names)}; the data have road, sky, car"
+        message = f"the model has {', '.join(names)}; the data have road, sky, car"
         refused(UserError, message, evaluate, replace(red, classes=label_classes(names)), DATA)
 
 
@@ -138,7 +138,7 @@ def test_images_that_the_net_was_trained_on_are_counted_and_told(model, camvid, 
         replace(model, notes={SEEN: known}).save(tmp_path / "model")
         assert main([str(tmp_path / "model"), str(camvid), *flags, "--json", str(file)]) == 0
         assert json.loads(file.read_text())["trained_on"] == count
-        said = f"The net was trained on {count} of these 3 images: the figures are higher"
+        said = f"The model was trained on {count} of these 3 images, so these scores are higher"
         assert (said in capsys.readouterr().out) == bool(count)
 
 
@@ -186,12 +186,12 @@ def test_what_cannot_be_scored_is_refused(model, red, camvid, tmp_path, capsys):
     refused(
         UserError, "--target mars: no such file, nor is it one of camvid", labelled, "mars", camvid
     )
-    message = "--group Z: .* has none there; its groups: B, C"
+    message = "--group Z: split .* has no such group; it has B, C"
     refused(UserError, message, labelled, "camvid", camvid, (), ("Z",))
     refused(UserError, "no split 'x'", labelled, "camvid", camvid, ("x",))
     void = DATA._replace(read=lambda own: (read(own)[0], np.full((2, 4), 255, np.uint8)))
     void = void._replace(entries=void.entries[:1])
-    refused(UserError, "every label is void", evaluate, red, void)
+    refused(UserError, "all labels are ignored pixels", evaluate, red, void)
     Image.open(camvid / "testannot" / "B_8.png").resize((9, 9)).save(
         camvid / "testannot" / "B_8.png"
     )
@@ -201,7 +201,7 @@ def test_what_cannot_be_scored_is_refused(model, red, camvid, tmp_path, capsys):
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "letter.txt").write_text("dear")
     refused(
-        UserError, "holds other files, such as letter.txt", evaluate, red, DATA, tmp_path / "full"
+        UserError, "has other files, such as letter.txt", evaluate, red, DATA, tmp_path / "full"
     )
     message = "--split train train names one of them twice"
     refused(UserError, message, labelled, "camvid", camvid, ("train", "train"))

@@ -14,7 +14,7 @@ from experiments.app.report import summary
 from experiments.evaluation import in_worker
 from experiments.evaluation.cache import FOLDER
 from experiments.evaluation.job import Job, LabelledSubset
-from experiments.tables.few_rows import TRAINED_ON
+from experiments.tables.few_rows import ROWS
 from experiments.targets.few import spread
 from experiments.targets.named import named_target
 from scene.proposal import default_proposal, random_proposal
@@ -164,19 +164,19 @@ def test_a_job_searches_beside_the_few_and_tells_their_worth(camvid, out, counte
     assert sizes == [*[False, False, False, True, True, True] * 2, 2, 4, 2, 4]
     assert [len(task[3].images) for task in counted.calls[:12]] == [2] * 12
     report = read_json(out / "summary.json")
-    assert list(report["rows"]) == ["random", "default", "learnt", *TRAINED_ON, "real"]
+    assert list(report["rows"]) == ["random", "default", "learnt", *ROWS, "real"]
     assert len(report["few_images"]) == 2 and report["few_share"] == 0.4
     ours, theirs = (report["rows"][row]["miou"] for row in ("few+learnt", "few"))
     gain = report["gain_beside_few"]["few"]["mean"]
     assert gain == pytest.approx(np.subtract(ours, theirs).mean()) and gain != 0
     said = summary.text(report)
-    assert "the 2 and learnt attributes" in said and "few+learnt minus few+default" in said
+    assert "Points gained by 2 labelled images + optimised streets:" in said
     assert "all 4 labelled images" in said and "all 4 labelled" in (out / "report.html").read_text()
     configs = {line["config"] for line in lines(out / "evaluations.jsonl")}
     assert len(configs) == 1 and lines(out / "evaluations.jsonl")[0]["few"] == 2
     # The dataset's note says how to train on both, and what it says runs.
     note = (out / "dataset" / "few.md").read_text()
-    assert "beside 2 labelled images" in note and "40 % of every batch" in note
+    assert "together with 2 labelled images" in note and "40 % of every batch" in note
     (code,) = re.findall(r"```python\n(.*?)```", note, flags=re.DOTALL)
     monkeypatch.chdir(out)
     scope: dict = {}

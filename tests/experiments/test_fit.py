@@ -42,6 +42,7 @@ from experiments.evaluation.pace import Pace
 from experiments.evaluation.runner import Runner
 from experiments.session import session
 from experiments.tables.form import Report
+from experiments.tables.stats import TOO_FEW
 from experiments.targets.folder import FOLDS, cut, fold_targets, parts_of, reader
 from experiments.targets.sizes import Choice, choose, suitable_size
 from scene.held import hold, read_fixed
@@ -307,11 +308,12 @@ def test_figures_come_from_the_published_split_a_group_or_folds(
 
 @pytest.mark.parametrize(("mean", "ci95", "expected"), [
     (4.6, (4.0, 5.3), "Renders add 4.6 points (4.0 to 5.3) to your 14 labels."),
-    (0.4, (-0.3, 1.1), "Renders add 0.4 points (-0.3 to 1.1) to your 14 labels, which may be chance."),
-    (-2.0, (-3.0, -1.0), "Renders cost 2.0 points (-3.0 to -1.0): your 14 labels alone are better."),
+    (0.4, (-0.3, 1.1), "Renders add 0.4 points (-0.3 to 1.1) to your 14 labels, which is within noise."),
+    (-2.0, (-3.0, -1.0), "Renders cost 2.0 points (-3.0 to -1.0): use your 14 labels alone."),
     (1.0, None,
-     "Renders add 1.0 points to your 14 labels, by one net each: --seeds 3 says how sure that is."),
-    (None, None, "Nets failed in training, so it is not known what renders add."),
+     "Renders add 1.0 points to your 14 labels, measured with one network each; use --seeds 3 for an "
+     "interval."),
+    (None, None, "Training failed for some networks, so the gain from renders is unknown."),
 ])  # fmt: skip
 def test_the_verdict(mean, ci95, expected) -> None:
     assert verdict({"mean": mean, "ci95": ci95}, 14) == expected
@@ -401,10 +403,10 @@ def test_from_a_folder_of_ones_own_to_a_net(folder, tmp_path, capsys, monkeypatc
     held = "Held in all streets: field_of_view 90 deg."
     assert (
         "By fold, renders add" in said
-        and "by one net each" in said
-        and "Learnt from labels alone: bench." in said
+        and "measured with one network each" in said
+        and "Not in the renders, so trained on labels alone: bench." in said
     )
-    assert "half of hand-set streets, are 75 % of the first batch and 0 % of the last." in said
+    assert "half default streets) are 75 % of the first batch and 0 % of the last." in said
     mixed = hold(streets_named("mixed", "extended"), read_fixed(FIX, "extended"))
     assert [*map(describe, drawn)] == [describe(mixed)]
     summary = json.loads((tmp_path / "run" / "summary.json").read_bytes())
@@ -413,7 +415,7 @@ def test_from_a_folder_of_ones_own_to_a_net(folder, tmp_path, capsys, monkeypatc
     file = tmp_path / "run" / "report.html"
     page, data = Page(file), b64encode((tmp_path / "run" / "predictions.png").read_bytes()).decode()
     assert summary["seconds"]["streets"] > 0
-    assert "streets, shared by nets" in [row[0] for row in page.rows]
+    assert "streets, shared by networks" in [row[0] for row in page.rows]
     assert summary["verdict"] in page.texts and held in page.text
     assert held in said and [a["src"] for t, a in page.tags if t == "img"] == [
         f"data:image/png;base64,{data}"
@@ -425,11 +427,11 @@ def test_from_a_folder_of_ones_own_to_a_net(folder, tmp_path, capsys, monkeypatc
     titles = [a["id"] for t, a in page.tags if t == "section"]
     assert titles == ["result", "examples", "classes", "cost", "made"]
     gained = f"{summary['labels_add']['mean']:+.1f}"
-    assert ["your labels add to renders", gained, "too few nets for an interval"] in page.rows
-    assert "Learnt from labels alone: bench." in page.text and "by fold" in page.text.lower()
+    assert ["your labels add to renders", gained, TOO_FEW] in page.rows
+    assert "so trained on labels alone: bench." in page.text and "by fold" in page.text.lower()
     # While it went on, the page had the nets so far.
     early = pages[0]
-    assert "This run is under way" in early.text and "5 labelled, 5 classes" in early.text
+    assert "This run is not finished yet" in early.text and "5 labelled, 5 classes" in early.text
     assert ["fold 1: labels + renders", "1"] in [row[:2] for row in pages[-1].rows]
     before = file.read_bytes()
     file.unlink()

@@ -75,7 +75,7 @@ def test_a_folder_without_labels_gives_the_reward_from_the_command_line(camvid, 
     assert summary["reward_images"] == 3
     rows = {line["row"] for line in lines(out / "finals.jsonl")}
     assert rows >= {"random", "learnt"} and "real" not in rows
-    assert "the reward images themselves" not in (out / "report.html").read_text()
+    assert "labelled target images" not in (out / "report.html").read_text()
 
 
 def test_what_cannot_work_is_refused(tiny_camvid, tmp_path, config, recipe, net, monkeypatch):

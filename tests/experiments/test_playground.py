@@ -20,7 +20,7 @@ from experiments.app.playground.rendering import (
     first_free,
     free,
     pictures,
-    request,
+    request_for,
     shares,
 )
 from experiments.app.playground.state import (
@@ -76,7 +76,9 @@ def test_sliders_take_the_moments_of_probabilities_and_that_is_said(tmp_path, ca
                           (MIXED.streets, False)):  # fmt: skip
         file.write_text(json.dumps(describe(streets)))
         state = command.first_state(command.parser().parse_args(["--attributes", str(file)]))
-        said = f"{file}: the file has probabilities; sliders show, and save, intervals"
+        said = (
+            f"{file}: the file has probabilities, which sliders cannot show; they show, and save,"
+        )
         assert (said in capsys.readouterr().out) == told
         if told:
             np.testing.assert_array_equal(state.proposals[-1], moments(own))
@@ -88,7 +90,7 @@ def test_the_picture_is_the_one_of_the_dataset_and_a_quick_one_is_half_as_large(
     state, unit = MIXED._replace(view=view), draw(default_proposal(), 3, 3)[2]
     frame = render_street(unit, 3, 2, 2, view.settings, "embree", view.pool)[1]
     assert not (frame.label == TrainId.CAR).any()
-    made, quick = pictures(request(state)), pictures(request(state, quick=True))
+    made, quick = pictures(request_for(state)), pictures(request_for(state, quick=True))
     label = cv2.imdecode(np.frombuffer(made.label, np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
     np.testing.assert_array_equal(label, colorize(frame.label))
     assert made.shares == shares(frame.label)
@@ -118,7 +120,9 @@ def test_the_copied_command_makes_the_picture(change, tmp_path, monkeypatch):
     assert render([*words[2:], "--workers", "1"]) == 0
     labels = read_dataset(tmp_path / "street").labels
     assert len(labels) == 2 * VIEW.shots + VIEW.shot + 1
-    made = cv2.imdecode(np.frombuffer(pictures(request(state)).label, np.uint8), cv2.IMREAD_COLOR)
+    made = cv2.imdecode(
+        np.frombuffer(pictures(request_for(state)).label, np.uint8), cv2.IMREAD_COLOR
+    )
     np.testing.assert_array_equal(made[..., ::-1], colorize(labels[-1]))
 
 
@@ -161,7 +165,9 @@ def test_of_wishes_that_wait_only_the_last_is_made_and_then_refined():
 
     async def drag(seen):
         wanted = LatestOnly(make, lambda wanted, *_: seen.append((wanted.view.seed, wanted.quick)))
-        wishes = (request(MIXED, quick=True)._replace(view=VIEW._replace(seed=k)) for k in range(5))
+        wishes = (
+            request_for(MIXED, quick=True)._replace(view=VIEW._replace(seed=k)) for k in range(5)
+        )
         await asyncio.gather(*map(wanted.ask, wishes))
         return seen
 
@@ -199,9 +205,9 @@ def test_only_the_page_itself_is_answered(headers, status, kind):
     (["--port", "0"], "--port must lie in 1..65535, not 0"),
     (["--port", "TAKEN"], "choose another"),
     (["--size", "9000x9000"], "pixels"),
-    (["--shots", "0"], "shots must lie in 1..60, not 0"),
+    (["--shots", "0"], "shots must be 1 to 60, not 0"),
     (["--attributes", "BAD"], "bad.json: unknown attribute 'nonsense'"),
-    (["--real", "BAD"], "bad.json: no such folder"),
+    (["--real", "BAD"], "bad.json is not a folder"),
 ])  # fmt: skip
 def test_what_is_wrong_is_one_line_and_code_2(arguments, complaint, tmp_path, capsys, monkeypatch):
     (tmp_path / "bad.json").write_text('{"nonsense": 1}')
@@ -221,7 +227,7 @@ def page():
     with served("96x54") as address, sync_playwright() as playwright:
         tab = playwright.chromium.launch(executable_path=program).new_page()
         tab.goto(address)
-        tab.wait_for_selector(".time:has-text('picture in')", timeout=240_000)
+        tab.wait_for_selector(".time:has-text('image in')", timeout=240_000)
         yield tab
 
 

@@ -79,7 +79,7 @@ def test_each_image_gets_labels_of_its_size(model, folder, images, tmp_path, cap
     out = tmp_path / "out"
     assert main([folder, str(images), "--out", str(out)]) == 0
     said = capsys.readouterr().out.splitlines()
-    assert said[-1] == f"{out}: 4 images, ids of road, sky" and "left" in said[0]
+    assert said[-1] == f"{out}: labels of 4 images as ids; classes: road, sky" and "left" in said[0]
     found = pictures(out)
     assert found.keys() == SHAPES.keys()
     for name, shape in SHAPES.items():
@@ -197,7 +197,7 @@ def test_folders_that_cannot_be_read_or_written(model, folder, images, tmp_path,
         list_sources,
         tmp_path / "empty",
     )
-    refused(UserError, "lies within", predict, model, images, images / "out")
+    refused(UserError, "is inside", predict, model, images, images / "out")
     (images / "b.jpg").write_bytes(b"")
     refused(DataError, "b.png: .*b.jpg has the same name", list_sources, images)
     (images / "b.jpg").unlink()

@@ -81,7 +81,7 @@ def test_images_are_in_order_and_their_labels_in_the_files_of_both_tools(
     arguments = [str(tmp_path / "model"), str(images), "--rank", "--first", "3", "--out"]
     out = tmp_path / "out"
     assert main([*arguments, str(out)]) == 0
-    assert "label from the top; pre-labels of the first 3 in cvat.zip" in capsys.readouterr().out
+    assert "cvat.zip and label_studio.json: pre-labels of the first 3" in capsys.readouterr().out
     head, *rows = csv.reader(io.StringIO((out / "ranking.csv").read_text()))
     assert head == ["rank", "image", "uncertainty"] and len(rows) == len(SHAPES)
     files = sorted(SHAPES)

@@ -19,11 +19,12 @@ from PIL import Image
 from common.files import read_json, write_json
 from experiments.app.report import page
 from experiments.app.report.command import main
-from experiments.app.report.figures import NAMES
 from experiments.app.report.folder import RunFolder, read
 from experiments.app.report.summary import ROWS, advice
 from experiments.evaluation.predictions import file_of, load
 from experiments.tables.form import interval
+from experiments.tables.row_names import SHORT
+from experiments.tables.stats import TOO_FEW
 from scene import parsers
 from scene.attributes import NAMES as ATTRIBUTES
 from scene.proposal import Histogram, describe, mixture, random_proposal
@@ -72,12 +73,12 @@ def test_only_pictures_of_the_run_are_shown(run):
 
 def test_the_figures_are_those_of_the_summary(run):
     summary, page = read_json(run / "summary.json"), Page(run / "report.html")
-    assert "not a result on real data" in page.text and "sdr-jax cityscapes" in page.text
+    assert "do not carry over to real data" in page.text and "sdr-jax cityscapes" in page.text
     for row in ROWS:
         entry = summary["rows"][row]
-        said = [f"{entry['mean']:.1f}", interval(entry["ci95"]) or "too few nets for an interval"]
+        said = [f"{entry['mean']:.1f}", interval(entry["ci95"]) or TOO_FEW]
         assert any(cells[1:] == said for cells in page.rows)
-        means = [t["x"] for t in page.plots[0]["data"] if t["y"] == [NAMES[row]]]
+        means = [t["x"] for t in page.plots[0]["data"] if t["y"] == [SHORT[row]]]
         assert means == [[entry["mean"]]]
     assert advice(summary) in page.text
     traces = (trace for plot in page.plots for trace in plot.get("data", ()))
@@ -124,7 +125,7 @@ def test_a_page_is_made_anew_from_the_folder_and_of_an_older_run_without_what_it
     assert main([str(run), "--out", str(run / "old.html")]) == 0
     old = Page(run / "old.html")
     assert "Confusion:" not in old.text
-    assert "Centres of what the search proposed" in old.text
+    assert "Centre of each proposed interval" in old.text
     titles = [a["id"] for t, a in old.tags if t == "section"]
     known = ["result", "search", "attributes", "classes", "cost", "made"]  # none is empty
     assert [title for title in titles if title != "importance"] == known
@@ -141,8 +142,8 @@ def test_a_few_labels_come_first_and_what_it_is_told_is_escaped(run):
     })  # fmt: skip
     assert main([str(run)]) == 0
     page = Page(run / "report.html")
-    assert page.plots[0]["data"][-1]["y"] == ["few labels"]  # the last is drawn at the top
-    assert "learnt streets beside 2 labelled images train nets of" in page.text
+    assert page.plots[0]["data"][-1]["y"] == ["labels"]  # the last is drawn at the top
+    assert "networks trained on 2 labelled images + optimised streets reach" in page.text
     assert "<script>alert" not in (run / "report.html").read_text()
 
 
@@ -152,7 +153,7 @@ def test_answers_of_a_method_that_is_gone_are_refused(run, error_line):
     for answer in (own, mixture((0.5, 0.5), (own, random_proposal()))):
         write_json(run / "summary.json", summary | describe(answer))
         assert main([str(run)]) == 2
-        assert "its answer is no intervals" in error_line(begun=True)
+        assert "is not one interval for each attribute" in error_line(begun=True)
 
 
 def gain(mean, *ci95):
@@ -160,15 +161,15 @@ def gain(mean, *ci95):
 
 
 @pytest.mark.parametrize(("changes", "wanted"), [
-    ({}, "Learnt streets train nets of 30.0 % mIoU: 3.0 points above the hand-set street and not clearly "
-     "different from random streets"),
-    ({"real": False, "gain": gain(-2.0)}, "On the twin, which is not real data, learnt streets train nets of "
-     "30.0 % mIoU: 3.0 points above the hand-set street and 2.0 points below random streets "
-     "(too few nets for an interval)"),
+    ({}, "Networks trained on optimised streets reach 30.0 % mIoU: 3.0 points above default streets and "
+     "within noise of random streets"),
+    ({"real": False, "gain": gain(-2.0)}, "On the twin, which is not real data, networks trained on "
+     "optimised streets reach 30.0 % mIoU: 3.0 points above default streets and 2.0 points below random "
+     f"streets ({TOO_FEW})"),
     ({"few_images": ["a"] * 14, "gain_beside_few": {"few": gain(1.0, 0.5, 1.5), "few+default": gain(None)}},
-     "Learnt streets beside 14 labelled images train nets of 40.0 % mIoU: 1.0 points above the labels "
-     "alone and not compared with hand-set streets beside them"),
-    ({"rows": {"learnt": {"mean": None}}}, "No net on learnt streets could be trained"),
+     "Networks trained on 14 labelled images + optimised streets reach 40.0 % mIoU: 1.0 points above "
+     "14 labelled images alone and not compared with 14 labelled images + default streets"),
+    ({"rows": {"learnt": {"mean": None}}}, "Training failed for all networks on optimised streets"),
 ])  # fmt: skip
 def test_the_page_begins_with_what_came_out_in_a_sentence(changes, wanted):
     report = {
@@ -217,10 +218,13 @@ def test_the_page_of_a_run_under_way_has_what_is_known_and_is_read_anew(run):
         )
         shown = Page(run / "live.html")
         assert [a["id"] for t, a in shown.tags if t == "section"] == sections
-        assert "This run is under way" in shown.text and "25 %: search: update 2/6." in shown.text
+        assert (
+            "This run is not finished yet" in shown.text
+            and "25 %: search: update 2/6." in shown.text
+        )
         (again,) = (a for t, a in shown.tags if a.get("http-equiv") == "refresh")
         assert again["content"] == str(page.EVERY)
-    assert ["final nets: random", "2"] in [row[:2] for row in shown.rows]
+    assert ["final networks: random", "2"] in [row[:2] for row in shown.rows]
 
 
 def test_the_page_is_served_to_this_machine_alone_as_it_is_at_the_moment(tmp_path):
@@ -229,7 +233,7 @@ def test_the_page_is_served_to_this_machine_alone_as_it_is_at_the_moment(tmp_pat
     command = [sys.executable, "-m", "experiments.report", str(tmp_path), "--serve", str(port)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
         try:
-            assert server.stdout.readline() == f"http://127.0.0.1:{port} (Ctrl-C ends it)\n"
+            assert server.stdout.readline() == f"http://127.0.0.1:{port} (press Ctrl-C to stop)\n"
 
             def asked(path="/", **headers):
                 there = HTTPConnection("127.0.0.1", port)
@@ -249,7 +253,7 @@ def test_the_page_is_served_to_this_machine_alone_as_it_is_at_the_moment(tmp_pat
 
 @pytest.mark.parametrize(("flags", "complaint"), [
     (["RUN", "--serve", "0"], "--serve must lie in 1..65535, not 0"),
-    (["RUN/none", "--serve"], "no such folder; name the --out of a run"),
+    (["RUN/none", "--serve"], "does not exist; pass the --out of a run"),
     (["RUN", "--serve", "--out", "page.html"], "cannot be used with --out page.html"),
 ])  # fmt: skip
 def test_what_cannot_be_served_is_refused(flags, complaint, tmp_path, error_line):
@@ -258,13 +262,13 @@ def test_what_cannot_be_served_is_refused(flags, complaint, tmp_path, error_line
 
 
 @pytest.mark.parametrize(("left", "complaint"), [
-    (None, "no such folder; name the --out of a run"),
-    ({}, "it holds no config.json"),
-    ({"config.json": {}}, "that run is not finished"),
-    ({"config.json": {}, "labels.json": {"study": "labels"}}, "a run of the study labels, whose report"),
-    ({"config.json": [], "summary.json": {}}, "config.json is no JSON object"),
+    (None, "does not exist; pass the --out of a run"),
+    ({}, "is not the folder of a run: it has no config.json"),
+    ({"config.json": {}}, "the run is not finished; run its command again"),
+    ({"config.json": {}, "labels.json": {"study": "labels"}}, "a run of the study labels; read its report"),
+    ({"config.json": [], "summary.json": {}}, "config.json must be a JSON object"),
     ({"config.json": {"version": 2}, "summary.json": {}}, "config.json has version 2, and this program"),
-    ({"config.json": {}, "summary.json": {"nets": 3}}, "does not hold what a run writes"),
+    ({"config.json": {}, "summary.json": {"nets": 3}}, "is not the result of a run"),
 ])  # fmt: skip
 def test_a_folder_that_is_no_finished_run_is_refused(left, complaint, tmp_path, error_line):
     folder = tmp_path / "folder"

@@ -12,6 +12,7 @@ from experiments.app.report.summary import advice, derive, scores, text
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
 from experiments.evaluation.job import Result
+from experiments.tables.stats import TOO_FEW
 from experiments.targets.base import Target
 from experiments.targets.twin import twin_world
 from scene.attributes import names
@@ -78,7 +79,7 @@ def test_figures_by_hand():
     assert summary["recovery"]["learnt_error"] == summary["recovery"]["centre_error"]
     one = made(seeds=1)
     assert one["random"]["ci95"] is None and one["gain"]["ci95"] is None
-    assert "too few nets for an interval" in text(one)
+    assert TOO_FEW in text(one)
 
 
 def gain(mean, *ci95):
@@ -87,26 +88,28 @@ def gain(mean, *ci95):
 
 @pytest.mark.parametrize(("means", "over_default", "line"), [
     ((20.0, 30.0, 33.1), gain(3.1, 1.0, 5.2),
-     "streets are significantly better than default ones, +3.1 points (1.0 to 5.2): use the learnt ones."),
+     "streets are significantly better than default streets, +3.1 points (1.0 to 5.2): use optimised "
+     "streets."),
     ((20.0, 30.0, 30.4), gain(0.4, -1.0, 1.8),
-     "streets are within noise of default ones, +0.4 points (-1.0 to 1.8): use the learnt ones."),
+     "streets are within noise of default streets, +0.4 points (-1.0 to 1.8): use optimised streets."),
     ((20.0, 30.0, 28.0), gain(-2.0, -3.0, -1.0),
-     "streets are significantly worse than default ones, -2.0 points (-3.0 to -1.0): use the default ones."),
+     "streets are significantly worse than default streets, -2.0 points (-3.0 to -1.0): use default "
+     "streets."),
     ((35.0, 30.0, 33.0), gain(3.0),
-     "minus default streets: +3.0 points (too few nets for an interval): use random ones."),
-    ((20.0, 30.0, None), gain(None), "and default streets cannot be compared: use the default ones."),
+     f"minus default streets: +3.0 points ({TOO_FEW}): use random streets."),
+    ((20.0, 30.0, None), gain(None), "and default streets cannot be compared: use default streets."),
 ])  # fmt: skip
 def test_a_line_says_which_streets_to_use(means, over_default, line):
     rows = {
         row: {"mean": mean}
         for row, mean in zip(("random", "default", "learnt"), means, strict=True)
     }
-    assert advice({"rows": rows, "gain_over_default": over_default}) == f"Learnt {line}"
+    assert advice({"rows": rows, "gain_over_default": over_default}) == f"Optimised {line}"
     # Beside a few labels, the rows beside them count.
     beside = {f"few+{row}": entry for row, entry in rows.items()} | {"learnt": {"mean": 99.0}}
     assert (
         advice({"rows": beside, "gain_beside_few": {"few+default": over_default}})
-        == f"Learnt {line}"
+        == f"Optimised {line}"
     )
 
 

@@ -62,9 +62,7 @@ def test_a_table_leaves_its_figures(table, out, learnt_file):
     assert learnt["over_classes"] == {} and len(real["nets"][0]["class_iou"]) == 11
     papers = {"trained_on": "learnt", "images": 450, "fcn8s": 29.6, "deeplabv2": 31.4}
     assert report["paper"]["rows"][-1] == papers
-    assert (
-        "NOT of this run" in text and "| fcn8s | 64x48 | the reward images themselves | 4 |" in text
-    )
+    assert "NOT of this run" in text and "| fcn8s | 64x48 | labelled target images | 4 |" in text
     assert len(lines(out / "finals.jsonl")) == 2 * 4 * 2
     assert lines(out / "evaluations.jsonl") == []  # the attributes are given
 
@@ -103,7 +101,7 @@ def test_a_few_labelled_images_add_rows(table):
     assert few == [("few", 2), *beside, ("real", 4)]
     beside = [source for _, source, *_ in seen.calls if isinstance(source, TrainingSet)]
     assert len(beside) == 6 and {source.shares for source in beside} == {(0.5, 0.5)}
-    assert "| compact | 64x48 | the few and learnt attributes | 8 |" in text
+    assert "| compact | 64x48 | the labelled subset + optimised streets | 8 |" in text
 
 
 @given(st.integers(0, 2**32 - 1))

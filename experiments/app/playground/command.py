@@ -27,7 +27,7 @@ def first_state(options: argparse.Namespace) -> State:
     """The first state of a page.
 
     Raises:
-        ValueError: an option is out of range, or a file holds no attributes; the message names it.
+        ValueError: an option is out of range, or a file has no attributes; the message names it.
         OSError: the file cannot be read.
     """
     width, height = options.size
@@ -45,7 +45,7 @@ def main(arguments: Arguments = None) -> int:
 
     def work() -> None:
         if find_spec("nicegui") is None:
-            raise UserError("the page is made with NiceGUI: pip install 'sdr-jax[playground]'")
+            raise UserError("the playground needs NiceGUI: pip install 'sdr-jax[playground]'")
         check_port(options.port)
         state, photographs = first_state(options), listed(options.real)
         renderer("embree")

@@ -10,7 +10,7 @@ from common.loopback import refusal
 
 
 class Guard:
-    """Refuses requests that do not come from the page, which can write folders in the user's name."""
+    """Refuses requests that do not come from the page itself."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app

@@ -1,4 +1,4 @@
-"""The page: sliders on the left, pictures of one street and panels on the right."""
+"""The page: sliders on the left, images of one street and panels on the right."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from experiments.app.playground.rendering import (
     Pictures,
     RenderProcess,
     Request,
-    request,
+    request_for,
 )
 from experiments.app.playground.sliders import Sliders
 from experiments.app.playground.state import State
@@ -55,7 +55,7 @@ ENLARGE = """() => {
     document.addEventListener('keydown', leave);
     emit(window.innerWidth, window.innerHeight);
 }"""
-"""Makes the picture fill the window, or ends that; emits the window's size, or nothing."""
+"""Makes the image fill the window, or ends that; emits the window's size, or nothing."""
 BLANK = "data:image/gif;base64,R0lGODlhAQABAAAAACH5BAEKAAEALAAAAAABAAEAAAICTAEAOw=="
 
 
@@ -64,12 +64,12 @@ for kind in (ui.input, ui.number, ui.select):
 
 
 def serve(state: State, photographs: Sequence[Path], port: int, browser: bool) -> None:
-    """Serve the page on this machine's own address until Ctrl-C.
+    """Serve the page on 127.0.0.1 until Ctrl-C.
 
     Args:
         state: the first state of every page.
-        photographs: real images to show beside the street.
-        port: the port on this address.
+        photographs: real images to compare the street with.
+        port: the port.
         browser: whether to open a browser.
     """
     process = RenderProcess()
@@ -79,7 +79,7 @@ def serve(state: State, photographs: Sequence[Path], port: int, browser: bool) -
         await Page(state, photographs, process).begin()
 
     app.add_middleware(Guard)
-    app.on_startup(lambda: print(f"http://{HOST}:{port} (Ctrl-C ends it)", flush=True))
+    app.on_startup(lambda: print(f"http://{HOST}:{port} (press Ctrl-C to stop)", flush=True))
     app.on_shutdown(process.close)
     ui.run(
         host=HOST,
@@ -98,10 +98,10 @@ class Page:
 
     def __init__(self, state: State, photographs: Sequence[Path], process: RenderProcess) -> None:
         self._state, self._photographs, self._process = state, photographs, process
-        self._first = state  # what sliders are reset to
-        self._window: tuple[int, int] | None = None  # size of the window that the picture fills
+        self._first = state  # to which sliders are reset
+        self._window: tuple[int, int] | None = None  # size of the window that the image fills
         self._boxes: dict[str, ui.number] = {}  # by field of the view
-        self._wanted = LatestOnly(process.make, self._show)
+        self._requests = LatestOnly(process.make, self._show)
         self._note: ui.notification | None = None
         ui.colors(primary=ACCENT)
         ui.add_css(STYLE)
@@ -116,14 +116,14 @@ class Page:
         self._fill()
 
     async def begin(self) -> None:
-        """Ask for the first picture once the page is loaded: of the first street with a free view."""
+        """Request the first image once the page is loaded: of the first street with a free view."""
         await ui.context.client.connected()
         if not self._process.warm:
-            self._time.set_text("warming up: code is compiled, once")
+            self._time.set_text("compiling the renderer (only the first time)")
         try:
             street = await self._process.first_free(self._state)
         except (ValueError, RuntimeError) as error:
-            self._wrong.set_text(str(error))
+            self._error.set_text(str(error))
             return
         await self._look(street=street)
 
@@ -132,23 +132,23 @@ class Page:
             ui.html("<h1>Playground</h1>", sanitize=False)
             for text, hint, change in (
                 (
-                    "hand-set",
-                    "intervals around the hand-set street",
+                    "default",
+                    "narrow intervals around the default street",
                     partial(states.set_to, name="default"),
                 ),
                 (
                     "random",
-                    "every attribute anywhere in its range",
+                    "the whole range of every attribute",
                     partial(states.set_to, name="random"),
                 ),
-                ("centre all", "every interval in the middle of its range", states.centred),
+                ("centre all", "move every interval to the middle of its range", states.centred),
             ):
                 button = ui.button(text, on_click=self._press(change)).tooltip(hint)
                 button.props("outline dense padding='2px 12px'")
             self._component = ui.select([], on_change=self._choose).props("borderless")
             for text, hint, turn in (
-                ("next street", "the next street of the dataset with this seed", self._next),
-                ("shuffle", "the same street of another seed", self._shuffle),
+                ("next street", "the next street with this seed", self._next),
+                ("new seed", "another random seed", self._shuffle),
             ):
                 button = ui.button(text, on_click=turn).tooltip(hint)
                 button.props("unelevated dense padding='2px 12px'")
@@ -156,29 +156,30 @@ class Page:
             self._time = ui.label().classes("quiet time")
             upload = ui.upload(auto_upload=True, max_file_size=MOST_BYTES, on_upload=self._load)
             upload.props('accept=".json"').classes("hidden")
-            upload.on("rejected", lambda: self._say(f"a file has at most {MOST_BYTES:,} bytes"))
+            too_large = f"the file is too large: at most {MOST_BYTES:,} bytes"
+            upload.on("rejected", lambda: self._say(too_large))
             load = ui.button("load", on_click=lambda: upload.run_method("pickFiles"))
-            load.props("flat dense padding='2px 10px'").tooltip("an attributes.json")
+            load.props("flat dense padding='2px 10px'").tooltip("open an attributes.json")
             copy = ui.button("copy command", on_click=self._copy)
             copy.props("flat dense padding='2px 10px'")
-            copy.tooltip("the sdr-jax render that makes this picture")
+            copy.tooltip("copy the sdr-jax render command that makes this image")
             save = ui.button("save", on_click=self._save)
-            save.props("flat dense padding='2px 10px'").tooltip("as attributes.json")
+            save.props("flat dense padding='2px 10px'").tooltip("download an attributes.json")
 
     def _pictures(self) -> None:
-        with ui.element("div").classes("shown beside" if self._photographs else "shown"):
+        with ui.element("div").classes("shown with-real" if self._photographs else "shown"):
             with ui.element("div"):
                 self._image = _picture("image")
                 assert self._image.parent_slot is not None
                 box = self._image.parent_slot.parent
                 box.on("click", self._enlarge, js_handler=ENLARGE)
-                self._caption = ui.label("warming up").classes("caption")
+                self._caption = ui.label("starting").classes("caption")
             if self._photographs:
                 with ui.element("div"):
                     self._real = _picture("real")
                     most = len(self._photographs) - 1
-                    turn = ui.number(f"real image, 0..{most}", value=0, min=0, max=most)
-                    turn.props("borderless").on_value_change(self._turn)
+                    number = ui.number(f"real image, 0 to {most}", value=0, min=0, max=most)
+                    number.props("borderless").on_value_change(self._turn)
             with ui.element("div").classes("planes"):
                 self._label, self._depth = _picture("label"), _picture("depth")
             with ui.element("div").classes("legend"):
@@ -197,7 +198,7 @@ class Page:
                 for name in ("seed", "street", "shot", "shots"):
                     self._number(name, getattr(view, name))
                 rays = ui.select([*range(1, MOST_SAMPLES + 1)], value=view.samples, label="rays")
-                rays.tooltip("per pixel along each axis")
+                rays.tooltip("rays per pixel along each axis")
                 rays.on_value_change(lambda e: self._look(samples=int(e.value)))
             with ui.element("div").classes("fields"):
                 box = ui.input("size", value=f"{view.width}x{view.height}")
@@ -205,25 +206,27 @@ class Page:
                 self._space = ui.toggle(list(states.SPACES), value=self._state.space)
                 self._space.on_value_change(self._respace)
                 self._space.props("dense unelevated no-caps padding='2px 10px' size=12px")
-            self._wrong = ui.label().classes("wrong")
+            self._error = ui.label().classes("wrong")
 
     def _asset_panel(self) -> None:
         pool = self._state.view.pool
         with ui.element("div").classes("panel"):
             ui.html("<h2>Assets</h2>", sanitize=False)
             if pool.own:
-                use = ui.select(list(USES), value=pool.use, label="which")
+                use = ui.select(list(USES), value=pool.use, label="which assets")
                 use.on_value_change(lambda e: self._stock(use=e.value))
             with ui.element("div").classes("fields"):
                 for label, name, value in (
-                    ("first", "first", pool.first),
-                    ("of each family", "size", pool.size),
+                    ("first index", "first", pool.first),
+                    ("assets per family", "size", pool.size),
                 ):
                     box = ui.number(label, value=value, min=0, precision=0)
                     box.on_value_change(lambda e, name=name: self._stock(**{name: _whole(e.value)}))
-            away = ui.select(list(FAMILIES), multiple=True, value=[], label="families left out")
-            away.on_value_change(lambda e: self._stock(without=tuple(e.value)))
-            ui.label("share in use").classes("quiet")
+            without = ui.select(
+                list(FAMILIES), multiple=True, value=[], label="families to leave out"
+            )
+            without.on_value_change(lambda e: self._stock(without=tuple(e.value)))
+            ui.label("share of assets in use").classes("quiet")
             share = ui.slider(min=0.05, max=1, step=0.05, value=pool.fraction).props("label dense")
             share.on("change", lambda: self._stock(fraction=float(share.value)))
 
@@ -250,29 +253,29 @@ class Page:
     async def _ask(self, quick: bool) -> None:
         try:
             states.check_view(self._state.view)
-            self._wrong.set_text("")
-            wanted = request(self._state, quick)
+            self._error.set_text("")
+            new = request_for(self._state, quick)
             if self._window is not None:
-                wanted = wanted._replace(view=states.enlarged(wanted.view, *self._window))
-            await self._wanted.ask(wanted)
+                new = new._replace(view=states.enlarged(new.view, *self._window))
+            await self._requests.ask(new)
         except (ValueError, RuntimeError) as error:
-            self._wrong.set_text(str(error))
+            self._error.set_text(str(error))
 
-    def _show(self, wanted: Request, made: Pictures, seconds: float) -> None:
+    def _show(self, answered: Request, images: Pictures, seconds: float) -> None:
         for element, kind, data in (
-            (self._image, "jpeg", made.image),
-            (self._label, "png", made.label),
-            (self._depth, "png", made.depth),
+            (self._image, "jpeg", images.image),
+            (self._label, "png", images.label),
+            (self._depth, "png", images.depth),
         ):
             element.set_source(_source(kind, data))
-        self._legend.set_content(_legend(made.shares))
+        self._legend.set_content(_legend(images.shares))
         self._time.set_text(
-            f"{'preview' if wanted.quick else 'picture'} in {seconds * 1000:.0f} ms"
+            f"{'preview' if answered.quick else 'image'} in {seconds * 1000:.0f} ms"
         )
-        view = wanted.view
+        view = answered.view
         self._caption.set_text(
-            f"street {view.street}, shot {view.shot} of {view.shots}  ·  {made.weather}  ·  "
-            f"{made.placed} assets"
+            f"street {view.street}, shot {view.shot} of {view.shots}  ·  {images.weather}  ·  "
+            f"{images.placed} assets"
         )
 
     async def _become(self, state: State, quick: bool = False) -> None:
@@ -280,7 +283,7 @@ class Page:
         self._state = state
         if rebuild:
             self._fill()
-        with suppress(ValueError):  # _ask says what is out of range
+        with suppress(ValueError):  # _ask reports what is out of range
             states.check_view(state.view)
             self._sliders.show(state, self._first)
         for name, box in self._boxes.items():
@@ -288,7 +291,7 @@ class Page:
         await self._ask(quick)
 
     async def _begin_with(self, state: State) -> None:
-        """Show a new state; from now on, sliders are reset to it."""
+        """Show a new state, to which sliders are reset from now on."""
         self._first = state
         await self._become(state)
 
@@ -305,24 +308,24 @@ class Page:
         await self._look(seed=random.randrange(states.SEEDS))
 
     async def _enlarge(self, event: GenericEventArguments) -> None:
-        """Fill the window with the picture, or end that."""
+        """Fill the window with the image, or end that."""
         self._window = (int(event.args[0]), int(event.args[1])) if event.args else None
         if self._window is not None:
             await self._ask(quick=False)
 
     def _copy(self) -> None:
-        """Copy the command that makes the picture, and download the file that it reads, if any."""
+        """Copy the command that makes the image, and download the file that it reads, if any."""
         command = states.command(self._state)
         ui.clipboard.write(command)
         note = ""
         if states.name_of(self._state) is None:
             text = json_text(describe(self._state.proposal))
             ui.download.content(text, states.FILE, "application/json")
-            note = f". It reads {states.FILE}, which was downloaded"
+            note = f". It reads {states.FILE}, which your browser has downloaded"
         pool = self._state.view.pool
         if pool.first or pool.without:
-            note += ". It has no flags for the first asset and for families left out"
-        self._say(f"Copied; the last image is this picture: {command}{note}", "primary")
+            note += ". It has no flags for the first index and for families left out"
+        self._say(f"Copied; the last image it renders is this one: {command}{note}", "primary")
 
     async def _look(self, **changes: object) -> None:
         await self._become(self._state._replace(view=self._state.view._replace(**changes)))  # type: ignore[arg-type]
@@ -392,15 +395,15 @@ def _source(kind: str, data: bytes) -> str:
 
 
 def _legend(shares: Sequence[tuple[int, float]]) -> str:
-    """The legend: colours, names and percent of train ids."""
+    """The legend: colours, names and percentages of train ids."""
     parts = []
     for train_id, percent in shares:
         name = "own class" if train_id == OWN else CLASS_NAMES[train_id]
         colour = OWN_ROW.colour if train_id == OWN else COLORS[train_id]
-        told = "under 0.1" if percent < 0.05 else f"{percent:.1f}"
+        share = "under 0.1" if percent < 0.05 else f"{percent:.1f}"
         red, green, blue = map(int, colour)
         swatch = f'<i style="background:rgb({red},{green},{blue})"></i>'
-        parts.append(f"<span>{swatch}{name} {told} %</span>")
+        parts.append(f"<span>{swatch}{name} {share} %</span>")
     return "".join(parts)
 
 

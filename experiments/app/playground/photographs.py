@@ -1,4 +1,4 @@
-"""Real images to show beside the street."""
+"""Real images to compare the street with."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def listed(folder: Path | None) -> tuple[Path, ...]:
     if folder is None:
         return ()
     if not folder.is_dir():
-        raise UserError(f"--real {folder}: no such folder; expected one with images")
+        raise UserError(f"--real {folder} is not a folder; pass a folder of images")
     from seg.data.frames import list_sources  # imports JAX
 
     return tuple(source.path for source in list_sources(folder) if not source.video)

@@ -12,7 +12,7 @@ from experiments.app.playground.state import State, as_before, interval, rows, s
 from scene.attributes import BY_NAME
 
 STEPS = 1000
-"""The steps of a slider; an interval that is not moved keeps its exact value between them."""
+"""The steps of a slider; an interval that is not moved keeps its exact value."""
 OPEN = ("Light and weather", "Camera")
 """Groups that are open at first."""
 
@@ -46,8 +46,8 @@ class Sliders:
         """Show a state; attributes that differ from those of ``first`` can be reset."""
         self._state, unit = state, state.unit
         for name, thumbs in self._ranges.items():
-            if thumbs.value != (wanted := _thumbs(state, name)):
-                thumbs.value = wanted
+            if thumbs.value != (values := _thumbs(state, name)):
+                thumbs.value = values
             for label, text in zip(self._texts[name], shown(state, name, unit), strict=True):
                 label.set_text(text)
             self._resets[name].set_visibility(not as_before(state, name, first))
@@ -61,8 +61,8 @@ class Sliders:
                 ends = ui.label().classes("ends")
             thumbs = ui.range(min=0, max=STEPS, value=_thumbs(state, name))
             thumbs.props(f'drag-range dense aria-label="{name}"')
-            drawn = ui.label().classes("drawn").tooltip("drawn for the street in view")
-        self._ranges[name], self._texts[name] = thumbs, (ends, drawn)
+            sampled = ui.label().classes("drawn").tooltip("value of the street in view")
+        self._ranges[name], self._texts[name] = thumbs, (ends, sampled)
         self._resets[name] = reset
 
         async def change(event: ValueChangeEventArguments) -> None:

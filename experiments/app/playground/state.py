@@ -1,4 +1,4 @@
-"""The state of a page: intervals of attributes, and which picture of which street. All here is pure."""
+"""The state of a page: intervals of attributes, and which image of which street. All here is pure."""
 
 from __future__ import annotations
 
@@ -52,17 +52,20 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "Roadside": ("parked_share", "queue_share", "open_share", "bare_tree_share"),
     "Ground": ("asphalt_sidewalk_share", "green_verge_share", "road_wear"),
 }
-"""Every attribute once, in the order of the table; a group shows those of the space in use."""
+"""Every attribute once, by group; a group shows those of the space in use."""
 MOST_STREETS, MOST_SHOTS, MOST_PIXELS = 1000, 60, 2_100_000
 SEEDS = 2**32
 FILE = "street.json"
-"""The file from which a copied command reads attributes that have no name."""
-LOSS = "the file has probabilities; sliders show, and save, intervals of the same mean and variance"
-"""The message when streets with probabilities are opened."""
+"""The file from which a copied command reads attributes that are neither default nor random."""
+LOSS = (
+    "the file has probabilities, which sliders cannot show; they show, and save, intervals of the same mean "
+    "and variance"
+)
+"""The message for streets with probabilities."""
 
 
 class View(NamedTuple):
-    """One picture of one street of the dataset with a seed."""
+    """One image of one street of the dataset with a seed."""
 
     seed: int = 0
     street: int = 0
@@ -75,7 +78,7 @@ class View(NamedTuple):
 
     @property
     def settings(self) -> RenderSettings:
-        """The size and quality of pictures and datasets."""
+        """The size and quality of images and datasets."""
         return RenderSettings(self.width, self.height, self.samples)
 
 
@@ -99,24 +102,24 @@ class State(NamedTuple):
 
     @property
     def streets(self) -> Streets:
-        """The streets that are saved, and from which datasets are drawn."""
+        """The streets to save and to render datasets from."""
         return mixture(self.shares, self.proposals)
 
     @property
     def unit(self) -> np.ndarray:
-        """The attributes f32[attributes] of the street in view, drawn from the component that is shown."""
+        """The attributes f32[attributes] of the street in view, sampled from the component that is shown."""
         return draw(self.proposal, self.view.seed, 1, self.view.street)[0]
 
 
 def opened(streets: Streets, view: View) -> State:
     """The state that shows the first component of ``streets``; moments replace a histogram."""
-    shares, found = zip(*components(streets), strict=True)
-    return State(shares, tuple(map(moments, found)), 0, view)
+    shares, proposals = zip(*components(streets), strict=True)
+    return State(shares, tuple(map(moments, proposals)), 0, view)
 
 
 def has_probabilities(streets: Streets) -> bool:
     """Whether ``streets`` has histograms, which sliders cannot show."""
-    return any(isinstance(own, Histogram) for _, own in components(streets))
+    return any(isinstance(component, Histogram) for _, component in components(streets))
 
 
 def interval(state: State, name: str) -> tuple[float, float]:
@@ -136,9 +139,9 @@ def moved(state: State, name: str, low: float, high: float) -> State:
 
 def replaced(state: State, proposal: Proposal) -> State:
     """The state with another proposal in place of the component that is shown."""
-    own = list(state.proposals)
-    own[state.component] = proposal
-    return state._replace(proposals=tuple(own))
+    proposals = list(state.proposals)
+    proposals[state.component] = proposal
+    return state._replace(proposals=tuple(proposals))
 
 
 def set_to(state: State, name: str) -> State:
@@ -162,12 +165,12 @@ def restored(state: State, name: str, first: State) -> State:
 def as_before(state: State, name: str, first: State) -> bool:
     """Whether one attribute equals that of another state of the same components."""
     where = list(BY_NAME).index(name)
-    own, other = state.proposal, first.proposals[state.component]
-    return all(a[where] == b[where] for a, b in zip(own, other, strict=True))
+    now, before = state.proposal, first.proposals[state.component]
+    return all(a[where] == b[where] for a, b in zip(now, before, strict=True))
 
 
 def enlarged(view: View, width: int, height: int) -> View:
-    """The view with a larger picture of the same shape that fills a window, with at most `MOST_PIXELS`."""
+    """The view with a larger image of the same shape that fills a window, with at most `MOST_PIXELS`."""
     most = (MOST_PIXELS / (view.width * view.height)) ** 0.5
     scale = min(width / view.width, height / view.height, most)
     if scale <= 1:
@@ -178,16 +181,15 @@ def enlarged(view: View, width: int, height: int) -> View:
 def name_of(state: State) -> str | None:
     """The name of the component in view for `sdr-jax render`; None if it needs a file."""
     for name in ("default", "random"):
-        known = named(name, state.space)
-        if all(map(np.array_equal, known, state.proposal)):
+        if all(map(np.array_equal, named(name, state.space), state.proposal)):
             return name
     return None
 
 
 def command(state: State) -> str:
-    """The command whose last image is the picture in view; attributes that have no name are read from `FILE`.
+    """The command whose last image is the one in view; other attributes than named ones are in `FILE`.
 
-    It has no flags for families that are left out and for a first asset.
+    It has no flags for families that are left out and for the first index.
     """
     view, name = state.view, name_of(state)
     flags: dict[str, object] = {"attributes": name or FILE}
@@ -197,14 +199,14 @@ def command(state: State) -> str:
     flags |= {"images": view.street * view.shots + view.shot + 1}
     flags |= {"size": f"{view.width}x{view.height}", "samples": view.samples}
     usual, pool = AssetPool(), view.pool
-    for flag, own, default in (
+    for flag, value, default in (
         ("assets", pool.own, usual.own),
         ("asset-use", pool.use, usual.use),
         ("asset-fraction", pool.fraction, usual.fraction),
         ("asset-count", pool.size, usual.size),
     ):
-        if own != default:
-            flags[flag] = own
+        if value != default:
+            flags[flag] = value
     words = [PROGRAM, "render", *(w for k, v in flags.items() for w in (f"--{k}", str(v)))]
     return shlex.join([*words, "--out", "street"])
 
@@ -214,15 +216,15 @@ def shown(state: State, name: str, unit: np.ndarray) -> tuple[str, str]:
     row, (low, high) = BY_NAME[name], interval(state, name)
     ends = [f"{row.physical(end):.3g}" for end in (low, high)]
     measure = "" if row.unit in ("probability", "share") else f" {row.unit}"
-    drawn = row.physical(float(unit[list(BY_NAME).index(name)]))
-    return " – ".join(dict.fromkeys(ends)) + measure, f"{drawn:.3g}"
+    sampled = row.physical(float(unit[list(BY_NAME).index(name)]))
+    return " – ".join(dict.fromkeys(ends)) + measure, f"{sampled:.3g}"
 
 
 def rows(space: SpaceName) -> dict[str, tuple[str, ...]]:
     """The attributes of a space by group; groups without any are left out."""
-    known = {row.name for row in SPACES[space]}
-    kept = {title: tuple(n for n in names if n in known) for title, names in GROUPS.items()}
-    return {title: names for title, names in kept.items() if names}
+    of_space = {row.name for row in SPACES[space]}
+    groups = {title: tuple(n for n in names if n in of_space) for title, names in GROUPS.items()}
+    return {title: names for title, names in groups.items() if names}
 
 
 def check_view(view: View) -> View:
@@ -240,9 +242,11 @@ def check_view(view: View) -> View:
     }
     for name, (low, high) in limits.items():
         if not low <= getattr(view, name) <= high:
-            raise ValueError(f"{name} must lie in {low}..{high}, not {getattr(view, name)}")
+            raise ValueError(f"{name} must be {low} to {high}, not {getattr(view, name)}")
     check_settings(view.settings)
     if view.width * view.height > MOST_PIXELS:
-        raise ValueError(f"size {view.width}x{view.height} is over {MOST_PIXELS:,} pixels")
+        raise ValueError(
+            f"size {view.width}x{view.height} is too large: at most {MOST_PIXELS:,} pixels"
+        )
     check_pool(view.pool)
     return view

@@ -13,7 +13,7 @@ from experiments.config import parsers
 
 
 def make(path: Path, out: Path | None) -> Path:
-    """Write the page of a run; return its path.
+    """Write the page of a run, and return its path.
 
     Args:
         path: the run's folder.
@@ -24,7 +24,7 @@ def make(path: Path, out: Path | None) -> Path:
     """
     out = out or path / NAME
     if out.is_dir():
-        raise UserError(f"--out {out} is a folder; name a file, such as {out / NAME}")
+        raise UserError(f"--out {out} is a folder; pass a file, such as {out / NAME}")
     if path.is_dir():
         check_file("--out", out)
     write(out, page.html(read(path).summary, path))
@@ -43,7 +43,7 @@ def main(arguments: Arguments = None) -> int:
         if options.out is not None:
             raise UserError(f"--serve shows RUN/{NAME} and cannot be used with --out {options.out}")
         if not run.is_dir():
-            raise UserError(f"{run}: no such folder; name the --out of a run")
+            raise UserError(f"{run} does not exist; pass the --out of a run")
         if (run / SUMMARY).is_file() and not (run / NAME).is_file():
             make(run, None)
         live.serve(run, options.serve)

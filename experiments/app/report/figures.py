@@ -1,4 +1,4 @@
-"""All plots of a run's page: its rows, classes and images, its search, what matters and what it cost."""
+"""All plots of a run's page: rows, classes, images, search, importance of attributes, and cost."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from experiments.app.report.folder import RunFolder
 from experiments.evaluation.store import each
 from experiments.tables.form import Report, interval, number, words
+from experiments.tables.row_names import SHORT
 from experiments.tables.stats import TOO_FEW, statistics
 from scene.attributes import BY_NAME, Attribute
 
@@ -19,98 +20,86 @@ Figure = dict[str, Any]
 which one is shown. A colour ``@name`` is the style sheet's ``--name``; ``@name/0.2`` is the same at opacity
 0.2. ``page.js`` adds what all axes share."""
 
-NAMES = {
-    "random": "random",
-    "default": "hand-set",
-    "learnt": "learnt",
-    "few": "few labels",
-    "few+random": "few + random",
-    "few+default": "few + hand-set",
-    "few+learnt": "few + learnt",
-    "real": "target images",
-    "labels": "your labels",
-    "labels+renders": "labels + renders",
-    "labels+learnt": "labels + learnt",
-    "renders": "renders",
-}
-"""Short names of rows."""
-STAGES = {"final": "final nets"}
-"""The kinds of nets in logs, in words."""
+STAGES = {"final": "final networks"}
+"""The kinds of networks in logs, as they are shown."""
 LEAST = 0.01
-"""The least percent of the pixels that is drawn; a class with less is drawn at the edge."""
+"""The smallest percentage of pixels that is drawn; a class with less is drawn at the edge."""
 COLUMNS, SMALL = 5, 128
 """The columns of the policy's small plots, and the pixels from one row of them to the next."""
 NARROW = 1 / 3
 """The width up to which an interval is drawn as strongly as a single value."""
-LISTED = {"showgrid": False, "ticksuffix": "  "}
+NAME_AXIS = {"showgrid": False, "ticksuffix": "  "}
 """An axis of names."""
 
 
 def ordered(report: Report) -> list[str]:
-    """The rows in the order of the page: rows with few labels first, if there are any."""
-    found = [row for row in NAMES if row in report["rows"]]
-    return sorted(found, key=lambda row: not row.startswith("few"))
+    """The rows in the order of the page: rows with the labelled subset first, if there is one."""
+    rows = [row for row in SHORT if row in report["rows"]]
+    return sorted(rows, key=lambda row: not row.startswith("few"))
 
 
-def said(entry: Report) -> str:
-    """An interval in words."""
+def interval_text(entry: Report) -> str:
+    """The interval of a row or a gain, or why there is none."""
     return interval(entry["ci95"]) or TOO_FEW
 
 
 def rows(report: Report, order: Sequence[str]) -> Figure:
-    """Mean and interval of each row, and its single nets."""
+    """Mean and interval of each row, and its single networks."""
     data, notes = [], []
     for row in reversed(order):
-        entry, name, hue = report["rows"][row], NAMES[row], _colour(row)
+        entry, name, hue = report["rows"][row], SHORT[row], _colour(row)
         seeds = [value for value in entry["miou"] if value is not None]
         mark = {"color": hue, "size": 11, "symbol": "line-ns-open", "line": {"width": 1.5}}
-        data.append(_points(seeds, [name] * len(seeds), f"{name}, one net: %{{x:.1f}} %", mark))
+        data.append(_points(seeds, [name] * len(seeds), f"{name}, one network: %{{x:.1f}} %", mark))
         if entry["mean"] is not None:
             mark = {"color": hue, "size": 12, "symbol": _symbol(row)}
-            hover = f"{name}: %{{x:.1f}} % ({said(entry)})"
+            hover = f"{name}: %{{x:.1f}} % ({interval_text(entry)})"
             bars = {"error_x": _around([entry], hue, 2.5)}
             data.append(_points([entry["mean"]], [name], hover, mark, **bars))
         notes.append(
             {
                 "x": 1, "xref": "paper", "xanchor": "left", "y": name, "yref": "y", "showarrow": False,
-                "text": f"<b>{number(entry['mean'])}</b>   {said(entry)}", "align": "left", "xshift": 14,
-                "font": {"color": "@ink", "size": 13},
+                "text": f"<b>{number(entry['mean'])}</b>   {interval_text(entry)}", "align": "left",
+                "xshift": 14, "font": {"color": "@ink", "size": 13},
             }
         )  # fmt: skip
     layout = {
         "annotations": notes,
         "margin": {"l": 8, "r": 150, "t": 4, "b": 8},
         "xaxis": {"title": "mIoU, %"},
-        "yaxis": LISTED | {"tickfont": {"color": "@ink", "size": 13.5}},
+        "yaxis": NAME_AXIS | {"tickfont": {"color": "@ink", "size": 13.5}},
     }
     return {"data": data, "layout": layout}
 
 
-def classes(names: Sequence[str], found: Mapping[str, Sequence[Report]]) -> Figure:
+def classes(names: Sequence[str], by_row: Mapping[str, Sequence[Report]]) -> Figure:
     """IoU of each class with its interval, by row; a column of points for each class."""
-    order = list(found)
-    there = [k for k in range(len(names)) if found[order[0]][k]["mean"] is not None]
-    there.sort(key=lambda k: -(found[order[-1]][k]["mean"] or 0.0))
+    order = list(by_row)
+    tested = [k for k in range(len(names)) if by_row[order[0]][k]["mean"] is not None]
+    tested.sort(key=lambda k: -(by_row[order[-1]][k]["mean"] or 0.0))
     shifts = np.linspace(-0.27, 0.27, len(order)) if len(order) > 1 else [0.0]
     data = []
     for row, shift in zip(order, shifts, strict=True):
-        own = [found[row][k] for k in there]
+        entries = [by_row[row][k] for k in tested]
         data.append(
             _points(
-                [place + shift for place in range(len(there))],
-                [entry["mean"] for entry in own],
-                f"%{{customdata[0]}}, {NAMES[row]}: %{{y:.1f}} % (%{{customdata[1]}})",
+                [place + shift for place in range(len(tested))],
+                [entry["mean"] for entry in entries],
+                f"%{{customdata[0]}}, {SHORT[row]}: %{{y:.1f}} % (%{{customdata[1]}})",
                 {"color": _colour(row), "size": 7, "symbol": _symbol(row)},
-                name=NAMES[row],
-                customdata=[[names[k], said(entry)] for k, entry in zip(there, own, strict=True)],
-                error_y=_around(own, _colour(row) + "/0.55", 1.5),
+                name=SHORT[row],
+                customdata=[
+                    [names[k], interval_text(entry)]
+                    for k, entry in zip(tested, entries, strict=True)
+                ],
+                error_y=_around(entries, _colour(row) + "/0.55", 1.5),
             )
         )
     layout = {
         "showlegend": True,
         "xaxis": {
-            "tickvals": list(range(len(there))), "ticktext": [names[k] for k in there],
-            "tickangle": -40, "showgrid": False, "range": [-0.6, len(there) - 0.4],
+            "tickvals": list(range(len(tested))), "ticktext": [names[k] for k in tested],
+            "tickangle": -40, "showgrid": False, "range": [-0.6, len(tested) - 0.4],
         },
         "yaxis": {"title": "IoU, %", "range": [-2, 102]},
     }  # fmt: skip
@@ -122,17 +111,17 @@ def confusion(seen: Report, order: Sequence[str]) -> Figure | None:
     views = []
     for row in (row for row in order if row in seen["confusion"]):
         counts = np.asarray(seen["confusion"][row]["pixels"], float)
-        there = np.flatnonzero((counts.sum(axis=1) > 0) | (counts.sum(axis=0) > 0))
+        present = np.flatnonzero((counts.sum(axis=1) > 0) | (counts.sum(axis=0) > 0))
         percent = 100 * counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
-        percent = percent[np.ix_(there, there)][::-1]  # the first class is at the top
-        names = [seen["classes"][k] for k in there]
+        percent = percent[np.ix_(present, present)][::-1]  # the first class is at the top
+        names = [seen["classes"][k] for k in present]
         trace = {
             "type": "heatmap", "x": names, "y": names[::-1], "z": np.round(percent, 2).tolist(),
             "text": [[f"{v:.0f}" if v >= 1 else "" for v in line] for line in percent],
             "texttemplate": "%{text}", "textfont": {"size": 10.5, "color": "@ink"}, "xgap": 1, "ygap": 1,
             "colorscale": [[0, "@learnt/0"], [0.02, "@learnt/0.08"], [1, "@learnt/0.75"]],
             "zmin": 0, "zmax": 100, "showscale": False,
-            "hovertemplate": "%{z:.1f} % of %{y} taken for %{x}<extra></extra>",
+            "hovertemplate": "%{z:.1f} % of %{y} predicted as %{x}<extra></extra>",
         }  # fmt: skip
         layout = {
             "xaxis": {
@@ -143,31 +132,32 @@ def confusion(seen: Report, order: Sequence[str]) -> Figure | None:
             },
             "yaxis": {"showgrid": False, "title": "true class", "ticksuffix": " "},
         }
-        label = f"{NAMES[row]}, {seen['confusion'][row]['nets']} nets"
+        label = f"{SHORT[row]}, {seen['confusion'][row]['nets']} networks"
         views.append({"label": label, "data": [trace], "layout": layout})
     return {"views": views} if views else None
 
 
 def shares(seen: Report) -> Figure:
-    """The share of the pixels of each class, and its mean row, for each set of images."""
-    sets = [row for row in NAMES if row in seen["shares"]]
+    """The share of pixels of each class, and its mean row, for each set of images."""
+    sets = [row for row in SHORT if row in seen["shares"]]
     last = seen["shares"][sets[-1]]["pixels"]  # of real images, if there are any
     order = sorted(range(len(seen["classes"])), key=lambda k: last[k])
     names = [seen["classes"][k] for k in order]
     data = []
     for row in sets:
-        own = seen["shares"][row]
+        measured = seen["shares"][row]
         same: Figure = {
-            "name": f"{NAMES[row]}, {own['images']} images",
+            "name": f"{SHORT[row]}, {measured['images']} images",
             "legendgroup": row,
             "yaxis": "y",
         }
         mark = {"color": _colour(row), "size": 8, "opacity": 0.85}
-        share = [max(own["pixels"][k], LEAST) for k in order]
-        hover = f"%{{y}}, {NAMES[row]}: "
+        share = [max(measured["pixels"][k], LEAST) for k in order]
+        hover = f"%{{y}}, {SHORT[row]}: "
         data.append(_points(share, names, hover + "%{x:.2f} % of the pixels", mark, **same))
-        down, same = [own["row"][k] for k in order], same | {"xaxis": "x2", "showlegend": False}
-        data.append(_points(down, names, hover + "%{x:.0f} % of the way down", mark, **same))
+        heights = [measured["row"][k] for k in order]
+        same = same | {"xaxis": "x2", "showlegend": False}
+        data.append(_points(heights, names, hover + "%{x:.0f} % of the way down", mark, **same))
     layout = {
         "showlegend": True,
         "xaxis": {
@@ -177,7 +167,7 @@ def shares(seen: Report) -> Figure:
         },
         "xaxis2": {
             "domain": [0.6, 1], "anchor": "y", "range": [0, 100],
-            "title": "mean place in the image, %: 0 top, 100 bottom",
+            "title": "mean height in the image, %: 0 top, 100 bottom",
         },
         "yaxis": {"ticksuffix": "  "},
     }  # fmt: skip
@@ -185,14 +175,14 @@ def shares(seen: Report) -> Figure:
 
 
 def curve(run: RunFolder) -> Figure:
-    """Every reward, the best so far, and what the method's model expected of each before it was made."""
+    """Every reward, the best so far, and what the method's model predicted for each."""
     rewards = run.rewards
-    known = np.flatnonzero(np.isfinite(rewards))
-    place, values = (known + 1).tolist(), rewards[known]
+    succeeded = np.flatnonzero(np.isfinite(rewards))
+    place, values = (succeeded + 1).tolist(), rewards[succeeded]
     form = ":.1f} %" if run.percent else ":.4f}"
     best = np.maximum.accumulate(values).tolist()
     data = [
-        *_expected(run, form),
+        *_predicted(run, form),
         _points(
             place, values.tolist(), "evaluation %{x}: %{y" + form,
             {"color": "@soft/0.75", "size": 5.5}, name="reward",
@@ -202,13 +192,13 @@ def curve(run: RunFolder) -> Figure:
             mode="lines", line={"color": "@real", "width": 2, "shape": "hv"},
         ),
     ]  # fmt: skip
-    unit = "mIoU on the reward images, %" if run.percent else "reward, -MMD² on the reward images"
+    unit = "mIoU on the validation images, %" if run.percent else "reward, -MMD² to the real images"
     layout = {"showlegend": True, "xaxis": {"title": "evaluation"}, "yaxis": {"title": unit}}
     return {"data": data, "layout": layout}
 
 
-def _expected(run: RunFolder, form: str) -> list[Figure]:
-    """What the model expected of each evaluation before it was made, and one standard deviation around it."""
+def _predicted(run: RunFolder, form: str) -> list[Figure]:
+    """The model's prediction of each reward before it was known, with one standard deviation."""
     if run.expected is None or not np.isfinite(run.expected).any():
         return []
     mean, std = run.expected.reshape(-1, 2).T * (100 if run.percent else 1)
@@ -217,18 +207,18 @@ def _expected(run: RunFolder, form: str) -> list[Figure]:
     edge = {"mode": "lines", "line": {"width": 0}, "hoverinfo": "skip", "showlegend": False}
     band = {"fill": "tonexty", "fillcolor": "@learnt/0.15"}
     line = {"mode": "lines", "line": {"color": "@learnt", "width": 1.5}}
-    name = "model's mean and standard deviation, before"
+    name = "predicted reward, with standard deviation"
     return [
         _points(place, (mean - std).tolist(), "", {}, **edge),
         _points(place, (mean + std).tolist(), "", {}, **edge, **band),
-        _points(place, mean.tolist(), "the model expected %{y" + form, {}, name=name, **line),
+        _points(place, mean.tolist(), "predicted: %{y" + form, {}, name=name, **line),
     ]
 
 
 def policy(run: RunFolder) -> tuple[Figure, int] | None:
     """The probability of each bin of each attribute by update, or the proposed centres; the plot's height."""
-    attributes, recorded = run.attributes, run.probabilities
-    if recorded is None and not run.evaluations:
+    attributes, probabilities = run.attributes, run.probabilities
+    if probabilities is None and not run.evaluations:
         return None
     lines = -(-len(attributes) // COLUMNS)
     height = lines * SMALL + 30
@@ -255,7 +245,10 @@ def policy(run: RunFolder) -> tuple[Figure, int] | None:
                 "font": {"size": 11, "color": "@ink"},
             }
         )  # fmt: skip
-        trace = _proposed(run, k) if recorded is None else _bins(attribute, recorded[:, k])
+        if probabilities is None:
+            trace = _proposed(run, k)
+        else:
+            trace = _bins(attribute, probabilities[:, k])
         data.append(trace | {"xaxis": f"x{mark}", "yaxis": f"y{mark}"})
     return {"data": data, "layout": layout}, height
 
@@ -296,20 +289,20 @@ def _proposed(run: RunFolder, index: int) -> Figure:
     )
 
 
-def importance(found: Sequence[Report]) -> Figure:
+def importance(attributes: Sequence[Report]) -> Figure:
     """The share of the reward's variance that each attribute explains, alone and with others."""
-    rows, data = found[::-1], []
+    rows, data = attributes[::-1], []
     for key, hue, name in (
         ("total", "@learnt/0.3", "with interactions"),
         ("share", "@learnt", "alone"),
     ):
         values, ends = [row[key]["value"] for row in rows], [row[key]["ci95"] for row in rows]
-        told = [
+        details = [
             [interval(e), f"{row['best']:.3g} {row['unit']}", row["worth"]]
             for row, e in zip(rows, ends, strict=True)
         ]
         hover = (
-            f"%{{y}}, {name}: %{{x:.1f}} % (%{{customdata[0]}})<br>best at %{{customdata[1]}}, worth "
+            f"%{{y}}, {name}: %{{x:.1f}} % (%{{customdata[0]}})<br>best at %{{customdata[1]}}, gain "
             "%{customdata[2]:.1f} points"
         )
         trace = _bars(values, [words(row["name"]) for row in rows], hover, name, hue)
@@ -319,40 +312,40 @@ def importance(found: Sequence[Report]) -> Figure:
                 "array": [max(e[1] - v, 0) for v, e in zip(values, ends, strict=True)],
                 "arrayminus": [max(v - e[0], 0) for v, e in zip(values, ends, strict=True)],
             }  # fmt: skip
-        data.append(trace | {"customdata": told})
+        data.append(trace | {"customdata": details})
     layout = {
         "barmode": "overlay", "showlegend": True, "bargap": 0.35, "legend": {"traceorder": "reversed"},
         "xaxis": {"title": "share of the reward's variance, %", "rangemode": "tozero", "zeroline": True},
-        "yaxis": LISTED,
+        "yaxis": NAME_AXIS,
     }  # fmt: skip
     return {"data": data, "layout": layout}
 
 
 def costs(run: RunFolder) -> dict[str, dict[str, float]]:
-    """CPU seconds of rendering and of training, and the number of nets, by stage in the order of the work."""
-    found: dict[str, dict[str, float]] = defaultdict(
+    """CPU seconds of rendering and training, and the number of networks, by stage in order of work."""
+    stages: dict[str, dict[str, float]] = defaultdict(
         lambda: {"nets": 0, "render": 0.0, "train": 0.0}
     )
     if streets := run.summary.get("seconds", {}).get("streets"):
-        found["streets, shared by nets"] = {"nets": 0, "render": streets, "train": 0.0}
+        stages["streets, shared by networks"] = {"nets": 0, "render": streets, "train": 0.0}
     staged = [("search", line) for line in each(run.evaluations)]
     for line in each(run.finals):
-        name = str(line.get("nets", "other nets"))
+        name = str(line.get("nets", "other networks"))
         staged.append((STAGES.get(name, name), line))
     for stage, line in staged:
-        own = found[stage]
-        own["nets"] += 1
-        own["render"] += line["render_seconds"]
-        own["train"] += line["train_seconds"]
-    return dict(found)
+        total = stages[stage]
+        total["nets"] += 1
+        total["render"] += line["render_seconds"]
+        total["train"] += line["train_seconds"]
+    return dict(stages)
 
 
-def cost(found: dict[str, dict[str, float]]) -> Figure:
+def cost(seconds: dict[str, dict[str, float]]) -> Figure:
     """CPU minutes of each stage."""
-    stages = list(found)[::-1]
+    stages = list(seconds)[::-1]
     data = [
         _bars(
-            [found[s][key] / 60 for s in stages], stages, f"%{{y}}, {name}: %{{x:.1f}} min", name, hue
+            [seconds[s][key] / 60 for s in stages], stages, f"%{{y}}, {name}: %{{x:.1f}} min", name, hue
         )
         for key, name, hue in (
             ("render", "rendering", "@default"),
@@ -361,15 +354,17 @@ def cost(found: dict[str, dict[str, float]]) -> Figure:
     ]  # fmt: skip
     layout = {
         "barmode": "stack", "showlegend": True, "bargap": 0.4, "legend": {"traceorder": "normal"},
-        "xaxis": {"title": "minutes on one core", "zeroline": True}, "yaxis": LISTED,
+        "xaxis": {"title": "minutes of one core", "zeroline": True}, "yaxis": NAME_AXIS,
     }  # fmt: skip
     return {"data": data, "layout": layout}
 
 
 def _points(x: list, y: list, hover: str, marker: Figure, **more: Any) -> Figure:
-    """Points, each with a text for the pointer; ``more`` may turn them into lines."""
-    told = {"hovertemplate": f"{hover}<extra></extra>"} if hover else {}
-    return {"type": "scatter", "mode": "markers", "x": x, "y": y, "marker": marker} | told | more
+    """Points with hover texts; ``more`` may turn them into lines."""
+    template = {"hovertemplate": f"{hover}<extra></extra>"} if hover else {}
+    return (
+        {"type": "scatter", "mode": "markers", "x": x, "y": y, "marker": marker} | template | more
+    )
 
 
 def _bars(x: list, y: list, hover: str, name: str, hue: str) -> Figure:
@@ -387,13 +382,13 @@ def _around(entries: Sequence[Report], hue: str, thick: float) -> Figure:
 
 
 def by_class(nets: Sequence[Report | None], names: Sequence[str]) -> list[Report]:
-    """Mean and interval of each class over nets; those that failed are left out."""
-    known = [net for net in nets if net is not None]
-    return [statistics([net["class_iou"][k] for net in known]) for k in range(len(names))]
+    """Mean and interval of each class over networks; those that failed are left out."""
+    trained = [net for net in nets if net is not None]
+    return [statistics([net["class_iou"][k] for net in trained]) for k in range(len(names))]
 
 
 def _colour(row: str) -> str:
-    """The colour of a row; labels beside the renders change its symbol, not its colour."""
+    """The colour of a row; labels added to the renders change its symbol, not its colour."""
     return "@" + row.rpartition("+")[2]
 
 

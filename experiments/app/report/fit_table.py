@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any, Literal
 
 import numpy as np
 
@@ -21,27 +21,21 @@ from experiments.tables.form import (
     starts,
     table,
 )
+from experiments.tables.row_names import TRAINED_ON
 from experiments.tables.stats import bounded, crossed, mean
 
 Row = Literal["labels", "labels+renders", "renders", "labels+learnt"]
-WORDS: dict[Row, str] = {
-    "labels": "your labels alone",
-    "labels+renders": "your labels and renders",
-    "renders": "renders alone",
-    "labels+learnt": "your labels and renders of learnt streets",
-}
-"""The training sets of the rows."""
-MIXED = ", half of random and half of hand-set streets,"
-"""The renders in words; those of earlier versions were all of random streets."""
+MIXED = f" ({TRAINED_ON['mixed']})"
+"""The streets of the renders; those of earlier versions were all random."""
 MODEL, STRIP = "model", "predictions.png"
-"""Files of the run folder: the net; images with their labels and predictions."""
+"""Files of the run folder: the model; images with their labels and predictions."""
 FEWEST = 3
-"""The least number of folds for an interval over folds."""
+"""The smallest number of folds for an interval over folds."""
 
 
 def derive(report: Report) -> Report:
     """Add means, intervals over folds and seeds, the gains by renders and by labels, and the verdict."""
-    values = {row: _miou(own) for row, own in report["nets"].items()}
+    values = {row: _miou(folds) for row, folds in report["nets"].items()}
     rows = {
         row: {
             **bounded(_estimate(values[row])),
@@ -49,8 +43,8 @@ def derive(report: Report) -> Report:
             "miou": miou(flat),
             "per_class": class_means(flat, report["classes"]),
         }
-        for row, own in report["nets"].items()
-        for flat in [[net for fold in own for net in fold]]
+        for row, folds in report["nets"].items()
+        for flat in [[net for fold in folds for net in fold]]
     }
     gains = {
         row: _estimate(values[row] - values["labels"]) for row in rows if row.startswith("labels+")
@@ -71,38 +65,42 @@ def derive(report: Report) -> Report:
 
 
 def _miou(folds: Sequence[Sequence[Report | None]]) -> np.ndarray:
-    """MIoU f64[folds, seeds] in percent, NaN if a net failed."""
+    """MIoU f64[folds, seeds] in percent, NaN where training failed."""
     return np.array([[np.nan if net is None else net["miou"] for net in fold] for fold in folds])
 
 
 def _estimate(values: np.ndarray) -> Report:
-    """Mean and 95 % interval, and the mean of each fold; seeds with a failed net are left out.
+    """Mean and 95 % interval, and the mean of each fold; seeds with a failed network are left out.
 
-    The interval is over folds and nets if there are at least `FEWEST` folds, otherwise over nets alone.
+    The interval is over folds and networks if there are at least `FEWEST` folds, otherwise over networks
+    alone.
     """
-    known = values[:, np.isfinite(values).all(axis=0)]
-    if not known.size:
+    complete = values[:, np.isfinite(values).all(axis=0)]
+    if not complete.size:
         return {"mean": None, "ci95": None, "folds": []}
-    drawn = known if len(known) >= FEWEST else known.mean(axis=0, keepdims=True)
-    mean, ci95 = crossed(drawn.tolist())
-    return {"mean": mean, "ci95": ci95, "folds": known.mean(axis=1).tolist()}
+    samples = complete if len(complete) >= FEWEST else complete.mean(axis=0, keepdims=True)
+    mean, ci95 = crossed(samples.tolist())
+    return {"mean": mean, "ci95": ci95, "folds": complete.mean(axis=1).tolist()}
 
 
 def verdict(gain: Mapping[str, Any], labels: int) -> str:
-    """A sentence on the gain by renders."""
+    """A sentence on the gain from renders."""
     mean, ci95 = gain["mean"], gain["ci95"]
-    own = f"your {labels} labels"
+    your_labels = f"your {labels} labels"
     if mean is None:
-        return "Nets failed in training, so it is not known what renders add."
+        return "Training failed for some networks, so the gain from renders is unknown."
     if ci95 is None:
-        return f"Renders add {mean:.1f} points to {own}, by one net each: --seeds 3 says how sure that is."
+        return (
+            f"Renders add {mean:.1f} points to {your_labels}, measured with one network each; use --seeds 3 "
+            "for an interval."
+        )
     low, high = ci95
     between = f"({low:.1f} to {high:.1f})"
     if low > 0:
-        return f"Renders add {mean:.1f} points {between} to {own}."
+        return f"Renders add {mean:.1f} points {between} to {your_labels}."
     if high < 0:
-        return f"Renders cost {-mean:.1f} points {between}: {own} alone are better."
-    return f"Renders add {mean:.1f} points {between} to {own}, which may be chance."
+        return f"Renders cost {-mean:.1f} points {between}: use {your_labels} alone."
+    return f"Renders add {mean:.1f} points {between} to {your_labels}, which is within noise."
 
 
 def text(report: Report) -> str:
@@ -115,41 +113,41 @@ def text(report: Report) -> str:
         "",
         *table(
             [
-                ("nets trained on", lambda row: WORDS[row["name"]]),
+                ("trained on", lambda row: TRAINED_ON[row["name"]]),
                 *estimate("mIoU"),
-                *estimate("over labels alone", lambda row: row["gain"], "+.1f"),
+                *estimate("gain over labels alone", lambda row: row["gain"], "+.1f"),
                 *([("averaged", lambda row: number(row["averaged"]))] if averaged else []),
             ],
             [
-                {"name": name, **own, "gain": report["gains"].get(name)}
-                for name, own in report["rows"].items()
+                {"name": name, **row, "gain": report["gains"].get(name)}
+                for name, row in report["rows"].items()
             ],
         ),
     ]
-    sentences = (*_by_fold(report), *_over_images(report), *_from_labels(report))
+    sentences = (*_by_fold(report), *_over_images(report), *_not_rendered(report))
     lines += [f"\n{sentence}" for sentence in sentences]
     lines += [f"\nNote: {note}." for note in report["notes"]]
-    lines += ["", _left(report)]
+    lines += ["", _saved_model(report)]
     return "\n".join(lines)
 
 
 def _tested_on(report: Report) -> str:
     folds = len(report["nets"]["labels"])
-    over = "folds and nets" if folds >= FEWEST else "nets"
+    over = "folds and networks" if folds >= FEWEST else "networks"
+    seeds = report["seeds"]
     return (
-        f"mIoU in percent at {report['scored_at']} on {report['tested']} images that a net has not seen "
-        f"({report['where']}), {report['seeds']} nets each; 95 % intervals over {over}. {_averaged(report)}"
-        "Beside labels "
-        f"{report['rendered_images']} renders{MIXED if report.get('streets') == 'mixed' else ''} are "
-        f"{_rendered_share(report)}."
+        f"mIoU in percent at {report['scored_at']} on {report['tested']} images not used for training "
+        f"({report['where']}), {seeds} network{'s' if seeds != 1 else ''} each; 95 % intervals over {over}. "
+        f"{_averaged(report)}In labels + renders, {report['rendered_images']} renders"
+        f"{MIXED if report.get('streets') == 'mixed' else ''} are {_rendered_share(report)}."
     )
 
 
 def _averaged(report: Report) -> str:
-    """A sentence on the mean of the heads' logits, if it was tested."""
+    """A sentence on the average of the heads, if it was tested."""
     if "averaged" not in report:
         return ""
-    return "Averaged: the mean of the logits of these heads, as in the saved model. "
+    return "Averaged: the mean of these heads' logits, as in the saved model. "
 
 
 def _rendered_share(report: Report) -> str:
@@ -162,34 +160,35 @@ def _rendered_share(report: Report) -> str:
 
 def _by_fold(report: Report) -> list[str]:
     gains = report["gains"]["labels+renders"]["folds"]
-    each = ", ".join(f"{gain:+.1f}" for gain in gains)
-    return [f"By fold, renders add {each}."] if len(gains) > 1 else []
+    by_fold = ", ".join(f"{gain:+.1f}" for gain in gains)
+    return [f"By fold, renders add {by_fold}."] if len(gains) > 1 else []
 
 
 def _over_images(report: Report) -> list[str]:
-    """A sentence on the gain of the averaged network and what it depends on the tested images."""
-    found = report.get("over_images", {}).get("labels+renders")
-    if not found or found["ci95"] is None:
+    """A sentence on how much the averaged network's gain depends on the tested images."""
+    gain = report.get("over_images", {}).get("labels+renders")
+    if not gain or gain["ci95"] is None:
         return []
-    low, high = found["ci95"]
+    low, high = gain["ci95"]
     return [
-        f"To the averaged network renders add {found['value']:.1f} points; 95 % bootstrap interval over "
-        f"{found['units']}: {low:.1f} to {high:.1f}."
+        f"For the averaged network, renders add {gain['value']:.1f} points; 95 % bootstrap interval over "
+        f"{gain['units']}: {low:.1f} to {high:.1f}."
     ]
 
 
-def _from_labels(report: Report) -> list[str]:
+def _not_rendered(report: Report) -> list[str]:
     names = ", ".join(report["not_rendered"])
-    return [f"Learnt from labels alone: {names}."] if names else []
+    return [f"Not in the renders, so trained on labels alone: {names}."] if names else []
 
 
-def _left(report: Report) -> str:
-    return f"The net in {MODEL}/ was trained on {WORDS[report['recipe']]}."
+def _saved_model(report: Report) -> str:
+    return f"The model in {MODEL}/ was trained on {TRAINED_ON[report['recipe']]}."
 
 
 def rows_of(learnt: bool) -> list[Row]:
-    """The rows of a run, with those of learnt streets or without."""
-    return [row for row in WORDS if learnt or row != "labels+learnt"]
+    """The rows of a run, with the row of optimised streets or without."""
+    rows: list[Row] = ["labels", "labels+renders", "renders"]
+    return [*rows, "labels+learnt"] if learnt else rows
 
 
 def is_fit(report: Report) -> bool:
@@ -201,7 +200,7 @@ def content(report: Report, folder: Path, config: Mapping[str, Any], over: bool)
     """The parts of the page that only `sdr-jax fit` has; see `experiments.app.report.page`.
 
     Args:
-        report: the derived report, or what is known of it while the run goes on.
+        report: the derived report; while the run is unfinished, its first fields.
         folder: the run's folder.
         config: its configuration.
         over: whether the run is finished.
@@ -209,17 +208,17 @@ def content(report: Report, folder: Path, config: Mapping[str, Any], over: bool)
     out, strip = Path(str(config["out"])), "colors" in report and (folder / STRIP).exists()
     steps = config["final"]["train"]["steps"]
     shown: dict[str, Any] = {
-        "asked": [
+        "settings_in_words": [
             ("Your images", f"{report['labels']} labelled, {len(report['classes'])} classes"),
             (
-                "Reported on",
+                "Tested on",
                 f"{report['tested']} images at {report['scored_at']}, {report['where']}",
             ),
             (
-                "Renders beside labels",
+                "Renders mixed with labels",
                 f"{report['rendered_images']}, {_rendered_share(report)}",
             ),
-            ("Nets", f"{report['net']}, {steps} steps, {report['seeds']} seeds"),
+            ("Networks", f"{report['net']}, {steps} steps, {report['seeds']} seeds"),
             ("Preset", report["preset"]),
         ],
         "notes": report["notes"],
@@ -232,21 +231,21 @@ def content(report: Report, folder: Path, config: Mapping[str, Any], over: bool)
     if not over:
         return shown
     if "seconds" in report:
-        shown["asked"].append(("Took", duration(report["seconds"]["total"])))
+        shown["settings_in_words"].append(("Time", duration(report["seconds"]["total"])))
     rows, gains = report["rows"], report["gains"]
     added = [("renders add to your labels", gains["labels+renders"])]
     if "labels+learnt" in gains:
-        added.append(("renders of learnt streets add to your labels", gains["labels+learnt"]))
+        added.append(("optimised streets add to your labels", gains["labels+learnt"]))
     added.append(("your labels add to renders", report["labels_add"]))
-    results = [[WORDS[cast(Row, name)], *cells(own)] for name, own in rows.items()]
-    results += [[what, *cells(gain, "+.1f")] for what, gain in added]
+    results = [[TRAINED_ON[name], *cells(row)] for name, row in rows.items()]
+    results += [[label, *cells(gain, "+.1f")] for label, gain in added]
     model = shlex.quote(str(out / MODEL))
     return {
         **shown,
         "verdict": report["verdict"],
         "following": [
             (
-                "Next: label your other images with the net",
+                "Next: label your other images with the model",
                 f"{PROGRAM} predict {model} IMAGES --out DIR",
             ),
             (
@@ -256,29 +255,29 @@ def content(report: Report, folder: Path, config: Mapping[str, Any], over: bool)
         ],
         "cards": [
             *(
-                (number(rows[row]["mean"]), "% mIoU", WORDS[row], rows[row])
-                for row in cast(tuple[Row, ...], ("labels", "labels+renders"))
+                (number(rows[row]["mean"]), "% mIoU", TRAINED_ON[row], rows[row])
+                for row in ("labels", "labels+renders")
             ),
-            *((number(gain["mean"], "+.1f"), "points", what, gain) for what, gain in added),
+            *((number(gain["mean"], "+.1f"), "points", label, gain) for label, gain in added),
         ],
         "result_note": " ".join(
-            [_tested_on(report), *_by_fold(report), *_over_images(report), _left(report)]
+            [_tested_on(report), *_by_fold(report), *_over_images(report), _saved_model(report)]
         ),
         "class_note": " ".join(
-            ["Mean IoU of each class with 95 % intervals.", *_from_labels(report)]
+            ["Mean IoU of each class with 95 % intervals.", *_not_rendered(report)]
         ),
         "by_class": {
-            row: by_class(own, len(report["classes"])) for row, own in report["nets"].items()
+            row: by_class(folds, len(report["classes"])) for row, folds in report["nets"].items()
         },
         "parts": {**shown["parts"], "result": results},
     }
 
 
 def by_class(folds: Sequence[Sequence[Report | None]], count: int) -> list[Report]:
-    """Mean and interval of each class, over the folds whose images have it."""
+    """Mean and interval of each class, over the folds whose test images have it."""
     absent = [None] * count
     values = np.array(
         [[absent if net is None else net["class_iou"] for net in fold] for fold in folds], float
     )
-    known = np.isfinite(values).any(axis=1)  # folds, classes
-    return [bounded(_estimate(values[known[:, k], :, k])) for k in range(count)]
+    tested = np.isfinite(values).any(axis=1)  # folds, classes
+    return [bounded(_estimate(values[tested[:, k], :, k])) for k in range(count)]

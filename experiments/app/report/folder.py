@@ -20,7 +20,7 @@ from scene.attributes import BY_NAME, SPACES, Attribute
 from scene.held import read_fixed
 
 SUMMARY, NAME = "summary.json", "report.html"
-"""Files of a run folder: what it ends with, and the page."""
+"""Files of a run folder: the result, written last, and the page."""
 
 
 class RunFolder(NamedTuple):
@@ -30,20 +30,22 @@ class RunFolder(NamedTuple):
     summary: Report  # derived
     config: dict[str, Any]
     evaluations: list[Record]  # rewards of the search
-    finals: list[Record]  # all other nets
-    seen: dict[str, Any] | None  # what `experiments.app.report.pictures` shows
+    finals: list[Record]  # all other networks
+    seen: dict[str, Any] | None  # the index of `experiments.app.report.pictures`
     probabilities: np.ndarray | None  # f32[updates, attributes, bins]
-    expected: np.ndarray | None  # f32[updates, datasets, 2], what the model expected of each reward
+    expected: (
+        np.ndarray | None
+    )  # f32[updates, datasets, 2], predicted mean and deviation of rewards
     matters: Report | None  # see `experiments.app.report.matters`
 
     @property
     def attributes(self) -> tuple[Attribute, ...]:
         """The attributes that were searched: all that were not held."""
-        known = self.summary.get("components")
+        components = self.summary.get("components")
         rows = (
             SPACES[self.config["space"]]
-            if known is None
-            else map(BY_NAME.get, known[0]["attributes"])
+            if components is None
+            else map(BY_NAME.get, components[0]["attributes"])
         )
         return tuple(row for row in rows if row is not None and row.name not in self.held)
 
@@ -60,8 +62,8 @@ class RunFolder(NamedTuple):
     @property
     def rewards(self) -> np.ndarray:
         """The rewards of the search, f64[n] in order, in percent if they are mIoU; NaN if one failed."""
-        found = [line["reward"] for line in self.evaluations]
-        values = np.array([np.nan if v is None else v for v in found], float)
+        rewards = [line["reward"] for line in self.evaluations]
+        values = np.array([np.nan if reward is None else reward for reward in rewards], float)
         return values * (100 if self.percent else 1)
 
 
@@ -73,12 +75,14 @@ def read(path: Path, report: Report | None = None) -> RunFolder:
         report: the derived report of a run that has not written its ``summary.json``, the last file.
 
     Raises:
-        UserError: it is not the folder of a finished run; the message says what it is.
+        UserError: it is not the folder of a finished run.
     """
     config = read_config(path) if (path / CONFIG).is_file() else None
     if config is None:
-        what = "no such folder" if not path.is_dir() else f"no run folder; it holds no {CONFIG}"
-        raise UserError(f"{path}: {what}; name the --out of a run")
+        what = (
+            f"is not the folder of a run: it has no {CONFIG}" if path.is_dir() else "does not exist"
+        )
+        raise UserError(f"{path} {what}; pass the --out of a run")
     if report is None:
         report = _summary(path, config)
     _check_answer(path, report)
@@ -95,20 +99,26 @@ def read(path: Path, report: Report | None = None) -> RunFolder:
         _array(path / PICTURES / "expected.npy", 3),
         _object(matters) if matters.exists() else None,
     )
-    shares = run.probabilities
-    if shares is not None and shares.shape[1] != len(run.attributes):
+    probabilities = run.probabilities
+    if probabilities is not None and probabilities.shape[1] != len(run.attributes):
         run = run._replace(probabilities=None)  # from a search of some attributes only
     return run
 
 
 def _check_answer(path: Path, report: Report) -> None:
-    """Raise UserError for the answer of a method that is gone: bins, or several kinds of streets."""
-    found = report.get("components", [])
+    """Raise UserError for the result of a method that is gone: bins, or several kinds of streets."""
+    components = report.get("components", [])
     bins = [
-        row for own in found for row in own["attributes"].values() if "probabilities" in row["unit"]
+        row
+        for component in components
+        for row in component["attributes"].values()
+        if "probabilities" in row["unit"]
     ]
-    if len(found) > 1 or bins:
-        raise UserError(f"{path}: its answer is no intervals; the version that made it can show it")
+    if len(components) > 1 or bins:
+        raise UserError(
+            f"{path}: the result of this run is not one interval for each attribute; use the version of "
+            "sdr-jax that made it"
+        )
 
 
 def _summary(path: Path, config: dict[str, Any]) -> Report:
@@ -119,30 +129,29 @@ def _summary(path: Path, config: dict[str, Any]) -> Report:
             study = _object(other).get("study")
             if study:
                 raise UserError(
-                    f"{path} is a run of the study {study}, whose report is {study}.md; name one of "
-                    "sdr-jax fit, camvid, cityscapes or labelmefacade"
+                    f"{path} is a run of the study {study}; read its report in {path / study}.md"
                 )
         raise UserError(
-            f"{path} holds no {SUMMARY}: that run is not finished; its command continues it"
+            f"{path} has no {SUMMARY}: the run is not finished; run its command again to resume it"
         )
     try:
         report = {"seed": config.get("seed"), **_object(file)}
         return (fit_table if fit_table.is_fit(report) else summary).derive(report)
     except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
-        raise UserError(f"{file} does not hold what a run writes ({error!r})") from None
+        raise UserError(f"{file} is not the result of a run ({error!r})") from None
 
 
 def _object(path: Path) -> dict[str, Any]:
-    found = read_json(path)
-    if not isinstance(found, dict):
-        raise UserError(f"{path} is no JSON object")
-    return found
+    content = read_json(path)
+    if not isinstance(content, dict):
+        raise UserError(f"{path} must be a JSON object")
+    return content
 
 
 def _array(path: Path, axes: int) -> np.ndarray | None:
     """The array in a file; None if the file is missing or holds something else."""
     try:
-        found = np.load(path)
+        array = np.load(path)
     except (OSError, ValueError, EOFError):
         return None
-    return found if isinstance(found, np.ndarray) and found.ndim == axes else None
+    return array if isinstance(array, np.ndarray) and array.ndim == axes else None

@@ -1,4 +1,4 @@
-"""The page of a run while it goes on: the run writes it anew, and a browser on this machine can show it."""
+"""The page of an unfinished run, which the run keeps up to date and a browser on this machine can show."""
 
 from __future__ import annotations
 
@@ -17,32 +17,32 @@ from experiments.session.session import Session
 from experiments.tables.form import Report
 
 
-def watch(run: Session[Any], known: Report) -> None:
-    """Make a run write its page anew as it makes progress, at most every `page.EVERY` seconds.
+def watch(run: Session[Any], first_fields: Report) -> None:
+    """Make a run update its page as it makes progress, at most every `page.EVERY` seconds.
 
     Args:
         run: the run.
-        known: the fields of its report that are known at the start.
+        first_fields: the fields of its report that are known at the start.
     """
     out, config = run.config.out, read_config(run.config.out)
 
-    def told(share: float, said: str) -> None:
+    def update(share: float, line: str) -> None:
         records = run.evaluations.records, run.finals.records
-        found = RunFolder(out, known, config, *records, None, None, None, None)
-        text = page.under_way(found, page.Status(share, said))
+        folder = RunFolder(out, first_fields, config, *records, None, None, None, None)
+        text = page.under_way(folder, page.Status(share, line))
         write(out / NAME, text, sync=False)
 
     command = shlex.join([PROGRAM, "report", str(out), "--serve"])
-    run.progress.say(f"Page: {out / NAME}, as the run goes on; {command} shows it")
-    run.progress.tell(page.EVERY, told)
+    run.progress.say(f"Report so far: {out / NAME}; {command} shows it in a browser")
+    run.progress.tell(page.EVERY, update)
 
 
 def serve(folder: Path, port: int) -> None:
-    """Serve the page in a run's folder until Ctrl-C; an unfinished run writes it anew.
+    """Serve the page in a run's folder until Ctrl-C; an unfinished run updates it.
 
     Args:
         folder: the run's folder.
-        port: the port on this machine's own address.
+        port: the port on 127.0.0.1.
 
     Raises:
         UserError: the port cannot be used.
@@ -67,7 +67,7 @@ def serve(folder: Path, port: int) -> None:
             """Do not log requests."""
 
     with ThreadingHTTPServer((HOST, port), Answer) as server:
-        print(f"http://{HOST}:{server.server_port} (Ctrl-C ends it)", flush=True)
+        print(f"http://{HOST}:{server.server_port} (press Ctrl-C to stop)", flush=True)
         server.serve_forever()
 
 

@@ -12,28 +12,28 @@ from experiments.tables.recorded import choose
 from scene.attributes import SpaceName
 
 FILE = "matters.json"
-"""The file of the result, among the run's pictures: for 216 rewards of 37 attributes the model takes half a
-minute of a core."""
+"""The file of the result, among the run's pictures: with 216 rewards of 37 attributes the model takes half a
+minute of one core."""
 
 
 def matters(records: Sequence[Record], target: str, space: SpaceName) -> Report:
-    """Compute what the rewards of a search say about its attributes.
+    """Compute which attributes matter for the rewards of a search.
 
     Returns:
         ``said``, the result in words; ``rewards``, their number; and ``attributes``, the most important
-        first, empty if nothing is known about them.
+        first, empty if the rewards do not tell.
     """
     try:
         chosen = enough(choose(records, target, space, None, "the search"), "the search")
     except UserError as error:
         return {"said": f"Not known: {error}.", "rewards": 0, "attributes": []}
-    found = summarize(chosen)
-    r2 = found["r2"]
-    known = r2["value"] is not None and r2["value"] >= NOTHING
+    sensitivity = summarize(chosen)
+    r2 = sensitivity["r2"]
+    significant = r2["value"] is not None and r2["value"] >= NOTHING
     fit = "" if r2["value"] is None else f"Cross-validated R² {r2['value']:.2f}. "
-    said = verdict(r2) if known else "These rewards say nothing about any single attribute."
+    words = verdict(r2) if significant else "These rewards do not show which attributes matter."
     return {
-        "said": fit + said,
+        "said": fit + words,
         "rewards": len(chosen.rewards),
-        "attributes": found["attributes"] if known else [],
+        "attributes": sensitivity["attributes"] if significant else [],
     }

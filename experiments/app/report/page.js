@@ -1,9 +1,9 @@
 "use strict";
-// Draws the plots in the colours of the page, and draws them again when these change.
+// Draws the plots in the colours of the page, and redraws them when these change.
 const root = document.documentElement;
 const night = matchMedia("(prefers-color-scheme: dark)");
 
-function kept(value) {  // the reader's choice; a page opened from a file may not be able to store it
+function storedTheme(value) {  // the reader's choice; a page opened from a file may not be able to store it
   try {
     if (value !== undefined) localStorage.setItem("theme", value);
     return localStorage.getItem("theme");
@@ -22,13 +22,13 @@ function coloured(value) {
   if (typeof value === "string") return value.startsWith("@") ? colour(value) : value;
   if (Array.isArray(value)) return value.map(coloured);
   if (value === null || typeof value !== "object") return value;
-  return Object.fromEntries(Object.entries(value).map(([key, own]) => [key, coloured(own)]));
+  return Object.fromEntries(Object.entries(value).map(([key, item]) => [key, coloured(item)]));
 }
 
-function dressed(layout, height) {
+function styled(layout, height) {
   const axis = { gridcolor: "@grid", zerolinecolor: "@line", linecolor: "@line", automargin: true, ticks: "",
     zeroline: false };
-  const found = {
+  const merged = {
     height, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", colorway: ["@learnt"],
     font: { family: getComputedStyle(document.body).fontFamily, size: 12.5, color: "@soft" },
     margin: { l: 8, r: 16, t: 8, b: 8 }, hovermode: "closest", showlegend: false,
@@ -36,29 +36,29 @@ function dressed(layout, height) {
     xaxis: {}, yaxis: {}, ...layout,
     legend: { orientation: "h", x: 0, y: 1, yanchor: "bottom", font: { color: "@soft" }, ...layout.legend },
   };
-  for (const key of Object.keys(found)) {
+  for (const key of Object.keys(merged)) {
     if (!/^[xy]axis\d*$/.test(key)) continue;
-    found[key] = { ...axis, ...found[key] };
-    if (found[key].title) found[key].title = { text: found[key].title, font: { size: 12.5 }, standoff: 8 };
+    merged[key] = { ...axis, ...merged[key] };
+    if (merged[key].title) merged[key].title = { text: merged[key].title, font: { size: 12.5 }, standoff: 8 };
   }
-  return coloured(found);
+  return coloured(merged);
 }
 
 function draw(figure) {
-  const told = JSON.parse(figure.querySelector("script").textContent);
-  const view = told.views ? told.views[Number(figure.dataset.view || 0)] : told;
+  const plot = JSON.parse(figure.querySelector("script").textContent);
+  const view = plot.views ? plot.views[Number(figure.dataset.view || 0)] : plot;
   const height = parseInt(figure.style.getPropertyValue("--height"), 10);
   const options = { responsive: true, displaylogo: false, displayModeBar: false };
   Plotly.react(figure.querySelector(":scope > div:not(.views)"), coloured(view.data),
-    dressed(view.layout, height), options);
+    styled(view.layout, height), options);
 }
 
-function offer(figure) {  // one button for each view
-  const told = JSON.parse(figure.querySelector("script").textContent);
-  if (!told.views || told.views.length < 2) return;
+function addButtons(figure) {  // one for each view
+  const plot = JSON.parse(figure.querySelector("script").textContent);
+  if (!plot.views || plot.views.length < 2) return;
   const bar = document.createElement("div");
   bar.className = "views";
-  told.views.forEach((view, number) => {
+  plot.views.forEach((view, number) => {
     const button = document.createElement("button");
     button.textContent = view.label;
     button.setAttribute("aria-pressed", number === 0);
@@ -75,16 +75,16 @@ function offer(figure) {  // one button for each view
 const plots = [...document.querySelectorAll(".plot")];
 const button = document.getElementById("theme");
 
-function dress() {
-  const theme = kept() || (night.matches ? "dark" : "light");
+function applyTheme() {
+  const theme = storedTheme() || (night.matches ? "dark" : "light");
   root.dataset.theme = theme;
   button.textContent = theme === "dark" ? "Light" : "Dark";
   plots.forEach(draw);
 }
 
-button.onclick = () => { kept(root.dataset.theme === "dark" ? "light" : "dark"); dress(); };
-night.addEventListener("change", dress);
-plots.forEach(offer);
-dress();
-const written = document.getElementById("written");  // of a run under way
+button.onclick = () => { storedTheme(root.dataset.theme === "dark" ? "light" : "dark"); applyTheme(); };
+night.addEventListener("change", applyTheme);
+plots.forEach(addButtons);
+applyTheme();
+const written = document.getElementById("written");  // only on the page of an unfinished run
 if (written) written.textContent = new Date(document.lastModified).toLocaleTimeString();

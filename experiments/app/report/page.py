@@ -1,4 +1,4 @@
-"""``report.html``: a run on one page that needs no network. Figures come from the summary and the logs.
+"""``report.html``: a run on one page that works offline. Its numbers come from the summary and the logs.
 
 ``page.html`` lays out what is computed here; ``figures`` makes its plots.
 """
@@ -19,15 +19,15 @@ from common.files import read_bytes
 from common.interrupt import PROGRAM
 from common.progress import duration
 from experiments.app.report import figures, fit_table
-from experiments.app.report.figures import NAMES, STAGES
+from experiments.app.report.figures import STAGES
 from experiments.app.report.folder import RunFolder, read
 from experiments.app.report.matters import matters
 from experiments.app.report.pictures import PICTURES
-from experiments.app.report.summary import TRAINED_ON, advice
+from experiments.app.report.summary import advice
 from experiments.app.report.templates import templates
 from experiments.evaluation.store import each
-from experiments.tables import few_rows
 from experiments.tables.form import Report, cells, number, starts, words
+from experiments.tables.row_names import SHORT, TRAINED_ON, trained_on
 from experiments.tables.stats import TOO_FEW
 from scene.held import hold
 from scene.proposal import default_proposal, describe
@@ -36,16 +36,16 @@ HERE = Path(__file__).parent
 FIRST = 15
 """The number of attributes whose importance is drawn."""
 IMAGES = 1000
-"""The number of images in the command that renders more streets like the answer."""
+"""The number of images in the command that renders more of the optimised streets."""
 EVERY = 15
-"""Seconds after which the page of an unfinished run is loaded again."""
+"""Seconds after which the page of an unfinished run reloads."""
 
 
 class Status(NamedTuple):
     """The progress of an unfinished run."""
 
     share: float  # of the work
-    said: str  # the last line of its progress
+    line: str  # the last line of its progress
 
 
 def html(report: Report, folder: Path) -> str:
@@ -65,7 +65,7 @@ def _page(run: RunFolder, status: Status | None) -> str:
     trained = [row for row in order if report["rows"][row]["mean"] is not None]
 
     def inline(name: str, folder: Path = run.path / PICTURES) -> str | None:
-        """A picture as a data URL; None if it is missing, or no picture in the run's folder."""
+        """An image as a data URL; None if it is missing, or not an image in the run's folder."""
         path, kind = folder / name, mimetypes.guess_type(name)[0] or ""
         # A folder from someone else may name any file, also by a link.
         if not kind.startswith("image/") or not path.resolve().is_relative_to(run.path.resolve()):
@@ -78,7 +78,7 @@ def _page(run: RunFolder, status: Status | None) -> str:
 
     environment = templates()
     environment.policies["json.dumps_kwargs"] = {"allow_nan": False, "separators": (",", ":")}
-    environment.filters |= {"inline": inline, "said": figures.said}
+    environment.filters |= {"inline": inline, "interval": figures.interval_text}
     config = dict(run.config)
     versions = {"engine of scenes": config.get("engine", "?")}
     versions |= config.pop("made_with", {}) | config.pop("versions", {})
@@ -95,8 +95,8 @@ def _page(run: RunFolder, status: Status | None) -> str:
         **content.pop("parts"),
     }
     title = report["note"][0].upper() + report["note"][1:]
-    usual: dict[str, Any] = {
-        "verdict": "This run is under way",
+    defaults: dict[str, Any] = {
+        "verdict": "This run is not finished yet",
         "following": [],
         "cards": [],
         "notes": [],
@@ -104,12 +104,12 @@ def _page(run: RunFolder, status: Status | None) -> str:
     }
     page = environment.get_template("page.html").render(
         run=run, report=report, seen=run.seen, order=order, trained=trained, figures=figures,
-        parts=defaultdict(lambda: None, parts), NAMES=NAMES, FIRST=FIRST, EVERY=EVERY, status=status,
+        parts=defaultdict(lambda: None, parts), SHORT=SHORT, FIRST=FIRST, EVERY=EVERY, status=status,
         title=title, starts=starts(report), policy=figures.policy(run),
         versions=versions.items(), settings=json.dumps(config, indent=2),
         style=(HERE / "page.css").read_text(encoding="utf-8"),
         code=(HERE / "page.js").read_text(encoding="utf-8"), plotly=get_plotlyjs(),
-        **usual | content,
+        **defaults | content,
     )  # fmt: skip
     return page + "\n"
 
@@ -118,7 +118,7 @@ def _content(run: RunFolder, order: list[str], trained: list[str], over: bool) -
     """The parts of the page that only the main job has."""
     report, seen = run.summary, run.seen
     shown: dict[str, Any] = {
-        "asked": asked(run),
+        "settings_in_words": settings_in_words(run),
         "parts": {
             "streets": seen and seen["streets"],
             "worst": seen and seen["worst"] and seen["worst"]["images"] and seen["worst"],
@@ -126,7 +126,7 @@ def _content(run: RunFolder, order: list[str], trained: list[str], over: bool) -
     }
     if not over:
         return shown
-    learnt_first = sorted(trained, key=lambda row: row != "learnt")
+    optimised_first = sorted(trained, key=lambda row: row != "learnt")
     return {
         **shown,
         "verdict": verdict(report),
@@ -137,7 +137,7 @@ def _content(run: RunFolder, order: list[str], trained: list[str], over: bool) -
         "by_class": {
             row: figures.by_class(report["nets"][row], report["classes"]) for row in trained
         },
-        "confusion": None if seen is None else figures.confusion(seen, learnt_first),
+        "confusion": None if seen is None else figures.confusion(seen, optimised_first),
         "parts": {
             **shown["parts"],
             "result": results(report, order),
@@ -149,38 +149,31 @@ def _content(run: RunFolder, order: list[str], trained: list[str], over: bool) -
 
 def verdict(report: Report) -> str:
     """The result in one sentence."""
-    rows, beside = report["rows"], report.get("gain_beside_few")
+    with_few = report.get("gain_beside_few")
+    row = "few+learnt" if with_few else "learnt"
+    streets, miou = trained_on(report, row), report["rows"][row]["mean"]
     where = "" if report["real"] else "On the twin, which is not real data, "
-    own = rows["few+learnt" if beside else "learnt"]["mean"]
-    if own is None:
-        said = "no net on learnt streets could be trained"
-        return where + said if where else said[0].upper() + said[1:]
-    what = "learnt streets"
-    what += f" beside {len(report['few_images'])} labelled images" if beside else ""
-    if beside:
-        gains = {
-            "the labels alone": beside["few"],
-            "hand-set streets beside them": beside["few+default"],
-        }
-    else:
-        gains = {
-            "the hand-set street": report["gain_over_default"],
-            "random streets": report["gain"],
-        }
-    said = f"{where}{what} train nets of {own:.1f} % mIoU: "
-    said += " and ".join(_compared(gain, other) for other, gain in gains.items())
-    return said[0].upper() + said[1:]
+    if miou is None:
+        sentence = f"{where}training failed for all networks on {streets}"
+        return sentence[0].upper() + sentence[1:]
+    gains = with_few or {"default": report["gain_over_default"], "random": report["gain"]}
+    shown = [other for other in ("few", "few+default", "default", "random") if other in gains]
+    compared = [_compared(gains[other], trained_on(report, other)) for other in shown]
+    sentence = (
+        f"{where}networks trained on {streets} reach {miou:.1f} % mIoU: {' and '.join(compared)}"
+    )
+    return sentence[0].upper() + sentence[1:]
 
 
 def _compared(gain: Report, other: str) -> str:
-    """A gain over something else in words; if its interval contains zero, it is not called a gain."""
+    """A gain in words; if its interval contains zero, it is not called a gain."""
     mean, ci95 = gain["mean"], gain["ci95"]
     if mean is None:
         return f"not compared with {other}"
-    apart = f"{abs(mean):.1f} points {'above' if mean >= 0 else 'below'} {other}"
+    difference = f"{abs(mean):.1f} points {'above' if mean >= 0 else 'below'} {other}"
     if ci95 is None:
-        return f"{apart} ({TOO_FEW})"
-    return apart if ci95[0] * ci95[1] > 0 else f"not clearly different from {other}"
+        return f"{difference} ({TOO_FEW})"
+    return difference if ci95[0] * ci95[1] > 0 else f"within noise of {other}"
 
 
 def following(run: RunFolder) -> list[tuple[str, str]]:
@@ -191,131 +184,132 @@ def following(run: RunFolder) -> list[tuple[str, str]]:
     more = (f"Next: render {IMAGES:,} images of these streets", shlex.join(words))
     if run.summary["real"]:
         return [more]
-    return [more, ("Or find out what your own labelled images need", f"{PROGRAM} doctor DATA")]
+    return [more, ("Or check your own labelled images", f"{PROGRAM} doctor DATA")]
 
 
 def so_far(run: RunFolder) -> list[list[str]]:
-    """The nets so far that give no reward: their kind, their number, and their mean mIoU or reward."""
-    found: dict[tuple[str, str], list[float | None]] = {}
+    """The finished networks that give no reward: their kind, number, and mean mIoU or reward."""
+    scores: dict[tuple[str, str], list[float | None]] = {}
     for line in each(run.finals):
-        found.setdefault((line.get("nets", ""), line.get("row", "")), []).append(line["reward"])
+        scores.setdefault((line.get("nets", ""), line.get("row", "")), []).append(line["reward"])
     rows = []
-    for (nets, row), values in found.items():
+    for (nets, row), values in scores.items():
         percent = run.percent or nets == "final"
-        known = [value * (100 if percent else 1) for value in values if value is not None]
-        mean = number(sum(known) / len(known), ".1f" if percent else ".4f") if known else ""
-        rows.append([f"{STAGES.get(nets, nets)}: {NAMES.get(row, row)}", str(len(values)), mean])
+        trained = [value * (100 if percent else 1) for value in values if value is not None]
+        mean = number(sum(trained) / len(trained), ".1f" if percent else ".4f") if trained else ""
+        rows.append([f"{STAGES.get(nets, nets)}: {SHORT.get(row, row)}", str(len(values)), mean])
     return rows
 
 
-def asked(run: RunFolder) -> list[tuple[str, str]]:
-    """The settings and the data of the run, in words."""
+def settings_in_words(run: RunFolder) -> list[tuple[str, str]]:
+    """The main settings and the data of the run."""
     report, config = run.summary, run.config
     train, options = config.get("final", {}).get("train", {}), config.get("search", {})
     count = len(report.get("few_images", ()))
-    beside = (
-        f"{count} images, {100 * report['few_share']:.0f} % of every batch" if count else "none"
-    )
+    few = f"{count} images, {100 * report['few_share']:.0f} % of every batch" if count else "none"
     net, steps = train.get("net", "?"), train.get("steps", "?")
-    told = [
-        ("Reward", f"{report['reward_images']} images, {len(run.evaluations)} evaluations"),
-        ("Reported on", f"{report['test_images']} other images at {report['scored_at']}"),
-        ("Labels beside renders", beside),
+    settings = [
+        ("Rewards", f"{len(run.evaluations)}, measured on {report['reward_images']} images"),
+        ("Tested on", f"{report['test_images']} other images at {report['scored_at']}"),
+        ("Labels mixed with renders", few),
         ("Search", f"{options.get('method', '?')}, space {config.get('space', 'scenex')}"),
-        ("Nets", f"{net}, {steps} steps, {report['seeds']} seeds"),
+        ("Networks", f"{net}, {steps} steps, {report['seeds']} seeds"),
     ]
     if "rows" in report:
-        told.append(("Took", duration(report["seconds"]["total"])))
-    return [*told, ("Preset", report["preset"])]
+        settings.append(("Time", duration(report["seconds"]["total"])))
+    return [*settings, ("Preset", report["preset"])]
 
 
 def _seeds(report: Report) -> int:
-    """The number of nets of every row."""
+    """The number of networks of every row."""
     return len(report["rows"]["random"]["miou"])
 
 
 def cards(report: Report) -> list[tuple[str, str, str, Report]]:
-    """The main figures: each with its unit, its meaning and its interval."""
-    rows, beside = report["rows"], report.get("gain_beside_few")
-    if beside:
-        answer = ("few+learnt", f"{len(report['few_images'])} labels and learnt streets")
-        gains = [
-            (f"over {few_rows.words(report, row, TRAINED_ON)}", beside[row])
-            for row in ("few", "few+default")
-        ]
+    """The main numbers: each with its unit, its meaning and its interval."""
+    rows, with_few = report["rows"], report.get("gain_beside_few")
+    if with_few:
+        answer, gains = "few+learnt", {row: with_few[row] for row in ("few", "few+default")}
     else:
-        answer = ("learnt", "learnt streets")
-        gains = [
-            ("over the hand-set street", report["gain_over_default"]),
-            ("over random streets", report["gain"]),
-        ]
-    real = [("real", few_rows.words(report, "real", TRAINED_ON))] if "real" in rows else []
-    told = [(number(rows[row]["mean"]), "% mIoU", what, rows[row]) for row, what in (answer, *real)]
-    told[1:1] = [(number(gain["mean"], "+.1f"), "points", what, gain) for what, gain in gains]
-    return told
+        answer, gains = (
+            "learnt",
+            {"default": report["gain_over_default"], "random": report["gain"]},
+        )
+    scores = [
+        (number(rows[row]["mean"]), "% mIoU", trained_on(report, row), rows[row])
+        for row in (answer, "real")
+        if row in rows
+    ]
+    scores[1:1] = [
+        (number(gain["mean"], "+.1f"), "points", f"over {trained_on(report, row)}", gain)
+        for row, gain in gains.items()
+    ]
+    return scores
 
 
 def results(report: Report, order: list[str]) -> list[list[str]]:
     """The rows with their intervals, and the gains."""
     gains = {
-        f"few + learnt minus {NAMES[k]}": g for k, g in report.get("gain_beside_few", {}).items()
+        f"{trained_on(report, 'few+learnt')}, gain over {trained_on(report, other)}": gain
+        for other, gain in report.get("gain_beside_few", {}).items()
     }
-    gains |= {
-        "learnt minus random": report["gain"],
-        "learnt minus hand-set": report["gain_over_default"],
-    }
-    lines = [
-        [few_rows.words(report, row, TRAINED_ON), *cells(report["rows"][row])] for row in order
-    ]
+    for other, gain in (("random", report["gain"]), ("default", report["gain_over_default"])):
+        gains[f"{TRAINED_ON['learnt']}, gain over {TRAINED_ON[other]}"] = gain
+    lines = [[trained_on(report, row), *cells(report["rows"][row])] for row in order]
     return lines + [[name, *cells(gain, "+.1f")] for name, gain in gains.items()]
 
 
 def result_note(report: Report) -> str:
-    """A sentence on the rows."""
+    """Sentences on the rows."""
     absent = ", ".join(report["classes_absent_from_truth"])
-    also = f" Left out of the mean, since no test image has them: {absent}." if absent else ""
+    also = (
+        f" No test image has these classes, so no mean includes them: {absent}." if absent else ""
+    )
     return (
         f"{advice(report)} Mean IoU in percent on {report['test_images']} test images, {_seeds(report)} "
-        f"paired seeds. Thick lines are 95 % intervals over seeds, small marks single nets.{also}"
+        f"paired seeds. Thick lines are 95 % intervals over seeds, small marks single networks.{also}"
     )
 
 
 def search_note(run: RunFolder) -> str:
-    """A sentence on the rewards."""
+    """Sentences on the rewards."""
     if not run.evaluations:
         return ""
     method = run.config.get("search", {}).get("method", "?")
     model = (
-        " The line is what the method's model expected of each evaluation before it was made; the band is "
-        "one standard deviation."
+        " The line is the reward that the method's model predicted before each evaluation; the band is one "
+        "standard deviation."
         if run.expected is not None
         else ""
     )
-    return f"{len(run.evaluations)} rewards of {method}, each of a fresh net on a dataset of its own.{model}"
+    return (
+        f"{len(run.evaluations)} rewards of {method}. Each comes from a new network, trained on its own "
+        f"rendered dataset.{model}"
+    )
 
 
 def attributes(run: RunFolder) -> Report:
-    """The learnt interval of each attribute, beside the hand-set one, as CSS styles within its range."""
+    """The optimised and the default interval of each attribute, as CSS styles within its range."""
     report, config = run.summary, run.config
     hidden = report["hidden_centres"]
-    by_hand = default_proposal(config.get("default_width", 0.15), config.get("space", "scenex"))
-    hand_set = describe(hold(by_hand, run.held))["components"][0]["attributes"]
+    usual = default_proposal(config.get("default_width", 0.15), config.get("space", "scenex"))
+    defaults = describe(hold(usual, run.held))["components"][0]["attributes"]
     rows = []
-    for k, (name, own) in enumerate(report["components"][0]["attributes"].items()):
-        other = hand_set.get(name)
+    for k, (name, optimised) in enumerate(report["components"][0]["attributes"].items()):
+        default = defaults.get(name)
         # A near twin has hidden values for the attributes of the smaller space only.
         centre = hidden[k] if hidden is not None and k < len(hidden) else None
         rows.append(
             {
                 "name": words(name) + (", held" if name in run.held else ""),
-                "learnt": _bar(own),
-                "hand_set": None if other is None else _bar(other),
+                "optimised": _bar(optimised),
+                "default": None if default is None else _bar(default),
                 "hidden": None if centre is None else f"left:{100 * centre:.1f}%",
                 "cells": [
-                    _range(own),
-                    "" if other is None else _range(other),
-                    own["physical"]["unit"],
-                    own["meaning"],
+                    _range(optimised),
+                    "" if default is None else _range(default),
+                    optimised["physical"]["unit"],
+                    optimised["meaning"],
                 ],
             }
         )
@@ -327,12 +321,12 @@ def attributes(run: RunFolder) -> Report:
 
 
 def _recovered(report: Report) -> str:
-    found = report.get("recovery")
-    if found is None:
+    errors = report.get("recovery")
+    if errors is None:
         return ""
     return (
-        f" They lie {found['learnt_error']:.2f} of their range from the twin's hidden ones on average; all "
-        f"centres at one half would lie {found['centre_error']:.2f}."
+        f" Their centres are {errors['learnt_error']:.2f} of the range away from the twin's hidden ones, on "
+        f"average; the middle of every range would be {errors['centre_error']:.2f} away."
     )
 
 
@@ -352,7 +346,7 @@ def class_table(report: Report, order: list[str]) -> dict[str, Any]:
     """The IoU of each class by row, as text."""
     rows = report["rows"]
     return {
-        "head": ["IoU, %", *(NAMES[row] for row in order)],
+        "head": ["IoU, %", *(SHORT[row] for row in order)],
         "rows": [
             [name, *(number(rows[row]["per_class"][name]) for row in order)]
             for name in rows[order[0]]["per_class"]
@@ -361,18 +355,18 @@ def class_table(report: Report, order: list[str]) -> dict[str, Any]:
 
 
 def importance(run: RunFolder) -> dict[str, Any] | None:
-    """Which attributes matter, according to the model of `sdr-jax study sensitivity` on the run's rewards.
+    """Which attributes matter, by the model of `sdr-jax study sensitivity` on the run's rewards.
 
-    None if the rewards say nothing.
+    None if the rewards do not tell.
     """
-    found = run.matters
-    if found is None:
-        found = matters(run.evaluations, run.summary["target"], run.config.get("space", "scenex"))
+    result = run.matters
+    if result is None:
+        result = matters(run.evaluations, run.summary["target"], run.config.get("space", "scenex"))
     note = (
-        f"Sobol indices of a Bayesian model of the {found['rewards']} rewards with 95 % intervals of its "
-        f"posterior; the first {FIRST} attributes. {found['said']}"
+        f"Sobol indices of a Bayesian model of the {result['rewards']} rewards, with 95 % intervals of its "
+        f"posterior; the first {FIRST} attributes. {result['said']}"
     )
-    shown = found["attributes"][:FIRST]
+    shown = result["attributes"][:FIRST]
     return {"shown": shown, "note": note} if shown else None
 
 
@@ -382,17 +376,17 @@ def cost(run: RunFolder) -> dict[str, Any] | None:
     if not stages:
         return None
     keys = ("nets", "render", "train")
-    total = {key: sum(own[key] for own in stages.values()) for key in keys}
+    total = {key: sum(spent[key] for spent in stages.values()) for key in keys}
     rows = []
-    for stage, own in {**stages, "all": total}.items():
-        each = (own["render"] + own["train"]) / max(own["nets"], 1)
-        minutes = [f"{own[key] / 60:.1f}" for key in keys[1:]]
-        rows.append([stage, f"{own['nets']:.0f}", *minutes, f"{each:.1f}"])
-    workers, spent = run.config.get("workers", "?"), duration(total["render"] + total["train"])
-    clock = run.summary.get("seconds", {}).get("total")
-    by_clock = "" if clock is None else f" in {duration(clock)} by the clock"
+    for stage, spent in {**stages, "all": total}.items():
+        per_network = (spent["render"] + spent["train"]) / max(spent["nets"], 1)
+        minutes = [f"{spent[key] / 60:.1f}" for key in keys[1:]]
+        rows.append([stage, f"{spent['nets']:.0f}", *minutes, f"{per_network:.1f}"])
+    workers, cpu_time = run.config.get("workers", "?"), duration(total["render"] + total["train"])
+    elapsed = run.summary.get("seconds", {}).get("total")
+    by_clock = "" if elapsed is None else f", {duration(elapsed)} by the clock"
     return {
         "stages": stages,
         "rows": rows,
-        "note": f"{spent} of work on one core{by_clock}, {workers} worker{'' if workers == 1 else 's'}.",
+        "note": f"{cpu_time} of one core{by_clock} with {workers} worker{'' if workers == 1 else 's'}.",
     }

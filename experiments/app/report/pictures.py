@@ -1,6 +1,6 @@
-"""Pictures of a run's report: streets, test images with the worst results, confusions.
+"""Images of a run's report: streets, the test images with the worst results, confusion matrices.
 
-``pictures/`` holds images as JPEG and labels as PNG in the colours of their classes; ``seen.json``, written
+``pictures/`` holds images as JPEG and labels as PNG in the colours of their classes. ``seen.json``, written
 last, describes them.
 """
 
@@ -23,15 +23,15 @@ from seg.classes import ClassTable, class_table, colorize
 from seg.data import LabelledImages
 
 SHOWN = 6
-"""Numbers of streets of each set, and of test images."""
+"""The number of streets of each set, and of test images."""
 PICTURES, INDEX = "pictures", "seen.json"
-"""Names in the run folder: the pictures, and the file that describes them."""
+"""Names in the run folder: the images, and the file that describes them."""
 
 
 def search(folder: Path, found: Found) -> None:
-    """Write the policy after every update, f32[updates, attributes, bins], and the model's expectations."""
-    kept = {"probabilities": found.probabilities, "expected": found.expected}
-    for name, values in kept.items():
+    """Write the policy after every update, f32[updates, attributes, bins], and the predicted rewards."""
+    arrays = {"probabilities": found.probabilities, "expected": found.expected}
+    for name, values in arrays.items():
         if values is not None:
             data = io.BytesIO()
             np.save(data, values)
@@ -39,22 +39,22 @@ def search(folder: Path, found: Found) -> None:
 
 
 def show(run: Session[Any], test: LabelledImages, sets: Mapping[str, LabelledImages]) -> None:
-    """Write all pictures, and the file that describes them.
+    """Write all images, and the file that describes them.
 
     Args:
-        run: the run, whose final nets are done.
+        run: the run, whose final networks are trained.
         test: the test images.
         sets: training sets by row, with labels in the target's classes.
     """
     folder, table = run.config.out / PICTURES, class_table(run.target.table)
-    kept = _kept(run.config.out, run.finals.records)
+    predictions = _predictions(run.config.out, run.finals.records)
     index = {
         "classes": list(table.classes),
         "colors": table.colors.tolist(),
-        "streets": {name: _streets(folder, name, own, table) for name, own in sets.items()},
-        "shares": {name: shares(own.labels, len(table.classes)) for name, own in sets.items()},
-        "confusion": {row: _confusion(own) for row, own in kept.items()},
-        "worst": _worst(folder, test, kept, table),
+        "streets": {row: _streets(folder, row, images, table) for row, images in sets.items()},
+        "shares": {row: shares(images.labels, len(table.classes)) for row, images in sets.items()},
+        "confusion": {row: _confusion(of_seeds) for row, of_seeds in predictions.items()},
+        "worst": _worst(folder, test, predictions, table),
     }
     write_json(folder / INDEX, index)
 
@@ -63,7 +63,7 @@ def shares(labels: np.ndarray, classes: int) -> dict[str, Any]:
     """Each class's share of the labelled pixels, and its mean row.
 
     Args:
-        labels: u8[n, h, w], 255 for void.
+        labels: u8[n, h, w], 255 for ignored pixels.
         classes: number of classes in the table.
 
     Returns:
@@ -85,40 +85,51 @@ def shares(labels: np.ndarray, classes: int) -> dict[str, Any]:
     }
 
 
-def _kept(folder: Path, records: Sequence[Record]) -> dict[str, list[Predictions]]:
-    """The kept predictions of each row's final nets, in the order of the seeds."""
-    found: dict[str, dict[int, Predictions]] = {}
+def _predictions(folder: Path, records: Sequence[Record]) -> dict[str, list[Predictions]]:
+    """The saved predictions of each row's final networks, in the order of the seeds."""
+    by_seed: dict[str, dict[int, Predictions]] = {}
     for line in records:
-        if line.get("nets") == "final" and (own := load(file_of(folder, line["key"]))) is not None:
-            found.setdefault(line["row"], {})[line["seed"]] = own
-    return {row: [own[seed] for seed in sorted(own)] for row, own in found.items()}
+        if (
+            line.get("nets") == "final"
+            and (saved := load(file_of(folder, line["key"]))) is not None
+        ):
+            by_seed.setdefault(line["row"], {})[line["seed"]] = saved
+    return {row: [seeds[seed] for seed in sorted(seeds)] for row, seeds in by_seed.items()}
 
 
-def _confusion(kept: Sequence[Predictions]) -> dict[str, Any]:
-    """The confusion matrix in pixels over all nets of a row; row: true class."""
-    total = np.sum([own.confusion for own in kept], axis=0)
-    return {"nets": len(kept), "pixels": total.tolist()}
+def _confusion(predictions: Sequence[Predictions]) -> dict[str, Any]:
+    """The confusion matrix in pixels over all networks of a row; row: true class."""
+    total = np.sum([network.confusion for network in predictions], axis=0)
+    return {"nets": len(predictions), "pixels": total.tolist()}
 
 
 def _streets(
-    folder: Path, name: str, own: LabelledImages, table: ClassTable
+    folder: Path, row: str, images: LabelledImages, table: ClassTable
 ) -> list[dict[str, str]]:
     """Write some images of a set, spread evenly, with their labels."""
-    chosen = np.linspace(0, len(own.images) - 1, min(SHOWN, len(own.images))).astype(int)
+    count = len(images.images)
+    chosen = np.linspace(0, count - 1, min(SHOWN, count)).astype(int)
     return [
         {
-            "image": _jpeg(folder, f"{name}-{k}", own.images[i]),
-            "labels": _png(folder, f"{name}-{k}-labels", colorize(own.labels[i], table.colors)),
+            "image": _jpeg(folder, f"{row}-{k}", images.images[i]),
+            "labels": _png(folder, f"{row}-{k}-labels", colorize(images.labels[i], table.colors)),
         }
         for k, i in enumerate(chosen)
     ]
 
 
 def _worst(
-    folder: Path, test: LabelledImages, kept: Mapping[str, Sequence[Predictions]], table: ClassTable
+    folder: Path,
+    test: LabelledImages,
+    predictions: Mapping[str, Sequence[Predictions]],
+    table: ClassTable,
 ) -> dict[str, Any] | None:
-    """Write the test images worst for the first net on learnt streets, and every row's predictions."""
-    first = {row: own[0] for row, own in kept.items() if own[0].predictions is not None}
+    """Write the worst test images of the first network on optimised streets, and all rows' predictions."""
+    first = {
+        row: networks[0]
+        for row, networks in predictions.items()
+        if networks[0].predictions is not None
+    }
     best = next((row for row in ("few+learnt", "learnt", *first) if row in first), None)
     if best is None:
         return None
@@ -135,12 +146,12 @@ def _worst(
             "predictions": {
                 row: {
                     "image": _png(
-                        folder, f"worst-{n}-{row}", colorize(own.predictions[k], table.colors)
+                        folder, f"worst-{n}-{row}", colorize(network.predictions[k], table.colors)
                     ),
-                    "miou": round(100 * float(own.miou[k]), 2),
+                    "miou": round(100 * float(network.miou[k]), 2),
                 }
-                for row, own in first.items()
-                if own.predictions is not None and own.miou is not None
+                for row, network in first.items()
+                if network.predictions is not None and network.miou is not None
             },
         }
         for n, k in enumerate(order)
@@ -157,7 +168,7 @@ def _png(folder: Path, name: str, image: np.ndarray) -> str:
 
 
 def _save(folder: Path, name: str, image: np.ndarray, **options: Any) -> str:
-    """Write u8[h, w, 3] in the format that the name says; returns the name."""
+    """Write u8[h, w, 3] in the format of the name's ending, and return the name."""
     data = io.BytesIO()
     Image.fromarray(image).save(data, {"jpg": "JPEG"}.get(name[-3:], "PNG"), **options)
     _write(folder, name, data.getvalue())
