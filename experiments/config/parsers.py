@@ -1,4 +1,4 @@
-"""The command lines of commands that are no jobs, without their work: a help loads no net."""
+"""The command lines of all commands but the optimisations; they import no work, so help is fast."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from scene.names import HELD
 from seg.names import As
 from seg.settings import Trunk, TrunkName
 
-TARGET = f"the target: {', '.join(SHIPPED)}, or a target's file; by default DATA/target.yaml"
+TARGET = f"{', '.join(SHIPPED)}, or a target file; by default DATA/target.yaml"
 PORT, REPORT_PORT = 8420, 8421
 """Ports of the playground and of a served report."""
 WORST = 6
@@ -30,11 +30,11 @@ class Doctor:
     data: Annotated[Path | None, ARGUMENT, Option("DATA", nargs="?")] = None
     """folder of labelled images"""
     target: Annotated[str | None, Option("NAME|FILE")] = None
-    """the file that describes them; by default one is proposed"""
+    """target that describes the folder; by default doctor proposes one"""
     write: Annotated[Path | None, Option("FILE")] = None
-    """where to write the proposed file"""
+    """write the proposed target.yaml to this file"""
     out: Annotated[Path | None, Option("DIR")] = None
-    """folder of the page and the picture (default: runs/doctor)"""
+    """folder of the page (default: runs/doctor)"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,41 +46,41 @@ class Fit:
     out: Annotated[Path, Option("DIR")]
     """folder of the run"""
     target: Annotated[str | None, Option("NAME|FILE")] = None
-    """the data's target, if DATA has no target.yaml"""
+    """target that describes DATA, if it has no target.yaml"""
     few: Annotated[int | None, Option("N")] = None
-    """use the labels of N images only, spread over groups and time"""
+    """use only N labelled images, spread over groups and time"""
     holdout: Annotated[str | None, Option("GROUP")] = None
-    """report on this group; no figure comes from nets that have seen it"""
+    """test on this group and train on the others"""
     search: Annotated[bool, SWITCH] = False
-    """learn streets, too, for each fold; its cost is printed first"""
+    """also optimise the streets, for each fold; prints the cost first"""
     preset: FitPreset | None = None
-    """smoke: a minute; quick: minutes of a CPU; full: the backbone trains, too, at up to 480x360 (the default
-    on a GPU; hours of a CPU)"""
+    """smoke: a minute; quick: minutes on a CPU; full: also trains the backbone, at up to 480x360 (the default
+    on a GPU; hours on a CPU)"""
     size: Size | None = None
-    """size of the images for networks; by default the photographs' own up to about 480x360, or the largest
+    """size of the images for networks; by default that of your images up to about 480x360, or the largest
     that takes ten minutes"""
     minutes: Annotated[float | None, Option("N", excludes=("--size",))] = None
-    """the largest size that takes N minutes instead"""
+    """choose the largest size that takes N minutes"""
     shape: Shape | None = None
-    """pad or cut images of another shape; by default as the target's file says"""
+    """pad or cut images of another aspect ratio; by default as the target file says"""
     fix: Annotated[tuple[str, ...], REPEATED, Option("NAME=VALUE", help=HELD)] = ()
     seeds: Annotated[int, Option("N")] = 3
-    """nets of each row and fold"""
+    """networks for each training set and fold"""
     workers: Annotated[int | None, Option("N")] = None
-    """processes; by default one for each core"""
+    """processes; by default one per core"""
     init: Annotated[Path | None, Option("MODEL")] = None
-    """model from which the saved net starts; the tested nets do not"""
+    """start the saved model from this one; the tested networks start from scratch"""
     store: Annotated[Path | None, Option("FILE")] = None
-    """evaluations that runs share"""
+    """file of evaluations to share between runs"""
     net: TrunkName = "lite0"
-    """trunk on whose features a head is trained; docs/howto/net.md"""
+    """backbone under the segmentation head; see docs/howto/net.md"""
     trunk: Trunk | None = None
-    """tuned: train the backbone, too, which takes hours of a core; by default frozen, but with --preset full
-    tuned"""
+    """tuned: also train the backbone, which takes hours of one core; default: frozen, or tuned with --preset
+    full"""
     weights: Annotated[Path | None, Option("FILE")] = None
     """for dinov2: model.safetensors in Hugging Face's layout"""
     no_mirror: Annotated[bool, SWITCH] = False
-    """do not average over the mirror image: half the time, about half a point less"""
+    """do not also predict the mirrored image: twice as fast, about half a point less"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,22 +88,22 @@ class Predict:
     """Options of `sdr-jax predict`."""
 
     model: Annotated[str, ARGUMENT, Option("MODEL")]
-    """folder of a model, or a name: renders19"""
+    """folder of a model, or renders19"""
     images: Annotated[Path, ARGUMENT, Option("IMAGES")]
     """image, video or folder"""
     out: Annotated[Path, Option("DIR")]
-    """folder of the results"""
+    """folder for the results"""
     how: Annotated[As | None, Option(flag="--as")] = None
-    """content of the PNGs: ids of the model's own label files, their colours, or the image with colours over
-    it; by default ids, or colours if the model's label files have these"""
+    """content of the PNGs: class ids, class colours, or colours over the image; by default as in the label
+    files on which the model was trained"""
     probabilities: Annotated[bool, SWITCH] = False
-    """beside each PNG NAME.npy, float16 of height, width and classes: the probabilities of classes"""
+    """also write class probabilities as NAME.npy, float16 of shape height, width, classes"""
     rank: Annotated[bool, SWITCH] = False
-    """order images, the least certain first, and write pre-labels for CVAT and Label Studio"""
+    """rank images, least certain first, and write pre-labels for CVAT and Label Studio"""
     first: Annotated[int, Option("N", needs=("--rank",))] = 100
-    """with --rank: images with pre-labels"""
+    """with --rank: number of images with pre-labels"""
     no_mirror: Annotated[bool, SWITCH] = False
-    """do not average over the mirror image: half the time, about half a point less"""
+    """do not also predict the mirrored image: twice as fast, about half a point less"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,20 +111,20 @@ class Evaluate:
     """Options of `sdr-jax evaluate`."""
 
     model: Annotated[str, ARGUMENT, Option("MODEL")]
-    """folder of a model, or a name: renders19"""
+    """folder of a model, or renders19"""
     data: Annotated[Path, ARGUMENT, Option("DATA")]
     """folder of labelled images"""
     target: Annotated[str | None, Option("NAME|FILE", help=TARGET)] = None
     split: Annotated[tuple[str, ...], Option("NAME", nargs="+")] = ()
-    """splits to test on; by default test or val, or all if there is neither"""
+    """splits to test on; by default test or val, or all splits if there is neither"""
     group: Annotated[tuple[str, ...], Option("NAME", nargs="+")] = ()
-    """drives, cities or albums; by default all"""
+    """groups to test on, such as sequences or cities; by default all"""
     json: Annotated[Path | None, Option("FILE")] = None
-    """also write the figures into a file"""
+    """also write the scores to this file"""
     pictures: Annotated[Path | None, Option("DIR")] = None
-    """folder for the 6 worst images, labels and predictions"""
+    """folder for the 6 worst images with labels and predictions"""
     no_mirror: Annotated[bool, SWITCH] = False
-    """do not average over the mirror image: half the time, about half a point less"""
+    """do not also predict the mirrored image: twice as fast, about half a point less"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,11 +132,11 @@ class Export:
     """Options of `sdr-jax export`."""
 
     model: Annotated[str, ARGUMENT, Option("MODEL")]
-    """folder of a model, or a name: renders19"""
+    """folder of a model, or renders19"""
     onnx: Annotated[Path, Option("FILE")]
     """the file to write"""
     no_mirror: Annotated[bool, SWITCH] = False
-    """do not average over the mirror image: half the time, about half a point less"""
+    """do not also predict the mirrored image: twice as fast, about half a point less"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,11 +144,11 @@ class Report:
     """Options of `sdr-jax report`."""
 
     run: Annotated[Path, ARGUMENT, Option("RUN")]
-    """run folder"""
+    """folder of a run"""
     out: Annotated[Path | None, Option("FILE")] = None
     """the page; by default RUN/report.html"""
     serve: Annotated[int | None, Option("PORT", nargs="?", const=REPORT_PORT)] = None
-    """show the page to this machine, also while the run goes on; 8421 unless told"""
+    """serve the page to a browser on this machine, also during the run (default port: 8421)"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,9 +158,9 @@ class Store:
     command: Annotated[Literal["show", "merge"], ARGUMENT]
     """what to do"""
     files: Annotated[tuple[Path, ...], ARGUMENT, Option("FILE", nargs="+")]
-    """stores, or run folders"""
+    """stores or run folders"""
     out: Annotated[Path | None, Option("FILE")] = None
-    """the new store that merge writes"""
+    """new store, for merge"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,17 +168,17 @@ class Playground:
     """Options of `sdr-jax playground`."""
 
     port: Annotated[int, Option("N")] = PORT
-    """of 127.0.0.1"""
+    """port on 127.0.0.1"""
     no_browser: Annotated[bool, SWITCH] = False
-    """only serve; open no browser"""
+    """do not open a browser"""
     attributes: Annotated[str, Option("NAME|FILE")] = "default"
-    """default, random, mixed, or a JSON file to begin with"""
+    """streets to start with: default, random, mixed, or an attributes.json"""
     space: SpaceName | None = None
-    """attributes of streets given by name (default: scenex)"""
+    """attributes of the named streets (default: scenex)"""
     real: Annotated[Path | None, Option("DIR")] = None
-    """real images to look at beside the street"""
+    """folder of real images to compare the street with"""
     size: Size = (480, 270)
-    """in pixels"""
+    """size of the image in pixels"""
     samples: Annotated[int, Option("N")] = 2
     """rays per pixel along each axis"""
     seed: Annotated[int, Option("N")] = 0
@@ -197,4 +197,4 @@ export = partial(command_line, "export", Export, "experiments.export")
 report = partial(command_line, "report", Report, "experiments.report")
 store = partial(command_line, "store", Store, "experiments.store")
 playground = partial(command_line, "playground", Playground, "experiments.playground")
-"""What makes each command line."""
+"""Functions that make the parsers."""
