@@ -1,4 +1,4 @@
-"""Buses: a rounded hull with rows of windows, doors, a lit destination board, liveries and adverts."""
+"""Buses: a rounded hull with windows, doors, a destination board, a livery and adverts."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ from scene.assets.parts.vehicle import (
     Walls,
     arch,
     axle,
-    faces,
     hull,
+    hull_walls,
     lamps,
     lettering,
     panel,
@@ -58,14 +58,14 @@ from scene.mesh.solids import polygon, tube
 
 
 class BusParams(NamedTuple):
-    """One bus; metres, and shares of the height between floor edge and roof."""
+    """One bus; metres, and shares of the height from the body's lower edge to the roof."""
 
     length: float
     width: float
     height: float
     decks: int
     bays: int  # windows along each side
-    glass: tuple[float, float]  # share: lower and upper edge of the windows of one deck
+    glass: tuple[float, float]  # shares: lower and upper edge of a deck's windows
     wheel_radius: float
     rear_axles: int
     doors: int
@@ -82,7 +82,7 @@ class BusParams(NamedTuple):
     advert: Color | None = None
     pods: int = 0  # boxes on the roof (cooling, gas)
     rim: Color = STEEL
-    seed: int = 0  # of the lettering
+    seed: int = 0  # of the lettering and the boxes
     glazing: Glazing = EMPTY
 
 
@@ -111,23 +111,23 @@ _PAINTS: dict[str, Rule] = {
     "school bus": near(0.15, (0.55, 0.30, 0.015)),
     "double decker": perhaps(0.4, near(0.15, _LIVERIES[0]), keep),
 }
-"""Of kinds that have colours of their own."""
+"""Kinds with a colour of their own."""
 _PATTERNS = ("plain", "skirt", "band", "two-tone", "swoop", "rear")
 _FLOOR = 0.32
 """Height of the lower edge of the body, m."""
-OUT = 0.04
-"""Metres by which wheels stand out from it."""
+WHEELS_OUT = 0.04
+"""Metres by which wheels stand out from the body."""
 
 
 def sample_bus(rng: np.random.Generator, kind: str) -> BusParams:
     """Draw a bus of one body type: size within 8 %, livery, adverts, boxes on the roof."""
     model = _MODELS[kind]
-    first, second = rng.choice(len(_LIVERIES), 2, replace=False)
-    color = resolve(rng, _PAINTS.get(kind, keep), pick(rng, (_LIVERIES[first],)))
+    first_color, second_color = rng.choice(len(_LIVERIES), 2, replace=False)
+    color = resolve(rng, _PAINTS.get(kind, keep), pick(rng, (_LIVERIES[first_color],)))
     return sample_fields(
         rng, model, length=times(0.92, 1.07), height=times(0.965, 1.035), bays=plus(-1, 3),
         rake=times(0.5, 1.8), round=between(0.12, 0.3), color=color,
-        second=perhaps(0.75, near(0.15, _LIVERIES[second]), near(0.15, BLACK, TRIM)),
+        second=perhaps(0.75, near(0.15, _LIVERIES[second_color]), near(0.15, BLACK, TRIM)),
         livery=one_of(*_PATTERNS), advert=perhaps(0.55, near(0.15, *_LIVERIES)),
         pods=integer(0, 4) if model.decks == 1 else 0,
         rim=near(0.15, STEEL, OFF_WHITE, (0.12, 0.12, 0.12), color), seed=SEED,
@@ -136,20 +136,20 @@ def sample_bus(rng: np.random.Generator, kind: str) -> BusParams:
 
 
 def bus(params: BusParams) -> Asset:
-    """The bus of ``params``, driving towards +x, its doors on the right.
+    """Build the bus, driving towards +x, its doors on the right.
 
-    Streets where traffic keeps left mirror it, see ``street/instances.py``.
+    It is mirrored in streets where traffic keeps left, see ``street/instances.py``.
     """
     p = params
     shape = _shape(p)
-    side = faces(shape)
+    side = hull_walls(shape)
     parts = [
         hull(shape, p.color),
         *_livery(p, shape, side),
         *_running_gear(p),
         *_ends(p, shape, side),
         *_doors(p, shape, side),
-        *_above(p, shape),
+        *_on_roof(p, shape),
     ]
     for deck in range(p.decks - p.open_top):
         low, high = _glass(p, deck)
@@ -178,13 +178,13 @@ def _shape(p: BusParams) -> Hull:
 
 
 def _glass(p: BusParams, deck: int) -> tuple[float, float]:
-    """Shares of the hull's height between which the windows of a deck are."""
+    """Return the lower and upper edge of a deck's windows as shares of the hull's height."""
     full = (p.height - _FLOOR) / (_shape(p).high - _FLOOR)
     return full * (deck + p.glass[0]) / p.decks, full * (deck + p.glass[1]) / p.decks
 
 
 def _livery(p: BusParams, shape: Hull, side: Walls) -> list[Asset]:
-    """The second colour, and an advert with its lettering."""
+    """Build the second colour, and an advert with its lettering."""
     foot, head = _glass(p, 0)
     edge = 1.2 * p.round / shape.length
     parts = []
@@ -237,13 +237,13 @@ def _running_gear(p: BusParams) -> list[Asset]:
     half, radius = p.width / 2, p.wheel_radius
     parts = []
     for x in _axles(p):
-        parts.append(axle(x, half + OUT, radius, 0.3, p.rim))
+        parts.append(axle(x, half + WHEELS_OUT, radius, 0.3, p.rim))
         parts += [arch(x, y, radius, radius + 0.09, 10) for y in (half + 0.02, -half - 0.02)]
     return parts
 
 
 def _doors(p: BusParams, shape: Hull, side: Walls) -> list[Asset]:
-    """Glass doors down to the floor on the right, windows between them."""
+    """Build glass doors down to the floor on the right, and the windows between them."""
     low, high = _glass(p, 0)
     width = 1.25 / shape.length
     starts = [1 - (p.first_door - 0.4 * p.bonnet) / shape.length - width, 0.48, 0.2][: p.doors]
@@ -261,7 +261,7 @@ def _doors(p: BusParams, shape: Hull, side: Walls) -> list[Asset]:
 
 
 def _ends(p: BusParams, shape: Hull, side: Walls) -> list[Asset]:
-    """Windscreens that reach round the corners, rear windows, boards, lamps, plates and bumpers."""
+    """Build windscreens round the corners, rear windows, boards, lamps, plates and bumpers."""
     front, rear = side.front, side.rear
     parts = []
     for deck in range(p.decks - p.open_top):
@@ -306,8 +306,8 @@ def _ends(p: BusParams, shape: Hull, side: Walls) -> list[Asset]:
     return parts
 
 
-def _above(p: BusParams, shape: Hull) -> list[Asset]:
-    """Boxes on the roof; on an open top a parapet with a rail and rows of seats."""
+def _on_roof(p: BusParams, shape: Hull) -> list[Asset]:
+    """Build boxes on the roof, and on an open top a parapet with a rail and rows of seats."""
     parts = []
     for k in range(p.pods):
         x = shape.x + (0.28 - 0.26 * k) * shape.length
@@ -328,10 +328,10 @@ def _above(p: BusParams, shape: Hull) -> list[Asset]:
 
 
 def _bonnet(p: BusParams) -> list[Asset]:
-    """The engine's box ahead of the windscreen, with grille and lamps."""
+    """Build the engine's box ahead of the windscreen, with grille and lamps."""
     x = p.length / 2 - p.bonnet / 2 - 0.25
     h = Hull(p.bonnet + 0.5, 0.86 * p.width, 0.5, 1.6, x, round=0.25, chamfer=0.2, nose=0.12)
-    front = faces(h).front
+    front = hull_walls(h).front
     return [
         hull(h, p.color),
         wrap(h, 1, (0.0, 0.2), 0.4, TRIM, lift=0.05),

@@ -1,12 +1,12 @@
-"""A user's own assets: a folder of mesh files with a manifest of their licences.
+"""Reads a user's own assets: a folder of mesh files with a manifest of their licences.
 
     my_assets/
         assets.csv        file,author,licence,source and, where needed, up,forward,scale
         car/golf.glb
         traffic_sign/stop.obj
 
-Sub-folders are named by class or by asset family. Whatever is wrong becomes a ``LibraryError`` that
-names the file.
+Sub-folders are named after classes or asset families. Every mistake raises a ``LibraryError`` that names the
+file.
 """
 
 from __future__ import annotations
@@ -32,23 +32,21 @@ from scene.mesh.file import SUFFIXES, MeshError, read_mesh
 MANIFEST = "assets.csv"
 REQUIRED = ("file", "author", "licence", "source")
 
-
 FOLDERS: dict[str, str] = {family: family for family in FAMILIES}
-"""Name of a sub-folder (with spaces or underscores) -> family; a class means its first family."""
+"""Family by name of a sub-folder (with spaces or underscores); a class stands for its first family."""
 for _family in FAMILIES.values():
     FOLDERS.setdefault(CLASS_NAMES[_family.train_id], _family.name)
 
 UNITS = (("millimetres", 0.001), ("centimetres", 0.01), ("inches", 0.0254), ("feet", 0.3048))
 HUNG = 2.1
-"""Metres above the ground at which a sign or light without a pole of its own hangs."""
+"""Height (metres) above the ground at which a sign or light without a pole hangs."""
 POLELESS = 1.6
-"""A sign or light lower than this has no pole of its own."""
+"""A sign or light less high than this (metres) has no pole of its own."""
 POLE_RADIUS = 0.06
-"""Metres by which it keeps clear of the built-in pole."""
-
+"""Distance (metres) of a hung sign or light from the axis of the built-in pole."""
 
 DIGITS = 16
-"""Of a folder's digest in its name."""
+"""Hexadecimal digits of the digest in the name of a snapshot."""
 _SNAPSHOT = re.compile(rf"[0-9a-f]{{{DIGITS}}}:")
 
 
@@ -57,22 +55,22 @@ class LibraryError(UserError):
 
 
 class Row(NamedTuple):
-    """One line of the manifest."""
+    """One row of the manifest."""
 
-    file: str  # path below the folder, with forward slashes
+    file: str  # path relative to the folder, with forward slashes
     author: str
     licence: str
     source: str
-    up: str = ""  # see ``mesh.file.read_mesh``; empty: the format's own
+    up: str = ""  # see ``mesh.file.read_mesh``; empty for the format's default
     forward: str = ""
-    scale: float = 1.0  # metres per unit of the file
+    scale: float = 1.0  # metres per unit in the file
 
 
 def snapshot(folder: str) -> str:
-    """A folder, or a file, by its content: a digest, a colon, its absolute path.
+    """Name a folder or file by its content: a digest, a colon and its absolute path.
 
-    What is cached under such a name, or one that begins with it, is never that of other files. A snapshot
-    is its own, and that of no folder (an empty name) is empty.
+    Whatever is cached under such a name cannot be mistaken for that of other files. The snapshot of a
+    snapshot is itself, that of an empty name is empty.
 
     Raises:
         LibraryError: a file cannot be read.
@@ -87,20 +85,20 @@ def snapshot(folder: str) -> str:
 
 
 def refuse_changed(name: str, root: Path) -> None:
-    """Raise unless a folder or file still is what it is called: what was just read may be of other files."""
+    """Raise if a folder or file is not that of its snapshot any more, since it changed while it was read."""
     if not snapshot(str(root)).startswith(name[: DIGITS + 1]):
         raise LibraryError(f"{root} changed while it was read; run the same command again")
 
 
 def manifest(folder: str) -> tuple[Row, ...]:
-    """The rows of a folder's ``assets.csv``, one for each mesh file, in order of the files' names.
+    """Read the rows of a folder's ``assets.csv``, one for each mesh file, sorted by the files' names.
 
     Args:
         folder: its path, or a snapshot.
 
     Raises:
-        LibraryError: no folder, no manifest, a column, author or licence missing, a row without its
-            file, a file without its row, an unknown sub-folder, no mesh file at all.
+        LibraryError: the folder or manifest does not exist, a column, author or licence is missing, a row
+            has no file or a file no row, a sub-folder has an unknown name, or there is no mesh file.
     """
     return _manifest(snapshot(folder))
 
@@ -109,10 +107,12 @@ def manifest(folder: str) -> tuple[Row, ...]:
 def _manifest(name: str) -> tuple[Row, ...]:
     root = path_of(name)
     if not root.is_dir():
-        raise LibraryError(f"{root} is {'not a folder' if root.exists() else 'not there'}")
+        raise LibraryError(f"{root} {'is not a folder' if root.exists() else 'does not exist'}")
     files = _mesh_files(root)
     if not files:
-        raise LibraryError(f"{root} holds no mesh file ({', '.join(SUFFIXES)}) in a class's folder")
+        raise LibraryError(
+            f"{root} has no mesh file ({', '.join(SUFFIXES)}) in a class's sub-folder"
+        )
     on_disk = {composed(file): file for file in files}
     listed = _rows(root / MANIFEST)
     rows = {on_disk.get(row.file, row.file): row for row in listed}
@@ -122,44 +122,43 @@ def _manifest(name: str) -> tuple[Row, ...]:
             raise LibraryError(f"{root / MANIFEST} has no row for {file}")
     for file in rows:
         if file not in files:
-            raise LibraryError(f"{root / MANIFEST} names {file}, which is not there")
+            raise LibraryError(f"{root / MANIFEST} lists {file}, which does not exist")
     refuse_changed(name, root)
     return tuple(rows[file] for file in files)
 
 
 def scan(folder: str) -> dict[str, tuple[str, ...]]:
-    """What a folder's mesh files are called, by family: its snapshot, a slash, the path below it."""
+    """List the names of a folder's assets by family: its snapshot, a slash, and the file's path in it."""
     return _scan(snapshot(folder))
 
 
 @lru_cache(maxsize=16)
 def _scan(name: str) -> dict[str, tuple[str, ...]]:
-    found: dict[str, tuple[str, ...]] = {}
+    refs: dict[str, tuple[str, ...]] = {}
     for row in _manifest(name):
-        family = FOLDERS[_plain(row.file.partition("/")[0])]
-        found[family] = (*found.get(family, ()), f"{name}/{row.file}")
-    return found
+        family = FOLDERS[_folder_name(row.file.partition("/")[0])]
+        refs[family] = (*refs.get(family, ()), f"{name}/{row.file}")
+    return refs
 
 
 def check(folder: str) -> int:
-    """Load every asset of a folder once and count them, so that errors come before the work.
+    """Load every asset of a folder once, so that errors come before the work, and return their number.
 
     Raises:
-        LibraryError: whatever is wrong first.
+        LibraryError: the first mistake.
     """
-    found = scan(folder)
-    for family, refs in found.items():
+    assets = scan(folder)
+    for family, refs in assets.items():
         for ref in refs:
             load(family, ref)
-    return sum(len(refs) for refs in found.values())
+    return sum(len(refs) for refs in assets.values())
 
 
 def load(family: str, ref: str) -> Asset:
-    """The own asset that ``scan`` calls ``ref``, placed as the family's built-in ones are.
+    """Load the own asset named ``ref`` by ``scan``, turned and placed like the family's built-in ones.
 
     Raises:
-        LibraryError: broken, empty, of no plausible size, or not the file any more that it was; the message
-            names the file.
+        LibraryError: the file is broken, empty, of implausible size, or has changed; the message names it.
     """
     file = path_of(ref)
     root = file.parents[1]
@@ -173,15 +172,15 @@ def load(family: str, ref: str) -> Asset:
     except OSError as error:
         raise LibraryError(f"{file}: {error.strerror}") from error
     refuse_changed(name, root)
-    return _stand(asset, family)
+    return _placed(asset, family)
 
 
 def path_of(name: str) -> Path:
-    """Where a snapshot, or a file in it, lies."""
+    """Return the path of a snapshot, or of a file in it."""
     return Path(name[DIGITS + 1 :])
 
 
-def _plain(name: str) -> str:
+def _folder_name(name: str) -> str:
     return name.replace("_", " ").lower()
 
 
@@ -189,9 +188,9 @@ def _mesh_files(root: Path) -> list[str]:
     """Mesh files of all sub-folders, relative to ``root``, sorted."""
     files = []
     for folder in sorted(p for p in root.iterdir() if p.is_dir() and not p.name.startswith(".")):
-        if _plain(folder.name) not in FOLDERS:
+        if _folder_name(folder.name) not in FOLDERS:
             raise LibraryError(
-                f"{folder} is no class that assets can have; known: {', '.join(FOLDERS)}"
+                f"{folder} is not named after a class or family of assets; known: {', '.join(FOLDERS)}"
             )
         files += [
             p.relative_to(root).as_posix() for p in folder.iterdir() if p.suffix.lower() in SUFFIXES
@@ -200,13 +199,12 @@ def _mesh_files(root: Path) -> list[str]:
 
 
 def _rows(path: Path) -> list[Row]:
-    """The manifest as it is written, whatever files there are."""
+    """Read the manifest, without comparing it to the files."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             head = file.readline()
-            separator = (
-                ";" if ";" in head and "," not in head else ","
-            )  # as some spreadsheets write
+            # Some spreadsheets separate columns by semicolons.
+            separator = ";" if ";" in head and "," not in head else ","
             file.seek(0)
             lines = list(csv.DictReader(file, restval="", delimiter=separator))
     except FileNotFoundError:
@@ -225,7 +223,7 @@ def _rows(path: Path) -> list[Row]:
                 raise LibraryError(f"{path}, line {number}: {column} is empty")
         values["file"] = plain_path(values["file"])
         if values["file"] in {row.file for row in rows}:
-            raise LibraryError(f"{path}, line {number}: {values['file']} stands there twice")
+            raise LibraryError(f"{path}, line {number}: {values['file']} is listed twice")
         rows.append(
             Row(
                 file=values["file"],
@@ -242,7 +240,9 @@ def _rows(path: Path) -> list[Row]:
 
 def _scale(text: str, path: Path, number: int) -> float:
     try:
-        value = float(text.replace(",", ".") or 1)  # such spreadsheets write decimal commas
+        value = float(
+            text.replace(",", ".") or 1
+        )  # spreadsheets with semicolons write decimal commas
     except ValueError:
         value = math.nan
     if not 0 < value < math.inf:
@@ -251,10 +251,10 @@ def _scale(text: str, path: Path, number: int) -> float:
 
 
 def _check_size(asset: Asset, family: str) -> None:
-    """Raise MeshError for a size that the family cannot have, with what would mend it."""
+    """Raise MeshError for a size that is implausible for the family, with a suggestion to fix it."""
     extents = np.ptp(asset.mesh.vertices, axis=0)
     sizes = FAMILIES[family].size
-    if _fits(extents, sizes):
+    if _is_plausible(extents, sizes):
         return
     measures = f"is {extents.max():.4g} m long and {extents[2]:.4g} m high"
     plausible = (
@@ -262,19 +262,19 @@ def _check_size(asset: Asset, family: str) -> None:
         f" and {sizes.height[0]:g} to {sizes.height[1]:g} m high"
     )
     for unit, factor in UNITS:
-        if _fits(factor * extents, sizes):
+        if _is_plausible(factor * extents, sizes):
             hint = f"scale {factor:g} ({unit}) in {MANIFEST} would fit"
             raise MeshError(f"{measures}; {plausible}; {hint}")
     for axis, k in (("x", 0), ("y", 1)):
-        if _fits(np.array([*np.delete(extents, k), extents[k]]), sizes):
+        if _is_plausible(np.array([*np.delete(extents, k), extents[k]]), sizes):
             raise MeshError(
-                f"{measures}; {plausible}; does it lie on its side? See column 'up' of {MANIFEST} "
-                f"(upright along our {axis})"
+                f"{measures}; {plausible}; it may lie on its side: see column 'up' of {MANIFEST} "
+                f"(its height is along our {axis})"
             )
-    raise MeshError(f"{measures}; {plausible}; see columns scale and up of {MANIFEST}")
+    raise MeshError(f"{measures}; {plausible}; see columns 'scale' and 'up' of {MANIFEST}")
 
 
-def _fits(extents: np.ndarray, sizes: Size) -> bool:
+def _is_plausible(extents: np.ndarray, sizes: Size) -> bool:
     longest, height = extents.max(), extents[2]
     return bool(
         sizes.longest[0] <= longest <= sizes.longest[1]
@@ -282,8 +282,8 @@ def _fits(extents: np.ndarray, sizes: Size) -> bool:
     )
 
 
-def _stand(asset: Asset, family: str) -> Asset:
-    """Turn an asset's front where the family's looks, and stand it where the family's stand."""
+def _placed(asset: Asset, family: str) -> Asset:
+    """Turn and move an asset to the front direction and origin of the family."""
     front = FAMILIES[family].front
     if front == "right":
         asset = rotate(asset, -math.pi / 2, (0, 0, 1))
@@ -292,7 +292,7 @@ def _stand(asset: Asset, family: str) -> Asset:
     low, high = asset.mesh.bounds
     x, y = (low + high)[:2] / 2
     z = low[2]
-    if front == "right":  # it stands on the line
+    if front == "right":  # the near side is at y = 0
         y = low[1]
     if front == "back" and high[2] - low[2] < POLELESS:
         x, z = high[0] + POLE_RADIUS, low[2] - HUNG

@@ -1,4 +1,4 @@
-"""A class of the user's own: its name, the file of its one asset, and where its objects stand."""
+"""A user's own class: its name, the file of its only asset, and where its objects stand."""
 
 from __future__ import annotations
 
@@ -17,49 +17,49 @@ from scene.mesh.file import MeshError, read_mesh, referenced
 from scene.names import PLACES
 
 FAMILY = "own class"
-"""What takes the place of a family where such an object stands; its index is the file's snapshot."""
+"""Used as the family of such objects; their index is the snapshot of the file."""
 SUFFIX = ".glb"
-"""Files that hold all that they need, so that workers elsewhere need no other."""
+"""The only accepted format, since a GLB includes its textures and workers then need no other file."""
 LONGEST_SIDE = (0.05, 15.0)
-"""Metres from, to."""
+"""Smallest and largest plausible length (metres)."""
 _IN_MEMORY: dict[str, Asset] = {}
-"""Assets of this process without a file, by a digest of their arrays."""
+"""Assets without a file, by a digest of their arrays; known to this process only."""
 
 
 class OwnClass(NamedTuple):
-    """A class beside the engine's, with train id ``scene.classes.OWN``."""
+    """An additional class, with train id ``scene.classes.OWN``."""
 
     name: str
-    file: str  # GLB of its asset, or the file's snapshot, see ``library.snapshot``
+    file: str  # path of its GLB, or the snapshot of it (``library.snapshot``)
     place: str = "sidewalk"  # or "carriageway"
 
-    def with_path(self, naming: Callable[[str], str]) -> OwnClass:
-        """The same class, its file by the name that ``naming`` gives it."""
-        return self._replace(file=naming(self.file))
+    def with_path(self, rename: Callable[[str], str]) -> OwnClass:
+        """Replace the file by ``rename`` of it."""
+        return self._replace(file=rename(self.file))
 
 
 def check(own: OwnClass) -> None:
-    """Load the asset once, so that errors come before the work.
+    """Check the name and place and load the asset once, so that errors come before the work.
 
     Raises:
-        UserError: name or place cannot be.
+        UserError: name or place is invalid.
         LibraryError: the file cannot be used.
     """
     check_class_name(own.name)
     if own.place not in PLACES:
         raise UserError(f"own class: place {own.place!r} is unknown; known: {', '.join(PLACES)}")
     if Path(own.file).suffix.lower() != SUFFIX or not Path(own.file).is_file():
-        why = "is not there" if not Path(own.file).exists() else f"is no {SUFFIX} file"
-        raise LibraryError(f"{own.file} {why}; an own class needs the {SUFFIX} file of its asset")
+        reason = f"is not a {SUFFIX} file" if Path(own.file).exists() else "does not exist"
+        raise LibraryError(f"{own.file} {reason}; an own class needs a {SUFFIX} file of its asset")
     load(snapshot(own.file))
 
 
 def load(ref: str) -> Asset:
-    """The asset in a file, by its snapshot, standing on the ground around its own middle.
+    """Load the asset of a snapshot, centred, with its lowest point on the ground.
 
     Raises:
-        LibraryError: broken, without triangles, not complete in itself, of no plausible size, or not the
-            file any more that it was; the message names the file.
+        LibraryError: the file is broken, has no triangles, needs other files, is of implausible size, or has
+            changed; the message names it.
     """
     if ref in _IN_MEMORY:
         return _IN_MEMORY[ref]
@@ -67,7 +67,7 @@ def load(ref: str) -> Asset:
     try:
         asset = read_mesh(file)
         for name in referenced(file):
-            raise MeshError(f"needs {name} beside it; save all in one {SUFFIX} file")
+            raise MeshError(f"needs the separate file {name}; save everything in one {SUFFIX} file")
         asset = _on_ground(asset)
     except MeshError as error:
         raise LibraryError(f"{file}: {error}") from error
@@ -78,10 +78,10 @@ def load(ref: str) -> Asset:
 
 
 def in_memory(asset: Asset) -> str:
-    """A name by which `load` finds an asset without a file, in this process.
+    """Register an asset without a file and return the name by which `load` finds it in this process.
 
     Raises:
-        MeshError: it is of no plausible size.
+        MeshError: implausible size.
     """
     asset = _on_ground(asset)
     arrays = (*(asset.mesh.vertices, asset.mesh.faces), asset.color, asset.material)
@@ -96,7 +96,7 @@ def in_memory(asset: Asset) -> str:
 
 
 def _on_ground(asset: Asset) -> Asset:
-    """The asset on the ground around its own middle, if its size is plausible."""
+    """Centre an asset and put its lowest point on the ground; raise MeshError for an implausible size."""
     longest = float(np.ptp(asset.mesh.vertices, axis=0).max())
     low, high = LONGEST_SIDE
     if not low <= longest <= high:

@@ -1,7 +1,7 @@
-"""Trains: trams, railcars, locomotives and wagons that stand on the building line.
+"""Rail vehicles on the building line: trams, railcars, locomotives and wagons.
 
-Unlike other vehicles the origin is at the base centre of the near side: the near face lies on
-y = 0, facing -y, and the body extends to y > 0.
+Unlike for other vehicles, the origin is the base centre of the near side: the near face is in y = 0 and
+faces -y, the body extends to y > 0.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ from scene.assets.parts.vehicle import (
     Hull,
     Walls,
     axle,
-    faces,
     hoop,
     hull,
+    hull_walls,
     lamps,
     lettering,
     panel,
@@ -63,7 +63,7 @@ from scene.mesh.solids import loft, tube
 class TrainParams(NamedTuple):
     """One vehicle on rails; metres."""
 
-    body: str  # which of ``_BODIES``
+    body: str  # see ``_BODIES``
     length: float
     width: float
     height: float
@@ -91,7 +91,7 @@ _MODELS: dict[str, TrainParams] = {
     "high-speed": TrainParams("railcar", 20.0, 2.85, 3.80, 0.80, 1, 2.6),
 }
 KINDS: tuple[str, ...] = tuple(_MODELS)
-"""Vehicle types."""
+"""Types of vehicle."""
 
 _LIVERIES: tuple[Color, ...] = (
     (0.36, 0.016, 0.018), (0.50, 0.30, 0.025), (0.025, 0.08, 0.25), (0.03, 0.15, 0.07),
@@ -118,7 +118,7 @@ def sample_train(rng: np.random.Generator, kind: str) -> TrainParams:
 
 
 def train(params: TrainParams) -> Asset:
-    """The vehicle of ``params`` along x, its near face on y = 0."""
+    """Build the vehicle along x, its near face in y = 0."""
     p = params
     body = _BODIES[p.body]
     parts = [*_bogies(p), *body.build(p)]
@@ -128,7 +128,7 @@ def train(params: TrainParams) -> Asset:
 
 
 def _bogies(p: TrainParams) -> list[Asset]:
-    """Two bogies of two axles, and the dark frame between them."""
+    """Build two bogies of two axles, and the dark frame between them."""
     radius = _BODIES[p.body].wheel_radius
     half = p.width / 2 - 0.12
     parts = []
@@ -145,7 +145,7 @@ def _bogies(p: TrainParams) -> list[Asset]:
 
 
 def _pantograph(p: TrainParams) -> list[Asset]:
-    """A bent arm and its contact bar on the roof."""
+    """Build a bent arm and its contact bar on the roof."""
     top, x = p.height, 0.12 * p.length
     elbow, head = (x - 0.7, 0.0, top + 0.55), (x + 0.25, 0.0, top + 1.1)
     bar = [(head[0], y, head[2]) for y in (-0.75, 0.75)]
@@ -162,7 +162,7 @@ def _shape(p: TrainParams) -> Hull:
 
 
 def _cab_ends(p: TrainParams, side: Walls, glass: tuple[float, float]) -> list[Asset]:
-    """Windscreens that reach round the corners, lamps, couplers and destination boards."""
+    """Build windscreens that reach round the corners, lamps, couplers and destination boards."""
     shape = _shape(p)
     parts = []
     for end, face, lamp in ((1, side.front, HEADLAMP), (-1, side.rear, TAILLAMP)):
@@ -182,8 +182,8 @@ def _cab_ends(p: TrainParams, side: Walls, glass: tuple[float, float]) -> list[A
 
 
 def _passenger(p: TrainParams, bays: int, doors: int, glass: tuple[float, float]) -> list[Asset]:
-    """Sections with a continuous dark window band, doors, a coloured band and cab ends."""
-    side = faces(_shape(p))
+    """Build sections with a continuous dark window band, doors, a coloured band and cab ends."""
+    side = hull_walls(_shape(p))
     inset = (p.rake * glass[1] + p.round + 0.1) / p.length
     parts = [hull(_shape(p), p.color)]
     parts += _cab_ends(p, side, (glass[0] - 0.03, glass[1]))
@@ -217,7 +217,7 @@ def _railcar(p: TrainParams) -> list[Asset]:
 
 
 def _locomotive(p: TrainParams) -> list[Asset]:
-    side = faces(_shape(p))
+    side = hull_walls(_shape(p))
     parts = [hull(_shape(p), p.color), *_cab_ends(p, side, (0.52, 0.84))]
     for wall in side[:2]:
         parts.append(panel(wall, (0.04, 0.96), (0.06, 0.22), p.band))
@@ -234,7 +234,7 @@ def _locomotive(p: TrainParams) -> list[Asset]:
 
 
 def _hopper(p: TrainParams) -> list[Asset]:
-    """An open wagon with ribs, narrower below, heaped with ballast or coal."""
+    """Build an open wagon with ribs, narrower below, heaped with ballast or coal."""
     half, end = p.width / 2, p.length / 2 - 0.4
     plan = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], float)
     rings = [
@@ -255,7 +255,7 @@ def _hopper(p: TrainParams) -> list[Asset]:
 
 
 def _container(p: TrainParams) -> list[Asset]:
-    """Two containers on a flat wagon."""
+    """Build two containers on a flat wagon."""
     half, end = p.width / 2, p.length / 2
     frame = cuboid((-end, end), half, (p.floor - 0.25, p.floor), BLACK, "metal")
     parts = [frame]
@@ -269,7 +269,7 @@ def _container(p: TrainParams) -> list[Asset]:
 
 
 def _tank(p: TrainParams) -> list[Asset]:
-    """A long tank with bands, a dome and a ladder on a flat frame."""
+    """Build a long tank with bands, a dome and a ladder on a flat frame."""
     half, end = p.width / 2, p.length / 2
     radius = (p.height - p.floor) / 2
     angle = np.arange(24) * np.pi / 12
@@ -293,10 +293,10 @@ def _tank(p: TrainParams) -> list[Asset]:
 
 
 class Body(NamedTuple):
-    """How a vehicle is built above its bogies."""
+    """A type of body above the bogies."""
 
     build: Callable[[TrainParams], list[Asset]]
-    freight: bool = False  # in the colours of goods trains
+    freight: bool = False  # painted like goods wagons
     wired: bool = False  # may have a pantograph
     wheel_radius: float = 0.44  # m
 

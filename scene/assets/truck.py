@@ -1,4 +1,4 @@
-"""Lorries: a forward cab on a dark chassis with wheels, and one of several loads behind it."""
+"""Lorries: a forward cab on a dark chassis with wheels, and one of several bodies or loads behind it."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ from scene.assets.parts.vehicle import (
     Hull,
     arch,
     axle,
-    faces,
     hull,
+    hull_walls,
     lamps,
     panel,
     panels,
@@ -89,13 +89,13 @@ _BOXES: tuple[Color, ...] = (
 
 
 class Load(NamedTuple):
-    """What a lorry may carry."""
+    """A body or load that lorries have."""
 
     build: Callable[[TruckParams], list[Asset]]
     colors: tuple[Color, ...]
-    beacons: float = 0.15  # how likely there are some on the cab
-    deflector: bool = False  # whether the cab may have one
-    matching: bool = False  # whether the cab may be of the load's colour
+    beacons: float = 0.15  # probability of beacons on the cab
+    deflector: bool = False  # the cab may have a wind deflector
+    matching: bool = False  # the cab may have the colour of the body
 
 
 LOADS: dict[str, Load] = {
@@ -122,16 +122,16 @@ def sample_truck(rng: np.random.Generator, kind: str) -> TruckParams:
     model = _MODELS[kind]
     load = LOADS[model.load]
     body, cab = pick(rng, load.colors), pick(rng, _CABS)
-    long = rng.uniform(0.9, 1.06)
-    dark = (0.03, 0.04, 0.12) if rng.random() < 0.5 else cab
-    accent = WHITE if max(body) < 0.35 else dark if max(dark) < 0.4 else TRIM
+    stretch = rng.uniform(0.9, 1.06)
+    dark_ink = (0.03, 0.04, 0.12) if rng.random() < 0.5 else cab
+    ink = WHITE if max(body) < 0.35 else dark_ink if max(dark_ink) < 0.4 else TRIM
     grille = rng.uniform(0.16, 0.24)
     return sample_fields(
-        rng, model, length=model.length * long,
-        axles=(model.axles[0], *(x * long for x in model.axles[1:])),
+        rng, model, length=model.length * stretch,
+        axles=(model.axles[0], *(x * stretch for x in model.axles[1:])),
         height=times(0.9, 1.05), cab_height=times(0.95, 1.06), rake=times(0.4, 1.6),
         cab=perhaps(0.6, body, cab) if load.matching else cab, body=body,
-        letters=perhaps(0.75, accent), band=perhaps(0.4, near(0.15, *_CABS)), visor=maybe(0.4),
+        letters=perhaps(0.75, ink), band=perhaps(0.4, near(0.15, *_CABS)), visor=maybe(0.4),
         deflector=load.deflector and maybe(0.55), beacons=maybe(load.beacons),
         round=between(0.1, 0.28), grille=(grille, lambda rng, _: grille + rng.uniform(0.1, 0.24)),
         fill=between(0.45, 0.95), seed=SEED, glazing=glazed(0.7),
@@ -139,7 +139,7 @@ def sample_truck(rng: np.random.Generator, kind: str) -> TruckParams:
 
 
 def truck(params: TruckParams) -> Asset:
-    """The lorry of ``params``, its cab towards +x."""
+    """Build the lorry, its cab towards +x."""
     p = params
     nose, half = p.length / 2, p.width / 2
     rim = STEEL if p.seed % 3 else (0.5, 0.5, 0.49)
@@ -153,11 +153,11 @@ def truck(params: TruckParams) -> Asset:
 
 
 def _cab(p: TruckParams) -> list[Asset]:
-    """The forward cab: hull, wrapped windscreen, doors, grille, lamps, steps and mirrors."""
+    """Build the cab: hull, wrapped windscreen, doors, grille, lamps, steps and mirrors."""
     nose, low, width = p.length / 2, 0.38, p.width - 0.04
     middle = nose - p.cab_length / 2
     h = Hull(p.cab_length, width, low, p.cab_height, middle, p.round, 0.8 * p.round, p.rake)
-    side = faces(h)
+    side = hull_walls(h)
     front = side.front
     foot, top = p.windscreen
     back = (p.rake * top + p.round) / p.cab_length  # share of the side lost to the screen's lean
@@ -184,19 +184,24 @@ def _cab(p: TruckParams) -> list[Asset]:
         handle = (u[0] + 0.02, u[0] + 0.1) if wall is side.right else (u[1] - 0.1, u[1] - 0.02)
         parts.append(panel(wall, handle, (foot - 0.06, foot - 0.04), TRIM, lift=0.03))
         parts.append(panels(wall, [u], [(0.02, 0.05), (0.1, 0.13)], BLACK, lift=0.02))
-    eyes = low + foot * (p.cab_height - low)
+    mirror_low = low + foot * (p.cab_height - low)
     x = nose - p.rake * foot
-    mirror = block((x - 0.1, p.width / 2 + 0.03, eyes), (x, p.width / 2 + 0.23, eyes + 0.5), TRIM)
-    arm = (x - 0.2, p.width / 2 - 0.05, eyes + 0.5), (x - 0.05, p.width / 2 + 0.13, eyes + 0.47)
+    mirror = block(
+        (x - 0.1, p.width / 2 + 0.03, mirror_low), (x, p.width / 2 + 0.23, mirror_low + 0.5), TRIM
+    )
+    arm = (
+        (x - 0.2, p.width / 2 - 0.05, mirror_low + 0.5),
+        (x - 0.05, p.width / 2 + 0.13, mirror_low + 0.47),
+    )
     parts.append(pair(merge(mirror, tube(*arm, 0.02, TRIM, sides=4))))
     for y in (0.35, -0.45):
-        wiper = (x + 0.03, y, eyes - 0.02), (x, y + 0.5, eyes + 0.1)
+        wiper = (x + 0.03, y, mirror_low - 0.02), (x, y + 0.5, mirror_low + 0.1)
         parts.append(tube(*wiper, 0.012, BLACK, sides=4))
-    return parts + _on_cab(p, h)
+    return parts + _cab_fittings(p, h)
 
 
-def _on_cab(p: TruckParams, h: Hull) -> list[Asset]:
-    """Sun visor, wind deflector and beacons, as fitted."""
+def _cab_fittings(p: TruckParams, h: Hull) -> list[Asset]:
+    """Build sun visor, wind deflector and beacons, where fitted."""
     nose, top = p.length / 2, p.windscreen[1]
     parts = []
     if p.visor:
@@ -217,7 +222,7 @@ def _on_cab(p: TruckParams, h: Hull) -> list[Asset]:
 
 
 def _chassis(p: TruckParams) -> list[Asset]:
-    """Frame rails, fuel tank, mudguards, and side guards between the axles that are far apart."""
+    """Build frame rails, fuel tank, mudguards, and side guards between axles that are far apart."""
     nose, tail, bed = p.length / 2, -p.length / 2, floor(p)
     parts = [cuboid((tail, nose - 1), 0.45, (bed - 0.35, bed), BLACK, "metal")]
     for ahead, behind in itertools.pairwise(p.axles):
@@ -237,7 +242,7 @@ def _chassis(p: TruckParams) -> list[Asset]:
 
 
 def _tail(p: TruckParams) -> list[Asset]:
-    """Bumper bar, lamps, plate and warning board at the rear."""
+    """Build bumper bar, lamps and plate at the rear."""
     rear = walls(p.length, p.width, floor(p) - 0.45, floor(p)).rear
     return [
         panel(rear, (0, 1), (0.15, 0.8), TRIM, lift=0.01),

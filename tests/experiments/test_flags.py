@@ -260,7 +260,7 @@ SIZES = ("--reward.streets", "--reward.shots", "--final.samples", "--final.train
     (["--asset-count", str(FIRST_ASSET)], ["--asset-count", "less than"]),
     (["--asset-fraction", "0"], ["--asset-fraction", "(0, 1]"]),
     (["--asset-use", "own"], ["--asset-use 'own'", "folder"]),
-    (["--assets", "/no/such"], ["--assets", "/no/such", "not there"]),
+    (["--assets", "/no/such"], ["--assets", "/no/such", "does not exist"]),
     (["--seed", str(2**31)], ["--seed", "2147483647 or less"]),
     (["--asset-count", "2000000"], ["--asset-count", "1,000,000 or less"]),
     (["--search.bins", "1001"], ["--search.bins", "1000 or less"]),

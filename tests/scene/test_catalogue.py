@@ -124,7 +124,7 @@ def test_own_assets_are_drawn_beside_the_built_in_ones_or_alone(folder):
     assert bounds("car", two)[1] == pytest.approx([2.25, 0.9, 1.5]) and kind("car", one) == "a.stl"
     pool = AssetPool(own=folder, use="own")
     assert set(drawn(pool, "person", 5)) == {None}
-    refused(LibraryError, "not there", check_pool, pool._replace(own=f"{folder}/nowhere"))
+    refused(LibraryError, "does not exist", check_pool, pool._replace(own=f"{folder}/nowhere"))
     assert set(catalogue.missing_families(check_pool(pool))) == set(FAMILIES) - {"car"}
     assert catalogue.missing_families(AssetPool(own=folder)) == ()
 

@@ -299,7 +299,7 @@ def test_the_command_line_holds_what_is_known(tmp_path, printed):
     ("--samples 99", "samples must lie in 1..8"), ("--format voc", "parquet, not 'voc'"),
     ("--split test", "train, val, not 'test'"),
     ("--asset-fraction 0", "asset fraction must lie in (0, 1], not 0.0"),
-    ("--assets nowhere", "nowhere is not there"), ("--attributes nowhere.json", "nowhere.json"),
+    ("--assets nowhere", "nowhere does not exist"), ("--attributes nowhere.json", "nowhere.json"),
     ("--attributes garbled.json", "garbled.json is no JSON file"),
     ("--attributes list.json", "list.json: expected a JSON object"),
     ("--attributes unknown.json", "unknown.json: unknown attribute 'car_speed'"),

@@ -358,8 +358,8 @@ def test_a_texture_may_be_named_in_other_ways(tmp_path, name):
     ("file,author,licence\ncar/box.stl,A,B\n", "no column 'source'"),
     (f"{HEAD}\ncar/box.stl,A,,C\n", "line 2: licence is empty"), (None, "assets.csv is missing"),
     (f"{HEAD}\n", "has no row for car/box.stl"), ("", "has no row for car/box.stl"),
-    (f"{HEAD}\n{ROW}\ncar/gone.stl,A,B,C\n", "names car/gone.stl, which is not there"),
-    (f"{HEAD}\n{ROW}\n{ROW}\n", "line 3: car/box.stl stands there twice"),
+    (f"{HEAD}\n{ROW}\ncar/gone.stl,A,B,C\n", "lists car/gone.stl, which does not exist"),
+    (f"{HEAD}\n{ROW}\n{ROW}\n", "line 3: car/box.stl is listed twice"),
     (f"{HEAD},scale\n{ROW},-1\n", "line 2: scale must be a positive number, not '-1'"),
     (f"{HEAD},up\n{ROW},north\n", "box.stl: up is 'north'; known: x, -x"),
     (f"{HEAD},up,forward\n{ROW},z,-z\n", "box.stl: up z and forward -z are the same axis"),
@@ -372,8 +372,8 @@ def test_a_wrong_manifest_is_named(shelf, tmp_path, text, complaint):
 
 
 @pytest.mark.parametrize(("name", "complaint"), [
-    ("nowhere", "not there"), ("file", "is not a folder"), ("empty", "holds no mesh file"),
-    ("own", "spaceship is no class that assets can have; known: b"),
+    ("nowhere", "does not exist"), ("file", "is not a folder"), ("empty", "has no mesh file"),
+    ("own", "spaceship is not named after a class or family of assets; known: b"),
 ])  # fmt: skip
 def test_wrong_folders_are_named(shelf, tmp_path, name, complaint):
     (tmp_path / "file").write_text("")

@@ -142,7 +142,7 @@ def test_vehicles_have_glass_tyres_and_lamps_at_both_ends(family):
 
 @pytest.mark.parametrize("family", ["bus", "truck"])
 def test_nothing_stands_before_the_rims_of_large_vehicles(family):
-    out, width = (bus.OUT, 0.3) if family == "bus" else (0.03, 0.32)
+    out, width = (bus.WHEELS_OUT, 0.3) if family == "bus" else (0.03, 0.32)
     turn = np.arange(8) * np.pi / 4 + 0.1
     for kind, seed in product(FAMILIES[family].kinds, (3, 4)):
         params = FAMILIES[family].sample(np.random.default_rng(seed), kind)

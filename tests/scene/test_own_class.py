@@ -320,12 +320,12 @@ def test_ids_of_a_class_that_a_dataset_does_not_have_are_found():
     ("--own-asset bin.glb --own-class=", "own class '' has no name that can be read"),
     ("--own-asset bin.glb --own-class=a\nb", "own class 'a\\nb' has no name that can be read"),
     ("--own-asset bin.glb --own-class " + 41 * "x", "a name has at most 40 characters, not 41"),
-    ("--own-asset nowhere.glb --own-class bin", "nowhere.glb is not there; an own class needs the .glb"),
+    ("--own-asset nowhere.glb --own-class bin", "nowhere.glb does not exist; an own class needs a .glb"),
     ("--own-asset= --own-class bin", "own class needs the .glb file of its asset"),
-    ("--own-asset bin.obj --own-class bin", "bin.obj is no .glb file; an own class needs the .glb"),
+    ("--own-asset bin.obj --own-class bin", "bin.obj is not a .glb file; an own class needs a .glb"),
     ("--own-asset points.glb --own-class bin", "points.glb: has no faces"),
     ("--own-asset broken.glb --own-class bin", "broken.glb: broken: cut short"),
-    ("--own-asset beside.glb --own-class bin", "beside.glb: needs skin.png beside it; save all in one"),
+    ("--own-asset beside.glb --own-class bin", "beside.glb: needs the separate file skin.png; save"),
     ("--own-asset huge.glb --own-class bin", "huge.glb: is 100 m long; an asset of an own class is 0.05"),
     ("--own-asset bin.glb --own-class bin --target camvid", "own class 'bin' and target camvid: labels are"),
 ])  # fmt: skip
@@ -370,4 +370,4 @@ def test_a_stream_and_a_pool_refuse_the_same(pool, file):
     car = AssetPool(own_class=OwnClass("car", str(file)))
     refused(ValueError, "there is such a class already", stream, pool=car)
     gone = AssetPool(own_class=OwnClass("bin", "gone.glb"))
-    refused(LibraryError, "gone.glb is not there", stream, pool=gone)
+    refused(LibraryError, "gone.glb does not exist", stream, pool=gone)

@@ -153,7 +153,7 @@ def test_own_assets_are_shown_and_what_is_left_out_is_said(folder, tmp_path, pri
     ("--asset-use own", "needs a folder of own assets"),
     ("--weather hail", "'hail'"),
     ("--asset car --assets own --asset-use own", "the asset pool has no car"),
-    ("--assets /no/such", "/no/such is not there"),
+    ("--assets /no/such", "/no/such does not exist"),
     ("--renderer blender", "both, not 'blender'"),
     ("--sweep all --asset all", "not allowed with"), ("--out x.gif", "must end in .png"),
     ("--out none/x.png", "there is no folder"),

@@ -1,7 +1,7 @@
-"""The shell of a car as one curved surface: flanks with wheel arches, cabin, bonnet, nose and tail.
+"""The shell of a car, one curved surface with flanks, wheel arches, cabin, bonnet, nose and tail.
 
-A point of it is named by ``s``, the share of the length from the nose, and by its row in the section,
-from the sill over the shoulder and the windows to the middle of the roof.
+A point on it has two coordinates: ``s``, the share of the length from the nose, and its row in the section,
+which runs from the sill over the shoulder and the windows to the middle of the roof.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from scene.mesh.asset import Asset, Color
 from scene.mesh.mesh import frozen
 
 FLANK = np.array([0.0, 0.2, 0.45, 0.78, 1.0])
-"""Heights of the rows below the shoulder, as shares from the sill up."""
+"""Heights of the rows below the shoulder, as shares of the way up from the sill."""
 CABIN = np.array([0.1, 0.5, 0.86, 1.0])
-"""Heights of the rows from the shoulder to the edge of the roof."""
+"""Heights of the rows above it, as shares of the way up from the shoulder to the edge of the roof."""
 ROOF = np.array([0.84, 0.45, 0.0])
-"""Places of the rows over the roof, as shares from its middle to its edge."""
+"""Positions of the rows over the roof, as shares of the way from its middle to its edge."""
 _GLASS_ROWS = slice(len(FLANK), len(FLANK) + 2)
 _SCREEN_ROWS = slice(len(FLANK) + len(CABIN), len(FLANK) + len(CABIN) + 2)
 _POWER = 2.4
-"""How square nose, screen and tail are in plan; 2 is a parabola."""
+"""Exponent of the outline of nose, screen and tail in plan; 2 is a parabola, more is squarer."""
 
 
 class Body(NamedTuple):
@@ -48,7 +48,7 @@ class Body(NamedTuple):
     tail: float  # share: foot of the rear window
     glass: tuple[float, float]  # shares: where the side windows begin and end
     pillars: tuple[float, ...]  # shares: posts between the side windows
-    tumblehome: float  # how far the roof is narrower than the body, as a share of it
+    tumblehome: float  # by how much the roof is narrower than the body, as a share of it
     nose: float = 0.22  # m that the nose is rounded in plan
     stern: float = 0.12  # m that the tail is rounded in plan
     rake: float = 0.07  # m that the top of the nose is set back behind the bumper
@@ -57,29 +57,29 @@ class Body(NamedTuple):
 
 
 def flank_x(b: Body, s: np.ndarray | float) -> np.ndarray:
-    """X of the flank at share ``s`` of the length, m."""
+    """Return x of the flank at share ``s`` of the length, m."""
     return b.length / 2 - b.nose - np.asarray(s) * (b.length - b.nose - b.stern)
 
 
 def share_at_x(b: Body, x: np.ndarray | float) -> np.ndarray:
-    """Inverse of ``at``."""
+    """Return the share of the length at ``x``, the inverse of ``flank_x``."""
     return (b.length / 2 - b.nose - np.asarray(x)) / (b.length - b.nose - b.stern)
 
 
 def axles(b: Body) -> tuple[float, float]:
-    """X of the front and the rear axle, m."""
+    """Return x of the front and the rear axle, m."""
     front = b.length / 2 - b.front
     return front, front - b.wheelbase
 
 
 def middle_height(b: Body, s: np.ndarray) -> np.ndarray:
-    """Height of the body's middle line, m."""
+    """Return the height of the body's middle line, m."""
     return np.interp(s, *_top_knots(b))
 
 
 @lru_cache(maxsize=8)
 def _top_knots(b: Body) -> np.ndarray:
-    """Shares of the length and heights f64[2, n] between which the middle line is straight."""
+    """Return the shares of the length and the heights f64[2, n] of the middle line's corners."""
     span = b.roof_rear - b.roof_front
     knots = [
         (-0.01, b.hood - 0.03), (0.0, b.hood - 0.025), (0.03, b.hood),
@@ -94,7 +94,7 @@ def _top_knots(b: Body) -> np.ndarray:
 
 
 def shoulder(b: Body, s: np.ndarray) -> np.ndarray:
-    """Height at which flank turns into bonnet, window or deck, m."""
+    """Return the height at which the flank meets bonnet, window or deck, m."""
     line = np.interp(
         s, [0, b.cowl - 0.02, b.cowl + 0.03, b.tail], [b.hood, b.belt - 0.03, b.belt, b.belt + 0.02]
     )
@@ -104,19 +104,19 @@ def shoulder(b: Body, s: np.ndarray) -> np.ndarray:
 _HALF_WIDTHS = np.array(
     [[0, 0.06, 0.16, 0.3, 0.75, 0.9, 1], [0.90, 0.955, 0.99, 1, 1, 0.975, 0.93]]
 )
-# Under the waist the flank looks at the road, above it at the sky: a dark half and a light one.
+# Below the waist the flank faces the road and is dark, above it faces the sky and is light.
 _SIDE_PROFILE = np.array([[0, 0.2, 0.45, 0.78, 1], [0.945, 0.975, 0.984, 1.0, 0.95]])
 SHELF = 0.03
-"""Metres that windows stand behind the flank below them; what is between looks up and catches the sky."""
+"""Metres from the flank in to the windows above it; the shelf between them reflects the sky."""
 
 
 def half_width(b: Body, s: np.ndarray) -> np.ndarray:
-    """Half the width of the body, m."""
+    """Return half the width of the body, m."""
     return b.width / 2 * np.interp(s, *_HALF_WIDTHS)
 
 
 def lower_edge(b: Body, s: np.ndarray) -> np.ndarray:
-    """Height of the flank's lower edge, a circle over each wheel, m."""
+    """Return the height of the flank's lower edge, a circle over each wheel, m."""
     edge = np.interp(s, [0, 0.08, 0.9, 1], [b.sill + 0.04, b.sill, b.sill, b.sill + 0.09])
     reach = b.wheel_radius + ARCH_GAP
     for x in axles(b):
@@ -128,17 +128,17 @@ def lower_edge(b: Body, s: np.ndarray) -> np.ndarray:
 
 
 ARCH_GAP = 0.05
-"""Between a tyre and its wheel arch, m."""
+"""Gap between a tyre and its wheel arch, m."""
 
 
 def side_y(b: Body, wide: np.ndarray, crest: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Half the width at height ``z`` of a flank that is ``wide`` and ends at ``crest``, m."""
+    """Return half the width at height ``z`` of a flank that is ``wide`` and ends at ``crest``, m."""
     up = (z - b.sill) / np.maximum(crest - b.sill, 1e-3)
     return wide * np.interp(up, *_SIDE_PROFILE)
 
 
 def _end_setback(b: Body, s: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """How far nose and tail recede at row height ``v`` (0 sill, 1 shoulder), m, negative at the nose."""
+    """Return how far nose and tail recede at row height ``v`` (0 sill, 1 shoulder), m, < 0 at the nose."""
     if s.min() > 0.08 and s.max() < 0.95:
         return np.zeros(1)
     fade = (1 - s / 0.08).clip(0, 1), (1 - (1 - s) / 0.05).clip(0, 1)
@@ -146,19 +146,19 @@ def _end_setback(b: Body, s: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 
 def _setback(b: Body, end: int, v: np.ndarray) -> np.ndarray:
-    """How far the very nose (0) or tail (1) recedes at row height ``v``, m."""
+    """Return how far the end of the nose (0) or tail (1) recedes at row height ``v``, m."""
     nose, stern = (0.05, 0.008, 0.0, 0.5 * b.rake, b.rake), (0.06, 0.008, 0.0, 0.03, 0.05)
     return np.interp(v, FLANK, stern if end else nose)
 
 
 def _bulge(b: Body, s: np.ndarray) -> np.ndarray:
-    """How far the middle of the section is ahead of its flanks, m."""
+    """Return how far the middle of a section is ahead of its flanks, m."""
     knots = [0, 0.7 * b.cowl, b.cowl, b.roof_front, b.roof_front + 0.1, b.roof_rear, 1.0]
     return np.interp(s, knots, [b.nose, 0.14, 0.11, 0.07, 0, -0.03, -b.stern])
 
 
 def fascia(b: Body, end: int, c: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Points of the nose (``end`` 0) or tail (1): ``c`` -1 right .. 1 left, ``v`` 0 sill .. 1 shoulder."""
+    """Return points of nose (``end`` 0) or tail (1): ``c`` -1 right .. 1 left, ``v`` 0 sill .. 1 shoulder."""
     foot, crest, wide, flank_x, bulge = _rim(b, end)
     z = foot + v * (crest - foot)
     back = _setback(b, end, v)
@@ -166,36 +166,36 @@ def fascia(b: Body, end: int, c: np.ndarray, v: np.ndarray) -> np.ndarray:
     return _points(x, c * side_y(b, wide, crest, z), z)
 
 
-@lru_cache(maxsize=16)  # asked for by every lamp and plate of a car
+@lru_cache(maxsize=16)  # every lamp and plate of a car asks for it
 def _rim(b: Body, end: int) -> tuple[np.ndarray, ...]:
-    """Of nose (0) or tail (1): foot, shoulder, half width, x, how far its middle is ahead of it, m."""
+    """Return foot, shoulder, half width, x and bulge of nose (0) or tail (1), m."""
     s = np.array([float(end)])
     return lower_edge(b, s), shoulder(b, s), half_width(b, s), flank_x(b, s), _bulge(b, s)
 
 
 def _points(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Points f64[..., 3] from coordinates of which y has the full shape."""
+    """Stack points f64[..., 3] from coordinates that broadcast to the shape of y."""
     points = np.empty((*y.shape, 3))
     points[..., 0], points[..., 1], points[..., 2] = x, y, z
     return points
 
 
 def flank(b: Body, s: np.ndarray, v: np.ndarray, *, arches: bool = True) -> np.ndarray:
-    """Points of the left flank: ``s`` along, ``v`` 0 at the sill (or arch) .. 1 at the shoulder."""
+    """Return points of the left flank: ``s`` along, ``v`` 0 at the sill (or arch) .. 1 at the shoulder."""
     foot, crest = lower_edge(b, s) if arches else b.sill, shoulder(b, s)
     z = foot + v * (crest - foot)
     return _points(flank_x(b, s) + _end_setback(b, s, v), side_y(b, half_width(b, s), crest, z), z)
 
 
 def doorway(b: Body) -> tuple[float, float]:
-    """Shares of the length between the wheel arches."""
+    """Return the shares of the length between which there are no wheel arches."""
     front, rear = axles(b)
     reach = b.wheel_radius + 1.2 * ARCH_GAP
     return float(share_at_x(b, front - reach)), float(share_at_x(b, rear + reach))
 
 
 def cabin(b: Body, s: np.ndarray, w: np.ndarray) -> np.ndarray:
-    """Points of the left window band: ``w`` 0 at the shoulder .. 1 at the edge of the roof."""
+    """Return points of the left window band: ``w`` 0 at the shoulder .. 1 at the edge of the roof."""
     foot, ridge, wide = shoulder(b, s), middle_height(b, s), half_width(b, s)
     edge = np.maximum(ridge - b.crown, foot + 0.6 * (ridge - foot))
     y = side_y(b, wide, foot, foot)
@@ -209,7 +209,7 @@ def cabin(b: Body, s: np.ndarray, w: np.ndarray) -> np.ndarray:
 
 
 def roof(b: Body, s: np.ndarray, c: np.ndarray) -> np.ndarray:
-    """Points over bonnet, screens and roof: ``c`` 1 at the left edge .. 0 in the middle."""
+    """Return points of bonnet, screens and roof: ``c`` 1 at the left edge .. 0 in the middle."""
     edge = cabin(b, s, np.ones_like(s))
     y = c * edge[..., 1]
     crest = shoulder(b, s)
@@ -220,7 +220,7 @@ def roof(b: Body, s: np.ndarray, c: np.ndarray) -> np.ndarray:
 
 
 def stations(b: Body) -> np.ndarray:
-    """Shares of the length at which the shell has a section."""
+    """Return the shares of the length at which the shell has a section."""
     span = b.roof_rear - b.roof_front
     marks = [
         0,
@@ -252,36 +252,34 @@ def stations(b: Body) -> np.ndarray:
 
 
 def _arch_marks(b: Body) -> np.ndarray:
-    """Shares of the length at which the wheel arches have a corner."""
+    """Return the shares of the length at which the wheel arches have a corner."""
     reach = b.wheel_radius + ARCH_GAP
     return np.concatenate([share_at_x(b, x + reach * _ARCH_CORNERS) for x in axles(b)])
 
 
 _ARCH_CORNERS = np.array([-1.03, -0.99, -0.9, -0.63, -0.22, 0.22, 0.63, 0.9, 0.99, 1.03])
-
-
 _MIN_SPACING = 3.5e-3
-"""Share of the length that sections are apart, at least."""
+"""Smallest distance of two sections, as a share of the length."""
 _POST = 0.009
 """Half the width of a window post, as a share of the length."""
 
 
 class Paint(NamedTuple):
-    """What the shell wears."""
+    """Colours and materials of the shell."""
 
     body: Color
-    lower: Color  # below ``lower_edge``: second colour or plastic
+    lower: Color  # of the lowest rows: second colour or plastic
     roof: Color
     glass: Color
     screen: Color
-    windows: tuple[bool, bool] = (True, True)  # whether there are side windows, and a rear one
-    lower_rows: int = 0  # rows of the flank that wear ``lower``
+    windows: tuple[bool, bool] = (True, True)  # whether it has side windows, and a rear window
+    lower_rows: int = 0  # number of rows of the flank in ``lower``
     roof_material: str = "paint"
     trim: bool = True  # whether the foot of the side windows is black
 
 
 def shell(b: Body, paint: Paint) -> Asset:
-    """The painted and glazed body, open below."""
+    """Build the painted and glazed body, open below."""
     s = stations(b)
     along = s[:, None]
     points = np.concatenate(
@@ -308,7 +306,7 @@ def shell(b: Body, paint: Paint) -> Asset:
 
 
 def _cells(b: Body, paint: Paint, s: np.ndarray) -> np.ndarray:
-    """Which paint each cell of the left half of the shell wears."""
+    """Return the index of the paint of each cell of the left half of the shell."""
     middle = (s[1:] + s[:-1]) / 2
     cells = np.zeros((len(middle), len(FLANK) + len(CABIN) + len(ROOF) - 1), int)
     cells[:, : paint.lower_rows] = 1
@@ -337,7 +335,7 @@ def _cells(b: Body, paint: Paint, s: np.ndarray) -> np.ndarray:
 
 
 def underside(b: Body) -> Asset:
-    """Dark wheel wells and floor, closed off in the middle so that no light passes below the body."""
+    """Build dark wheel wells and floor, closed in the middle so that no light passes below the body."""
     s = np.sort(np.clip(np.concatenate([_arch_marks(b), [0, 0.08, 0.9, 1]]), 0, 1))
     edge = flank(b, s, np.zeros_like(s))
     inner = edge * [1, 0.62, 1]

@@ -15,7 +15,7 @@ from scene.mesh.solids import block, loft, polygon, tube
 
 
 def flatbed(p: TruckParams) -> list[Asset]:
-    """An open bed with low sides."""
+    """Build an open bed with pipes, planks or covered crates."""
     x, length, width = bed(p)
     low, half = floor(p), width / 2
     front, rear = x + length / 2, x - length / 2
@@ -53,14 +53,14 @@ def flatbed(p: TruckParams) -> list[Asset]:
 def _tub(
     x: float, length: float, half: float, low: float, high: float, slope: float
 ) -> list[np.ndarray]:
-    """Lower and upper edge of an open body that widens upwards."""
+    """Return the lower and upper edge of an open body that widens upwards."""
     plan = np.array([(-0.5, -1, 0), (0.5, -1, 0), (0.5, 1, 0), (-0.5, 1, 0)])
     lower = plan * [length * (1 - slope), half - 0.1, 0] + [x, 0, low]
     return [lower, plan * [length, half, 0] + [x, 0, high]]
 
 
 def tipper(p: TruckParams) -> list[Asset]:
-    """A bed that tips."""
+    """Build a tipping bed with a heap of gravel."""
     x, length, width = bed(p)
     low, half, high = floor(p), width / 2, p.height
     edge = _tub(x, length, half, low, high, 0.04)
@@ -90,7 +90,7 @@ def tipper(p: TruckParams) -> list[Asset]:
 
 
 def tanker(p: TruckParams) -> list[Asset]:
-    """A tank on the frame."""
+    """Build a tank with ladders, bands and manholes."""
     x, length, width = bed(p)
     low = floor(p)
     radius = (p.height - low) / 2
@@ -121,7 +121,7 @@ def tanker(p: TruckParams) -> list[Asset]:
 
 
 def refuse(p: TruckParams) -> list[Asset]:
-    """A hopper body whose rear loader hangs lower than its floor and leans out."""
+    """Build a refuse body with a rear loader that reaches below its floor and leans out."""
     x, length, width = bed(p)
     low, half = floor(p), width / 2
     tail, split = x - length / 2, x - length / 2 + 1.5
@@ -157,7 +157,7 @@ def refuse(p: TruckParams) -> list[Asset]:
 
 
 def mixer(p: TruckParams) -> list[Asset]:
-    """A slanting drum with painted spirals, a hopper and a chute."""
+    """Build a slanting drum with painted spirals, a hopper and a chute."""
     x, length, _ = bed(p)
     low, radius = floor(p), (p.height - floor(p)) / 2 - 0.1
     profile = [(0.3, 0.5), (0.72, 0.42), (1, 0.12), (1, -0.08), (0.62, -0.38), (0.42, -0.5)]
@@ -187,7 +187,7 @@ def mixer(p: TruckParams) -> list[Asset]:
 
 
 def skip(p: TruckParams) -> list[Asset]:
-    """A skip between two lifting arms."""
+    """Build a skip between two lifting arms."""
     x, length, width = bed(p)
     low, half = floor(p), width / 2
     edge = _tub(x - 0.1 * length, 0.66 * length, half - 0.3, low + 0.2, p.height - 0.3, 0.45)
@@ -208,20 +208,22 @@ def skip(p: TruckParams) -> list[Asset]:
 
 
 def recovery(p: TruckParams) -> list[Asset]:
-    """A tilting platform with a crane behind the cab."""
+    """Build a tilting platform with a crane behind the cab."""
     x, length, width = bed(p)
     low, half = floor(p), width / 2
     front, rear = x + length / 2, x - length / 2 + 0.5  # ahead of the ramp
     elbow = (front - 0.3, 0.0, p.height + 0.3)
     hook = (front - 0.3 - 0.45 * length * p.fill, 0.0, p.height + 0.1)
-    bar = cuboid((front - 0.05, front + 0.1), 0.7, (p.height - 0.35, p.height - 0.2), AMBER, "lamp")
+    beacons = cuboid(
+        (front - 0.05, front + 0.1), 0.7, (p.height - 0.35, p.height - 0.2), AMBER, "lamp"
+    )
     rail = block((rear, half - 0.06, low), (front, half, low + 0.22), p.body, "metal")
     tip = rear - 0.5
     ramp: list[Point] = [(rear, half, low), (rear, -half, low), (tip, -half, 0.6), (tip, half, 0.6)]
     return [
         cuboid((rear, front), half, (low - 0.05, low + 0.1), STEEL, "metal"),
         pair(rail),
-        bar,
+        beacons,
         tube((front - 0.3, 0, low), elbow, 0.16, p.cab, "paint", sides=8),
         tube(elbow, hook, 0.11, p.cab, "paint", sides=6),
         tube(hook, (hook[0], 0, hook[2] - 0.7), 0.02, BLACK, sides=4),

@@ -1,4 +1,4 @@
-"""What is laid on a car's shell: lamps, grille, plates, seams, handles, mirrors, rails, spoilers."""
+"""Fittings on a car's shell: lamps, grille, plates, seams, handles, mirrors, roof rails, spoilers."""
 
 from __future__ import annotations
 
@@ -27,17 +27,15 @@ Span = tuple[float, float]
 
 
 class Fittings(NamedTuple):
-    """The choices of one car."""
+    """The fittings of one car; rows are shares of the way up from the sill to the shoulder."""
 
-    lamp: tuple[
-        float, float, float
-    ]  # headlamp: inner edge (share of half the nose), low, high rows
+    lamp: tuple[float, float, float]  # headlamps: inner edge (share of half the nose), rows
     wrap: float  # share of the length that headlamps reach back along the flank
-    grille: tuple[float, float, float]  # outer edge (share of half the nose), low, high rows
+    grille: tuple[float, float, float]  # outer edge (share of half the nose), rows
     slats: int
-    rear_lamp: tuple[float, float, float]  # inner edge, low, high rows
-    plate: bool  # UK plates, yellow behind; else white both
-    bumper: Color | None  # of plastic, or in body colour
+    rear_lamp: tuple[float, float, float]  # inner edge (share of half the tail), rows
+    plate: bool  # a yellow plate at the rear, as in Britain; else white
+    bumper: Color | None  # of plastic; None for the colour of the body
     strip: Color | None  # rubbing strip along the doors
     handles: Color
     mirrors: Color
@@ -47,16 +45,16 @@ class Fittings(NamedTuple):
     sign: Color | None = None  # a taxi's
     spare: bool = False  # wheel on the tail
     aerial: bool = True
-    doors: tuple[float, ...] = ()  # shares of the length of the seams
+    doors: tuple[float, ...] = ()  # seams, as shares of the length
     fog: bool = True
 
 
 _COLUMNS = np.array([-0.89, -0.733, -0.392, 0.0, 0.392, 0.733, 0.89])
-"""Where nose and tail have their corners: patches with the same ones nowhere dip below them."""
+"""Corners of nose and tail across: patches with the same corners lie above them everywhere."""
 
 
-def _between(span: Span, knots: np.ndarray) -> np.ndarray:
-    """The ends of a span and the knots inside it."""
+def _with_knots(span: Span, knots: np.ndarray) -> np.ndarray:
+    """Return the ends of a span and the knots inside it."""
     low, high = span
     return np.array([low, *(k for k in knots.tolist() if low + 0.01 < k < high - 0.01), high])
 
@@ -71,12 +69,12 @@ def on_nose(
     *,
     lift: float = 0.01,
 ) -> Asset:
-    """A patch on nose (0) or tail (1), spanning ``c`` across and the rows ``v``."""
+    """Lay a patch on nose (0) or tail (1), spanning ``c`` across and the rows ``v``."""
     return sheet(_nose_points(b, end, c, v, lift), color, material)
 
 
 def _nose_points(b: Body, end: int, c: Span, v: Span, lift: float) -> np.ndarray:
-    points = fascia(b, end, _between(c, _COLUMNS), _between(v, FLANK)[:, None])
+    points = fascia(b, end, _with_knots(c, _COLUMNS), _with_knots(v, FLANK)[:, None])
     points[..., 0] += lift if end == 0 else -lift
     points[..., 1] *= 1 + lift / (b.width / 2)
     return points if end == 0 else points[::-1]
@@ -92,8 +90,8 @@ def on_flank(
     lift: float = 0.008,
     steps: int = 2,
 ) -> Asset:
-    """A patch on both flanks between shares ``s`` of the length and rows ``v``."""
-    points = flank(b, np.linspace(*s, steps + 1)[:, None], _between(v, FLANK), arches=False)
+    """Lay a patch on both flanks between shares ``s`` of the length and rows ``v``."""
+    points = flank(b, np.linspace(*s, steps + 1)[:, None], _with_knots(v, FLANK), arches=False)
     points[..., 1] += lift
     return twin_sheets(points, color, material)
 
@@ -101,18 +99,18 @@ def on_flank(
 def on_cabin(
     b: Body, s: np.ndarray, w: np.ndarray, color: Color, material: str = "plain", *, lift: float
 ) -> Asset:
-    """A patch on both sides above the shoulder, its corners at shares ``s`` along and ``w`` up."""
+    """Lay a patch on both sides above the shoulder, its corners at shares ``s`` along and ``w`` up."""
     points = cabin(b, *np.broadcast_arrays(s, w))
     points[..., 1] += lift
     return twin_sheets(points, color, material)
 
 
 def fittings(b: Body, f: Fittings) -> list[Asset]:
-    """All that is laid on the shell ``b``."""
-    return [*_front(b, f), *_rear(b, f), *_sides(b, f), *_over(b, f)]
+    """Build the fittings of the shell ``b``."""
+    return [*_front(b, f), *_rear(b, f), *_sides(b, f), *_on_roof(b, f)]
 
 
-def _both(
+def _on_nose_sides(
     b: Body, end: int, c: Span, v: Span, color: Color, material: str = "lamp", lift: float = 0.012
 ) -> Asset:
     return twin_sheets(_nose_points(b, end, c, v, lift), color, material)
@@ -122,10 +120,12 @@ def _front(b: Body, f: Fittings) -> list[Asset]:
     inner, down, up = f.lamp
     edge, base, crest = f.grille
     parts = [
-        _both(b, 0, (inner, 1.0), (down, up), LENS),
+        _on_nose_sides(b, 0, (inner, 1.0), (down, up), LENS),
         on_flank(b, (0.0, f.wrap), (down + 0.05, up), LENS, "lamp", lift=0.012),
         on_flank(b, (f.wrap, f.wrap + 0.012), (down + 0.08, up - 0.05), AMBER, "paint", lift=0.012),
-        _both(b, 0, (inner + 0.06, inner + 0.2), (down + 0.05, up - 0.06), REFLECTOR, lift=0.016),
+        _on_nose_sides(
+            b, 0, (inner + 0.06, inner + 0.2), (down + 0.05, up - 0.06), REFLECTOR, lift=0.016
+        ),
         on_nose(b, 0, (-edge, edge), (base, crest), BLACK, lift=0.012),
         on_nose(b, 0, (-0.62, 0.62), (0.07, 0.27), BLACK, lift=0.008),
         on_nose(b, 0, (-1, 1), (0.0, 0.05), TRIM, lift=0.012),
@@ -140,12 +140,12 @@ def _front(b: Body, f: Fittings) -> list[Asset]:
     if f.bumper is not None:
         parts += _bumper(b, 0, f.bumper)
     if f.fog:
-        parts.append(_both(b, 0, (0.62, 0.76), (0.12, 0.22), (0.35, 0.35, 0.34)))
+        parts.append(_on_nose_sides(b, 0, (0.62, 0.76), (0.12, 0.22), (0.35, 0.35, 0.34)))
     return parts
 
 
 def _bonnet_gap(b: Body) -> Asset:
-    """The dark lines between bonnet and wings."""
+    """Build the dark lines between bonnet and wings."""
     s = np.array([0.02, 0.03, 0.08, 0.6 * b.cowl, b.cowl - 0.01])
     points = roof(b, s[:, None], np.array([[0.86, 0.875]]))
     return twin_sheets(points + [0, 0, 0.005], BLACK, "plain")
@@ -160,7 +160,7 @@ def _bumper(b: Body, end: int, color: Color) -> list[Asset]:
 
 
 def plate(b: Body, end: int, color: Color, v: float) -> Asset:
-    """A number plate with its dark characters at row ``v``."""
+    """Build a number plate with dark characters at row ``v``."""
     middle = fascia(b, end, np.zeros(1), np.array([v]))[0]
     out = 1 if end == 0 else -1
     parts = []
@@ -179,9 +179,9 @@ def _rear(b: Body, f: Fittings) -> list[Asset]:
     tall = up - down
     reversing = (inner + 0.03, 0.5 * inner + 0.47), (down + 0.1 * tall, down + 0.4 * tall)
     parts = [
-        _both(b, 1, (inner, 1.0), (down, up), TAILLAMP_LENS),
+        _on_nose_sides(b, 1, (inner, 1.0), (down, up), TAILLAMP_LENS),
         on_flank(b, (0.975, 1.0), (down + 0.03, up), TAILLAMP_LENS, "lamp", lift=0.012),
-        _both(b, 1, *reversing, (0.6, 0.52, 0.45), lift=0.016),
+        _on_nose_sides(b, 1, *reversing, (0.6, 0.52, 0.45), lift=0.016),
         on_nose(b, 1, (-1, 1), (0.0, 0.12), TRIM, lift=0.01),
         on_nose(b, 1, (-inner, inner), (0.515, 0.53), BLACK, lift=0.012),
         on_nose(b, 1, (-0.1, 0.1), (0.88, 0.92), CHROME, "metal", lift=0.016),
@@ -211,10 +211,10 @@ def _sides(b: Body, f: Fittings) -> list[Asset]:
     for seam in f.doors[1:]:
         handle = (seam - 0.042, seam - 0.008), (0.8, 0.845)
         parts.append(on_flank(b, *handle, f.handles, "metal", lift=0.025, steps=1))
-    between = doorway(b)
-    parts.append(on_flank(b, between, (0.0, 0.1), TRIM, lift=0.01))
+    doors = doorway(b)
+    parts.append(on_flank(b, doors, (0.0, 0.1), TRIM, lift=0.01))
     if f.strip is not None:
-        parts.append(on_flank(b, between, (0.41, 0.48), f.strip, lift=0.014))
+        parts.append(on_flank(b, doors, (0.41, 0.48), f.strip, lift=0.014))
     s = np.array([b.cowl + 0.045])
     x, y, z = cabin(b, s, np.array([0.1]))[0]
     z = float(shoulder(b, s)[0]) + 0.08
@@ -224,8 +224,8 @@ def _sides(b: Body, f: Fittings) -> list[Asset]:
     return parts
 
 
-def _over(b: Body, f: Fittings) -> list[Asset]:
-    """What stands on the roof or below the tail's edge."""
+def _on_roof(b: Body, f: Fittings) -> list[Asset]:
+    """Build what is on the roof: rails, spoiler, luggage box, taxi sign, aerial."""
     span = b.roof_rear - b.roof_front
     middle = np.array([b.roof_front + 0.5 * span])
     x, _, z = roof(b, middle, np.zeros(1))[0]

@@ -1,4 +1,4 @@
-"""Lorries in numbers, and their closed bodies: boxes with doors, rails, curtains and lettering."""
+"""The parameters of lorries, and their closed bodies: boxes with doors, rails, curtains and lettering."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from scene.mesh.solids import loft
 
 
 class TruckParams(NamedTuple):
-    """One lorry; metres, x measured back from the nose."""
+    """One lorry; metres."""
 
-    load: str  # which of ``LOADS`` in truck.py
+    load: str  # see ``LOADS`` in truck.py
     length: float
     width: float
     height: float  # of the load
     cab_length: float
     cab_height: float
-    axles: tuple[float, ...]  # x of each
+    axles: tuple[float, ...]  # from the nose to each
     wheel_radius: float
     gap: float  # between cab and load
-    windscreen: tuple[float, float]  # share of the cab's height
+    windscreen: tuple[float, float]  # shares of the cab's height
     rake: float  # m that the cab's roof is set back
     cab: Color = (0.5, 0.5, 0.5)
     body: Color = (0.6, 0.6, 0.6)
@@ -43,12 +43,12 @@ class TruckParams(NamedTuple):
 
 
 def floor(p: TruckParams) -> float:
-    """Height of the load bed, m."""
+    """Return the height of the load bed, m."""
     return 2 * p.wheel_radius + 0.12
 
 
 def bed(p: TruckParams) -> tuple[float, float, float]:
-    """Centre x, length and width of the load, m."""
+    """Return centre x, length and width of the load, m."""
     length = p.length - p.cab_length - p.gap
     return -p.length / 2 + length / 2, length, p.width
 
@@ -56,7 +56,7 @@ def bed(p: TruckParams) -> tuple[float, float, float]:
 def sign(
     p: TruckParams, side: Walls, u: tuple[float, float], v: tuple[float, float]
 ) -> list[Asset]:
-    """Band and lettering on both sides."""
+    """Build a band and lettering on both sides."""
     parts = []
     if p.band is not None:
         height = 0.25 * (v[1] - v[0])
@@ -70,7 +70,7 @@ def sign(
 
 
 def _doors(rear: np.ndarray) -> list[Asset]:
-    """Rear doors: a seam, upright locking bars and hinges."""
+    """Build rear doors: a seam, upright locking bars and hinges."""
     return [
         panel(rear, (0.495, 0.505), (0.03, 0.97), BLACK),
         panels(rear, strips((0.2, 0.4, 0.6, 0.8), 0.006), [(0.02, 0.98)], STEEL, "metal", lift=0.03),
@@ -80,7 +80,7 @@ def _doors(rear: np.ndarray) -> list[Asset]:
 
 
 def _edges(side: Walls, color: Color) -> list[Asset]:
-    """Rails round the edges of a box body, which catch the light."""
+    """Build rails round the edges of a box body, which catch the light."""
     spans: tuple[tuple[list[Span], list[Span]], ...] = (
         ([(0, 1)], [(0, 0.035), (0.965, 1)]), ([(0, 0.012), (0.988, 1)], [(0, 1)]),
     )  # fmt: skip
@@ -88,10 +88,10 @@ def _edges(side: Walls, color: Color) -> list[Asset]:
             for wall in (side.left, side.right, side.rear, side.front) for u, v in spans]  # fmt: skip
 
 
-def _closed(
+def _box_body(
     p: TruckParams, side: Walls, material: str, rails: Color, u: Span, v: Span
 ) -> list[Asset]:
-    """A body with doors behind, rails round its edges, and lettering on its sides."""
+    """Build a body with rear doors, rails round its edges, and lettering on its sides."""
     x, length, width = bed(p)
     return [
         cuboid((x - length / 2, x + length / 2), width / 2, (floor(p), p.height), p.body, material),
@@ -107,15 +107,15 @@ def _sides(p: TruckParams) -> Walls:
 
 
 def box(p: TruckParams) -> list[Asset]:
-    """A closed box body."""
+    """Build a closed box body."""
     rails = STEEL if max(p.body) > 0.3 else darker(p.body, 1.6)
-    return _closed(p, _sides(p), "paint", rails, (0.14, 0.86), (0.38, 0.74))
+    return _box_body(p, _sides(p), "paint", rails, (0.14, 0.86), (0.38, 0.74))
 
 
 def curtain(p: TruckParams) -> list[Asset]:
-    """A box whose sides are curtains: folds, straps and buckles."""
+    """Build a box whose sides are curtains: folds, straps and buckles."""
     side = _sides(p)
-    parts = _closed(p, side, "plain", STEEL, (0.1, 0.9), (0.3, 0.8))
+    parts = _box_body(p, side, "plain", STEEL, (0.1, 0.9), (0.3, 0.8))
     for wall in side[:2]:
         for share in np.linspace(0.03, 0.97, max(6, round(bed(p)[1] / 0.7))):
             fold, buckle = ((share - half, share + half) for half in (0.002, 0.004))
@@ -125,7 +125,7 @@ def curtain(p: TruckParams) -> list[Asset]:
 
 
 def luton(p: TruckParams) -> list[Asset]:
-    """A box that reaches forward over the cab."""
+    """Build a box that reaches forward over the cab."""
     x, length, width = bed(p)
     front = x + length / 2
     brow = [

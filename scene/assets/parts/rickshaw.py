@@ -1,4 +1,4 @@
-"""Auto-rickshaws: a tub on three wheels below a hood of canvas, open at the sides."""
+"""Auto-rickshaws: a tub on three wheels under a canvas hood, open at the sides."""
 
 from __future__ import annotations
 
@@ -29,23 +29,23 @@ _PAINTS: tuple[tuple[Color, Color], ...] = (
     ((0.55, 0.36, 0.03), (0.015, 0.015, 0.015)), ((0.02, 0.11, 0.04), (0.015, 0.015, 0.015)),
     ((0.03, 0.08, 0.3), (0.015, 0.015, 0.015)), ((0.3, 0.02, 0.02), (0.03, 0.03, 0.032)),
 )  # fmt: skip
-"""Tub and hood."""
+"""Colours of tub and hood."""
 
 
 class Rickshaw(NamedTuple):
-    """One of them; metres."""
+    """One auto-rickshaw; metres."""
 
     length: float
     width: float
     height: float
     tub: Color
     hood: Color
-    skin: Color | None  # of the driver; None: nobody is there
+    skin: Color | None  # of the driver; None without one
     clothes: Color
 
 
 def sample_rickshaw(rng: np.random.Generator) -> Rickshaw:
-    """Draw one: size, paint, and whether somebody drives it."""
+    """Draw an auto-rickshaw: size, paint, and whether it has a driver."""
     tub, hood = _PAINTS[rng.integers(len(_PAINTS))]
     long, wide, tall = rng.uniform([2.55, 1.28, 1.66], [2.75, 1.36, 1.76])
     return Rickshaw(
@@ -56,13 +56,13 @@ def sample_rickshaw(rng: np.random.Generator) -> Rickshaw:
 
 
 def rickshaw(r: Rickshaw) -> Asset:
-    """The rickshaw, its single wheel towards +x."""
+    """Build the rickshaw, its single wheel towards +x."""
     nose, tail, half = r.length / 2, -r.length / 2, r.width / 2
     front, rear = nose - 0.3, tail + 0.45
-    one = Wheel(0.22, 0.1, "steel", 8, 0.55, STEEL, 0.3)
-    beside = translate(wheel(one), (rear, half - 0.03, 0))
-    middle = translate(wheel(one), (front, 0.05, 0))
-    parts = [pair(beside), pair(middle), *_tub(r), *_hood(r), *_front(r), *_driver(r)]
+    spec = Wheel(0.22, 0.1, "steel", 8, 0.55, STEEL, 0.3)
+    rear_wheel = translate(wheel(spec), (rear, half - 0.03, 0))
+    front_wheel = translate(wheel(spec), (front, 0.05, 0))
+    parts = [pair(rear_wheel), pair(front_wheel), *_tub(r), *_hood(r), *_front(r), *_driver(r)]
     for y in (half - 0.16, 0.16 - half):
         parts.append(card((tail - 0.012, y, 0.62), 0.12, 0.1, TAILLAMP, "lamp"))
     parts.append(card((tail - 0.012, 0.0, 0.5), 0.34, 0.1, PLATE))
@@ -71,23 +71,23 @@ def rickshaw(r: Rickshaw) -> Asset:
 
 
 def _section(half: float, low: float, high: float, top: float) -> np.ndarray:
-    """A loop (y, z) of a tub's cross-section, narrower by ``top`` above."""
+    """Return a cross-section f64[8, 2] (y, z), its top edge ``top`` times as wide."""
     right = [(0.86 * half, low), (half, low + 0.1), (half, high - 0.06), (top * half, high)]
     return np.array(right + [(-y, z) for y, z in right[::-1]])
 
 
-def _at(x: float, section: np.ndarray) -> np.ndarray:
+def _ring(x: float, section: np.ndarray) -> np.ndarray:
     return np.column_stack([np.full(len(section), x), section])
 
 
 def _tub(r: Rickshaw) -> list[Asset]:
-    """Floor, the closed rear with its seat, and what keeps light from passing between the sides."""
+    """Build floor, closed rear and seats, and a dark sheet that blocks the view through the open sides."""
     nose, tail, half = r.length / 2, -r.length / 2, r.width / 2
-    behind = loft(
+    tail_body = loft(
         [
-            _at(tail, _section(0.9 * half, 0.34, 0.86, 0.92)),
-            _at(tail + 0.14, _section(half, 0.28, 0.9, 0.96)),
-            _at(tail + 0.85, _section(half, 0.28, 0.72, 0.96)),
+            _ring(tail, _section(0.9 * half, 0.34, 0.86, 0.92)),
+            _ring(tail + 0.14, _section(half, 0.28, 0.9, 0.96)),
+            _ring(tail + 0.85, _section(half, 0.28, 0.72, 0.96)),
         ],
         r.tub, "paint",
     )  # fmt: skip
@@ -99,15 +99,15 @@ def _tub(r: Rickshaw) -> list[Asset]:
     ]
     inside = [(tail + 0.1, 0, 0.4), (nose - 0.6, 0, 0.4), (nose - 0.72, 0, r.height - 0.1)]
     dark = polygon([*inside, (tail + 0.1, 0, r.height - 0.1)], BLACK)
-    return [behind, floor, *seats, dark]
+    return [tail_body, floor, *seats, dark]
 
 
 def _hood(r: Rickshaw) -> list[Asset]:
-    """The canvas: roof, rear, and the quarters beside the seat."""
+    """Build the canvas: roof, rear, and the quarters next to the seat."""
     tail, half, top = -r.length / 2, r.width / 2, r.height
     front = r.length / 2 - 0.72
     roof = loft(
-        [_at(x, _section(0.97 * half, top - 0.16, top - drop, 0.8))
+        [_ring(x, _section(0.97 * half, top - 0.16, top - drop, 0.8))
          for x, drop in ((tail + 0.02, 0.06), (tail + 0.3, 0.0), (front - 0.2, 0.01), (front + 0.08, 0.08))],
         r.hood, "cloth",
     )  # fmt: skip
@@ -126,7 +126,7 @@ def _hood(r: Rickshaw) -> list[Asset]:
 
 
 def _front(r: Rickshaw) -> list[Asset]:
-    """The shield, rounded in plan, with windscreen, lamp, mudguard and mirrors."""
+    """Build the shield, rounded in plan, with windscreen, lamp, mudguard and mirrors."""
     nose, half, top = r.length / 2, r.width / 2, r.height
     turn = np.linspace(0, np.pi / 2, 5)
     rows = []

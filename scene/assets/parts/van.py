@@ -1,4 +1,4 @@
-"""What breaks up the closed sides and doors of vans: panels, a sliding door's rail, seams, lettering."""
+"""Details on the closed sides and doors of vans: panels, the rail of a sliding door, seams, lettering."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ from scene.assets.parts.palette import BLACK, darker
 from scene.mesh.asset import Asset, Color
 
 _LINE = 0.012
-"""Width of a seam, metres."""
+"""Width of a seam (metres)."""
 
 
 class VanSides(NamedTuple):
-    """The choices of one van."""
+    """The sides of one van."""
 
     body: Color
-    letters: Color | None  # a firm's name; None: no name
+    letters: Color | None  # a company's name; None for none
     seed: int  # of the lettering
-    sealed: bool  # whether its rear doors have no windows
+    sealed: bool  # no windows in the rear doors
 
 
 def van_sides(b: Body, v: VanSides) -> list[Asset]:
-    """What is laid on the shell ``b`` of a van, behind the doors of its cab."""
+    """Build the details on the shell ``b`` of a van, behind the doors of its cab."""
     front, rear = b.glass[1] + 0.035, 0.955
     middle, line = (front + rear) / 2, _LINE / b.length
     shade = darker(v.body, 0.35)
     parts = [on_flank(b, (front, rear), (0.955, 0.98), BLACK, lift=0.02, steps=6)]
     for low, high in ((front, middle - 0.012), (middle + 0.012, rear)):
         for s in ((low, low + line), (high - line, high)):
-            parts.append(_upon(b, s, (0.12, 0.8), shade))
+            parts.append(_on_sides(b, s, (0.12, 0.8), shade))
         for w in ((0.12, 0.125), (0.79, 0.8)):
-            parts.append(_upon(b, (low, high), w, shade))
+            parts.append(_on_sides(b, (low, high), w, shade))
     parts += [on_nose(b, 1, (-0.006, 0.006), (0.1, 1.0), BLACK, lift=0.014)]
     if v.sealed:
         up = np.array([[0.05], [0.5], [0.9]])
@@ -47,15 +47,15 @@ def van_sides(b: Body, v: VanSides) -> list[Asset]:
     return parts
 
 
-def _upon(
+def _on_sides(
     b: Body, s: tuple[float, float], w: tuple[float, float], color: Color, lift: float = 0.008
 ) -> Asset:
-    """A patch on both sides between shares ``s`` of the length and ``w`` of the height."""
+    """Lay a patch on both sides between shares ``s`` of the length and ``w`` of the height."""
     return on_cabin(b, np.linspace(*s, 3)[:, None], np.linspace(*w, 2)[None], color, lift=lift)
 
 
 def _letters(b: Body, s: tuple[float, float], color: Color, seed: int) -> list[Asset]:
-    """A line of large letters over one of small ones; legible as text, not as words."""
+    """Build a line of large letters over one of small ones; they look like text."""
     rng = np.random.default_rng(seed)
     parts = []
     for low, high, letters in ((0.42, 0.68, 7), (0.25, 0.34, 13)):
@@ -63,5 +63,5 @@ def _letters(b: Body, s: tuple[float, float], color: Color, seed: int) -> list[A
         for a in edges[:-1][rng.random(letters) < 0.85]:
             wide = (edges[1] - edges[0]) * rng.uniform(0.45, 0.75)
             top = high - 0.05 * float(rng.integers(2))
-            parts.append(_upon(b, (a, a + wide), (low, top), color, 0.013))
+            parts.append(_on_sides(b, (a, a + wide), (low, top), color, 0.013))
     return parts

@@ -1,4 +1,4 @@
-"""What road and rail vehicles share: wheels, hulls, and glass and lamps laid on their walls."""
+"""Parts shared by road and rail vehicles: wheels, hulls, and windows, lamps and lettering on their walls."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ from scene.mesh.solids import loft, polygon, quads, tube
 
 Span = tuple[float, float]
 Corners = np.ndarray
-"""f64[4, 3]: a wall seen from outside, anticlockwise from its lower left corner."""
+"""A wall f64[4, 3]: corners seen from outside, anticlockwise from the lower left."""
 
 
 def circle(centre: Point, radius: float, sides: int) -> np.ndarray:
-    """Points [sides, 3] of a circle that stands in the x-z plane, the first one lowest."""
+    """Return points f64[sides, 3] of a circle in the x-z plane, the lowest one first."""
     angle = (np.arange(sides) / sides - 0.25) * 2 * np.pi
     ring = np.column_stack([np.cos(angle), np.zeros(sides), np.sin(angle)])
     return np.asarray(centre) + radius * ring
 
 
 def rod(start: Point, end: Point, radius: float, color: Color, material: str = "metal") -> Asset:
-    """A thin bar of six sides without ends; 12 faces."""
+    """Build a thin bar of six sides without ends; 12 faces."""
     return tube(start, end, radius, color, material, sides=6, caps=False)
 
 
 def card(
     centre: Point, width: float, height: float, color: Color, material: str = "plain"
 ) -> Asset:
-    """An upright rectangle across the way of travel (plate, lamp, mirror)."""
+    """Build an upright rectangle across the direction of travel (plate, lamp, mirror)."""
     corners = [(0, y * width / 2, z * height / 2) for y, z in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
     return polygon(np.array(corners) + centre, color, material)
 
@@ -46,7 +46,7 @@ def card(
 def mudguard(
     hub: Point, radius: float, width: float, angles: tuple[float, ...], color: Color
 ) -> Asset:
-    """A strip around a wheel through ``angles``, radians from straight ahead up and back."""
+    """Build a strip around a wheel through ``angles``, radians from straight ahead up and back."""
     edges = [
         [
             (hub[0] + radius * np.cos(a), hub[1] + side * width / 2, hub[2] + radius * np.sin(a))
@@ -71,17 +71,17 @@ def axle(
     rim_share: float = 0.6,
     sides: int = 14,
 ) -> Asset:
-    """A wheel on either side, outer faces at ``half_width``; without ``rim`` a dark disc (rails).
+    """Build a wheel on either side, outer faces at ``half_width``; without ``rim`` a dark disc (rails).
 
-    Rims are shallow, or the side of the body, which has no opening for a wheel, would stand before them.
+    Rims are shallow, since the side of the body has no opening for a wheel and would hide a deeper one.
     """
     style = "cap" if rim is None else "steel"
-    one = Wheel(radius, width, style, 8, rim_share, TYRE if rim is None else rim, SHALLOW)
-    return wheels(one, (x,), half_width, sides=sides)
+    spec = Wheel(radius, width, style, 8, rim_share, TYRE if rim is None else rim, SHALLOW)
+    return wheels(spec, (x,), half_width, sides=sides)
 
 
 def arch(x: float, y: float, height: float, radius: float, sides: int = 6) -> Asset:
-    """The dark half disc of a wheel arch on a side at ``y``, its centre ``height`` m up."""
+    """Build the dark half disc of a wheel arch on a side at ``y``, its centre ``height`` m up."""
     angle = np.linspace(0, np.pi, sides + 1)
     rim = [x + radius * np.cos(angle), np.full(sides + 1, y), height + radius * np.sin(angle)]
     return polygon(np.column_stack(rim), BLACK)
@@ -97,7 +97,7 @@ class Walls(NamedTuple):
 
 
 def walls(length: float, width: float, low: float, high: float, *, x: float = 0) -> Walls:
-    """The upright faces of a box of ``length`` centred on ``x``, from ``low`` to ``high``."""
+    """Return the upright faces of a box of ``length`` centred on ``x``, from ``low`` to ``high``."""
     plan = [
         (x + sx * length / 2, sy * width / 2) for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1))
     ]
@@ -112,7 +112,7 @@ def walls(length: float, width: float, low: float, high: float, *, x: float = 0)
 def panel(
     wall: Corners, u: Span, v: Span, color: Color, material: str = "plain", *, lift: float = 0.012
 ) -> Asset:
-    """A rectangle laid on ``wall``: shares ``u`` along and ``v`` up it, ``lift`` m outside."""
+    """Lay a rectangle on ``wall``: shares ``u`` along and ``v`` up it, ``lift`` m outside."""
     return panels(wall, [u], [v], color, material, lift=lift)
 
 
@@ -120,21 +120,21 @@ def panels(
     wall: Corners, u: Sequence[Span], v: Sequence[Span], color: Color, material: str = "plain",
     *, lift: float = 0.012,
 ) -> Asset:  # fmt: skip
-    """A ``panel`` wherever one of the columns ``u`` meets one of the rows ``v``, row by row."""
+    """Lay a ``panel`` wherever one of the columns ``u`` meets one of the rows ``v``, row by row."""
     columns, rows = list(u) * len(v), [row for row in v for _ in u]
     count = len(rows)
-    return quads(_laid(wall, columns, rows, lift), [color] * count, [material] * count)
+    return quads(_rectangles(wall, columns, rows, lift), [color] * count, [material] * count)
 
 
 def strips(places: Iterable[float], half: float) -> list[Span]:
-    """Spans that reach ``half`` to either side of ``places``."""
+    """Return spans that reach ``half`` to either side of ``places``."""
     return [(at - half, at + half) for at in places]
 
 
-def _laid(
+def _rectangles(
     wall: Corners, u: Sequence[Span], v: Sequence[Span], lift: float | np.ndarray
 ) -> np.ndarray:
-    """Corners f64[n, 4, 3] of ``panel``s."""
+    """Return the corners f64[n, 4, 3] of ``panel``s."""
     low_left, low_right, high_right, high_left = wall
     normal = cross(low_right - low_left, high_left - low_left)
     outside = lift * normal / math.sqrt(normal.dot(normal))
@@ -144,7 +144,7 @@ def _laid(
 
 
 _TONES = (1.0, 0.4, 0.8, 0.1, 0.6, 1.0, 0.2)
-"""Share of the light from behind that each pane of a row passes: through some the other side is seen."""
+"""Share of the light behind that passes each pane of a row: some show the other side of the vehicle."""
 
 
 def panes(
@@ -158,36 +158,36 @@ def panes(
     narrow: float = 1.0,
     lift: float = 0.012,
 ) -> list[Asset]:
-    """Windows on ``wall``, light from behind in them, and what ``interior`` tells of ``g`` in each."""
+    """Build windows on ``wall`` with the light behind them, and the ``interior`` of ``g`` in each."""
     count, tall = len(u), v[1] - v[0]
     sill, head = v[0] + 0.16 * tall, v[1] - 0.05 * tall
     bright = [(a + 0.06 * (b - a), b - 0.06 * (b - a)) for a, b in u]
-    whole = _laid(wall, u, [v], lift)
-    light = _laid(wall, bright, [(sill, head)], lift + 0.006)
+    glass = _rectangles(wall, u, [v], lift)
+    light = _rectangles(wall, bright, [(sill, head)], lift + 0.006)
     tones = [dimmed(g, _TONES[k % len(_TONES)]) for k in range(count)]
-    corners = np.concatenate([whole, light])
+    corners = np.concatenate([glass, light])
     return [
         quads(corners, [GLASS] * count + tones, ["glass"] * len(corners)),
-        *interior(partial(on_panes, whole), g, seats, driver, narrow=narrow),
+        *interior(partial(on_panes, glass), g, seats, driver, narrow=narrow),
     ]
 
 
 def window_row(
     wall: Corners, count: int, u: Span, v: Span, g: Glazing, pillar: float = 0.12
 ) -> list[Asset]:
-    """``count`` panes side by side in the rectangle ``u``, ``v``; ``pillar`` of a bay apart.
+    """Build ``count`` panes side by side in the rectangle ``u``, ``v``, ``pillar`` of a bay apart.
 
-    Behind each are two seats, behind every third somebody, and near its top is a vent's bar.
+    Each has two seats and the bar of a vent near its top, and every third a passenger.
     """
     edges = np.linspace(*u, count + 1)
     gap = (edges[1] - edges[0]) * pillar / 2
     spans = [(a + gap, b - gap) for a, b in pairwise(edges)]
     vent = v[0] + 0.74 * (v[1] - v[0])
-    bars = _laid(wall, spans, [(vent, vent + 0.008)], 0.036)
+    bars = _rectangles(wall, spans, [(vent, vent + 0.008)], 0.036)
     return [
         *panes(wall, spans, v, g, (-0.35, 0.35), narrow=NARROW),
         *interior(
-            partial(on_panes, _laid(wall, spans[::3], [v], 0.012)), g, (), 0.25, narrow=NARROW
+            partial(on_panes, _rectangles(wall, spans[::3], [v], 0.012)), g, (), 0.25, narrow=NARROW
         ),
         quads(bars, [TRIM] * count, ["plain"] * count),
     ]
@@ -203,12 +203,12 @@ class Hull(NamedTuple):
     x: float = 0.0  # of its middle
     round: float = 0.16  # radius of the upright corners
     chamfer: float = 0.16  # radius of the roof's edges
-    nose: float = 0.0  # that the top of the front is set back
-    tail: float = 0.0  # that the top of the rear is set back
+    nose: float = 0.0  # m that the top of the front is set back
+    tail: float = 0.0  # m that the top of the rear is set back
 
 
-def faces(h: Hull) -> Walls:
-    """The walls of ``h`` as if its corners were square; front and rear lean as it does."""
+def hull_walls(h: Hull) -> Walls:
+    """Return the walls of ``h`` as if its corners were square; front and rear lean as it does."""
     side = walls(h.length, h.width, h.low, h.high, x=h.x)
     side.front[2:, 0] -= h.nose
     side.rear[2:, 0] += h.tail
@@ -219,12 +219,12 @@ _ARC = np.linspace(0, np.pi / 2, 4)
 
 
 def _corner(h: Hull) -> np.ndarray:
-    """(x set back, y set in) of the points round an upright corner, from the side to the front, m."""
+    """Return (x back, y in) of points round an upright corner, from the side to the front, m."""
     return h.round * np.column_stack([1 - np.sin(_ARC), 1 - np.cos(_ARC)])
 
 
 def hull(h: Hull, color: Color, material: str = "paint") -> Asset:
-    """The body of ``h``, closed all round."""
+    """Build the body of ``h``, closed all round."""
     half = h.width / 2
     arc = h.chamfer * np.column_stack([1 - np.cos(_ARC), np.sin(_ARC) - 1])
     rings = []
@@ -232,8 +232,8 @@ def hull(h: Hull, color: Color, material: str = "paint") -> Asset:
         corner = _corner(h)
         for back, inset in corner if end > 0 else corner[::-1]:
             side = half - inset
-            right = [(side, h.low), *((side - a, h.high + b - 0.3 * inset) for a, b in arc)]
-            section = np.array(right + [(-y, z) for y, z in right[::-1]])
+            half_section = [(side, h.low), *((side - a, h.high + b - 0.3 * inset) for a, b in arc)]
+            section = np.array(half_section + [(-y, z) for y, z in half_section[::-1]])
             up = (section[:, 1] - h.low) / (h.high - h.low)
             along = h.x + end * (h.length / 2 - back - lean * up)
             rings.append(np.column_stack([along, section]))
@@ -250,7 +250,7 @@ def wrap(
     *,
     lift: float = 0.012,
 ) -> Asset:
-    """A band round the front (``end`` 1) or rear (-1): ``v`` up it, ``back`` m along either side."""
+    """Build a band round the front (``end`` 1) or rear (-1): ``v`` up it, ``back`` m along either side."""
     corner = _corner(h)
     side = np.concatenate([[(h.round + back, 0.0)], corner]) - [lift, 0]
     plan = np.column_stack([side[:, 0], h.width / 2 - side[:, 1] + lift])
@@ -268,9 +268,9 @@ def wrap(
 def tank(
     loop: np.ndarray, x: float, z: float, length: float, ends: Sequence[Span], color: Color
 ) -> Asset:
-    """A tank of section ``loop`` f64[n, 2] around (x, z), rounded by ``ends``.
+    """Build a tank of section ``loop`` f64[n, 2] around (x, z), rounded by ``ends``.
 
-    These are shares of ``length`` from the middle and of the section's size, the outermost first.
+    ``ends`` are pairs, the outermost first: share of ``length`` from the middle, share of the section's size.
     """
     places = [*((-share, size) for share, size in ends), *ends[::-1]]
     rings = [
@@ -281,7 +281,7 @@ def tank(
 
 
 def hoop(loop: np.ndarray, x: Span, z: float, size: float, color: Color) -> Asset:
-    """A band around a tank from one place along it to another."""
+    """Build a band around a tank from ``x[0]`` to ``x[1]``."""
     wide = np.concatenate([loop, loop[:1]]) * size + [0, z]
     rings = [np.column_stack([np.full(len(wide), at), wide]) for at in x]
     return loft(rings, color, "metal", closed=False, caps=False)
@@ -290,7 +290,7 @@ def hoop(loop: np.ndarray, x: Span, z: float, size: float, color: Color) -> Asse
 def lettering(
     wall: Corners, u: tuple[float, float], v: tuple[float, float], color: Color, seed: int
 ) -> Asset:
-    """Two lines of block letters on ``wall``, a large one over a small one; legible as text, not as words."""
+    """Build a large line of block letters over a small one on ``wall``; they look like text."""
     rng = np.random.default_rng(seed)
     along, up = [], []
     for low, high, letters in (
@@ -303,11 +303,11 @@ def lettering(
             head = high - (0, 0.06)[rng.integers(2)]
             up.append((v[0] + low * (v[1] - v[0]), v[0] + head * (v[1] - v[0])))
             along.append((a, a + step * rng.uniform(0.5, 0.8)))
-    return quads(_laid(wall, along, up, 0.02), [color] * len(up), ["plain"] * len(up))
+    return quads(_rectangles(wall, along, up, 0.02), [color] * len(up), ["plain"] * len(up))
 
 
 def lamps(
     wall: Corners, u: tuple[float, float], v: tuple[float, float], color: Color, lift: float = 0.015
 ) -> Asset:
-    """A pair of lamps on ``wall``, mirrored about its middle."""
+    """Build a pair of lamps on ``wall``, mirrored about its middle."""
     return panels(wall, [u, (1 - u[1], 1 - u[0])], [v], color, "lamp", lift=lift)

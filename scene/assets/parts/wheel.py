@@ -1,4 +1,4 @@
-"""Road wheels: a tyre with rounded shoulders and a dished rim with spokes, a hub cap or bare steel."""
+"""Road wheels: a tyre and a dished rim with spokes, a hub cap or holes in bare steel."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from scene.assets.parts.skin import mirrored, revolve
 from scene.mesh.asset import Asset, Color, merge, solid, translate
 
 STYLES: tuple[str, ...] = ("spokes", "twin spokes", "cap", "steel")
-"""How the face of a rim looks."""
+"""Designs of a rim's face."""
 
 
 class Wheel(NamedTuple):
@@ -24,12 +24,12 @@ class Wheel(NamedTuple):
     spokes: int = 5
     rim_share: float = 0.66  # of the radius
     color: Color = STEEL
-    dish: float = 0.18  # how deep the rim's floor lies, as a share of the width
+    dish: float = 0.18  # depth of the rim's floor, as a share of the width
 
 
-@lru_cache(maxsize=8)  # a lorry has the same one on every axle
+@lru_cache(maxsize=8)  # the axles of a lorry share one
 def wheel(w: Wheel, *, sides: int = 14) -> Asset:
-    """The wheel standing on z = 0 at x = 0, its outer face in y = 0, looking towards +y."""
+    """Build a wheel standing on z = 0 at x = 0, its outer face in y = 0, facing +y."""
     r, rim = w.radius, w.rim_share * w.radius
     tread = [(rim, 0.0), (0.93 * r, -0.004), (r, -0.16 * w.width), (r, -0.9 * w.width)]
     dish = -w.dish * w.width
@@ -37,24 +37,24 @@ def wheel(w: Wheel, *, sides: int = 14) -> Asset:
     parts = [
         revolve(tread[::-1], TYRE, "rubber", sides=sides),
         revolve([(0.92 * rim, dish), (rim, 0.0)][::-1], w.color, "metal", sides=sides),
-        _blades(np.zeros(1), (0.0, 0.93 * rim), 2 * np.pi, dish, floor, sides=sides),
-        _blades(np.zeros(1), (0.0, 0.2 * rim), 2 * np.pi, 0.1 * dish, w.color, sides=6),
+        _sectors(np.zeros(1), (0.0, 0.93 * rim), 2 * np.pi, dish, floor, sides=sides),
+        _sectors(np.zeros(1), (0.0, 0.2 * rim), 2 * np.pi, 0.1 * dish, w.color, sides=6),
     ]
     turn = np.arange(w.spokes) * 2 * np.pi / w.spokes + np.pi / 2
     gap = 2 * np.pi / w.spokes
     if w.style == "spokes":
-        parts.append(_blades(turn, (0.1 * rim, 0.95 * rim), 0.46 * gap, 0.45 * dish, w.color))
+        parts.append(_sectors(turn, (0.1 * rim, 0.95 * rim), 0.46 * gap, 0.45 * dish, w.color))
     elif w.style == "twin spokes":
         for side in (-0.2, 0.2):
             arms = turn + side * gap
-            parts.append(_blades(arms, (0.1 * rim, 0.95 * rim), 0.2 * gap, 0.45 * dish, w.color))
+            parts.append(_sectors(arms, (0.1 * rim, 0.95 * rim), 0.2 * gap, 0.45 * dish, w.color))
     else:  # holes near the edge
         span = (0.55 * rim, 0.85 * rim) if w.style == "steel" else (0.72 * rim, 0.88 * rim)
-        parts.append(_blades(turn, span, 0.5 * gap, 0.9 * dish, BLACK))
+        parts.append(_sectors(turn, span, 0.5 * gap, 0.9 * dish, BLACK))
     return translate(merge(*parts), (0, 0, r))
 
 
-def _blades(
+def _sectors(
     turn: np.ndarray,
     span: tuple[float, float],
     width: float,
@@ -63,10 +63,10 @@ def _blades(
     *,
     sides: int = 1,
 ) -> Asset:
-    """Sectors around the hub, each ``width`` radians wide between two radii, facing +y."""
+    """Build sectors around the hub, each ``width`` radians wide between two radii, facing +y."""
     low, high = span
     angle = turn[:, None] + np.linspace(-0.5, 0.5, sides + 1) * width
-    # The foot of a spoke is as wide as its tip, so that spokes do not fan out to nothing.
+    # The foot of a spoke is about as wide as its tip; a true sector would shrink to nothing.
     foot = turn[:, None] + np.linspace(-0.5, 0.5, sides + 1) * width * min(
         1.6, high / max(low, 1e-3) / 3
     )
@@ -87,7 +87,7 @@ def _blades(
 
 
 def wheels(w: Wheel, axles: tuple[float, ...], half_width: float, *, sides: int = 14) -> Asset:
-    """A wheel on either side of every axle x, outer faces at ``half_width``, m."""
+    """Build a wheel on either side of every axle x, outer faces at ``half_width``, m."""
     left = translate(wheel(w, sides=sides), (0, half_width, 0))
     right = mirrored(left)
-    return merge(*(translate(one, (x, 0, 0)) for x in axles for one in (left, right)))
+    return merge(*(translate(side, (x, 0, 0)) for x in axles for side in (left, right)))
