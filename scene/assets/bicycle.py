@@ -1,4 +1,4 @@
-"""Bicycles: two wheels with thin spokes, a frame of tubes, handlebar, saddle and pedals."""
+"""Bicycles: two wheels with thin spokes, a frame of tubes, a handlebar, a saddle and pedals."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ BAR: Point = (0.30, 0.25, 1.00)
 CRANK: Point = (-0.08, 0.0, 0.29)
 """Middle of the crank, m."""
 CRANK_LENGTH = 0.17
-"""From the crank's middle to a pedal, m; the left pedal is down and forward."""
+"""Distance from the crank's middle to a pedal, m; the left pedal is down and forward."""
 CRANK_ANGLE = -1.2
-"""Of the left pedal, radians up from straight ahead."""
+"""Angle of the left pedal, radians up from straight ahead."""
 PEDAL_Y = 0.13
-"""Of the left pedal, m."""
+"""Distance of the left pedal from the middle, m."""
 
 
 class BicycleParams(NamedTuple):
@@ -36,16 +36,16 @@ class BicycleParams(NamedTuple):
     tyre: float  # thickness
     wheelbase: float
     tube: float  # radius of the frame's tubes
-    step: float  # how far the top tube drops at its rear end
+    step: float  # m that the top tube drops at its rear end
     bar: str  # "flat", "swept" or "drop"
     mudguards: bool
     basket: bool
     rack: bool
-    load: str = ""  # on the rack or beside it: "panniers", "child seat", "box" or nothing
+    load: str = ""  # on the rack: "panniers", "child seat", "box" or ""
     bottle: bool = False
     chaincase: bool = False
     second: Color = (0.3, 0.3, 0.3)  # of fork, bags and rims
-    rise: float = 0.0  # m that the head tube is longer
+    rise: float = 0.0  # m added to the head tube
     color: Color = BLACK
     tyre_color: Color = TYRE
     saddle_color: Color = BLACK
@@ -64,7 +64,7 @@ KINDS: tuple[str, ...] = tuple(_MODELS)
 """Frame types."""
 
 _GUARDS = tuple(np.linspace(0.5, 3.2, 9)), tuple(np.linspace(0.4, 2.6, 8))
-"""Angles through which the rear and the front mudguard run, rad up from straight ahead."""
+"""Angles of the rear and the front mudguard, radians up from straight ahead."""
 
 _PAINTS: tuple[Color, ...] = (
     BLACK, BLACK, (0.035, 0.035, 0.04), (0.05, 0.05, 0.055), (0.24, 0.015, 0.015), (0.02, 0.06, 0.2),
@@ -78,28 +78,28 @@ _SADDLES: tuple[Color, ...] = (BLACK, (0.12, 0.06, 0.03))
 
 def sample_bicycle(rng: np.random.Generator, kind: str) -> BicycleParams:
     """Draw a bicycle of one frame type: wheel size, paint, basket and rack."""
-    m = _MODELS[kind]
-    load = _LOADS[int(rng.integers(len(_LOADS)))] if m.rack else ""
+    model = _MODELS[kind]
+    load = _LOADS[int(rng.integers(len(_LOADS)))] if model.rack else ""
     return sample_fields(
-        rng, m, wheel_radius=times(0.95, 1.03), wheelbase=times(0.97, 1.04), tyre=times(0.95, 1.2),
-        tube=times(0.9, 1.25), step=times(0.7, 1.1), mudguards=m.mudguards and maybe(0.8),
-        basket=maybe(0.8 if m.basket else 0.25 if m.mudguards else 0.0),
-        rack=m.rack and (bool(load) or maybe(0.7)), load=m.load or load,
-        bottle=not m.mudguards and maybe(0.6), chaincase=m.mudguards and maybe(0.5),
+        rng, model, wheel_radius=times(0.95, 1.03), wheelbase=times(0.97, 1.04), tyre=times(0.95, 1.2),
+        tube=times(0.9, 1.25), step=times(0.7, 1.1), mudguards=model.mudguards and maybe(0.8),
+        basket=maybe(0.8 if model.basket else 0.25 if model.mudguards else 0.0),
+        rack=model.rack and (bool(load) or maybe(0.7)), load=model.load or load,
+        bottle=not model.mudguards and maybe(0.6), chaincase=model.mudguards and maybe(0.5),
         rise=between(-0.02, 0.04), color=near(0.25, *_PAINTS), second=near(0.15, *_PAINTS, STEEL),
         tyre_color=near(0.15, *_TYRES), saddle_color=near(0.15, *_SADDLES),
     )  # fmt: skip
 
 
 def bicycle(params: BicycleParams) -> Asset:
-    """The bicycle of ``params``, rolling towards +x."""
+    """Build the bicycle, facing +x."""
     p = params
     parts = [_wheel(p, x) for x in (-p.wheelbase / 2, p.wheelbase / 2)]
     return merge(*parts, *_frame(p), *_handlebar(p), *_drive(p), *_fittings(p))
 
 
 def _wheel(p: BicycleParams, x: float) -> Asset:
-    """Tyre, rim, bright spokes as crossed blades, and the hub."""
+    """Build tyre, rim, bright spokes as crossed blades, and the hub."""
     hub = (x, 0.0, p.wheel_radius)
     radius = p.wheel_radius - p.tyre / 2
     rim = radius - 0.5 * p.tyre - 0.006
@@ -110,20 +110,20 @@ def _wheel(p: BicycleParams, x: float) -> Asset:
     ]
     for k, angle in enumerate(np.arange(9) * np.pi / 9 + 0.3):
         along = radius * np.array([np.cos(angle), 0, np.sin(angle)])
-        across = 0.0035 * np.array([-np.sin(angle), 0, np.cos(angle)])
+        half_width = 0.0035 * np.array([-np.sin(angle), 0, np.cos(angle)])
         lean = np.array([0, 0.012 if k % 2 else -0.012, 0])  # spokes cross from flange to flange
         corners = [
-            along - across + lean,
-            along + across + lean,
-            -along + across - lean,
-            -along - across - lean,
+            along - half_width + lean,
+            along + half_width + lean,
+            -along + half_width - lean,
+            -along - half_width - lean,
         ]
         parts.append(polygon(np.array(corners) + hub, STEEL, "metal"))
     return merge(*parts)
 
 
 def _steering(p: BicycleParams) -> tuple[Point, Point, Point]:
-    """Front hub, foot of the head tube and its top, on one line."""
+    """Return the front hub and the foot and top of the head tube, on one line."""
     hub = (p.wheelbase / 2, 0.0, p.wheel_radius)
     foot = (hub[0] - 0.13, 0.0, p.wheel_radius * 2 + 0.04)
     top = max(foot[2] + 0.17, 0.86) + p.rise
@@ -131,7 +131,7 @@ def _steering(p: BicycleParams) -> tuple[Point, Point, Point]:
 
 
 def _frame(p: BicycleParams) -> list[Asset]:
-    """The diamond: down, top and seat tube, stays and fork."""
+    """Build the diamond: down, top and seat tube, stays and fork."""
     hub, foot, head = _steering(p)
     seat = _on_seat_tube(0.80)
     joint = _on_seat_tube(0.80 - 1.2 * p.step)
@@ -154,13 +154,13 @@ def _frame(p: BicycleParams) -> list[Asset]:
 
 
 def _on_seat_tube(share: float) -> Point:
-    """The point at ``share`` of the way from the crank to the saddle."""
+    """Return the point at ``share`` of the way from the crank to the saddle."""
     (x0, y0, z0), (x1, y1, z1) = CRANK, SADDLE
     return x0 + share * (x1 - x0), y0 + share * (y1 - y0), z0 + share * (z1 - z0)
 
 
 def _handlebar(p: BicycleParams) -> list[Asset]:
-    """Stem, bar and grips; the hands hold it at ``BAR``."""
+    """Build stem, bar and grips; the hands hold it at ``BAR``."""
     _, _, head = _steering(p)
     x, y, z = BAR
     clamp = (head[0] - 0.01, 0.0, z - 0.01) if p.bar != "drop" else (x - 0.03, 0.0, z - 0.02)
@@ -179,7 +179,7 @@ def _handlebar(p: BicycleParams) -> list[Asset]:
 
 
 def _drive(p: BicycleParams) -> list[Asset]:
-    """Saddle, chainring, chain, cranks and pedals."""
+    """Build saddle, chainring, chain, cranks and pedals."""
     x, _, z = SADDLE
     tip, tail = x + 0.13, x - 0.13
     outline = [(tip, -0.025, z), (tip, 0.025, z), (tail, 0.075, z), (tail, -0.075, z)]
@@ -205,14 +205,14 @@ def _drive(p: BicycleParams) -> list[Asset]:
 
 
 def pedals() -> tuple[Point, Point]:
-    """Middle of the left and of the right pedal, m."""
+    """Return the middle of the left and of the right pedal, m."""
     x, _, z = CRANK
     ahead, up = CRANK_LENGTH * np.cos(CRANK_ANGLE), CRANK_LENGTH * np.sin(CRANK_ANGLE)
     return (x + ahead, PEDAL_Y, z + up), (x - ahead, -PEDAL_Y, z - up)
 
 
 def _fittings(p: BicycleParams) -> list[Asset]:
-    """Mudguards, rack, basket and lamps."""
+    """Build mudguards, rack, bottle and loads."""
     parts = []
     rear, front = -p.wheelbase / 2, p.wheelbase / 2
     top = 2 * p.wheel_radius + 0.07
@@ -231,13 +231,13 @@ def _fittings(p: BicycleParams) -> list[Asset]:
 
 
 def _on_down_tube(p: BicycleParams, share: float) -> Point:
-    """A point above the down tube at ``share`` of the way from crank to head."""
+    """Return the point above the down tube at ``share`` of the way from crank to head."""
     (x0, _, z0), (x1, _, z1) = CRANK, _steering(p)[1]
     return x0 + share * (x1 - x0) - 0.03, 0.0, z0 + share * (z1 - z0) + 0.06
 
 
 def _front_load(p: BicycleParams) -> list[Asset]:
-    """A basket of wires or wicker, or a lamp alone."""
+    """Build a basket of wires or wicker, or only a lamp."""
     x = _steering(p)[1][0] + 0.03
     top = max(2 * p.wheel_radius + 0.1, 0.7)
     lamp = tube(
@@ -250,19 +250,19 @@ def _front_load(p: BicycleParams) -> list[Asset]:
     low, high = (x, -0.17, top + 0.03), (x + 0.27, 0.17, top + 0.23)
     if p.tube > 0.022:
         return [block(low, high, WICKER, "wood")]
-    (back, right, foot), (ahead, left, rim) = low, high
-    parts = [block(low, (ahead, left, foot + 0.01), BLACK, "metal")]
+    (back, right_y, foot), (ahead, left_y, rim) = low, high
+    parts = [block(low, (ahead, left_y, foot + 0.01), BLACK, "metal")]
     for z in np.linspace(foot, rim, 4):
-        ends = [((back, y, z), (ahead, y, z)) for y in (right, left)]
-        ends += [((x, right, z), (x, left, z)) for x in (back, ahead)]
+        ends = [((back, y, z), (ahead, y, z)) for y in (right_y, left_y)]
+        ends += [((x, right_y, z), (x, left_y, z)) for x in (back, ahead)]
         parts += [rod(a, b, 0.006, BLACK) for a, b in ends]
-    upright = [(ahead, y) for y in np.linspace(right, left, 6)]
-    upright += [(x, y) for x in np.linspace(back, ahead, 5) for y in (right, left)]
+    upright = [(ahead, y) for y in np.linspace(right_y, left_y, 6)]
+    upright += [(x, y) for x in np.linspace(back, ahead, 5) for y in (right_y, left_y)]
     return parts + [rod((x, y, foot), (x, y, rim), 0.005, BLACK) for x, y in upright]
 
 
 def _rear_load(p: BicycleParams) -> list[Asset]:
-    """Bags beside the rack, or a child's seat or a box on it."""
+    """Build bags at the sides of the rack, or a child's seat or a box on it."""
     rear, top = -p.wheelbase / 2, 2 * p.wheel_radius + 0.08
     if p.load == "panniers":
         return [cuboid((rear - 0.16, rear + 0.16), 0.06, (top - 0.36, top), p.second, "cloth", at=y)

@@ -1,4 +1,4 @@
-"""Bollards and beacons (class pole): low posts along kerbs and on traffic islands."""
+"""Bollards and beacons (class pole), low posts along kerbs and on traffic islands."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ class BollardParams(NamedTuple):
     radius: float  # m, at the foot
     outline: tuple[
         tuple[float, float], ...
-    ]  # shares of height and radius, from the foot up; () a box
+    ]  # shares of height and radius from the foot up; () a box
     color: Color
     band: Color
-    bands: tuple[tuple[float, float], ...]  # shares of the height, from and to
+    bands: tuple[tuple[float, float], ...]  # from and to, as shares of the height
     material: str
     sides: int = 10
 
@@ -60,7 +60,7 @@ _KINDS: dict[str, BollardParams] = {
 }  # fmt: skip
 KINDS: tuple[str, ...] = tuple(_KINDS)
 BEACONS: tuple[str, ...] = tuple(name for name, p in _KINDS.items() if not p.outline)
-"""Those that stand on traffic islands."""
+"""Kinds that stand on traffic islands."""
 
 
 def bollard(params: BollardParams) -> Asset:
@@ -68,7 +68,7 @@ def bollard(params: BollardParams) -> Asset:
     p = params
     if not p.outline:
         return _beacon(p)
-    # Bands are rings of the same post, a little wider.
+    # Bands are slightly wider rings of the same post.
     parts = [_turned(p, p.outline, p.color, 1.0)]
     for low, high in p.bands:
         parts.append(_turned(p, ((low, 1.0), (high, 1.0)), p.band, 1.06))
@@ -83,7 +83,7 @@ def _turned(
 
 
 def _beacon(p: BollardParams) -> Asset:
-    """A lit box with a coloured foot and a round blue sign towards the traffic, on both sides."""
+    """Build a lit box on a dark foot, with a round blue sign towards the traffic on both sides."""
     deep, wide, h = 1.5 * p.radius, 2 * p.radius, p.height
     foot = box((1.15 * deep, 1.15 * wide, 0.12 * h), (0, 0, 0), (0.05, 0.05, 0.05), "rubber")
     body = box((deep, wide, 0.5 * h), (0, 0, 0.12 * h), p.color, p.material)

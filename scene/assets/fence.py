@@ -1,4 +1,4 @@
-"""Fence panels centred on y = 0: posts, rails, and an infill that one can see through."""
+"""Fence panels centred on y = 0: posts, rails and an infill, mostly see-through."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from scene.mesh.solids import box, loft, polygon, triangles, tube
 
 
 class FenceParams(NamedTuple):
-    """A panel: posts at even spacing, horizontal rails, and one sort of infill."""
+    """A panel: evenly spaced posts, horizontal rails, and one kind of infill."""
 
     length: float  # along x, m
     height: float  # m
@@ -37,7 +37,7 @@ class FenceParams(NamedTuple):
     color: Color
     material: str
     tip: str = ""  # of posts: "", "ball", "point" or "band"
-    second: Color = FENCE_WHITE  # of bands, feet and reflectors
+    second: Color = FENCE_WHITE  # of stripes, feet and reflectors
     seed: int = 0  # unevenness of boards and pickets
 
 
@@ -80,13 +80,13 @@ KINDS: tuple[str, ...] = tuple(_KINDS)
 
 
 def _stations(p: FenceParams) -> np.ndarray:
-    """Where along x the pieces of infill stand, evenly between the ends."""
+    """Return x of the pieces of infill, evenly spaced between the ends."""
     count = max(2, round(p.length / p.pitch))
     return (np.arange(count) + 0.5) / count * p.length - p.length / 2
 
 
 def _span(p: FenceParams) -> tuple[float, float]:
-    """Height of the lowest and of the highest rail, or of the panel."""
+    """Return the heights of the lowest and the highest rail, or else of the panel."""
     rails = p.rails or (0.12, 0.98)
     return (rails[0] if len(rails) > 1 else 0.02) * p.height, rails[-1] * p.height
 
@@ -101,7 +101,7 @@ def _bars(p: FenceParams) -> list[Asset]:
 
 
 def _spears(p: FenceParams) -> list[Asset]:
-    """Bars that end in points over the top rail."""
+    """Build bars that end in points over the top rail."""
     low, high = _span(p)
     bars = [_rod(p, (x, 0, low), (x, 0, high + 0.03)) for x in _stations(p)]
     tips = [tube((x, 0, high + 0.03), (x, 0, p.height), 0.9 * p.gauge, p.color, p.material,
@@ -110,7 +110,7 @@ def _spears(p: FenceParams) -> list[Asset]:
 
 
 def _bows(p: FenceParams) -> list[Asset]:
-    """Hoops in pairs of bars."""
+    """Build hoops that join bars in pairs."""
     low, high = _span(p)
     turn = np.linspace(0, np.pi, 6)
     parts = []
@@ -123,8 +123,8 @@ def _bows(p: FenceParams) -> list[Asset]:
     return parts
 
 
-def _planks(p: FenceParams) -> list[Asset]:
-    """Upright planks, pointed ones for pickets and pales; every plank its own tone."""
+def _boards(p: FenceParams) -> list[Asset]:
+    """Build upright planks in uneven tones, pointed for pickets and pales."""
     rng = np.random.default_rng(p.seed)
     point = {"pickets": 0.07, "pales": 0.12}.get(p.infill, 0.0)
     half, foot, y = p.gauge / 2, 0.05, -min(0.04, p.post_width / 2)
@@ -141,8 +141,8 @@ def _planks(p: FenceParams) -> list[Asset]:
     return planks
 
 
-def _ribbons(lines: list[tuple[np.ndarray, np.ndarray]], p: FenceParams) -> list[Asset]:
-    """Thin flat wires between pairs of points, upright as the panel is."""
+def _wire_mesh(lines: list[tuple[np.ndarray, np.ndarray]], p: FenceParams) -> list[Asset]:
+    """Build thin flat wires between pairs of points, in the plane of the panel."""
     wires = []
     for a, b in lines:
         along = (b - a) / np.linalg.norm(b - a)
@@ -152,7 +152,7 @@ def _ribbons(lines: list[tuple[np.ndarray, np.ndarray]], p: FenceParams) -> list
 
 
 def _diamonds(p: FenceParams) -> list[Asset]:
-    """Wires or laths both ways across the panel at 45 degrees, cut off at its edges."""
+    """Build wires or laths in both directions at 45 degrees, cut off at the panel's edges."""
     low, high = _span(p)
     height, half = high - low, p.length / 2
     lines = []
@@ -160,20 +160,22 @@ def _diamonds(p: FenceParams) -> list[Asset]:
         x0, x1 = max(start, -half), min(start + height, half)
         a, b = np.array([x0, 0, low + x0 - start]), np.array([x1, 0, low + x1 - start])
         lines += [(a, b), (a * [-1, 1, 1], b * [-1, 1, 1])]
-    return _ribbons(lines, p)
+    return _wire_mesh(lines, p)
 
 
 def _grid(p: FenceParams) -> list[Asset]:
-    """A welded mesh of upright and level wires."""
+    """Build a welded mesh of upright and level wires."""
     low, high = _span(p)
     half = p.length / 2
     lines = [(np.array([x, 0, low]), np.array([x, 0, high])) for x in _stations(p)]
     levels = np.arange(low + p.pitch, high, 1.6 * p.pitch)
-    return _ribbons(lines + [(np.array([-half, 0, z]), np.array([half, 0, z])) for z in levels], p)
+    return _wire_mesh(
+        lines + [(np.array([-half, 0, z]), np.array([half, 0, z])) for z in levels], p
+    )
 
 
 def _beam(p: FenceParams) -> list[Asset]:
-    """A corrugated steel band in front of the posts, with reflectors."""
+    """Build a corrugated steel band in front of the posts, with reflectors."""
     level = p.height - p.gauge * np.array([1, 0.82, 0.6, 0.5, 0.4, 0.18, 0])
     y = -p.post_width / 2 - np.array([0.01, 0.08, 0.08, 0.02, 0.08, 0.08, 0.01])
     half = p.length / 2
@@ -185,8 +187,8 @@ def _beam(p: FenceParams) -> list[Asset]:
 
 
 def _chain(p: FenceParams) -> list[Asset]:
-    """Chains that hang between the posts."""
-    places = _places(p)
+    """Build chains that hang between the posts."""
+    places = _post_xs(p)
     parts = []
     for a, b in pairwise(places):
         t = np.linspace(0, 1, 13)
@@ -199,7 +201,7 @@ def _chain(p: FenceParams) -> list[Asset]:
 
 
 def _stripes(p: FenceParams) -> list[Asset]:
-    """Two boards with slanting stripes of two colours."""
+    """Build two boards with slanting stripes in two colours."""
     parts, y, half = [], -p.post_width / 2 - 0.012, p.length / 2
     for low, high in ((0.72, 0.95), (0.2, 0.38)):
         a, b = low * p.height, high * p.height
@@ -213,9 +215,9 @@ def _stripes(p: FenceParams) -> list[Asset]:
 
 
 def _crosses(p: FenceParams) -> list[Asset]:
-    """A diagonal cross with a ring between every two posts."""
+    """Build a diagonal cross with a ring between every two posts."""
     low, high = _span(p)
-    places = _places(p)
+    places = _post_xs(p)
     parts = []
     for a, b in pairwise(places):
         parts += [_rod(p, (a, 0, low), (b, 0, high)), _rod(p, (a, 0, high), (b, 0, low))]
@@ -228,7 +230,7 @@ def _crosses(p: FenceParams) -> list[Asset]:
 
 
 def _wires(p: FenceParams) -> list[Asset]:
-    """Level wires from post to post."""
+    """Build level wires from post to post."""
     half = p.length / 2
     levels = np.arange(0.25, p.height - 0.08, p.pitch)
     return [tube((-half, 0, float(z)), (half, 0, float(z)), p.gauge / 2, GALVANISED, "metal", sides=4)
@@ -236,7 +238,7 @@ def _wires(p: FenceParams) -> list[Asset]:
 
 
 def _slats(p: FenceParams) -> list[Asset]:
-    """Level slats with gaps."""
+    """Build level slats with gaps."""
     rng = np.random.default_rng(p.seed)
     levels = np.arange(0.1, p.height - p.gauge - 0.04, p.pitch)
     slats = [box((p.length, 0.03, p.gauge), (0, -0.04, float(z)), p.color, p.material)
@@ -245,19 +247,19 @@ def _slats(p: FenceParams) -> list[Asset]:
 
 
 _INFILLS = {
-    "none": lambda p: [], "bars": _bars, "spears": _spears, "bows": _bows, "pickets": _planks,
-    "boards": _planks, "pales": _planks, "diamonds": _diamonds, "grid": _grid, "beam": _beam,
+    "none": lambda p: [], "bars": _bars, "spears": _spears, "bows": _bows, "pickets": _boards,
+    "boards": _boards, "pales": _boards, "diamonds": _diamonds, "grid": _grid, "beam": _beam,
     "chain": _chain, "stripes": _stripes, "crosses": _crosses, "wires": _wires, "slats": _slats,
 }  # fmt: skip
 
 
-def _places(p: FenceParams) -> list[float]:
+def _post_xs(p: FenceParams) -> list[float]:
     reach = (p.length - p.post_width) / 2
     return [float(x) for x in np.linspace(-reach, reach, p.posts)]
 
 
 def _post(p: FenceParams, x: float) -> list[Asset]:
-    """A post and its tip or foot."""
+    """Build a post and its tip or foot."""
     w, h = p.post_width, p.height
     if p.tip == "ball":
         r = 0.5 * w
@@ -282,7 +284,7 @@ def _post(p: FenceParams, x: float) -> list[Asset]:
 def fence(params: FenceParams) -> Asset:
     """Build the panel."""
     p = params
-    posts = [part for x in _places(p) for part in _post(p, x)]
+    posts = [part for x in _post_xs(p) for part in _post(p, x)]
     thin = min(0.04, p.post_width / 2)
     rails = [
         box((p.length, thin, p.rail_size), (0, 0, share * p.height - p.rail_size / 2), p.color,
@@ -290,7 +292,7 @@ def fence(params: FenceParams) -> Asset:
         for share in p.rails
     ]  # fmt: skip
     panel = merge(*posts, *rails, *_INFILLS[p.infill](p))
-    return ignore(panel) if p.infill == "beam" else panel  # a guard rail is no fence in Cityscapes
+    return ignore(panel) if p.infill == "beam" else panel  # Cityscapes: a guard rail is no fence
 
 
 FAMILY = Family(

@@ -1,4 +1,4 @@
-"""Street lamps and telegraph poles (class pole); arms reach over the road (-y)."""
+"""Street lamps and telegraph poles (class pole) whose arms reach over the road (-y)."""
 
 from __future__ import annotations
 
@@ -24,56 +24,56 @@ from scene.mesh.solids import box, loft, tube, turned
 
 
 class LampParams(NamedTuple):
-    """A tapering column in a base sleeve, arms that leave its top, and one sort of head."""
+    """A tapering column in a base sleeve, arms from its top, and one kind of head."""
 
     height: float  # of the column, m
     radius: float  # at the foot, m
     foot: float  # height of the thicker foot, m; 0 for none
-    arms: tuple[float, ...]  # y reached by each arm, m
-    rise: float  # of the arm's end over where it leaves the column, m
-    bend: float  # 0 a straight arm .. 1 one that leaves the column upright
-    head: str  # see ``_HEADS``; hangs at the end of every arm, or stands on the column
-    head_size: float  # m; see the head's function
+    arms: tuple[float, ...]  # y of each arm's end, m
+    rise: float  # of the arm's end above its start, m
+    bend: float  # 0 a straight arm .. 1 an arm that leaves the column upright
+    head: str  # see ``_HEADS``; at the end of every arm, or on the column without arms
+    head_size: float  # m, see the function of the head
     color: Color
     material: str
-    below: float = 0.0  # how far under the top the arms leave, m
+    below: float = 0.0  # m from the top down to the arms
     rings: int = 0  # collars around the column
     stay: bool = False  # a rod from the column to the arm
     box: bool = False  # a fuse box or a poster at eye level
-    spread: float = 0.12  # by how much the height differs among those of a kind, as a share
+    spread: float = 0.12  # of the height within the kind, as a share
 
 
-_PLAIN = LampParams(7.4, 0.09, 1.2, (-1.4,), 0.2, 0.0, "tray", 0.75, LAMP_STEEL, "metal")
-_IRON = _PLAIN._replace(color=LAMP_IRON, material="paint", arms=(), rise=0.0, foot=0.9)
-_POLE = _PLAIN._replace(color=LAMP_TIMBER, material="bark", arms=(), foot=0.0, radius=0.12, height=8.0,
+_COLUMN = LampParams(7.4, 0.09, 1.2, (-1.4,), 0.2, 0.0, "tray", 0.75, LAMP_STEEL, "metal")
+_IRON = _COLUMN._replace(color=LAMP_IRON, material="paint", arms=(), rise=0.0, foot=0.9)
+_POLE = _COLUMN._replace(color=LAMP_TIMBER, material="bark", arms=(), foot=0.0, radius=0.12, height=8.0,
                         spread=0.08)  # fmt: skip
 _KINDS: dict[str, LampParams] = {
-    "arm": _PLAIN,
-    "swan neck": _PLAIN._replace(bend=1.0, rise=1.0, height=6.6, arms=(-1.8,), spread=0.1),
-    "double": _PLAIN._replace(arms=(-1.5, 1.5), bend=0.5, rise=0.5, height=7.8, spread=0.08),
+    "arm": _COLUMN,
+    "swan neck": _COLUMN._replace(bend=1.0, rise=1.0, height=6.6, arms=(-1.8,), spread=0.1),
+    "double": _COLUMN._replace(arms=(-1.5, 1.5), bend=0.5, rise=0.5, height=7.8, spread=0.08),
     "lantern": _IRON._replace(height=3.9, head="lantern", head_size=0.7, rings=3),
     "telegraph": _POLE._replace(head="crossbars", head_size=1.6),
     "globe": _IRON._replace(height=4.2, head="globe", head_size=0.48, color=LAMP_STEEL, spread=0.1),
-    "led blade": _PLAIN._replace(head="blade", head_size=0.85, arms=(-0.5,), rise=0.05, radius=0.075,
+    "led blade": _COLUMN._replace(head="blade", head_size=0.85, arms=(-0.5,), rise=0.05, radius=0.075,
                                  foot=0.0, color=(0.05, 0.052, 0.056), spread=0.15),
     "heritage bracket": _IRON._replace(height=5.6, head="bell", head_size=0.5, arms=(-0.9,), rise=0.25,
                                        bend=1.0, below=0.35, stay=True, rings=2, color=LAMP_GREEN,
                                        spread=0.08),
-    "concrete": _PLAIN._replace(color=LAMP_CONCRETE, material="concrete", radius=0.13, foot=1.6, bend=0.9,
+    "concrete": _COLUMN._replace(color=LAMP_CONCRETE, material="concrete", radius=0.13, foot=1.6, bend=0.9,
                                 rise=0.7, arms=(-1.2,), head_size=0.6, height=6.8, spread=0.08),
     "post top": _IRON._replace(height=4.8, head="disc", head_size=0.62, foot=0.0,
                                color=(0.06, 0.062, 0.066)),
     "telephone": _POLE._replace(head="drop wires", head_size=0.5, box=True, height=7.2),
     "twin lantern": _IRON._replace(height=4.5, head="lantern", head_size=0.6, arms=(-0.65, 0.65),
                                    rise=0.2, bend=1.0, below=0.3, rings=3, spread=0.06),
-    "catenary mast": _PLAIN._replace(height=7.6, radius=0.13, arms=(-2.6,), rise=0.35,
+    "catenary mast": _COLUMN._replace(height=7.6, radius=0.13, arms=(-2.6,), rise=0.35,
                                      head="insulator", head_size=0.3, below=1.0, stay=True, foot=0.6,
                                      color=(0.075, 0.085, 0.08), spread=0.06),
-    "floodlight": _PLAIN._replace(height=8.6, radius=0.13, arms=(), head="flood", head_size=1.5,
+    "floodlight": _COLUMN._replace(height=8.6, radius=0.13, arms=(), head="flood", head_size=1.5,
                                   spread=0.04),
     "bollard": _IRON._replace(height=1.0, radius=0.09, foot=0.0, head="louvre", head_size=0.28,
                               color=(0.045, 0.046, 0.05), spread=0.15),
-    "camera pole": _PLAIN._replace(height=5.4, radius=0.1, foot=1.6, arms=(-0.7,), rise=0.0, below=0.4,
+    "camera pole": _COLUMN._replace(height=5.4, radius=0.1, foot=1.6, arms=(-0.7,), rise=0.0, below=0.4,
                                    head="camera", head_size=0.4, box=True, color=(0.13, 0.135, 0.14)),
 }  # fmt: skip
 KINDS: tuple[str, ...] = tuple(_KINDS)
@@ -89,7 +89,7 @@ def sample_lamp(rng: np.random.Generator, kind: str) -> LampParams:
 
 
 def _pipe(points: np.ndarray, radius: float, params: LampParams, sides: int = 6) -> Asset:
-    """A bent pipe in the plane x = 0 through ``points`` (y, z)."""
+    """Build a bent pipe in the plane x = 0 through ``points`` (y, z)."""
     along = np.gradient(points, axis=0)
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     turn = np.arange(sides) * 2 * np.pi / sides
@@ -103,7 +103,7 @@ def _pipe(points: np.ndarray, radius: float, params: LampParams, sides: int = 6)
 
 
 def _arm(p: LampParams, reach: float) -> tuple[list[Asset], float]:
-    """A pipe from the column to ``reach``, and the height at its end."""
+    """Build a pipe from the column to y = ``reach``; return it with the height of its end."""
     start = p.height - p.below
     t = np.linspace(0, 1, 9 if p.bend else 2)
     y = reach * ((1 - p.bend) * t + p.bend * (1 - np.cos(t * np.pi / 2)))
@@ -115,8 +115,10 @@ def _arm(p: LampParams, reach: float) -> tuple[list[Asset], float]:
     return parts, float(z[-1])
 
 
-def _slab(p: LampParams, y: float, z: float, side: float, high: float, wide: float) -> list[Asset]:
-    """A flat housing that goes on outwards from (y, z), with the lit glass below."""
+def _housing(
+    p: LampParams, y: float, z: float, side: float, high: float, wide: float
+) -> list[Asset]:
+    """Build a flat housing that extends outwards from (y, z), with the lit glass below."""
     n, size = 8, p.head_size
     turn = np.arange(n) * 2 * np.pi / n + np.pi / n
     outline = np.column_stack([0.5 * wide * np.cos(turn) * 1.08, 0.5 * size * np.sin(turn) * 1.08])
@@ -131,7 +133,7 @@ def _slab(p: LampParams, y: float, z: float, side: float, high: float, wide: flo
 
 
 def _lantern(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
-    """A four-sided glass that widens upwards under a pointed roof."""
+    """Build a four-sided glass that widens upwards under a pointed roof."""
     s = p.head_size
     eaves, wide = z + 0.6 * s, 0.4 * s
     glass = tube((0, y, z), (0, y, eaves), 0.55 * wide, GLOW, "lamp", end_radius=wide, sides=4)
@@ -155,7 +157,7 @@ def _globe(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
 
 
 def _bell(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
-    """A hanging bell with its glass below."""
+    """Build a hanging bell with glass below."""
     s = p.head_size
     bell = [(z - 0.62 * s, 0.5 * s), (z - 0.4 * s, 0.42 * s), (z - 0.22 * s, 0.2 * s), (z, 0.05)]
     glass = [(z - 0.85 * s, 0.05), (z - 0.76 * s, 0.26 * s), (z - 0.6 * s, 0.36 * s)]
@@ -166,7 +168,7 @@ def _bell(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
 
 
 def _disc(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
-    """A flat hat on a short clear cylinder."""
+    """Build a flat hat on a short clear cylinder."""
     r = p.head_size / 2
     hat = [(z + 0.3, r), (z + 0.34, r), (z + 0.42, 0.3 * r)]
     return [turned([(z, 0.4 * r), (z + 0.3, 0.5 * r)], GLOW, "lamp", 10, at=(0.0, y)),
@@ -174,7 +176,7 @@ def _disc(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
 
 
 def _louvre(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
-    """Rings around a low light."""
+    """Build rings around a low light."""
     r, step = 1.15 * p.radius, p.head_size / 4
     rings = [turned([(z + k * step, r), (z + (k + 0.45) * step, r)], p.color, p.material, at=(0.0, y))
              for k in range(1, 5)]  # fmt: skip
@@ -182,23 +184,23 @@ def _louvre(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
 
 
 def _insulator(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
-    """What holds a contact wire: a strut and two ribbed bells."""
+    """Build the holder of a contact wire: a strut and a ribbed insulator."""
     ribs = [(z - 0.05 * k, 0.07 if k % 2 else 0.04) for k in range(7)][::-1]
     strut = box((0.05, 0.5, 0.05), (0, y - 0.25 * side, z - 0.4), p.color, p.material)
     return [turned(ribs, (0.12, 0.05, 0.03), "paint", at=(0.0, y)), strut]
 
 
 def _flood(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
-    """Four floodlights on a bar."""
+    """Build four floodlights on a bar."""
     s, parts = p.head_size, [box((0.1, p.head_size, 0.1), (0, 0, z), p.color, p.material)]
-    for place in (-0.42, -0.15, 0.15, 0.42):
-        parts += [box((0.2, 0.24 * s, 0.3), (-0.1, place * s, z + 0.1), p.color, p.material),
-                  box((0.02, 0.2 * s, 0.24), (-0.21, place * s, z + 0.13), GLOW, "lamp")]  # fmt: skip
+    for share in (-0.42, -0.15, 0.15, 0.42):
+        parts += [box((0.2, 0.24 * s, 0.3), (-0.1, share * s, z + 0.1), p.color, p.material),
+                  box((0.02, 0.2 * s, 0.24), (-0.21, share * s, z + 0.13), GLOW, "lamp")]  # fmt: skip
     return parts
 
 
 def _camera(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
-    """Two cameras and a dome."""
+    """Build two cameras and a dome."""
     white = (0.5, 0.5, 0.49)
     dome = [(z - 0.34, 0.03), (z - 0.28, 0.12), (z - 0.16, 0.15), (z, 0.14)]
     boxes = [
@@ -208,7 +210,7 @@ def _camera(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
 
 
 def _crossbars(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
-    """Two crossbars with insulators, and a transformer below them."""
+    """Build two crossbars with insulators, and a transformer below them."""
     parts = [
         tube((0.22, 0, z - 1.9), (0.22, 0, z - 1.25), 0.2, (0.12, 0.125, 0.13), "metal", sides=10)
     ]
@@ -221,7 +223,7 @@ def _crossbars(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
 
 
 def _drop_wires(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
-    """A ring of hooks and steps up both sides."""
+    """Build a ring for wires, steps up both sides, and a box."""
     ring = turned([(z - 0.3, 0.22), (z - 0.24, 0.22)], p.color, "metal", 8)
     steps = [box((0.03, 0.34, 0.03), (0, 0, at), (0.1, 0.1, 0.1), "metal")
              for at in np.arange(2.6, z - 0.6, 0.45)]  # fmt: skip
@@ -229,7 +231,7 @@ def _drop_wires(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
 
 
 _HEADS: dict[str, Callable[[LampParams, float, float, float], list[Asset]]] = {
-    "tray": partial(_slab, high=0.17, wide=0.3), "blade": partial(_slab, high=0.06, wide=0.36),
+    "tray": partial(_housing, high=0.17, wide=0.3), "blade": partial(_housing, high=0.06, wide=0.36),
     "lantern": _lantern, "globe": _globe, "bell": _bell, "disc": _disc,
     "louvre": _louvre, "insulator": _insulator, "flood": _flood,
     "camera": _camera, "crossbars": _crossbars, "drop wires": _drop_wires,

@@ -1,4 +1,4 @@
-"""Motorcycles: thick wheels, tank, engine, seat and fork; scooters with a leg shield."""
+"""Motorcycles with tank, engine, seat and fork, and scooters with a leg shield."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ class MotorcycleParams(NamedTuple):
     tyre: float  # width
     wheelbase: float
     scooter: bool
-    fairing: float  # 0 none, 1 down to the engine
+    fairing: float  # size: 0 none .. 1 down to the engine
     screen: float  # height of the windscreen above the bar, 0 for none
-    cases: bool  # panniers and top case
-    tail: float  # how far the tail rises above the seat
+    cases: bool  # panniers and a top case
+    tail: float  # m that the tail rises above the seat
     color: Color = BLACK
     seat_color: Color = BLACK
     engine_color: Color = STEEL
@@ -82,21 +82,21 @@ _PAINTS: tuple[Color, ...] = (
 
 def sample_motorcycle(rng: np.random.Generator, kind: str) -> MotorcycleParams:
     """Draw a motorcycle of one body type: size within 5 %, paint, wheels, exhausts, luggage."""
-    m = _MODELS[kind]
+    model = _MODELS[kind]
     return sample_fields(
-        rng, m, wheel_radius=times(0.95, 1.05), tyre=times(0.9, 1.15), wheelbase=times(0.95, 1.05),
-        fairing=times(0.8, 1.2), screen=times(0.6, 1.2) if m.screen else perhaps(0.25, 0.25, 0.0),
-        cases=m.cases or (not m.fairing and maybe(0.25)), tail=times(0.6, 1.4),
+        rng, model, wheel_radius=times(0.95, 1.05), tyre=times(0.9, 1.15), wheelbase=times(0.95, 1.05),
+        fairing=times(0.8, 1.2), screen=times(0.6, 1.2) if model.screen else perhaps(0.25, 0.25, 0.0),
+        cases=model.cases or (not model.fairing and maybe(0.25)), tail=times(0.6, 1.4),
         color=near(0.2, *_PAINTS), seat_color=near(0.15, BLACK, TRIM, (0.09, 0.045, 0.025)),
         engine_color=near(0.15, STEEL, (0.06, 0.06, 0.062), (0.15, 0.15, 0.15)),
-        second=near(0.2, *_PAINTS), spokes=m.spokes if m.spokes > 8 else integer(3, 8),
+        second=near(0.2, *_PAINTS), spokes=model.spokes if model.spokes > 8 else integer(3, 8),
         rim=near(0.15, STEEL, BLACK, (0.45, 0.30, 0.05), (0.5, 0.5, 0.5)),
-        pipes=2 if m.pipes == 2 else perhaps(0.3, 2, 1), front_box=m.scooter and maybe(0.3),
+        pipes=2 if model.pipes == 2 else perhaps(0.3, 2, 1), front_box=model.scooter and maybe(0.3),
     )  # fmt: skip
 
 
 def motorcycle(params: MotorcycleParams) -> Asset:
-    """The motorcycle of ``params``, riding towards +x."""
+    """Build the motorcycle, facing +x."""
     p = params
     parts = [_wheel(p, x) for x in (-p.wheelbase / 2, p.wheelbase / 2)]
     body = _scooter(p) if p.scooter else _machine(p)
@@ -104,17 +104,17 @@ def motorcycle(params: MotorcycleParams) -> Asset:
 
 
 def _wheel(p: MotorcycleParams, x: float) -> Asset:
-    """A round tyre on a spoked rim, with a brake disc on either side."""
+    """Build a round tyre on a spoked rim, with a brake disc on either side."""
     half = p.tyre / 2
-    style = Wheel(p.wheel_radius, half, "spokes", p.spokes, 0.7, p.rim)
+    spec = Wheel(p.wheel_radius, half, "spokes", p.spokes, 0.7, p.rim)
     r = p.wheel_radius
     brake = disc((0, 0.02, r), 0.4 * r, (0.2, 0.2, 0.2), "metal", axis=(0, 1, 0))
-    face = merge(wheel(style, sides=16), brake)
-    return translate(pair(translate(face, (0, half, 0))), (x, 0, 0))
+    side = merge(wheel(spec, sides=16), brake)
+    return translate(pair(translate(side, (0, half, 0))), (x, 0, 0))
 
 
 def _front(p: MotorcycleParams) -> list[Asset]:
-    """Fork, handlebar, mirrors, headlamp and mudguard."""
+    """Build fork, handlebar, mirrors, headlamp and mudguard."""
     hub, (x, y, z) = p.wheelbase / 2, BAR
     crown = (x + 0.06, z - 0.06)
     parts = []
@@ -145,7 +145,7 @@ def _front(p: MotorcycleParams) -> list[Asset]:
 
 
 def _machine(p: MotorcycleParams) -> list[Asset]:
-    """Tank, seat, tail, engine, frame and exhaust."""
+    """Build tank, seat, tail, engine, frame and exhaust."""
     x, _, z = SADDLE
     rear, radius = -p.wheelbase / 2, p.wheel_radius
     tail = rear - 0.12
@@ -174,7 +174,7 @@ def _machine(p: MotorcycleParams) -> list[Asset]:
 
 
 def _cylinders(p: MotorcycleParams) -> list[Asset]:
-    """Finned cylinders leaning forward: thin dark and bright plates in turn."""
+    """Build finned cylinders that lean forward: alternating dark and bright plates."""
     parts = []
     for k in range(7):
         x, z = 0.02 + 0.02 * k, 0.48 + 0.032 * k
@@ -185,10 +185,10 @@ def _cylinders(p: MotorcycleParams) -> list[Asset]:
 
 
 def _exhaust(p: MotorcycleParams) -> list[Asset]:
-    """Header pipes and silencers, on the right or on both sides."""
+    """Build header pipes and silencers, on the right or on both sides."""
     rear, low = -p.wheelbase / 2, 0.24
     lift = 0.3 if p.high_pipe else 0.0
-    one = [
+    pipes = [
         tube((0.26, -0.08, 0.56), (0.32, -0.12, 0.36), 0.026, STEEL, "metal", sides=8),
         tube((0.32, -0.12, 0.36), (0.05, -0.17, low), 0.026, STEEL, "metal", sides=8),
         tube((0.05, -0.17, low), (-0.25, -0.19, low + 0.02 + lift), 0.03, STEEL, "metal", sides=8),
@@ -197,11 +197,11 @@ def _exhaust(p: MotorcycleParams) -> list[Asset]:
             0.05, STEEL, "metal", end_radius=0.06, sides=12,
         ),
     ]  # fmt: skip
-    return [merge(*one) if p.pipes == 1 else pair(merge(*one))]
+    return [merge(*pipes) if p.pipes == 1 else pair(merge(*pipes))]
 
 
 def _fairing(p: MotorcycleParams) -> Asset:
-    """Painted shell around the headlamp and down beside the engine."""
+    """Build a painted shell around the headlamp and down to the engine's sides."""
     low = 1.02 - 0.35 - 0.35 * p.fairing
     stations = [(0.10, 0.20, low, 0.72), (0.34, 0.22, low + 0.05, 0.98)]
     stations += [(0.50, 0.18, low + 0.2, 1.0), (0.62, 0.07, 0.76, 0.92)]
@@ -214,7 +214,7 @@ def _fairing(p: MotorcycleParams) -> Asset:
 
 
 def _scooter(p: MotorcycleParams) -> list[Asset]:
-    """Leg shield, floor, and a rear body that hides the engine."""
+    """Build leg shield, floor, and a rear body that hides the engine."""
     x, _, z = SADDLE
     rear, radius = -p.wheelbase / 2, p.wheel_radius
     body = [(rear - 0.22, 0.07, 0.55, 0.76), (rear, 0.17, 0.36, z - 0.06)]
@@ -234,7 +234,7 @@ def _scooter(p: MotorcycleParams) -> list[Asset]:
 
 
 def _scooter_details(p: MotorcycleParams) -> list[Asset]:
-    """Side panels, vents, and on some a carrier with a box in front."""
+    """Build side panels, front indicators, and on some a box in front."""
     x = SADDLE[0]
     low, high = [(x - 0.3, 0.186, 0.42), (x + 0.05, 0.186, 0.36)], (x - 0.02, 0.19, 0.56)
     parts = [
@@ -247,7 +247,7 @@ def _scooter_details(p: MotorcycleParams) -> list[Asset]:
 
 
 def _extras(p: MotorcycleParams) -> list[Asset]:
-    """Rear lamp, plate, windscreen and luggage."""
+    """Build rear lamp, plate, windscreen, luggage and backrest."""
     back = -p.wheelbase / 2 - (0.24 if p.scooter else 0.16)
     z = SADDLE[2] - 0.08 + (0 if p.scooter else p.tail)
     parts = [
@@ -269,7 +269,7 @@ def _extras(p: MotorcycleParams) -> list[Asset]:
 
 
 def _cases(p: MotorcycleParams) -> list[Asset]:
-    """A delivery box on a scooter; panniers and a top case on a tourer."""
+    """Build a delivery box on a scooter, or panniers and a top case on a tourer."""
     rear, low = -p.wheelbase / 2, SADDLE[2] + 0.06
     if p.scooter:
         return [cuboid((rear - 0.25, rear + 0.17), 0.2, (low, low + 0.42), p.second, "plain")]

@@ -1,7 +1,6 @@
 """Posts that carry traffic signs and lights (class pole), standing at x = y = 0.
 
-``MAX_RADIUS`` and ``MIN_HEIGHT`` are the agreement with the signs and lights that hang on them: any
-sign fits any post.
+Signs and lights rely on ``MAX_RADIUS`` and ``MIN_HEIGHT``, so that any of them fits any post.
 """
 
 from __future__ import annotations
@@ -30,15 +29,15 @@ from scene.mesh.asset import Asset, Color, merge
 from scene.mesh.solids import box, polygon, tube, turned
 
 MAX_RADIUS = 0.06
-"""No post is thicker (metres); plates hang just in front of x = -MAX_RADIUS."""
+"""Largest radius of a post (metres); plates hang just in front of x = -MAX_RADIUS."""
 MIN_HEIGHT = 2.5
-"""No post is shorter (metres)."""
+"""Smallest height of a post (metres)."""
 MAX_HEIGHT = 4.0
-"""No post is taller (metres)."""
+"""Largest height of a post (metres)."""
 
 
 class SignpostParams(NamedTuple):
-    """A post: one shaft in bands of two colours, with a foot, rings, a cap and a thing on it."""
+    """A post: a shaft in bands of two colours, with a foot, rings, a cap and something attached to it."""
 
     height: float  # m
     radius: float  # m
@@ -53,7 +52,7 @@ class SignpostParams(NamedTuple):
     material: str = "metal"
 
 
-_PATTERNS: dict[str, SignpostParams] = {
+_KINDS: dict[str, SignpostParams] = {
     "steel": SignpostParams(3.0, 0.042, 12, 1, POST_STEEL, POST_STEEL),
     "painted": SignpostParams(3.2, 0.045, 12, 1, POST_GREY, POST_GREY, foot=0.5),
     "ringed": SignpostParams(3.4, 0.05, 12, 1, POST_BLACK, GOLD, 3, 0.35, "ball", "", "paint"),
@@ -73,23 +72,24 @@ _PATTERNS: dict[str, SignpostParams] = {
     "solar": SignpostParams(3.7, 0.045, 12, 1, POST_STEEL, POST_GREY, extra="solar"),
     "beacon": SignpostParams(3.0, 0.05, 12, 9, POST_BLACK, WHITE, extra="beacon", material="paint"),
 }  # fmt: skip
-KINDS: tuple[str, ...] = tuple(_PATTERNS)
+KINDS: tuple[str, ...] = tuple(_KINDS)
 
 
 def sample_signpost(rng: np.random.Generator, kind: str) -> SignpostParams:
     """Draw a post of one of ``KINDS``."""
-    p = _PATTERNS[kind]
-    top = MAX_HEIGHT - (0.45 if p.extra in ("beacon", "solar") else 0.0)
-    second = SameAs("color") if p.color == p.second_color else near(0.15)
-    p = sample_fields(
-        rng, p, color=near(0.25), height=times(0.94, 1.08), radius=times(0.92, 1.08), second_color=second
+    post = _KINDS[kind]
+    top = MAX_HEIGHT - (0.45 if post.extra in ("beacon", "solar") else 0.0)
+    second_color = SameAs("color") if post.color == post.second_color else near(0.15)
+    post = sample_fields(
+        rng, post, color=near(0.25), height=times(0.94, 1.08), radius=times(0.92, 1.08),
+        second_color=second_color,
     )  # fmt: skip
-    height = float(np.clip(p.height, MIN_HEIGHT, top))
-    return p._replace(height=height, radius=min(p.radius, MAX_RADIUS))
+    height = float(np.clip(post.height, MIN_HEIGHT, top))
+    return post._replace(height=height, radius=min(post.radius, MAX_RADIUS))
 
 
 def _bin(p: SignpostParams) -> list[Asset]:
-    """A round litter bin beside the post."""
+    """Build a round litter bin next to the post."""
     body = tube((0.0, 0.24, 0.45), (0.0, 0.24, 1.0), 0.16, p.second_color, "paint", end_radius=0.19,
                 sides=12)  # fmt: skip
     lid = tube((0, 0.24, 1.0), (0, 0.24, 1.06), 0.2, GOLD, "paint", sides=12)
@@ -97,36 +97,36 @@ def _bin(p: SignpostParams) -> list[Asset]:
 
 
 def _button(p: SignpostParams) -> list[Asset]:
-    """The yellow box in which one asks for green, with its lit sign."""
+    """Build the yellow box with the button of a pedestrian crossing."""
     case = box((0.14, 0.17, 0.32), (-0.09, 0, 0.90), POST_YELLOW, "paint")
     return [case, box((0.01, 0.1, 0.1), (-0.165, 0, 1.07), POST_BLACK),
             box((0.02, 0.05, 0.05), (-0.165, 0, 0.96), (0.5, 0.5, 0.5), "metal")]  # fmt: skip
 
 
 def _band(p: SignpostParams) -> list[Asset]:
-    """A white band around the lower shaft."""
+    """Build two bands around the lower shaft."""
     r = 1.04 * p.radius
     return [tube((0, 0, z), (0, 0, z + 0.22), r, p.second_color, "paint", sides=12, caps=False)
             for z in (1.05, 1.5)]  # fmt: skip
 
 
 def _twin(p: SignpostParams) -> list[Asset]:
-    """A second shaft, and bars between the two."""
+    """Build a second shaft, and bars between the two."""
     y = 0.42
-    other = tube((0, y, 0), (0, y, p.height), p.radius, p.color, p.material, sides=12)
+    shaft = tube((0, y, 0), (0, y, p.height), p.radius, p.color, p.material, sides=12)
     bars = [box((0.03, y, 0.05), (0, y / 2, z), p.color, p.material) for z in (1.6, p.height - 0.3)]
-    return [other, *bars]
+    return [shaft, *bars]
 
 
 def _arm(p: SignpostParams) -> list[Asset]:
-    """An arm over the road at the top, with a stay."""
+    """Build an arm over the road at the top, with a stay."""
     z = p.height - 0.08
     return [tube((0, 0, z), (0, -2.2, z), 0.045, p.color, p.material, end_radius=0.03, sides=8),
             tube((0, 0, z - 0.7), (0, -0.9, z), 0.02, p.color, p.material, sides=6)]  # fmt: skip
 
 
 def _hoop(p: SignpostParams) -> list[Asset]:
-    """A bent rail that keeps cars off the post."""
+    """Build a bent rail that keeps cars off the post."""
     turn = np.linspace(0, np.pi, 9)
     y, z = 0.36 * np.cos(turn), 0.62 + 0.25 * np.sin(turn)
     points = [(0.14, 0.36, 0.0), *((0.14, a, b) for a, b in zip(y, z, strict=True)),
@@ -141,7 +141,7 @@ def _hoop(p: SignpostParams) -> list[Asset]:
 
 
 def _solar(p: SignpostParams) -> list[Asset]:
-    """A tilted solar panel over a battery box."""
+    """Build a tilted solar panel over a battery box."""
     z = p.height
     panel = [(-0.2, -0.3, z), (-0.2, 0.3, z), (0.22, 0.3, z + 0.32), (0.22, -0.3, z + 0.32)]
     frame = [(x + 0.02, y * 1.06, w - 0.03) for x, y, w in panel]
@@ -150,14 +150,14 @@ def _solar(p: SignpostParams) -> list[Asset]:
 
 
 def _beacon(p: SignpostParams) -> list[Asset]:
-    """The amber globe of a crossing."""
+    """Build the amber globe of a crossing."""
     level = np.linspace(-0.95, 1.0, 8) * np.pi / 2
     globe = [(p.height + 0.19 + 0.17 * np.sin(a), max(0.17 * np.cos(a), 0.005)) for a in level]
     return [turned(globe, (0.75, 0.30, 0.02), "lamp", 12)]
 
 
 def _plate(p: SignpostParams) -> list[Asset]:
-    """A flange with bolts at the foot."""
+    """Build a flange with bolts at the foot."""
     bolts = [box((0.03, 0.03, 0.05), (x, y, 0.02), POST_STEEL, "metal")
              for x in (0.11, -0.11) for y in (0.11, -0.11)]  # fmt: skip
     return [box((0.3, 0.3, 0.02), (0, 0, 0), p.color, "metal"), *bolts]

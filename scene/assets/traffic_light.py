@@ -23,7 +23,7 @@ from scene.mesh.asset import Asset, Color, merge
 from scene.mesh.solids import box, disc, loft, polygon
 
 UNLIT = 0.05
-"""Brightness of a lamp that is off, as a share of its lit colour; it is of glass, which does not shine."""
+"""Brightness of a lamp that is off, as a share of its lit colour; its material is glass, not lamp."""
 
 
 class Head(NamedTuple):
@@ -31,15 +31,15 @@ class Head(NamedTuple):
 
     y: float  # m
     lamps: tuple[Color, ...]  # lit colours from the top down
-    lit: int  # the lamp that shines
+    lit: int  # index of the lamp that is on
     scale: float = 1.0  # of the lamps
 
 
 class Kind(NamedTuple):
-    """What a kind of light fixes."""
+    """What all lights of a kind have in common."""
 
     columns: tuple[tuple[tuple[Color, ...], float], ...]  # lamps and scale of each head
-    lit: int  # the lamp that shines in the first head
+    lit: int  # index of the lamp that is on in the first head
     board: float = 0.0  # margin of the board behind the housing, m; 0 for none
     edge: Color = SIGNAL_BLACK  # of the board; white in Britain
     round_board: bool = False
@@ -55,7 +55,7 @@ class TrafficLightParams(NamedTuple):
     heads: tuple[Head, ...]
     lamp_radius: float  # m
     depth: float  # of the housing, m
-    kind: Kind  # its colours drawn
+    kind: Kind  # with its colours drawn
 
 
 _THREE = ((LIGHT_RED, LIGHT_AMBER, LIGHT_GREEN), 1.0)
@@ -77,36 +77,36 @@ KINDS: tuple[str, ...] = tuple(_KINDS)
 
 
 def sample_traffic_light(rng: np.random.Generator, kind: str) -> TrafficLightParams:
-    """Draw a light of one of ``KINDS``; a second head shows the first one's colour, or its own first lamp."""
-    p = _KINDS[kind]
+    """Draw a light of one of ``KINDS``; a second head shows the first one's colour if it has that."""
+    entry = _KINDS[kind]
     radius = float(rng.uniform(0.10, 0.118))
     spread = float(rng.uniform(0.26, 0.32))
-    places = (0.0,) if len(p.columns) == 1 else (-spread, spread)
-    shown = p.columns[0][0][p.lit]
-    lit = [lamps.index(shown) if shown in lamps else 0 for lamps, _ in p.columns]
-    lit[0] = p.lit  # of two lamps of its colour
+    places = (0.0,) if len(entry.columns) == 1 else (-spread, spread)
+    lit_color = entry.columns[0][0][entry.lit]
+    lit = [lamps.index(lit_color) if lit_color in lamps else 0 for lamps, _ in entry.columns]
+    lit[0] = entry.lit  # there may be two lamps of this colour
     heads = tuple(
-        Head(y, lamps, shining, scale)
-        for y, (lamps, scale), shining in zip(places, p.columns, lit, strict=True)
+        Head(y, lamps, lit_lamp, scale)
+        for y, (lamps, scale), lit_lamp in zip(places, entry.columns, lit, strict=True)
     )
-    half = max(len(h.lamps) * h.scale for h in heads) * (radius + 0.03)
+    half_height = max(len(h.lamps) * h.scale for h in heads) * (radius + 0.03)
     # The housing must reach down to the shortest post.
-    centre = float(rng.uniform(2.3, min(2.95, MIN_HEIGHT - 0.1 + half)))
+    centre = float(rng.uniform(2.3, min(2.95, MIN_HEIGHT - 0.1 + half_height)))
     depth = float(rng.uniform(0.18, 0.24))
-    p = sample_fields(rng, p, edge=near(0.1), color=near(0.25), front=near(0.25))
-    return TrafficLightParams(centre, heads, radius, depth, p)
+    entry = sample_fields(rng, entry, edge=near(0.1), color=near(0.25), front=near(0.25))
+    return TrafficLightParams(centre, heads, radius, depth, entry)
 
 
 def _lamp(
     p: TrafficLightParams, y: float, z: float, radius: float, color: Color, *, lit: bool
 ) -> list[Asset]:
-    """A lens and the visor over it, in front of the housing."""
+    """Build a lens and its visor, in front of the housing."""
     front = -MAX_RADIUS - p.depth
     red, green, blue = np.asarray(color) * (1.0 if lit else UNLIT)
     material = "lamp" if lit else "glass"
     lens = disc((front - 0.006, y, z), radius, (red, green, blue), material, sides=16)
     reach = 0.19 if p.kind.hoods else 0.07
-    # A visor is a piece of pipe, open below, cut back from its top to its sides.
+    # A visor is a piece of pipe, open below, whose edge recedes from its top to its sides.
     turn = np.radians(np.linspace(-40, 220, 15))
     ahead = reach * (0.35 + 0.65 * np.clip(np.sin(turn), 0, 1))
     edge = np.column_stack([y + 1.1 * radius * np.cos(turn), z + 1.1 * radius * np.sin(turn)])
@@ -116,7 +116,7 @@ def _lamp(
 
 
 def _outline(y: float, z: float, wide: float, high: float, corner: float) -> np.ndarray:
-    """Corners (y, z) of a rectangle with round corners."""
+    """Return points (y, z) of a rectangle with round corners."""
     parts = []
     for a, b, start in ((1, 1, 0), (-1, 1, 90), (-1, -1, 180), (1, -1, 270)):
         turn = np.radians(np.linspace(start, start + 90, 4))

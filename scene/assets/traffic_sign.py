@@ -1,6 +1,6 @@
 """Traffic sign plates that hang on a signpost at x = y = 0 and face the camera (-x).
 
-A plate is a stack of convex outlines, each a little nearer to the camera: border, field, symbol.
+A plate is a stack of convex shapes, each a little nearer to the camera: border, field, symbol.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from scene.mesh.asset import Asset, Color, Point, merge, vary
 from scene.mesh.solids import box, loft, polygon
 
 KINDS: tuple[str, ...] = tuple(FACES)
-"""What the face says."""
+"""Names of the faces."""
 
 LAYER = 0.006
 """Distance between the layers of a plate (metres)."""
 LOWEST, HIGHEST = 1.25, 3.05
-"""No plate reaches lower or higher (metres)."""
+"""Lowest and highest point of a plate (metres)."""
 
 
 class TrafficSignParams(NamedTuple):
-    """A plate of several layers, and perhaps a small plate below it."""
+    """A plate of several layers, and optionally a small plate below it."""
 
     centre: float  # height of the plate's centre, m
-    radius: float  # size of the plate, m: its outlines are in this unit
+    radius: float  # size of the plate, m; its outlines are in this unit
     layers: tuple[Layer, ...]  # the first is the whole plate
-    supplement: Color | None  # colour of a small plate below, or no such plate
+    supplement: Color | None  # colour of the small plate below; None without one
     back: Color
 
 
@@ -45,7 +45,7 @@ def sample_traffic_sign(rng: np.random.Generator, kind: str) -> TrafficSignParam
     radius = float(rng.uniform(0.30, 0.44)) * face.size
     high = max(v for _, v in layers[0].outline) * radius
     low = min(v for _, v in layers[0].outline) * radius
-    # The plate must lie within reach of the shortest post.
+    # The plate must be within reach of the shortest post.
     centre = float(rng.uniform(2.1, MIN_HEIGHT - 0.05))
     centre = float(np.clip(centre, LOWEST + 0.3 - low, HIGHEST - high))
     supplements = (None, None, BRIGHT_WHITE, (0.60, 0.36, 0.02), (0.015, 0.07, 0.30))
@@ -54,7 +54,7 @@ def sample_traffic_sign(rng: np.random.Generator, kind: str) -> TrafficSignParam
 
 
 def _face(layer: Layer, params: TrafficSignParams, x: float) -> Asset:
-    """A layer in the plane ``x``; the viewer's right is -y."""
+    """Build a layer in the plane ``x``; the viewer's right is -y."""
     corners: list[Point] = [
         (x, -u * params.radius, params.centre + v * params.radius) for u, v in layer.outline
     ]
@@ -62,9 +62,9 @@ def _face(layer: Layer, params: TrafficSignParams, x: float) -> Asset:
 
 
 def _supplement(params: TrafficSignParams, color: Color, x: float, top: float) -> list[Asset]:
-    """A small plate with two rows of print."""
-    r, dark = params.radius, max(color) < 0.5
-    ink = (0.7, 0.7, 0.68) if dark else BLACK
+    """Build a small plate with two rows of print."""
+    r, is_dark = params.radius, max(color) < 0.5
+    ink = (0.7, 0.7, 0.68) if is_dark else BLACK
     plate = box((LAYER, 1.3 * r, 0.5 * r), (x, 0, top - 0.5 * r), color, "paint")
     rows = [
         box((LAYER, wide * r, 0.09 * r), (x - LAYER, 0, top - low * r), ink, "paint")
