@@ -10,9 +10,12 @@ them into metres, radians and probabilities. Source: section 3 of the paper for 
 from __future__ import annotations
 
 import math
-from typing import Literal, NamedTuple
+from difflib import get_close_matches
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
+
+from common.errors import UserError
 
 
 class Attribute(NamedTuple):
@@ -187,6 +190,35 @@ def check_unit(unit: np.ndarray) -> np.ndarray:
             f"attribute {rows[where[-1]].name} is {unit[where]}; unit values must lie in [0, 1]"
         )
     return unit
+
+
+def unit_value(name: str, value: Any, space: SpaceName) -> float:
+    """The unit value of an attribute from its physical ``value``, a number or its text.
+
+    Raises:
+        UserError: the space has no such attribute, or the value is not a number in its range.
+    """
+    if name not in names(space):
+        raise UserError(_unknown_attribute(name, space))
+    attribute = BY_NAME[name]
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not attribute.low <= number <= attribute.high:
+        raise UserError(
+            f"{name} must be a number from {attribute.low:g} to {attribute.high:g} ({attribute.unit}), "
+            f"not {value!r}"
+        )
+    return attribute.to_unit(number)
+
+
+def _unknown_attribute(name: str, space: SpaceName) -> str:
+    if name in BY_NAME:
+        return f"space {space} has no attribute {name}; space extended does"
+    similar = get_close_matches(name, BY_NAME, 1)
+    hint = f"did you mean {similar[0]}?" if similar else f"known: {', '.join(names(space))}"
+    return f"there is no attribute {name!r}; {hint}"
 
 
 def street_params(unit: np.ndarray) -> StreetParams:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
-from difflib import get_close_matches
 from typing import overload
 
 import numpy as np
 
 from common.errors import UserError
-from scene.attributes import BY_NAME, SpaceName, names
+from scene.attributes import BY_NAME, SpaceName, names, unit_value
 from scene.proposal import Component, Histogram, Proposal, Streets, components, mixture
 
 
@@ -25,41 +23,17 @@ def read_fixed(words: Iterable[str], space: SpaceName) -> dict[str, float]:
         UserError: a value is no number or out of range, or an attribute is unknown, of another space, or
             named twice; the message begins with the flag.
     """
-    found: dict[str, float] = {}
+    fixed: dict[str, float] = {}
     for word in words:
         name, _, text = word.partition("=")
-        _refuse_unknown(word, name, space)
-        if name in found:
-            raise UserError(f"--fix {word}: {name} is held already")
-        attribute = BY_NAME[name]
         try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if not attribute.low <= value <= attribute.high:
-            raise UserError(
-                f"--fix {word}: {name} must be a number from {attribute.low:g} to {attribute.high:g} "
-                f"({attribute.unit})"
-            )
-        found[name] = float(np.float32(attribute.to_unit(value)))
-    return {name: found[name] for name in names(space) if name in found}
-
-
-def _refuse_unknown(word: str, name: str, space: SpaceName) -> None:
-    if name in names(space):
-        return
-    if name in BY_NAME:
-        raise UserError(
-            f"--fix {word}: streets of --space {space} do not have {name}; --space extended does"
-        )
-    raise UserError(f"--fix {word}: {no_attribute(name, space)}")
-
-
-def no_attribute(name: str, space: SpaceName) -> str:
-    """What an error says of a name that no attribute has."""
-    near = get_close_matches(name, BY_NAME, 1)
-    known = f"did you mean {near[0]}?" if near else f"known: {', '.join(names(space))}"
-    return f"there is no attribute {name!r}; {known}"
+            unit = unit_value(name, text, space)
+        except UserError as error:
+            raise UserError(f"--fix {word}: {error}") from None
+        if name in fixed:
+            raise UserError(f"--fix {word}: {name} is held already")
+        fixed[name] = float(np.float32(unit))
+    return {name: fixed[name] for name in names(space) if name in fixed}
 
 
 @overload

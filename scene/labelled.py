@@ -19,13 +19,12 @@ from scene.assets import catalogue, own_class
 from scene.assets.catalogue import AssetPool, check_pool
 from scene.assets.families import FAMILIES
 from scene.assets.library import snapshot
-from scene.attributes import BY_NAME, SPACES, SpaceName, default_unit, names
+from scene.attributes import SPACES, SpaceName, default_unit, names, unit_value
 from scene.classes import CLASS_NAMES
-from scene.dataset.formats.planes import focal_length
+from scene.dataset.formats.planes import focal_length, principal_point
 from scene.dataset.formats.segments import segments
 from scene.dataset.render import street_of
 from scene.ground.build import GROUND_INSTANCES
-from scene.held import no_attribute
 from scene.mesh.asset import Asset
 from scene.mesh.bombs import MeshError
 from scene.mesh.file import from_trimesh
@@ -45,8 +44,12 @@ PASSES = {
 """Passes, and the field of a frame that each is."""
 
 
+ASPECT = 2e-3
+"""The largest relative difference of the focal lengths in x and y; their mean is used."""
+
+
 class Instance(NamedTuple):
-    """One object of a picture that is seen."""
+    """One visible object of an image."""
 
     id: int  # in ``instances``
     class_name: str
@@ -126,7 +129,8 @@ class LabelledStreet:
         Args:
             camera: number of one of the street's own, a `Camera`, or intrinsics [3, 3] in pixels (the middle
                 of the first pixel is (0, 0)) and pose [4, 4], camera to world: x right, y down, z forward.
-                Pixels are square, and the principal point is the middle of the image.
+                Pixels are square; the principal point may be anywhere in the image. With the intrinsics
+                and pose of camera 0, the images are those of camera 0.
             size: width and height in pixels.
             passes: of ``image``, ``classes``, ``instances``, ``depth``, ``normals``.
             samples: rays per pixel along each axis.
@@ -142,22 +146,24 @@ class LabelledStreet:
             settings = check_settings(RenderSettings(*size, samples=samples))
         except (TypeError, ValueError) as error:
             raise UserError(f"size {size!r}, samples {samples!r}: {error}") from None
-        own = self.street.cameras
+        street, cameras, shot = self.street, self.street.cameras, 0
         if isinstance(camera, int | np.integer):
-            if not 0 <= camera < len(own):
-                raise UserError(f"camera {camera} is not there; the street has 0 to {len(own) - 1}")
-            frame = renderer(renderer_name).render(self.street, settings)[camera]
+            if not 0 <= camera < len(cameras):
+                raise UserError(
+                    f"camera {camera} does not exist; the street has 0 to {len(cameras) - 1}"
+                )
+            shot = int(camera)
         else:
             if not isinstance(camera, Camera):
-                camera = _camera(camera, settings, own[0])
-            alone = self.street._replace(cameras=(camera,))
-            [frame] = renderer(renderer_name).render(alone, settings)
-        chosen = {name: getattr(frame, f) if name in passes else None for name, f in PASSES.items()}
-        seen = seen_through(frame.camera, settings)
+                camera = _camera(camera, settings, cameras[0])
+            # The other cameras stay: greenery near any of them has leaves in all images.
+            street = street._replace(cameras=(camera, *cameras))
+        [frame] = renderer(renderer_name).render(street, settings, shots=(shot,))
+        arrays = {name: getattr(frame, f) if name in passes else None for name, f in PASSES.items()}
         return Rendered(
-            **chosen,
+            **arrays,
             table=self._table(frame),
-            intrinsics=_intrinsics(seen),
+            intrinsics=_intrinsics(frame.camera, seen_through(frame.camera, settings)),
             pose=_pose(frame.camera),
         )
 
@@ -213,8 +219,8 @@ def sample(
         raise UserError(f"space {space!r} is unknown; known: {', '.join(SPACES)}")
     unit = default_unit(space)
     for name, value in attributes.items():
-        place = _index(name, space)  # refuses unknown names first
-        unit[place] = _unit_value(name, value)
+        number = unit_value(name, value, space)  # refuses unknown names
+        unit[names(space).index(name)] = number
     pool = AssetPool(own=str(assets)) if isinstance(assets, str | Path) else assets or AssetPool()
     try:
         pool = check_pool(pool._replace(weather=weather or pool.weather))
@@ -223,24 +229,6 @@ def sample(
     except ValueError as error:
         raise UserError(str(error)) from None
     return LabelledStreet(street_of(unit, seed, 0, shots, pool), pool)
-
-
-def _index(name: str, space: SpaceName) -> int:
-    if name in names(space):
-        return names(space).index(name)
-    if name in BY_NAME:
-        raise UserError(f"attribute {name!r} is not one of space {space!r}; use space='extended'")
-    raise UserError(no_attribute(name, space))
-
-
-def _unit_value(name: str, value: float) -> float:
-    row = BY_NAME[name]
-    number = float(value) if isinstance(value, int | float | np.number) else math.nan
-    if not row.low <= number <= row.high:
-        raise UserError(
-            f"{name} must be a number from {row.low:g} to {row.high:g} ({row.unit}), not {value!r}"
-        )
-    return row.to_unit(number)
 
 
 def _reference(mesh: Any) -> tuple[str, int | str]:
@@ -274,31 +262,40 @@ def _asset_name(family: str, ref: int | str) -> str:
     return ref if ref.startswith("mesh ") else catalogue.kind(family, ref)
 
 
-def _camera(given: Any, settings: RenderSettings, like: Camera) -> Camera:
-    """The camera of intrinsics and pose, its exposure that of another."""
+def _camera(matrices: Any, settings: RenderSettings, like: Camera) -> Camera:
+    """The camera with these intrinsics and pose, and with the exposure of another one."""
     try:
-        intrinsics, pose = (np.asarray(part, float) for part in given)
+        intrinsics, pose = (np.asarray(matrix, float) for matrix in matrices)
     except (TypeError, ValueError):
         raise UserError(
             "camera must be a number, a Camera, or intrinsics [3, 3] and pose [4, 4]"
         ) from None
-    for name, part, shape in (("intrinsics", intrinsics, (3, 3)), ("pose", pose, (4, 4))):
-        if part.shape != shape or not np.isfinite(part).all():
-            raise UserError(f"camera {name} must be finite numbers {shape}, not {part.shape}")
-    focal, other = intrinsics[0, 0], intrinsics[1, 1]
-    middle = [(settings.width - 1) / 2, (settings.height - 1) / 2]
-    expected = [[focal, 0, middle[0]], [0, focal, middle[1]], [0, 0, 1]]
-    if focal <= 0 or not np.allclose(intrinsics, expected, rtol=1e-3, atol=0.51):
+    for name, matrix, shape in (("intrinsics", intrinsics, (3, 3)), ("pose", pose, (4, 4))):
+        if matrix.shape != shape or not np.isfinite(matrix).all():
+            problem = "NaN or infinite" if matrix.shape == shape else f"shape {matrix.shape}"
+            raise UserError(f"camera {name} must be finite numbers of shape {shape}, not {problem}")
+    (fx, _, cx), (_, fy, cy), _ = intrinsics
+    width, height = settings.width, settings.height
+    focal = (fx + fy) / 2
+    if not fx > 0 or abs(fy / fx - 1) > ASPECT:
         raise UserError(
-            f"camera intrinsics must have one focal length (fx {focal:g}, fy {other:g}), no skew and the "
-            f"principal point ({middle[0]:g}, {middle[1]:g}), the middle of the image, not "
-            f"({intrinsics[0, 2]:g}, {intrinsics[1, 2]:g})"
+            f"camera intrinsics must have one focal length above 0, not fx {fx:g} and fy {fy:g}: pixels "
+            "are square"
         )
-    view = 2 * math.atan(settings.width / 2 / focal)
+    if not np.allclose(intrinsics, [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], rtol=0, atol=1e-3):
+        raise UserError(
+            f"camera intrinsics must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], not {intrinsics.tolist()}"
+        )
+    if not (-0.5 <= cx <= width - 0.5 and -0.5 <= cy <= height - 0.5):
+        raise UserError(
+            f"camera intrinsics: the principal point ({cx:g}, {cy:g}) is outside of the image of "
+            f"{width}x{height} pixels"
+        )
+    view = 2 * math.atan(width / 2 / focal)
     if not 5 <= math.degrees(view) <= 150:
         raise UserError(
-            f"camera fx {focal:g} at width {settings.width} is a field of view of "
-            f"{math.degrees(view):.3g} degrees; it must lie in 5..150"
+            f"camera fx {focal:g} at width {width} is a field of view of {math.degrees(view):.3g} "
+            "degrees; it must lie in 5..150"
         )
     turn = pose[:3, :3]
     if (
@@ -306,19 +303,19 @@ def _camera(given: Any, settings: RenderSettings, like: Camera) -> Camera:
         or np.linalg.det(turn) < 0
         or not np.allclose(pose[3], [0, 0, 0, 1])
     ):
-        raise UserError("camera pose must be a rotation and a place, its last row 0 0 0 1")
+        raise UserError("camera pose must be a rotation and a position, with the last row 0 0 0 1")
     right, forward = turn[:, 0], turn[:, 2]
     yaw, pitch = math.atan2(-forward[1], forward[0]), -math.asin(np.clip(forward[2], -1, 1))
     level = np.array([-math.sin(yaw), -math.cos(yaw), 0.0])
     roll = math.atan2(-right @ np.cross(level, forward), right @ level)
     x, y, z = pose[:3, 3].tolist()
-    return Camera((x, y, z), yaw, pitch, roll, view, like.exposure, like.warmth)
+    offset = (cx - (width - 1) / 2) / width, (cy - (height - 1) / 2) / width
+    return Camera((x, y, z), yaw, pitch, roll, view, like.exposure, like.warmth, offset=offset)
 
 
-def _intrinsics(settings: RenderSettings) -> np.ndarray:
-    focal = focal_length(settings)
-    middle = (settings.width - 1) / 2, (settings.height - 1) / 2
-    return np.array([[focal, 0, middle[0]], [0, focal, middle[1]], [0, 0, 1]])
+def _intrinsics(camera: Camera, settings: RenderSettings) -> np.ndarray:
+    focal, (cx, cy) = focal_length(settings), principal_point(camera, settings)
+    return np.array([[focal, 0, cx], [0, focal, cy], [0, 0, 1]])
 
 
 def _pose(camera: Camera) -> np.ndarray:

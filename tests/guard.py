@@ -35,6 +35,7 @@ from scene.assets.catalogue import AssetPool
 from scene.dataset.render import street_of
 from scene.proposal import draw, random_proposal
 from scene.render import RenderSettings, renderer, shot
+from scene.street.camera import Camera
 from scene.version import ENGINE
 from tests import guard_searches
 
@@ -105,6 +106,8 @@ def digest(value: Any) -> str:
             found.update(
                 f"{part.dtype}{part.shape}".encode() + np.ascontiguousarray(part).tobytes()
             )
+        elif isinstance(part, Camera):
+            add(tuple(part[:10]))  # what cameras had when the record was made
         elif isinstance(part, tuple | list):
             found.update(f"({len(part)}".encode())
             for each in part:

@@ -6,6 +6,7 @@ same place. Rays of Embree find the objects of the street, the depth buffer the 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
@@ -33,7 +34,10 @@ MAY_FILL = [TrainId.SKY, TrainId.BUILDING, TrainId.ROAD]
 GROUND = list(GROUND_INSTANCES.values())
 
 
-def framed(street: Street, geometry: Geometry, bvh: SceneBVH, settings: RenderSettings) -> Street:
+def framed(
+    street: Street, geometry: Geometry, bvh: SceneBVH, settings: RenderSettings,
+    shots: Sequence[int] | None = None,
+) -> Street:  # fmt: skip
     """The street with one camera per shot, at the first place that shows a street.
 
     A shot with too little ground, or too much of one class, is retaken ``further`` along the road; if no
@@ -43,9 +47,12 @@ def framed(street: Street, geometry: Geometry, bvh: SceneBVH, settings: RenderSe
         street: the street with all places.
         geometry: geometry of the street.
         bvh: hierarchy of its objects.
-        settings: settings of the pictures, which give the field of view of cameras without one.
+        settings: settings of the images, which give the field of view of cameras without one.
+        shots: indices of the cameras to place; the others stay as they are. By default all.
     """
-    cameras = (_framed(camera, geometry, bvh, settings) for camera in street.cameras)
+    cameras = list(street.cameras)
+    for shot in range(len(cameras)) if shots is None else shots:
+        cameras[shot] = _framed(cameras[shot], geometry, bvh, settings)
     return street._replace(cameras=tuple(cameras))
 
 

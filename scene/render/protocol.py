@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -54,14 +54,21 @@ class Renderer(Protocol):
 
     name: str
 
-    def render(self, street: Street, settings: RenderSettings, lap: Lap = no_lap) -> list[Frame]:
-        """One frame per camera of the street.
+    def render(
+        self,
+        street: Street,
+        settings: RenderSettings,
+        lap: Lap = no_lap,
+        shots: Sequence[int] | None = None,
+    ) -> list[Frame]:
+        """Render one frame per camera of the street.
 
         Args:
             street: what to render.
             settings: size and quality.
             lap: called after the stages ``build`` (street to arrays), ``bvh`` (or upload), ``rays``
-                (what is seen and lit) and ``shade`` (to finished frames), the last two once a shot.
+                (what is seen and lit) and ``shade`` (to finished frames), the last two once per shot.
+            shots: indices of the cameras to render; by default all.
         """
         ...
 
@@ -117,13 +124,21 @@ def seen_through(camera: Camera, settings: RenderSettings) -> RenderSettings:
     return settings._replace(fov=math.degrees(camera.field_of_view))
 
 
-def pixel_rays(settings: RenderSettings, samples: int) -> tuple[np.ndarray, np.ndarray]:
-    """Sample positions on the image plane at distance 1: f64[w * samples], f64[h * samples]."""
+def pixel_rays(
+    settings: RenderSettings, samples: int, offset: tuple[float, float] = (0.0, 0.0)
+) -> tuple[np.ndarray, np.ndarray]:
+    """Sample positions on the image plane at distance 1: f64[w * samples] rightwards, f64[h * samples] up.
+
+    Args:
+        settings: size and field of view.
+        samples: rays per pixel along each axis.
+        offset: of the principal point, see ``Camera``.
+    """
     half = math.tan(math.radians(settings.fov) / 2)
     columns, rows = settings.width * samples, settings.height * samples
     x = ((np.arange(columns) + 0.5) / columns * 2 - 1) * half
     y = (1 - (np.arange(rows) + 0.5) / rows * 2) * half * settings.height / settings.width
-    return x, y
+    return x - 2 * half * offset[0], y + 2 * half * offset[1]
 
 
 def through_middles(settings: RenderSettings) -> RenderSettings:

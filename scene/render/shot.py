@@ -56,7 +56,7 @@ def surroundings(street: Street, geometry: Geometry, settings: RenderSettings) -
 
 def sample_rays(camera: Camera, settings: RenderSettings) -> Rays:
     """The rays of a shot: ``samples`` x ``samples`` evenly over every pixel."""
-    x, y = pixel_rays(settings, settings.samples)
+    x, y = pixel_rays(settings, settings.samples, camera.offset)
     directions = np.empty((len(y) * len(x), 3), np.float32)
     along = np.empty(len(directions), np.float32)
     _fill_rays(x, y, camera_axes(camera), directions, along)

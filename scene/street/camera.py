@@ -40,6 +40,8 @@ class Camera(NamedTuple):
     further: tuple[Camera, ...] = ()  # replacements if its shot shows no street
     retaken: int = 0  # number of times that the shot was retaken
     refused: bool = False  # whether it still shows no street
+    offset: tuple[float, float] = (0.0, 0.0)
+    """The principal point, right of and below the image's centre, as shares of the image's width."""
 
 
 def camera_axes(camera: Camera) -> np.ndarray:

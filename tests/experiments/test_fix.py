@@ -81,7 +81,7 @@ def test_a_run_keeps_what_is_held_and_is_not_continued_with_another_value(
 
 
 @pytest.mark.parametrize(("flags", "words"), [
-    (["--fix", "field_of_view=90"], "--space scenex do not have field_of_view"),
+    (["--fix", "field_of_view=90"], "space scenex has no attribute field_of_view"),
     (["--fix", "camera_position_why=1"], "did you mean camera_position_y?"),
     (["--fix", "camera_position_y=9"], "must be a number from 0.8 to 4 (m)"),
     ([f for name in names("scenex") for f in ("--fix", f"{name}=9")], "illumination_intensity must"),

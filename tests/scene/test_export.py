@@ -287,7 +287,7 @@ def test_the_command_line_holds_what_is_known(tmp_path, printed):
 
 
 @pytest.mark.parametrize(("flags", "message"), [
-    ("--fix field_of_view=90", "--space scenex do not have field_of_view; --space extended does"),
+    ("--fix field_of_view=90", "space scenex has no attribute field_of_view; space extended does"),
     ("--images 0", "--images must lie in 1..10,000,000, not 0"),
     ("--size 0x48", "image size 0x48 is too small"),
     ("--size 64", "argument --size: must look like 640x320, not '64'"),

@@ -18,8 +18,8 @@ WORDS = ("field_of_view=90", "camera_position_y=1.4")
     (["field_of_vew=90"], "extended", "--fix field_of_vew=90: there is no attribute 'field_of_vew'; did you "
      "mean field_of_view"),
     (["zzz=1"], "scenex", "no attribute 'zzz'; known: illumination_intensity, .*car_interval$"),
-    (["field_of_view=90"], "scenex", "--space scenex do not have field_of_view; --space extended does"),
-    (["field_of_view=200"], "extended", r"field_of_view must be a number from 30 to 110 \(deg\)"),
+    (["field_of_view=90"], "scenex", "space scenex has no attribute field_of_view; space extended does"),
+    (["field_of_view=200"], "extended", r"field_of_view must be a number from 30 to 110 \(deg\), not '200'"),
     (["camera_position_y=0.7"], "scenex", r"must be a number from 0.8 to 4 \(m\)"),
     (["camera_position_y=nan"], "scenex", "must be a number from"),
     (["camera_position_y=high"], "scenex", "must be a number from"),

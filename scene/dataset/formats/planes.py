@@ -20,6 +20,7 @@ from scene.dataset.formats.labels import Labels
 
 if TYPE_CHECKING:  # reading datasets does not load the engine
     from scene.render.protocol import Frame, RenderSettings
+    from scene.street.camera import Camera
 
 DEPTH_PER_METRE = 100
 BASELINE = 0.209313
@@ -32,6 +33,15 @@ DEEPEST = 65535
 def focal_length(settings: RenderSettings) -> float:
     """Focal length in pixels, the same in x and y."""
     return settings.width / 2 / math.tan(math.radians(settings.fov) / 2)
+
+
+def principal_point(camera: Camera, settings: RenderSettings) -> tuple[float, float]:
+    """Column and row of the principal point; the centre of the first pixel is (0, 0)."""
+    right, below = camera.offset
+    return (
+        (settings.width - 1) / 2 + settings.width * right,
+        (settings.height - 1) / 2 + settings.width * below,
+    )
 
 
 def depth_plane(depth: np.ndarray) -> np.ndarray:

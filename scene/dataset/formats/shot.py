@@ -12,7 +12,13 @@ from scene.classes import OWN, VOID
 from scene.dataset.formats import png
 from scene.dataset.formats.labels import Labels
 from scene.dataset.formats.layout import Layout
-from scene.dataset.formats.planes import BASELINE, PLANES, focal_length, label_planes
+from scene.dataset.formats.planes import (
+    BASELINE,
+    PLANES,
+    focal_length,
+    label_planes,
+    principal_point,
+)
 from scene.dataset.formats.rle import Runs, encode
 from scene.dataset.formats.segments import PER_CLASS, Segment, panoptic_ids, segments
 from scene.dataset.formats.yolo import object_lines
@@ -117,6 +123,7 @@ def camera_entry(camera: Camera, path: Path, settings: RenderSettings) -> dict[s
     height = camera.position[2] - height_at(path, at[0])
     car = road_axes(path, at[0])
     right, up, forward = camera_axes(camera)
+    u0, v0 = principal_point(camera, settings)
     turn = car @ np.stack([forward, -right, up], axis=1)
     return {
         "extrinsic": {
@@ -131,7 +138,7 @@ def camera_entry(camera: Camera, path: Path, settings: RenderSettings) -> dict[s
         "intrinsic": {
             "fx": focal_length(settings),
             "fy": focal_length(settings),
-            "u0": (settings.width - 1) / 2,
-            "v0": (settings.height - 1) / 2,
+            "u0": u0,
+            "v0": v0,
         },
     }

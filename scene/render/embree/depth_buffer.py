@@ -50,7 +50,7 @@ def nearest(geometry: Geometry, camera: Camera, settings: RenderSettings, rays: 
     axes = camera_axes(camera)
     rotation = axes @ geometry.pose[:, :, :3]
     shift = (geometry.pose[:, :, 3] - camera.position) @ axes.T
-    x, y = pixel_rays(settings, settings.samples)
+    x, y = pixel_rays(settings, settings.samples, camera.offset)
     n = len(rays.along)
     closeness = np.zeros(n, f32)  # 1 / depth along the optical axis
     hits = Hits(

@@ -7,6 +7,7 @@ streets in which it stands; a street only says where.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -55,17 +56,24 @@ class EmbreeRenderer:
         """
         device()
 
-    def render(self, street: Street, settings: RenderSettings, lap: Lap = no_lap) -> list[Frame]:
-        """One frame per camera of the street; see ``protocol.Renderer``."""
+    def render(
+        self,
+        street: Street,
+        settings: RenderSettings,
+        lap: Lap = no_lap,
+        shots: Sequence[int] | None = None,
+    ) -> list[Frame]:
+        """Render one frame per camera of the street; see ``protocol.Renderer``."""
         settings = check_settings(seen_through(street.cameras[0], settings))
         geometry = build(street)
         around = surroundings(street, geometry, settings)
         lap("build")
         bvh = scene_bvh(geometry)
-        around = around._replace(street=framed(street, geometry, bvh, settings))
+        around = around._replace(street=framed(street, geometry, bvh, settings, shots))
         lap("bvh")
         frames, middle = [], through_middles(settings)
-        for shot, camera in enumerate(around.street.cameras):
+        for shot in range(len(street.cameras)) if shots is None else shots:
+            camera = around.street.cameras[shot]
             seen = _look(around, camera, settings)
             middles = seen if middle == settings else _look(around, camera, middle)
             lit, opened = (np.ones(len(seen.points), np.float32) for _ in range(2))

@@ -7,7 +7,7 @@ shared with the other renderers. On machines without a GPU, Mesa's software rast
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache, partial
 from typing import TYPE_CHECKING, TypeVar
@@ -67,15 +67,21 @@ class OpenGLRenderer:
         """
         _on_gl_thread(_rasterizer)
 
-    def render(self, street: Street, settings: RenderSettings, lap: Lap = no_lap) -> list[Frame]:
-        """One frame per camera of the street; see ``protocol.Renderer``.
+    def render(
+        self,
+        street: Street,
+        settings: RenderSettings,
+        lap: Lap = no_lap,
+        shots: Sequence[int] | None = None,
+    ) -> list[Frame]:
+        """Render one frame per camera of the street; see ``protocol.Renderer``.
 
         Raises:
             ValueError: settings out of range.
             RendererError: OpenGL failed; its resources have been freed.
         """
         settings = check_settings(seen_through(street.cameras[0], settings))
-        return _on_gl_thread(lambda: _render(street, settings, lap))
+        return _on_gl_thread(lambda: _render(street, settings, lap, shots))
 
 
 @cache
@@ -111,10 +117,12 @@ def _release() -> None:
             _rasterizer.cache_clear()
 
 
-def _render(street: Street, settings: RenderSettings, lap: Lap) -> list[Frame]:
+def _render(
+    street: Street, settings: RenderSettings, lap: Lap, shots: Sequence[int] | None
+) -> list[Frame]:
     geometry = build(street)
     merged = world(geometry)
-    street = framed(street, geometry, scene_bvh(geometry), settings)
+    street = framed(street, geometry, scene_bvh(geometry), settings, shots)
     around = surroundings(street, geometry, settings)
     lap("build")
     rasterizer = _rasterizer()
@@ -125,7 +133,8 @@ def _render(street: Street, settings: RenderSettings, lap: Lap) -> list[Frame]:
         lap("bvh")
         look = partial(_look, rasterizer, around, merged)
         frames, middle = [], through_middles(settings)
-        for shot, camera in enumerate(street.cameras):
+        for shot in range(len(street.cameras)) if shots is None else shots:
+            camera = street.cameras[shot]
             picture, seen = look(camera, settings)
             middles = seen if middle == settings else look(camera, middle)[1]
             light = _light(rasterizer, around, merged, camera, picture, seen, settings)
@@ -213,8 +222,9 @@ def _light(
         free = segments.wanted.astype(np.float32)
         axes = camera_axes(camera).astype(np.float32)
         _open_on_screen(
-            rays.origin, np.float32(rays.spacing), segments.starts, segments.directions,
-            segments.wanted, axes, picture, free,
+            rays.origin, np.float32(rays.spacing), (0.5 + camera.offset[0]) * rays.columns,
+            0.5 * rays.rows + camera.offset[1] * rays.columns, segments.starts,
+            segments.directions, segments.wanted, axes, picture, free,
         )  # fmt: skip
         opened = spread(free, seen, settings)
     return Light(lit, opened)
@@ -227,6 +237,8 @@ def _view(camera: Camera, settings: RenderSettings) -> tuple[np.ndarray, np.ndar
     projection = np.zeros((4, 4))
     projection[0, 0] = 1 / half
     projection[1, 1] = settings.width / (settings.height * half)
+    projection[0, 2] = -2 * camera.offset[0]
+    projection[1, 2] = 2 * camera.offset[1] * settings.width / settings.height
     projection[2, 2:] = -1, -2 * NEAR
     projection[3, 2] = -1
     return pose_of(axes, np.asarray(camera.position)), projection
@@ -236,6 +248,8 @@ def _view(camera: Camera, settings: RenderSettings) -> tuple[np.ndarray, np.ndar
 def _open_on_screen(
     origin: np.ndarray,
     spacing: np.float32,
+    middle_column: float,
+    middle_row: float,
     starts: np.ndarray,
     directions: np.ndarray,
     wanted: np.ndarray,
@@ -261,8 +275,8 @@ def _open_on_screen(
                 z += place * axes[2, k]
             if z < NEAR:
                 break
-            column = math.floor(x / (z * spacing) + 0.5 * columns)
-            row = math.floor(0.5 * rows - y / (z * spacing))
+            column = math.floor(x / (z * spacing) + middle_column)
+            row = math.floor(middle_row - y / (z * spacing))
             if column < 0 or column >= columns or row < 0 or row >= rows:
                 break
             behind = z - picture[row, column, 1]
