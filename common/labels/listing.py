@@ -13,6 +13,7 @@ from typing import NamedTuple, NoReturn, cast
 
 from common.errors import UserError
 from common.files import IMAGES, composed, leads_out, plain_path, spelled
+from common.labels.coco import read_coco_file
 from common.labels.target_file import TRAIN, Files, TargetFile
 
 HELD_OUT = ("test", "testing", "val", "valid", "validation")
@@ -284,6 +285,8 @@ def _without_label(
 ) -> str:
     label = root / _filled(labels, split, places)
     expected = label if _has_suffix(labels) else f"{label}.png"
+    if "{name}" not in labels and label.is_file():
+        expected = f"its name among the images in {label}"
     return f"{image}: image without label; expected {expected}"
 
 
@@ -293,6 +296,8 @@ def _labelled(
     """An image with its label by the pattern, if it has one."""
     label = _on_disk(root / _filled(labels, split, places), not _has_suffix(labels))
     if label is None:
+        return None
+    if target.format == "coco-json" and read_coco_file(label).image_of(image) is None:
         return None
     return _named(target, image, label, places["name"], places.get("group"))
 

@@ -58,7 +58,9 @@ Colour = tuple[Channel, Channel, Channel]
 Name = Annotated[str, Meta(min_length=1)]
 Files = str | tuple[str, ...]
 Split = str | Annotated[float, Meta(gt=0, lt=1)] | Annotated[tuple[str, ...], Meta(min_length=1)]
-Format = Literal["ids", "ids-first-channel", "colours", "labelme-json", "cityscapes-json"]
+Format = Literal[
+    "ids", "ids-first-channel", "colours", "labelme-json", "cityscapes-json", "coco-json"
+]
 Fit = Literal["pad", "cut"]
 Unlabelled = Literal["refuse", "skip"]
 Kind = Literal["ids", "colours", "names"]
@@ -68,6 +70,7 @@ _KINDS: dict[Format, Kind] = {
     "colours": "colours",
     "labelme-json": "names",
     "cityscapes-json": "names",
+    "coco-json": "names",
 }
 
 
@@ -92,7 +95,7 @@ class TargetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Attributes:
         images: pattern of the images' paths below the data's folder; or for each split a pattern or a list.
-        labels: the same for the labels.
+        labels: the same for the labels; those of many images may be one file of COCO.
         classes: classes by name; their indices are the ids that nets learn.
         format: format of the label files; by default ids if the classes have some, else colours if they
             have some, else labelme-json.
@@ -384,10 +387,10 @@ class _Lines:
                         name for name in getattr(kind, "__struct_fields__", ()) if name != "source"
                     ),
                 )
-            self.refuse(field.lstrip("."), _in_words(why))
+            self.refuse(field.lstrip("."), plain_words(why))
 
 
-def _in_words(why: str) -> str:
+def plain_words(why: str) -> str:
     """The library's message in the words of the format."""
     for theirs, ours in (
         ("Object missing required", "lacks the"), ("`", ""), ("Expected", "expected"), ("got", "not"),
@@ -419,7 +422,8 @@ def _check(target: TargetFile, lines: _Lines) -> None:
         for where, pattern in [(field, own)] if isinstance(own, str) else [
             (f"{field}.{split}", pattern) for split, pattern in own.items() if isinstance(pattern, str)
         ]:  # fmt: skip
-            _check_pattern(pattern, where, lines)
+            of_many = field == "labels" and target.format == "coco-json"
+            _check_pattern(pattern, where, lines, of_many)
     if isinstance(target.images, dict) or isinstance(target.labels, dict):
         if not (isinstance(target.images, dict) and isinstance(target.labels, dict)):
             lines.refuse(
@@ -532,12 +536,13 @@ def _check_splits(target: TargetFile, lines: _Lines) -> None:
         )
 
 
-def _check_pattern(pattern: str, field: str, lines: _Lines) -> None:
+def _check_pattern(pattern: str, field: str, lines: _Lines, of_many: bool) -> None:
+    """Refuse a wrong pattern; ``of_many`` says whether one file may hold the labels of many images."""
     places = re.findall(r"\{(.*?)\}", pattern)
     if unknown := [place for place in places if place not in PLACES]:
         known = ", ".join(f"{{{place}}}" for place in PLACES)
         lines.refuse(field, f"{{{unknown[0]}}} stands for nothing; there are {known}")
-    if "name" not in places:
+    if "name" not in places and not of_many:
         lines.refuse(
             field, f"expected {{name}} in it, as in '{field.partition('.')[0]}/{{name}}.png'"
         )

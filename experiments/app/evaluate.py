@@ -74,7 +74,7 @@ def labelled(
     read_labels, table = LabelReader(target), table_of(target)
 
     def read(entry: Entry) -> tuple[np.ndarray, np.ndarray]:
-        image, labels = read_image(entry.image_path), read_labels(entry.label_path)
+        image, labels = read_image(entry.image_path), read_labels(entry.label_path, entry.image_path)
         if labels.shape != image.shape[:2]:
             raise DataError(
                 f"{entry.label_path} has {labels.shape[1]}x{labels.shape[0]} pixels, but its image "

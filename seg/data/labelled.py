@@ -179,9 +179,9 @@ def load(
         raise DataError("zero images to load; expected at least one entry")
     reader = LabelReader(target)
 
-    def one(entry: Entry) -> tuple[np.ndarray, np.ndarray, Counter[str]]:
+    def load_one(entry: Entry) -> tuple[np.ndarray, np.ndarray, Counter[str]]:
         image = read_image(entry.image_path)
-        label, unknown = reader.known(entry.label_path)
+        label, unknown = reader.read(entry.label_path, entry.image_path)
         if image.shape[:2] != label.shape:
             raise DataError(
                 f"{entry.label_path}: {label.shape[1]}x{label.shape[0]} pixels, but its image "
@@ -192,20 +192,22 @@ def load(
         return image, label, unknown
 
     with ThreadPoolExecutor(min(8, os.cpu_count() or 1)) as pool:
-        found = list(pool.map(one, entries))
-    wrong = {e.label_path: own for e, (_, _, own) in zip(entries, found, strict=True) if own}
-    if wrong:
-        raise reader.error(wrong)
-    first = found[0][1].shape
-    for entry, (_, label, _) in zip(entries, found, strict=True):
+        loaded = list(pool.map(load_one, entries))
+    unknown = [
+        (e.label_path, counts) for e, (_, _, counts) in zip(entries, loaded, strict=True) if counts
+    ]
+    if unknown:
+        raise reader.error(unknown)
+    first = loaded[0][1].shape
+    for entry, (_, label, _) in zip(entries, loaded, strict=True):
         if label.shape != first:
             raise DataError(
                 f"{entry.image_path}: {label.shape[1]}x{label.shape[0]} pixels where "
                 f"{entries[0].image_path} has {first[1]}x{first[0]}; give a size to resize them all"
             )
     return LabelledImages(
-        np.stack([image for image, _, _ in found]),
-        np.stack([label for _, label, _ in found]),
+        np.stack([image for image, _, _ in loaded]),
+        np.stack([label for _, label, _ in loaded]),
         names=tuple(entry.name for entry in entries),
         sequences=tuple(entry.sequence for entry in entries),
     )

@@ -15,6 +15,7 @@ from common.files import composed, parse_json
 from common.labels.target_file import MOST_CLASSES, Format, TargetFile
 from common.pictures import MOST_PIXELS, label_ids
 from seg.classes import IGNORE_LABEL
+from seg.data.coco import draw_regions
 from seg.data.images import decode, read_file, read_image
 from seg.errors import DataError
 
@@ -27,7 +28,8 @@ _FAR = 100_000.0
 class Values(NamedTuple):
     """The contents of a label file."""
 
-    codes: np.ndarray  # i[h, w]: ids, colours as 24-bit numbers, or indices of `names`
+    codes: np.ndarray
+    """i[h, w]: ids, colours as 24-bit numbers, or places in `names` from 1, 0 for no polygon, -1: ignored."""
     names: tuple[str, ...] = ()
 
 
@@ -40,7 +42,6 @@ class LabelReader:
 
     def __init__(self, target: TargetFile) -> None:
         self._target = target
-        self._read = FORMATS[target.format or "ids"]
         self._class_of: dict[Any, int] = dict.fromkeys(target.void, IGNORE_LABEL)
         for k, own in enumerate(target.classes.values()):
             self._class_of |= dict.fromkeys(getattr(own, target.kind), k)
@@ -52,27 +53,36 @@ class LabelReader:
             for value, k in self._class_of.items():
                 self._table[_code(value) if isinstance(value, tuple) else value] = k
 
-    def __call__(self, path: Path) -> UInt8[np.ndarray, "_h _w"]:
-        """Read one file as ids of the target's classes, `IGNORE_LABEL` for void.
+    def __call__(self, path: Path, image: Path | None = None) -> UInt8[np.ndarray, "_h _w"]:
+        """Read the label of an image as ids of the target's classes, `IGNORE_LABEL` for ignored pixels.
+
+        Args:
+            path: the label file.
+            image: the image, for a file that holds the labels of many.
 
         Raises:
             DataError: it is missing, broken, of another format, or has a value that no class names.
         """
-        label, unknown = self.known(path)
+        label, unknown = self.read(path, image)
         if unknown:
-            raise self.error({path: unknown})
+            raise self.error([(path, unknown)])
         return label
 
-    def known(self, path: Path) -> tuple[UInt8[np.ndarray, "_h _w"], Counter[str]]:
-        """Read one file; values that no class names are void, and their pixels are counted.
+    def read(
+        self, path: Path, image: Path | None = None
+    ) -> tuple[UInt8[np.ndarray, "_h _w"], Counter[str]]:
+        """Read the label of an image; values that no class names are ignored, and their pixels are counted.
 
         Raises:
             DataError: the file is missing, broken or of another format.
         """
-        codes, names = self._read(path)
+        if self._target.format == "coco-json":
+            codes, names = draw_regions(path, image)
+        else:
+            codes, names = FORMATS[self._target.format or "ids"](path)
         if self._target.kind == "names":
             bare = IGNORE_LABEL if self._target.rest is None else self._rest
-            ids = [bare, *(self._of_name(name) for name in names)]
+            ids = [bare, *(self._of_name(name) for name in names), IGNORE_LABEL]
             label = np.array(ids, np.uint8)[codes]
         elif codes.size and (codes.min() < 0 or codes.max() >= len(self._table)):
             inside = (codes >= 0) & (codes < len(self._table))
@@ -98,24 +108,32 @@ class LabelReader:
             return repr(names[code - 1])
         return str(code if self._target.kind == "ids" else _colour(code))
 
-    def error(self, unknown: dict[Path, Counter[str]]) -> DataError:
-        """The error for values that no class names, each with its count and the first file that has it."""
-        total: Counter[str] = Counter()
-        for counts in unknown.values():
-            total += counts
-        files: Counter[str] = Counter(value for counts in unknown.values() for value in counts)
-        most = total.most_common(3)
-        shown = [
-            f"{value} ({count:,} pixels in {files[value]} file{'s' * (files[value] > 1)})"
+    def error(self, unknown: Sequence[tuple[Path, Counter[str]]]) -> DataError:
+        """The error for values that no class names.
+
+        Args:
+            unknown: the label file of each image that has some, with their pixels.
+        """
+        pixels: Counter[str] = Counter()
+        for _, counts in unknown:
+            pixels += counts
+        images: Counter[str] = Counter(value for _, counts in unknown for value in counts)
+        most = pixels.most_common(3)
+        shown = ", ".join(
+            f"{value} ({_counted(count, 'pixel')} in {_counted(images[value], 'image')})"
             for value, count in most
-        ]
-        more = f" and {len(total) - 3} more" if len(total) > 3 else ""
-        what = {"ids": "id", "colours": "colour", "names": "name"}[self._target.kind]
-        first = next(path for path, counts in unknown.items() if most[0][0] in counts)
-        return DataError(
-            f"{first}: label {what} {', '.join(shown)}{more} stands in no class of "
-            f"{self._target.source}, nor in its void; put it into one"
         )
+        more = f" and {len(pixels) - 3} more" if len(pixels) > 3 else ""
+        what = {"ids": "id", "colours": "colour", "names": "name"}[self._target.kind]
+        first = next(path for path, counts in unknown if most[0][0] in counts)
+        return DataError(
+            f"{first}: no class of {self._target.source} has the label {what} {shown}{more}; "
+            "add each to a class or to 'void'"
+        )
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count:,} {noun}{'s' * (count > 1)}"
 
 
 def _code(rgb: Any) -> Any:
@@ -194,7 +212,7 @@ FORMATS: dict[Format, Callable[[Path], Values]] = {
     "labelme-json": read_labelme,
     "cityscapes-json": read_cityscapes_polygons,
 }
-"""The formats of label files, each with its reader."""
+"""The formats of files with the label of one image, each with its reader."""
 
 
 def _json(path: Path) -> Any:

@@ -241,7 +241,7 @@ def test_what_does_not_fit_is_told_with_how_to_mend_it(streets, doctor, tmp_path
     assert doctor(streets, "--write", file)[0] == 0
     file.write_text(file.read_text().replace("[255]", "[9]"))
     code, out, _ = doctor(streets, "--target", file)
-    said = r"! .*_mask\.png: label id 255 \(384 pixels in 6 files\) stands in no"
+    said = r"! .*_mask\.png: no class of .* has the label id 255 \(384 pixels in 6 images\)"
     assert code == 2 and re.search(said, out)
     assert f"name it in classes or void of {tmp_path / 't.yaml'}" in out
     save(streets / "masks" / "friday" / "f0_mask.png", np.zeros((8, 8)))

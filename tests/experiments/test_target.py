@@ -182,7 +182,7 @@ def flat(value: int, size=(12, 16)):
     (short(40), "trainannot/B_1.png", ("FILE", "broken or truncated")),
     (short(0), "test/C_1.png", ("C_1.png", "empty")),
     (flat(0, (8, 8)), "trainannot/A_2.png", ("FILE", "8x8", "16x12")),
-    (flat(77), "testannot/C_1.png", ("FILE", "label id 77 (192 pixels in 1 file)", "no class of camvid")),
+    (flat(77), "testannot/C_1.png", ("FILE", "no class of camvid has the label id 77 (192 pixels in 1 image)")),
     (flat(11), "testannot/*.png", ("camvid", "all labels of the test images are void (", "); label a pixel")),
     (Path.unlink, "train*/*.png", ("zero images", "train")),
 ])  # fmt: skip

@@ -12,6 +12,7 @@ from cityscapesscripts.preparation.json2labelImg import createLabelImage
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
+from pycocotools import mask as coco_mask
 
 from common.errors import UserError
 from common.labels.target_file import find_target, parse_target, shipped
@@ -183,8 +184,8 @@ def test_ids_of_16_bits(tmp_path):
     Image.fromarray(values).save(tmp_path / "a.png")
     np.testing.assert_array_equal(LabelReader(target)(tmp_path / "a.png"), [[0, 0], [1, 255]])
     Image.fromarray(values + np.uint16(1)).save(tmp_path / "a.png")
-    refuses_file(r"a\.png: label id 1 \(1 pixels in 1 file\), 301 .*, 7001 .* stands", LabelReader(target),
-                 tmp_path / "a.png")  # fmt: skip
+    message = r"a\.png: .* has the label id 1 \(1 pixel in 1 image\), 301 .*, 7001 .*; add"
+    refuses_file(message, LabelReader(target), tmp_path / "a.png")
 
 
 @given(st.integers(1, 90), st.integers(1, 90), st.sampled_from([4 / 3, 1.0, 2.5, 0.4]))
@@ -263,8 +264,8 @@ def test_values_of_no_class_are_told_with_their_count_and_first_file(tmp_path):
         )
     entries = list_split(own(""), tmp_path, "train")
     message = (
-        r"^.*l/1\.png: label id 7 \(2 pixels in 2 files\), 9 \(1 pixels in 1 file\) stands in no class of "
-        r"t\.yaml, nor in its void; put it into one$"
+        r"^.*l/1\.png: no class of t\.yaml has the label id 7 \(2 pixels in 2 images\), 9 \(1 pixel in "
+        r"1 image\); add each to a class or to 'void'$"
     )
     refuses_file(message, load, entries, own(""))
     assert len(load(entries, own("void: [7, 9]")).names) == 3
@@ -280,9 +281,7 @@ def test_any_colour_of_no_class_is_named_with_its_file(tmp_path_factory, color):
     painted = FACADE[[[0, 1, 2], [3, 4, 5]]]
     painted[1, 2] = color
     save(path, painted)
-    message = (
-        r"odd\.png: label colour \({}, {}, {}\) \(1 pixels in 1 file\) stands in no class of label"
-    )
+    message = r"odd\.png: no class of labelmefacade has the label colour \({}, {}, {}\) \(1 pixel in 1 image"
     refuses_file(message.format(*color), LabelReader(shipped("labelmefacade")), path)
 
 
@@ -290,7 +289,7 @@ def test_smoothed_labels_and_labels_of_other_kinds_are_refused(tmp_path):
     path = tmp_path / "label.png"
     facade, synthia = (LabelReader(shipped(name)) for name in ("labelmefacade", "synthia"))
     save(path, pixels(9, 9, 3))
-    refuses_file(r"colour (\(.*\).*, ){2}\(.*\) and 78 more stands", facade, path)
+    refuses_file(r"colour (\(.*\).*, ){2}\(.*\) and 78 more; add each", facade, path)
     refuses_file("a label of mode RGB, that is colours", LabelReader(shipped("camvid")), path)
     write_packed(path, pixels(3, 4, below=20), np.uint8)
     refuses_file(r"3 channel\(s\) of 8 bits; expected three of 16", synthia, path)
@@ -405,7 +404,7 @@ def test_polygons_and_rectangles_of_labelme(tmp_path):
     empty.write_text(json.dumps(plain | {"shapes": []}))
     assert (LabelReader(target)(empty) == 255).all()
     for change, message in (
-        ({"shapes": [shapes[0] | {"label": "lorry"}]}, r"label name 'lorry' \(24 pixels in 1 file\) stands"),
+        ({"shapes": [shapes[0] | {"label": "lorry"}]}, r"no class .* name 'lorry' \(24 pixels in 1 image\)"),
         ({"shapes": [shapes[0] | {"shape_type": "circle"}]}, r"shapes\[0\]\.shape_type is 'circle'"),
         ({"shapes": [shapes[0] | {"points": [[1, 2, 3]]}]}, r"shapes\[0\]\.points must be a list of points"),
         ({"shapes": [shapes[0] | {"points": [[1, 1e9]]}]}, r"shapes\[0\]\.points must be a list of points"),
@@ -419,6 +418,158 @@ def test_polygons_and_rectangles_of_labelme(tmp_path):
     for text in ("{", "[NaN]", "[" * 100_000):
         empty.write_text(text)
         refuses_file(r"e\.json: no JSON", LabelReader(target), empty)
+
+
+COCO = """
+images: i/{name}.png
+labels: coco.json
+format: coco-json
+classes: {road: {names: [road]}, car: {names: [car, van]}, person: {names: [person]}}
+"""
+
+
+def coco_text(annotations, sizes, files):
+    """A file of COCO about images, with (image, category, segmentation, crowd) of each annotation."""
+    names = ("road", "car", "van", "person", "sky")
+    content = {
+        "images": [
+            {"id": k, "file_name": file, "height": h, "width": w}
+            for k, (file, (h, w)) in enumerate(zip(files, sizes, strict=True))
+        ],
+        "annotations": [
+            {"id": k, "image_id": image, "category_id": names.index(name), "iscrowd": crowd,
+             "segmentation": mask, "bbox": [0, 0, 1, 1], "area": 1}
+            for k, (image, name, mask, crowd) in enumerate(annotations)
+        ],
+        "categories": [{"id": k, "name": name} for k, name in enumerate(names)],
+    }  # fmt: skip
+    return json.dumps(content)
+
+
+def coco(root, annotations, sizes=((12, 16),), files=None):
+    """Images 0.png, 1.png, ... with their file of COCO, which may call them by other names."""
+    names = files or [f"{k}.png" for k in range(len(sizes))]
+    (root / "coco.json").write_text(coco_text(annotations, sizes, names))
+    for k, size in enumerate(sizes):
+        save(root / "i" / f"{k}.png", pixels(*size, 3, seed=k))
+    return root / "coco.json"
+
+
+def box(left, top, right, bottom):
+    return [left, top, right, top, right, bottom, left, bottom]
+
+
+def runs(mask, text):
+    """A mask as COCO's own tool writes it."""
+    encoded = coco_mask.encode(np.asfortranarray(mask.astype(np.uint8)))
+    if text:
+        return encoded | {"counts": encoded["counts"].decode()}
+    flat = mask.T.ravel()
+    changes = np.flatnonzero(np.diff(flat)) + 1
+    counts = np.diff([0, *changes, flat.size]).tolist()
+    return {"size": list(mask.shape), "counts": [0] * bool(flat[0]) + counts}
+
+
+def test_regions_of_coco_are_drawn_with_small_ones_above_and_crowds_ignored(tmp_path):
+    crowd = np.zeros((12, 16), bool)
+    crowd[2:6, :5] = True
+    path = coco(tmp_path, [
+        (0, "person", [box(4, 5, 6, 9)], 0), (0, "car", [box(3, 4, 8, 10), box(12, 4, 15, 10)], 0),
+        (0, "road", [box(0, 0, 16, 12)], 0), (0, "person", runs(crowd, False), 1),
+        (1, "van", [box(0, 0, 4, 2)], 0),
+    ], sizes=[(12, 16), (6, 8), (6, 8)])  # fmt: skip
+    target = parse_target(COCO, "t.yaml")
+    expected = np.zeros((12, 16), int)
+    expected[4:10, 3:8] = expected[4:10, 12:15] = 1
+    expected[crowd] = IGNORE_LABEL
+    expected[5:9, 4:6] = 2
+    read = LabelReader(target)
+    np.testing.assert_array_equal(read(path, tmp_path / "i" / "0.png"), expected)
+    # An image without regions has a label, too.
+    assert (read(path, tmp_path / "i" / "2.png") == IGNORE_LABEL).all()
+    data = load(list_split(target, tmp_path, "train"), target, (6, 8))
+    assert data.names == ("0", "1", "2") and data.labels[1, :2, :4].max() == 1
+    rest = parse_target(f"{COCO}rest: other", "t.yaml")
+    assert (LabelReader(rest)(path, tmp_path / "i" / "2.png") == 3).all()
+    assert (LabelReader(rest)(path, tmp_path / "i" / "0.png")[crowd & (expected > 2)] == 255).all()
+
+
+@given(st.integers(0, 2**32 - 1), st.booleans())
+def test_masks_and_polygons_of_coco_are_those_of_its_own_tool(tmp_path_factory, seed, text):
+    rng, root = np.random.default_rng(seed), tmp_path_factory.mktemp("coco")
+    mask = np.kron(rng.random((4, 5)) < rng.random(), np.ones((3, 4))).astype(bool)
+    mask |= rng.random(mask.shape) < 0.05
+    angles = np.sort(rng.random(rng.integers(3, 9))) * 2 * np.pi
+    radii = rng.uniform(20, 45, len(angles))
+    corners = np.stack([64 + radii * np.cos(angles), 48 + radii * np.sin(angles)], axis=1).ravel()
+    path = coco(root, [(0, "car", runs(mask, text), 0), (1, "car", [corners.tolist()], 0)],
+                sizes=[mask.shape, (96, 128)])  # fmt: skip
+    read = LabelReader(parse_target(f"{COCO}rest: other", "t.yaml"))
+    np.testing.assert_array_equal(read(path, root / "i" / "0.png") == 1, mask)
+    drawn = read(path, root / "i" / "1.png") == 1
+    official = coco_mask.decode(coco_mask.frPyObjects([corners.tolist()], 96, 128))[..., 0]
+    assert np.mean(drawn != official) < 0.006  # edges may differ by a pixel here and there
+
+
+@pytest.mark.parametrize(("files", "expected"), [
+    (["0.png", "1.png"], "01"), (["i/0.png", "./i//1.png"], "01"),
+    (["/data/upload/0.png", r"C:\photos\1.png"], "01"),
+    (["../../media/0.png", "https://x.org/1.png"], "01"), (["train/0.png", "1.png"], "1"),
+    (["0.jpg", "1.png"], "1"),
+])  # fmt: skip
+def test_images_of_coco_are_found_by_their_names(tmp_path, files, expected):
+    coco(tmp_path, [], sizes=[(6, 8)] * 2, files=files)
+    skip = parse_target(f"{COCO}unlabelled: skip", "t.yaml")
+    assert "".join(entry.name for entry in list_split(skip, tmp_path, "train")) == expected
+    if expected != "01":
+        refuses(r"i/0\.png: image without label; expected its name among the images in .*coco\.json; "
+                "'unlabelled: skip'", list_split, parse_target(COCO, "t.yaml"), tmp_path, "train",
+                error=UserError)  # fmt: skip
+
+
+def test_what_is_wrong_in_a_file_of_coco(tmp_path):
+    target = parse_target(COCO, "t.yaml")
+    path = coco(tmp_path, [(0, "car", [box(0, 0, 4, 4)], 0)])
+    right = json.loads(path.read_text())
+    (image,), (annotation,) = right["images"], right["annotations"]
+    for change, message in (
+        ({"segmentation": []}, r"annotations\[0\] has a box at most; expected a segmentation"),
+        ({"segmentation": [[1, 2, 3, 4]]}, r"annotations\[0\]\.segmentation: a polygon of 4 numbers"),
+        ({"segmentation": [[0, 0, 9, 0, 9, 1e7]]}, "expected points in or near the image"),
+        ({"segmentation": [[0, 0, 9, "x"]]}, r"segmentation\[0\]\[3\]: expected number, not text"),
+        ({"segmentation": {"size": [12, 16], "counts": [5, 5]}}, "add up to the pixels of the image"),
+        ({"segmentation": {"size": [12, 16], "counts": [-8, 200]}}, "must be numbers from 0"),
+        ({"segmentation": {"size": [9, 16], "counts": "o"}}, r"a mask of \(9, 16\), but its image has"),
+        ({"segmentation": {"size": [12, 16], "counts": "~"}}, "its counts are not COCO's text"),
+        ({"segmentation": {"size": [12, 16], "counts": "o" * 99}}, "its counts are not COCO's text"),
+        ({"category_id": 9}, r"annotations\[0\]\.category_id 9 is not in categories"),
+        ({"category_id": None}, r"annotations\[0\]\.category_id: expected"),
+    ):  # fmt: skip
+        path.write_text(json.dumps(right | {"annotations": [annotation | change]}))
+        with pytest.raises(UserError, match=rf"coco\.json: .*{message}"):
+            read_target(target, tmp_path, SIZE)
+    for change, message in (
+        ({"images": [image, image]}, r"images\[0\] and images\[1\] have the same file_name, 0\.png"),
+        ({"images": [image, image | {"file_name": "b"}]}, r"images\[0\] and images\[1\] have the same id, 0"),
+        ({"images": [image | {"width": 0}]}, r"images\[0\]\.width: expected whole number >= 1"),
+        ({"images": [image | {"width": 10**6, "height": 10**6}]}, "1000000x1000000 is more than 50,000,"),
+        ({"images": {}}, "images: expected list, not table"),
+        ({"images": [image | {"width": 15}]}, "15x12 pixels, but its image .*0.png has 16x12"),
+    ):  # fmt: skip
+        path.write_text(json.dumps(right | change))
+        with pytest.raises(UserError, match=rf"coco\.json: {message}"):
+            read_target(target, tmp_path, SIZE)
+    for text, message in (
+        ("{", "not valid JSON"), ("[" * 99_999, "no annotations of COCO: expected table, not list"),
+        ('{"shapes": []}', "lacks the field images"),
+    ):  # fmt: skip
+        path.write_text(text)
+        with pytest.raises(UserError, match=rf"coco\.json: .*{message}"):
+            read_target(target, tmp_path, SIZE)
+    named = parse_target(COCO.replace("person: {names: [person]}", "sky: {names: [sky]}"), "t.yaml")
+    path = coco(tmp_path, [(0, "person", [box(0, 0, 4, 4)], 0)] * 2)
+    refuses_file(r"coco\.json: no class of t\.yaml has the label name 'person' \(16 pixels in 1 image\)",
+                 read_target, named, tmp_path, SIZE)  # fmt: skip
 
 
 def test_real_camvid_has_the_shares_that_its_description_says(camvid_dir):
@@ -501,7 +652,10 @@ def labelled_as(name, classes):
     """The label file of a row: sky in the upper half, road in the lower, in the values of its classes."""
     if "LabelMe" in name:
         return polygons(("imageHeight", "imageWidth"), "shapes", "points")
-    if "polygons" in name:
+    if "COCO" in name:
+        regions = [(0, "road", [box(0, 3, 8, 6)], 0), (0, "sky", [box(0, 0, 8, 3)], 0)]
+        return coco_text(regions, [(6, 8)], ["a.png"])
+    if "Cityscapes" in name:
         return polygons(("imgHeight", "imgWidth"), "objects", "polygon")
     upper, lower = classes
     values = np.array([upper] * 3 + [lower] * 3, np.uint8)
@@ -518,6 +672,7 @@ VALUES = {  # of the upper and the lower half, and the classes that are expected
     "one class, the rest is background": ((9, 1), ("background", "road")),
     "LabelMe polygons": ((0, 0), ("sky", "road")),
     "Cityscapes polygons": ((0, 0), ("sky", "road")),
+    "COCO polygons or masks": ((0, 0), ("sky", "road")),
     'CVAT\'s "Segmentation mask 1.1"': (((51, 221, 255), (250, 50, 83)), ("sky", "road")),
 }
 

@@ -105,7 +105,7 @@ def _fits(name: str, root: Path) -> bool:
         for split in split_names(target, root):
             entries = list_split(target, root, split)
             for entry in entries[:: max(len(entries) // 8, 1)]:
-                if reader.known(entry.label_path)[1]:
+                if reader.read(entry.label_path, entry.image_path)[1]:
                     return False
     except UserError:
         return False

@@ -176,11 +176,11 @@ def _classes(
     reader, number = LabelReader(target), len(target.classes)
     pixels, containing = np.zeros(256, np.int64), np.zeros(number)
     rows = np.zeros(number)
-    unknown: dict[Path, Counter[str]] = {}
+    unknown: list[tuple[Path, Counter[str]]] = []
     sample, read, right = _spread(entries, READ), 0, True
     for entry in sample:
         try:
-            label, wrong = reader.known(entry.label_path)
+            label, wrong = reader.read(entry.label_path, entry.image_path)
             with Image.open(entry.image_path) as picture:
                 size, lying = upright(picture), picture.size
         except (UserError, OSError) as error:
@@ -200,7 +200,7 @@ def _classes(
             )
             right = False
         if wrong:
-            unknown[entry.label_path] = wrong
+            unknown.append((entry.label_path, wrong))
         height = len(label)
         places = np.arange(height)[:, None] * 256 + label
         by_row = np.bincount(places.ravel(), minlength=256 * height).reshape(height, 256)
