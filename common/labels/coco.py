@@ -177,6 +177,19 @@ def _read(path: Path, _size: int, _time: int) -> CocoFile:
     return CocoFile(path, read_bytes(path))
 
 
+def has_annotations(path: Path) -> bool:
+    """Whether a JSON file has the tables of COCO's annotations.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    try:
+        tables = msgspec.json.decode(read_bytes(path), type=dict[str, msgspec.Raw])
+    except (msgspec.MsgspecError, UserError, UnicodeDecodeError, RecursionError):
+        return False
+    return {"images", "annotations"} <= tables.keys()
+
+
 def run_lengths(text: str) -> list[int]:
     """The numbers in COCO's text: five bits a character; from the fourth on, differences to the last but one.
 

@@ -268,7 +268,7 @@ def test_names_with_spaces_hidden_files_and_copies_in_lists(tmp_path, doctor):
     (root / "test.txt").write_text("Photo 2\nPhoto 3\n")
     proposed = propose(root).text
     for line in (
-        "splits: {test: test.txt, train: train.txt}", "'road': {ids: [0], renders: [road]}",
+        "splits: {test: test.txt, train: train.txt}  # lists of images", "'road': {ids: [0], renders: [road]}",
         "'car': {ids: [1, 2], renders: [car]}",
     ):  # fmt: skip
         assert line in proposed
@@ -313,7 +313,7 @@ def test_images_of_several_endings_are_one_set(tmp_path):
         save(tmp_path / "img" / f"a_{k}{ending}", photograph(k, (48, 64)))
         save(tmp_path / "ann" / f"a_{k}.PNG", blocks(k, (48, 64), 3))
     text = propose(tmp_path).text
-    assert "images: 'img/{name}'\nlabels: 'ann/{name}.PNG'" in text
+    assert "images: 'img/{name}'  # {name} is" in text and "labels: 'ann/{name}.PNG'\n" in text
     for own in (text, text.replace("{name}.PNG", "{name}")):
         found = list_all(parse_target(own, "x.yaml"), tmp_path)["train"]
         assert [entry.image_path.name for entry in found] == ["a_0.JPG", "a_1.jpeg", "a_2.png"]
@@ -375,12 +375,13 @@ def test_labels_without_a_class_and_files_in_other_letters_are_refused(streets, 
         save(path, np.full((8, 8), 255))
     code, _, err = doctor(streets)
     assert (
-        code == 2 and "mine: labels hold one value alone (255); expected two classes or more" in err
+        code == 2
+        and "mine: the labels have only the value 255; expected at least two classes" in err
     )
     text = "images: 'a/{name}'\nlabels: 'b/{name}'\nclasses: {road: {ids: [0]}, b: {ids: [1]}}\n"
     (streets / "target.yaml").write_text(text, encoding="utf-16")
     code, _, err = doctor(streets)
-    assert code == 2 and "target.yaml: no UTF-8; save it as UTF-8" in err
+    assert code == 2 and "target.yaml is not UTF-8; save it as UTF-8" in err
 
 
 def test_a_folder_is_looked_at_where_nothing_can_be_rendered(
@@ -405,9 +406,9 @@ def test_what_cannot_be_looked_at_is_refused_in_one_line(doctor, tmp_path, stree
     (streets / "target.yaml").write_text("images: 7\n")
     for words, message in (
         (("--write", "x.yaml"), "--target, --write and --out need DATA"),
-        ((tmp_path / "gone",), "gone: no such folder"),
-        ((empty,), "no images with labels of the same names among nothing"),
-        ((tmp_path / "alone",), "among 1 of .png"),
+        ((tmp_path / "gone",), "gone does not exist; expected a folder with images and labels"),
+        ((empty,), "empty: no labelled images (the folder is empty); expected image and label"),
+        ((tmp_path / "alone",), "alone: no labelled images (1 .png); expected"),
         ((streets, "--write", taken), "taken.yaml exists; name another file"),
         ((streets, "--write", tmp_path / "no" / "t.yaml"), "t.yaml: no folder"),
         ((streets, "--target", "kity"), "--target kity: no such file"),
@@ -420,7 +421,7 @@ def test_what_cannot_be_looked_at_is_refused_in_one_line(doctor, tmp_path, stree
         code, _, err = doctor(*words)
         assert code == 2 and message in err and err.count("\n") == 1
     assert not (tmp_path / "out").exists()
-    refuses("no such folder", propose, tmp_path / "gone", error=UserError)
+    refuses("gone does not exist", propose, tmp_path / "gone", error=UserError)
 
 
 @pytest.mark.parametrize("line", [
@@ -505,10 +506,10 @@ def masks(root, values, dtype=np.uint8, names="", shape=(48, 64)):
 @pytest.mark.parametrize(("values", "dtype", "names", "classes", "note"), [
     ([0, 255], np.uint8, "", {"background": 0, "foreground": 255}, "255 has 16.7 % of the pixels"),
     ([0, 65535], np.uint16, "", {"background": 0, "foreground": 65535}, "65535 has 16.7 %"),
-    ([0, 1], np.uint8, "", {"background": 0, "foreground": 1}, "names are not known"),
+    ([0, 1], np.uint8, "", {"background": 0, "foreground": 1}, "names of the classes are unknown"),
     ([0, 1], np.uint8, "0 background\n1 road\n", {"background": 0, "road": 1}, "0 has 83.3 %"),
-    ([0, 1, 2, 255], np.uint8, "", {f"class {k}": k for k in range(3)}, "255 is void: 16.7 %"),
-    ([0, 1, 2], np.uint8, "0 other\n1 road\n2 sky\n", {"road": 1, "sky": 2}, "0 is void: 66.7 %"),
+    ([0, 1, 2, 255], np.uint8, "", {f"class {k}": k for k in range(3)}, "255 is ignored (16.7 %"),
+    ([0, 1, 2], np.uint8, "0 other\n1 road\n2 sky\n", {"road": 1, "sky": 2}, "0 is ignored (66.7 %"),
 ])  # fmt: skip
 def test_masks_of_two_values_are_two_classes(tmp_path, values, dtype, names, classes, note):
     found = propose(masks(tmp_path, values, dtype, names))
@@ -519,7 +520,9 @@ def test_masks_of_two_values_are_two_classes(tmp_path, values, dtype, names, cla
 
 
 def test_one_value_alone_is_no_target(tmp_path):
-    refuses(r"labels hold one value alone \(7\); expected two", propose, masks(tmp_path, [7]))
+    refuses(
+        "the labels have only the value 7; expected at least two", propose, masks(tmp_path, [7])
+    )
 
 
 def test_pixels_without_a_polygon_can_be_a_class(tmp_path):
@@ -593,7 +596,7 @@ def test_smoothed_labels_are_said_to_be_so(tmp_path, way):
         path.unlink()
         ending = ".jpg" if way == "jpeg" else ".png"
         Image.fromarray(mask.astype(np.uint8)).save(path.with_suffix(ending))
-    refuses("masks/00.*values, as labels do that were resized with smoothing or saved as JPEG",
+    refuses("masks/00.*these look like labels, but have .* colours, as after smooth resizing",
             propose, root)  # fmt: skip
 
 
