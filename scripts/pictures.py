@@ -5,8 +5,8 @@
 `strip.jpg` has streets of the twin, their labels, and what a net sees in them that has seen neither the
 twin nor a photograph (`renders19`). `streets.jpg` has the images of `sdr-jax render --images 8`. The tops
 of `report.png` and `playground.png`, screenshots that lie in the folder, become `report_small.jpg` and
-`playground_small.jpg`. With `--run`, a finished `make demo`, `search_streets.webp` shows two streets as the search
-changes their attributes, next to the same streets with the attributes that it should find.
+`playground_small.jpg`. With `--run`, a finished `make demo`, `search_streets.webp` shows two streets as the
+search changes their attributes, next to the same streets with the attributes that it should find.
 """
 
 from __future__ import annotations
