@@ -14,7 +14,9 @@ from PIL import Image
 import seg.views
 from seg import (
     RECIPES,
+    TRUNKS,
     TrainSettings,
+    Trunk,
     WeightsError,
     check_settings,
     mean_iou,
@@ -22,11 +24,14 @@ from seg import (
     pyramid,
     score,
 )
+from seg.beside import TrainingSet
+from seg.data import LabelledImages
 from seg.nets import OnTrunk, net, variables_of
 from seg.nets.head import Head, statistics
 from seg.nets.lite import SIZES, STRIDES, Block, Lite, _Block, blocks_of, channels_of, taps_of
 from seg.nets.ops.conv import xla_conv
 from seg.nets.ops.depthwise import (
+    ON_ACCELERATORS,
     Pointwise,
     Spatial,
     depthwise,
@@ -38,6 +43,7 @@ from seg.nets.ops.dropout import dropout
 from seg.nets.ops.normalise import denormalise, normalise
 from seg.nets.ops.resize import strided
 from seg.optim import trunk_multiplier
+from seg.prepare import first_variables, prepare
 from seg.pyramid import channel_statistics, features, trunk_params
 from seg.step import Data, accumulated, functions, plan
 from seg.train import train
@@ -82,6 +88,25 @@ def test_depthwise_and_its_gradients_are_xlas(side, stride, size):
     functions = (partial(f, stride=stride) for f in (depthwise, xla_depthwise))
     inputs = normal(2, *size, 3), normal(side, side, 1, 3, seed=1)
     same_function(*functions, *inputs, of_gradients=2e-5)
+
+
+@pytest.mark.parametrize("stride", [1, 2])
+def test_an_accelerator_may_convolve_by_shifts_without_any_group(stride, monkeypatch):
+    x, kernel = normal(2, 7, 9, 3), normal(5, 5, 1, 3, seed=1)
+    other = partial(xla_depthwise, stride=stride)
+    token = ON_ACCELERATORS.set("shifts")
+    try:
+
+        def gradients(x, kernel):  # a new function, since JAX keeps what it has traced
+            return jax.grad(lambda *both: depthwise(*both, stride).sum(), (0, 1))(x, kernel)
+
+        text = jax.jit(gradients).trace(x, kernel).lower(lowering_platforms=("cuda",)).as_text()
+        assert "stablehlo.convolution" not in text and "stablehlo.while" not in text
+        on_accelerator = lambda *arguments, cpu, default: default(*arguments)  # noqa: E731
+        monkeypatch.setattr(jax.lax, "platform_dependent", on_accelerator)
+        same_function(partial(depthwise, stride=stride), other, x, kernel, of_gradients=2e-5)
+    finally:
+        ON_ACCELERATORS.reset(token)
 
 
 FAMILY = {
@@ -457,6 +482,30 @@ def test_a_tuned_trunk_trains_at_a_tenth_of_the_rate():
     assert 0.5e-4 < jnp.abs(after - before).max() < 2.1e-4
     assert_statistics(params, channel_statistics(features(images)))
     assert predict(params, images, settings, 2).shape == labels.shape
+
+
+def test_a_tuned_lite_learns_in_bfloat16(monkeypatch):
+    """A narrow one of five blocks, since all of lite0 would compile for most of a minute."""
+    blocks = (Block(3, 1, 1, 8), *(Block(3, 2, 2, 8) for _ in range(4)))
+    module, (images, labels) = Lite(blocks), toy(2, (48, 64))
+    weights = filled(module, jnp.zeros((1, 32, 32, 3)))
+    trunk = Trunk(module, STRIDES, channels_of(blocks), lambda: weights, {})
+    monkeypatch.setitem(TRUNKS, "narrow_lite", lambda _: trunk)
+    settings = replace(
+        SETTINGS, net="narrow_lite", trunk="tuned", dtype="bfloat16", steps=12, warmup=0
+    )
+    own = prepare(TrainingSet((LabelledImages(images, labels),)), settings, 2)
+    compiled, rows = functions(settings, 2), plan(0, 2, settings)
+    data, losses = Data(images, labels, own.class_weights, np.uint32(0)), []
+    random = compiled.init(data.seed, images).params
+    start = first_variables(random, settings, own.statistics)
+    state = compiled.resume(jax.tree.map(jnp.array, start))
+    for i in range(settings.steps):
+        state, loss = compiled.step(state, data, rows.rows(i))
+        losses.append(float(loss))
+    assert np.mean(losses[-4:]) < 0.8 * np.mean(losses[:2])
+    assert {leaf.dtype for leaf in jax.tree.leaves(state.params)} == {np.dtype("float32")}
+    assert np.abs(state.params["trunk"]["stem"]["kernel"] - weights["stem"]["kernel"]).max() > 0
 
 
 def test_rates_by_path_and_recipes():

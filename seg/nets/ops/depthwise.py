@@ -1,6 +1,8 @@
 """Convolutions of the EfficientNets: one kernel per channel, and TensorFlow's "SAME" padding."""
 
+from contextvars import ContextVar
 from functools import partial
+from typing import Literal
 
 import jax
 import jax.numpy as jnp
@@ -9,6 +11,16 @@ from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
 from seg.nets.ops.conv import Conv
+
+ON_ACCELERATORS: ContextVar[Literal["grouped", "shifts"]] = ContextVar(
+    "depthwise", default="grouped"
+)
+"""Whether accelerators take XLA's grouped convolution or sums of shifted copies; read while JAX traces.
+
+On an H200 a step of lite0-tuned with grouped convolutions takes 130 to 150 s to compile, and 8 to 10 ms
+(480x360, a batch of 16, bfloat16). Shifts are ordinary fused loops, which need no autotuning, but nobody has
+measured them on a GPU yet: `python -m benchmarks.gpu` measures both.
+"""
 
 
 def same(size: int, side: int, stride: int) -> tuple[int, int]:
@@ -48,7 +60,8 @@ def depthwise(
     """Convolve each channel with its own kernel; "SAME" padding.
 
     Result and gradient equal those of `lax.conv_general_dilated` with as many groups as channels. On CPUs it
-    is a sum of shifted copies times cells of the kernel, ten times as fast as XLA's grouped convolution.
+    is a sum of shifted copies times cells of the kernel, ten times as fast as XLA's grouped convolution. On
+    accelerators `ON_ACCELERATORS` chooses.
 
     Args:
         x: features.
@@ -95,7 +108,8 @@ def _forward(x: Array, kernel: Array, stride: int) -> tuple[Array, tuple[Array, 
         return total
 
     by_xla = partial(xla_depthwise, stride=stride)
-    return jax.lax.platform_dependent(x, kernel, cpu=by_shifts, default=by_xla), (x, kernel)
+    default = by_shifts if ON_ACCELERATORS.get() == "shifts" else by_xla
+    return jax.lax.platform_dependent(x, kernel, cpu=by_shifts, default=default), (x, kernel)
 
 
 def _backward(stride: int, given: tuple[Array, Array], grad: Array) -> tuple[Array, Array]:
@@ -107,7 +121,16 @@ def _backward(stride: int, given: tuple[Array, Array], grad: Array) -> tuple[Arr
         to_x, to_kernel = jax.vjp(partial(xla_depthwise, stride=stride), x, kernel)[1](grad)
         return to_x, to_kernel
 
-    return jax.lax.platform_dependent(*given, grad, cpu=by_shifts, default=by_xla)
+    def by_sums(x: Array, kernel: Array, grad: Array) -> tuple[Array, Array]:
+        sums = [
+            [jnp.sum(cell * grad, (0, 1, 2), jnp.float32) for cell in row]
+            for row in _cells(x, kernel.shape[0], stride)
+        ]
+        to_kernel = jnp.stack([jnp.stack(row) for row in sums])[:, :, None]
+        return _to_x(x, kernel, grad, stride), to_kernel.astype(kernel.dtype)
+
+    default = by_sums if ON_ACCELERATORS.get() == "shifts" else by_xla
+    return jax.lax.platform_dependent(*given, grad, cpu=by_shifts, default=default)
 
 
 def _to_kernel(x: Array, grad: Array, side: int, stride: int) -> Array:
