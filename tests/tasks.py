@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -39,6 +40,11 @@ def surroundings():
     return cores, threads, cv2.getNumThreads(), gpu, os.environ.get("SCENE_TEST"), os.getpid()
 
 
+def loaded(*names):
+    """Which of these modules this process has loaded."""
+    return {name for name in names if name in sys.modules}
+
+
 def wait_for(path: str) -> None:
     while not os.path.exists(path):
         time.sleep(0.01)
@@ -56,8 +62,24 @@ def ready_and(x, ready=None):
     return x, ready
 
 
+def gathered(tasks, ready):
+    """Of each of several tasks: its argument, the results of its parts, and the number of the tasks."""
+    return [(*task, parts, len(tasks)) for task, parts in zip(tasks, ready, strict=True)]
+
+
+def gathered_at(tasks, ready):
+    """The same, when the files exist that the tasks name."""
+    for name, _ in tasks:
+        wait_for(name)
+    return [(x, len(tasks)) for _, x in tasks]
+
+
 def doubled(x):
     return 2 * x
+
+
+def die_with_parts(path, deaths, x, ready):
+    return die_until(path, deaths, x), ready
 
 
 def add_many(path: Path, name: str, ready: Any) -> None:

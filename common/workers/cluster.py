@@ -37,7 +37,8 @@ _ONE_AT_A_TIME = threading.Lock()
 class Cluster(Workers):
     """The workers of a Dask scheduler.
 
-    Nets need the resource ``GPU=1`` and other work ``CPU=1``, if any worker announced it when the run began.
+    If any worker announced the resource ``GPU`` when the run began, those with ``GPU=1`` are trainers. Other
+    work needs ``CPU=1``, if any worker announced that.
 
     Args:
         address: address of the scheduler, such as ``tcp://10.0.0.1:8786``.
@@ -48,6 +49,7 @@ class Cluster(Workers):
         UserError: nobody answers at the address.
     """
 
+    share_disk = False
     _patience = 1.0
 
     def __init__(
@@ -77,16 +79,21 @@ class Cluster(Workers):
             )
             self._client.wait_for_workers(1)
         self.workers = len(self._client.nthreads())
-        known = self._client.scheduler_info(n_workers=-1)["workers"].values()
-        announced = {name for worker in known for name in worker["resources"]}
-        self._wants = {
-            net: {name: 1} if name in announced else None
-            for net, name in ((True, "GPU"), (False, "CPU"))
-        }
+        gpus, cpus = self._announced("GPU"), self._announced("CPU")
+        if gpus:
+            self.trainers = gpus
+            self.workers = cpus or self.workers
+        self._renderer_resources = {"CPU": 1} if cpus else None
         self._executor = self._client.get_executor(pure=False)
+
+    def _announced(self, resource: str) -> int:
+        """The number of workers that have announced a resource."""
+        workers = self._client.scheduler_info(n_workers=-1)["workers"].values()
+        return sum(resource in worker["resources"] for worker in workers)
 
     def close(self) -> None:
         """Drop unfinished work, and leave the cluster as it was except for copies of files."""
+        self._close_pipeline()
         with suppress(Exception):  # the scheduler may be gone
             while self._plugins and self._client.status == "running":
                 self._client.unregister_worker_plugin(self._plugins.pop())
@@ -125,20 +132,37 @@ class Cluster(Workers):
                     raise self._lost() from None
         self._plugins.append(name)
 
-    def _submit(
-        self, function: Callable[..., Any], task: tuple, net: bool, first: Any, behind: bool
-    ) -> Future:
-        options: dict[str, Any] = {"priority": -1 if behind else 0}
-        wanted = self._wants[net]
-        work: tuple = (function, *task)
-        ours = dict(self._versions())
-        if first is not None and wanted:
-            own = {"resources": self._wants[False], "pure": False, **options}
-            ready = self._client.submit(_alone, self._versions, ours, first, *task, **own)
-            work = (_after, ready, *work)
-        return self._executor.submit(
-            _alone, self._versions, ours, *work, resources=wanted, **options
+    def trainers_now(self) -> int:
+        """The number of trainers, which come and go; without one, a task waits for the next."""
+        with suppress(OSError):  # the scheduler is gone, which the main thread finds, too
+            return max(self._announced("GPU"), 1)
+        return 1
+
+    def begin_part(self, function: Callable[..., Any], task: tuple, behind: bool) -> Any:
+        """Begin a part of a net on a renderer; its result stays there until a trainer needs it."""
+        return self._client.submit(
+            *self._called(function, task), **self._options(trains=False, behind=behind), pure=False
         )
+
+    def part_result(self, part: Any) -> Any:
+        """The future itself, whose result the trainer gets from the renderer."""
+        return part
+
+    def _submit(
+        self, function: Callable[..., Any], task: tuple, *, trains: bool = False, behind: bool
+    ) -> Future:
+        return self._executor.submit(
+            *self._called(function, task), **self._options(trains=trains, behind=behind)
+        )
+
+    def _called(self, function: Callable[..., Any], task: tuple) -> tuple:
+        return (_alone, self._versions, dict(self._versions()), function, *task)
+
+    def _options(self, *, trains: bool, behind: bool) -> dict[str, Any]:
+        """Resources and priority of work."""
+        gpu = {"GPU": 1} if self.trainers is not None else None
+        resources = gpu if trains else self._renderer_resources
+        return {"resources": resources, "priority": -1 if behind else 0}
 
     def result(self, future: Future) -> Any:
         """The result of finished work."""
@@ -153,6 +177,9 @@ class Cluster(Workers):
             raise self._lost() from None
 
     def _drop(self, futures: Iterable[Future]) -> None:
+        futures = list(futures)
+        if self._pipeline is not None:
+            self._pipeline.drop(futures)
         for future in futures:
             future.cancel()
 
@@ -210,10 +237,6 @@ def _alone(
             )
     with _ONE_AT_A_TIME:
         return function(*task)
-
-
-def _after(ready: Any, function: Callable[..., Any], *task: Any) -> Any:
-    return function(*task, ready=ready)
 
 
 def _pieces(file: Path) -> Iterator[tuple[int, bytes]]:

@@ -15,8 +15,9 @@ def workers_of(
     scheduler: str | None = None,
     environment: dict[str, str] | None = None,
     versions: Callable[[], Mapping[str, int | str]] = dict,
+    trainers: int | None = None,
 ) -> Workers:
-    """Make the workers of ``--executor``, ``--workers`` and ``--scheduler``.
+    """Make the workers of ``--executor``, ``--workers``, ``--trainers`` and ``--scheduler``.
 
     Args:
         executor: the kind of workers.
@@ -24,15 +25,22 @@ def workers_of(
         scheduler: address of the cluster's scheduler.
         environment: variables that workers get before they import JAX.
         versions: gives the versions that workers of a cluster must share with this process.
+        trainers: number of separate processes for nets; by default processes render and train, and a cluster
+            has the trainers that announce a GPU.
 
     Raises:
-        UserError: processes have a scheduler, a cluster has none or one that does not answer, or the extra
-            ``dask`` is not installed.
+        UserError: processes have a scheduler, a cluster has none, trainers, or one that does not answer, or
+            the extra ``dask`` is not installed.
     """
     if executor == "processes":
         if scheduler is not None:
             raise UserError("--scheduler is for --executor dask")
-        return WorkerPool(workers, environment)
+        return WorkerPool(workers, environment, trainers)
+    if trainers is not None:
+        raise UserError(
+            "--trainers is for --executor processes; on a cluster start trainers with: dask worker ADDRESS "
+            "--nthreads 1 --resources GPU=1"
+        )
     if scheduler is None:
         raise UserError("--executor dask needs --scheduler ADDRESS, which 'dask scheduler' prints")
     address = re.fullmatch(r"(?:[a-z]+://)?[^/]+:(\d{1,5})(?:/.*)?", scheduler)

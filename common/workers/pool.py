@@ -3,6 +3,9 @@
 They render, and evaluate whole rewards for the experiments. Results come as they are ready, with the index of
 their task, so that progress can be shown and answers do not depend on the order. `WorkerPool` has processes
 of this machine, ``cluster.Cluster`` those of a Dask cluster.
+
+One kind of worker does everything, or there are two: renderers, and *trainers* with a device, to which nets
+go (`pipeline`).
 """
 
 from __future__ import annotations
@@ -22,6 +25,7 @@ from typing import Any, Literal, TypeVar
 
 from common.cores import Cores
 from common.memory import refuse_larger
+from common.workers.pipeline import Pipeline, Split
 
 ExecutorName = Literal["processes", "dask"]
 Self = TypeVar("Self", bound="Workers")
@@ -47,11 +51,17 @@ class Workers:
     """
 
     workers: int
-    """Number of tasks at once."""
+    """Number of tasks at once; where trainers are apart, of renderers."""
+    trainers: int | None = None
+    """Number of trainers; None where workers render and train."""
+    share_disk = True
+    """Whether they read and write the files of this process."""
     dashboard: str | None = None
     """A page that shows the work, if there is one."""
     _patience: float | None = None
     """Seconds after which a wait checks that the workers still exist."""
+    _pipeline: Pipeline | None = None
+    """Tasks of trainers that are apart, since the first one."""
 
     def __enter__(self: Self) -> Self:
         return self
@@ -71,10 +81,14 @@ class Workers:
         return str(Path(path).absolute()) if path else path
 
     def begin(
-        self, function: Callable[..., Any], *task: Any, first: Any = None, behind: bool = True
+        self,
+        function: Callable[..., Any],
+        *task: Any,
+        split: Split | None = None,
+        behind: bool = True,
     ) -> Future | None:
         """Begin a net, by default behind all urgent work, for a later ``map``; None with 0 workers."""
-        return self._submit(function, task, True, first, behind) if self.workers else None
+        return self._nets(function, [task], split, behind)[0] if self.workers else None
 
     def map(
         self,
@@ -82,17 +96,16 @@ class Workers:
         tasks: Sequence[tuple],
         *,
         net: bool = False,
-        first: Callable[..., Any] | None = None,
+        split: Split | None = None,
         begun: Mapping[int, Future] | None = None,
     ) -> Iterator[tuple[int, Any]]:
         """Yield (index, ``function(*tasks[index])``) as results come.
 
         Args:
-            function: a function of a module, like ``first``.
+            function: a function of a module.
             tasks: its arguments.
             net: whether it trains or applies a net, and uses a GPU if there is one.
-            first: the part without a GPU. On a cluster with GPUs it is a separate task, for
-                ``function(*task, ready=first(*task))``.
+            split: how a net is divided where renderers and trainers are apart; by default a trainer does all.
             begun: tasks by index that were given to `begin`; those that still wait are urgent now.
 
         Raises:
@@ -104,14 +117,19 @@ class Workers:
                 yield index, function(*task)
             return
         done: set[int] = set()
-        given = (begun or {}).items()
-        futures = {index: future for index, future in given if not self._taken_back(future)}
+        futures = {
+            index: future for index, future in (begun or {}).items() if not self._taken_back(future)
+        }
         try:
             for attempt in range(2):
                 try:
-                    for index, task in enumerate(tasks):
-                        if index not in done and index not in futures:
-                            futures[index] = self._submit(function, task, net, first, False)
+                    new = [k for k in range(len(tasks)) if k not in done and k not in futures]
+                    new_tasks = [tasks[k] for k in new]
+                    if net:
+                        begun_now = self._nets(function, new_tasks, split, False)
+                    else:
+                        begun_now = [self._submit(function, t, behind=False) for t in new_tasks]
+                    futures.update(zip(new, begun_now, strict=True))
                     for index, result in self._results(futures):
                         done.add(index)
                         yield index, result
@@ -143,7 +161,7 @@ class Workers:
         try:
             while True:
                 for task in islice(left, AHEAD * self.workers - len(ahead)):
-                    ahead.append((task, self._submit(function, task, False, None, False)))
+                    ahead.append((task, self._submit(function, task, behind=False)))
                 if not ahead:
                     return
                 try:
@@ -179,8 +197,38 @@ class Workers:
                 del futures[index]
                 yield index, self.result(future)
 
+    def _nets(
+        self,
+        function: Callable[..., Any],
+        tasks: Sequence[tuple],
+        split: Split | None,
+        behind: bool,
+    ) -> list[Future]:
+        """Begin nets, on trainers if they are apart."""
+        if self.trainers is None:
+            return [self._submit(function, task, trains=True, behind=behind) for task in tasks]
+        if self._pipeline is None:
+            self._pipeline = Pipeline(self)
+        return self._pipeline.submit(function, tasks, split, behind)
+
+    def trainers_now(self) -> int:
+        """The number of trainers, which may change."""
+        return self.trainers or 0
+
+    def begin_part(self, function: Callable[..., Any], task: tuple, behind: bool) -> Any:
+        """Begin a part of a net on a renderer; returns its future."""
+        return self._submit(function, task, behind=behind)
+
+    def begin_training(self, function: Callable[..., Any], task: tuple, behind: bool) -> Future:
+        """Begin work on a trainer."""
+        return self._submit(function, task, trains=True, behind=behind)
+
+    def part_result(self, part: Any) -> Any:
+        """The result of a part, as a trainer gets it."""
+        return part.result()
+
     def _submit(
-        self, function: Callable[..., Any], task: tuple, net: bool, first: Any, behind: bool
+        self, function: Callable[..., Any], task: tuple, *, trains: bool = False, behind: bool
     ) -> Future:
         raise NotImplementedError
 
@@ -189,15 +237,29 @@ class Workers:
         return future.result()
 
     def _taken_back(self, future: Future) -> bool:
-        """Take back work of low priority that still waits; returns whether it did."""
+        """Take back work of low priority that still waits; returns whether it did.
+
+        In a pipeline it becomes urgent where it is.
+        """
+        if self._pipeline is not None:
+            self._pipeline.hurry(future)
         return False
 
     def _drop(self, futures: Iterable[Future]) -> None:
         """Drop unfinished work."""
         self.close()
 
+    def _close_pipeline(self) -> None:
+        if self._pipeline is not None:
+            self._pipeline.close()
+            self._pipeline = None
+
     def _refuse_lost(self) -> None:
         """Raise an error if no answer can come."""
+
+
+Kind = Literal["workers", "behind", "trainers"]
+"""Processes that render, and train unless there are trainers; those of low priority; trainers."""
 
 
 class WorkerPool(Workers):
@@ -205,15 +267,27 @@ class WorkerPool(Workers):
 
     The system chooses their cores, since other jobs may run, too. Processes of low priority run mostly on
     idle cores. If there are GPUs, each process sees one.
+
+    Args:
+        workers: number of processes; 0 works in this one.
+        environment: variables that they get before they import anything.
+        trainers: number of separate processes for nets, each of which sees one GPU if there are any; the
+            others then see none. By default workers do both.
     """
 
-    def __init__(self, workers: int, environment: dict[str, str] | None = None) -> None:
+    def __init__(
+        self,
+        workers: int,
+        environment: dict[str, str] | None = None,
+        trainers: int | None = None,
+    ) -> None:
         if workers < 0:
             raise ValueError(f"workers must be 0 or more, not {workers}")
-        self.workers = workers
+        self.workers, self.trainers = workers, trainers if workers else None
         # Threads of OpenBLAS spin, which makes XLA's Cholesky 300 times slower on shared cores.
         self._environment = {"OPENBLAS_NUM_THREADS": "1", **(environment or {})}
-        self._executors: dict[bool, ProcessPoolExecutor] = {}
+        self._executors: dict[Kind, ProcessPoolExecutor] = {}
+        self._lock = threading.RLock()  # the pipeline's thread starts processes, too
         self._cores = Cores()
 
     def cpu_share(self) -> float:
@@ -223,15 +297,17 @@ class WorkerPool(Workers):
 
     def close(self) -> None:
         """Stop the processes at once; unfinished work is dropped."""
-        for behind in list(self._executors):
-            self._stop(behind)
+        self._close_pipeline()
+        for kind in list(self._executors):
+            self._stop(kind)
 
-    def _stop(self, behind: bool) -> None:
-        executor = self._executors.pop(behind)
-        processes = list((executor._processes or {}).values())
-        for process in processes:
-            process.terminate()
-        executor.shutdown(wait=True, cancel_futures=True)
+    def _stop(self, kind: Kind) -> None:
+        with self._lock:
+            executor = self._executors.pop(kind)
+            processes = list((executor._processes or {}).values())
+            for process in processes:
+                process.terminate()
+            executor.shutdown(wait=True, cancel_futures=True)
         if any(process.exitcode == UNGUARDED for process in processes):
             raise WorkerError(
                 "each worker process runs the main script again, which then starts workers again; "
@@ -239,32 +315,36 @@ class WorkerPool(Workers):
             ) from None
 
     def _submit(
-        self, function: Callable[..., Any], task: tuple, net: bool, first: Any, behind: bool
+        self, function: Callable[..., Any], task: tuple, *, trains: bool = False, behind: bool
     ) -> Future:
-        with _inherited(self._environment):  # processes start with a task
+        apart = trains and self.trainers is not None
+        kind: Kind = "trainers" if apart else "behind" if behind else "workers"
+        with self._lock, _inherited(self._environment):  # processes start with a task
             try:
-                return self._executor(behind).submit(function, *task)
+                return self._executor(kind).submit(function, *task)
             except BrokenProcessPool:  # one has died since; unfinished tasks report it
-                self._stop(behind)
-                return self._executor(behind).submit(function, *task)
+                self._stop(kind)
+                return self._executor(kind).submit(function, *task)
 
     def _taken_back(self, future: Future) -> bool:
-        return future.cancel()
+        return super()._taken_back(future) if self._pipeline is not None else future.cancel()
 
-    def _executor(self, behind: bool) -> Executor:
-        if behind not in self._executors:
+    def _executor(self, kind: Kind) -> Executor:
+        if kind not in self._executors:
             if getattr(multiprocessing.current_process(), "_inheriting", False):
                 os._exit(
                     UNGUARDED
                 )  # ``_stop`` explains it; an exception would print a traceback each
             context = multiprocessing.get_context("spawn")
-            self._executors[behind] = ProcessPoolExecutor(
-                self.workers,
+            count = self.trainers if kind == "trainers" else self.workers
+            sees_gpu = kind == "trainers" or self.trainers is None
+            self._executors[kind] = ProcessPoolExecutor(
+                count,
                 mp_context=context,
                 initializer=_start,
-                initargs=(context.Value("i", 0), LESS_URGENT if behind else 0),
+                initargs=(context.Value("i", 0), LESS_URGENT if kind == "behind" else 0, sees_gpu),
             )
-        return self._executors[behind]
+        return self._executors[kind]
 
 
 def refuse_many_workers(flag: str, workers: int) -> None:
@@ -304,8 +384,8 @@ def _inherited(environment: dict[str, str]) -> Iterator[None]:
                 os.environ[name] = value
 
 
-def _start(counter: Any, nice: int) -> None:
-    """Set up a worker: one thread, one GPU, no Ctrl-C, and an end with its parent."""
+def _start(counter: Any, nice: int, sees_gpu: bool) -> None:
+    """Set up a worker: one thread, one GPU or none, no Ctrl-C, and an end with its parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     with counter.get_lock():
@@ -316,12 +396,12 @@ def _start(counter: Any, nice: int) -> None:
     cv2.setNumThreads(1)
     if nice and hasattr(os, "nice"):
         os.nice(nice)
-    gpus = _gpus()
-    if gpus:
-        os.environ["CUDA_VISIBLE_DEVICES"] = gpus[number % len(gpus)]
+    names = gpus()
+    if names:
+        os.environ["CUDA_VISIBLE_DEVICES"] = names[number % len(names)] if sees_gpu else ""
 
 
-def _gpus() -> list[str]:
+def gpus() -> list[str]:
     """NVIDIA GPUs for this process, as CUDA_VISIBLE_DEVICES names them."""
     named = os.environ.get("CUDA_VISIBLE_DEVICES")
     if named is not None:

@@ -6,6 +6,7 @@ A folder of images and labels is named by its content, and so is the folder of t
     RUN/shared/3f2ab07c91d4e655-1c9d02aa/   map0.npy, map1.npy and so on, the trunk's feature maps: for lite0
                                             3.5 bytes a pixel of every view
     RUN/shared/pool-90b3c5d07e1f2a64/       all of these for streets of one shot
+    RUN/shared/renders/                     sets on their way from renderers to separate trainers
 
 ``about.json`` beside them describes them, with hashes of the files, which are checked once per run. A folder
 exists as a whole or not at all; a folder that lacks a file is written anew.
@@ -27,13 +28,14 @@ import numpy as np
 
 from common.errors import UserError
 from common.files import digest, file_digest, read_json, whole_folder, write, write_json
+from common.workers.pipeline import Split
 from common.workers.pool import Workers
 from experiments.evaluation.cached import Cached, map_names, removable
+from experiments.evaluation.in_worker import parts_of
 from experiments.evaluation.job import Recipe
+from experiments.evaluation.renders import Part, Rendered, Written, joined, render_part
 from experiments.evaluation.store import digest_of
 from experiments.targets.base import Target
-from scene.dataset.render import render_street
-from scene.outline import outlined
 from seg.data import LabelledImages
 from seg.nets.head import Maps
 from seg.nets.trunks import trunk_of
@@ -41,7 +43,7 @@ from seg.pyramid import Statistics, channel_statistics, features
 from seg.settings import TrainSettings
 from seg.views import LOOKS, view_images, with_mirror
 
-FOLDER, ABOUT, SECONDS = "shared", "about.json", "seconds"
+FOLDER, ABOUT, SECONDS, RENDERS = "shared", "about.json", "seconds", "renders"
 CHUNK = 16
 """Images per task of a worker, in whole batches of the trunk."""
 
@@ -66,6 +68,16 @@ class Cache:
         self._workers, self._say = workers, say
         self._root = (run / FOLDER).absolute()
         self._checked: set[Path] = set()
+        self.remove_renders()  # of a killed run
+
+    @property
+    def renders(self) -> str | None:
+        """The folder in which renderers leave images for trainers; None if they have no common disk."""
+        return str(self._root / RENDERS) if self._workers.share_disk else None
+
+    def remove_renders(self) -> None:
+        """Remove images that no trainer has taken."""
+        shutil.rmtree(self._root / RENDERS, ignore_errors=True)
 
     def put(
         self, images: LabelledImages, train: TrainSettings, what: str, *, training: bool = False
@@ -128,12 +140,13 @@ class Cache:
             files = {start: pieces / f"{start:06d}.npz" for start in starts}
             missing = [start for start in starts if _piece(files[start]) is None]
             done(sum(len(units[s : s + CHUNK]) for s in starts if s not in missing))
-            own = sent(recipe, self._workers)
-            tasks = [(own, units[s : s + CHUNK], seed, s) for s in missing]
-            for index, made in self._workers.map(_made_streets, tasks, net=True):
+            worker_recipe = sent(recipe, self._workers)
+            tasks = [(worker_recipe, units[s : s + CHUNK], seed, s) for s in missing]
+            split = Split(self._parts_of_streets, render_part)
+            for index, arrays in self._workers.map(_made_streets, tasks, net=True, split=split):
                 start = missing[index]
                 buffer = io.BytesIO()
-                np.savez(buffer, **made)
+                np.savez(buffer, **arrays)
                 write(files[start], buffer.getvalue(), sync=False)
                 done(len(units[start : start + CHUNK]))
             return {SECONDS: _assemble(part, [files[start] for start in starts], len(units))}
@@ -143,6 +156,10 @@ class Cache:
         held = self._workers.share(str(folder))
         maps = held if recipe.fidelity.train.frozen else None
         return Cached(held, maps)
+
+    def _parts_of_streets(self, most: int, task: tuple) -> list[tuple[Part]]:
+        recipe, units, seed, start = task
+        return parts_of(recipe, units, seed, most, self.renders, start)
 
     def seconds(self, name: str, recipe: Recipe) -> float:
         """The core seconds in which the streets of a name were rendered, with their features."""
@@ -251,21 +268,19 @@ def statistics_of(held: Cached) -> Statistics:
 
 
 def _made_streets(
-    recipe: Recipe, units: np.ndarray, seed: int, start: int
+    recipe: Recipe,
+    units: np.ndarray,
+    seed: int,
+    start: int,
+    ready: Sequence[Rendered | Written] | None = None,
 ) -> dict[str, np.ndarray]:
-    """Render some streets of a pool from an index on; runs in a worker."""
-    started = time.perf_counter()
-    fidelity, name, pool = recipe.fidelity, recipe.renderer, recipe.pool
-    settings, outlines = fidelity.render_settings(), recipe.classes.outlines
-    frames = [
-        outlined(render_street(unit, seed, start + k, 1, settings, name, pool)[0], outlines)
-        for k, unit in enumerate(units)
-    ]
-    images = np.stack([frame.image for frame in frames])
-    labels = recipe.classes.from_train_id[np.stack([frame.label for frame in frames])]
-    maps = _features(images, fidelity.train, True) if fidelity.train.frozen else ()
-    seconds = np.array(time.perf_counter() - started)
-    return {"images": images, "labels": labels, **_files(maps), SECONDS: seconds}
+    """Make some streets of a pool from an index on, and their features; runs in a worker."""
+    parts = ready or [render_part(*part) for part in parts_of(recipe, units, seed, 1, None, start)]
+    images, labels, seconds = joined(parts)
+    started, train = time.perf_counter(), recipe.fidelity.train
+    maps = _features(images, train, True) if train.frozen else ()
+    total = np.array(seconds + time.perf_counter() - started)
+    return {"images": images, "labels": labels, **_files(maps), SECONDS: total}
 
 
 def _piece(path: Path) -> dict[str, np.ndarray] | None:

@@ -10,8 +10,8 @@ import math
 import os
 import pickle
 import time
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Callable, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +19,11 @@ import jax
 import numpy as np
 
 from common.workers.pool import Workers
-from experiments.evaluation.cached import Cached, loaded
+from experiments.evaluation.cached import loaded
 from experiments.evaluation.job import Keeps, Recipe, Result, Source, rendered_of
 from experiments.evaluation.made_with import refuse_other
 from experiments.evaluation.predictions import predictions_of
+from experiments.evaluation.renders import Part, Rendered, Written, joined
 from scene.dataset.render import Dataset, render_dataset
 from scene.proposal import Streets, draw
 from seg.beside import TrainingSet
@@ -35,36 +36,64 @@ from seg.views import view_images
 _KEPT: dict[Any, LabelledImages] = {}
 """The last rendered dataset of this process, by everything that decides it."""
 
-Rendered = tuple[LabelledImages, float]
-"""A training set, and the seconds of its rendering."""
+
+def parts_of(
+    recipe: Recipe, units: np.ndarray, seed: int, most: int, folder: str | None, first: int = 0
+) -> list[tuple[Part]]:
+    """Divide streets into at most so many parts for renderers.
+
+    Args:
+        recipe: sizes, assets, and the classes of the labels.
+        units: f32[streets, attributes] of every street, in [0, 1].
+        seed: decides, with the street's index, all random choices.
+        most: number of parts.
+        folder: where renderers write images; None returns them.
+        first: index of the first street.
+    """
+    fidelity, classes = recipe.fidelity, recipe.classes
+    bounds = np.linspace(0, len(units), min(most, len(units)) + 1).astype(int)
+    return [
+        (
+            Part(
+                units[start:stop],
+                seed,
+                first + int(start),
+                fidelity.shots,
+                fidelity.render_settings(),
+                recipe.renderer,
+                recipe.pool,
+                classes.outlines,
+                classes.from_train_id,
+                folder,
+            ),
+        )
+        for start, stop in pairwise(bounds)
+    ]
 
 
-def prepared(
-    evaluate: Callable[..., Any], recipe: Recipe, source: Any, seed: int, *_: Any
-) -> Rendered | None:
-    """Make the part of an evaluation that needs no GPU: the rendered set, if it trains on one."""
-    named = evaluate.func if isinstance(evaluate, partial) else evaluate
-    if named is not evaluate_miou or isinstance(source, LabelledImages | Cached):
-        return None
-    started = time.perf_counter()
-    own = training_set(recipe, loaded(source), seed)
-    return own, time.perf_counter() - started
-
-
-def attempt(evaluate: Callable[..., Any], *arguments: Any, ready: Rendered | None = None) -> Any:
+def attempt(
+    evaluate: Callable[..., Any],
+    *arguments: Any,
+    ready: Sequence[Rendered | Written] | None = None,
+) -> Any:
     """Evaluate with cached images loaded as arrays; diverged training is a result, too.
 
     Args:
         evaluate: `evaluate_miou`, or another evaluation.
         arguments: its arguments.
-        ready: the result of `prepared` for them.
+        ready: the parts of its rendered set, if renderers made them.
     """
     started = time.perf_counter()
-    known = {} if ready is None else {"ready": ready}
+    rendered = {"ready": joined(ready)} if ready else {}
     try:
-        return evaluate(*map(loaded, arguments), **known)
+        return evaluate(*map(loaded, arguments), **rendered)
     except TrainingError as error:
         return Result(math.nan, [], 0.0, time.perf_counter() - started, str(error))
+
+
+def attempt_all(tasks: Sequence[tuple], ready: Sequence[Sequence[Rendered | Written]]) -> list[Any]:
+    """Make evaluations that are alike but for their training sets, seeds and rendered parts."""
+    return [attempt(*task, ready=parts) for task, parts in zip(tasks, ready, strict=True)]
 
 
 def render(recipe: Recipe, streets: Streets, seed: int, workers: int | Workers = 0) -> Dataset:
@@ -95,26 +124,37 @@ def rendered_set(
 
 
 def training_set(recipe: Recipe, source: Source, seed: int) -> LabelledImages:
-    """The images of a source without those beside it, with labels in the classes of the recipe.
+    """The images of a source without the labelled ones mixed in, with labels in the classes of the recipe.
 
-    The last set rendered beside labelled images is kept with its features: the next net may have other images
-    beside it.
+    The last set rendered for a mixture is kept with its features: the next net may mix it with other images.
     """
-    rendered = rendered_of(source)
-    if isinstance(rendered, LabelledImages):
-        return rendered
-    name = (recipe._replace(statistics=None), pickle.dumps(rendered), seed)
+    streets = rendered_of(source)
+    if isinstance(streets, LabelledImages):
+        return streets
+    name = (recipe._replace(statistics=None), pickle.dumps(streets), seed)
     if name in _KEPT:
         return _KEPT[name]
     _KEPT.clear()
-    found = rendered_set(recipe, rendered, seed)
+    images = rendered_set(recipe, streets, seed)
     if isinstance(source, TrainingSet):
         settings = recipe.fidelity.train
         if settings.frozen:
-            maps = features(view_images(found.images, settings), settings)
-            found = found._replace(features=maps)
-        _KEPT[name] = found
-    return found
+            maps = features(view_images(images.images, settings), settings)
+            images = images._replace(features=maps)
+        _KEPT[name] = images
+    return images
+
+
+def timed_set(
+    recipe: Recipe, source: Source, seed: int, ready: Rendered | None
+) -> tuple[LabelledImages, float]:
+    """The result of `training_set`, or the set that renderers made; and the core seconds of rendering it."""
+    if ready is not None:
+        return LabelledImages(ready.images, ready.labels), ready.seconds
+    started = time.perf_counter()
+    images = training_set(recipe, source, seed)
+    given = isinstance(source, LabelledImages)
+    return images, 0.0 if given else time.perf_counter() - started
 
 
 def evaluate_miou(
@@ -133,26 +173,23 @@ def evaluate_miou(
         source: the training set.
         seed: seed of the streets and of the net.
         real: images to test on.
-        ready: the set, if it was rendered elsewhere.
+        ready: the rendered set, if renderers made it.
         keeps: what to keep of the net's predictions.
 
     Raises:
         TrainingError: training diverged.
     """
-    started = time.perf_counter()
-    own, rendered = ready or (training_set(recipe, source, seed), 0.0)
-    if ready is None and not isinstance(source, LabelledImages):
-        rendered = time.perf_counter() - started
+    images, rendered = timed_set(recipe, source, seed, ready)
     began = time.perf_counter()
     if recipe.checkpoints == 1:
-        params = trained(recipe, own, seed, source=source)
+        params = trained(recipe, images, seed, source=source)
         return tested(recipe, params, real, rendered, time.perf_counter() - began, keeps)
     results: list[Result] = []
 
     def test(params: Params) -> None:
         results.append(tested(recipe, params, real, rendered, 0.0, keeps))
 
-    trained(recipe, own, seed, source=source, test=test)
+    trained(recipe, images, seed, source=source, test=test)
     best = max(results, key=lambda result: result.reward)
     return best._replace(train_seconds=time.perf_counter() - began)
 

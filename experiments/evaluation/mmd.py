@@ -23,9 +23,10 @@ from common.files import write
 from common.sent import here
 from common.workers.pool import Workers
 from experiments.evaluation.cache import sent
-from experiments.evaluation.in_worker import render, training_set
+from experiments.evaluation.in_worker import timed_set, training_set
 from experiments.evaluation.job import Recipe, Result
 from experiments.evaluation.made_with import refuse_other
+from experiments.evaluation.renders import Rendered
 from experiments.evaluation.store import digest_of
 from scene.proposal import Streets, random_proposal
 from seg.features import features
@@ -95,15 +96,16 @@ def train_features(recipe: Recipe) -> Any:
     return jax.tree.map(np.asarray, params)
 
 
-def evaluate_mmd(recipe: Recipe, source: Streets, seed: int, real: Reference) -> Result:
-    """Render and compare; the arguments are those of ``evaluate_miou`` except for the last."""
+def evaluate_mmd(
+    recipe: Recipe, source: Streets, seed: int, real: Reference, ready: Rendered | None = None
+) -> Result:
+    """Render and compare; the arguments are those of ``evaluate_miou``, but for ``real``."""
     refuse_other(recipe.made_with)
+    rendered, seconds = timed_set(recipe, source, seed, ready)
     started = time.perf_counter()
-    dataset = render(recipe, source, seed)
-    rendered = time.perf_counter()
-    ours = features(_load(real.net), dataset.images, len(recipe.classes.classes))
-    reward = -mmd2(ours, real.features)
-    return Result(reward, [], rendered - started, time.perf_counter() - rendered)
+    rendered_features = features(_load(real.net), rendered.images, len(recipe.classes.classes))
+    reward = -mmd2(rendered_features, real.features)
+    return Result(reward, [], seconds, time.perf_counter() - started)
 
 
 @lru_cache(maxsize=1)

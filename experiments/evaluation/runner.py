@@ -8,6 +8,7 @@ use the idle cores meanwhile, with lower priority; a later request finds them kn
 from __future__ import annotations
 
 import math
+import pickle
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError, Future
@@ -23,6 +24,7 @@ from common.errors import UserError
 from common.files import digest, file_digest, folder_digest
 from common.lines import Record
 from common.progress import Progress
+from common.workers.pipeline import Split
 from common.workers.pool import Workers
 from experiments.config import RewardKind
 from experiments.evaluation.cache import Cache, by_target, sent
@@ -30,8 +32,9 @@ from experiments.evaluation.cached import Cached
 from experiments.evaluation.cost import job_cost
 from experiments.evaluation.in_worker import (
     attempt,
+    attempt_all,
     evaluate_miou,
-    prepared,
+    parts_of,
     rendered_set,
     trained_net,
 )
@@ -50,6 +53,7 @@ from experiments.evaluation.job import (
 from experiments.evaluation.made_with import FIELD
 from experiments.evaluation.mmd import FeatureNet, Reference, evaluate_mmd, feature_net
 from experiments.evaluation.predictions import file_of, save
+from experiments.evaluation.renders import Part, render_part
 from experiments.evaluation.store import (
     Store,
     digest_of,
@@ -60,7 +64,7 @@ from experiments.evaluation.store import (
 )
 from experiments.evaluation.transfer import transfer
 from experiments.targets.base import Side, Target
-from scene.proposal import Streets
+from scene.proposal import Streets, draw
 from scene.version import ENGINE
 from sdr_jax import refuse_failures
 from seg.beside import TrainingSet
@@ -112,6 +116,12 @@ class Runner:
         self._references: dict[tuple[int, int, Side], Reference] = {}
         self._about: dict[tuple[Recipe, Side, RewardKind], Record] = {}
         self._shared: dict[tuple[Recipe, Side, RewardKind], tuple[Recipe, Cached | Reference]] = {}
+        self._split = Split(
+            lambda most, task: _parts(most, task, self.cache.renders),
+            render_part,
+            _alike,
+            attempt_all,
+        )
         self._prefetched: dict[str, _Prefetched] = {}
         self._ended: set[str] = set()  # keys of those whose results came before their request
 
@@ -159,7 +169,7 @@ class Runner:
         if not self._prefetched and sum(map(job_cost, new.values())) < LEAST:
             return
         for key, job in new.items():
-            future = self._workers.begin(attempt, *self._task([job]), first=prepared)
+            future = self._workers.begin(attempt, *self._task([job]), split=self._split)
             if future is not None:
                 self._prefetched[key] = _Prefetched(job, future)
 
@@ -242,10 +252,11 @@ class Runner:
             return
         tasks = [self._task([jobs[index] for index in indices]) for indices in work]
         rendered = [0.0] * len(tasks)
-        if len(tasks) < self._workers.workers and not begun:  # otherwise some workers would be idle
+        idle = len(tasks) < self._workers.workers and not begun
+        if idle and self._workers.trainers is None:  # a pipeline divides sets itself
             tasks, rendered = zip(*map(self._rendered_by_all, tasks), strict=True)
         own = {n: begun[keys[work[n][0]]] for n in range(len(work)) if keys[work[n][0]] in begun}
-        made = self._workers.map(attempt, tasks, net=True, first=prepared, begun=own)
+        made = self._workers.map(attempt, tasks, net=True, split=self._split, begun=own)
         for number, results in made:
             several = results if isinstance(results, list) else [results]
             for index, result in zip(work[number], several, strict=True):
@@ -381,6 +392,31 @@ class Runner:
         own = rendered_set(recipe, source, seed, self._workers)
         busy = min(self._workers.workers, recipe.fidelity.streets)
         return (evaluate, recipe, own, seed, real), busy * (time.perf_counter() - started)
+
+
+def _parts(most: int, task: tuple, folder: str | None) -> list[tuple[Part]]:
+    """Divide the rendered set of an evaluation for renderers; nothing if it has none."""
+    evaluate, *arguments = task
+    if evaluate is transfer:
+        start, _, seed, *_ = arguments
+        recipe, streets = start.recipe, start.streets
+    else:
+        recipe, source, seed, *_ = arguments
+        streets = rendered_of(source)
+    if not isinstance(streets, Streets):
+        return []
+    units = draw(streets, seed, recipe.fidelity.streets)
+    return parts_of(recipe, units, seed, most, folder)
+
+
+def _alike(task: tuple) -> bytes:
+    """What evaluations have in common that a trainer may make together: all but rendered images and seeds."""
+    evaluate, *arguments = task
+    if evaluate is transfer:
+        return pickle.dumps(task)
+    recipe, source, _, real = arguments
+    mixed = (source.parts[1:], source.shares) if isinstance(source, TrainingSet) else ()
+    return pickle.dumps((evaluate, recipe, type(rendered_of(source)), mixed, real))
 
 
 def _grouped(jobs: Sequence[Job], wanted: Sequence[int]) -> list[list[int]]:

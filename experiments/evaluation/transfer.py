@@ -11,8 +11,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from experiments.evaluation.in_worker import attempt, tested, trained, training_set
+from experiments.evaluation.in_worker import attempt, tested, timed_set, trained
 from experiments.evaluation.job import Recipe, Result, Start
+from experiments.evaluation.renders import Rendered
 from seg.data import LabelledImages
 from seg.train import Params, TrainingError
 
@@ -24,6 +25,7 @@ def transfer(
     images: LabelledImages,
     chosen: Sequence[np.ndarray],
     real: LabelledImages,
+    ready: Rendered | None = None,
 ) -> list[Result]:
     """Train a net once, fine-tune it on each subset, and test each result.
 
@@ -34,6 +36,7 @@ def transfer(
         images: the images for fine-tuning.
         chosen: indices of each subset, i64[images of the subset].
         real: images to test on.
+        ready: the rendered set of the first training, if renderers made it.
 
     Returns:
         One result per subset. The first one includes the time before the fine-tuning.
@@ -42,13 +45,13 @@ def transfer(
     rendered, params = 0.0, None
     if start.streets is not None:
         try:
-            own = training_set(start.recipe, start.streets, seed)
-            rendered = time.perf_counter() - began
+            own, rendered = timed_set(start.recipe, start.streets, seed, ready)
+            began = time.perf_counter()
             params = trained(start.recipe, own, seed)
         except TrainingError as error:
             spent = time.perf_counter() - began
-            return [Result(math.nan, [], 0.0, spent, str(error)) for _ in chosen]
-    spent = time.perf_counter() - began - rendered
+            return [Result(math.nan, [], rendered, spent, str(error)) for _ in chosen]
+    spent = time.perf_counter() - began
     results = []
     for indices in chosen:
         found = attempt(_tune, start, fine, params, seed, images.take(indices), real)

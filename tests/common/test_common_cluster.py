@@ -8,10 +8,10 @@ import pytest
 
 from common.errors import UserError
 from common.workers.executors import workers_of
-from common.workers.pool import WorkerPool
+from common.workers.pipeline import Split
 from scene.versions import picture_versions
 from tests.conftest import refused
-from tests.tasks import doubled, fail, ready_and, told
+from tests.tasks import doubled, fail, gathered, ready_and, told
 
 
 def test_who_dies_or_comes_changes_nothing_and_files_are_sent_to_all(dask_cluster, tmp_path):
@@ -40,10 +40,19 @@ def test_who_dies_or_comes_changes_nothing_and_files_are_sent_to_all(dask_cluste
         assert len(names | {cluster.share(str(file))}) == 2
     kind = "dask", 0, dask_cluster.address
     with workers_of(*kind, versions=picture_versions) as cluster:  # a worker has announced a GPU
-        tasks = dict(cluster.map(ready_and, [(3,), (4,)], net=True, first=doubled))
-        assert tasks == {0: (3, 6), 1: (4, 8)}
-    with WorkerPool(1) as pool:  # where one process does both
-        assert list(pool.map(ready_and, [(3,)], net=True, first=doubled)) == [(0, (3, None))]
+        assert cluster.trainers == 1
+        split = Split(lambda most, task: [task, task], doubled, lambda task: 0, gathered)
+        alone = split._replace(many=None)
+        assert dict(cluster.map(ready_and, [(3,), (4,)], net=True, split=alone)) == {
+            0: (3, [6, 6]), 1: (4, [8, 8])
+        }  # fmt: skip
+        answers = dict(cluster.map(ready_and, [(k,) for k in range(6)], net=True, split=split))
+        assert {k: answer[:2] for k, answer in answers.items()} == {
+            k: (k, [2 * k, 2 * k]) for k in range(6)
+        }
+        assert list(cluster.map(doubled, [(3,)], net=True)) == [(0, 6)]  # by the trainer alone
+        refused(UserError, "cannot do 3", list, cluster.map(ready_and, [(3,)], net=True,
+                                                            split=alone._replace(render=fail)))  # fmt: skip
 
 
 def test_a_scheduler_that_goes_away_ends_the_work_with_one_error(dask_cluster):

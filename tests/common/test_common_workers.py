@@ -3,13 +3,26 @@
 import os
 import signal
 import time
+from concurrent.futures import CancelledError
 
 import pytest
 
 from common.errors import UserError
+from common.workers.pipeline import Split
 from common.workers.pool import LESS_URGENT, WorkerError, WorkerPool
 from tests.conftest import refused
-from tests.tasks import die_until, fail, square, surroundings, wait_for
+from tests.tasks import (
+    die_until,
+    die_with_parts,
+    doubled,
+    fail,
+    gathered,
+    gathered_at,
+    ready_and,
+    square,
+    surroundings,
+    wait_for,
+)
 
 
 @pytest.mark.parametrize("workers", [0, 1, 2])
@@ -38,7 +51,7 @@ def test_a_worker_that_dies_between_two_tasks_is_replaced():
         for behind in (False, True):
             pid = pool.begin(os.getpid, behind=behind).result()
             os.kill(pid, signal.SIGKILL)
-            executor = pool._executors[behind]
+            executor = pool._executors["behind" if behind else "workers"]
             while not executor._broken:
                 time.sleep(0.01)
             begun = {0: pool.begin(square, 2)} if behind else {}
@@ -74,3 +87,89 @@ def test_workers_have_one_thread_one_gpu_their_environment_and_leaving_early_dro
     with WorkerPool(1) as pool:
         assert next(iter(pool.map(time.sleep, [(0,), (60,)]))) == (0, None)
     assert time.monotonic() - started < 30
+
+
+TWICE = Split(lambda most, task: [task[-1:]] * min(most, 2), doubled)
+"""Renders a task's last argument in two parts, where two renderers would be idle otherwise."""
+
+
+def test_renderers_prepare_the_parts_of_a_task_for_a_trainer():
+    environment = {"CUDA_VISIBLE_DEVICES": "5,7"}
+    with WorkerPool(2, environment, trainers=2) as pool:
+        assert dict(pool.map(ready_and, [(3,)], net=True, split=TWICE)) == {0: (3, [6, 6])}
+        answers = dict(pool.map(ready_and, [(k,) for k in range(9)], net=True, split=TWICE))
+        assert {k: answer[1][0] for k, answer in answers.items()} == {k: 2 * k for k in range(9)}
+        assert list(
+            pool.map(square, [(3,)], net=True, split=TWICE._replace(parts=lambda *_: []))
+        ) == [(0, 9)]
+        refused(UserError, "cannot do 3", list, pool.map(fail, [(3,)], net=True))
+        failing = TWICE._replace(render=fail)
+        refused(UserError, "cannot do 3", list, pool.map(square, [(3,)], net=True, split=failing))
+        refused(ZeroDivisionError, "", list, pool.map(
+            square, [(3,)], net=True, split=TWICE._replace(parts=lambda *_: 1 // 0)))  # fmt: skip
+        kinds = [
+            {answer[3:] for _, answer in pool.map(surroundings, [()] * 40, net=net)}
+            for net in (False, True)
+        ]
+        renderers, trainers = ({pid for *_, pid in kind} for kind in kinds)
+        assert not renderers & trainers and {gpu for gpu, *_ in kinds[0]} == {""}
+        assert {gpu for gpu, *_ in kinds[1]} <= {"5", "7"} and len(trainers) <= 2
+    with WorkerPool(1) as pool:  # where one process does both
+        assert list(pool.map(ready_and, [(3,)], net=True, split=TWICE)) == [(0, (3, None))]
+
+
+@pytest.mark.parametrize("kind", ["renderer", "trainer"])
+def test_a_killed_renderer_or_trainer_is_replaced_once(kind, tmp_path):
+    once, always = tmp_path / "once", tmp_path / "always"
+
+    def made(pool, path, deaths):
+        tasks = [(str(path), deaths, x) for x in range(4)]
+        if kind == "renderer":
+            return pool.map(
+                gathered,
+                tasks,
+                net=True,
+                split=Split(lambda _, task: [task], die_until, many=gathered),
+            )
+        return pool.map(die_with_parts, tasks, net=True, split=TWICE)
+
+    with WorkerPool(1, trainers=1) as pool:
+        answers = {index: answer[-3:] for index, answer in made(pool, once, 1)}
+        assert sorted(answers) == [0, 1, 2, 3] and once.stat().st_size == 2
+        if kind == "trainer":
+            assert answers == {x: (x * x, [2 * x]) for x in range(4)}
+        else:
+            assert answers == {x: (x, [x * x], 1) for x in range(4)}
+        with pytest.raises(WorkerError, match=r"died twice with [1-4] tasks left .*--workers"):
+            list(made(pool, always, 9))
+        assert always.stat().st_size == 2
+        assert list(pool.map(square, [(3,)], net=True)) == [(0, 9)]
+
+
+def test_a_trainer_gets_all_tasks_at_once_that_are_ready_and_alike(tmp_path):
+    gates = [str(tmp_path / name) for name in "ab"]
+    split = Split(lambda _, task: [task[1:]], doubled, lambda task: task[1] % 2, gathered_at)
+    with WorkerPool(2, trainers=1) as pool:
+        first = pool.begin(square, gates[0], 1, split=split._replace(alike=None), behind=False)
+        others = [pool.begin(square, gates[1], x, split=split) for x in range(2, 6)]
+        behind = pool.begin(square, gates[1], 7, split=split)
+        for count in (4, 5):  # so many are prepared ahead of urgent work
+            while len(pool._pipeline._ready) < count:
+                time.sleep(0.01)
+            if count == 4:
+                pool._taken_back(behind)  # as a request does
+        assert not any(future.done() for future in (first, *others, behind))
+        for gate in gates:
+            open(gate, "w").close()
+        assert first.result() == (1, 1) and behind.result() == (7, 3)
+        assert [future.result() for future in others] == [(2, 2), (3, 3), (4, 2), (5, 3)]
+
+
+def test_dropped_work_of_trainers_ends_and_the_next_begins():
+    with WorkerPool(1, trainers=1) as pool:
+        answers = pool.map(time.sleep, [(0,), (60,), (60,)], net=True)
+        assert next(iter(answers))[0] == 0
+        waiting = pool.begin(square, 3, split=TWICE)
+        answers.close()  # as when an error ends the job
+        assert waiting.done() and isinstance(waiting.exception(), CancelledError)
+        assert list(pool.map(square, [(3,)], net=True)) == [(0, 9)]

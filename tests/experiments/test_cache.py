@@ -14,7 +14,7 @@ from common.files import read_json, write_json
 from common.labels.target_file import shipped
 from common.workers.pool import WorkerPool
 from experiments.config import Fidelity
-from experiments.evaluation import cache, in_worker
+from experiments.evaluation import cache, in_worker, renders
 from experiments.evaluation.cache import ABOUT, FOLDER, Cache
 from experiments.evaluation.cached import loaded
 from experiments.evaluation.in_worker import evaluate_miou, worker_environment
@@ -85,14 +85,20 @@ def runner(tmp_path):
     return lambda: runner_of(TARGET, tmp_path / "run")
 
 
+def flat(images: LabelledImages) -> list:
+    return [images.images, images.labels, *images.features]
+
+
 def same(ours, theirs) -> bool:
     return all(map(np.array_equal, ours, theirs))
 
 
-@pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.slow)])
-def test_results_are_those_of_arrays(workers, tmp_path):
+@pytest.mark.parametrize(("workers", "trainers"), [
+    (0, None), pytest.param(2, None, marks=pytest.mark.slow), pytest.param(2, 1, marks=pytest.mark.slow),
+])  # fmt: skip
+def test_results_are_those_of_arrays(workers, trainers, tmp_path):
     told: list[str] = []
-    with WorkerPool(workers, worker_environment()) as pool:
+    with WorkerPool(workers, worker_environment(), trainers) as pool:
         own = runner_of(TARGET, tmp_path / "run", pool, told.append)
         found = made(own)
         assert [result for _, *result in found] == [list(result) for result in plain()]
@@ -103,6 +109,14 @@ def test_results_are_those_of_arrays(workers, tmp_path):
         (result,) = own.run([Job(recipe, streets, 5, {})])
         alone = evaluate_miou(recipe, streets, 5, TEST)
         assert (result.reward, result.class_iou) == (alone.reward, alone.class_iou)
+        assert result.render_seconds > 0 and not list((tmp_path / "run").glob("**/renders/*"))
+        # The streets of a pool are rendered by some and get their features from others.
+        units = draw(streets, 3, 5)
+        pooled = [
+            loaded(Cache(workers, tmp_path / name).streets("a" * 64, RECIPE, units, 3, int))
+            for workers, name in ((pool, "run"), (POOL, "alone"))
+        ]
+        assert all(same(kept, made) for kept, made in zip(*map(flat, pooled), strict=True))
     done = [line.rpartition(": ")[2] for line in told]
     assert done[0] == "3 of 3" and done[2:] == ["25 of 25"]
 
@@ -151,13 +165,13 @@ def test_streets_are_rendered_once_and_whole_pieces_outlive_a_kill(opened, monke
     def made(**stubs):
         with monkeypatch.context() as patch:
             for name, stub in stubs.items():
-                patch.setattr(cache, name, stub)
+                patch.setattr(renders if name == "images_and_labels" else cache, name, stub)
             found = loaded(opened().streets("a" * 64, RECIPE, units, 3, told.append))
-        return [found.images, found.labels, *found.features]
+        return flat(found)
 
     whole = made()
     assert len(whole[0]) == 7 and told == [0, 3, 3, 1]
-    assert same(made(render_street=never), whole)
+    assert same(made(images_and_labels=never), whole)
     # The same streets with other classes have other labels.
     other = loaded(opened().streets("a" * 64, RECIPE._replace(table="cityscapes"), units, 3, int))
     assert same([other.images], whole[:1]) and not same([other.labels], whole[1:2])
@@ -173,9 +187,12 @@ def test_streets_are_rendered_once_and_whole_pieces_outlive_a_kill(opened, monke
     for limit, missing in ((4, 4), (7, 0)):
         opened().forget("a" * 64, RECIPE)
         with pytest.raises(Killed):
-            made(render_street=Counted(cache.render_street, limit), _assemble=Counted(never, 0))
-        rendered = Counted(cache.render_street)
-        assert same(made(render_street=rendered), whole) and len(rendered.calls) == missing
+            made(
+                images_and_labels=Counted(renders.images_and_labels, limit),
+                _assemble=Counted(never, 0),
+            )
+        rendered = Counted(renders.images_and_labels)
+        assert same(made(images_and_labels=rendered), whole) and len(rendered.calls) == missing
 
 
 def test_a_damaged_piece_of_streets_is_made_anew(opened, monkeypatch, tmp_path):
@@ -187,10 +204,10 @@ def test_a_damaged_piece_of_streets_is_made_anew(opened, monkeypatch, tmp_path):
     pieces = sorted((tmp_path / "run" / FOLDER).glob("pool-*.pieces/*.npz"))
     assert [piece.name for piece in pieces] == ["000000.npz", "000005.npz", "000010.npz"]
     pieces[1].write_bytes(pieces[1].read_bytes()[:-100])
-    rendered = Counted(cache.render_street)
-    monkeypatch.setattr(cache, "render_street", rendered)
+    rendered = Counted(renders.images_and_labels)
+    monkeypatch.setattr(renders, "images_and_labels", rendered)
     opened().streets("a" * 64, RECIPE, units, 3, int)
-    assert [index for _, _, index, *_ in rendered.calls] == [*range(5, 10)]
+    assert [index for _, _, _, index, *_ in rendered.calls] == [*range(5, 10)]
 
 
 @pytest.mark.parametrize(("part", "name", "change", "complaint"), [

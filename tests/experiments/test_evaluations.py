@@ -4,6 +4,7 @@ import json
 import math
 import os
 import signal
+import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
@@ -45,6 +46,7 @@ from scene.proposal import Histogram, Proposal, default_proposal, mixture, rando
 from seg.classes import CAMVID_11
 from seg.data import LabelledImages
 from seg.recipes import RECIPES
+from tests.tasks import loaded
 
 from .conftest import (
     POOL,
@@ -386,20 +388,33 @@ def test_rows_are_paired_and_scored_once_on_the_test_images(a_run, scored_by, ca
     assert [len(own) for own in again.values()] == [3, 1, 3] and capsys.readouterr().out == ""
 
 
-@pytest.mark.parametrize("killed", [False, True])
-def test_prefetched_nets_are_made_once_with_the_same_values(killed, a_run, scored_by, monkeypatch):
+@pytest.mark.parametrize(("killed", "trainers"), [(False, None), (True, None), (False, 1)])
+def test_prefetched_nets_are_made_once_with_the_same_values(
+    killed, trainers, a_run, scored_by, monkeypatch
+):
     scored_by(formula)
     plain = nets(a_run())
     monkeypatch.setattr("experiments.evaluation.runner.LEAST", 0.0)
-    with WorkerPool(1, worker_environment()) as pool:
+    with WorkerPool(1, worker_environment(), trainers) as pool:
         run = a_run("ahead", pool=pool)
         sets = {"random": random_proposal(), "real": TRUTH}
         run.runner.prefetch(jobs_of("final", sets, run.recipe(CONFIG.final), [5, 6]))
-        behind = list(pool._executors[True]._processes)
+        while "behind" not in pool._executors:  # a thread of its own renders ahead
+            time.sleep(0.01)
+        behind = list(pool._executors["behind"]._processes)
         if killed:
             os.kill(behind[0], signal.SIGKILL)
         evaluate(run, 1, 2)  # urgent
         found = nets(run)
+        if trainers:
+            libraries = "numba", "jax", "jaxlib", "flax", "optax"
+            assert [*pool.map(loaded, [libraries])] == [(0, {"numba"})]
+            assert pool._submit(loaded, libraries, behind=True).result() == {"numba"}
+            ((_, of_trainer),) = pool.map(loaded, [libraries], net=True)
+            assert "jax" in of_trainer
+            rendered = [r for results in found.values() for r in results if r.render_seconds != 0.5]
+            assert len(rendered) == 4  # on renderers: the others have real images
+            assert not list(run.config.out.glob("shared/renders/*"))
     assert found.keys() == plain.keys()
     for name, own in found.items():
         assert [o.reward for o in own] == [o.reward for o in plain[name]]
