@@ -1,8 +1,8 @@
-"""A net of the smallest kind: each class is the mean and spread of its colours and rows. NumPy alone."""
+"""The simplest model: each class is the mean and spread of its colours and rows. NumPy alone."""
 
 import numpy as np
 
-VOID = 255
+IGNORE = 255
 
 
 def features(images: np.ndarray) -> np.ndarray:
@@ -16,17 +16,17 @@ def score(
     images: np.ndarray, labels: np.ndarray, real_images: np.ndarray, real_labels: np.ndarray
 ) -> float:
     """Mean IoU over the real classes of the most likely class of each pixel."""
-    seen, classes = features(images), [k for k in np.unique(labels) if k != VOID]
+    rendered, classes = features(images), [k for k in np.unique(labels) if k != IGNORE]
     real = features(real_images)
-    fits = []
+    likelihoods = []
     for k in classes:
-        own = seen[labels == k]
-        mean, spread = own.mean(axis=0), own.std(axis=0) + 0.02
-        fits.append(-(((real - mean) / spread) ** 2).sum(axis=-1) / 2 - np.log(spread).sum())
-    found = np.array(classes)[np.argmax(fits, axis=0)]
-    counts = real_labels != VOID
+        pixels = rendered[labels == k]
+        mean, spread = pixels.mean(axis=0), pixels.std(axis=0) + 0.02
+        likelihoods.append(-(((real - mean) / spread) ** 2).sum(axis=-1) / 2 - np.log(spread).sum())
+    predictions = np.array(classes)[np.argmax(likelihoods, axis=0)]
+    labelled = real_labels != IGNORE
     ious = []
-    for k in np.unique(real_labels[counts]):
-        ours, theirs = (found == k) & counts, real_labels == k
-        ious.append((ours & theirs).sum() / (ours | theirs).sum())
+    for k in np.unique(real_labels[labelled]):
+        predicted, true = (predictions == k) & labelled, real_labels == k
+        ious.append((predicted & true).sum() / (predicted | true).sum())
     return float(np.mean(ious))

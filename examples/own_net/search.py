@@ -1,11 +1,11 @@
-"""A search whose reward is your own net: any function from images and labels to a score.
+"""A search whose reward is your own network: any function from images and labels to a score.
 
     python examples/own_net/search.py examples/own_net/colours.py --real DIR --out runs/own
     python examples/own_net/search.py examples/own_net/torch_net.py --real DIR --out runs/own
 
-The file defines `score(images, labels, real_images, real_labels)`: it trains on the first two and tests on
-the others; higher is better. DIR has real images as `sdr-jax render --format folders` writes them: images/
-and masks/.
+The file defines `score(images, labels, real_images, real_labels)`, which trains on the first two and tests on
+the last two; higher is better. DIR has real images in the layout of `sdr-jax render --format folders`:
+images/ and masks/.
 """
 
 import argparse
@@ -25,10 +25,10 @@ Score = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], float]
 
 
 def read_real(folder: Path, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """Images u8[n, h, w, 3] and labels u8[n, h, w] of masks whose values are classes; 255 is void."""
+    """Read images u8[n, h, w, 3] and masks u8[n, h, w], whose values are classes; 255 is ignored."""
     masks = sorted((folder / "masks").glob("*.png"))
     if not masks:
-        raise SystemExit(f"{folder}: no masks/*.png")
+        raise SystemExit(f"{folder} has no masks/*.png")
     images, labels = [], []
     for mask in masks:
         [image] = (folder / "images").glob(f"{mask.stem}.*")
@@ -48,22 +48,22 @@ def search(
     workers: int = 0,
     pool: scene.AssetPool | None = None,
 ) -> Proposal:
-    """Learn attributes whose renders train the best net; run again, it goes on where it was."""
+    """Find the attributes whose renders train the best network; a stopped search resumes."""
     size = real[0].shape[2], real[0].shape[1]
     space = sdr_jax.space([attribute.name for attribute in scene.ATTRIBUTES], bins=10)
     method = sdr_jax.surrogate(space)
     out.mkdir(parents=True, exist_ok=True)
-    asked = sdr_jax.AskTell(space, method, n=at_once, seed=0, path=out / "history.jsonl")
-    while asked.updates < evaluations // at_once:
-        for trial in asked.ask():
+    optimiser = sdr_jax.AskTell(space, method, n=at_once, seed=0, path=out / "history.jsonl")
+    while optimiser.updates < evaluations // at_once:
+        for trial in optimiser.ask():
             rendered = scene.stream(
                 Proposal(*trial.proposal), trial.seed, size=size, images=streets, workers=workers, pool=pool
             )  # fmt: skip
             images, labels, _ = map(np.stack, zip(*rendered, strict=True))
-            found = score(images, labels, *real)
-            asked.tell(trial.id, found)
-            print(f"{trial.id + 1} of {evaluations}: {found:.4f}", flush=True)
-    answer = Proposal(*map(np.asarray, asked.solution()))
+            value = score(images, labels, *real)
+            optimiser.tell(trial.id, value)
+            print(f"{trial.id + 1} of {evaluations}: {value:.4f}", flush=True)
+    answer = Proposal(*map(np.asarray, optimiser.solution()))
     (out / "attributes.json").write_text(json.dumps(describe(answer), indent=1))
     return answer
 
@@ -75,12 +75,12 @@ def main() -> None:
     )
     command.add_argument("net", type=Path, help="Python file with a function score")
     command.add_argument("--real", type=Path, required=True, help="folder of images/ and masks/")
-    command.add_argument("--out", type=Path, required=True, help="folder of the search")
+    command.add_argument("--out", type=Path, required=True, help="folder for the results")
     command.add_argument(
         "--size", type=int, nargs=2, default=(160, 120), metavar=("WIDTH", "HEIGHT")
     )
     command.add_argument("--evaluations", type=int, default=64)
-    command.add_argument("--streets", type=int, default=16, help="images of each evaluation")
+    command.add_argument("--streets", type=int, default=16, help="images per evaluation")
     command.add_argument("--workers", type=int, default=2)
     options = command.parse_args()
     score = runpy.run_path(str(options.net))["score"]

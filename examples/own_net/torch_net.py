@@ -1,14 +1,14 @@
-"""A small net in PyTorch, trained from nothing on the renders: put your own in its place."""
+"""A small PyTorch network, trained from scratch on the renders: replace it with your own."""
 
 import numpy as np
 import torch
 from torch import nn
 
-CLASSES, VOID, STEPS, BATCH = 19, 255, 100, 8
+CLASSES, IGNORE, STEPS, BATCH = 19, 255, 100, 8
 
 
 def net() -> nn.Module:
-    """Three convolutions that see 15 pixels around, and a class for every pixel."""
+    """Three convolutions with a receptive field of 15 pixels, and a class for every pixel."""
     layers: list[nn.Module] = []
     channels = 3
     for dilation in (1, 2, 4):
@@ -28,16 +28,18 @@ def score(
     optimizer = torch.optim.Adam(model.parameters(), 1e-3)
     for _ in range(STEPS):
         batch = torch.randint(len(pixels), (BATCH,))
-        loss = nn.functional.cross_entropy(model(pixels[batch]), classes[batch], ignore_index=VOID)
+        loss = nn.functional.cross_entropy(
+            model(pixels[batch]), classes[batch], ignore_index=IGNORE
+        )
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()
     with torch.no_grad():
         real = torch.from_numpy(real_images).permute(0, 3, 1, 2).float() / 255 - 0.5
-        found = torch.cat([model(one[None]).argmax(1) for one in real]).numpy()
-    counts = real_labels != VOID
+        predictions = torch.cat([model(one[None]).argmax(1) for one in real]).numpy()
+    labelled = real_labels != IGNORE
     ious = []
-    for k in np.unique(real_labels[counts]):
-        ours, theirs = (found == k) & counts, real_labels == k
-        ious.append((ours & theirs).sum() / (ours | theirs).sum())
+    for k in np.unique(real_labels[labelled]):
+        predicted, true = (predictions == k) & labelled, real_labels == k
+        ious.append((predicted & true).sum() / (predicted | true).sum())
     return float(np.mean(ious))

@@ -1,9 +1,9 @@
-"""A ball thrown in a side wind: how far its track is from one that was filmed.
+"""A ball thrown in a side wind: the distance between its track and a filmed one.
 
     python simulator.py attributes.json
 
 Reads an interval for every attribute and a seed, throws balls with values drawn from the intervals,
-and prints the score as JSON. It knows nothing of sdr-jax, and needs Python alone.
+and prints the score as JSON. It does not import sdr-jax and needs only Python.
 """
 
 import json
@@ -15,18 +15,18 @@ GRAVITY = 9.81  # m/s^2
 STEP = 0.01  # s
 FRAMES = 12  # of the film, 0.25 s apart
 THROWS = 20
-BLUR = 0.3  # m, how badly the film shows where the ball is
+BLUR = 0.3  # m, standard deviation of the ball's position in the film
 
-# Stands in for a film: how the ball was really thrown. The search does not see it.
+# Stands in for a film: the true throw, which the search does not see.
 FILMED = {"speed": 27.0, "elevation": 42.0, "drag": 0.012, "wind": -3.0}
 
 
 def track(speed: float, elevation: float, drag: float, wind: float) -> list[tuple[float, ...]]:
-    """Where the ball is in every frame: metres ahead, above the hand, and to the side."""
+    """The ball's position in every frame: metres ahead, above the hand, and to the side."""
     x = y = z = w = 0.0
     u = speed * math.cos(math.radians(elevation))
     v = speed * math.sin(math.radians(elevation))
-    places: list[tuple[float, ...]] = []
+    positions: list[tuple[float, ...]] = []
     for step in range(1, FRAMES * 25 + 1):
         through_air = math.hypot(u, v, w - wind)
         u -= STEP * drag * through_air * u
@@ -34,25 +34,28 @@ def track(speed: float, elevation: float, drag: float, wind: float) -> list[tupl
         w -= STEP * drag * through_air * (w - wind)
         x, y, z = x + STEP * u, y + STEP * v, z + STEP * w
         if step % 25 == 0:
-            places.append((x, y, z))
-    return places
+            positions.append((x, y, z))
+    return positions
 
 
 def error(rng: random.Random, intervals: dict[str, dict[str, float]]) -> float:
-    """Mean distance between balls thrown and the ball filmed, in metres."""
+    """The mean distance between the thrown balls and the filmed ball, in metres."""
     filmed = track(**FILMED)
     total = 0.0
     for _ in range(THROWS):
-        values = {name: rng.uniform(at["low"], at["high"]) for name, at in intervals.items()}
-        for place, seen in zip(track(**values), filmed, strict=True):
+        values = {
+            name: rng.uniform(interval["low"], interval["high"])
+            for name, interval in intervals.items()
+        }
+        for position, target in zip(track(**values), filmed, strict=True):
             total += math.hypot(
-                *(a - b + rng.gauss(0, BLUR) for a, b in zip(place, seen, strict=True))
+                *(a - b + rng.gauss(0, BLUR) for a, b in zip(position, target, strict=True))
             )
     return total / (THROWS * FRAMES)
 
 
 def main() -> None:
-    """Reads the file that the command line names, prints the score."""
+    """Read the file that the command line names, and print the score."""
     with open(sys.argv[1], encoding="utf-8") as file:
         task = json.load(file)
     print(f"{THROWS} throws for evaluation {task['evaluation']}")  # only the last line counts
