@@ -196,7 +196,11 @@ def test_what_cannot_be_scored_is_refused(model, red, camvid, tmp_path, capsys):
         camvid / "testannot" / "B_8.png"
     )
     refused(
-        DataError, "B_8.png: 9x9 pixels, but its image", evaluate, model, labelled("camvid", camvid)
+        DataError,
+        "B_8.png has 9x9 pixels, but its image",
+        evaluate,
+        model,
+        labelled("camvid", camvid),
     )
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "letter.txt").write_text("dear")

@@ -254,6 +254,7 @@ def test_the_page_is_served_to_this_machine_alone_as_it_is_at_the_moment(tmp_pat
 @pytest.mark.parametrize(("flags", "complaint"), [
     (["RUN", "--serve", "0"], "--serve must lie in 1..65535, not 0"),
     (["RUN/none", "--serve"], "does not exist; pass the --out of a run"),
+    (["/dev/null", "--serve"], "/dev/null is a file; pass the --out of a run"),
     (["RUN", "--serve", "--out", "page.html"], "cannot be used with --out page.html"),
 ])  # fmt: skip
 def test_what_cannot_be_served_is_refused(flags, complaint, tmp_path, error_line):
@@ -266,7 +267,7 @@ def test_what_cannot_be_served_is_refused(flags, complaint, tmp_path, error_line
     ({}, "is not the folder of a run: it has no config.json"),
     ({"config.json": {}}, "the run is not finished; run its command again"),
     ({"config.json": {}, "labels.json": {"study": "labels"}}, "a run of the study labels; read its report"),
-    ({"config.json": [], "summary.json": {}}, "config.json must be a JSON object"),
+    ({"config.json": [], "summary.json": {}}, "config.json is no JSON object"),
     ({"config.json": {"version": 2}, "summary.json": {}}, "config.json has version 2, and this program"),
     ({"config.json": {}, "summary.json": {"nets": 3}}, "is not the result of a run"),
 ])  # fmt: skip

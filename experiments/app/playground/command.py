@@ -28,12 +28,19 @@ def first_state(options: argparse.Namespace) -> State:
 
     Raises:
         ValueError: an option is out of range, or a file has no attributes; the message names it.
+        UserError: there is no such file.
         OSError: the file cannot be read.
     """
     width, height = options.size
     pool = AssetPool(own=options.assets)
     view = View(options.seed, 0, 0, options.shots, width, height, options.samples, pool)
-    streets = read_streets(options.attributes, options.space)
+    try:
+        streets = read_streets(options.attributes, options.space)
+    except FileNotFoundError:
+        raise UserError(
+            f"--attributes {options.attributes}: no such file; pass default, random, mixed or an "
+            "attributes.json"
+        ) from None
     if has_probabilities(streets):
         print(f"{options.attributes}: {LOSS}", flush=True)
     return opened(streets, check_view(view))

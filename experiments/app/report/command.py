@@ -43,7 +43,8 @@ def main(arguments: Arguments = None) -> int:
         if options.out is not None:
             raise UserError(f"--serve shows RUN/{NAME} and cannot be used with --out {options.out}")
         if not run.is_dir():
-            raise UserError(f"{run} does not exist; pass the --out of a run")
+            what = "is a file" if run.exists() else "does not exist"
+            raise UserError(f"{run} {what}; pass the --out of a run")
         if (run / SUMMARY).is_file() and not (run / NAME).is_file():
             make(run, None)
         live.serve(run, options.serve)

@@ -79,10 +79,7 @@ def read(path: Path, report: Report | None = None) -> RunFolder:
     """
     config = read_config(path) if (path / CONFIG).is_file() else None
     if config is None:
-        what = (
-            f"is not the folder of a run: it has no {CONFIG}" if path.is_dir() else "does not exist"
-        )
-        raise UserError(f"{path} {what}; pass the --out of a run")
+        raise UserError(f"{path} {_not_a_run(path)}; pass the --out of a run")
     if report is None:
         report = _summary(path, config)
     _check_answer(path, report)
@@ -103,6 +100,12 @@ def read(path: Path, report: Report | None = None) -> RunFolder:
     if probabilities is not None and probabilities.shape[1] != len(run.attributes):
         run = run._replace(probabilities=None)  # from a search of some attributes only
     return run
+
+
+def _not_a_run(path: Path) -> str:
+    if path.is_dir():
+        return f"is not the folder of a run: it has no {CONFIG}"
+    return "is a file" if path.exists() else "does not exist"
 
 
 def _check_answer(path: Path, report: Report) -> None:

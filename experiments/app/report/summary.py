@@ -124,8 +124,9 @@ def text(report: Report) -> str:
         )
     if start := starts(report).strip():
         lines.append(start)
-    if report["failed"]:
-        lines.append(f"{report['failed']} evaluations failed in training and are left out")
+    if failed := report["failed"]:
+        noun, verb = ("evaluations", "are") if failed > 1 else ("evaluation", "is")
+        lines.append(f"{failed} {noun} failed in training and {verb} left out")
     return "\n".join(lines)
 
 
