@@ -24,7 +24,7 @@ from experiments.__main__ import (
     text,
 )
 from experiments.app.doctor.installed import EXTRAS
-from experiments.config import studies as configured
+from experiments.config import jobs as configured
 from tests.conftest import ROOT, printed
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]

@@ -23,7 +23,7 @@ from experiments.app.report.fit_table import MODEL
 from experiments.app.report.folder import NAME
 from experiments.config import MainConfig, Preset, TargetName
 from experiments.config.cli import configured
-from experiments.config.studies import JOBS
+from experiments.config.jobs import JOBS
 from experiments.evaluation.in_worker import evaluate_miou
 from experiments.evaluation.job import Recipe
 from experiments.session.session import set_up_process

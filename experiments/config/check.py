@@ -1,4 +1,4 @@
-"""Refuses fields out of bounds, sizes that do not fit into memory, and fields that do not fit together."""
+"""Refuse fields out of bounds, sizes that do not fit into memory, and fields that contradict each other."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ from seg.weights import check as check_weights
 
 
 def check(config: Config) -> None:
-    """Refuse a configuration that no job can use; only files of weights are read.
+    """Refuse a configuration that no job can use; the only files that it reads are those of weights.
 
     Raises:
-        UserError: a field is out of bounds, a size needs too much memory, or fields do not fit together;
+        UserError: a field is out of bounds, a size needs too much memory, or fields contradict each other;
             the message names the flag.
     """
     check_bounds(config, "--")
@@ -46,7 +46,7 @@ def check(config: Config) -> None:
 def _check_target(config: Config) -> None:
     if config.twin == "far" and config.target != "twin":
         raise UserError(f"--twin far needs --target twin, not {config.target}")
-    _ = config.held  # refuses values that cannot be held
+    _ = config.held  # refuses values outside an attribute's range
     with flagged("--assets", "--asset"):
         check_pool(config.pool, "--asset-")
     for name, fidelity in fidelities(config).items():
@@ -60,21 +60,21 @@ def _check_weights(config: Config) -> None:
         raise UserError(f"--from-scratch is for --preset paper, not {config.preset}")
     if config.weights is not None and set(config.nets_trained) <= set(FILELESS_NETS):
         nets = ", ".join(dict.fromkeys(config.nets_trained))
-        raise UserError(f"--weights are for VGG nets or dinov2; this job trains {nets}")
+        raise UserError(f"--weights is for VGG networks and dinov2; this job trains {nets}")
     for name, fidelity in fidelities(config).items():
         if name in ("reward", "final") and config.nets_trained:
             refuse_unstarted(config, f"--{name}.train", fidelity.train)
 
 
 def refuse_unstarted(config: Config, flag: str, train: TrainSettings) -> None:
-    """Raise UserError for a VGG net of ``--preset paper`` without weights or ``--from-scratch``."""
+    """Raise UserError for a VGG network of ``--preset paper`` without weights or ``--from-scratch``."""
     if config.preset != "paper" or config.from_scratch:
         return
     if train.net in VGG_NETS and train.weights is None:
         raise UserError(
             f"--preset paper starts {train.net} ({flag}) from ImageNet weights, without which it hardly "
-            "learns: give --weights vgg16.npz, or --from-scratch. To make that file: download "
-            "https://download.pytorch.org/models/vgg16-397923af.pth, then sdr-jax weights convert "
+            "learns: pass --weights vgg16.npz, or --from-scratch. To make that file: download "
+            "https://download.pytorch.org/models/vgg16-397923af.pth, then run sdr-jax weights convert "
             "vgg16-397923af.pth --out vgg16.npz"
         )
 
@@ -90,7 +90,7 @@ def _check_fidelity(flag: str, fidelity: Fidelity) -> None:
 
 
 def check_net(flag: str, train_flag: str, fidelity: Fidelity) -> None:
-    """Raise UserError with the flag for a size, settings or weights that do not fit the net."""
+    """Raise UserError with the flag for a size, settings or weights that do not fit the network."""
     train = fidelity.train
     with flagged(train_flag):
         check_train_settings(train)
@@ -128,7 +128,7 @@ def _check_answer(config: SearchConfig) -> None:
         raise UserError("--search.squared-reward needs --reward-kind miou: squares have no sign")
     if config.reward_kind == "mmd" and config.search.checkpoints > 1:
         raise UserError(
-            "--search.checkpoints needs --reward-kind miou: no net is trained for -MMD^2"
+            "--search.checkpoints needs --reward-kind miou: no network is trained for -MMD^2"
         )
     make_method(config, config.search.method, make_space(config), 1)
 
@@ -143,10 +143,11 @@ def _check_share(config: ShareConfig) -> None:
         train = fidelity.train
         images = train.steps * train.batch
         if drawn(config.few_share, images) in (0, images):
-            what = "none" if config.few_share < 0.5 else "all"
+            count = "none" if config.few_share < 0.5 else "all"
             raise UserError(
-                f"--few-share {config.few_share} makes {what} of the {images} images of "
-                f"--{name}.train.steps {train.steps} x --{name}.train.batch {train.batch} few ones"
+                f"--few-share {config.few_share} takes {count} of the {images} images of "
+                f"--{name}.train.steps {train.steps} x --{name}.train.batch {train.batch} from the "
+                "labelled subset"
             )
 
 
@@ -159,4 +160,4 @@ _RELATIONS: tuple[tuple[type, Callable[[Any], None]], ...] = (
     (SearchConfig, _check_answer),
     (ShareConfig, _check_share),
 )
-"""Checks that fields fit together, by the class of configuration that has them."""
+"""Checks of several fields, by the class of configuration that has them."""

@@ -1,4 +1,4 @@
-"""Configurations: frozen dataclasses of plain values, in which each field is a flag; defaults: `presets`."""
+"""Configurations: frozen dataclasses of plain values, each field a flag; `presets` has their defaults."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
 from common.bounds import Bound, at_least, at_most, must, within
-from common.flags import REPEATED, UNUSED, Word
+from common.flags import REPEATED, UNUSED, Option, Word
 from common.memory import refuse_larger
 from common.workers.pool import ExecutorName, refuse_many_workers
 from experiments.config.options import Bins, Fidelity, Search, SearchOptions
@@ -34,9 +34,11 @@ Group = Annotated[
 SEED_END = 2**31
 """All seeds are smaller, since numbers derived from them must fit into 32 bits."""
 RECORD = 1000
-"""Bytes of the record of a net."""
-NETS = Bound(lambda flag, nets: refuse_larger(flag, nets, lambda n: RECORD * n, "records of nets"))
-"""Counts of nets whose records fit into memory."""
+"""Bytes of the record of a network."""
+NETS = Bound(
+    lambda flag, count: refuse_larger(flag, count, lambda n: RECORD * n, "records of networks")
+)
+"""Counts of networks whose records fit into memory."""
 _FEW = must(
     "be a number of images, 1 or more, or a share in (0, 1]",
     lambda few: few >= 1 if isinstance(few, int) else 0 < few <= 1,
@@ -49,52 +51,52 @@ class Config:
     """Fields of every job on a target."""
 
     reward: Fidelity
-    """The cheap fidelity that gives the rewards."""
+    """Size of the cheap evaluations that score streets during the search."""
     target: TargetName = "twin"
-    """The images on which nets are tested."""
+    """The images on which networks are tested."""
     preset: Preset = "quick"
     """The set of defaults of all other flags."""
     space: SpaceName = "scenex"
-    """The attributes of streets: the paper's 23 (scenex), or these and ours of camera and road (extended). By
-    default extended with --twin far, otherwise scenex."""
+    """The attributes of streets: the paper's 23 (scenex), or these plus ours of camera and road (extended).
+    By default extended with --twin far, otherwise scenex."""
     fix: Annotated[tuple[str, ...], REPEATED] = ()
     """Hold an attribute at a value in all streets, in its unit, such as field_of_view=90; may be repeated."""
     data: Path | None = None
-    """Folder of real images. By default the variable CAMVID_DIR for camvid, LABELMEFACADE_DIR for
+    """Folder of real images; by default the environment variable CAMVID_DIR for camvid, LABELMEFACADE_DIR for
     labelmefacade."""
     out: Path = Path("runs/run")
-    """The run folder. The same command continues a run that was stopped."""
+    """The run folder. The same command resumes a stopped run."""
     weights: Path | None = None
-    """ImageNet weights that VGG nets start from (see `sdr-jax weights`); or the weights of dinov2's trunk."""
+    """ImageNet weights from which VGG networks start (see `sdr-jax weights`), or the weights of dinov2."""
     from_scratch: bool = False
-    """Allow --preset paper to train VGG nets without --weights, though they hardly learn then."""
+    """Let --preset paper train VGG networks without --weights, though they hardly learn then."""
     seed: Annotated[int, at_least(0), at_most(SEED_END - 1)] = 0
     """Seed of all random choices except the twin and the choice of real images."""
     renderer: Literal["embree", "opengl"] = "embree"
     """The renderer."""
     workers: Annotated[int, at_least(0), Bound(refuse_many_workers)] = _CORES
-    """Processes that render and train, one core each; 0 starts one, too."""
+    """Processes that render and train, one core each; 0 also starts one."""
     executor: ExecutorName = "processes"
     """The workers: processes of this machine, or a Dask cluster (see docs/cluster.md)."""
     scheduler: str | None = None
     """Address of the cluster's scheduler, such as tcp://10.0.0.1:8786; its workers replace --workers."""
     reward_images: Annotated[int | None, at_least(1)] = None
-    """The most real images that give the reward, chosen at random, the same for every --seed. By default
+    """The most validation images of the search, a random choice that does not depend on --seed. By default
     all."""
     test_images: Annotated[int | None, at_least(1)] = None
-    """The most real images for the reported figures, chosen in the same way. By default all."""
+    """The most real images to test on, chosen in the same way. By default all."""
     test_split: str | None = None
-    """The split for the reported figures; by default that of the data."""
+    """The split to test on; by default the data's own."""
     holdout: str | None = None
-    """Report on this sequence (CamVid), city (Cityscapes) or album (LabelMeFacade) and take it out of the
+    """Test on this sequence (CamVid), city (Cityscapes) or album (LabelMeFacade), and leave it out of the
     training images."""
     twin_seed: Annotated[int, at_least(0)] = 0
     """Seed of the twin's hidden attributes."""
     twin: TwinName = "near"
-    """The place of the twin's hidden attributes: around the hand-set street (near), or anywhere in the
-    extended space (far)."""
+    """Where the twin's hidden attributes lie: around the default street (near), or anywhere in the extended
+    space (far)."""
     store: Path | None = None
-    """File of evaluations that runs share, so that none is made twice. See `sdr-jax store`."""
+    """File of evaluations that runs share, so that none is repeated. See `sdr-jax store`."""
     assets: Path | None = None
     """Folder of your own assets by class (see docs/howto/assets.md)."""
     asset_use: Literal["both", "own", "built-in"] = "both"
@@ -114,7 +116,7 @@ class Config:
 
     @property
     def held(self) -> dict[str, float]:
-        """Unit values of the held attributes. Raises UserError as `read_fixed`."""
+        """Unit values of the attributes that ``--fix`` holds. Raises UserError as `read_fixed`."""
         return read_fixed(self.fix, self.space)
 
     @property
@@ -125,12 +127,12 @@ class Config:
 
     @property
     def nets_trained(self) -> tuple[str, ...]:
-        """Names of the nets that the job may train."""
-        own = fidelities(self)
-        return tuple(own[name].train.net for name in ("reward", "final") if name in own)
+        """Names of the networks that the job may train."""
+        by_name = fidelities(self)
+        return tuple(by_name[name].train.net for name in ("reward", "final") if name in by_name)
 
     def streets(self, name: str) -> Proposal:
-        """The proposal ``random`` or ``default`` with the held attributes."""
+        """Make the proposal ``random`` or ``default`` with the held attributes."""
         return hold(named(name, self.space), self.held)
 
     @property
@@ -138,11 +140,10 @@ class Config:
         """The assets of the search; the twin has others."""
         from scene.assets.catalogue import AssetPool  # the help needs no assets
 
-        own = "" if self.assets is None else str(self.assets)
         return AssetPool(
             size=self.asset_count,
             fraction=self.asset_fraction,
-            own=own,
+            own="" if self.assets is None else str(self.assets),
             use=self.asset_use,
             overlap=self.overlap or "",
         )
@@ -150,18 +151,18 @@ class Config:
 
 @dataclass(frozen=True, kw_only=True)
 class FinalConfig(Config):
-    """More fields of a job that trains nets at the full fidelity."""
+    """More fields of a job that trains networks at full size."""
 
     final: Fidelity
-    """The full fidelity that gives the reported figures."""
+    """Size of the full evaluations that are reported."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class NetsConfig(FinalConfig):
-    """More fields of a job that reports final nets."""
+    """More fields of a job that reports final networks."""
 
     seeds: Annotated[int, at_least(1), NETS] = 5
-    """Nets per row of the result. They are paired: the k-th nets of all rows have the same seed."""
+    """Networks per row of the result. They are paired: the k-th networks of all rows share a seed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,7 +178,7 @@ class GroupsConfig(NetsConfig, BinsConfig):
 
     search: SearchOptions
     groups: tuple[Group, ...]
-    """Attributes optimised together, one word per group, in order. Each attribute is in one group."""
+    """Groups of attributes to optimise one after the other, one word each. Each attribute is in one group."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -185,49 +186,49 @@ class RewardConfig(FinalConfig):
     """More fields of a job with rewards of either kind."""
 
     default_width: Annotated[float, within(0, 1)] = RELAXATION
-    """Relaxation of the hand-set street, as a share of each range."""
+    """Width of the default street's intervals, as a share of each range."""
     reward_kind: RewardKind = "miou"
-    """miou of a net trained on the dataset; or mmd, for reward images without labels: minus the distance of
-    rendered and real images in the features of one net, in its own units."""
+    """miou of a network trained on the dataset; or mmd, for images without labels: minus the distance between
+    rendered and real images in the features of a network."""
 
     def streets(self, name: str) -> Proposal:
-        """The proposal ``random`` or ``default`` with the held attributes."""
+        """Make the proposal ``random`` or ``default`` with the held attributes."""
         return hold(named(name, self.space, self.default_width), self.held)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SearchConfig(GroupsConfig, RewardConfig):
-    """More fields of a job that learns attributes."""
+    """More fields of a job that optimises attributes."""
 
     search: Search
 
 
 @dataclass(frozen=True, kw_only=True)
 class ShareConfig(SearchConfig):
-    """More fields of a job that adds a few labelled images to rendered ones."""
+    """More fields of a job that mixes a labelled subset with rendered images."""
 
-    few_share: Annotated[float, within(0, 1, "()")] = 0.5
-    """The share of the few labelled images in all batches, whatever their number."""
+    few_share: Annotated[float, within(0, 1, "()"), Option(needs=("--few",))] = 0.5
+    """Share of the labelled subset in all batches, whatever its size."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FewConfig(ShareConfig):
-    """More fields of a job with a few labelled images beside every training set."""
+    """More fields of a job with a labelled subset in every training set."""
 
     few: Annotated[int | float | None, _FEW] = None
-    """The number of labelled images (or, below 1, their share) that join every training set; only the others
-    then give the reward. The random choice is spread over sequences and time, and the same for every
+    """Number of labelled images (or, below 1, their share) to mix with every training set; the search then
+    validates on the others. The random choice is spread over sequences and time, and does not depend on
     --seed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MainConfig(FewConfig):
-    """One run of the main job. Every field is a flag."""
+    """One run of the main job."""
 
     target: Annotated[TargetName, UNUSED] = "twin"
     unlabelled: Path | None = None
-    """Folder of images that give the reward in place of the labelled training images; only with
-    --reward-kind mmd. The reported figures still come from --data."""
+    """Folder of validation images of the search without labels, instead of the labelled training images; only
+    with --reward-kind mmd. Networks are still tested on --data."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -235,15 +236,15 @@ class Rederived(Config):
     """A field of every study."""
 
     rederive: Path | None = None
-    """Only rewrite the table and the figure of this report (NAME.json) into --out."""
+    """Only write the table and plot of this earlier report (NAME.json) into --out."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LearntConfig(SearchConfig, Rederived):
-    """More fields of a study of learnt attributes."""
+    """More fields of a study of optimised streets."""
 
     learnt: Path | None = None
-    """attributes.json of an earlier run; by default the search runs here."""
+    """Optimised streets of an earlier run (attributes.json); by default the search runs first."""
 
 
 AnyConfig = TypeVar("AnyConfig", bound=Config)
@@ -251,4 +252,4 @@ AnyConfig = TypeVar("AnyConfig", bound=Config)
 
 def fidelities(config: Config) -> dict[str, Fidelity]:
     """The fidelities of a configuration by field."""
-    return {name: own for name, own in vars(config).items() if isinstance(own, Fidelity)}
+    return {name: value for name, value in vars(config).items() if isinstance(value, Fidelity)}

@@ -1,4 +1,4 @@
-"""Refuses sizes of a job that need more memory than there is."""
+"""Refuse sizes of a job that need more memory than the machine has."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from seg.augment import DRAWS
 from seg.nets.trunks import trunk_of
 
 PIXEL, SCORES = 4, 4 * (3 + 11)
-"""Bytes of a pixel: its colour and label; in training, its colour and the scores of the fewest classes in
+"""Bytes of a pixel: its colour and label; in training, its colour and the scores of the fewest classes, in
 single precision."""
 
 
@@ -29,27 +29,28 @@ def refuse_too_large(config: Config) -> None:
         _refuse_search(config.search)
 
 
-def _times(each: float) -> Callable[[int], int]:
-    """The bytes of a count of things, as a whole number, since a flag may have any number of digits."""
-    return lambda count: count * math.ceil(each)
+def _times(item_bytes: float) -> Callable[[int], int]:
+    """Return the bytes of a count as a whole number, since a flag may have any number of digits."""
+    return lambda count: count * math.ceil(item_bytes)
 
 
 def training_bytes(fidelity: Fidelity, labelled: int = 0) -> int:
-    """The least bytes that a process needs to train a net on renders plus labelled images.
+    """Count the least bytes that a process needs to train a network on renders plus labelled images.
 
     The arrays of both parts are joined, which copies them, and copied to JAX.
     """
     train, pixels = fidelity.train, fidelity.width * fidelity.height
     count = (fidelity.images + labelled) * (train.views if train.frozen else 1)
-    each = 1 + (trunk_of(train).pixel_bytes if train.frozen else 3)  # labels; features or colours
+    # Labels, and features or colours.
+    pixel_bytes = 1 + (trunk_of(train).pixel_bytes if train.frozen else 3)
     copies = 2 if labelled else 1
-    return math.ceil(copies * count * pixels * each + train.batch * pixels * SCORES)
+    return math.ceil(copies * count * pixels * pixel_bytes + train.batch * pixels * SCORES)
 
 
 def _refuse_fidelity(flag: str, fidelity: Fidelity) -> None:
     train, pixels = fidelity.train, fidelity.width * fidelity.height
     if pixels > MAX_PIXELS:
-        return  # the engine refuses these and names width and height
+        return  # the engine refuses these itself, naming width and height
     refuse_large_images(f"{flag}.samples", fidelity.render_settings())
     refuse_many_shots(f"{flag}.shots", fidelity.shots, fidelity.render_settings())
     dataset = f"images of {fidelity.size}"

@@ -20,21 +20,21 @@ def make_space(config: BinsConfig) -> sdr_jax.Space:
     """Make the space of the attributes that are not held, with the configuration's bins and groups.
 
     Raises:
-        UserError: groups that are no partition of the space's attributes, or all attributes are held.
+        UserError: the groups are no partition of the space's attributes, or all attributes are held.
     """
     groups, free = None, config.varied
     if not free:
-        raise UserError("--fix holds every attribute, and leaves none to search")
+        raise UserError("--fix holds every attribute, which leaves none to search")
     with flagged("--groups"):
         if isinstance(config, GroupsConfig):
             sdr_jax.space(names(config.space), config.search.bins, config.groups)
-            left = [tuple(name for name in group if name in free) for group in config.groups]
-            groups = [group for group in left if group]
+            free_parts = [[name for name in group if name in free] for group in config.groups]
+            groups = [part for part in free_parts if part]
         return sdr_jax.space(free, config.search.bins, groups)
 
 
 def start_of(config: GroupsConfig) -> Proposal:
-    """The start of the search, f32[attributes of the space] each; for a histogram its moments.
+    """Return the start of the search, f32[attributes of the space] each; for a histogram its moments.
 
     Raises:
         UserError: the file holds a mixture, or other attributes.
@@ -42,30 +42,30 @@ def start_of(config: GroupsConfig) -> Proposal:
     start = config.search.start
     if start in ("random", "default"):
         return config.streets(start)
-    found = read_attributes("--search.start", Path(start), config.space)
-    if isinstance(found, Mixture):
+    streets = read_attributes("--search.start", Path(start), config.space)
+    if isinstance(streets, Mixture):
         raise UserError(
-            f"--search.start {start} holds {len(found.shares)} components; a search starts from one"
+            f"--search.start {start} holds {len(streets.shares)} components; a search starts from one"
         )
-    return hold(moments(found), config.held)
+    return hold(moments(streets), config.held)
 
 
 def read_attributes(flag: str, path: Path, space: SpaceName) -> Streets:
     """Read the streets of an ``attributes.json``.
 
     Raises:
-        UserError: no such file, or a file of another kind or space; the message names the flag.
+        UserError: there is no such file, or it is of another kind or space; the message names the flag.
     """
     try:
-        found = streets_in(path)
+        streets = streets_in(path)
     except OSError as error:
         raise UserError(f"{flag} {path}: {error.strerror}") from None
     except ValueError as error:
         raise UserError(f"{flag} {error}") from None
-    theirs = space_in(found)
-    if theirs != space:
-        raise UserError(f"{flag} {path} holds attributes of --space {theirs}, not {space}")
-    return found
+    file_space = space_in(streets)
+    if file_space != space:
+        raise UserError(f"{flag} {path} holds attributes of --space {file_space}, not {space}")
+    return streets
 
 
 def make_method(
@@ -74,16 +74,16 @@ def make_method(
     """Make the configuration's search method for some of its attributes.
 
     Raises:
-        UserError: an option out of range, a start that cannot be read, or a method of another library where
-            that or the checkout is missing.
+        UserError: an option is out of range, a start cannot be read, or the library or checkout of a rival
+            method is missing.
     """
-    own: dict[str, Any] = {}
+    method_options: dict[str, Any] = {}
     options = config.search
     if name in get_args(RivalName):
         with flagged("--methods"):
             return _rival(name)(space, width=options.relaxation)
     if name == "sdr":
-        own = {
+        method_options = {
             "learning_rate": options.learning_rate,
             "baseline": options.baseline,
             "normalise": options.normalise,
@@ -93,14 +93,14 @@ def make_method(
         }
     if name == "intervals":
         start = start_of(config)
-        where = [names(config.space).index(attribute) for attribute in space.names]
-        own["start"] = tuple(tuple(part[where].tolist()) for part in start)
+        indices = [names(config.space).index(attribute) for attribute in space.names]
+        method_options["start"] = tuple(tuple(part[indices].tolist()) for part in start)
     with flagged("--search"):
-        return make(name, space, options.relaxation, **own)
+        return make(name, space, options.relaxation, **method_options)
 
 
 def _rival(name: str) -> Callable[..., sdr_jax.Method]:
-    """What makes a method of another library."""
+    """Return the constructor of a method of another library."""
     try:
         from benchmarks.rivals import RIVALS
     except ModuleNotFoundError as error:

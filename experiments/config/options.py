@@ -14,14 +14,14 @@ if TYPE_CHECKING:
     from scene.render import RenderSettings
 
 RivalName = Literal["cma_es", "tpe", "gaussian_process"]
-"""Search methods of other libraries, which only a checkout has, in `benchmarks/rivals`."""
+"""Search methods of other libraries, which only a checkout has (`benchmarks/rivals`)."""
 MOST_BINS = 1000
-"""The most bins; with so many, a bin is a thousandth of an attribute's range."""
+"""The most bins: each is then a thousandth of an attribute's range."""
 
 
 @dataclass(frozen=True)
 class Fidelity:
-    """The size of an evaluation: the rendered dataset, and the net that is trained on it."""
+    """The size of an evaluation: the rendered dataset, and the network trained on it."""
 
     width: int
     """Width of rendered and real images in pixels."""
@@ -34,7 +34,7 @@ class Fidelity:
     samples: int = 2
     """Rays per pixel along each axis."""
     train: TrainSettings = field(default_factory=TrainSettings)
-    """The net and its training."""
+    """The network and its training."""
 
     @property
     def images(self) -> int:
@@ -43,11 +43,11 @@ class Fidelity:
 
     @property
     def size(self) -> str:
-        """Width and height in one word."""
+        """Width and height, such as 640x320."""
         return f"{self.width}x{self.height}"
 
     def render_settings(self) -> RenderSettings:
-        """The engine's settings at this size."""
+        """Return the engine's settings at this size."""
         from scene.render import RenderSettings  # the help needs no engine
 
         return RenderSettings(self.width, self.height, self.samples)
@@ -55,7 +55,7 @@ class Fidelity:
 
 @dataclass(frozen=True)
 class Bins:
-    """How attributes are cut into bins."""
+    """How attributes are divided into bins."""
 
     bins: Annotated[int, at_least(2), at_most(MOST_BINS)] = 10
     """Bins of each attribute (the paper's K)."""
@@ -65,27 +65,27 @@ class Bins:
 
 @dataclass(frozen=True)
 class SearchOptions(Bins):
-    """How any method searches. Under every preset ``sdr`` estimates its gradient as the paper does."""
+    """Options of any search method. Under every preset ``sdr`` estimates its gradient as the paper does."""
 
     datasets_per_update: Annotated[int, at_least(1)] = 4
-    """Datasets that each update evaluates."""
+    """Datasets evaluated for each update."""
     learning_rate: Annotated[float, POSITIVE] = 1e-2
     """Learning rate of Adam (sdr)."""
     baseline: Literal["ema", "ema_current", "leave_one_out"] = "ema"
-    """The rewards with which a reward is compared (sdr): earlier ones (paper), earlier ones and itself (the
-    authors' code), or the others of the update."""
+    """Baseline of a reward (sdr): the average of earlier rewards (paper), of earlier ones and itself (the
+    authors' code), or of the update's other rewards."""
     normalise: bool = False
     """Divide advantages by their size (sdr; not in the paper)."""
     squared_reward: bool = False
     """Take (100 mIoU)^2, as in the authors' code, instead of mIoU (sdr)."""
     checkpoints: Annotated[int, at_least(1)] = 1
     """Checkpoints of a reward's training, evenly spaced. The reward is the mIoU of the best one, as in the
-    authors' code; with 1 it is that of the trained net."""
+    authors' code; with 1 it is that of the trained network."""
     common_random_numbers: bool = False
     """Give the datasets of an update the same seed, and their streets the same places in the intervals."""
     start: Annotated[str, Alias("--start")] = "default"
-    """The start of the search (intervals): default (the hand-set street), random, or an attributes.json. The
-    search begins at random streets instead if the mean of its first rewards is higher on these."""
+    """Where the search starts (intervals): default (the default street), random, or an attributes.json. It
+    starts at random streets instead if their first rewards have a higher mean."""
     unoptimised: Literal["random", "half"] = "random"
     """The value of groups that are not optimised yet (sdr): random (paper), or 0.5 (the authors' code)."""
 
@@ -103,4 +103,4 @@ class Search(MethodOptions):
     """All options of a search."""
 
     updates_per_group: Annotated[int, at_least(1)] = 8
-    """Policy updates for each group; methods without an order of groups make as many in all."""
+    """Updates for each group; methods that ignore the order of groups make as many in all."""

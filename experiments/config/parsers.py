@@ -156,7 +156,7 @@ class Store:
     """Options of `sdr-jax store`."""
 
     command: Annotated[Literal["show", "merge"], ARGUMENT]
-    """what to do"""
+    """show what stores hold, or merge them"""
     files: Annotated[tuple[Path, ...], ARGUMENT, Option("FILE", nargs="+")]
     """stores or run folders"""
     out: Annotated[Path | None, Option("FILE")] = None

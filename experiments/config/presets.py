@@ -1,4 +1,4 @@
-"""The defaults of every command by target and preset, as tables of differences from the fields' defaults."""
+"""Defaults of every command by target and preset, as tables of differences from the fields' own defaults."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from seg.recipes import RECIPES
 PRESETS: tuple[Preset, ...] = get_args(Preset)
 TARGETS: tuple[TargetName, ...] = get_args(TargetName)
 VARIABLES: dict[TargetName, str] = {"camvid": "CAMVID_DIR", "labelmefacade": "LABELMEFACADE_DIR"}
-"""Environment variables that name the folder of a target's data, if no flag does."""
+"""Environment variables for the folder of a target's data, used where no flag names it."""
 FOUR_BY_THREE: tuple[TargetName, ...] = ("camvid", "labelmefacade")
-"""Targets whose images have an aspect of 4:3."""
+"""Targets with images of aspect ratio 4:3."""
 TWO_BY_ONE: tuple[TargetName, ...] = ("twin", "cityscapes")
-"""Targets whose images have an aspect of 2:1."""
+"""Targets with images of aspect ratio 2:1."""
 
 POSITIONS = tuple(
     f"{n}_position" for n in ("building", "fence", "tree", "pole", "bicycle", "person", "car")
@@ -49,11 +49,11 @@ ADDED_GROUPS: tuple[tuple[str, ...], ...] = (
     ("parked_share", "queue_share", "open_share", "bare_tree_share", "overcast_share"),
     ("asphalt_sidewalk_share", "green_verge_share", "road_wear"),
 )
-"""Our groups of the attributes that the extended space adds: camera, road, what stands beside it, ground."""
+"""Our groups of the attributes that the extended space adds: camera, road, roadside, ground."""
 
 Table = dict[str, Any]
-"""Values by field; a group of fields is a table, too. In the table of a net's training, ``recipe`` names the
-recipe of `seg.recipes` that its other values change."""
+"""Values by field; a group of fields is itself a table. In the table of a network's training, ``recipe``
+names the recipe of `seg.recipes` that its other values change."""
 
 
 _SMOKE_NET = {"steps": 12, "batch": 4, "warmup": 2}
@@ -76,7 +76,7 @@ _QUICK: Table = {
     "search": {"method": "intervals", "relaxation": 0.3},
     "reward": {"samples": 1, "train": _BRIEF},
     "final": {"shots": 1, "samples": 1, "train": _FROZEN},
-    # Sizes and steps at which two cores train nets other than the preset's.
+    # Sizes and steps at which two cores can train networks other than the preset's.
     "compact": {"streets": 50, "shots": 8, "train": {"recipe": "compact"}},
     "vgg": {"streets": 100, "shots": 4, "train": {"recipe": "scratch", "steps": 150}},
 }
@@ -88,7 +88,7 @@ _QUICK_TWIN: Table = {
 }
 _QUICK_REAL: Table = {
     "search": {"updates_per_group": 3, "datasets_per_update": 8},
-    # 12 streets with 8 images have more noise (`sdr-jax study fidelity`).
+    # 12 streets with 8 images each are noisier (`sdr-jax study fidelity`).
     "reward": {"streets": 24, "shots": 4},
     "final": {"streets": 400},
 }
@@ -115,7 +115,7 @@ TABLES: tuple[tuple[Preset, tuple[TargetName, ...], Table], ...] = (
         "reward_images": 500, "final": _LARGE, "compact": _LARGE, "vgg": _LARGE,
     }),
 )  # fmt: skip
-"""Changes by a preset for some targets; later rows override earlier ones, and all of them `SIZES`."""
+"""Changes by a preset for some targets; later rows override earlier ones, and all override `SIZES`."""
 Size = tuple[int, int]
 SIZES: tuple[tuple[Preset, tuple[TargetName, ...], Size, Size], ...] = (
     ("smoke", FOUR_BY_THREE, (64, 48), (64, 48)),
@@ -126,64 +126,65 @@ SIZES: tuple[tuple[Preset, tuple[TargetName, ...], Size, Size], ...] = (
     ("paper", FOUR_BY_THREE, (480, 360), (480, 360)),
     ("paper", TWO_BY_ONE, (640, 320), (640, 320)),
 )
-"""Width and height of the images of rewards and final nets, then of the table's other nets."""
+"""Width and height of the images of rewards and final networks, then of the table's other networks."""
 
 
-def defaults(kind: type[AnyConfig], target: TargetName, preset: Preset, **own: Any) -> AnyConfig:
+def defaults(
+    kind: type[AnyConfig], target: TargetName, preset: Preset, **changes: Any
+) -> AnyConfig:
     """Make the defaults of a command's configuration.
 
     Args:
-        kind: its class; fields without a table's value keep their own defaults, and values for fields that
-            it lacks are ignored.
-        target: the target of the nets.
+        kind: its class; fields that no table mentions keep their own defaults, and values for fields that it
+            lacks are ignored.
+        target: the target of the networks.
         preset: "smoke", "quick" or "paper".
-        own: values of this command instead of the preset's, as a `Table`.
+        changes: values of this command instead of the preset's, as a `Table`.
     """
     groups = CAMVID_GROUPS if target in FOUR_BY_THREE else CITYSCAPES_GROUPS
     values: Table = {"target": target, "preset": preset, "groups": groups}
     if folder := data_of(target):
         values["data"] = folder
-    for name, targets, usual, others in SIZES:
+    for name, targets, size, other_size in SIZES:
         if name == preset and target in targets:
-            sizes = {"reward": usual, "final": usual, "compact": others, "vgg": others}
+            sizes = {"reward": size, "final": size, "compact": other_size, "vgg": other_size}
             values = _merged(values, {k: {"width": w, "height": h} for k, (w, h) in sizes.items()})
     for name, targets, table in TABLES:
         if name == preset and target in targets:
             values = _merged(values, table)
-    return _made(kind, _merged(values, own))
+    return _build(kind, _merged(values, changes))
 
 
 def data_of(target: TargetName) -> Path | None:
-    """The folder of a target's data that its environment variable names, if one does."""
+    """Return the folder of a target's data that an environment variable names, if one does."""
     folder = os.environ.get(VARIABLES.get(target, ""))
     return Path(folder) if folder else None
 
 
 def _merged(values: Table, changes: Table) -> Table:
-    """Change some values, within groups of fields one by one."""
-    both = values.keys() & changes.keys()
-    inner = {
+    """Change some values; within groups of fields one by one."""
+    groups = {
         name: _merged(values[name], changes[name])
-        for name in both
+        for name in values.keys() & changes.keys()
         if isinstance(values[name], dict) and isinstance(changes[name], dict)
     }
-    return values | changes | inner
+    return values | changes | groups
 
 
-def _made(kind: Any, values: Table) -> Any:
+def _build(kind: Any, values: Table) -> Any:
     """Make a dataclass from the values of its fields; other values are ignored."""
     hints, names = get_type_hints(kind), {field.name for field in fields(kind)}
-    given = {
-        name: _made(hints[name], value) if isinstance(value, dict) else value
+    field_values = {
+        name: _build(hints[name], value) if isinstance(value, dict) else value
         for name, value in values.items()
         if name in names
     }
     recipe = values.get("recipe")
-    return kind(**given) if recipe is None else replace(RECIPES[recipe], **given)
+    return kind(**field_values) if recipe is None else replace(RECIPES[recipe], **field_values)
 
 
 def in_space(config: AnyConfig, space: SpaceName) -> AnyConfig:
-    """The defaults with the attributes of another space; added attributes are searched after the 23."""
+    """Return defaults with the attributes of another space; added attributes are searched after the 23."""
     if space == config.space:
         return config
     config = replace(config, space=space)

@@ -24,8 +24,8 @@ from experiments.attribute_search import plans
 from experiments.attribute_search.loop import Found, search
 from experiments.attribute_search.rewards import SearchPlan
 from experiments.config.cli import command
+from experiments.config.jobs import AblationConfig, Variant
 from experiments.config.presets import DENSITIES, ENVIRONMENT, POSITIONS
-from experiments.config.studies import AblationConfig, Variant
 from experiments.session.session import Session, Work
 from experiments.studies.figure import plt, png
 from experiments.studies.search_columns import REWARDS, core_seconds, failed_evaluations, rewards

@@ -18,7 +18,7 @@ from itertools import product
 
 from common.errors import UserError
 from experiments.config.cli import command
-from experiments.config.studies import AssetsConfig
+from experiments.config.jobs import AssetsConfig
 from experiments.session.session import Session
 from experiments.studies.figure import curves
 from experiments.tables.form import (
@@ -61,7 +61,7 @@ def check(config: AssetsConfig) -> None:
                 f"not {count}"
             )
     if config.learnt is not None and config.attributes != LEARNT:
-        raise UserError(f"--learnt is of no use with --attributes {config.attributes}")
+        raise UserError(f"--learnt has no effect with --attributes {config.attributes}")
 
 
 def rows(config: AssetsConfig, _: Target) -> list[Row]:

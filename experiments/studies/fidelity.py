@@ -26,7 +26,7 @@ from experiments.config import (
     RewardKind,
 )
 from experiments.config.cli import Unmet, command
-from experiments.config.studies import MOST_REPEATS, FidelityConfig
+from experiments.config.jobs import MOST_REPEATS, FidelityConfig
 from experiments.evaluation.job import REWARD_NAMES
 from experiments.session.session import Session, Work
 from experiments.studies.figure import plt, png

@@ -20,7 +20,7 @@ import numpy as np
 
 from common.errors import UserError
 from experiments.config.cli import command
-from experiments.config.studies import LabelsConfig
+from experiments.config.jobs import LabelsConfig
 from experiments.evaluation.job import LabelledSubset, Source
 from experiments.session.session import Session
 from experiments.studies.figure import curves
@@ -68,7 +68,7 @@ BESIDE = (0, 14)
 def check(config: LabelsConfig) -> None:
     """Raise UserError with the flag for a field out of range."""
     if config.learnt is not None and LEARNT not in config.rendered:
-        raise UserError(f"--learnt is of no use with --renders {' '.join(config.rendered)}")
+        raise UserError(f"--learnt has no effect with --renders {' '.join(config.rendered)}")
     if config.counts is not None and sum(count > 0 for count in config.counts) < 2:
         raise UserError("--counts needs at least two numbers above 0: between them is a curve")
 

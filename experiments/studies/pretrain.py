@@ -29,7 +29,7 @@ from experiments.config import (
     Fidelity,
 )
 from experiments.config.cli import command
-from experiments.config.studies import PretrainConfig
+from experiments.config.jobs import PretrainConfig
 from experiments.evaluation.job import Job, LabelledSubset, Recipe, Result, Start
 from experiments.session.session import Session, Work
 from experiments.studies.figure import curves
@@ -83,7 +83,7 @@ def check(config: PretrainConfig) -> None:
     if config.learn_on == "share" and config.learnt is not None:
         raise UserError("--learn-on share searches on every share itself; leave out --learnt")
     if config.learnt is not None and "learnt" not in config.rows:
-        raise UserError(f"--learnt is of no use with --rows {' '.join(config.rows)}")
+        raise UserError(f"--learnt has no effect with --rows {' '.join(config.rows)}")
 
 
 def refuse_empty(config: PretrainConfig, target: Target) -> None:

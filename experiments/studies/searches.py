@@ -26,7 +26,7 @@ from experiments.attribute_search.loop import Found
 from experiments.attribute_search.rewards import SearchPlan
 from experiments.config import check as check_flags
 from experiments.config.cli import command
-from experiments.config.studies import ManyConfig
+from experiments.config.jobs import ManyConfig
 from experiments.evaluation.job import Source
 from experiments.session.session import Session, Work
 from experiments.studies.figure import plt, png
@@ -77,12 +77,10 @@ def check(config: ManyConfig) -> None:
 
 def check_subset(subset: tuple[str, ...], config: ManyConfig) -> None:
     """Raise UserError for attributes that are unknown or held, or for a subset that has no effect."""
-    if config.core_minutes is None:
-        raise UserError("--subset needs --core-minutes")
-    known = names(config.space)
+    attributes = names(config.space)
     for name in subset:
-        if name not in known:
-            raise UserError(f"--subset: attribute {name!r} is unknown; known: {', '.join(known)}")
+        if name not in attributes:
+            raise UserError(f"--subset: unknown attribute {name!r}; known: {', '.join(attributes)}")
         if name in config.held:
             raise UserError(f"--subset: attribute {name} is held by --fix")
 

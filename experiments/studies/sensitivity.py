@@ -18,9 +18,8 @@ import numpy as np
 from matplotlib.figure import Figure, SubFigure
 
 from common import folder
-from common.errors import UserError
 from experiments.config.cli import command
-from experiments.config.studies import SensitivityConfig
+from experiments.config.jobs import SensitivityConfig
 from experiments.evaluation.cost import cost_of
 from experiments.evaluation.job import Job, Result
 from experiments.evaluation.job import verdict as told
@@ -51,12 +50,6 @@ SENSITIVITY_SEED = 20_000_000
 TOP_PAIRS = 10
 ACROSS = 6
 """Number of panels in a row."""
-
-
-def check(config: SensitivityConfig) -> None:
-    """Raise UserError with the flag for a field out of range."""
-    if config.records_config is not None and not config.records:
-        raise UserError("--records-config needs --records")
 
 
 def analyse(config: SensitivityConfig) -> Report:
@@ -254,7 +247,7 @@ def _curves(figure: Figure | SubFigure, report: Report, down: int) -> None:
 
 FORM = Form("sensitivity", lambda report: report, text, {"sensitivity.png": picture})
 """The JSON holds all figures, but not the records."""
-STUDY = Study(FORM, plan, scores, check)
+STUDY = Study(FORM, plan, scores)
 RUN = analyse
 
 if __name__ == "__main__":

@@ -29,7 +29,7 @@ from experiments.config import (
     refuse_unstarted,
 )
 from experiments.config.cli import command
-from experiments.config.studies import TableConfig
+from experiments.config.jobs import TableConfig
 from experiments.evaluation.job import Source
 from experiments.session.session import Session
 from experiments.studies.figure import plt, png

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from common.errors import UserError
-from experiments.config.studies import LEAST
+from experiments.config.jobs import LEAST
 from experiments.tables import sobol
 from experiments.tables.form import Report
 from experiments.tables.recorded import Records

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from experiments.config import presets
+from experiments.config.jobs import VARIANTS, defaults_of
 from experiments.config.presets import CAMVID_GROUPS
-from experiments.config.studies import VARIANTS, defaults_of
 from experiments.studies import ablation as job
 from experiments.tables.skeleton import do
 from scene.attributes import NAMES

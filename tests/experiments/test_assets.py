@@ -7,7 +7,7 @@ import pytest
 
 from common.errors import UserError
 from experiments.config import read_attributes
-from experiments.config.studies import defaults_of
+from experiments.config.jobs import defaults_of
 from experiments.studies.assets import FORM
 from experiments.tables.stats import paired_gain
 from scene.proposal import default_proposal, random_proposal

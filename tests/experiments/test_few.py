@@ -71,7 +71,7 @@ def test_the_few_give_no_reward(tiny_camvid):
     (("--few", "nan"), "a share in (0, 1], not nan"),
     (("--few", "2", "--reward-kind", "mmd"), "--few needs rewards of labelled images"),
     (("--few", "2", "--few-share", "0"), "--few-share must lie in (0, 1), not 0"),
-    (("--few", "2", "--few-share", "0.01"), "0.01 makes none of the 48 images of --reward.train.steps 12"),
+    (("--few", "2", "--few-share", "0.01"), "0.01 takes none of the 48 images of --reward.train.steps 12"),
     (("--few", "2", "--few-share", "0.995"), "makes all of the 48 images"),
 ])  # fmt: skip
 def test_bad_input_is_one_line(flags, words, camvid, out, error_line):

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from common.files import read_json
-from experiments.config.studies import defaults_of
+from experiments.config.jobs import defaults_of
 from experiments.evaluation.cost import cost_of
 from experiments.evaluation.job import Result
 from experiments.studies import fidelity as module

@@ -24,6 +24,7 @@ from experiments.config import (
     start_of,
 )
 from experiments.config.cli import command
+from experiments.config.jobs import STUDIES, TableConfig, defaults_of, methods_of
 from experiments.config.limits import training_bytes
 from experiments.config.presets import (
     CAMVID_GROUPS,
@@ -34,7 +35,6 @@ from experiments.config.presets import (
     defaults,
     in_space,
 )
-from experiments.config.studies import STUDIES, TableConfig, defaults_of, methods_of
 from experiments.studies import table
 from experiments.tables.skeleton import check as refuse_wrong
 from experiments.tables.skeleton import do
@@ -125,7 +125,7 @@ def test_every_study_of_the_paper_preset_is_the_papers(target):
     ("main", ("--weights", "/no.npz"), "/no.npz: No such file"),
     ("main", ("--weights", "/no.npz", "--from-scratch"), "exclude each other"),
     ("main", ("--weights", "/no.npz", "--reward.train.net", "lite0", "--final.train.net", "lite0"),
-     "--weights are for VGG nets or dinov2; this job trains lite0"),
+     "--weights is for VGG networks and dinov2; this job trains lite0"),
     ("table", ("--reward.train.net", "lite0", "--final.train.net", "lite0"), "starts fcn8s (--nets)"),
     ("pretrain", (), "starts deeplabv2 (--reward.train)"),
     ("pretrain", ("--reward.train.net", "lite0"), "starts fcn8s (--final.train)"),
@@ -426,7 +426,9 @@ def test_the_help_shows_the_defaults_that_hold(capsys, called, monkeypatch):
         with pytest.raises(SystemExit, match=r"^0$"):
             runpy.run_module("experiments.cityscapes", run_name="__main__")
         text = " ".join(capsys.readouterr().out.split())
-        assert f"those of --preset quick for {target}; --preset and --data DIR beside" in text
+        assert (
+            f"those of --preset quick for {target}; add --preset and --data DIR to --help" in text
+        )
         assert f"(default: {width})" in text.partition("--reward.width")[2][:300]
 
 

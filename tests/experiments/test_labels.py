@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from experiments.config.studies import defaults_of
+from experiments.config.jobs import defaults_of
 from experiments.evaluation.job import rendered_of
 from experiments.studies.labels import FORM, counts_of
 from experiments.tables.stats import reached, worth

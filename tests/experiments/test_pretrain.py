@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments.config.studies import defaults_of
+from experiments.config.jobs import defaults_of
 from experiments.evaluation import in_worker, transfer
 from experiments.evaluation.job import Recipe, Result, Start
 from experiments.studies import pretrain

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from common.errors import UserError
 from common.files import read_json
 from experiments.attribute_search.plans import plan, schedule
-from experiments.config.studies import defaults_of
+from experiments.config.jobs import defaults_of
 from experiments.evaluation.cost import cost_of
 from experiments.studies.searches import check, configured, derive, plan_of, rows, text, work
 from scene.attributes import NAMES

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from common.files import read_json, write
-from experiments.config.studies import defaults_of
+from experiments.config.jobs import defaults_of
 from experiments.evaluation.store import HEADER, Store
 from experiments.studies import sensitivity as job
 from experiments.studies.sensitivity import summarize, text

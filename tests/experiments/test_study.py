@@ -13,8 +13,8 @@ from common.errors import UserError
 from common.files import read_json
 from experiments import session
 from experiments.config import LearntConfig, read_attributes
+from experiments.config.jobs import defaults_of
 from experiments.config.presets import defaults
-from experiments.config.studies import defaults_of
 from experiments.evaluation import pace as paces
 from experiments.evaluation.cost import Cost
 from experiments.evaluation.job import Result
@@ -149,7 +149,7 @@ def test_a_recorded_report_is_derived_anew(recorded, out):
     ("table", ("--gta5", "/nowhere"), "/nowhere: no such folder; expected gta5"),
     ("table", ("--synthia", "/nowhere"), "/nowhere: no such folder; expected synthia"),
     ("table", ("--kitti", "/nowhere"), "/nowhere: no such folder; expected kitti"),
-    ("table", ("--weights", "/nowhere.npz"), "--weights are for VGG nets"),
+    ("table", ("--weights", "/nowhere.npz"), "--weights is for VGG networks"),
     ("table", ("--weights", "/no.npz", "--nets", "fcn8s"), "/no.npz: No such file"),
     ("table", ("--learnt", "/nowhere.json"), "--learnt /nowhere.json: No such file"),
     ("table", ("--data", "/nowhere"), "/nowhere"),
@@ -164,11 +164,11 @@ def test_a_recorded_report_is_derived_anew(recorded, out):
     ("assets", ("--fractions", "0.5", "0.5"), "--fractions 0.5 0.5 names one of them twice"),
     ("assets", ("--fractions", "0"), "--fractions must lie in (0, 1], not 0"),
     ("assets", ("--fractions", "1.5"), "--fractions must lie in (0, 1], not 1.5"),
-    ("assets", ("--learnt", "FILE"), "--learnt is of no use with --attributes default"),
+    ("assets", ("--learnt", "FILE"), "--learnt has no effect with --attributes default"),
     ("labels", ("--counts", "0", "2"), "--counts needs at least two numbers above 0"),
     ("labels", ("--counts", "2", "5"), "--counts 5 is more than the 4 labelled images of camvid"),
     ("labels", ("--counts", "1", "2", "-1"), "--counts must be 0 or more, not -1"),
-    ("labels", ("--renders", "random", "--learnt", "FILE"), "is of no use with --renders random"),
+    ("labels", ("--renders", "random", "--learnt", "FILE"), "has no effect with --renders random"),
     ("labels", ("--few-share", "1"), "--few-share must lie in (0, 1), not 1"),
     ("searches", ("--searches", "0"), "--searches must be 1 or more, not 0"),
     ("searches", ("--methods", "sdr", "sdr"), "--methods sdr sdr names one of them twice"),
@@ -176,7 +176,7 @@ def test_a_recorded_report_is_derived_anew(recorded, out):
     ("searches", ("--groups", "car_position"), "--groups: in no group"),
     ("searches", ("--core-minutes", "0.0001"), "0.0001 are too few for one update of intervals"),
     ("searches", ("--subset", "car_position"), "--subset needs --core-minutes"),
-    ("searches", ("--subset", "fog", "--core-minutes", "1"), "--subset: attribute 'fog' is unknown"),
+    ("searches", ("--subset", "fog", "--core-minutes", "1"), "--subset: unknown attribute 'fog'"),
     ("searches", ("--subset", "bend", "bend", "--core-minutes", "1"), "--subset bend bend names one"),
     ("table", ("--few", "4"), "--few 4 selects all 4 labelled images of camvid"),
     ("ablation", ("--variants", "full", "full"), "--variants full full names one of them twice"),
@@ -281,8 +281,8 @@ def test_rows_of_one_kind_keep_their_own_recipes(config, counted):
 
 
 @pytest.mark.parametrize(("name", "flags", "said"), [
-    ("table", ("--learnt", "FILE", "--method", "sdr"), "--search.method is of no use with --learnt"),
-    ("table", ("--all-images",), "--all-images needs --gta5, --synthia or --kitti"),
+    ("table", ("--learnt", "FILE", "--method", "sdr"), "--search.method has no effect with --learnt"),
+    ("table", ("--all-images",), "--all-images needs --gta5 or --synthia or --kitti"),
     ("table", ("--few-share", "0.4"), "--few-share needs --few"),
     ("table", ("--twin-seed", "3"), "--twin-seed is for --target twin, not camvid"),
     ("table", ("--twin", "near"), "--twin is for --target twin, not camvid"),
@@ -291,10 +291,10 @@ def test_rows_of_one_kind_keep_their_own_recipes(config, counted):
      "--search.squared-reward is for sdr, not tpe, cma_es"),
     ("ablation", ("--method", "intervals", "--search.learning-rate", "1"),
      "--search.learning-rate is for sdr, not intervals"),
-    ("pretrain", ("--learnt", "FILE", "--rows", "random"), "--learnt is of no use with --rows random"),
-    ("sensitivity", ("--records", "FILE", "--evaluations", "9"), "--evaluations is of no use with --rec"),
+    ("pretrain", ("--learnt", "FILE", "--rows", "random"), "--learnt has no effect with --rows random"),
+    ("sensitivity", ("--records", "FILE", "--evaluations", "9"), "--evaluations has no effect with --rec"),
     ("table", ("--from-scratch",), "--from-scratch is for --preset paper, not smoke"),
-    ("labels", ("--weights", "x.npz"), "--weights are for VGG nets or dinov2; this job trains compact"),
+    ("labels", ("--weights", "x.npz"), "--weights is for VGG networks and dinov2; this job trains compact"),
 ])  # fmt: skip
 def test_a_flag_without_effect_is_refused(name, flags, said, command, out, error_line, learnt_file):
     flags = [str(learnt_file) if flag == "FILE" else flag for flag in flags]

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from common.memory import refuse_larger
-from experiments.config.studies import defaults_of
+from experiments.config.jobs import defaults_of
 from experiments.studies.table import FORM, PAPER, fidelity_of, subset_miou
 from experiments.tables.nets import with_net
 from experiments.tables.stats import mean_ci95, paired_gain

@@ -9,7 +9,7 @@ import pytest
 from common.errors import UserError
 from common.files import write, write_json
 from experiments.config import presets
-from experiments.config.studies import defaults_of
+from experiments.config.jobs import defaults_of
 from experiments.studies.searches import OVER
 from experiments.tables.skeleton import check
 from scripts.results import __main__ as command

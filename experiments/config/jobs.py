@@ -1,4 +1,4 @@
-"""Every job's own flags and presets; nothing here loads a net, a search or a renderer."""
+"""All jobs: their flags, presets and work; nothing here loads a network, a search or a renderer."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 from common.bounds import DISTINCT, POSITIVE, at_least, within
-from common.flags import UNUSED
+from common.flags import UNUSED, Option
 from experiments.config import presets
 from experiments.config.config import (
     NETS,
@@ -44,45 +44,45 @@ Variant = Literal[
 ]
 VARIANTS: tuple[Variant, ...] = get_args(Variant)
 LEAST = 8
-"""Least number of rewards to which a model of sensitivities is fitted."""
+"""The fewest rewards to which a model of sensitivities is fitted."""
 MOST_REPEATS = 1_000_000
-"""Number of seeds of a rung in the measurement of fidelity."""
+"""Number of seeds of a rung in the study of fidelity."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TableConfig(LearntConfig, FewConfig):
-    """One table. Every field is a flag."""
+    """Flags of `sdr-jax study table`."""
 
     nets: Annotated[tuple[NetName, ...], DISTINCT] = ("compact",)
-    """The nets to train."""
+    """The networks to train."""
     compact: Fidelity
-    """The fidelity of the compact net, if it is not the net of --final."""
+    """Size for the compact network, if it is not the network of --final."""
     vgg: Fidelity
-    """The fidelity of FCN8s and DeepLabv2, if neither is the net of --final."""
+    """Size for FCN8s and DeepLabv2, if neither is the network of --final."""
     gta5: Path | None = None
     """Folder of GTA5 to train on."""
     synthia: Path | None = None
     """Folder of SYNTHIA RAND-CITYSCAPES."""
     kitti: Path | None = None
     """Folder of KITTI semantics."""
-    all_images: bool = False
-    """Train on all images of these; by default on a seeded choice of as many as a rendered dataset has."""
+    all_images: Annotated[bool, Option(needs=("--gta5", "--synthia", "--kitti"))] = False
+    """Train on all images of these; by default on a random choice of as many as a rendered dataset has."""
 
     @property
     def nets_trained(self) -> tuple[str, ...]:
-        """Names of the nets that the job may train."""
+        """Names of the networks that the job may train."""
         return (*self.nets, *super().nets_trained)
 
 
 @dataclass(frozen=True, kw_only=True)
 class LabelsConfig(LearntConfig, ShareConfig):
-    """One study. Every field is a flag."""
+    """Flags of `sdr-jax study labels`."""
 
     counts: Annotated[tuple[int, ...] | None, at_least(0), DISTINCT] = None
     """Numbers of labelled training images; by default 0, 7, 14, and 10, 25, 50 and 100 % of all."""
     renders: Annotated[tuple[Renders, ...] | None, DISTINCT] = None
-    """The renders beside them: streets with random attributes, hand-set ones (default), half of either
-    (mixed) or learnt ones; by default learnt with --learnt, otherwise default."""
+    """Sets of renders to mix with them: random streets, the default street, half of each (mixed), or
+    optimised streets (learnt); by default learnt with --learnt, otherwise default."""
 
     @property
     def rendered(self) -> tuple[Renders, ...]:
@@ -94,63 +94,63 @@ class LabelsConfig(LearntConfig, ShareConfig):
 
 @dataclass(frozen=True, kw_only=True)
 class PretrainConfig(LearntConfig):
-    """One measurement of pre-training. Every field is a flag."""
+    """Flags of `sdr-jax study pretrain`."""
 
     default_width: Annotated[float, UNUSED] = 0.0
     rows: Annotated[tuple[PretrainRow, ...], DISTINCT] = ("scratch", "random", "learnt")
-    """The start of nets: scratch (nothing, or ImageNet weights), random, learnt (pre-trained on SceneX with
-    these attributes), longer (from scratch, but with as many steps on the real subset first, which costs as
-    much as pre-training for every fraction)."""
+    """How networks start: scratch (nothing, or ImageNet weights), random or learnt (pre-trained on random or
+    optimised streets), longer (from scratch, but first trained for as many steps on the real subset, which
+    costs as much as pre-training for every fraction)."""
     fractions: Annotated[tuple[float, ...], within(0, 1, "(]"), DISTINCT] = (0.05, 0.1, 0.25, 1.0)
-    """Shares of the reward images for fine-tuning, nested, the same for all rows of a seed."""
+    """Shares of the real images for fine-tuning, nested, the same for all rows of a seed."""
     learn_on: Literal["all", "share"] = "all"
-    """The labels that the search uses: of all reward images, or of the share for fine-tuning, which takes a
-    search for every fraction and the same images for all seeds."""
+    """The labels that the search uses: of all real images, or of the share for fine-tuning, which takes a
+    search for every fraction, and the same images for all seeds."""
     search_images: Annotated[int | None, at_least(1)] = None
-    """The most reward images that the search uses, chosen at random; by default all."""
+    """The most real images that the search uses, chosen at random; by default all."""
     finetune_steps: Annotated[int | None, at_least(1)] = None
-    """Updates of the fine-tuning; by default a third of --final.train.steps."""
+    """Steps of the fine-tuning; by default a third of --final.train.steps."""
     finetune_lr: Annotated[float | None, POSITIVE] = None
     """Highest learning rate of the fine-tuning; by default a third of --final.train.lr."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class AblationConfig(GroupsConfig, Rederived):
-    """One ablation. Every field is a flag."""
+    """Flags of `sdr-jax study ablation`."""
 
     search: MethodOptions
     evaluations: Annotated[int, at_least(1), NETS] = 96
     """Rewards of each search."""
     variants: Annotated[tuple[Variant, ...], DISTINCT] = VARIANTS
-    """The variants to compare, with full among them."""
+    """The variants to compare; they must include full."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class AssetsConfig(LearntConfig):
-    """One study. Every field is a flag.
+    """Flags of `sdr-jax study assets`.
 
     --fractions replaces --asset-fraction, and --images replaces --final.streets.
     """
 
     asset_fraction: Annotated[float, UNUSED] = 1.0
     images: Annotated[tuple[int, ...], at_least(1), DISTINCT] = (90, 180, 450, 900, 1350)
-    """Images of a training set, in multiples of --final.shots, the images of a street."""
+    """Sizes of the training set in images, multiples of --final.shots (the images of a street)."""
     fractions: Annotated[tuple[float, ...], within(0, 1, "(]"), DISTINCT] = (1.0, 0.5)
     """Shares of the assets."""
     attributes: Literal["random", "default", "learnt"] = "default"
-    """The attributes of streets: random, hand-set, or learnt (from --learnt, otherwise by a search)."""
+    """The streets: random, default, or optimised (learnt: those of --learnt, otherwise of a search)."""
 
 
 @dataclass(frozen=True)
 class ManySearch(Search):
-    """The options of searches by several methods."""
+    """Options of searches by several methods."""
 
     method: Annotated[MethodName | RivalName, UNUSED] = "surrogate"  # type: ignore[assignment]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ManyConfig(FewConfig, Rederived):
-    """One study. Every field is a flag.
+    """Flags of `sdr-jax study searches`.
 
     --methods replaces --method.
     """
@@ -163,56 +163,55 @@ class ManyConfig(FewConfig, Rederived):
         "sdr",
         "random_search",
     )
-    """The search methods. Those of other libraries (cma_es, tpe,
-    gaussian_process) need a checkout."""
+    """The search methods. Those of other libraries (cma_es, tpe, gaussian_process) need a checkout."""
     core_minutes: Annotated[float | None, POSITIVE] = None
-    """As many rewards for each search as take about so many minutes of a core; by default as many as the
+    """Give each search as many rewards as take about so many minutes of a core; by default as many as the
     preset has."""
-    subset: Annotated[tuple[str, ...] | None, DISTINCT] = None
+    subset: Annotated[tuple[str, ...] | None, DISTINCT, Option(needs=("--core-minutes",))] = None
     """With --core-minutes: the attributes to optimise; the others stay random. By default all."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SensitivityConfig(BinsConfig, Rederived):
-    """One analysis. Every field is a flag."""
+    """Flags of `sdr-jax study sensitivity`."""
 
     records: tuple[Path, ...] = ()
-    """Stores of evaluations, run folders, or lines of bins and rewards; nothing is rendered."""
-    records_config: str | None = None
-    """The configuration in them, by the name that sdr-jax store show prints; by default the one with the most
-    rewards."""
-    evaluations: Annotated[int, at_least(LEAST), NETS] = 128
-    """Without --records: the number of rewards, with those in --store; missing ones are made of random
+    """Stores of evaluations, run folders, or files of bins and rewards to analyse; nothing is rendered."""
+    records_config: Annotated[str | None, Option(needs=("--records",))] = None
+    """The configuration in them to analyse, by its name in sdr-jax store show; by default the one with the
+    most rewards."""
+    evaluations: Annotated[int, at_least(LEAST), NETS, Option(excludes=("--records",))] = 128
+    """Without --records: the number of rewards, those of --store included; missing ones are made with random
     attributes."""
 
     @property
     def nets_trained(self) -> tuple[str, ...]:
-        """Names of the nets that the job may train."""
+        """Names of the networks that the job may train."""
         return () if self.records else super().nets_trained
 
 
 @dataclass(frozen=True, kw_only=True)
 class FidelityConfig(RewardConfig, BinsConfig, Rederived):
-    """One measurement. Every field is a flag."""
+    """Flags of `sdr-jax study fidelity`."""
 
     reward_kind: RewardKind = "miou"
-    """miou of a net trained on the dataset; or mmd, a distance of images without labels, which is also
-    compared with mIoU at the final size."""
+    """miou of a network trained on the dataset; or mmd, a distance between images without labels, which is
+    also compared with mIoU at the final size."""
     proposals: Annotated[int, at_least(2), NETS] = 24
-    """Proposals with random bins for all attributes; the hand-set street and random ones are added."""
+    """Proposals with random bins for all attributes; the default street and random streets are added."""
     repeated: Annotated[int, at_least(2), NETS] = 6
-    """Proposals that are evaluated with several seeds, including the two added ones."""
+    """Proposals evaluated with several seeds, including the two added ones."""
     repeats: Annotated[int, within(2, MOST_REPEATS), NETS] = 4
     """Seeds of each such proposal."""
     rungs: Annotated[int | None, at_least(1)] = None
-    """The number of rungs, the cheapest first; by default all of them, up to the final size."""
+    """The number of sizes to measure, the cheapest first; by default all, up to the final one."""
     require_signal: Annotated[float | None, POSITIVE] = None
-    """End with exit code 1 if the signal of the cheapest reward, which a search would use, is less than so
-    many times its noise. 2 is a good demand before a search with a net that may learn nothing."""
+    """Exit with code 1 if the signal of the cheapest reward, which a search would use, is less than so many
+    times its noise. Require 2 before a search with a network that may learn nothing."""
 
 
 def methods_of(config: GroupsConfig) -> tuple[str, ...]:
-    """The methods by which a job searches."""
+    """Return the methods by which a job searches."""
     if isinstance(config, ManyConfig):
         return config.methods
     return (config.search.method,) if isinstance(config.search, MethodOptions) else ()
@@ -225,7 +224,7 @@ class Job(NamedTuple):
     module: str  # whose docstring is the help's first part
     work: str  # the function of the configuration, ``module:name``
     called: str  # the command after ``sdr-jax``
-    own: Mapping[Preset, Table] = {}  # differences from the main job by preset
+    changes: Mapping[Preset, Table] = {}  # differences from the main job by preset
     target: TargetName | None = None  # of a command without --target
     with_data: TargetName | None = None  # another target of such a command with --data
 
@@ -235,9 +234,9 @@ def _main(name: str, target: TargetName, with_data: TargetName | None = None) ->
     return Job(MainConfig, module, work, name, {}, target, with_data)
 
 
-def _study(name: str, kind: type[Config], own: Mapping[Preset, Table]) -> Job:
+def _study(name: str, kind: type[Config], changes: Mapping[Preset, Table]) -> Job:
     module = f"experiments.studies.{name}"
-    return Job(kind, module, f"{module}:RUN", f"study {name}", own)
+    return Job(kind, module, f"{module}:RUN", f"study {name}", changes)
 
 
 # Ten images of each street, as in the paper's presets, divide all numbers of images.
@@ -259,7 +258,7 @@ STUDIES: dict[str, Job] = {
             "evaluations": 4,
             "variants": ("full", "no_relaxation", "shuffled_groups", "no_positions"),
         },
-        # With eight, methods that go group by group have no rewards left over.
+        # With eight, methods that go group by group leave no rewards over.
         "quick": {"search": {"datasets_per_update": 8, "method": "intervals"}, "seeds": 3},
         "paper": {"evaluations": 300},  # the budget of its six groups, 50 updates each
     }),
@@ -292,6 +291,6 @@ JOBS: dict[str, Job] = {
 
 
 def defaults_of(name: str, target: TargetName, preset: Preset) -> Any:
-    """The defaults of a job for a target and a preset."""
+    """Make the defaults of a job for a target and a preset."""
     job = JOBS[name]
-    return presets.defaults(job.kind, target, preset, **job.own.get(preset, {}))
+    return presets.defaults(job.kind, target, preset, **job.changes.get(preset, {}))
