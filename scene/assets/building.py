@@ -1,7 +1,7 @@
 """Buildings: the facade in the plane y = 0 faces the road (-y), the body extends to y > 0.
 
-The facade is a wall with real openings; a layer of frames lies some centimetres behind it, and
-panes of glass between the two. Everything else (roof, chimneys, balconies, shop front) is added.
+The facade is a wall with real openings; a layer of frames is some centimetres behind it, and panes of
+glass are between the two. Roof, chimneys, balconies, shop fronts and so on are added to it.
 """
 
 from __future__ import annotations
@@ -32,7 +32,15 @@ from scene.assets.parts.facade import (
     window,
 )
 from scene.assets.parts.palette import WINDOW
-from scene.assets.parts.roof import OVERHANG, chimney, dormer, flat, pitched, plant_room, steeple
+from scene.assets.parts.roof import (
+    OVERHANG,
+    chimney,
+    dormer,
+    flat_roof,
+    pitched_roof,
+    plant_room,
+    steeple,
+)
 from scene.assets.parts.styles import KINDS, BuildingParams, sample_building
 from scene.classes import TrainId
 from scene.mesh.asset import Asset
@@ -40,17 +48,17 @@ from scene.mesh.solids import box
 
 
 def eaves(params: BuildingParams) -> float:
-    """Height of the walls (metres)."""
+    """Return the height of the walls (metres)."""
     return params.ground + params.storeys * params.storey
 
 
 def _floors(params: BuildingParams) -> list[float]:
-    """Heights of the floors above the ground floor (metres)."""
+    """Return the heights of the floors above the ground floor (metres)."""
     return [params.ground + params.storey * k for k in range(params.storeys)]
 
 
 def _upper_openings(params: BuildingParams) -> list[list[Opening]]:
-    """Openings of the storeys above the ground floor, by column; balconies have glass doors."""
+    """Return the openings of the upper storeys by column; balconies have glass doors."""
     p = params
     low = p.storey * (1 - p.window[1]) * 0.55
     high = low + p.storey * p.window[1]
@@ -63,7 +71,7 @@ def _upper_openings(params: BuildingParams) -> list[list[Opening]]:
 
 
 def _ground_openings(params: BuildingParams) -> list[list[Opening]]:
-    """Openings of the ground floor, by column."""
+    """Return the openings of the ground floor by column."""
     p = params
     windows = bays(p.width, p.bays, p.window[0])
     top = 0.82 * p.ground
@@ -88,10 +96,10 @@ def _ground_openings(params: BuildingParams) -> list[list[Opening]]:
     return [[opening] for opening in row]
 
 
-def _fill(
+def _opening_fill(
     rng: np.random.Generator, params: BuildingParams, opening: Opening, panes: tuple[int, int]
 ) -> list[Part]:
-    """What an opening holds: panes, a door, or the dark of a parking deck."""
+    """Build the inside of an opening: panes, a door, or the darkness of a parking deck."""
     if opening.glazed:
         return window(rng, opening, panes, params.curtain)
     if params.ground_floor == "decks":
@@ -100,7 +108,7 @@ def _fill(
 
 
 def _facade(rng: np.random.Generator, params: BuildingParams) -> list[Part]:
-    """Both parts of the front with frames, panes, doors, sills and lintels."""
+    """Build ground floor and upper storeys of the front with frames, panes, doors, sills and lintels."""
     p = params
     top = eaves(p)
     upper, ground = _upper_openings(p), _ground_openings(p)
@@ -109,12 +117,12 @@ def _facade(rng: np.random.Generator, params: BuildingParams) -> list[Part]:
     ]
     parts += pierced_wall(p.width, (0, p.ground), ground, *p.ground_wall)
     parts += pierced_wall(p.width, (p.ground, top), upper, *p.wall)
-    wide = {"doors": p.panes, "shop": (2, 1)}.get(p.ground_floor, (1, 1))
+    ground_panes = {"doors": p.panes, "shop": (2, 1)}.get(p.ground_floor, (1, 1))
     for (opening,) in ground:
-        parts += _fill(rng, p, opening, wide)
+        parts += _opening_fill(rng, p, opening, ground_panes)
     for bay, column in enumerate(upper):
         for opening in column:
-            parts += _fill(rng, p, opening, p.panes)
+            parts += _opening_fill(rng, p, opening, p.panes)
             if p.head != "flat" and bay not in p.balconies:
                 parts += arch(opening, *p.wall, pointed=p.head == "pointed")
             if "sills" in p.trim and bay not in p.balconies:
@@ -125,7 +133,7 @@ def _facade(rng: np.random.Generator, params: BuildingParams) -> list[Part]:
 
 
 def _trim(rng: np.random.Generator, params: BuildingParams) -> list[Part]:
-    """What is laid on the facade as a whole."""
+    """Build the ornaments and fittings on the facade that ``trim`` names."""
     p = params
     top, half, floors = eaves(p), p.width / 2, _floors(p)
     columns = bays(p.width, p.bays, p.window[0])
@@ -188,8 +196,8 @@ def _trim(rng: np.random.Generator, params: BuildingParams) -> list[Part]:
     return parts
 
 
-def _added(rng: np.random.Generator, params: BuildingParams) -> list[Part]:
-    """Shop fronts, bay windows, hoods over the doors and balconies."""
+def _additions(rng: np.random.Generator, params: BuildingParams) -> list[Part]:
+    """Build shop fronts, bay windows, hoods over the doors and balconies."""
     p = params
     parts: list[Part] = []
     if p.ground_floor == "shop":
@@ -207,7 +215,7 @@ def _added(rng: np.random.Generator, params: BuildingParams) -> list[Part]:
 
 
 def _sides(params: BuildingParams) -> list[Part]:
-    """Back and side walls, the latter with their windows."""
+    """Build the back wall, and the side walls with their windows."""
     p = params
     top, half = eaves(p), p.width / 2
     parts: list[Part] = [Patch(upright(-half, half, 0, top, p.depth), *p.wall)]
@@ -221,14 +229,14 @@ def _sides(params: BuildingParams) -> list[Part]:
     return parts
 
 
-def _top(params: BuildingParams) -> list[Part]:
-    """The roof with its dormers and chimneys, and the tower."""
+def _roof(params: BuildingParams) -> list[Part]:
+    """Build the roof with its dormers and chimneys, and the tower."""
     p = params
     plan, base = (p.width, p.depth), eaves(p)
     if p.roof == "flat":
-        parts: list[Part] = [flat(plan, base, p.rise, p.frame, p.wall)]
+        parts: list[Part] = [flat_roof(plan, base, p.rise, p.frame, p.wall)]
     else:
-        parts = [pitched(plan, base, p.rise, p.roof, p.roof_color, p.wall)]
+        parts = [pitched_roof(plan, base, p.rise, p.roof, p.roof_color, p.wall)]
         if p.roof != "front gable":
             y = 0.12 * p.depth
             slope = (y, base + p.rise * y / (p.depth / 2 + OVERHANG))
@@ -240,7 +248,7 @@ def _top(params: BuildingParams) -> list[Part]:
     parts += [chimney(place, p.rise + 0.9, p.chimney) for place in places[: p.chimneys]]
     if p.tower:
         centre = (-p.width / 2 + 1.8, 1.4)
-        height = max(p.tower, base + p.rise + 1.5)  # no tower ends below its roof
+        height = max(p.tower, base + p.rise + 1.5)  # a tower ends above the roof
         parts += steeple(centre, 3.6, height, p.spire, p.wall, p.roof_color)
     return parts
 
@@ -249,7 +257,7 @@ def building(params: BuildingParams) -> Asset:
     """Build the building."""
     p = params
     rng = np.random.default_rng(p.seed)
-    return assemble([*_facade(rng, p), *_trim(rng, p), *_added(rng, p), *_sides(p), *_top(p)])
+    return assemble([*_facade(rng, p), *_trim(rng, p), *_additions(rng, p), *_sides(p), *_roof(p)])
 
 
 FAMILY = Family(

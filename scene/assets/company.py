@@ -101,7 +101,7 @@ def company(params: CompanyParams) -> Asset:
 
 
 def _sitter(p: CompanyParams, hands: tuple[Point, Point]) -> Asset:
-    """The person on the seat, both shoes on the ground."""
+    """Build the person on the seat, both shoes on the ground."""
     h = p.person.body.height
     hip = (0.0, 0.0, SEAT + 0.055 * h)
     ankles = [(p.stretch * h / 1.75 + 0.03 * s, 0.075 * s * h, ANKLE * h) for s in (1, -1)]
@@ -117,7 +117,7 @@ def _sitter(p: CompanyParams, hands: tuple[Point, Point]) -> Asset:
 
 
 def _bench(wood: Color) -> list[Asset]:
-    """Slats of seat and back, and two legs."""
+    """Build slats of seat and back, and two legs."""
     slats = [
         box((0.09, BENCH, 0.035), (x, 0, SEAT - 0.035), wood, "wood") for x in (-0.16, -0.04, 0.08)
     ]
@@ -128,7 +128,7 @@ def _bench(wood: Color) -> list[Asset]:
 
 
 def _build(dog: Dog) -> Asset:
-    """The dog where it walks."""
+    """Build the dog where it walks."""
     h, b, coat = dog.height, dog.build, dog.coat
     trunk = np.array(
         [(-0.55, 0.82), (-0.5, 0.80), (-0.2, 0.80), (0.15, 0.76), (0.4, 0.80), (0.47, 0.86)]
@@ -160,7 +160,7 @@ def _build(dog: Dog) -> Asset:
 
 
 def _lead(dog: Dog) -> Asset:
-    """From the owner's hand to the neck."""
+    """Build from the owner's hand to the neck."""
     x, y = dog.place
     side = math.copysign(1.0, y)
     points = np.array([(0.05, 0.28 * side, 0.78), (0.5 * x, 0.5 * (y + 0.28 * side), 0.5),

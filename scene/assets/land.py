@@ -1,4 +1,4 @@
-"""Tiles of land beside a street (class terrain): water, fields and lawn, laid side by side on the ground."""
+"""Tiles of land along a street (class terrain): water, fields and lawn, laid side by side."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from scene.mesh.asset import Asset, Color, shade, solid
 from scene.mesh.quads import grid
 
 TILE = 8.0
-"""Metres along each side."""
+"""Length of a side (metres)."""
 CELLS = 20
 """Cells along each side."""
 LIFT = 0.03
-"""Mean height, metres."""
+"""Mean height (metres)."""
 
 
 class LandParams(NamedTuple):
-    """One tile: rows run along x."""
+    """One tile; its rows run along x."""
 
     color: Color
     material: str
@@ -44,22 +44,24 @@ KINDS: tuple[str, ...] = tuple(_KINDS)
 
 
 def land(params: LandParams) -> Asset:
-    """Build the tile, centred on the origin; its edges are those of its neighbours."""
+    """Build the tile, centred on the origin, with level edges that fit its neighbours."""
     p, rng = params, np.random.default_rng(params.seed)
-    at = np.linspace(-TILE / 2, TILE / 2, CELLS + 1)
+    coordinates = np.linspace(-TILE / 2, TILE / 2, CELLS + 1)
     height = rng.uniform(0, 2 * p.ridge, (CELLS + 1, CELLS + 1))
     tone = 1 + p.contrast * rng.uniform(-1, 1, (CELLS, CELLS))
     if p.rows:
         crest = np.arange(CELLS + 1) * p.rows % CELLS == 0
         height = np.broadcast_to(2 * p.ridge * crest, height.shape).copy()
         tone *= 1 + p.contrast * np.where(crest[:-1], 1, -1)
-    # The edges are level, so that tiles meet, and the outermost corners stand on the ground.
+    # The edges are level, so that tiles meet; one corner touches the ground.
     height[[0, -1]] = height[:, [0, -1]] = 0.0
     height += LIFT
     height[0, 0] = 0.0
-    corners = grid(at, at, height)
-    first = 4 * np.arange(len(corners))[:, None]
-    faces = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]], axis=1).reshape(-1, 3)
+    corners = grid(coordinates, coordinates, height)
+    first_corner = 4 * np.arange(len(corners))[:, None]
+    faces = np.concatenate([first_corner + [0, 1, 2], first_corner + [0, 2, 3]], axis=1).reshape(
+        -1, 3
+    )
     tile = solid(corners.reshape(-1, 3), faces, p.color, p.material)
     return shade(tile, tone.ravel().repeat(2))
 

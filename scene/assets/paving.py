@@ -1,4 +1,4 @@
-"""Paved pieces of class sidewalk that stand alone: traffic islands, and paths through parks in pieces."""
+"""Paving apart from the sidewalk (class sidewalk): traffic islands, and pieces of paths through parks."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from scene.mesh.asset import Asset, Color, merge
 from scene.mesh.solids import box, loft, polygon
 
 PATH: tuple[float, float] = (2.0, 2.2)
-"""Metres of a piece of path along x, and usual ones along y; paths run along x."""
+"""Size of a piece of path along x, and its usual size along y (metres); paths run along x."""
 CURB = 0.12
-"""Width of kerb stones, metres."""
+"""Width of kerb stones (metres)."""
 
 
 class PavingParams(NamedTuple):
-    """One piece."""
+    """One island or piece of path."""
 
-    size: tuple[float, float, float]  # metres
-    nose: float  # metres by which the ends are rounded; 0 for a plain box
+    size: tuple[float, float, float]  # m
+    nose: float  # length of the rounded ends, m; 0 for a plain box
     color: Color
     material: str
     kerb: Color
@@ -70,7 +70,7 @@ def paving(params: PavingParams) -> Asset:
 
 
 def _outline(x: float, y: float, nose: float) -> np.ndarray:
-    """A rectangle f64[n, 2] whose ends are half ellipses ``nose`` long."""
+    """Return a rectangle f64[n, 2] whose ends are half ellipses of length ``nose``."""
     if nose <= 0:
         return np.array([[x, y], [-x, y], [-x, -y], [x, -y]]) / 2
     turn = np.linspace(-np.pi / 2, np.pi / 2, 9)

@@ -153,7 +153,7 @@ def sample_person(rng: np.random.Generator, kind: str) -> PersonParams:
 
 
 def person(params: PersonParams) -> Asset:
-    """The person of ``params``, facing +x, the lowest shoe on the ground."""
+    """Build the person of ``params``, facing +x, the lowest shoe on the ground."""
     p = params
     pose = _pose(p)
     parts = [figure(p.body, p.outfit, pose), head(p.body, p.outfit, pose)]

@@ -103,7 +103,7 @@ def sample_rider(rng: np.random.Generator, kind: str) -> RiderParams:
 
 
 def rider(params: RiderParams) -> Asset:
-    """The rider of ``params``, facing +x, where the machine of the same pose has its saddle."""
+    """Build the rider of ``params``, facing +x, where the machine of the same pose has its saddle."""
     p = params
     pose = _pose(p)
     parts = [figure(p.body, p.outfit, pose), head(p.body, p.outfit, pose)]

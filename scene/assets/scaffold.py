@@ -1,4 +1,4 @@
-"""Scaffolding before facades (class building): tubes and decks from y = 0 back towards the wall."""
+"""Scaffolding in front of facades (class building): tubes and decks from y = 0 back towards the wall."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ class ScaffoldParams(NamedTuple):
     lifts: int
     steel: Color
     boards: Color
-    net: Color  # or of the hoarding
-    netted: float  # share of the bays behind a net
+    net: Color  # of nets, and of the hoarding
+    netted: float  # share of the bays that have a net
     hoarding: bool
     fan: bool
     seed: int
@@ -58,7 +58,7 @@ def sample_scaffold(rng: np.random.Generator, kind: str) -> ScaffoldParams:
 
 
 def scaffold(params: ScaffoldParams) -> Asset:
-    """Build the scaffold, in the middle of x."""
+    """Build the scaffold, centred in x."""
     p, rng = params, np.random.default_rng(params.seed)
     length, top = p.bays * p.bay, p.lifts * LIFT
     x = np.linspace(-length / 2, length / 2, p.bays + 1).tolist()
@@ -98,7 +98,7 @@ def scaffold(params: ScaffoldParams) -> Asset:
 
 
 def _sheets(p: ScaffoldParams, x: list[float], top: float, rng: np.random.Generator) -> list[Asset]:
-    """Nets before the bays, boards around the foot, and a fan that keeps what falls off the street."""
+    """Build nets over bays, a hoarding around the foot, and a fan that catches falling objects."""
     parts = []
     first = 1 if p.hoarding or p.fan else 0
     for k in range(p.bays):

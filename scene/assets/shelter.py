@@ -1,4 +1,4 @@
-"""Small buildings on sidewalks: bus shelters, kiosks, market stalls; their open front in the plane y = 0."""
+"""Bus shelters, kiosks and market stalls on sidewalks (class building), their front in the plane y = 0."""
 
 from __future__ import annotations
 
@@ -36,22 +36,22 @@ POSTERS: tuple[Color, ...] = (
 
 
 class ShelterParams(NamedTuple):
-    """One of them: metres along x, y and z, and what it is made of."""
+    """One shelter, stall or kiosk."""
 
     kind: str
-    size: tuple[float, float, float]
+    size: tuple[float, float, float]  # along x, y and z, m
     frame: Color
     cover: Color
-    second: Color
+    second: Color  # of posters, benches or the awning
     seed: int
 
 
 def sample_shelter(rng: np.random.Generator, kind: str) -> ShelterParams:
-    """Draw one of ``KINDS``."""
-    stall = kind in STALLS
-    long = float(rng.uniform(2.2, 3.4) if stall else rng.uniform(2.8, 5.2))
+    """Draw a shelter of one of ``KINDS``."""
+    is_stall = kind in STALLS
+    long = float(rng.uniform(2.2, 3.4) if is_stall else rng.uniform(2.8, 5.2))
     size = (long, float(rng.uniform(1.3, 1.9)), float(rng.uniform(2.3, 2.7)))
-    stock: dict[Any, Color] = {name: few[rng.integers(len(few))] for name, few in _STOCK.items()}
+    stock: dict[Any, Color] = {k: colors[rng.integers(len(colors))] for k, colors in _STOCK.items()}
     frame, cover, second = (stock.get(color, color) for color in _KINDS[kind].colors)
     return ShelterParams(
         kind, size, vary(rng, frame, 0.3), vary(rng, cover, 0.25), vary(rng, second, 0.25),
@@ -66,7 +66,7 @@ def _posts(p: ShelterParams, inset: float = 0.06, gauge: float = 0.07) -> list[A
 
 
 def _glazed(p: ShelterParams, ends: tuple[int, ...] = (1,)) -> list[Asset]:
-    """Posts, bars and narrow panes along the back, a bench, a flat roof; posters at its ``ends``."""
+    """Build posts, a glazed back, a bench and a flat roof, with posters at ``ends``."""
     x, y, z = p.size
     parts = [
         *_posts(p),
@@ -94,7 +94,7 @@ def _glazed(p: ShelterParams, ends: tuple[int, ...] = (1,)) -> list[Asset]:
 
 
 def _cantilever(p: ShelterParams) -> list[Asset]:
-    """A curved roof on two posts at the back."""
+    """Build a curved roof on two posts at the back."""
     x, y, z = p.size
     angle = np.linspace(0.0, 1.2, 7)
     rings = [
@@ -112,7 +112,7 @@ def _cantilever(p: ShelterParams) -> list[Asset]:
 
 
 def _walled(p: ShelterParams, material: str) -> list[Asset]:
-    """Walls on three sides and a pitched roof."""
+    """Build walls on three sides and a pitched roof."""
     x, y, z = p.size
     low = z - 0.3
     walls = [
@@ -132,7 +132,7 @@ def _walled(p: ShelterParams, material: str) -> list[Asset]:
 
 
 def _stall(p: ShelterParams, *, produce: bool = False) -> list[Asset]:
-    """A table with a skirt and goods below a striped cloth, or one of crates below a flat one."""
+    """Build a table with goods under a striped cloth, or for ``produce`` a wooden one under a plain cloth."""
     x, y, z = p.size
     rng = np.random.default_rng(p.seed)
     parts = _posts(p, 0.05, 0.05)
@@ -159,7 +159,7 @@ def _stall(p: ShelterParams, *, produce: bool = False) -> list[Asset]:
 
 
 def _kiosk(p: ShelterParams) -> list[Asset]:
-    """A closed hut with a hatch, papers below it and an awning over it."""
+    """Build a closed hut with a hatch, papers below the hatch and an awning above it."""
     x, y, z = p.size
     rng = np.random.default_rng(p.seed)
     parts = [
@@ -178,7 +178,7 @@ def _kiosk(p: ShelterParams) -> list[Asset]:
 
 
 class Kind(NamedTuple):
-    """How a kind is built, and its colours of frame, cover and what is beside them."""
+    """How a kind is built, and its colours of frame, cover and the rest (``second``)."""
 
     build: Callable[[ShelterParams], list[Asset]]
     colors: tuple[Any, Any, Any] = ("metal", "cloth", "poster")  # or names of ``_STOCK``
@@ -188,7 +188,7 @@ _STOCK: dict[str, tuple[Color, ...]] = {
     "hut": CLOTHS, "awning": CLOTHS, "metal": (GALVANISED, ANTHRACITE), "cloth": CLOTHS,
     "poster": POSTERS,
 }  # fmt: skip
-"""Colours of which one is drawn."""
+"""Named sets of colours; one of each is drawn."""
 _KINDS: dict[str, Kind] = {
     "glass shelter": Kind(_glazed),
     "market stall": Kind(_stall),
@@ -207,7 +207,7 @@ STALLS: tuple[str, ...] = tuple(name for name in KINDS if name not in SHELTERS)
 
 
 def shelter(params: ShelterParams) -> Asset:
-    """Build it."""
+    """Build the shelter, stall or kiosk."""
     return merge(*_KINDS[params.kind].build(params))
 
 

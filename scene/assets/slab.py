@@ -1,4 +1,4 @@
-"""Tiles of asphalt or paving for parking places (class road; pavers: none), side by side on the ground."""
+"""Tiles of parking places (class road; those of pavers have none), laid side by side on the ground."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from scene.mesh.asset import Asset, Color, ignore, merge
 from scene.mesh.solids import box, polygon
 
 BAY: tuple[float, float] = (2.5, 5.2)
-"""Metres of one tile along x and y: a place for one car that stands across x."""
+"""Size of a tile along x and y (metres): a place for one car parked along y."""
 THICK, PAINT = 0.012, 0.016
-"""Heights of the surface and of what is painted on it, metres."""
+"""Heights of the surface and of paint on it (metres)."""
 LINE = 0.1
-"""Width of painted lines, metres."""
+"""Width of painted lines (metres)."""
 
 
 class SlabParams(NamedTuple):
@@ -29,7 +29,7 @@ class SlabParams(NamedTuple):
     material: str = "fresh asphalt"
     lines: str = ""  # or "sides", "ticks" or "box"
     paint: Color = SLAB_WHITE
-    stain: tuple[float, float, float] = (0.0, 0.0, 0.2)  # where oil dripped, how far it spread, m
+    stain: tuple[float, float, float] = (0.0, 0.0, 0.2)  # of oil: x, y and radius, m
 
 
 _KINDS: dict[str, SlabParams] = {
@@ -69,7 +69,9 @@ def slab(params: SlabParams) -> Asset:
     flat = np.column_stack([outline, np.full(9, (THICK + PAINT) / 2)])
     marks.append(polygon(flat, darker(p.color, 0.7), p.material))
     tile = merge(box((*BAY, THICK), (0, 0, 0), p.color, p.material), *marks)
-    return ignore(tile) if p.material == "pavers" else tile  # parking that is set off from the road
+    return (
+        ignore(tile) if p.material == "pavers" else tile
+    )  # paved parking has no class
 
 
 FAMILY = Family(

@@ -243,7 +243,7 @@ def _limbs(rng: np.random.Generator, params: TreeParams, trunk: _Wood) -> _Wood:
 
 
 def _ivy(rng: np.random.Generator, params: TreeParams, trunk: _Wood) -> Asset:
-    """Leaves around the lower trunk, more of them low."""
+    """Build leaves around the lower trunk, more of them low."""
     p = params
     z = 0.1 + rng.random(p.ivy) ** 1.4 * 0.55 * p.height
     turn, out = rng.uniform(0, 2 * np.pi, p.ivy), 2.2 * p.radius * rng.uniform(0.6, 1.3, p.ivy)
@@ -255,7 +255,7 @@ def _ivy(rng: np.random.Generator, params: TreeParams, trunk: _Wood) -> Asset:
 
 
 def _stakes(params: TreeParams) -> list[Asset]:
-    """Two posts beside a young tree and the strap that ties it to them."""
+    """Build two posts beside a young tree and the strap that ties it to them."""
     wood, side = (0.22, 0.15, 0.085), 0.28
     post = tube((0, 0, 0), (0, 0, 1.3), 0.04, wood, "wood", sides=6)
     strap = tube((0, -side, 1.15), (0, side, 1.15), 0.025, BLACK, "rubber", sides=4)
@@ -302,7 +302,7 @@ def tree(params: TreeParams) -> Asset:
 
 
 def _within(asset: Asset, params: TreeParams) -> Asset:
-    """The tree squeezed to its height and to ``REACH``, with nothing below the ground."""
+    """Build the tree squeezed to its height and to ``REACH``, with nothing below the ground."""
     vertices = asset.mesh.vertices.copy()
     z = vertices[:, 2]
     high = z.max()

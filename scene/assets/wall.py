@@ -1,4 +1,4 @@
-"""Free-standing and retaining walls: near face in the plane y = 0, body towards y > 0."""
+"""Free-standing and retaining walls, their near face in the plane y = 0, their body in y > 0."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ KINDS: tuple[str, ...] = tuple(_KINDS)
 
 
 def _leaning(p: WallParams, x: float, length: float, height: float, front: float) -> Asset:
-    """A box from y = ``front`` back whose near face leans back by ``batter``."""
+    """Build a box from y = ``front`` backwards whose near face leans back by ``batter``."""
     deep = p.thickness - front
     color = p.second if p.face in ("blocks", "stones", "beams") else p.color
     body = box((length, deep, height), (x, front + deep / 2, 0), color, p.material)
@@ -67,7 +67,7 @@ def _leaning(p: WallParams, x: float, length: float, height: float, front: float
 
 
 def _coping(p: WallParams, x: float, length: float, height: float) -> Asset:
-    """A flat slab, or two slopes like a roof."""
+    """Build a flat coping, or one with two slopes like a roof."""
     wide, middle = p.thickness - p.batter + 0.1, (p.thickness + p.batter) / 2
     if not p.ridge:
         return box((length, wide, p.coping), (x, middle, height), p.second, "concrete")

@@ -78,7 +78,7 @@ def _torso(body: Body, outfit: Outfit, pose: Pose) -> Asset:
 
 
 def _dress(torso: Asset, outfit: Outfit) -> Asset:
-    """The colours of a torso: waistband, shirt front, stripes, bands and neck."""
+    """Build the colours of a torso: waistband, shirt front, stripes, bands and neck."""
     sides, bands = _TORSO_SIDES, len(_TORSO) - 1
     if outfit.accent is not None:
         for band in range(_WAIST, bands - 1, 2) if outfit.stripes else (2, 3, 4):
@@ -145,7 +145,7 @@ def _arm(body: Body, outfit: Outfit, joints: Bones) -> Asset:
 def _hand(
     wrist: np.ndarray, along: np.ndarray, across: np.ndarray, h: float, skin_: Color
 ) -> Asset:
-    """A mitten with a thumb that points to ``across``."""
+    """Build a mitten with a thumb that points to ``across``."""
     side = across - along * (across @ along)
     side /= max(math.sqrt(side.dot(side)), 1e-9)
     flat = cross(along, side)
@@ -178,7 +178,7 @@ _SOLE = np.arange(2 * 8 * (len(_SHOE) - 1)).reshape(-1, 8, 2)[:, (0, 1, 7)].rave
 
 
 def _shoe(ankle: np.ndarray, h: float, pitch: float, splay: float, outfit: Outfit) -> Asset:
-    """A shoe whose sole is ``ANKLE`` of the height below the ankle."""
+    """Build a shoe whose sole is ``ANKLE`` of the height below the ankle."""
     sin, cos = np.sin(pitch), np.cos(pitch)
     x, y, z = np.moveaxis(_SHOE_RINGS * h, -1, 0)
     x, z = x * cos + z * sin, z * cos - x * sin
@@ -188,7 +188,7 @@ def _shoe(ankle: np.ndarray, h: float, pitch: float, splay: float, outfit: Outfi
 
 
 def _hem(body: Body, outfit: Outfit, pose: Pose, legs: list[Bones]) -> Asset:
-    """A coat's tail or a skirt: a skin from the waist down around both legs wherever they are."""
+    """Build a coat's tail or a skirt: a skin from the waist down around both legs wherever they are."""
     h, hip = body.height, np.array(pose.hip)
     angle = (np.arange(12) + 0.5) * 2 * np.pi / 12
     cos, sin = np.cos(angle)[:, None], np.sin(angle)[:, None]
@@ -210,7 +210,7 @@ def _hem(body: Body, outfit: Outfit, pose: Pose, legs: list[Bones]) -> Asset:
 
 
 def figure(body: Body, outfit: Outfit, pose: Pose) -> Asset:
-    """A dressed person in ``pose``, without the head."""
+    """Build a dressed person in ``pose``, without the head."""
     h, hip = body.height, np.array(pose.hip)
     parts = [_torso(body, outfit, pose)]
     legs: list[Bones] = []

@@ -23,7 +23,7 @@ PRAM_HANDLE = (0.42, 0.98)
 
 
 def _pillow(size: Point, base: Point, color: Color, bulge: float = 0.75) -> Asset:
-    """A soft box of ``size`` above ``base``: narrower at its top and bottom than in the middle."""
+    """Build a soft box of ``size`` above ``base``: narrower at its top and bottom than in the middle."""
     turn = (np.arange(12) + 0.5) * 2 * np.pi / 12
     cos, sin = (np.sign(f) * np.abs(f) ** 0.6 for f in (np.cos(turn), np.sin(turn)))
     rings = [
@@ -34,7 +34,7 @@ def _pillow(size: Point, base: Point, color: Color, bulge: float = 0.75) -> Asse
 
 
 def backpack(body: Body, pose: Pose, color: Color, size: float = 1.0) -> Asset:
-    """A bag on the back with two straps over the shoulders."""
+    """Build a bag on the back with two straps over the shoulders."""
     h, (up, forward) = body.height, spine(pose)
     deep = 0.066 * h * body.girth**0.7
     bag = _pillow((0.10 * h * size, 0.165 * h, 0.25 * h * size),
@@ -63,7 +63,7 @@ def _shopping(hand: np.ndarray, h: float, color: Color) -> Asset:
 
 
 def _shoulder_bag(body: Body, pose: Pose, color: Color, across: bool) -> Asset:
-    """A bag at the right hip; its strap on the right shoulder, or across the chest."""
+    """Build a bag at the right hip; its strap on the right shoulder, or across the chest."""
     h, hip = body.height, np.array(pose.hip)
     left, right = shoulders(body, pose)
     side = -0.135 * h * body.girth**0.5
@@ -81,7 +81,7 @@ def _shoulder_bag(body: Body, pose: Pose, color: Color, across: bool) -> Asset:
 
 
 def _suitcase(body: Body, pose: Pose, color: Color) -> Asset:
-    """A case on wheels pulled behind the right hand."""
+    """Build a case on wheels pulled behind the right hand."""
     hand, h = np.array(pose.hands[1]), body.height
     foot = np.array([hand[0] - 0.55, hand[1] - 0.04, 0.083])
     case = merge(
@@ -98,7 +98,7 @@ def _suitcase(body: Body, pose: Pose, color: Color) -> Asset:
 
 
 def _umbrella(hand: np.ndarray, body: Body, color: Color, second: Color) -> Asset:
-    """An open umbrella over the head, its ribs' panels in one or two colours."""
+    """Build an open umbrella over the head, its ribs' panels in one or two colours."""
     x, y, z = hand
     top = max(1.13 * body.height, z + 0.55)
     sides = 8
@@ -140,7 +140,7 @@ def _wheels(places: list[Point], radius: float) -> list[Asset]:
 
 
 def _pram(pose: Pose, color: Color, buggy: bool) -> Asset:
-    """A pram with a folding hood, or a buggy with a child in it, held by its handle."""
+    """Build a pram with a folding hood, or a buggy with a child in it, held by its handle."""
     ahead, high = PRAM_HANDLE
     handle = pose.hip[0] + ahead
     x, radius = handle + 0.42, 0.11 if buggy else 0.17
@@ -181,7 +181,7 @@ def _pram(pose: Pose, color: Color, buggy: bool) -> Asset:
 
 
 def carried(name: str, body: Body, pose: Pose, color: Color, second: Color) -> Asset:
-    """One thing of ``CARRIED`` where a person in ``pose`` holds it.
+    """Build one thing of ``CARRIED`` where a person in ``pose`` holds it.
 
     Raises:
         ValueError: unknown name.

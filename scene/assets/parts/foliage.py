@@ -28,7 +28,7 @@ def leaf_cards(
     color: Color,
     tone: np.ndarray | float = 1.0,
 ) -> Asset:
-    """Loose triangles about ``centres`` [n, 3], each turned at random and toned about ``tone`` [n]."""
+    """Build loose triangles about ``centres`` [n, 3], each turned at random and toned about ``tone`` [n]."""
     corners = rng.normal(size=(len(centres), 3, 3))
     corners -= corners.mean(axis=1, keepdims=True)
     corners *= size / np.linalg.norm(corners, axis=2, keepdims=True).clip(0.3) * 0.7
@@ -44,7 +44,7 @@ def tufts(
     size: float,
     color: Color,
 ) -> Asset:
-    """Tufts of ``each`` leaves about ``centres`` [n, 3].
+    """Build tufts of ``each`` leaves about ``centres`` [n, 3].
 
     A tuft has a tone of its own and is darker below, so that a crown reads as lit and shaded
     clusters rather than as one green.
@@ -69,7 +69,7 @@ def _across(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def tubes(
     lines: np.ndarray, radius: np.ndarray, sides: int, color: Color, material: str = "bark"
 ) -> Asset:
-    """Bent tubes around many lines at once, open at the ends.
+    """Build bent tubes around many lines at once, open at the ends.
 
     Args:
         lines: points [tubes, points, 3], metres.
@@ -94,7 +94,7 @@ def tubes(
 def slivers(
     rng: np.random.Generator, start: np.ndarray, end: np.ndarray, width: float, color: Color
 ) -> Asset:
-    """The thinnest twigs: a single triangle from each ``start`` [n, 3] to its ``end`` [n, 3]."""
+    """Build the thinnest twigs: a single triangle from each ``start`` [n, 3] to its ``end`` [n, 3]."""
     side = np.cross(end - start, directions(rng, len(start)))
     side *= width / 2 / np.linalg.norm(side, axis=1, keepdims=True).clip(1e-9)
     return triangles(np.stack([start - side, start + side, end], 1), color, "bark")

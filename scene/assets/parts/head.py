@@ -77,7 +77,7 @@ def _rings(grow: float = 1.0, volume: float = 0.0, edge: Edge = ((0, -1.0),)) ->
 
 
 def _shell(shell: Shell, color: Color, stripes: Color | None = None) -> Asset:
-    """Hair or a hat in units of the head; ``stripes`` run from its edge to the crown."""
+    """Build hair or a hat in units of the head; ``stripes`` run from its edge to the crown."""
     rings = _rings(shell.grow, shell.volume, shell.edge)
     whole = skin(rings, color, shell.material)
     sides = np.arange(2 * SIDES * (len(rings) - 1)) // 2 % SIDES
@@ -95,7 +95,7 @@ def _shell(shell: Shell, color: Color, stripes: Color | None = None) -> Asset:
 
 
 def _hair(outfit: Outfit) -> list[Asset]:
-    """Hair in units of the head."""
+    """Build hair in units of the head."""
     do, color = outfit.hairdo, outfit.hair
     if do == "bald":
         return []
@@ -124,7 +124,7 @@ def _hair(outfit: Outfit) -> list[Asset]:
 
 
 def _brim(reach: float, wide: float, z: float, ahead: bool, color: Color, material: str) -> Asset:
-    """A flat brim all around, or a peak ahead only."""
+    """Build a flat brim all around, or a peak ahead only."""
     turn = np.linspace(-1.3, 1.3, 9) if ahead else np.arange(17) * 2 * np.pi / 16
     inner = np.column_stack([0.95 * np.cos(turn), 0.95 * np.sin(turn), np.full(len(turn), z)])
     outer = np.column_stack(
@@ -137,7 +137,7 @@ def _brim(reach: float, wide: float, z: float, ahead: bool, color: Color, materi
 
 
 def _hat(outfit: Outfit) -> list[Asset]:
-    """A hat in units of the head."""
+    """Build a hat in units of the head."""
     hat, color = outfit.hat, outfit.hat_color
     if hat == "full helmet":
         rings = skin(_rings(1.36, 0.02), color, "paint")
@@ -157,7 +157,7 @@ def _hat(outfit: Outfit) -> list[Asset]:
 
 
 def _face(outfit: Outfit) -> list[Asset]:
-    """The bare head: skull, nose, ears, brows and mouth, in units of the head."""
+    """Build the bare head: skull, nose, ears, brows and mouth, in units of the head."""
     skull = skin(_rings(), outfit.skin, "skin")
     if outfit.beard:
         jaw = np.repeat(((_LEVEL < -0.35) & (_AROUND < 95)).ravel(), 2)
@@ -167,7 +167,7 @@ def _face(outfit: Outfit) -> list[Asset]:
     parts = [skull, solid(nose, np.array([[0, 1, 2], [0, 3, 1], [1, 3, 2]]), outfit.skin, "skin")]
 
     def patch(y: float, z: float, half: float, high: float, color: Color) -> Asset:
-        """A small mark on the front of the face."""
+        """Build a small mark on the front of the face."""
         sides = np.array([y - half, y, y + half])
         front, wide = (np.interp(z, _SKULL[:, 0], _SKULL[:, k]) for k in (1, 3))
         x = 0.04 + front * np.sqrt(1 - (sides / wide) ** 2)
@@ -186,7 +186,7 @@ def _face(outfit: Outfit) -> list[Asset]:
 
 
 def head(body: Body, outfit: Outfit, pose: Pose) -> Asset:
-    """Neck and head of a person, where the pose has them, m."""
+    """Build neck and head of a person, where the pose has them, m."""
     h, (up, forward) = body.height, spine(pose)
     neck = np.array([np.sin(pose.look), 0, np.cos(pose.look)])
     base = np.array(pose.hip) + h * (TORSO * 1.04 * up - 0.006 * forward)

@@ -92,7 +92,7 @@ def bend(
 
 
 def skin(rings: np.ndarray, color: Color, material: str = "cloth") -> Asset:
-    """A closed skin over rings [n, sides, 3]; faces are [band, side, 2], then both ends."""
+    """Build a closed skin over rings [n, sides, 3]; faces are [band, side, 2], then both ends."""
     count, sides = rings.shape[:2]
     return solid(rings.reshape(-1, 3), loft_faces(count, sides), color, material)
 
@@ -100,7 +100,7 @@ def skin(rings: np.ndarray, color: Color, material: str = "cloth") -> Asset:
 def paint_bands(
     asset: Asset, sides: int, low: int, high: int, color: Color, material: str = "cloth"
 ) -> Asset:
-    """The skin with bands ``low`` to ``high`` in another colour."""
+    """Build the skin with bands ``low`` to ``high`` in another colour."""
     return repaint(asset, np.arange(2 * sides * low, 2 * sides * high), color, material)
 
 
@@ -133,7 +133,7 @@ def limb(
     material: str = "cloth",
     sides: int = 8,
 ) -> Asset:
-    """A skin of circles around a line of joints."""
+    """Build a skin of circles around a line of joints."""
     return skin(circles(np.asarray(joints, float), np.asarray(radii), sides), color, material)
 
 

@@ -1,7 +1,7 @@
-"""What is put on a facade: shop fronts and signs, bay windows, balconies, cornices, pipes, dishes.
+"""Additions to a facade: shop fronts and signs, bay windows, balconies, cornices, pipes, dishes.
 
-Each layer stands off the wall by a distance of its own, at least 3 cm from the others, so that none
-fight for one plane where they cross.
+Each layer has its own distance from the wall, at least 3 cm from the others, so that no two flicker in the
+same plane where they cross.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from scene.mesh.asset import Color, Point
 from scene.mesh.solids import block, disc, polygon, tube
 
 STRING, PIPE, BOARD, PILASTER, CORNICE = 0.115, 0.15, 0.19, 0.27, 0.32
-"""How far each stands off the wall (metres)."""
+"""Distances from the wall (metres)."""
 BAY_DEPTH = 0.6
-"""How far bay windows and balconies stand out (metres)."""
+"""Depth of bay windows and balconies (metres)."""
 
 
 def band(span: tuple[float, float], out: float, base: float, height: float, color: Color) -> Part:
-    """A slab along the facade, let into it by 5 cm."""
+    """Build a slab along the facade, set into it by 5 cm."""
     return relief((span[0], -out, base), (span[1], 0.05, base + height), color, "concrete")
 
 
@@ -34,16 +34,18 @@ def capitals(
     y: float,
     color: Color,
 ) -> list[Part]:
-    """Strokes that read as a line of capitals from a distance."""
+    """Build strokes that look like a line of capitals from a distance."""
     low, high = levels
     tall = high - low
     wide, stroke, x = 0.62 * tall, 0.15 * tall, span[0]
     parts: list[Part] = []
     while x + wide <= span[1]:
         if rng.random() < 0.86:  # else a gap between words
-            left, right = (int(v) for v in rng.random(2) < (0.85, 0.45))
-            a, b = x + stroke * left, x + wide - stroke * right
-            strokes = [(x, x + stroke, low, high)] * left + [(b, x + wide, low, high)] * right
+            has_left, has_right = (int(v) for v in rng.random(2) < (0.85, 0.45))
+            a, b = x + stroke * has_left, x + wide - stroke * has_right
+            strokes = [(x, x + stroke, low, high)] * has_left + [
+                (b, x + wide, low, high)
+            ] * has_right
             for z in (low, (low + high - stroke) / 2, high - stroke):
                 strokes += [(a, b, z, z + stroke)] * int(rng.random() < 0.6)
             parts += [Patch(upright(*s, y), color, "paint") for s in strokes]
@@ -52,9 +54,9 @@ def capitals(
 
 
 def contrast(color: Color) -> Color:
-    """Cream on dark, black on bright."""
-    light = sum(color) / 3 < 0.25
-    return (0.75, 0.70, 0.52) if light else (0.03, 0.03, 0.035)
+    """Return cream for a dark colour, black for a bright one."""
+    is_dark = sum(color) / 3 < 0.25
+    return (0.75, 0.70, 0.52) if is_dark else (0.03, 0.03, 0.035)
 
 
 def shop_front(
@@ -64,14 +66,14 @@ def shop_front(
     colors: tuple[Color, Color],
     awning: float,
 ) -> list[Part]:
-    """Fascia with lettering, pilasters at both ends, goods in the windows, perhaps an awning.
+    """Build a fascia with lettering, pilasters at both ends, goods in the windows, and optionally an awning.
 
     Args:
-        rng: draws the letters and the goods.
+        rng: generator of letters and goods, advanced.
         width: of the facade (metres).
         ground: height of the ground floor (metres).
-        colors: of the fascia and of the awning's other stripes.
-        awning: how far it stands out (metres); 0 for none.
+        colors: of the fascia, and of every other stripe of the awning.
+        awning: its depth (metres); 0 for none.
     """
     board, stripe = colors
     low, high, half = 0.77 * ground, 0.97 * ground, 0.48 * width
@@ -100,27 +102,27 @@ def shop_front(
 
 
 def hanging_sign(x: float, base: float, color: Color) -> list[Part]:
-    """A board across the pavement on a bracket, painted on both sides."""
+    """Build a board across the pavement on a bracket, painted on both sides."""
     out = BAY_DEPTH + 0.3
     board = block((x - 0.04, -out, base), (x + 0.04, -0.25, base + 0.85), color, "paint")
-    picture = [
+    faces = [
         Patch([(x + s * 0.07, y, z) for y, z in ((-out + 0.1, base + 0.2), (-0.35, base + 0.2),
               (-0.35, base + 0.65), (-out + 0.1, base + 0.65))], contrast(color), "paint")
         for s in (-1, 1)
     ]  # fmt: skip
     bar = block((x - 0.03, -out, base + 0.85), (x + 0.03, 0.05, base + 0.93), BLACK)
-    return [board, *picture, bar]
+    return [board, *faces, bar]
 
 
 def bay_window(
     span: tuple[float, float], levels: tuple[float, float, float], wall: tuple[Color, str],
     frame: Color, roof: Color,
 ) -> list[Part]:  # fmt: skip
-    """A canted bay before the wall.
+    """Build a canted bay window in front of the wall.
 
     Args:
-        span: where it meets the wall (metres).
-        levels: of its sill, head and top (metres).
+        span: left and right edge at the wall (metres).
+        levels: heights of sill, head and top (metres).
         wall: colour and material of the apron.
         frame: colour around the panes.
         roof: colour of its lid.
@@ -154,7 +156,7 @@ def bay_window(
 
 
 def balcony(span: tuple[float, float], floor: float, frame: Color, accent: Color) -> list[Part]:
-    """A slab with a railing one sees through."""
+    """Build a slab with a see-through railing."""
     left, right = span
     out = BAY_DEPTH
     slab = relief((left, -out, floor - 0.07), (right, 0.05, floor + 0.07), frame, "concrete")
@@ -172,19 +174,19 @@ def balcony(span: tuple[float, float], floor: float, frame: Color, accent: Color
 
 
 def drainpipe(x: float, top: float, color: Color = (0.025, 0.025, 0.028)) -> list[Part]:
-    """A pipe from the gutter to the ground with the hopper it begins in."""
+    """Build a pipe with a hopper from the gutter to the ground."""
     hopper = relief((x - 0.13, -PIPE - PROUD, top - 0.35), (x + 0.13, 0.05, top - 0.1), color)
     return [hopper, relief((x - 0.05, -PIPE, 0), (x + 0.05, -0.05, top - 0.35), color)]
 
 
 def dish(x: float, z: float) -> list[Part]:
-    """A satellite dish on its arm."""
+    """Build a satellite dish on its arm."""
     plate = disc((x, -0.42, z), 0.3, (0.5, 0.5, 0.5), "metal", axis=(0.4, -1, 0.5), sides=10)
     return [plate, tube((x, 0, z - 0.1), (x, -0.4, z), 0.025, (0.2, 0.2, 0.2), "metal", sides=4)]
 
 
 def quoins(width: float, levels: tuple[float, float], color: Color) -> list[Part]:
-    """Dressed stones at both edges, long and short in turn."""
+    """Build alternating long and short stones at both edges."""
     low, high = levels
     rows = np.arange(low, high - 0.3, 0.36)
     return [
@@ -202,7 +204,7 @@ def quoins(width: float, levels: tuple[float, float], color: Color) -> list[Part
 def timbers(
     width: float, levels: list[float], columns: list[tuple[float, float]], color: Color
 ) -> list[Part]:
-    """Dark beams at every floor and, behind them, posts beside every window."""
+    """Build dark beams at every floor and, behind them, posts at both sides of every window."""
     half = width / 2
     beams = [band((-half, half), STRING, z - 0.1, 0.2, color) for z in levels]
     posts = [
@@ -216,7 +218,7 @@ def timbers(
 def turret(
     x: float, radius: float, eaves: float, floors: list[float], wall: tuple[Color, str], roof: Color
 ) -> list[Part]:
-    """A round corner tower with a window at every floor and a pointed roof."""
+    """Build a round corner tower with a window at every floor and a pointed roof."""
     y, sides = 0.35 * radius, 12
     shaft = tube((x, y, 0), (x, y, eaves + 1.2), radius, *wall, sides=sides, caps=False)
     cap = tube((x, y, eaves + 1.2), (x, y, eaves + 1.2 + 2.6 * radius), 1.15 * radius, roof, "roof",

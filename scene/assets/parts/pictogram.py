@@ -44,7 +44,7 @@ def moved(outline: Outline, u: float, v: float, scale: float = 1.0) -> Outline:
 
 
 def turned(mark: Mark, angle: float) -> Mark:
-    """A mark turned clockwise by ``angle`` radians."""
+    """Draw a mark turned clockwise by ``angle`` radians."""
     cos, sin = float(np.cos(angle)), float(np.sin(angle))
     return tuple(
         layer._replace(
@@ -55,12 +55,12 @@ def turned(mark: Mark, angle: float) -> Mark:
 
 
 def dot(u: float, v: float, radius: float, color: Color, level: int = 2) -> Layer:
-    """A disc."""
+    """Draw a disc."""
     return Layer(moved(regular(12), u, v, radius), color, level)
 
 
 def line(points: Outline, pen: float, color: Color, level: int = 2) -> Mark:
-    """A line of ``pen`` width through ``points``, its joints square."""
+    """Draw a line of ``pen`` width through ``points``, its joints square."""
     strokes = []
     for (u0, v0), (u1, v1) in pairwise(points):
         along = np.array([u1 - u0, v1 - v0])
@@ -73,7 +73,7 @@ def line(points: Outline, pen: float, color: Color, level: int = 2) -> Mark:
 
 
 def arrow(points: Outline, pen: float, color: Color, head: float = 2.6) -> Mark:
-    """A line that ends in an arrow head, which reaches beyond the last point."""
+    """Draw a line that ends in an arrow head, which reaches beyond the last point."""
     (u0, v0), (u1, v1) = points[-2:]
     along = np.array([u1 - u0, v1 - v0])
     along /= np.hypot(*along)
@@ -98,7 +98,7 @@ _GLYPHS: dict[str, str] = {
 def text(
     word: str, left: float, low: float, height: float, color: Color, bold: float = 0.2
 ) -> Mark:
-    """A word in strokes from (``left``, ``low``); letters are 0.8 of their height apart."""
+    """Draw a word in strokes from (``left``, ``low``); letters are 0.8 of their height apart."""
     mark: Mark = ()
     for k, letter in enumerate(word):
         for stroke in _GLYPHS.get(letter, "").split(",") if letter in _GLYPHS else ():
@@ -111,12 +111,12 @@ def text(
 
 
 def centred(word: str, low: float, height: float, color: Color, bold: float = 0.2) -> Mark:
-    """A word with its middle at u = 0."""
+    """Draw a word with its middle at u = 0."""
     return text(word, -0.4 * height * len(word) + 0.13 * height, low, height, color, bold)
 
 
 def person(u: float, v: float, size: float, color: Color) -> Mark:
-    """Someone who walks, ``size`` high around (u, v)."""
+    """Draw someone who walks, ``size`` high around (u, v)."""
 
     def at(*points: tuple[float, float]) -> Outline:
         return tuple((u + size * a, v + size * b) for a, b in points)
@@ -133,7 +133,7 @@ def person(u: float, v: float, size: float, color: Color) -> Mark:
 
 
 def bicycle(u: float, v: float, size: float, color: Color, field: Color) -> Mark:
-    """A bicycle ``size`` long around (u, v) on ``field``."""
+    """Draw a bicycle ``size`` long around (u, v) on ``field``."""
 
     def at(*points: tuple[float, float]) -> Outline:
         return tuple((u + size * a, v + size * b) for a, b in points)
@@ -157,7 +157,7 @@ def bicycle(u: float, v: float, size: float, color: Color, field: Color) -> Mark
 
 
 def car(u: float, v: float, size: float, color: Color) -> Mark:
-    """A car from the front, ``size`` wide around (u, v)."""
+    """Draw a car from the front, ``size`` wide around (u, v)."""
 
     def at(outline: Outline) -> Layer:
         return Layer(moved(outline, u, v, size), color)

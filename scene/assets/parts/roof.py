@@ -1,4 +1,4 @@
-"""Roofs over a rectangular plan: x from -width / 2 to width / 2, y from 0 to depth."""
+"""Roofs, chimneys and towers of buildings; x from -width / 2 to width / 2, y from 0 to depth."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from scene.mesh.asset import Asset, Color, Point, merge, translate
 from scene.mesh.solids import block, box, polygon, tube
 
 OVERHANG = 0.35
-"""How far a pitched roof reaches beyond the walls (metres)."""
+"""Overhang of a pitched roof beyond the walls (metres)."""
 
 
-def pitched(
+def pitched_roof(
     plan: tuple[float, float],
     eaves: float,
     rise: float,
@@ -19,25 +19,25 @@ def pitched(
     color: Color,
     end: tuple[Color, str],
 ) -> Asset:
-    """Two slopes and two ends about a ridge.
+    """Build two slopes and two ends around a ridge.
 
     Args:
         plan: width (x) and depth (y), metres.
         eaves: height of the walls, metres.
-        rise: of the ridge above them, metres.
+        rise: height of the ridge above the walls, metres.
         style: "gable" (ridge along x), "front gable" (along y) or "hip" (along x, ends sloping).
         color: of the roof.
-        end: colour and material of the walls, which close a gable.
+        end: colour and material of a gable's wall.
     """
     along_y, hipped = style == "front gable", style == "hip"
     length, span = reversed(plan) if along_y else plan
     reach, half = length / 2 + OVERHANG, span / 2 + OVERHANG
-    low = eaves - rise * OVERHANG / (span / 2)  # the slopes go on beyond the walls
+    low = eaves - rise * OVERHANG / (span / 2)  # the slopes continue beyond the walls
     top = eaves + rise
     inset = min(span / 2, 0.4 * length) if hipped else 0.0
 
     def at(along: float, across: float, z: float) -> Point:
-        """From (along the ridge, across it) to (x, y)."""
+        """Convert from coordinates along and across the ridge."""
         x, y = (across, along) if along_y else (along, across)
         return x, y + plan[1] / 2, z
 
@@ -61,10 +61,10 @@ def pitched(
     return merge(*slopes, *ends, *([] if along_y else edge))
 
 
-def flat(
+def flat_roof(
     plan: tuple[float, float], eaves: float, rise: float, cornice: Color, parapet: tuple[Color, str]
 ) -> Asset:
-    """A parapet on a cornice that stands out by 15 cm."""
+    """Build a parapet on a cornice that protrudes by 15 cm."""
     width, depth = plan
     ledge = 0.2
     return merge(
@@ -74,7 +74,7 @@ def flat(
 
 
 def chimney(base: Point, height: float, color: Color) -> Asset:
-    """A stack of bricks with two pots."""
+    """Build a stack of bricks with two pots."""
     stack = box((0.9, 0.7, height), (0, 0, 0), color, "brick")
     pots = [
         tube((x, 0, height), (x, 0, height + 0.4), 0.13, (0.3, 0.12, 0.06), "brick", sides=4)
@@ -86,11 +86,11 @@ def chimney(base: Point, height: float, color: Color) -> Asset:
 def dormer(
     x: float, slope: tuple[float, float], frame: Color, cheek: Color, color: Color
 ) -> list[Asset]:
-    """A window in the front slope under a small gable of its own.
+    """Build a window under a small gable in the front slope.
 
     Args:
         x: of its middle (metres).
-        slope: depth behind the facade and height at which its front stands on the roof (metres).
+        slope: distance behind the facade and height of the foot of its front (metres).
         frame: colour of its face.
         cheek: colour of its sides.
         color: of its roof.
@@ -118,7 +118,7 @@ def steeple(
     centre: tuple[float, float], side: float, height: float, spire: float,
     wall: tuple[Color, str], color: Color,
 ) -> list[Asset]:  # fmt: skip
-    """A square tower with bell openings and battlements, and a spire where ``spire`` is over 0."""
+    """Build a square tower with bell openings and battlements, and a spire if ``spire`` is above 0."""
     (x, y), half = centre, side / 2
     parts = [box((side, side, height), (x, y, 0), *wall)]
     low, high = height - 3.0, height - 0.9
@@ -138,7 +138,7 @@ def steeple(
 
 
 def plant_room(plan: tuple[float, float], base: float, color: Color) -> list[Asset]:
-    """What stands on a flat roof: a room for lifts, a cooler, a pipe."""
+    """Build the machinery on a flat roof: a lift room, a cooler, a pipe."""
     width, depth = plan
     return [
         box((0.35 * width, 0.35 * depth, 1.9), (0.12 * width, 0.55 * depth, base), color, "metal"),

@@ -55,12 +55,12 @@ Draw = Callable[[Inks, np.random.Generator], Mark]
 
 
 def plate(outline: Outline, border: Color, field: Color, inner: float, sink: float = 0.0) -> Mark:
-    """A bordered plate; ``sink`` moves the field down (a triangle's middle is not half way up)."""
+    """Draw a bordered plate; ``sink`` moves the field down (a triangle's middle is not half way up)."""
     return Layer(outline, border, 0), Layer(moved(outline, 0, sink, inner), field, 1)
 
 
 def turned_at(angle: float, u: float, v: float, color: Color) -> Mark:
-    """A small arrow about (u, v), up turned clockwise by ``angle``."""
+    """Draw a small arrow about (u, v), up turned clockwise by ``angle``."""
     small = turned(arrow(((0.0, -0.15), (0.0, 0.05)), 0.08, color, 3.0), angle)
     return tuple(layer._replace(outline=moved(layer.outline, u, v)) for layer in small)
 
@@ -86,7 +86,7 @@ def board(field: str, ink: str, width: float, height: float, lines: int) -> Draw
 
 
 def street_name(inks: Inks, rng: np.random.Generator) -> Mark:
-    """The name of a street."""
+    """Draw the name of a street."""
     word = str(rng.choice(PLACES)) + " " + str(rng.choice(("ROAD", "STREET", "LANE")))
     half = 0.104 * len(word) + 0.15
     base = plate(rectangle(-half, -0.26, half, 0.26), inks.black, inks.white, 0.93)
@@ -94,7 +94,7 @@ def street_name(inks: Inks, rng: np.random.Generator) -> Mark:
 
 
 def chevrons(inks: Inks, rng: np.random.Generator) -> Mark:
-    """Arrows around a bend."""
+    """Draw arrows around a bend."""
     side = 1.0 if rng.random() < 0.5 else -1.0
     mark: Mark = plate(rectangle(-2.2, -0.6, 2.2, 0.6), inks.white, inks.black, 0.95)
     for u in (-1.5, -0.5, 0.5, 1.5):
@@ -104,7 +104,7 @@ def chevrons(inks: Inks, rng: np.random.Generator) -> Mark:
 
 
 def finger(inks: Inks, rng: np.random.Generator) -> Mark:
-    """A board that points to one side."""
+    """Draw a board that points to one side."""
     outline: Outline = ((-2.3, 0.0), (-1.9, -0.4), (1.6, -0.4), (1.6, 0.4), (-1.9, 0.4))
     word = str(rng.choice(PLACES))
     size = min(0.4, 2.9 / (0.8 * len(word)))
@@ -115,7 +115,7 @@ def finger(inks: Inks, rng: np.random.Generator) -> Mark:
 
 
 def bus_stop(inks: Inks, rng: np.random.Generator) -> Mark:
-    """A bus stop's flag."""
+    """Draw a bus stop's flag."""
     base = plate(rectangle(-0.75, -1.25, 0.75, 1.05), inks.black, inks.white, 0.96)
     return (
         *base, dot(0, 0.42, 0.52, inks.red), Layer(rectangle(-0.36, 0.2, 0.36, 0.66), inks.white, 3),
@@ -125,7 +125,7 @@ def bus_stop(inks: Inks, rng: np.random.Generator) -> Mark:
 
 
 def diversion(inks: Inks, rng: np.random.Generator) -> Mark:
-    """The way around works."""
+    """Draw the way around works."""
     base = plate(rectangle(-1.4, -0.6, 1.4, 0.6), inks.black, inks.yellow, 0.94)
     return (*base, *centred("DIVERTED", 0.02, 0.23, inks.black),
             *arrow(((-0.7, -0.3), (0.6, -0.3)), 0.12, inks.black))  # fmt: skip

@@ -79,14 +79,14 @@ def _slash(inks: Inks, pen: float, level: int = 2) -> Mark:
 
 
 def _roundabout(color: Color) -> Mark:
-    """Three arrows that chase one another."""
+    """Draw three arrows that chase one another."""
     bow = tuple((float(0.5 * np.sin(a)), float(0.5 * np.cos(a))) for a in (1.0, 0.6, 0.15, -0.3))
     one = arrow(bow, 0.14, color)
     return one + turned(one, 2 * np.pi / 3) + turned(one, 4 * np.pi / 3)
 
 
 def _works(inks: Inks) -> Mark:
-    """Someone who digs, and the heap."""
+    """Draw someone who digs, and the heap."""
     b = inks.black
     return (
         dot(-0.12, 0.28, 0.09, b), *line(((-0.14, 0.14), (0.0, -0.06), (-0.18, -0.34)), 0.12, b),
@@ -96,7 +96,7 @@ def _works(inks: Inks) -> Mark:
 
 
 def _crossing(inks: Inks) -> Mark:
-    """Someone on stripes in a white triangle."""
+    """Draw someone on stripes in a white triangle."""
     stripes = (Layer(rectangle(u, -0.55, u + 0.1, -0.4), inks.black, 3)
                for u in (-0.4, -0.2, 0.0, 0.2))  # fmt: skip
     walker = (la._replace(level=3) for la in person(0.0, -0.08, 0.62, inks.black))

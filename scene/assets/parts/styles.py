@@ -1,4 +1,4 @@
-"""What buildings there are: the parameters of each kind, drawn at random within its bounds."""
+"""Parameters of buildings: the rules by which those of each kind are drawn."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ BRICKS: tuple[Color, ...] = (
     (0.34, 0.285, 0.20), (0.205, 0.115, 0.085), (0.27, 0.215, 0.15), (0.135, 0.085, 0.068),
     (0.42, 0.36, 0.26), (0.17, 0.125, 0.10),
 )  # fmt: skip
-"""Yellow-grey gault, red, stock, dark, pale and brown brick: real walls are hardly saturated."""
+"""Yellow-grey gault, red, stock, dark, pale and brown brick; real walls are hardly saturated."""
 RENDERS: tuple[Color, ...] = (
     (0.76, 0.75, 0.71), (0.70, 0.62, 0.46), (0.66, 0.66, 0.67), (0.60, 0.46, 0.40),
     (0.48, 0.55, 0.60), (0.62, 0.52, 0.30), (0.50, 0.54, 0.44), (0.80, 0.78, 0.72),
@@ -51,14 +51,14 @@ class BuildingParams(NamedTuple):
     side_windows: int  # in a row of each side wall
     ground_floor: str  # "doors", "shop", "gates", "windows" or "decks"
     doors: tuple[int, ...]  # bays with a door, where the ground floor has doors
-    hood: float  # how far a slab over each door or a shop's awning stands out, m; 0 for none
+    hood: float  # depth of a slab over each door or of a shop's awning, m; 0 for none
     balconies: tuple[int, ...]  # bays with balconies
     bay_windows: tuple[int, ...]  # bays with a bay window at the ground floor
     dormers: int  # in the front slope
     roof: str  # "flat", "gable" (ridge along the road), "front gable" or "hip"
     rise: float  # height of roof or parapet, m
     chimneys: int  # up to 2, one at either end
-    tower: float  # least height of a tower at the left, m; 0 for none
+    tower: float  # minimum height of a tower at the left, m; 0 for none
     spire: float  # height of a spire on it, m
     wall: Finish
     ground_wall: Finish  # of the ground floor
@@ -72,7 +72,7 @@ class BuildingParams(NamedTuple):
 
 
 class Stock(NamedTuple):
-    """What a building is made of, drawn for every kind alike."""
+    """Materials and choices that are drawn for every kind in the same way."""
 
     paint: Color
     stone: Color
@@ -80,23 +80,23 @@ class Stock(NamedTuple):
     plaster: Finish
     stones: Finish
     concrete: Finish
-    either: Finish  # bricks or plaster
-    hooded: bool
-    flat_topped: bool
+    brick_or_plaster: Finish  # bricks or plaster
+    has_hood: bool
+    has_flat_roof: bool
     white: Color
     dark: Color
 
 
 def _shop(d: Stock, wall: Finish) -> dict[str, Any]:
-    """Homes over a shop."""
+    """Return the rules of homes over a shop."""
     return dict(
         storeys=integer(1, 4), ground=between(3.4, 4), bays=integer(3, 6),
         ground_floor="shop", ground_wall=(d.paint, "paint"),
         wall=wall,
-        roof="flat" if d.flat_topped else "gable", trim=("sills", "lintels", "sign", "cornice"),
-        rise=between(0.6, 1) if d.flat_topped else between(1.8, 2.8),
-        hood=0.6 if d.hooded else 0.0, chimneys=integer(0, 3),
-        dormers=0 if d.flat_topped else integer(0, 3), second=d.white,
+        roof="flat" if d.has_flat_roof else "gable", trim=("sills", "lintels", "sign", "cornice"),
+        rise=between(0.6, 1) if d.has_flat_roof else between(1.8, 2.8),
+        hood=0.6 if d.has_hood else 0.0, chimneys=integer(0, 3),
+        dormers=0 if d.has_flat_roof else integer(0, 3), second=d.white,
     )  # fmt: skip
 
 
@@ -115,15 +115,15 @@ _KINDS: dict[str, Callable[[Stock], dict[str, Any]]] = {
         width=between(10, 13), depth=11.0, storeys=integer(2, 5), ground=3.0,
         storey=2.9, window=(0.5, 0.6), panes=(2, 1), trim=("dish", "number"),
         side_windows=2, doors=(2,), hood=0.5, balconies=one_of((1, 2), (0, 3)),
-        roof="flat" if d.flat_topped else "hip", rise=0.9 if d.flat_topped else between(2, 3),
-        chimneys=0, wall=d.either, ground_wall=d.plaster, accent=d.dark,
+        roof="flat" if d.has_flat_roof else "hip", rise=0.9 if d.has_flat_roof else between(2, 3),
+        chimneys=0, wall=d.brick_or_plaster, ground_wall=d.plaster, accent=d.dark,
         frame=one_of(d.dark, d.white),
     ),
     "detached": lambda d: dict(
         width=between(8.2, 9.5), storeys=1, bays=3, window=(0.55, 0.5), panes=(3, 2),
         side_windows=2, doors=(1,), hood=0.55, rise=between(2.4, 3.4), chimneys=1,
         roof=one_of("hip", "front gable"), wall=d.plaster, bay_windows=(0,),
-        ground_wall=d.either, roof_color=near(0.25, (0.20, 0.08, 0.05)),
+        ground_wall=d.brick_or_plaster, roof_color=near(0.25, (0.20, 0.08, 0.05)),
     ),
     "warehouse": lambda d: dict(
         width=between(11, 14), depth=12.0, storeys=1, ground=4.0, storey=between(1.8, 2.6),
@@ -141,13 +141,13 @@ _KINDS: dict[str, Callable[[Stock], dict[str, Any]]] = {
         tower=between(12, 16), width=between(9, 11.5), depth=12.0, storeys=1, ground=between(3.4, 4),
         storey=between(4.5, 6), bays=3, window=(0.34, 0.72), panes=(2, 3), side_windows=3,
         doors=(1,), hood=0.0, roof="front gable", rise=between(3.5, 5), chimneys=0,
-        head="pointed", spire=between(5, 8) if d.hooded else 0.0,
+        head="pointed", spire=between(5, 8) if d.has_hood else 0.0,
         trim=("strings",), frame=d.dark, wall=d.stones, ground_wall=d.stones,
     ),
     "bay terrace": lambda d: dict(
         doors=(1, 2), bay_windows=(0, 3), storeys=integer(1, 3), chimneys=2,
         dormers=integer(0, 3), head=one_of("flat", "round"),
-        ground_wall=d.either, trim=("sills", "strings", "lintels", "number"),
+        ground_wall=d.brick_or_plaster, trim=("sills", "strings", "lintels", "number"),
     ),
     "pub": lambda d: dict(
         width=between(9, 12), storeys=integer(1, 3), bays=4, doors=(1,),
@@ -180,7 +180,7 @@ _KINDS: dict[str, Callable[[Stock], dict[str, Any]]] = {
         storey=between(3.4, 4.0), bays=5, window=(0.42, 0.62), panes=(2, 2), doors=(2,),
         head="pointed", hood=0.0, roof="flat", rise=0.9, chimneys=2, wall=d.stones,
         ground_wall=d.stones, frame=near(0.3, *STONES), trim=("strings", "battlements"),
-        tower=between(11, 15) if d.hooded else 0.0, chimney=d.stone,
+        tower=between(11, 15) if d.has_hood else 0.0, chimney=d.stone,
     ),
     "cottage": lambda d: dict(
         width=between(8.2, 10), storeys=1, ground=2.3, storey=1.5, bays=3, doors=(1,),
@@ -192,7 +192,7 @@ _KINDS: dict[str, Callable[[Stock], dict[str, Any]]] = {
         width=between(10, 12), storeys=integer(2, 4), ground=3.6,
         storey=between(2.9, 3.3), ground_floor="shop", ground_wall=(d.paint, "paint"),
         trim=("turret", "sills", "lintels", "strings"), dormers=2, bays=4, second=d.white,
-        hood=0.6 if d.hooded else 0.0, wall=d.either,
+        hood=0.6 if d.has_hood else 0.0, wall=d.brick_or_plaster,
     ),
     "concrete block": lambda d: dict(
         width=between(10, 14), depth=11.0, storeys=integer(3, 6), ground=3.0,
@@ -205,13 +205,13 @@ _KINDS: dict[str, Callable[[Stock], dict[str, Any]]] = {
         width=between(12, 14.5), depth=12.0, storeys=integer(2, 5), ground=3.2,
         storey=2.9, bays=3, window=(0.93, 0.58), ground_floor="decks", trim=("mullions",),
         roof="flat", rise=0.9, chimneys=0, hood=0.0, wall=d.concrete, ground_wall=d.concrete,
-        frame=d.dark, side_windows=0, tower=between(13, 17) if d.hooded else 0.0,
+        frame=d.dark, side_windows=0, tower=between(13, 17) if d.has_hood else 0.0,
     ),
     "timbered": lambda d: dict(
         width=between(8.5, 10.5), storeys=integer(1, 3), bays=3, panes=(3, 3),
         window=(0.46, 0.5), doors=(1,), roof=one_of("front gable", "gable"),
         rise=between(2.6, 3.8), wall=(near(0.12, (0.74, 0.70, 0.58)), "plaster"),
-        ground_wall=d.either, trim=("timbers", "sign"), frame=d.dark,
+        ground_wall=d.brick_or_plaster, trim=("timbers", "sign"), frame=d.dark,
         accent=(0.05, 0.035, 0.025), roof_color=near(0.25, (0.17, 0.08, 0.05)),
     ),
     "mill": lambda d: dict(
@@ -230,7 +230,7 @@ _KINDS: dict[str, Callable[[Stock], dict[str, Any]]] = {
     ),
     "modern terrace": lambda d: dict(
         width=between(9, 11.5), storeys=2, bays=4, window=(0.62, 0.72), panes=(1, 1),
-        doors=(0, 2), hood=0.5, roof="front gable" if d.hooded else "gable", chimneys=0,
+        doors=(0, 2), hood=0.5, roof="front gable" if d.has_hood else "gable", chimneys=0,
         wall=(near(0.15, BRIGHT_WHITE, (0.20, 0.13, 0.08)), one_of("plaster", "wood")),
         ground_wall=d.bricks, frame=d.dark, trim=("number",), balconies=(1,), accent=d.dark,
     ),
@@ -243,7 +243,7 @@ _KINDS: dict[str, Callable[[Stock], dict[str, Any]]] = {
         trim=("sills", "strings", "cornice", "quoins"), frame=one_of(d.dark, d.white),
     ),
 }  # fmt: skip
-"""By kind, what differs from a terrace of what is in stock: values, and rules by which they are drawn."""
+"""Values and rules by which a kind differs from a terrace made of the stock."""
 KINDS: tuple[str, ...] = tuple(_KINDS)
 
 
@@ -254,8 +254,8 @@ def sample_building(rng: np.random.Generator, kind: str) -> BuildingParams:
     stock = Stock(
         paint=paint, stone=stone, bricks=bricks, plaster=plaster, stones=(stone, "concrete"),
         concrete=(vary(rng, (0.31, 0.30, 0.28), 0.35), "concrete"),
-        either=(bricks, plaster)[rng.integers(2)], hooded=bool(rng.random() < 0.4),
-        flat_topped=bool(rng.random() < 0.5), white=vary(rng, BRIGHT_WHITE, 0.08),
+        brick_or_plaster=(bricks, plaster)[rng.integers(2)], has_hood=bool(rng.random() < 0.4),
+        has_flat_roof=bool(rng.random() < 0.5), white=vary(rng, BRIGHT_WHITE, 0.08),
         dark=vary(rng, ANTHRACITE, 0.3),
     )  # fmt: skip
     terrace = BuildingParams(
@@ -263,7 +263,7 @@ def sample_building(rng: np.random.Generator, kind: str) -> BuildingParams:
         ground=float(rng.uniform(2.8, 3.2)), storey=float(rng.uniform(2.7, 3.0)), bays=4,
         window=(0.44, 0.60), panes=(2, 2), trim=("sills", "lintels", "pipe", "dish", "number"),
         head="flat", side_windows=1, ground_floor="doors", doors=((0, 3), (1, 2))[rng.integers(2)],
-        hood=0.45 if stock.hooded else 0.0, balconies=(), bay_windows=(), dormers=0, roof="gable",
+        hood=0.45 if stock.has_hood else 0.0, balconies=(), bay_windows=(), dormers=0, roof="gable",
         rise=float(rng.uniform(2, 3)), chimneys=2, tower=0.0, spire=0.0, wall=bricks, ground_wall=bricks,
         frame=stock.white, accent=paint, second=pick(rng, RENDERS, 0.3),
         roof_color=pick(rng, SLATES, 0.3), chimney=brick, curtain=pick(rng, CURTAINS, 0.3),

@@ -1,4 +1,4 @@
-"""What the faces and tops of walls show: blocks, stones, ivy, paintings, railings, balusters."""
+"""Faces and tops of walls: blocks, stones, graffiti, ivy, railings, balusters."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from scene.mesh.asset import Asset, Color, solid, vary
 from scene.mesh.solids import box, loft, polygon, tube, turned
 
 RELIEF = 0.05
-"""How far blocks stand off the wall behind them, m."""
+"""Distance of blocks from the wall behind them, m."""
 PAINT = 0.032
-"""How far bands and paintings stand off the wall, m; less would flicker from afar."""
+"""Distance of bands and graffiti from the wall, m; with less they would flicker from afar."""
 
 
 class WallParams(NamedTuple):
-    """A straight length of wall with a coping, piers and what its face shows."""
+    """A straight length of wall with coping, piers, and a face and top of some kind."""
 
     length: float  # along x, m
     height: float  # without the coping, m
@@ -31,7 +31,7 @@ class WallParams(NamedTuple):
     second: Color  # of the coping, the bands or the joints
     coping: float = 0.0  # height of the coping, m; 0 for none
     ridge: bool = False  # a coping like a roof
-    batter: float = 0.0  # how far the near face leans back at the top, m
+    batter: float = 0.0  # m that the near face leans back at the top
     piers: tuple[float, ...] = ()  # x of each pier, as a share of half the length
     ball: bool = False  # on every pier
     plinth: float = 0.0  # height of a darker foot, m; 0 for none
@@ -42,7 +42,7 @@ class WallParams(NamedTuple):
 
 
 def _blocks(p: WallParams, rng: np.random.Generator, *, rows: int, wide: float) -> list[Asset]:
-    """Courses of stones of uneven lengths and tones, joints between them."""
+    """Build courses of stones in uneven lengths and tones, with joints between them."""
     parts, joint, half = [], 0.012, p.length / 2
     edges = np.linspace(0, p.height, rows + 1)
     for low, high in pairwise(edges):
@@ -58,7 +58,7 @@ def _blocks(p: WallParams, rng: np.random.Generator, *, rows: int, wide: float) 
 
 
 def _stones(p: WallParams, rng: np.random.Generator) -> list[Asset]:
-    """Small stones in wire baskets."""
+    """Build small stones in wire baskets."""
     parts = _blocks(p, rng, rows=11, wide=0.16)
     for x in np.linspace(-0.5, 0.5, 4) * (p.length - 0.03):
         parts.append(box((0.03, 0.03, p.height), (x, -0.05, 0), p.second, "metal"))
@@ -68,7 +68,7 @@ def _stones(p: WallParams, rng: np.random.Generator) -> list[Asset]:
 
 
 def _weep_holes(p: WallParams, rng: np.random.Generator) -> list[Asset]:
-    """Pipes for the water behind, in two rows."""
+    """Build two rows of pipes that drain the ground behind."""
     parts = []
     for z in (0.35, 1.2):
         y = p.batter * z / p.height
@@ -78,7 +78,7 @@ def _weep_holes(p: WallParams, rng: np.random.Generator) -> list[Asset]:
 
 
 def _graffiti(p: WallParams, rng: np.random.Generator) -> list[Asset]:
-    """Fat letters in bright paint that nobody can read, with dark outlines."""
+    """Build fat, illegible letters in bright paint with dark outlines."""
     paints = ((0.55, 0.05, 0.25), (0.05, 0.35, 0.5), (0.6, 0.45, 0.03), (0.1, 0.4, 0.1),
               OFF_WHITE, (0.3, 0.05, 0.4))  # fmt: skip
     paint = pick(rng, paints, 0.2)
@@ -102,7 +102,7 @@ def _graffiti(p: WallParams, rng: np.random.Generator) -> list[Asset]:
 
 
 def _ribs(p: WallParams, rng: np.random.Generator) -> list[Asset]:
-    """Level ribs between steel posts."""
+    """Build level ribs between steel posts."""
     n = 15
     z = np.linspace(0.02, p.height, 2 * n)
     y = np.where((np.arange(2 * n) // 2) % 2, 0.0, -0.06)
@@ -115,7 +115,7 @@ def _ribs(p: WallParams, rng: np.random.Generator) -> list[Asset]:
 
 
 def _bands(p: WallParams, rng: np.random.Generator) -> list[Asset]:
-    """Courses and lozenges in brick of another colour."""
+    """Build courses and lozenges in brick of another colour."""
     half = p.length / 2
     courses = [
         upright(-half, half, z, z + 0.11, -PAINT) for z in (0.12 * p.height, 0.82 * p.height)
@@ -129,7 +129,7 @@ def _bands(p: WallParams, rng: np.random.Generator) -> list[Asset]:
 
 
 def _ivy(p: WallParams, rng: np.random.Generator) -> list[Asset]:
-    """Leaves that hang from the top in uneven curtains."""
+    """Build leaves that hang unevenly from the top."""
     leaves = []
     for _ in range(240):
         x = float(rng.uniform(-0.47, 0.47)) * p.length
@@ -145,7 +145,7 @@ def _ivy(p: WallParams, rng: np.random.Generator) -> list[Asset]:
 
 
 def _profile(p: WallParams, rng: np.random.Generator) -> list[Asset]:
-    """Slots for a fork lift below, and red reflectors."""
+    """Build slots for a fork lift at the foot, and red reflectors."""
     slots = [polygon(upright(x - 0.3, x + 0.3, 0.0, 0.08, -0.04), BLACK)
              for x in (-0.25 * p.length, 0.25 * p.length)]  # fmt: skip
     y = 0.36 * p.thickness
@@ -154,8 +154,8 @@ def _profile(p: WallParams, rng: np.random.Generator) -> list[Asset]:
     return slots + marks
 
 
-Add = Callable[[WallParams, np.random.Generator], list[Asset]]
-FACES: dict[str, Add] = {
+BuildDetail = Callable[[WallParams, np.random.Generator], list[Asset]]
+FACES: dict[str, BuildDetail] = {
     "blocks": partial(_blocks, rows=6, wide=0.38), "beams": partial(_blocks, rows=5, wide=2.2),
     "stones": _stones, "weep holes": _weep_holes,
     "graffiti": _graffiti, "ribs": _ribs, "bands": _bands, "ivy": _ivy, "profile": _profile,
@@ -163,7 +163,7 @@ FACES: dict[str, Add] = {
 
 
 def _railings(p: WallParams, rng: np.random.Generator) -> list[Asset]:
-    """Iron railings on the coping."""
+    """Build iron railings on the coping."""
     low, middle = p.height + p.coping, p.thickness / 2
     bars = [tube((x, middle, low), (x, middle, low + 0.72), 0.013, RAILING_IRON, "paint", end_radius=0.009,
                  sides=4) for x in np.arange(-p.length / 2 + 0.3, p.length / 2 - 0.25, 0.13)]  # fmt: skip
@@ -173,7 +173,7 @@ def _railings(p: WallParams, rng: np.random.Generator) -> list[Asset]:
 
 
 def _balusters(p: WallParams, rng: np.random.Generator) -> list[Asset]:
-    """Turned stone balusters under a rail."""
+    """Build turned stone balusters under a rail."""
     low, middle = p.height + p.coping, p.thickness / 2
     tiers = ((0.0, 0.07), (0.05, 0.07), (0.08, 0.04), (0.2, 0.085), (0.34, 0.045), (0.4, 0.04),
              (0.43, 0.07), (0.48, 0.07))  # fmt: skip
@@ -185,7 +185,7 @@ def _balusters(p: WallParams, rng: np.random.Generator) -> list[Asset]:
 
 
 def _mound(p: WallParams, rng: np.random.Generator) -> list[Asset]:
-    """Ivy that has grown over the top."""
+    """Build ivy that has grown over the top."""
     xs = np.linspace(-0.5, 0.5, 12) * p.length
     turn = np.linspace(0, np.pi, 7)
     rings = []
@@ -197,4 +197,4 @@ def _mound(p: WallParams, rng: np.random.Generator) -> list[Asset]:
     return [loft(np.array(rings), p.second, "foliage")]
 
 
-TOPS: dict[str, Add] = {"railings": _railings, "balusters": _balusters, "mound": _mound}
+TOPS: dict[str, BuildDetail] = {"railings": _railings, "balusters": _balusters, "mound": _mound}
