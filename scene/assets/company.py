@@ -1,4 +1,4 @@
-"""People who sit on their piece of a bench, and people with dogs (class person; dogs, benches: none)."""
+"""People on benches and people with dogs (class person; dogs and benches have no class)."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from scene.mesh.asset import Asset, Color, Point, ignore, merge, translate
 from scene.mesh.solids import box, ellipsoid
 
 BENCH = 0.62
-"""Metres of bench that one person takes, along y."""
+"""Length of a bench per person, along y (metres)."""
 SEAT = 0.44
-"""Height of a bench, metres."""
+"""Height of a bench's seat (metres)."""
 COATS: tuple[Color, ...] = (
     (0.02, 0.018, 0.016), (0.10, 0.055, 0.028), (0.24, 0.16, 0.085), (0.34, 0.32, 0.29),
     (0.05, 0.045, 0.042), (0.20, 0.08, 0.03),
@@ -30,23 +30,23 @@ WOODS: tuple[Color, ...] = ((0.16, 0.10, 0.06), (0.10, 0.10, 0.098), (0.05, 0.10
 
 
 class Dog(NamedTuple):
-    """A dog on its feet."""
+    """A walking dog."""
 
     height: float  # of the shoulders, m
-    build: float  # of the body over a slim one
+    build: float  # girth relative to a slim dog
     coat: Color
-    ears: float  # 1 they stand, -1 they hang
-    place: tuple[float, float]  # of its middle beside its owner, m
+    ears: float  # 1 standing, -1 hanging
+    place: tuple[float, float]  # of its middle, from its owner, m
     step: float  # of the legs, radians
 
 
 class CompanyParams(NamedTuple):
-    """A person, how it sits if it does, and its dogs."""
+    """A person, sitting or with dogs."""
 
     person: PersonParams
-    lean: float  # of the back of one who sits, radians
-    hands: tuple[Point, Point] | None  # from the hips, m; None: does not sit
-    stretch: float  # of the legs, m ahead of the hips
+    lean: float  # of a sitting person's back, radians
+    hands: tuple[Point, Point] | None  # of a sitting person, from the hips, m; None if walking
+    stretch: float  # from the hips forward to the feet, m
     wood: Color
     dogs: tuple[Dog, ...]
 
@@ -71,17 +71,19 @@ SITTING, WALKING = tuple(_SITTING), tuple(_WALKING)
 
 def sample_company(rng: np.random.Generator, kind: str) -> CompanyParams:
     """Draw a person of one of ``KINDS``."""
-    name, _, rest = _SITTING[kind] if kind in _SITTING else _WALKING[kind]
-    who = sample_person(rng, name)
+    name, _, detail = _SITTING[kind] if kind in _SITTING else _WALKING[kind]
+    walker = sample_person(rng, name)
     wood, stretch = pick(rng, WOODS, 0.3), float(rng.uniform(0.36, 0.56))
-    if isinstance(rest, tuple):
-        who = who._replace(outfit=who.outfit._replace(hem=min(who.outfit.hem, 0.2)))
-        return CompanyParams(who, float(rng.uniform(*_SITTING[kind][1])), rest, stretch, wood, ())
-    dogs = tuple(_dog(rng, _WALKING[kind][1], k) for k in range(rest))
-    return CompanyParams(who, 0.0, None, stretch, wood, dogs)
+    if isinstance(detail, tuple):
+        walker = walker._replace(outfit=walker.outfit._replace(hem=min(walker.outfit.hem, 0.2)))
+        return CompanyParams(
+            walker, float(rng.uniform(*_SITTING[kind][1])), detail, stretch, wood, ()
+        )
+    dogs = tuple(_sample_dog(rng, _WALKING[kind][1], k) for k in range(detail))
+    return CompanyParams(walker, 0.0, None, stretch, wood, dogs)
 
 
-def _dog(rng: np.random.Generator, heights: tuple[float, float], k: int) -> Dog:
+def _sample_dog(rng: np.random.Generator, heights: tuple[float, float], k: int) -> Dog:
     place = float(rng.uniform(0.6, 1.1)), float(rng.uniform(0.3, 0.55)) * (1 if k else -1)
     return Dog(
         float(rng.uniform(*heights)), float(rng.uniform(0.85, 1.3)), pick(rng, COATS, 0.3),
@@ -90,18 +92,18 @@ def _dog(rng: np.random.Generator, heights: tuple[float, float], k: int) -> Dog:
 
 
 def company(params: CompanyParams) -> Asset:
-    """Build the person, facing +x, with bench or dogs."""
+    """Build the person, facing +x, with a piece of bench or with dogs."""
     p = params
     if p.hands is not None:
         return merge(_sitter(p, p.hands), ignore(merge(*_bench(p.wood))))
     parts = [person.person(p.person)]
     for dog in p.dogs:
-        parts.append(ignore(merge(_build(dog), _lead(dog))))
+        parts.append(ignore(merge(_dog_body(dog), _lead(dog))))
     return merge(*parts)
 
 
 def _sitter(p: CompanyParams, hands: tuple[Point, Point]) -> Asset:
-    """Build the person on the seat, both shoes on the ground."""
+    """Build the person on the seat, the lowest shoe on the ground."""
     h = p.person.body.height
     hip = (0.0, 0.0, SEAT + 0.055 * h)
     ankles = [(p.stretch * h / 1.75 + 0.03 * s, 0.075 * s * h, ANKLE * h) for s in (1, -1)]
@@ -127,8 +129,8 @@ def _bench(wood: Color) -> list[Asset]:
     return [*slats, *back, *legs]
 
 
-def _build(dog: Dog) -> Asset:
-    """Build the dog where it walks."""
+def _dog_body(dog: Dog) -> Asset:
+    """Build the dog at its place."""
     h, b, coat = dog.height, dog.build, dog.coat
     trunk = np.array(
         [(-0.55, 0.82), (-0.5, 0.80), (-0.2, 0.80), (0.15, 0.76), (0.4, 0.80), (0.47, 0.86)]
@@ -154,13 +156,13 @@ def _build(dog: Dog) -> Asset:
             )
     tail = np.array([(-0.54 * h, 0, 0.86 * h), (-0.75 * h, 0, 1.0 * h), (-0.85 * h, 0, 1.2 * h)])
     parts.append(limb(tail, [0.045 * h, 0.03 * h, 0.015 * h], coat, "cloth", 5))
-    whole = merge(*parts)
-    low = float(whole.mesh.vertices[:, 2].min())
-    return translate(whole, (*dog.place, -low))
+    body = merge(*parts)
+    low = float(body.mesh.vertices[:, 2].min())
+    return translate(body, (*dog.place, -low))
 
 
 def _lead(dog: Dog) -> Asset:
-    """Build from the owner's hand to the neck."""
+    """Build a lead from the owner's hand to the dog's neck."""
     x, y = dog.place
     side = math.copysign(1.0, y)
     points = np.array([(0.05, 0.28 * side, 0.78), (0.5 * x, 0.5 * (y + 0.28 * side), 0.5),

@@ -1,4 +1,4 @@
-"""People on foot: who they are, how they stand or walk, what they wear and carry."""
+"""People on foot: their build, gait and pose, their clothes, and what they carry."""
 
 from __future__ import annotations
 
@@ -34,26 +34,26 @@ class PersonParams(NamedTuple):
     body: Body
     outfit: Outfit
     gait: str  # "walk", "stand" or "run"
-    phase: float  # of the step, in [0, 1): 0 the left heel lands
+    phase: float  # of the step, in [0, 1): at 0 the left heel lands
     vigour: float  # of the step, 1 for a brisk walk
     arms: tuple[str, str]  # left and right, see ``_ARMS``
     stoop: float  # lean of the back, radians
     turn: float  # of the head, radians to the left
-    things: tuple[str, ...]  # see ``parts/carried.py``
-    thing_color: Color
+    carried: tuple[str, ...]  # see ``parts/carried.py``
+    carried_color: Color
     second_color: Color
 
 
 class Kind(NamedTuple):
-    """What a kind of person fixes; the rest is drawn."""
+    """What all people of a kind have in common."""
 
-    wear: tuple[str, ...]  # one of these styles of ``parts/wardrobe.py``
+    styles: tuple[str, ...]  # of clothes, see ``parts/wardrobe.py``; one is drawn
     gait: str = "walk"  # "walk", "stand", "run", or "any" of the first two
     arms: tuple[str, str] = ("swing", "swing")
-    things: tuple[str, ...] = ()
-    child: bool = False
-    old: bool = False
-    hat: bool = True  # may wear one
+    carried: tuple[str, ...] = ()
+    is_child: bool = False
+    is_old: bool = False
+    may_wear_hat: bool = True
 
 
 _KINDS: dict[str, Kind] = {
@@ -79,11 +79,11 @@ _KINDS: dict[str, Kind] = {
     "umbrella": Kind(("long coat", "short coat", "jacket"), "any", ("hang", "hold"), ("umbrella",)),
     "pushing a pram": Kind(("jacket", "jumper", "short coat"), "walk", ("push", "push"), ("pram",)),
     "pushing a buggy": Kind(("t-shirt", "puffer", "skirt"), "walk", ("push", "push"), ("buggy",)),
-    "child": Kind(("t-shirt and shorts", "dress", "hoodie", "jumper"), "any", child=True),
+    "child": Kind(("t-shirt and shorts", "dress", "hoodie", "jumper"), "any", is_child=True),
     "schoolchild": Kind(("puffer", "jumper", "skirt"), "walk", ("swing", "strap"), ("backpack",),
-                        child=True, hat=False),
+                        is_child=True, may_wear_hat=False),
     "elderly with stick": Kind(("short coat", "jacket"), "walk", ("hang", "stick"), ("stick",),
-                               old=True),
+                               is_old=True),
     "jogger": Kind(("sports",), "run", ("run", "run")),
     "workman": Kind(("work",), "any", ("hang", "swing")),
     "headscarf": Kind(("robe",), "any", ("hang", "hang"), ("handbag",)),
@@ -93,13 +93,13 @@ _KINDS: dict[str, Kind] = {
     "hands on hips": Kind(("t-shirt", "sports", "jacket"), "stand", ("hip", "hip")),
 }  # fmt: skip
 KINDS: tuple[str, ...] = tuple(_KINDS)
-"""What sets a person apart at a glance."""
+"""What distinguishes people at a glance."""
 STANDING: tuple[str, ...] = tuple(name for name, kind in _KINDS.items() if kind.gait == "stand")
 WALKING: tuple[str, ...] = tuple(name for name, kind in _KINDS.items() if kind.gait == "walk")
-"""Kinds that always stand, and those that always walk."""
+"""Kinds that always stand, and kinds that always walk."""
 
-# The wrist from the shoulder (forward, out, up) as shares of the height, and where the elbow points
-# (forward, out, up). "swing" and "run" follow from the step instead.
+# Position of the wrist relative to the shoulder, as shares of the height, and direction of the elbow, both as
+# (forward, out, up). For "swing" and "run" they follow from the step.
 _ARMS: dict[str, tuple[Point, Point]] = {
     "hang": ((0.02, 0.035, -0.312), (-1.0, 0.5, -0.2)),
     "carry": ((0.0, 0.035, -0.318), (-1.0, 0.4, -0.2)),
@@ -120,13 +120,13 @@ _ARMS: dict[str, tuple[Point, Point]] = {
 def sample_person(rng: np.random.Generator, kind: str) -> PersonParams:
     """Draw a person of one of ``KINDS``: adults 1.46-1.95 m, children 0.95-1.4 m."""
     entry = _KINDS[kind]
-    child, old = entry.child, entry.old
+    child, old = entry.is_child, entry.is_old
     curves = float(rng.choice([0.0, 0.2, 0.85, 1.0]))
     tall = float(np.clip(rng.normal(1.77 - 0.13 * curves, 0.07), 1.52, 1.95))
     build = float(np.clip(rng.normal(1.06, 0.13), 0.85, 1.38))
     young = float(rng.uniform(0.95, 1.4))
-    outfit, curves = sample_outfit(rng, str(rng.choice(entry.wear)), curves, old=old, child=child)
-    if not entry.hat:
+    outfit, curves = sample_outfit(rng, str(rng.choice(entry.styles)), curves, old=old, child=child)
+    if not entry.may_wear_hat:
         outfit = outfit._replace(hat="")
     gait = str(rng.choice(("walk", "stand"))) if entry.gait == "any" else entry.gait
     left, right = entry.arms
@@ -143,25 +143,25 @@ def sample_person(rng: np.random.Generator, kind: str) -> PersonParams:
         gait=gait,
         phase=float(rng.random()),
         vigour=float(sway),
-        arms=(right, left) if rng.random() < 0.5 and not entry.things else (left, right),
+        arms=(right, left) if rng.random() < 0.5 and not entry.carried else (left, right),
         stoop=float(rng.uniform(0.22, 0.4)) if old else float(rng.uniform(-0.01, 0.06)),
         turn=float(rng.normal(0, 0.3)),
-        things=entry.things,
-        thing_color=pick(rng, CLOTHES + BRIGHT, 0.3),
+        carried=entry.carried,
+        carried_color=pick(rng, CLOTHES + BRIGHT, 0.3),
         second_color=pick(rng, BRIGHT + CLOTHES, 0.3),
     )
 
 
 def person(params: PersonParams) -> Asset:
-    """Build the person of ``params``, facing +x, the lowest shoe on the ground."""
+    """Build the person, facing +x, the lowest shoe on the ground."""
     p = params
     pose = _pose(p)
     parts = [figure(p.body, p.outfit, pose), head(p.body, p.outfit, pose)]
     low = min(float(part.mesh.vertices[:, 2].min()) for part in parts)
-    whole = translate(merge(*parts), (0, 0, -low))
+    walker = translate(merge(*parts), (0, 0, -low))
     pose = _lifted(pose, -low)
-    things = [carried(thing, p.body, pose, p.thing_color, p.second_color) for thing in p.things]
-    return merge(whole, *things)
+    luggage = [carried(name, p.body, pose, p.carried_color, p.second_color) for name in p.carried]
+    return merge(walker, *luggage)
 
 
 def _lifted(pose: Pose, by: float) -> Pose:
@@ -173,16 +173,16 @@ def _lifted(pose: Pose, by: float) -> Pose:
 
 
 def _bump(phase: float, at: float, width: float) -> float:
-    """A bell of height 1 around ``at`` on the circle of phases."""
+    """Return a bell curve of height 1 around ``at`` on the circle of phases."""
     away = (phase - at + 0.5) % 1 - 0.5
     return float(np.exp(-((away / width) ** 2)))
 
 
 def _step(phase: float, vigour: float, run: bool) -> tuple[float, float, float]:
-    """Angles of one leg at ``phase`` of its step: thigh forward, knee bent, shoe's toes down.
+    """Return the angles of one leg at ``phase`` of its step: thigh forward, knee bent, toes down.
 
-    Bells fitted by hand to the curves of gait analysis: the knee yields a little at the landing and
-    folds as the leg swings through; the heel lands first and leaves first.
+    The bell curves are fitted manually to those of gait analysis: the knee yields a little at the landing
+    and folds as the leg swings through; the heel lands first and lifts first.
     """
     swing = (0.62 if run else 0.40) * vigour
     thigh = swing * np.cos(2 * np.pi * phase) + (0.22 if run else 0.07) * vigour
@@ -196,11 +196,11 @@ def _step(phase: float, vigour: float, run: bool) -> tuple[float, float, float]:
 
 
 def _legs(p: PersonParams) -> tuple[list[Point], list[float]]:
-    """Ankles below the hips at the origin, and the pitch of the shoes."""
+    """Return the ankles relative to the hips, and the pitch of the shoes."""
     h, ankles, toes = p.body.height, [], []
     for k, side in enumerate((1, -1)):
         if p.gait == "stand":
-            # One leg carries, the other rests a little ahead with a soft knee.
+            # One leg carries the weight, the other rests a little ahead with a soft knee.
             ease = (0.02 + 0.16 * p.vigour) if (p.phase < 0.5) == (k == 0) else 0.02
             thigh, knee, pitch = ease, 1.6 * ease, 0.0
         else:
@@ -214,7 +214,7 @@ def _legs(p: PersonParams) -> tuple[list[Point], list[float]]:
 
 
 def _pose(p: PersonParams) -> Pose:
-    """Joints of the whole body, the shoulders turning against the hips."""
+    """Return the joints of the whole body; the shoulders turn against the hips."""
     h = p.body.height
     ankles, toes = _legs(p)
     hip = ANKLE * h - min(z for _, _, z in ankles)
@@ -245,7 +245,7 @@ def _pose(p: PersonParams) -> Pose:
 
 
 def _arm(p: PersonParams, name: str, ahead: float) -> tuple[Point, Point]:
-    """The wrist from the shoulder and the elbow's direction; ``ahead`` from -1 to 1 of a swing."""
+    """Return wrist and elbow direction as in ``_ARMS``; ``ahead`` is the phase of a swing, -1 to 1."""
     if name in _ARMS:
         return _ARMS[name]
     run = name == "run"

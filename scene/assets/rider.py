@@ -1,4 +1,4 @@
-"""Riders: the human on a bicycle or a motorcycle, seated where the machine has its saddle."""
+"""Riders of bicycles and motorcycles, without the machine, seated where it has its saddle."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ class RiderParams(NamedTuple):
     lean: float  # of the back, forward from upright
     turn: float  # of the head to the left
     outfit: Outfit
-    bag: Color | None  # of what is on the back
+    bag: Color | None  # colour of a backpack; None without one
     bag_size: float = 1.0
 
 
 class Kind(NamedTuple):
-    """What a kind of rider fixes; the rest is drawn."""
+    """What all riders of a kind have in common."""
 
     mount: str
     style: str  # of the clothes, see ``parts/wardrobe.py``
     lean: tuple[float, float]
-    hat: tuple[str, ...]  # one of these
-    bag: float = 0.0  # its size, 0 for none
+    hats: tuple[str, ...]  # one is drawn; "" for none
+    bag_size: float = 0.0  # 0 without one
 
 
 _KINDS: dict[str, Kind] = {
@@ -57,7 +57,7 @@ _KINDS: dict[str, Kind] = {
 MOUNT: dict[str, str] = {name: kind.mount for name, kind in _KINDS.items()}
 """The family of the machine under each kind of rider."""
 KINDS: tuple[str, ...] = tuple(MOUNT)
-"""How a rider sits, on what, and in which clothes."""
+"""Posture, machine and clothes of riders."""
 
 _LEATHERS: tuple[Color, ...] = ((0.012, 0.012, 0.013), (0.033, 0.033, 0.035), (0.046, 0.026, 0.016))
 _HELMETS: tuple[Color, ...] = (
@@ -70,7 +70,7 @@ def sample_rider(rng: np.random.Generator, kind: str) -> RiderParams:
     """Draw a rider of one of ``KINDS``: size, how far the back leans, clothes and helmet."""
     entry = _KINDS[kind]
     outfit, curves = sample_outfit(rng, entry.style, float(rng.choice([0.0, 0.1, 0.9])))
-    outfit = outfit._replace(hat=str(rng.choice(entry.hat)), hat_color=pick(rng, _HELMETS))
+    outfit = outfit._replace(hat=str(rng.choice(entry.hats)), hat_color=pick(rng, _HELMETS))
     if outfit.hat == "hood":
         outfit = outfit._replace(hat_color=outfit.top)
     if entry.style != "skirt":
@@ -97,13 +97,13 @@ def sample_rider(rng: np.random.Generator, kind: str) -> RiderParams:
         lean=float(rng.uniform(*entry.lean)),
         turn=float(rng.normal(0, 0.15)),
         outfit=outfit,
-        bag=pick(rng, BRIGHT + CLOTHES, 0.3) if entry.bag else None,
-        bag_size=entry.bag or 1.0,
+        bag=pick(rng, BRIGHT + CLOTHES, 0.3) if entry.bag_size else None,
+        bag_size=entry.bag_size or 1.0,
     )
 
 
 def rider(params: RiderParams) -> Asset:
-    """Build the rider of ``params``, facing +x, where the machine of the same pose has its saddle."""
+    """Build the rider, facing +x, seated on the saddle of a machine at the origin."""
     p = params
     pose = _pose(p)
     parts = [figure(p.body, p.outfit, pose), head(p.body, p.outfit, pose)]
@@ -113,7 +113,7 @@ def rider(params: RiderParams) -> Asset:
 
 
 def _pose(p: RiderParams) -> Pose:
-    """Seat on the saddle, hands on the bar, shoes on the pedals or rests."""
+    """Return the joints: seat on the saddle, hands on the bar, shoes on the pedals or rests."""
     h = p.body.height
     if p.mount == "bicycle":
         saddle, bar, feet = bicycle.SADDLE, bicycle.BAR, bicycle.pedals()

@@ -69,9 +69,7 @@ def slab(params: SlabParams) -> Asset:
     flat = np.column_stack([outline, np.full(9, (THICK + PAINT) / 2)])
     marks.append(polygon(flat, darker(p.color, 0.7), p.material))
     tile = merge(box((*BAY, THICK), (0, 0, 0), p.color, p.material), *marks)
-    return (
-        ignore(tile) if p.material == "pavers" else tile
-    )  # paved parking has no class
+    return ignore(tile) if p.material == "pavers" else tile  # paved parking has no class
 
 
 FAMILY = Family(

@@ -71,7 +71,7 @@ def test_people_walk_on_two_legs_that_take_turns_with_arms_against_them(phase):
 @pytest.mark.parametrize("style", wardrobe.STYLES)
 def test_every_style_dresses_a_body_of_one_height(style):
     outfit, curves = wardrobe.sample_outfit(np.random.default_rng(1), style, 0.3)
-    own = {"outfit": outfit._replace(hat=""), "body": Body(1.75, curves=curves), "things": ()}
+    own = {"outfit": outfit._replace(hat=""), "body": Body(1.75, curves=curves), "carried": ()}
     assert 1.66 < person.person(walker(0.2)._replace(**own)).mesh.bounds[1, 2] < 1.84
 
 
@@ -89,9 +89,9 @@ def test_hats_cover_the_crown_and_leave_the_body_alone(hat, hairdo):
 @pytest.mark.parametrize("thing", carried.CARRIED)
 def test_things_are_carried_above_the_ground_and_near_a_hand(thing):
     params = person.sample_person(np.random.default_rng(3), "shopping bags")
-    params = params._replace(things=(), body=Body(1.75), gait="stand")
+    params = params._replace(carried=(), body=Body(1.75), gait="stand")
     bare = person.person(params).mesh.vertices
-    added = person.person(params._replace(things=(thing,))).mesh.vertices[len(bare) :]
+    added = person.person(params._replace(carried=(thing,))).mesh.vertices[len(bare) :]
     assert len(added) >= 8 and added[:, 2].min() > -0.02
     assert np.linalg.norm(added[:, None] - bare[None, ::7], axis=2).min() < 0.25
 

@@ -321,7 +321,7 @@ def test_ids_of_a_class_that_a_dataset_does_not_have_are_found():
     ("--own-asset bin.glb --own-class=a\nb", "own class 'a\\nb' has no name that can be read"),
     ("--own-asset bin.glb --own-class " + 41 * "x", "a name has at most 40 characters, not 41"),
     ("--own-asset nowhere.glb --own-class bin", "nowhere.glb does not exist; an own class needs a .glb"),
-    ("--own-asset= --own-class bin", "own class needs the .glb file of its asset"),
+    ("--own-asset= --own-class bin", "own class needs a .glb file of its asset"),
     ("--own-asset bin.obj --own-class bin", "bin.obj is not a .glb file; an own class needs a .glb"),
     ("--own-asset points.glb --own-class bin", "points.glb: has no faces"),
     ("--own-asset broken.glb --own-class bin", "broken.glb: broken: cut short"),

@@ -1,6 +1,6 @@
-"""A dressed body around its bones: torso, limbs, hands, shoes, coat tails and skirts.
+"""Builds a dressed body around its bones: torso, limbs, hands, shoes, coat tails and skirts.
 
-All lengths in the tables are shares of the standing height, so that a body scales as one.
+All lengths in the tables are shares of the standing height, so that the body scales as a whole.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ from scene.mesh.mesh import circle, cross, unit
 Bones = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Hip, knee and ankle, or shoulder, elbow and wrist, m."""
 
-# Along the back (0 hip, 1 shoulder): middle's offset forward, half depth and half width as shares
-# of the height; then what curves add to the width and to the depth.
+# For each position along the back (0 hip, 1 shoulder): forward offset of the middle, half depth and half
+# width as shares of the height, then the additions of ``Body.curves`` to width and depth.
 _TORSO = np.array([
     (-0.24, -0.004, 0.046, 0.060, 0.00, 0.000), (-0.10, -0.006, 0.064, 0.090, 0.06, 0.004),
     (0.08, -0.006, 0.066, 0.094, 0.06, 0.003), (0.25, 0.000, 0.060, 0.086, -0.06, -0.004),
@@ -46,7 +46,7 @@ _TORSO = np.array([
     (1.06, -0.010, 0.036, 0.056, 0.00, 0.000), (1.13, -0.006, 0.031, 0.034, 0.00, 0.000),
 ])  # fmt: skip
 _TORSO_SIDES = 16
-_WAIST = 2  # first band of the top; trousers below
+_WAIST = 2  # first band of the top; the trousers are below
 
 
 def _torso(body: Body, outfit: Outfit, pose: Pose) -> Asset:
@@ -64,21 +64,21 @@ def _torso(body: Body, outfit: Outfit, pose: Pose) -> Asset:
     turn = pose.twist * share
     ahead = np.cos(turn) * forward + np.sin(turn) * across
     aside = np.cos(turn) * across - np.sin(turn) * forward
-    # Below the hips the body stays upright, whatever the back does.
+    # Below the hips the body stays upright, however the back leans.
     axis = np.where(t[:, None] > 0, up, np.array([0, 0, 1.0]))
     centre = np.array(pose.hip) + h * (t[:, None] * TORSO * axis + offset[:, None] * ahead)
     angle = (np.arange(_TORSO_SIDES) + 0.5) * 2 * np.pi / _TORSO_SIDES
-    # Slightly square in section, as a chest is.
+    # The section is slightly square, like a chest.
     cos, sin = (np.sign(f) * np.abs(f) ** 0.85 for f in (np.cos(angle), np.sin(angle)))
     rings = centre[:, None] + h * (
         (deep[:, None] * cos)[..., None] * ahead[:, None]
         + (wide[:, None] * sin)[..., None] * aside[:, None]
     )
-    return _dress(skin(rings, outfit.top), outfit)
+    return _colored(skin(rings, outfit.top), outfit)
 
 
-def _dress(torso: Asset, outfit: Outfit) -> Asset:
-    """Build the colours of a torso: waistband, shirt front, stripes, bands and neck."""
+def _colored(torso: Asset, outfit: Outfit) -> Asset:
+    """Colour a torso: waistband, shirt front, stripes, bands and neck."""
     sides, bands = _TORSO_SIDES, len(_TORSO) - 1
     if outfit.accent is not None:
         for band in range(_WAIST, bands - 1, 2) if outfit.stripes else (2, 3, 4):
@@ -87,18 +87,19 @@ def _dress(torso: Asset, outfit: Outfit) -> Asset:
         for band in (3, 5):
             torso = paint_bands(torso, sides, band, band + 1, outfit.bands, "paint")
     if outfit.shirt is not None:
-        # The front lies half way around 0, between the first and the last side.
+        # The front is around angle 0, between the last and the first side.
         faces = np.arange(2 * sides * bands).reshape(bands, sides, 2)
         torso = repaint(torso, faces[_WAIST:8, -1].ravel(), outfit.shirt, "cloth")
         torso = repaint(torso, faces[8:10, (-2, -1, 0)].ravel(), outfit.shirt, "cloth")
-    low = outfit.hem_color if outfit.hem_color is not None else outfit.legs
-    torso = paint_bands(torso, sides, 0, _WAIST, low if outfit.hem == 0 else outfit.top)
+    lower_color = outfit.hem_color if outfit.hem_color is not None else outfit.legs
+    torso = paint_bands(torso, sides, 0, _WAIST, lower_color if outfit.hem == 0 else outfit.top)
     if outfit.hem and outfit.hem_color is not None:
         torso = paint_bands(torso, sides, 0, _WAIST, outfit.hem_color)
     return paint_bands(torso, sides, bands - 1, bands, outfit.collar or outfit.skin)
 
 
-# Where along thigh and shin the rings lie, and the radii of a bare leg and of slim trousers there.
+# Positions of the rings along thigh (0 to 1) and shin (1 to 2), and radii of a bare leg and of slim trousers;
+# the same for the arm.
 _LEG_AT = np.array([0.0, 0.12, 0.4, 0.75, 0.95, 1.05, 1.22, 1.4, 1.65, 1.85, 2.0])
 _LEG_BARE = np.array([46, 50, 46, 37, 32, 31, 33, 34, 27, 21, 21]) / 1000
 _LEG_SLIM = np.array([48, 53, 49, 41, 37, 36, 37, 37, 33, 31, 32]) / 1000
@@ -107,8 +108,8 @@ _ARM_BARE = np.array([10, 24, 31, 29, 26, 22, 22, 23, 19, 15]) / 1000
 _ARM_SLEEVE = np.array([12, 26, 34, 33, 30, 27, 27, 27, 24, 22]) / 1000
 
 
-def _along(bones: Bones, at: np.ndarray) -> np.ndarray:
-    """Points [n, 3] on two bones: 0 to 1 on the first, 1 to 2 on the second."""
+def _on_bones(bones: Bones, at: np.ndarray) -> np.ndarray:
+    """Return points f64[n, 3] on two bones: 0 to 1 on the first, 1 to 2 on the second."""
     start, joint, end = bones
     upper = start + np.minimum(at, 1)[:, None] * (joint - start)
     return upper + np.maximum(at - 1, 0)[:, None] * (end - joint)
@@ -119,7 +120,7 @@ def _leg(body: Body, outfit: Outfit, joints: Bones) -> Asset:
     width = 1 + (outfit.width - 1) * np.clip(_LEG_AT - 0.3, 0, 1)
     radii = np.where(covered >= _LEG_AT, _LEG_SLIM * width, _LEG_BARE)
     radii = radii * body.height * body.girth**0.8 * (1 + 0.06 * body.curves * (_LEG_AT < 0.6))
-    leg = skin(circles(_along(joints, _LEG_AT), radii, sides), outfit.legs)
+    leg = skin(circles(_on_bones(joints, _LEG_AT), radii, sides), outfit.legs)
     bare = int((covered >= _LEG_AT).sum())
     return paint_bands(leg, sides, max(bare - 1, 0), len(_LEG_AT) - 1, outfit.skin, "skin") if (
         bare < len(_LEG_AT)
@@ -132,7 +133,8 @@ def _arm(body: Body, outfit: Outfit, joints: Bones) -> Asset:
     if outfit.quilted:
         radii = radii * np.where(np.arange(len(radii)) % 2, 1.04, 0.92)
     arm = skin(
-        circles(_along(joints, _ARM_AT), radii * body.height * body.girth**0.7, sides), outfit.top
+        circles(_on_bones(joints, _ARM_AT), radii * body.height * body.girth**0.7, sides),
+        outfit.top,
     )
     if outfit.bands is not None:
         arm = paint_bands(arm, sides, 3, 4, outfit.bands, "paint")
@@ -145,7 +147,7 @@ def _arm(body: Body, outfit: Outfit, joints: Bones) -> Asset:
 def _hand(
     wrist: np.ndarray, along: np.ndarray, across: np.ndarray, h: float, skin_: Color
 ) -> Asset:
-    """Build a mitten with a thumb that points to ``across``."""
+    """Build a mitten whose thumb points to ``across``."""
     side = across - along * (across @ along)
     side /= max(math.sqrt(side.dot(side)), 1e-9)
     flat = cross(along, side)
@@ -164,7 +166,7 @@ _PALM = np.array([
 ]).T[..., None, None]  # fmt: skip
 
 
-# Along a shoe from heel to toe: half width, height of the upper, height of its ridge.
+# Along a shoe from heel to toe: x, half width, height of the upper, height of its ridge.
 _SHOE = ((-0.042, 0.014, 0.030, 0.036), (-0.030, 0.021, 0.040, 0.052), (0.004, 0.022, 0.036, 0.054),
          (0.040, 0.025, 0.026, 0.036), (0.078, 0.027, 0.019, 0.024), (0.100, 0.020, 0.014, 0.018),
          (0.110, 0.010, 0.010, 0.012))  # fmt: skip
@@ -178,7 +180,7 @@ _SOLE = np.arange(2 * 8 * (len(_SHOE) - 1)).reshape(-1, 8, 2)[:, (0, 1, 7)].rave
 
 
 def _shoe(ankle: np.ndarray, h: float, pitch: float, splay: float, outfit: Outfit) -> Asset:
-    """Build a shoe whose sole is ``ANKLE`` of the height below the ankle."""
+    """Build a shoe; its sole is the share ``ANKLE`` of the height below the ankle."""
     sin, cos = np.sin(pitch), np.cos(pitch)
     x, y, z = np.moveaxis(_SHOE_RINGS * h, -1, 0)
     x, z = x * cos + z * sin, z * cos - x * sin
@@ -188,7 +190,7 @@ def _shoe(ankle: np.ndarray, h: float, pitch: float, splay: float, outfit: Outfi
 
 
 def _hem(body: Body, outfit: Outfit, pose: Pose, legs: list[Bones]) -> Asset:
-    """Build a coat's tail or a skirt: a skin from the waist down around both legs wherever they are."""
+    """Build a coat's tail or a skirt: a skin from the waist down around both legs in any pose."""
     h, hip = body.height, np.array(pose.hip)
     angle = (np.arange(12) + 0.5) * 2 * np.pi / 12
     cos, sin = np.cos(angle)[:, None], np.sin(angle)[:, None]
@@ -196,7 +198,7 @@ def _hem(body: Body, outfit: Outfit, pose: Pose, legs: list[Bones]) -> Asset:
     rings = []
     for share in np.linspace(-0.25, 1.0, 4 + round(4 * outfit.hem)):
         at = max(share, 0.0) * outfit.hem * 2
-        points = np.concatenate([_along(leg, np.array([at])) for leg in legs])
+        points = np.concatenate([_on_bones(leg, np.array([at])) for leg in legs])
         loose = h * (0.016 + outfit.padding + 0.05 * (outfit.flare - 1) * max(share, 0) * 2)
         radius = h * float(np.interp(at, _LEG_AT, _LEG_SLIM)) * body.girth**0.8 + loose
         centre, half = points.mean(0), np.abs(points[0] - points[1]) / 2

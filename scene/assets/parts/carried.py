@@ -1,6 +1,6 @@
-"""What people carry or push: bags, cases, umbrellas, sticks, prams; metres, beside the body.
+"""What people carry or push: bags, cases, umbrellas, sticks, prams; in metres, placed around a pose.
 
-In Cityscapes what is carried is part of the person; what stands or rolls on the ground has no class.
+In Cityscapes, carried objects are part of the person; those that stand or roll on the ground have no class.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ CARRIED: tuple[str, ...] = (
     "backpack", "shopping", "handbag", "shoulder bag", "briefcase", "suitcase", "umbrella",
     "stick", "pram", "buggy", "box", "cup",
 )  # fmt: skip
-"""Names that ``carried`` knows; "" is nothing."""
+"""Names for ``carried``."""
 
 PRAM_HANDLE = (0.42, 0.98)
-"""How far ahead of the hips and how high a pram is held, m."""
+"""Where a pram is held: distance ahead of the hips, and height, m."""
 
 
 def _pillow(size: Point, base: Point, color: Color, bulge: float = 0.75) -> Asset:
-    """Build a soft box of ``size`` above ``base``: narrower at its top and bottom than in the middle."""
+    """Build a soft box of ``size`` above ``base``, narrower at top and bottom than in the middle."""
     turn = (np.arange(12) + 0.5) * 2 * np.pi / 12
     cos, sin = (np.sign(f) * np.abs(f) ** 0.6 for f in (np.cos(turn), np.sin(turn)))
     rings = [
@@ -63,7 +63,7 @@ def _shopping(hand: np.ndarray, h: float, color: Color) -> Asset:
 
 
 def _shoulder_bag(body: Body, pose: Pose, color: Color, across: bool) -> Asset:
-    """Build a bag at the right hip; its strap on the right shoulder, or across the chest."""
+    """Build a bag at the right hip, its strap over the right shoulder or across the chest."""
     h, hip = body.height, np.array(pose.hip)
     left, right = shoulders(body, pose)
     side = -0.135 * h * body.girth**0.5
@@ -98,7 +98,7 @@ def _suitcase(body: Body, pose: Pose, color: Color) -> Asset:
 
 
 def _umbrella(hand: np.ndarray, body: Body, color: Color, second: Color) -> Asset:
-    """Build an open umbrella over the head, its ribs' panels in one or two colours."""
+    """Build an open umbrella over the head, its panels in two alternating colours."""
     x, y, z = hand
     top = max(1.13 * body.height, z + 0.55)
     sides = 8
@@ -181,7 +181,7 @@ def _pram(pose: Pose, color: Color, buggy: bool) -> Asset:
 
 
 def carried(name: str, body: Body, pose: Pose, color: Color, second: Color) -> Asset:
-    """Build one thing of ``CARRIED`` where a person in ``pose`` holds it.
+    """Build an object of ``CARRIED`` where a person in ``pose`` holds it.
 
     Raises:
         ValueError: unknown name.
@@ -217,4 +217,4 @@ def carried(name: str, body: Body, pose: Pose, color: Color, second: Color) -> A
             x, y, z = (float(v) for v in right)
             return limb(np.array([(x + 0.1, y, z), (x + 0.1, y, z + 0.13)]), [0.03, 0.042],
                         (0.6, 0.58, 0.52), "plain", 8)  # fmt: skip
-    raise ValueError(f"unknown thing to carry {name!r}; known: {', '.join(CARRIED)}")
+    raise ValueError(f"unknown object to carry {name!r}; known: {', '.join(CARRIED)}")

@@ -1,4 +1,4 @@
-"""Heads: a face, hair in several cuts, hats, hoods and helmets."""
+"""Builds heads: faces, hairdos, hats, hoods and helmets."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.parts.human import NECK, TORSO, Body, Outfit, Pose, limb, skin, spine
-from scene.assets.parts.palette import BLACK, GLASS, darker
+from scene.assets.parts.palette import GLASS, darker
 from scene.assets.parts.skin import sheet
-from scene.mesh.asset import Asset, Color, merge, repaint, solid, translate
+from scene.mesh.asset import Asset, Color, merge, repaint, reshaped, solid, translate
 from scene.mesh.mesh import Mesh, cross, frozen
 from scene.mesh.solids import ellipsoid
 
 HAIRDOS: tuple[str, ...] = ("bald", "short", "thick", "curly", "bob", "long", "ponytail", "bun")
-"""How hair is worn."""
+"""Names of hairdos."""
 SIZE = np.array([0.055, 0.045, 0.066])
 """Half length, width and height of an adult's head, as shares of the standing height."""
 SIDES = 16
-# From chin to crown in units of ``SIZE``: height, reach to the front, to the back, half width.
+# From chin to crown, in units of ``SIZE``: height, reach to the front and to the back, half width.
 _SKULL = np.array([
     (-1.00, 0.66, 0.00, 0.26), (-0.86, 0.92, 0.30, 0.56), (-0.58, 0.97, 0.74, 0.82),
     (-0.28, 0.99, 0.92, 0.94), (0.02, 1.00, 1.03, 0.98), (0.32, 0.98, 1.07, 1.00),
@@ -34,18 +34,18 @@ _AROUND = np.degrees(np.abs(np.angle(np.exp(1j * (_ANGLE + np.pi / SIDES)))))[No
 """Height of each face, and its angle from straight ahead, degrees in [0, 180]."""
 
 Edge = tuple[tuple[float, float], ...]
-"""Where hair or a hat ends: degrees from straight ahead, and the height there."""
+"""Lower edge of hair or a hat: pairs of degrees from straight ahead and height."""
 
 
 class Shell(NamedTuple):
-    """Hair or a hat: what of an enlarged skull lies above an edge."""
+    """Hair or a hat: the part of an enlarged skull above an edge."""
 
     edge: Edge
     grow: float
-    volume: float = 0.0  # how much higher the top is
+    volume: float = 0.0  # additional height of the top
     material: str = "cloth"
-    brim: tuple[float, float] | None = None  # how far it reaches ahead and to the sides
-    peak: bool = False  # whether the brim is ahead only
+    brim: tuple[float, float] | None = None  # its reach ahead and to the sides
+    peak: bool = False  # the brim is ahead only
 
 
 _BROW = ((0, 0.30), (180, 0.10))
@@ -60,7 +60,7 @@ _SHELLS: dict[str, Shell] = {
     "open helmet": Shell(((0, 0.50), (45, 0.45), (65, 0.0), (75, -0.7)), 1.30, 0.05, "paint"),
 }
 HATS: tuple[str, ...] = (*_SHELLS, "full helmet")
-"""What may be worn on a head; "" is nothing."""
+"""Names of hats; "" stands for none."""
 _EARS_COVERED = ("hood", "headscarf", "open helmet")
 _NAPE = {"short": -0.45, "bob": -0.9, "long": -0.9, "thick": -0.6, "curly": -0.7}
 _FULL = {"short": (1.05, 0.02), "thick": (1.10, 0.08), "curly": (1.24, 0.10), "bob": (1.12, 0.05)}
@@ -68,7 +68,7 @@ _FULL = {"short": (1.05, 0.02), "thick": (1.10, 0.08), "curly": (1.24, 0.10), "b
 
 @lru_cache
 def _rings(grow: float = 1.0, volume: float = 0.0, edge: Edge = ((0, -1.0),)) -> np.ndarray:
-    """The skull's rings [levels, sides, 3] above an edge, larger by a factor and by ``volume`` on top."""
+    """Return the skull's rings f64[levels, sides, 3] above an edge, enlarged and ``volume`` higher."""
     z = np.maximum(_SKULL[:, :1], np.interp(_FROM_AHEAD, *np.transpose(edge)))
     front, back, wide = (np.interp(z, _SKULL[:, 0], reach) for reach in _SKULL.T[1:])
     cos, sin = np.cos(_ANGLE), np.sin(_ANGLE)
@@ -79,33 +79,33 @@ def _rings(grow: float = 1.0, volume: float = 0.0, edge: Edge = ((0, -1.0),)) ->
 def _shell(shell: Shell, color: Color, stripes: Color | None = None) -> Asset:
     """Build hair or a hat in units of the head; ``stripes`` run from its edge to the crown."""
     rings = _rings(shell.grow, shell.volume, shell.edge)
-    whole = skin(rings, color, shell.material)
+    skull_cap = skin(rings, color, shell.material)
     sides = np.arange(2 * SIDES * (len(rings) - 1)) // 2 % SIDES
     if stripes is not None:
-        whole = repaint(whole, np.flatnonzero(sides % 4 == 1), stripes, "plain")
-    # Below the edge all rings lie on it, and at the bottom there is no end.
-    corners = whole.mesh.vertices[whole.mesh.faces]
+        skull_cap = repaint(skull_cap, np.flatnonzero(sides % 4 == 1), stripes, "plain")
+    # Rings below the edge coincide with it: drop the faces between them, and the bottom.
+    corners = skull_cap.mesh.vertices[skull_cap.mesh.faces]
     flat = np.linalg.norm(
         cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
     )
     keep = flat > 1e-9
     keep[len(sides) : len(sides) + SIDES - 2] = False
-    mesh = Mesh(whole.mesh.vertices, whole.mesh.faces[keep])
-    return Asset(mesh, whole.color[keep], whole.material[keep])
+    mesh = Mesh(skull_cap.mesh.vertices, skull_cap.mesh.faces[keep])
+    return Asset(mesh, skull_cap.color[keep], skull_cap.material[keep])
 
 
 def _hair(outfit: Outfit) -> list[Asset]:
     """Build hair in units of the head."""
-    do, color = outfit.hairdo, outfit.hair
-    if do == "bald":
+    hairdo, color = outfit.hairdo, outfit.hair
+    if hairdo == "bald":
         return []
-    # Down to a sideburn, over the ear, and to the nape.
-    nape = _NAPE.get(do, -0.5)
+    # The edge runs down to a sideburn, over the ear, and to the nape.
+    nape = _NAPE.get(hairdo, -0.5)
     edge = ((0, 0.5), (45, 0.42), (68, 0.2), (80, -0.2), (100, 0.0), (122, nape))
-    grow, volume = (1.06, 0.02) if outfit.hat else _FULL.get(do, (1.07, 0.03))
+    grow, volume = (1.06, 0.02) if outfit.hat else _FULL.get(hairdo, (1.07, 0.03))
     parts = [_shell(Shell(edge, grow, volume), color)]
-    if do in ("bob", "long"):
-        low = -1.05 if do == "bob" else -1.95
+    if hairdo in ("bob", "long"):
+        low = -1.05 if hairdo == "bob" else -1.95
         levels = np.linspace(0.3, low, 5)
         turn = np.radians(np.linspace(72, 288, 11))
         spread = np.array([1.10, 1.18, 1.20, 1.14, 0.98])
@@ -115,16 +115,16 @@ def _hair(outfit: Outfit) -> list[Asset]:
             for k, (s, z) in enumerate(zip(spread, levels, strict=True))
         ])  # fmt: skip
         parts.append(sheet(curtain, color, "cloth"))
-    if do == "ponytail":
+    if hairdo == "ponytail":
         tail = [(-1.0, 0, 0.45), (-1.5, 0, 0.35), (-1.62, 0, -0.5), (-1.45, 0, -1.5)]
         parts.append(limb(np.array(tail), [0.2, 0.3, 0.34, 0.08], color, "cloth", 6))
-    if do == "bun":
+    if hairdo == "bun":
         parts.append(ellipsoid((-0.85, 0, 0.85), (0.45, 0.5, 0.42), color, "cloth"))
     return parts
 
 
 def _brim(reach: float, wide: float, z: float, ahead: bool, color: Color, material: str) -> Asset:
-    """Build a flat brim all around, or a peak ahead only."""
+    """Build a flat brim all around, or a peak only ahead."""
     turn = np.linspace(-1.3, 1.3, 9) if ahead else np.arange(17) * 2 * np.pi / 16
     inner = np.column_stack([0.95 * np.cos(turn), 0.95 * np.sin(turn), np.full(len(turn), z)])
     outer = np.column_stack(
@@ -186,7 +186,7 @@ def _face(outfit: Outfit) -> list[Asset]:
 
 
 def head(body: Body, outfit: Outfit, pose: Pose) -> Asset:
-    """Build neck and head of a person, where the pose has them, m."""
+    """Build the neck and head of a person in ``pose``, m."""
     h, (up, forward) = body.height, spine(pose)
     neck = np.array([np.sin(pose.look), 0, np.cos(pose.look)])
     base = np.array(pose.hip) + h * (TORSO * 1.04 * up - 0.006 * forward)
@@ -194,13 +194,12 @@ def head(body: Body, outfit: Outfit, pose: Pose) -> Asset:
     parts = [] if outfit.hat == "full helmet" else _face(outfit)
     if outfit.hat not in ("hood", "headscarf", "full helmet"):
         parts += _hair(outfit)
-    whole = merge(*parts, *_hat(outfit))
+    merged = merge(*parts, *_hat(outfit))
     tilt, turn = 0.7 * pose.look, pose.turn
     pitch = np.array([[np.cos(tilt), 0, np.sin(tilt)], [0, 1, 0], [-np.sin(tilt), 0, np.cos(tilt)]])
     yaw = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
-    scaled = whole.mesh.vertices * SIZE * h * body.head @ (pitch @ yaw).T
-    placed = solid(scaled, whole.mesh.faces, BLACK, "plain")
-    placed = translate(placed._replace(color=whole.color, material=whole.material), centre)
+    scaled = merged.mesh.vertices * SIZE * h * body.head @ (pitch @ yaw).T
+    placed = translate(reshaped(merged, scaled), centre)
     wide = 0.031 * h * body.girth**0.4
     throat = limb([base - 0.01 * h * up, centre - 0.3 * SIZE[2] * h * neck],
                   [1.15 * wide, 0.95 * wide], outfit.skin, "skin", 10)  # fmt: skip

@@ -1,4 +1,4 @@
-"""What people on foot and riders share: sizes, joints, what they wear, skins around bones.
+"""What people on foot and riders share: sizes, joints, outfits, and skins around bones.
 
 The body is built in ``parts/body.py``, the head in ``parts/head.py``.
 """
@@ -22,7 +22,7 @@ HIP_HALF, SHOULDER_HALF = 0.048, 0.106  # from the middle to a joint
 
 
 class Outfit(NamedTuple):
-    """What one person wears, from head to foot."""
+    """The look of one person: skin, hair and clothes."""
 
     skin: Color
     hair: Color
@@ -32,14 +32,14 @@ class Outfit(NamedTuple):
     sole: Color = BLACK
     accent: Color | None = None  # lower half of the top, or its stripes
     stripes: bool = False  # of ``accent`` around the top
-    shirt: Color | None = None  # shows in the open front of a jacket
+    shirt: Color | None = None  # visible in the open front of a jacket
     sleeves: float = 1.0  # share of the arm that is covered
     trousers: float = 1.0  # share of the leg that is covered
-    width: float = 1.0  # of the trousers' legs over slim ones
-    padding: float = 0.0  # thickness of the top, share of the height
+    width: float = 1.0  # of the trousers' legs, relative to slim ones
+    padding: float = 0.0  # thickness of the top, as a share of the height
     quilted: bool = False
     hem: float = 0.0  # share of the leg that a coat or skirt covers
-    hem_color: Color | None = None  # of a skirt; a coat is of the colour of the top
+    hem_color: Color | None = None  # of a skirt; None for the colour of the top
     flare: float = 1.0
     collar: Color | None = None  # a scarf or a raised collar
     bands: Color | None = None  # reflecting bands of a work vest
@@ -53,14 +53,14 @@ class Body(NamedTuple):
     """Sizes of one person."""
 
     height: float  # standing, m
-    girth: float = 1.0  # more for stout
-    head: float = 1.0  # more for a child
+    girth: float = 1.0  # 1 average, more is stouter
+    head: float = 1.0  # 1 for adults, more for children
     curves: float = 0.0  # 0 broad shoulders .. 1 broad hips
-    belly: float = 0.0  # how far it stands out, share of the height
+    belly: float = 0.0  # depth, as a share of the height
 
 
 class Pose(NamedTuple):
-    """Where the joints are that the rest follows from; metres and radians."""
+    """The joints that determine a pose; metres and radians."""
 
     hip: Point  # middle of the hips
     lean: float  # of the back, forward from upright
@@ -76,9 +76,9 @@ class Pose(NamedTuple):
 def bend(
     start: np.ndarray, end: np.ndarray, upper: float, lower: float, towards: Point
 ) -> np.ndarray:
-    """The joint between two bones of ``upper`` and ``lower`` m from ``start`` to ``end``.
+    """Return the joint between two bones of ``upper`` and ``lower`` m from ``start`` to ``end``.
 
-    By the law of cosines, on the side that ``towards`` points to; straight if the end is too far.
+    The law of cosines gives it, on the side that ``towards`` points to; it is straight if the end is too far.
     """
     reach = end - start
     distance = np.sqrt(reach.dot(reach))
@@ -100,12 +100,12 @@ def skin(rings: np.ndarray, color: Color, material: str = "cloth") -> Asset:
 def paint_bands(
     asset: Asset, sides: int, low: int, high: int, color: Color, material: str = "cloth"
 ) -> Asset:
-    """Build the skin with bands ``low`` to ``high`` in another colour."""
+    """Paint bands ``low`` to ``high`` of a skin in another colour."""
     return repaint(asset, np.arange(2 * sides * low, 2 * sides * high), color, material)
 
 
 def circles(points: np.ndarray, radii: np.ndarray, sides: int = 8) -> np.ndarray:
-    """Rings [n, sides, 3] of ``radii`` around a line of ``points``, square to it."""
+    """Return rings f64[n, sides, 3] of ``radii`` around a line of ``points``, square to it."""
     bones = np.diff(points, axis=0)
     bones /= _lengths(bones)
     along = np.concatenate([bones[:1], bones[:-1] + bones[1:], bones[-1:]])
@@ -122,7 +122,7 @@ _X, _Y = np.eye(3)[:2]
 
 
 def _lengths(vectors: np.ndarray) -> np.ndarray:
-    """Lengths f64[n, 1] of vectors f64[n, 3], none below a nanometre."""
+    """Return the lengths f64[n, 1] of vectors f64[n, 3], none below a nanometre."""
     return np.maximum(np.sqrt((vectors * vectors).sum(axis=1, keepdims=True)), 1e-9)
 
 
@@ -138,13 +138,13 @@ def limb(
 
 
 def spine(pose: Pose) -> tuple[np.ndarray, np.ndarray]:
-    """Unit vectors up along the back and forward out of the chest."""
+    """Return unit vectors up along the back and forward out of the chest."""
     sin, cos = np.sin(pose.lean), np.cos(pose.lean)
     return np.array([sin, 0, cos]), np.array([cos, 0, -sin])
 
 
 def shoulders(body: Body, pose: Pose) -> tuple[np.ndarray, np.ndarray]:
-    """The left and the right shoulder joint, m."""
+    """Return the left and the right shoulder joint, m."""
     up, forward = spine(pose)
     middle = np.array(pose.hip) + (TORSO - 0.034) * body.height * up
     across = np.cos(pose.twist) * np.array([0, 1.0, 0]) - np.sin(pose.twist) * forward

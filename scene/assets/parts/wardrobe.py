@@ -1,4 +1,4 @@
-"""Clothes by style: the colours people really wear, and what goes with what."""
+"""Clothes by style: colours and combinations as seen in streets."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ CLOTHES: tuple[Color, ...] = (
     (0.072, 0.052, 0.033), (0.033, 0.039, 0.023), (0.049, 0.016, 0.019), (0.104, 0.104, 0.104),
     (0.293, 0.286, 0.273), (0.195, 0.156, 0.107), (0.028, 0.026, 0.026), (0.018, 0.036, 0.033),
 )  # fmt: skip
-"""Muted ones, as most people wear."""
+"""Muted colours, the most common ones."""
 BRIGHT: tuple[Color, ...] = (
     (0.380, 0.020, 0.025), (0.030, 0.120, 0.400), (0.050, 0.230, 0.110), (0.480, 0.280, 0.020),
     (0.400, 0.100, 0.170), (0.560, 0.550, 0.530), (0.130, 0.280, 0.430), (0.200, 0.060, 0.230),
@@ -44,7 +44,7 @@ PALE: tuple[Color, ...] = (
     (0.700, 0.690, 0.660), (0.560, 0.490, 0.370), (0.480, 0.560, 0.650), (0.640, 0.520, 0.490),
     (0.430, 0.430, 0.430), (0.660, 0.620, 0.480),
 )  # fmt: skip
-"""Light ones, of summer and of raincoats."""
+"""Light colours, of summer clothes and raincoats."""
 TROUSERS: tuple[Color, ...] = (
     (0.022, 0.022, 0.023), (0.022, 0.028, 0.050), (0.036, 0.058, 0.105), (0.040, 0.040, 0.042),
     (0.150, 0.117, 0.078), (0.072, 0.098, 0.137), (0.046, 0.036, 0.026), (0.104, 0.104, 0.104),
@@ -52,11 +52,11 @@ TROUSERS: tuple[Color, ...] = (
 SHOES: tuple[Color, ...] = ((0.022, 0.021, 0.020), (0.039, 0.023, 0.013), (0.325, 0.325, 0.319),
                             (0.039, 0.046, 0.065), (0.130, 0.072, 0.033))  # fmt: skip
 DARK_SHARE = 0.6
-"""How many adults wear black, navy or charcoal over dark trousers, seen in photos of streets."""
+"""Share of adults in black, navy or charcoal over dark trousers, as in photos of streets."""
 PALE_SHARE, PALE_TROUSERS = 0.5, 0.25
-"""Of the others, how many wear a light top, and light trousers."""
+"""Shares of the other people with a light top, and with light trousers."""
 VEST_SHARE = 0.03
-"""How many of those in a jacket or coat wear a reflecting vest over it."""
+"""Share of the people in these styles with a reflecting vest over them."""
 VESTS = ("jacket", "puffer", "short coat", "hoodie")
 _WOMENS_HAIR = ("bob", "long", "long", "ponytail", "bun", "curly", "short")
 _MENS_HAIR = ("short", "short", "short", "thick", "bald", "curly")
@@ -64,34 +64,34 @@ HI_VIS: tuple[Color, ...] = ((0.52, 0.66, 0.04), (0.75, 0.20, 0.02))
 
 
 class Stock(NamedTuple):
-    """What an outfit may have, drawn for every style alike."""
+    """Colours and hair that are drawn for every style in the same way."""
 
     top: Color
-    other: Color
-    warm: Color
+    second_top: Color
+    coat: Color
     dress: Color
     legs: Color  # below a skirt
-    hairdo: str  # of those who run
+    tied_hair: str  # of those who run
 
 
 _STYLES: dict[str, Callable[[Stock], dict[str, Any]]] = {
     "jacket": lambda d: dict(
-        hem=between(0.06, 0.22), padding=0.008, shirt=perhaps(0.6, d.other),
-        accent=perhaps(0.2, d.warm),
+        hem=between(0.06, 0.22), padding=0.008, shirt=perhaps(0.6, d.second_top),
+        accent=perhaps(0.2, d.coat),
     ),
     "jumper": lambda d: dict(
-        hem=between(0.04, 0.14), padding=0.005, accent=perhaps(0.35, d.other), stripes=maybe(0.6)
+        hem=between(0.04, 0.14), padding=0.005, accent=perhaps(0.35, d.second_top), stripes=maybe(0.6)
     ),
     "hoodie": lambda d: dict(hem=between(0.06, 0.18), padding=0.008, collar=d.top),
     "hood": lambda d: dict(
         hem=between(0.08, 0.24), padding=0.010, hat="hood", hat_color=d.top, collar=d.top
     ),
     "t-shirt": lambda d: dict(
-        hem=between(0.05, 0.16), top=d.other, sleeves=0.42, collar=None, stripes=maybe(0.2),
-        accent=perhaps(0.3, d.warm),
+        hem=between(0.05, 0.16), top=d.second_top, sleeves=0.42, collar=None, stripes=maybe(0.2),
+        accent=perhaps(0.3, d.coat),
     ),
     "t-shirt and shorts": lambda d: dict(
-        hem=between(0.05, 0.16), top=d.other, sleeves=0.42, trousers=between(0.35, 0.5), width=1.3,
+        hem=between(0.05, 0.16), top=d.second_top, sleeves=0.42, trousers=between(0.35, 0.5), width=1.3,
         collar=None, legs=near(0.3, *TROUSERS, *BRIGHT[:3]), shoes=near(0.15, *SHOES[2:]),
         sole=WHITE_SOLE,
     ),
@@ -101,10 +101,10 @@ _STYLES: dict[str, Callable[[Stock], dict[str, Any]]] = {
         shirt=(0.55, 0.56, 0.58), padding=0.006, shoes=SHOES[0], sole=BLACK, hat="", collar=None,
     ),
     "short coat": lambda d: dict(
-        hem=between(0.22, 0.38), padding=0.011, flare=1.1, shirt=perhaps(0.25, d.other)
+        hem=between(0.22, 0.38), padding=0.011, flare=1.1, shirt=perhaps(0.25, d.second_top)
     ),
     "long coat": lambda d: dict(
-        hem=between(0.5, 0.72), padding=0.012, top=d.warm, flare=between(1.1, 1.5)
+        hem=between(0.5, 0.72), padding=0.012, top=d.coat, flare=between(1.1, 1.5)
     ),
     "skirt": lambda d: dict(
         hem=between(0.35, 0.8), legs=d.legs, trousers=1.0, width=0.88, hem_color=d.dress,
@@ -117,7 +117,7 @@ _STYLES: dict[str, Callable[[Stock], dict[str, Any]]] = {
     "sports": lambda d: dict(
         hem=between(0.03, 0.1), top=near(0.15, *BRIGHT), sleeves=0.4, collar=None, hat="",
         width=0.95, trousers=one_of(0.4, 0.8, 1.0), legs=near(0.15, *TROUSERS[:4]),
-        shoes=near(0.15, *BRIGHT), sole=WHITE_SOLE, hairdo=d.hairdo,
+        shoes=near(0.15, *BRIGHT), sole=WHITE_SOLE, hairdo=d.tied_hair,
     ),
     "work": lambda d: dict(
         hem=between(0.06, 0.2), top=one_of(*HI_VIS), legs=perhaps(0.4, SameAs("top"), keep),
@@ -126,13 +126,13 @@ _STYLES: dict[str, Callable[[Stock], dict[str, Any]]] = {
         shoes=SHOES[0],
     ),
     "robe": lambda d: dict(
-        hem=between(0.93, 0.93), top=d.warm, hem_color=d.warm, flare=1.25, padding=0.008,
-        hat="headscarf", collar=None, hat_color=perhaps(0.4, d.warm, d.other),
+        hem=between(0.93, 0.93), top=d.coat, hem_color=d.coat, flare=1.25, padding=0.008,
+        hat="headscarf", collar=None, hat_color=perhaps(0.4, d.coat, d.second_top),
     ),
 }  # fmt: skip
-"""By style, what it fixes of an outfit, and rules by which the rest is drawn.
+"""Values and rules of each style that change an outfit.
 
-``hem``: how far down the leg a top, coat or skirt hangs, as a share of the leg.
+``hem`` is the length of a top, coat or skirt down the leg, as a share of the leg.
 """
 STYLES: tuple[str, ...] = tuple(_STYLES)
 """Names that ``sample_outfit`` knows."""
@@ -144,14 +144,14 @@ def sample_outfit(
     """Draw clothes, hair and skin.
 
     Args:
-        rng: generator, moved on.
+        rng: generator, advanced.
         style: one of ``STYLES``.
-        curves: 0 for a man's build to 1 for a woman's.
-        old: grey hair.
-        child: bright colours.
+        curves: 0 for a man's build .. 1 for a woman's.
+        old: with grey hair.
+        child: in brighter colours.
 
     Returns:
-        The outfit, and ``curves``, which a skirt or a dress raises.
+        The outfit, and ``curves``, which is larger with a skirt or dress.
 
     Raises:
         ValueError: unknown style.
@@ -160,27 +160,27 @@ def sample_outfit(
         raise ValueError(f"unknown style of clothes {style!r}; known: {', '.join(STYLES)}")
     if style in ("skirt", "dress", "robe"):
         curves = max(curves, 0.85)
-    woman = curves > 0.5
+    is_woman = curves > 0.5
     dark = not child and rng.random() < DARK_SHARE
     colors = CLOTHES[:4] if dark else CLOTHES + BRIGHT
     top, legs = pick(rng, colors, 0.35), pick(rng, TROUSERS[:4] if dark else TROUSERS, 0.3)
-    light, lighter = rng.random(2) < (PALE_SHARE, PALE_TROUSERS)
-    if light and not dark:
+    has_light_top, has_light_legs = rng.random(2) < (PALE_SHARE, PALE_TROUSERS)
+    if has_light_top and not dark:
         top = pick(rng, PALE, 0.2)
-    if lighter and not dark:
+    if has_light_legs and not dark:
         legs = pick(rng, PALE, 0.2)
-    pale = WHITE_SOLE if rng.random() < 0.45 else BLACK
-    dos = _WOMENS_HAIR if woman else _MENS_HAIR
+    sole = WHITE_SOLE if rng.random() < 0.45 else BLACK
+    hairdos = _WOMENS_HAIR if is_woman else _MENS_HAIR
     outfit = Outfit(
         skin=pick(rng, SKINS, 0.1),
         hair=pick(rng, HAIRS[-1:] if old else HAIRS[:-1] if child else HAIRS, 0.2),
         top=top,
         legs=legs,
         shoes=pick(rng, SHOES),
-        sole=pale,
-        width=float(rng.choice([1.0, 1.15, 1.25] if woman else [1.12, 1.25, 1.4])),
-        hairdo=str(rng.choice(dos)),
-        beard=bool(not woman and not child and rng.random() < 0.25),
+        sole=sole,
+        width=float(rng.choice([1.0, 1.15, 1.25] if is_woman else [1.12, 1.25, 1.4])),
+        hairdo=str(rng.choice(hairdos)),
+        beard=bool(not is_woman and not child and rng.random() < 0.25),
         collar=pick(rng, BRIGHT + CLOTHES, 0.2) if rng.random() < 0.2 and not child else None,
         hat=str(rng.choice(("", "", "", "", "beanie", "cap", "brim" if old else ""))),
         hat_color=pick(rng, CLOTHES + BRIGHT, 0.3),
@@ -192,10 +192,10 @@ def sample_outfit(
 
 
 def _stock(rng: np.random.Generator, base: Outfit, *, dark: bool) -> Stock:
-    """Draw what goes with the outfit ``base``."""
-    other = pick(rng, BRIGHT + CLOTHES + PALE, 0.25)
-    warm = pick(rng, CLOTHES[:4] if dark else CLOTHES + BRIGHT[:2], 0.3)
+    """Draw colours and hair that match the outfit ``base``."""
+    second_top = pick(rng, BRIGHT + CLOTHES + PALE, 0.25)
+    coat = pick(rng, CLOTHES[:4] if dark else CLOTHES + BRIGHT[:2], 0.3)
     legs = base.skin if rng.random() < 0.5 else CLOTHES[0]
     tied = "ponytail" if base.hairdo in _WOMENS_HAIR[:4] else "short"
-    hairdo = base.hairdo if base.hairdo in ("bald", "bun") else tied
-    return Stock(base.top, other, warm, warm if dark else other, legs, hairdo)
+    tied_hair = base.hairdo if base.hairdo in ("bald", "bun") else tied
+    return Stock(base.top, second_top, coat, coat if dark else second_top, legs, tied_hair)
