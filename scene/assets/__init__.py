@@ -1,1 +1,1 @@
-"""Asset families, one file each: a pure generator and a sampler of its parameters."""
+"""Asset families, one file each, with a sampler of parameters and a pure function that builds the mesh."""

@@ -1,4 +1,4 @@
-"""The catalogue: how many assets there are, and which of them look most alike.
+"""Prints the catalogue of assets by class and family, or the assets that look most alike.
 
 sdr-jax catalogue                    # class, family, count, kinds
 sdr-jax catalogue --json             # {class: count} of all 19 classes
@@ -15,12 +15,12 @@ from common.command import Arguments, exit_code
 from scene import parsers
 from scene.assets.catalogue import asset, families_of, kind, surfaces
 from scene.assets.families import FAMILIES
-from scene.assets.likeness import closest, looks
+from scene.assets.likeness import closest, describe
 from scene.classes import CLASS_NAMES, TrainId
 
 
 def counts() -> dict[str, int]:
-    """Assets of the full catalogue by class, in the order of the train ids."""
+    """Count the assets of the full catalogue by class, in the order of the train ids."""
     total = {name: len(rows) for name, rows in surfaces().items()}
     for row in FAMILIES.values():
         name = CLASS_NAMES[row.train_id]
@@ -29,7 +29,7 @@ def counts() -> dict[str, int]:
 
 
 def table() -> Iterator[str]:
-    """Lines of the printed catalogue."""
+    """Yield the lines of the printed catalogue."""
     yield f"{'class':14s} {'family':14s} {'count':>5s}  kinds"
     for train_id in TrainId:
         name = CLASS_NAMES[train_id]
@@ -43,30 +43,32 @@ def table() -> Iterator[str]:
 
 
 def nearest(name: str, pairs: int) -> Iterator[str]:
-    """Lines on the pairs of one class (or family) that look most alike."""
+    """Yield lines on the pairs of a class or family that look most alike."""
     keys = [(f, index) for f in families_of(name) for index in range(FAMILIES[f].count)]
-    yield f"{name}: {len(keys)} assets; copies are 0.000 apart, another body in other paint 1 or 2"
-    for apart, *pair in closest([looks(asset(*key)) for key in keys], pairs):
-        one, other = (f"{family} {k} ({kind(family, k)})" for family, k in (keys[i] for i in pair))
-        yield f"{apart:.3f} {one} - {other}"
+    yield f"{name}: {len(keys)} assets; copies are 0.000 apart, others of another shape and colour 1 to 2"
+    for apart, *pair in closest([describe(asset(*key)) for key in keys], pairs):
+        first, second = (
+            f"{family} {k} ({kind(family, k)})" for family, k in (keys[i] for i in pair)
+        )
+        yield f"{apart:.3f} {first} - {second}"
 
 
 def main(arguments: Arguments = None) -> int:
-    """The command line; returns the exit code."""
+    """Run the command line and return the exit code."""
     options = parsers.catalogue().parse_args(arguments)
-    chosen = FAMILIES if options.closest == "all" else (options.closest,)
+    names = FAMILIES if options.closest == "all" else (options.closest,)
 
-    def work() -> None:
+    def report() -> None:
         if options.pairs < 1:
             raise ValueError(f"--pairs must be 1 or more, not {options.pairs}")
         if options.json:
             print(json.dumps(counts(), indent=2))
             return
-        blocks = [nearest(name, options.pairs) for name in chosen] if options.closest else [table()]
+        blocks = [nearest(name, options.pairs) for name in names] if options.closest else [table()]
         for lines in blocks:
             print("\n".join(lines))
 
-    return exit_code(work, users=(ValueError,), debug=options.debug, goes_on=False)
+    return exit_code(report, users=(ValueError,), debug=options.debug, goes_on=False)
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ PETALS: tuple[Color, ...] = (
 
 
 class BushParams(NamedTuple):
-    """A body of one ``form`` and what grows on or out of it."""
+    """A body of one ``form`` and what grows on it."""
 
     form: str  # see ``_FORMS``
     length: float  # along x, m
@@ -31,7 +31,7 @@ class BushParams(NamedTuple):
     leaves: int  # loose leaves on the surface
     leaf: float  # size of a leaf, m
     color: Color
-    bloom: Color  # petals, wood of bare stems, or the trough
+    bloom: Color  # of petals, or of the wood of stems
     blooms: int  # petals on the surface
     seed: int
 
@@ -77,27 +77,27 @@ _KINDS: dict[str, dict[str, Any]] = {
         parts=110, leaves=420, leaf=0.12, bloom=near(0.2, (0.11, 0.05, 0.04)),
     ),
 }  # fmt: skip
-"""By kind, what differs from a round bush or a hedge: values, and rules by which they are drawn."""
+"""Values and rules by which a kind differs from a round bush or a hedge."""
 KINDS: tuple[str, ...] = tuple(_KINDS)
 
 
 def sample_bush(rng: np.random.Generator, kind: str) -> BushParams:
     """Draw a bush of one of ``KINDS``."""
     size = float(rng.uniform(0.9, 1.7))
-    round_ = BushParams(
+    round_bush = BushParams(
         form="mounds", length=size, width=size, height=size * float(rng.uniform(0.7, 0.95)), parts=5,
         leaves=900, leaf=0.11, color=pick(rng, GREENS, 0.3), bloom=pick(rng, PETALS, 0.2), blooms=0,
         seed=int(rng.integers(2**31)),
     )  # fmt: skip
     hedge = sample_fields(
-        rng, round_, form="box", length=between(2.8, 4.2), width=between(0.6, 1.0),
+        rng, round_bush, form="box", length=between(2.8, 4.2), width=between(0.6, 1.0),
         height=between(0.9, 1.9), parts=0, leaves=1500, leaf=0.1,
     )  # fmt: skip
-    return sample_fields(rng, hedge if "hedge" in kind else round_, **_KINDS[kind])
+    return sample_fields(rng, hedge if "hedge" in kind else round_bush, **_KINDS[kind])
 
 
 def _box(rng: np.random.Generator, params: BushParams) -> tuple[Asset, np.ndarray]:
-    """A clipped box whose faces are uneven, and points on its surface."""
+    """Build a clipped box with uneven faces; return it with points f64[n, 3] on its surface."""
     p = params
     outline = np.array([[-1, 0], [-1.02, 0.5], [-0.97, 0.93], [-0.8, 1], [0.8, 1], [0.97, 0.93],
                         [1.02, 0.5], [1, 0]])  # fmt: skip
@@ -127,24 +127,26 @@ def _box(rng: np.random.Generator, params: BushParams) -> tuple[Asset, np.ndarra
 def _mounds(
     rng: np.random.Generator, params: BushParams, foot: float = 0.0
 ) -> tuple[Asset, np.ndarray]:
-    """Dark lumps side by side, and points on and under their surface."""
+    """Build dark lumps side by side; return them with points on and under their surface."""
     p = params
-    n = p.parts
-    along = (np.linspace(-1, 1, n) if n > 1 else np.zeros(1)) * (1 - 1 / n) * 0.9
-    share = rng.uniform(0.65, 1.0, n)
-    share[n // 2] = 1.0
+    mounds = p.parts
+    along = (np.linspace(-1, 1, mounds) if mounds > 1 else np.zeros(1)) * (1 - 1 / mounds) * 0.9
+    share = rng.uniform(0.65, 1.0, mounds)
+    share[mounds // 2] = 1.0
     tall = (p.height - foot) * share
-    radii = np.column_stack([np.full(n, max(0.62 * p.length / n, 0.3 * p.width)),
-                             np.full(n, 0.42 * p.width), 0.5 * tall])  # fmt: skip
+    radii = np.column_stack([np.full(mounds, max(0.62 * p.length / mounds, 0.3 * p.width)),
+                             np.full(mounds, 0.42 * p.width), 0.5 * tall])  # fmt: skip
     radii[:, 0] = np.minimum(radii[:, 0], 0.5 * p.length)
-    off = rng.uniform(-0.12, 0.12, n) * p.width
+    off = rng.uniform(-0.12, 0.12, mounds) * p.width
     centres = np.column_stack(
         [along * (p.length / 2 - radii[:, 0]).clip(0), off, foot + 0.5 * tall]
     )
-    per = -(-p.leaves // n)
-    unit = directions(rng, n * per) * rng.uniform(0.8, 1.0, (n * per, 1))
-    points = np.repeat(centres, per, 0) + unit * np.repeat(radii, per, 0)
-    core = directions(rng, n * 60)
+    points_per_mound = -(-p.leaves // mounds)
+    unit = directions(rng, mounds * points_per_mound) * rng.uniform(
+        0.8, 1.0, (mounds * points_per_mound, 1)
+    )
+    points = np.repeat(centres, points_per_mound, 0) + unit * np.repeat(radii, points_per_mound, 0)
+    core = directions(rng, mounds * 60)
     lumps = leaf_cards(
         rng, np.repeat(centres, 60, 0) + 0.6 * core * np.repeat(radii, 60, 0), 0.5 * p.width / 1.6,
         p.color, 0.5,
@@ -153,7 +155,7 @@ def _mounds(
 
 
 def _trough(rng: np.random.Generator, params: BushParams) -> tuple[Asset, np.ndarray]:
-    """Mounds that are planted in a trough."""
+    """Build mounds planted in a trough; return them with points as ``_mounds`` does."""
     p, high = params, 0.45 * params.height
     lumps, points = _mounds(rng, p, high - 0.05)
     trough = box((p.length, p.width, high), (0, 0, 0), (0.20, 0.18, 0.15), "concrete")
@@ -161,7 +163,7 @@ def _trough(rng: np.random.Generator, params: BushParams) -> tuple[Asset, np.nda
 
 
 def _stems(rng: np.random.Generator, params: BushParams) -> tuple[Asset, np.ndarray]:
-    """Stems that spread from the ground, side twigs along them, and points where leaves sit."""
+    """Build stems that spread from the ground, with side twigs; return them with points for leaves."""
     p = params
     half = np.array([p.length, p.width]) / 2
     foot = np.column_stack([rng.uniform(-0.45, 0.45, (p.parts, 2)) * half, np.zeros(p.parts)])
@@ -177,7 +179,7 @@ def _stems(rng: np.random.Generator, params: BushParams) -> tuple[Asset, np.ndar
 
 
 def _blades(rng: np.random.Generator, params: BushParams) -> tuple[Asset, np.ndarray]:
-    """Blades of tall grass that lean outwards, darker at the foot of the tuft."""
+    """Build blades of tall grass that lean outwards, in uneven tones; return them without points."""
     p = params
     half = np.array([p.length, p.width]) / 2
     foot = np.column_stack([rng.uniform(-0.75, 0.75, (p.parts, 2)) * half, np.zeros(p.parts)])
@@ -200,15 +202,15 @@ def bush(params: BushParams) -> Asset:
     body, points = _FORMS[p.form](rng, p)
     parts = [body]
     if len(points):
-        # Leaves low on the body lie in its own shadow.
+        # Leaves low on the body are in its own shadow.
         tone = 0.55 + 0.75 * np.clip(points[:, 2] / p.height, 0, 1)
         parts.append(leaf_cards(rng, points, p.leaf, p.color, tone))
     if p.blooms:
         high = points[np.argsort(points[:, 2])[-len(points) // 2 :]]
-        chosen = high[rng.integers(len(high), size=p.blooms // 4)]
-        parts.append(tufts(rng, chosen + [0, 0, 0.04], 0.08, 4, 0.09, p.bloom))
+        tuft_centres = high[rng.integers(len(high), size=p.blooms // 4)]
+        parts.append(tufts(rng, tuft_centres + [0, 0, 0.04], 0.08, 4, 0.09, p.bloom))
     merged = merge(*parts)
-    # What would be below the ground lies on it.
+    # Lift what is below the ground.
     return reshaped(merged, np.maximum(merged.mesh.vertices, [-np.inf, -np.inf, 0]))
 
 

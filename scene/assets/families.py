@@ -1,4 +1,4 @@
-"""Every asset family. The order is that of the catalogue, and of the lines in a street."""
+"""All asset families, in the order of the catalogue and of the lines in a street."""
 
 from __future__ import annotations
 
@@ -38,4 +38,4 @@ FAMILIES: dict[str, Family] = {
         land, paving, bollard, shelter, scaffold, company,
     )
 }  # fmt: skip
-"""By name."""
+"""Families by name."""

@@ -1,8 +1,8 @@
 """Trees: wood that forks from the trunk down to twigs, and leaves in tufts at its ends.
 
-A tree grows one generation at a time: limbs leave the trunk, branches the limbs, shoots the branches and
-twigs the shoots. How long the limbs are at each height (the crown's outline), how steeply they leave and
-how they bend make the species; how many of the twigs carry a tuft makes the season.
+A tree grows by generations: limbs leave the trunk, branches the limbs, shoots the branches and twigs the
+shoots. The length of the limbs by height (the crown's outline), their angle and their bend determine the
+species, the share of shoots with a tuft of leaves the season.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from scene.mesh.asset import Asset, Color, merge, reshaped, translate, vary
 from scene.mesh.solids import tube
 
 GOLDEN = 2.399963
-"""The golden angle: limbs that follow one another around the trunk by it never line up (radians)."""
+"""The golden angle (radians): consecutive limbs turned by it around the trunk never line up."""
 SHOOT, TWIG = 0.07, 0.05
-"""Width of shoots and of the thinnest twigs, metres: a bundle of real ones, as a camera resolves it."""
+"""Width of shoots and of the thinnest twigs (metres): each stands for a bundle of real ones."""
 DENSE = 12
-"""Leaves from which on a tuft is closed."""
+"""Number of leaves from which on a tuft is opaque."""
 YOUNG = 1.35
-"""How much lighter young wood is than the trunk's bark."""
+"""Brightness of young wood, relative to the trunk's bark."""
 REACH = 7.5
-"""Metres from the foot that no twig goes beyond."""
+"""Largest distance of a twig from the foot in x or y (metres)."""
 TOP = 0.985
-"""Share of the height that wood keeps to, so that leaves end at the height."""
+"""Share of the height that the wood reaches, so that the leaves end at the height."""
 
 
 class TreeParams(NamedTuple):
@@ -43,12 +43,12 @@ class TreeParams(NamedTuple):
     crown: float  # length of the longest limb, m
     outline: str  # of the crown, see ``_OUTLINES``
     leader: float  # share of the height that the trunk reaches
-    limbs: int  # that leave the trunk
+    limbs: int  # number of limbs
     angle: float  # between limb and trunk, degrees
-    lift: float  # how limbs and branches bend up (or down, below 0) on their way
+    lift: float  # bend of limbs and branches, up above 0, down below
     forks: tuple[int, int, int]  # branches of a limb, shoots of a branch, twigs of a shoot
-    leafy: float  # share of the shoots that carry a tuft
-    each: int  # leaves in a tuft
+    leafy: float  # share of the shoots with a tuft
+    leaves_per_tuft: int
     tuft: float  # radius of a tuft, m
     leaf: float  # size of a leaf, m
     leaf_color: Color
@@ -59,66 +59,66 @@ class TreeParams(NamedTuple):
 
 
 class _Kind(NamedTuple):
-    """What sets a kind of tree apart."""
+    """What distinguishes a kind of tree."""
 
     leafy: bool
-    fields: dict[str, Any] = {}  # values, and rules by which they are drawn in this order
-    rusty: bool = False  # leaves in autumn's colours
+    fields: dict[str, Any] = {}  # values and rules, drawn in this order
+    rusty: bool = False  # autumn colours
 
 
-_LEAFY, _BARE = True, False
+_IN_LEAF, _BARE = True, False
 _OF_HEIGHT = ("trunk", "crown", "radius")
-"""Fields that are shares of the height in the table; a staked tree's radius is in metres."""
+"""Fields that the table has as shares of the height, except for the radius of a staked tree, in metres."""
 _KINDS: dict[str, _Kind] = {
     "bare lime": _Kind(_BARE),
-    "plane": _Kind(_LEAFY, dict(
+    "plane": _Kind(_IN_LEAF, dict(
         crown=0.38, angle=58.0, leader=0.8, bark_color=near(0.2, (0.16, 0.15, 0.12)), tuft=0.5)),
     "half bare": _Kind(_BARE, dict(
-        forks=(5, 4, 2), leafy=between(0.25, 0.4), each=7, tuft=0.35, leaf=0.17), rusty=True),
-    "conifer": _Kind(_LEAFY, dict(
+        forks=(5, 4, 2), leafy=between(0.25, 0.4), leaves_per_tuft=7, tuft=0.35, leaf=0.17), rusty=True),
+    "conifer": _Kind(_IN_LEAF, dict(
         trunk=0.08, crown=0.24, radius=0.015, outline="cone", leader=1.0, limbs=38, angle=92.0,
-        lift=-0.05, forks=(4, 0, 0), leafy=1.0, each=15, tuft=0.36, leaf=0.26,
+        lift=-0.05, forks=(4, 0, 0), leafy=1.0, leaves_per_tuft=15, tuft=0.36, leaf=0.26,
         leaf_color=near(0.25, (0.055, 0.072, 0.052)))),
     "bare broad": _Kind(_BARE, dict(
         trunk=0.2, crown=between(0.42, 0.5), radius=0.034, outline="vase", leader=0.6, limbs=11,
         angle=62.0, lift=0.2, forks=(7, 7, 5))),
-    "poplar": _Kind(_LEAFY, dict(
+    "poplar": _Kind(_IN_LEAF, dict(
         height=between(10, 13.8), trunk=0.1, crown=0.19, radius=0.018, outline="column",
-        leader=0.97, limbs=24, angle=20.0, lift=0.1, forks=(4, 2, 0), tuft=0.36, each=15)),
+        leader=0.97, limbs=24, angle=20.0, lift=0.1, forks=(4, 2, 0), tuft=0.36, leaves_per_tuft=15)),
     "pollard": _Kind(_BARE, dict(
         height=between(5, 7.5), trunk=0.5, crown=0.2, radius=0.04, outline="top", leader=0.62,
         limbs=9, angle=65.0, lift=0.25, forks=(9, 4, 0),
         bark_color=near(0.2, (0.10, 0.085, 0.065)))),
-    "willow": _Kind(_LEAFY, dict(
+    "willow": _Kind(_IN_LEAF, dict(
         height=between(6.5, 9.5), trunk=0.28, crown=0.5, radius=0.035, outline="vase", leader=0.6,
-        limbs=12, angle=40.0, lift=-0.35, forks=(7, 5, 0), leafy=1.0, each=6, tuft=0.26, leaf=0.15,
+        limbs=12, angle=40.0, lift=-0.35, forks=(7, 5, 0), leafy=1.0, leaves_per_tuft=6, tuft=0.26, leaf=0.15,
         leaf_color=near(0.2, (0.22, 0.215, 0.085)))),
-    "young": _Kind(_LEAFY, dict(
-        height=between(4.2, 6), trunk=0.42, crown=0.2, radius=0.05, limbs=9, each=9,
+    "young": _Kind(_IN_LEAF, dict(
+        height=between(4.2, 6), trunk=0.42, crown=0.2, radius=0.05, limbs=9, leaves_per_tuft=9,
         forks=(4, 2, 0), tuft=0.25, leaf=0.14, staked=True)),
     "birch": _Kind(_BARE, dict(
         trunk=0.25, crown=0.25, radius=0.013, angle=36.0, lift=-0.12, leader=1.0, limbs=18,
-        forks=(5, 5, 2), leafy=0.3, each=5, leaf=0.12, leaf_color=near(0.25, (0.22, 0.18, 0.04)),
+        forks=(5, 5, 2), leafy=0.3, leaves_per_tuft=5, leaf=0.12, leaf_color=near(0.25, (0.22, 0.18, 0.04)),
         bark_color=near(0.1, (0.42, 0.41, 0.38)))),
-    "spreading": _Kind(_LEAFY, dict(
+    "spreading": _Kind(_IN_LEAF, dict(
         height=between(5.5, 7.5), trunk=0.28, crown=0.62, radius=0.03, outline="vase", leader=0.62,
-        limbs=11, angle=66.0, lift=0.1, tuft=0.5, each=20)),
+        limbs=11, angle=66.0, lift=0.1, tuft=0.5, leaves_per_tuft=20)),
     "bare poplar": _Kind(_BARE, dict(
         height=between(10.5, 14), trunk=0.14, crown=0.2, radius=0.018, outline="column",
         leader=0.97, limbs=24, angle=16.0, lift=0.12, forks=(5, 4, 2))),
-    "autumn": _Kind(_LEAFY, dict(leafy=0.7, angle=45.0), rusty=True),
+    "autumn": _Kind(_IN_LEAF, dict(leafy=0.7, angle=45.0), rusty=True),
     "ivied": _Kind(_BARE, dict(ivy=1100, leaf_color=IVY, leaf=0.22, limbs=12, forks=(5, 5, 3))),
-    "pine": _Kind(_LEAFY, dict(
+    "pine": _Kind(_IN_LEAF, dict(
         trunk=0.55, crown=0.26, outline="top", leader=0.92, limbs=12, angle=78.0, lift=0.1,
-        forks=(5, 3, 0), leafy=0.8, each=14, tuft=0.36, leaf=0.2,
+        forks=(5, 3, 0), leafy=0.8, leaves_per_tuft=14, tuft=0.36, leaf=0.2,
         bark_color=near(0.2, (0.20, 0.09, 0.045)),
         leaf_color=near(0.25, (0.075, 0.095, 0.062)))),
     "young bare": _Kind(_BARE, dict(
         height=between(4.5, 6.5), trunk=0.4, crown=0.2, radius=0.045, limbs=9, angle=38.0,
         forks=(4, 4, 2), staked=True)),
-    "cypress": _Kind(_LEAFY, dict(
+    "cypress": _Kind(_IN_LEAF, dict(
         height=between(5, 9), trunk=0.05, crown=0.16, radius=0.016, outline="column", leader=0.97,
-        limbs=30, angle=14.0, forks=(4, 2, 0), leafy=1.0, each=11, tuft=0.28, leaf=0.21,
+        limbs=30, angle=14.0, forks=(4, 2, 0), leafy=1.0, leaves_per_tuft=11, tuft=0.28, leaf=0.21,
         leaf_color=near(0.25, (0.050, 0.066, 0.046)))),
     "bare vase": _Kind(_BARE, dict(
         height=between(6.5, 9.5), trunk=0.2, crown=0.62, radius=0.026, outline="vase", leader=0.32,
@@ -130,22 +130,22 @@ KINDS: tuple[str, ...] = tuple(_KINDS)
 
 def sample_tree(rng: np.random.Generator, kind: str) -> TreeParams:
     """Draw a tree of one of ``KINDS``."""
-    row = _KINDS[kind]
-    tall = float(rng.uniform(9, 15))
+    entry = _KINDS[kind]
+    height = float(rng.uniform(9, 15))
     green, rust = pick(rng, GREENS, 0.25), pick(rng, AUTUMNS, 0.25)
     bark = vary(rng, (0.105, 0.085, 0.070), 0.35)
     p = TreeParams(
-        height=tall, trunk=tall * float(rng.uniform(0.18, 0.28)), radius=0.021 * tall,
-        crown=tall * float(rng.uniform(0.32, 0.40)), outline="oval", leader=0.9, limbs=15,
-        angle=float(rng.uniform(42, 58)), lift=0.16, forks=(6, 6, 5), leafy=0.0, each=0, tuft=0.3,
-        leaf=0.2, leaf_color=rust if row.rusty else green, bark_color=bark, staked=False, ivy=0,
+        height=height, trunk=height * float(rng.uniform(0.18, 0.28)), radius=0.021 * height,
+        crown=height * float(rng.uniform(0.32, 0.40)), outline="oval", leader=0.9, limbs=15,
+        angle=float(rng.uniform(42, 58)), lift=0.16, forks=(6, 6, 5), leafy=0.0, leaves_per_tuft=0, tuft=0.3,
+        leaf=0.2, leaf_color=rust if entry.rusty else green, bark_color=bark, staked=False, ivy=0,
         seed=int(rng.integers(2**31)),
     )  # fmt: skip
     share = float(rng.uniform(0.85, 1.0))
-    if row.leafy:
-        p = p._replace(forks=(5, 3, 0), leafy=share, each=20, tuft=0.6, leaf=0.29)
-    p = sample_fields(rng, p, **row.fields)
-    names = [n for n in _OF_HEIGHT if n in row.fields and not (n == "radius" and p.staked)]
+    if entry.leafy:
+        p = p._replace(forks=(5, 3, 0), leafy=share, leaves_per_tuft=20, tuft=0.6, leaf=0.29)
+    p = sample_fields(rng, p, **entry.fields)
+    names = [n for n in _OF_HEIGHT if n in entry.fields and not (n == "radius" and p.staked)]
     return p._replace(**{name: getattr(p, name) * p.height for name in names})
 
 
@@ -156,7 +156,7 @@ _OUTLINES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "vase": lambda level: 1.0 - 0.35 * level,
     "top": lambda level: 0.75 + 0.25 * level,
 }
-"""Of crowns: the length of limbs, as a share of the longest, by level (0 foot, 1 top)."""
+"""Outlines of crowns: length of limbs by level (0 foot .. 1 top), as a share of the longest."""
 
 
 class _Wood(NamedTuple):
@@ -174,7 +174,7 @@ def _grow(
     rng: np.random.Generator, start: np.ndarray, heading: np.ndarray, length: np.ndarray,
     radius: np.ndarray, lift: float, points: int,
 ) -> _Wood:  # fmt: skip
-    """Branches from ``start`` [n, 3] that wander off their ``heading`` and bend by ``lift``."""
+    """Grow branches from ``start`` f64[n, 3] that wander off their ``heading`` and bend by ``lift``."""
     lines = [start]
     step = (length / (points - 1))[:, None]
     for _ in range(points - 1):
@@ -188,30 +188,30 @@ def _grow(
 def _fork(
     rng: np.random.Generator, parents: _Wood, children: int, lift: float, points: int
 ) -> _Wood:
-    """So many children along the outer part of each parent; the first goes on from its tip."""
-    n, last = len(parents.lines), parents.lines.shape[1] - 1
+    """Grow ``children`` branches along the outer part of each parent; the first continues from its tip."""
+    n, last_point = len(parents.lines), parents.lines.shape[1] - 1
     share = 1 - (np.arange(children) + rng.uniform(0, 0.8, (n, children))) / children * 0.75
     share[:, 0] = 1.0
-    position = np.minimum(share * last, last - 1e-6)
-    at, rest = position.astype(int), (position % 1)[..., None]
-    row = np.arange(n)[:, None]
-    low, high = parents.lines[row, at], parents.lines[row, at + 1]
+    position = np.minimum(share * last_point, last_point - 1e-6)
+    at, fraction = position.astype(int), (position % 1)[..., None]
+    parent = np.arange(n)[:, None]
+    low, high = parents.lines[parent, at], parents.lines[parent, at + 1]
     along = high - low
     along /= np.linalg.norm(along, axis=2, keepdims=True).clip(1e-9)
     side = np.cross(along, rng.normal(size=along.shape))
     side /= np.linalg.norm(side, axis=2, keepdims=True).clip(1e-9)
-    off = np.where(share == 1, rng.uniform(0.1, 0.35, share.shape),
+    divergence = np.where(share == 1, rng.uniform(0.1, 0.35, share.shape),
                    rng.uniform(0.55, 1.15, share.shape))[..., None]  # fmt: skip
-    heading = np.cos(off) * along + np.sin(off) * side
+    heading = np.cos(divergence) * along + np.sin(divergence) * side
     length = parents.length[:, None] * rng.uniform(0.38, 0.62, share.shape)
-    radius = 0.62 * parents.radius[row, at]
-    start = low + rest * along * np.linalg.norm(high - low, axis=2, keepdims=True)
+    radius = 0.62 * parents.radius[parent, at]
+    start = low + fraction * along * np.linalg.norm(high - low, axis=2, keepdims=True)
     flat = (start.reshape(-1, 3), heading.reshape(-1, 3), length.ravel(), radius.ravel())
     return _grow(rng, *flat, lift, points)
 
 
 def _trunk(rng: np.random.Generator, params: TreeParams) -> _Wood:
-    """A trunk that leans and wanders a little, with a flare at the foot."""
+    """Grow a trunk that leans and wanders a little, with a flare at the foot."""
     p = params
     points = 9
     level = np.linspace(0, p.leader, points)
@@ -225,7 +225,7 @@ def _trunk(rng: np.random.Generator, params: TreeParams) -> _Wood:
 
 
 def _limbs(rng: np.random.Generator, params: TreeParams, trunk: _Wood) -> _Wood:
-    """Limbs around the trunk, from the first to the leader's tip."""
+    """Grow limbs around the trunk, from the lowest to the tip of the leader."""
     p = params
     level = np.linspace(0, 1, p.limbs) ** 0.9
     top = p.leader * p.height * TOP
@@ -243,7 +243,7 @@ def _limbs(rng: np.random.Generator, params: TreeParams, trunk: _Wood) -> _Wood:
 
 
 def _ivy(rng: np.random.Generator, params: TreeParams, trunk: _Wood) -> Asset:
-    """Build leaves around the lower trunk, more of them low."""
+    """Build leaves around the lower trunk, denser near the ground."""
     p = params
     z = 0.1 + rng.random(p.ivy) ** 1.4 * 0.55 * p.height
     turn, out = rng.uniform(0, 2 * np.pi, p.ivy), 2.2 * p.radius * rng.uniform(0.6, 1.3, p.ivy)
@@ -255,7 +255,7 @@ def _ivy(rng: np.random.Generator, params: TreeParams, trunk: _Wood) -> Asset:
 
 
 def _stakes(params: TreeParams) -> list[Asset]:
-    """Build two posts beside a young tree and the strap that ties it to them."""
+    """Build two posts next to a young tree and the strap that ties it to them."""
     wood, side = (0.22, 0.15, 0.085), 0.28
     post = tube((0, 0, 0), (0, 0, 1.3), 0.04, wood, "wood", sides=6)
     strap = tube((0, -side, 1.15), (0, side, 1.15), 0.025, BLACK, "rubber", sides=4)
@@ -268,7 +268,7 @@ def tree(params: TreeParams) -> Asset:
     rng = np.random.default_rng(p.seed)
     trunk = _trunk(rng, p)
     limbs = _limbs(rng, p, trunk)
-    # Trunks and limbs show their roundness; branches and shoots are too thin for it.
+    # Trunk and limbs are round; branches and thinner wood need fewer faces.
     generations = [limbs]
     for children, points in zip(p.forks, (3, 3, 2), strict=True):
         if children:
@@ -284,25 +284,25 @@ def tree(params: TreeParams) -> Asset:
     leaves = []
     if p.leafy:
         carriers = generations[min(2, len(generations) - 1)].lines
-        chosen = carriers[rng.random(len(carriers)) < p.leafy]
-        centres = chosen[:, -1] + rng.uniform(0, 0.4, (len(chosen), 1)) * (
-            chosen[:, -2] - chosen[:, -1]
+        tufted_shoots = carriers[rng.random(len(carriers)) < p.leafy]
+        centres = tufted_shoots[:, -1] + rng.uniform(0, 0.4, (len(tufted_shoots), 1)) * (
+            tufted_shoots[:, -2] - tufted_shoots[:, -1]
         )
         radii = p.tuft * rng.uniform(0.7, 1.3, len(centres))
-        # Deep inside a tuft no light gets through: a few large dark leaves close it.
-        inner = np.repeat(centres, 2 if p.each >= DENSE else 0, axis=0)
+        # No light passes through the middle of a dense tuft: two large dark leaves fill it.
+        inner = np.repeat(centres, 2 if p.leaves_per_tuft >= DENSE else 0, axis=0)
         leaves = [
-            tufts(rng, centres, radii, p.each, p.leaf, p.leaf_color),
+            tufts(rng, centres, radii, p.leaves_per_tuft, p.leaf, p.leaf_color),
             leaf_cards(rng, inner, p.tuft, p.leaf_color, 0.6),
         ]
     if p.ivy:
         leaves.append(_ivy(rng, p, trunk))
     merged = merge(*wood, *leaves, *(_stakes(p) if p.staked else []))
-    return _within(merged, p)
+    return _fitted(merged, p)
 
 
-def _within(asset: Asset, params: TreeParams) -> Asset:
-    """Build the tree squeezed to its height and to ``REACH``, with nothing below the ground."""
+def _fitted(asset: Asset, params: TreeParams) -> Asset:
+    """Squeeze the tree to its height and to ``REACH``, and lift what is below the ground."""
     vertices = asset.mesh.vertices.copy()
     z = vertices[:, 2]
     high = z.max()

@@ -13,7 +13,7 @@ from scene.assets.__main__ import main
 from scene.assets.catalogue import AssetPool, asset, bounds, check_pool, draw_asset, in_season, kind
 from scene.assets.families import FAMILIES
 from scene.assets.library import LibraryError
-from scene.assets.likeness import closest, looks
+from scene.assets.likeness import closest, describe
 from scene.attributes import default_unit, street_params
 from scene.classes import CLASS_NAMES
 from scene.mesh.solids import box
@@ -82,7 +82,7 @@ def test_no_two_assets_of_a_family_are_alike_and_any_index_gives_one_of_its_kind
     assert (low < high).all() and np.isfinite([low, high]).all()
     row = FAMILIES[family]
     assert 4 <= len(set(row.kinds)) == len(row.kinds) <= row.count >= WANTED.get(family, 8)
-    ((apart, *_),) = closest([looks(asset(family, index)) for index in range(row.count)], 1)
+    ((apart, *_),) = closest([describe(asset(family, index)) for index in range(row.count)], 1)
     assert apart > 0.05  # copies are 0 apart, the same in two shades of grey 0.1
 
 
@@ -98,7 +98,7 @@ def test_likeness_by_hand():
     cube = box((1, 1, 1), (0, 0, 0), (0.25, 0.25, 0.25))
     white = cube._replace(color=np.ones_like(cube.color))
     large = box((2, 2, 2), (5, 0, 0), (0.25, 0.25, 0.25))
-    [(near, *pair), (far, *_)] = closest([looks(a) for a in (cube, white, large)], 2)
+    [(near, *pair), (far, *_)] = closest([describe(a) for a in (cube, white, large)], 2)
     assert near == pytest.approx(3 * (1 - 0.5)) and pair == [0, 1]  # three channels
     assert far == pytest.approx(3 * np.log(2))  # three sides; where it stands does not count
 

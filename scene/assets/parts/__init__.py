@@ -1,1 +1,1 @@
-"""What several families of assets are put together from."""
+"""Parts from which several families of assets are built."""

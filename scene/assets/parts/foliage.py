@@ -1,4 +1,4 @@
-"""What trees, bushes and climbers share: leaves in tufts, and wood as many thin tubes at once."""
+"""What trees, bushes and climbers share: leaves, tufts of leaves, and wood as many thin tubes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ AUTUMNS: tuple[Color, ...] = (
 
 
 def directions(rng: np.random.Generator, count: int) -> np.ndarray:
-    """Unit vectors [count, 3], even over the sphere."""
+    """Draw unit vectors f64[count, 3], uniform over the sphere."""
     vectors = rng.normal(size=(count, 3))
     return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
@@ -28,7 +28,7 @@ def leaf_cards(
     color: Color,
     tone: np.ndarray | float = 1.0,
 ) -> Asset:
-    """Build loose triangles about ``centres`` [n, 3], each turned at random and toned about ``tone`` [n]."""
+    """Build loose triangles around ``centres`` f64[n, 3], turned at random, each about ``tone`` light."""
     corners = rng.normal(size=(len(centres), 3, 3))
     corners -= corners.mean(axis=1, keepdims=True)
     corners *= size / np.linalg.norm(corners, axis=2, keepdims=True).clip(0.3) * 0.7
@@ -40,24 +40,24 @@ def tufts(
     rng: np.random.Generator,
     centres: np.ndarray,
     radii: np.ndarray | float,
-    each: int,
+    count: int,
     size: float,
     color: Color,
 ) -> Asset:
-    """Build tufts of ``each`` leaves about ``centres`` [n, 3].
+    """Build tufts of ``count`` leaves around ``centres`` f64[n, 3].
 
-    A tuft has a tone of its own and is darker below, so that a crown reads as lit and shaded
-    clusters rather than as one green.
+    Each tuft has its own tone and is darker below, so that a crown looks like lit and shaded clusters
+    instead of one green.
     """
-    n = len(centres)
-    offsets = directions(rng, n * each) * rng.random((n * each, 1)) ** 0.5
-    tone = np.repeat(rng.uniform(0.5, 1.5, n), each) * (1 + 0.5 * offsets[:, 2])
-    spread = np.repeat(np.broadcast_to(np.asarray(radii, float), (n,)), each)[:, None]
-    return leaf_cards(rng, np.repeat(centres, each, 0) + offsets * spread, size, color, tone)
+    tuft_count = len(centres)
+    offsets = directions(rng, tuft_count * count) * rng.random((tuft_count * count, 1)) ** 0.5
+    tone = np.repeat(rng.uniform(0.5, 1.5, tuft_count), count) * (1 + 0.5 * offsets[:, 2])
+    spread = np.repeat(np.broadcast_to(np.asarray(radii, float), (tuft_count,)), count)[:, None]
+    return leaf_cards(rng, np.repeat(centres, count, 0) + offsets * spread, size, color, tone)
 
 
 def _across(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Two unit vectors [n, 3] at right angles to ``axis`` [n, 3] and to each other."""
+    """Return two unit vectors f64[n, 3] at right angles to ``axis`` f64[n, 3] and to each other."""
     helper = np.where(np.abs(axis[:, 2:]) > 0.9 * np.linalg.norm(axis, axis=1, keepdims=True),
                       [[1.0, 0, 0]], [[0, 0, 1.0]])  # fmt: skip
     u = np.cross(axis, helper)
@@ -72,9 +72,9 @@ def tubes(
     """Build bent tubes around many lines at once, open at the ends.
 
     Args:
-        lines: points [tubes, points, 3], metres.
-        radius: at every point [tubes, points], metres.
-        sides: of a section; 2 for flat ribbons, which is enough for a twig.
+        lines: points f64[tubes, points, 3], metres.
+        radius: at every point f64[tubes, points], metres.
+        sides: of a section; 2 for flat ribbons, which are enough for twigs.
         color: of the bark.
         material: of the bark.
     """
@@ -94,7 +94,7 @@ def tubes(
 def slivers(
     rng: np.random.Generator, start: np.ndarray, end: np.ndarray, width: float, color: Color
 ) -> Asset:
-    """Build the thinnest twigs: a single triangle from each ``start`` [n, 3] to its ``end`` [n, 3]."""
+    """Build thin twigs: one triangle from each ``start`` f64[n, 3] to its ``end`` f64[n, 3]."""
     side = np.cross(end - start, directions(rng, len(start)))
     side *= width / 2 / np.linalg.norm(side, axis=1, keepdims=True).clip(1e-9)
     return triangles(np.stack([start - side, start + side, end], 1), color, "bark")

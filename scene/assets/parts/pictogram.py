@@ -1,6 +1,6 @@
-"""What is drawn on plates: outlines, letters, arrows, people, bicycles, cars; in plate radii.
+"""Pictograms on plates: shapes, letters, arrows, people, bicycles, cars; the unit is the plate's radius.
 
-Every mark is a tuple of flat convex layers. u points to the viewer's right, v up.
+Every mark is a tuple of flat convex layers; u points to the viewer's right, v up.
 """
 
 from __future__ import annotations
@@ -21,30 +21,30 @@ class Layer(NamedTuple):
 
     outline: Outline
     color: Color
-    level: int = 2  # 0 the plate itself, 1 its field, 2 symbols, 3 symbols over symbols
+    level: int = 2  # 0 the plate, 1 its field, 2 symbols, 3 symbols on symbols
 
 
 Mark = tuple[Layer, ...]
 
 
 def regular(corners: int, turn: float = 0.0, radius: float = 1.0) -> Outline:
-    """A regular polygon, its first corner on top, turned by ``turn`` corners."""
+    """Return a regular polygon, its first corner on top, turned by ``turn`` corners."""
     angle = 2 * np.pi * (np.arange(corners) + turn) / corners
     return tuple((float(radius * np.sin(a)), float(radius * np.cos(a))) for a in angle)
 
 
 def rectangle(left: float, low: float, right: float, high: float) -> Outline:
-    """An upright rectangle."""
+    """Return an upright rectangle."""
     return ((left, low), (right, low), (right, high), (left, high))
 
 
 def moved(outline: Outline, u: float, v: float, scale: float = 1.0) -> Outline:
-    """An outline scaled, then moved."""
+    """Scale an outline, then move it."""
     return tuple((u + scale * a, v + scale * b) for a, b in outline)
 
 
 def turned(mark: Mark, angle: float) -> Mark:
-    """Draw a mark turned clockwise by ``angle`` radians."""
+    """Turn a mark clockwise by ``angle`` radians."""
     cos, sin = float(np.cos(angle)), float(np.sin(angle))
     return tuple(
         layer._replace(
@@ -60,7 +60,7 @@ def dot(u: float, v: float, radius: float, color: Color, level: int = 2) -> Laye
 
 
 def line(points: Outline, pen: float, color: Color, level: int = 2) -> Mark:
-    """Draw a line of ``pen`` width through ``points``, its joints square."""
+    """Draw a line of width ``pen`` through ``points``, with square joints."""
     strokes = []
     for (u0, v0), (u1, v1) in pairwise(points):
         along = np.array([u1 - u0, v1 - v0])
@@ -73,7 +73,7 @@ def line(points: Outline, pen: float, color: Color, level: int = 2) -> Mark:
 
 
 def arrow(points: Outline, pen: float, color: Color, head: float = 2.6) -> Mark:
-    """Draw a line that ends in an arrow head, which reaches beyond the last point."""
+    """Draw a line with an arrow head that reaches beyond the last point."""
     (u0, v0), (u1, v1) = points[-2:]
     along = np.array([u1 - u0, v1 - v0])
     along /= np.hypot(*along)
@@ -82,7 +82,7 @@ def arrow(points: Outline, pen: float, color: Color, head: float = 2.6) -> Mark:
     return (*line(points, pen, color), Layer(tuple((float(u), float(v)) for u, v in tip), color))
 
 
-# Strokes of letters on a grid of 3 columns and 5 rows: "xy" is one point, "," starts a new stroke.
+# Strokes of characters on a grid of 3 columns and 5 rows: "xy" is a point, "," starts a new stroke.
 _GLYPHS: dict[str, str] = {
     "0": "00 20 24 04 00", "1": "13 14 10", "2": "04 24 22 02 00 20", "3": "04 24 20 00,02 22",
     "4": "04 02 22,24 20", "5": "24 04 02 22 20 00", "6": "24 04 00 20 22 02", "A": "00 14 20,01 21",
@@ -98,7 +98,7 @@ _GLYPHS: dict[str, str] = {
 def text(
     word: str, left: float, low: float, height: float, color: Color, bold: float = 0.2
 ) -> Mark:
-    """Draw a word in strokes from (``left``, ``low``); letters are 0.8 of their height apart."""
+    """Draw a word from (``left``, ``low``); letters are 0.8 of their height apart."""
     mark: Mark = ()
     for k, letter in enumerate(word):
         for stroke in _GLYPHS.get(letter, "").split(",") if letter in _GLYPHS else ():
@@ -116,7 +116,7 @@ def centred(word: str, low: float, height: float, color: Color, bold: float = 0.
 
 
 def person(u: float, v: float, size: float, color: Color) -> Mark:
-    """Draw someone who walks, ``size`` high around (u, v)."""
+    """Draw a pedestrian, ``size`` high around (u, v)."""
 
     def at(*points: tuple[float, float]) -> Outline:
         return tuple((u + size * a, v + size * b) for a, b in points)

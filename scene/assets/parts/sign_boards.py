@@ -1,4 +1,4 @@
-"""Paints of signs, and the faces that carry words: boards, street names, bus stops, fingers."""
+"""Inks of signs, and the faces with words: boards, street names, bus stops, fingerposts."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ PLACES: tuple[str, ...] = (
     "NORTH", "CENTRE", "STATION", "HILLTOP", "BARTON", "MILL END", "PORT", "WEST", "AIRPORT",
     "OLD TOWN", "LONGWICK", "ELMSTEAD", "CASTLE", "MARKET", "COLLEGE", "HOSPITAL",
 )  # fmt: skip
-"""Invented or everyday words on boards."""
+"""Invented names and everyday words on boards."""
 
 
 class Inks(NamedTuple):
-    """The paints of one sign, each a little faded."""
+    """The inks of one sign, each slightly varied."""
 
     red: Color
     blue: Color
@@ -42,7 +42,7 @@ class Inks(NamedTuple):
 
     @classmethod
     def sample(cls, rng: np.random.Generator) -> Inks:
-        """Draw the paints."""
+        """Draw the inks."""
         return cls(
             vary(rng, (0.46, 0.015, 0.02), 0.2), vary(rng, (0.012, 0.07, 0.32), 0.3),
             vary(rng, (0.78, 0.78, 0.76), 0.08), vary(rng, (0.015, 0.015, 0.016), 0.2),
@@ -55,18 +55,18 @@ Draw = Callable[[Inks, np.random.Generator], Mark]
 
 
 def plate(outline: Outline, border: Color, field: Color, inner: float, sink: float = 0.0) -> Mark:
-    """Draw a bordered plate; ``sink`` moves the field down (a triangle's middle is not half way up)."""
+    """Draw a plate with a border; ``sink`` moves its field down."""
     return Layer(outline, border, 0), Layer(moved(outline, 0, sink, inner), field, 1)
 
 
 def turned_at(angle: float, u: float, v: float, color: Color) -> Mark:
-    """Draw a small arrow about (u, v), up turned clockwise by ``angle``."""
+    """Draw a small arrow around (u, v), turned clockwise from up by ``angle``."""
     small = turned(arrow(((0.0, -0.15), (0.0, 0.05)), 0.08, color, 3.0), angle)
     return tuple(layer._replace(outline=moved(layer.outline, u, v)) for layer in small)
 
 
 def board(field: str, ink: str, width: float, height: float, lines: int) -> Draw:
-    """Rows of places, each with an arrow."""
+    """Return the face of a board with rows of places, each with an arrow."""
 
     def draw(inks: Inks, rng: np.random.Generator) -> Mark:
         ground, print_ = getattr(inks, field), getattr(inks, ink)
@@ -86,7 +86,7 @@ def board(field: str, ink: str, width: float, height: float, lines: int) -> Draw
 
 
 def street_name(inks: Inks, rng: np.random.Generator) -> Mark:
-    """Draw the name of a street."""
+    """Draw a street name."""
     word = str(rng.choice(PLACES)) + " " + str(rng.choice(("ROAD", "STREET", "LANE")))
     half = 0.104 * len(word) + 0.15
     base = plate(rectangle(-half, -0.26, half, 0.26), inks.black, inks.white, 0.93)
@@ -94,7 +94,7 @@ def street_name(inks: Inks, rng: np.random.Generator) -> Mark:
 
 
 def chevrons(inks: Inks, rng: np.random.Generator) -> Mark:
-    """Draw arrows around a bend."""
+    """Draw the chevrons of a bend."""
     side = 1.0 if rng.random() < 0.5 else -1.0
     mark: Mark = plate(rectangle(-2.2, -0.6, 2.2, 0.6), inks.white, inks.black, 0.95)
     for u in (-1.5, -0.5, 0.5, 1.5):
@@ -125,7 +125,7 @@ def bus_stop(inks: Inks, rng: np.random.Generator) -> Mark:
 
 
 def diversion(inks: Inks, rng: np.random.Generator) -> Mark:
-    """Draw the way around works."""
+    """Draw a diversion sign."""
     base = plate(rectangle(-1.4, -0.6, 1.4, 0.6), inks.black, inks.yellow, 0.94)
     return (*base, *centred("DIVERTED", 0.02, 0.23, inks.black),
             *arrow(((-0.7, -0.3), (0.6, -0.3)), 0.12, inks.black))  # fmt: skip

@@ -1,4 +1,4 @@
-"""Forty faces of traffic signs, drawn from pictograms."""
+"""The forty faces of traffic signs, drawn from pictograms."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ from scene.mesh.asset import Color
 
 
 class Face(NamedTuple):
-    """What one sign shows."""
+    """The face of a sign."""
 
-    draw: Draw  # layers, the first of them the plate
-    size: float = 1.0  # of its unit over that of a round sign
+    draw: Draw  # draws the layers, the first of which is the plate
+    size: float = 1.0  # relative to a round sign
     supplement: bool = True  # may have a small plate below
 
 
@@ -52,10 +52,18 @@ TRIANGLE, YIELD = regular(3), regular(3, 0.5)
 SQUARE = rectangle(-0.85, -0.85, 0.85, 0.85)
 
 
-def _shows(
+def _plate_face(
     outline: Outline, border: str, field: str, inner: float, mark: Callable[[Inks], Mark]
 ) -> Draw:
-    """A mark on a plate with a border, both in inks of these names; ``inner`` is the field's size."""
+    """Return the face of a plate with a mark on a field and a border.
+
+    Args:
+        outline: of the plate.
+        border: ink of the border, by name.
+        field: ink of the field, by name.
+        inner: size of the field, as a share of the plate's.
+        mark: draws the mark in given inks.
+    """
 
     def draw(inks: Inks, rng: np.random.Generator) -> Mark:
         return plate(outline, getattr(inks, border), getattr(inks, field), inner) + mark(inks)
@@ -63,15 +71,15 @@ def _shows(
     return draw
 
 
-_prohibits = partial(_shows, CIRCLE, "red", "white", 0.80)
-_clearway = partial(_shows, CIRCLE, "red", "blue", 0.80)
-_mandates = partial(_shows, CIRCLE, "white", "blue", 0.95)
-_warns = partial(_shows, TRIANGLE, "red", "white", 0.70)
-_informs = partial(_shows, SQUARE, "white", "blue", 0.95)
+_prohibits = partial(_plate_face, CIRCLE, "red", "white", 0.80)
+_clearway = partial(_plate_face, CIRCLE, "red", "blue", 0.80)
+_mandates = partial(_plate_face, CIRCLE, "white", "blue", 0.95)
+_warns = partial(_plate_face, TRIANGLE, "red", "white", 0.70)
+_informs = partial(_plate_face, SQUARE, "white", "blue", 0.95)
 
 
-def _names(outline: Outline, mark: Callable[[Inks], Mark]) -> Draw:
-    return _shows(outline, "white", "blue", 0.93, mark)
+def _blue_plate(outline: Outline, mark: Callable[[Inks], Mark]) -> Draw:
+    return _plate_face(outline, "white", "blue", 0.93, mark)
 
 
 def _slash(inks: Inks, pen: float, level: int = 2) -> Mark:
@@ -79,14 +87,14 @@ def _slash(inks: Inks, pen: float, level: int = 2) -> Mark:
 
 
 def _roundabout(color: Color) -> Mark:
-    """Draw three arrows that chase one another."""
+    """Draw three arrows in a circle."""
     bow = tuple((float(0.5 * np.sin(a)), float(0.5 * np.cos(a))) for a in (1.0, 0.6, 0.15, -0.3))
-    one = arrow(bow, 0.14, color)
-    return one + turned(one, 2 * np.pi / 3) + turned(one, 4 * np.pi / 3)
+    one_arrow = arrow(bow, 0.14, color)
+    return one_arrow + turned(one_arrow, 2 * np.pi / 3) + turned(one_arrow, 4 * np.pi / 3)
 
 
 def _works(inks: Inks) -> Mark:
-    """Draw someone who digs, and the heap."""
+    """Draw a digging person and a heap."""
     b = inks.black
     return (
         dot(-0.12, 0.28, 0.09, b), *line(((-0.14, 0.14), (0.0, -0.06), (-0.18, -0.34)), 0.12, b),
@@ -96,7 +104,7 @@ def _works(inks: Inks) -> Mark:
 
 
 def _crossing(inks: Inks) -> Mark:
-    """Draw someone on stripes in a white triangle."""
+    """Draw a pedestrian on stripes in a white triangle."""
     stripes = (Layer(rectangle(u, -0.55, u + 0.1, -0.4), inks.black, 3)
                for u in (-0.4, -0.2, 0.0, 0.2))  # fmt: skip
     walker = (la._replace(level=3) for la in person(0.0, -0.08, 0.62, inks.black))
@@ -123,22 +131,22 @@ def _speed(number: str) -> Draw:
 _WIDE = rectangle(-1.5, -0.45, 1.5, 0.45)
 _TALL = rectangle(-0.7, -1.1, 0.7, 1.1)
 FACES: dict[str, Face] = {
-    "give way": Face(_shows(YIELD, "red", "white", 0.64, _give_way), 1.25),
+    "give way": Face(_plate_face(YIELD, "red", "white", 0.64, _give_way), 1.25),
     "speed 30": Face(_speed("30")),
-    "parking": Face(_names(SQUARE, lambda i: text("P", -0.26, -0.6, 1.2, i.white, 0.2))),
+    "parking": Face(_blue_plate(SQUARE, lambda i: text("P", -0.26, -0.6, 1.2, i.white, 0.2))),
     "works": Face(_warns(_works), 1.25),
     "keep left": Face(_mandates(
         lambda i: turned(arrow(((0.0, 0.6), (0.0, -0.2)), 0.26, i.white), 0.75))),
     "direction board": Face(board("green", "white", 2.3, 1.1, 3), 1.0, False),
-    "no entry": Face(_shows(CIRCLE, "white", "red", 0.95, _bar)),
+    "no entry": Face(_plate_face(CIRCLE, "white", "red", 0.95, _bar)),
     "street name": Face(street_name, 0.9, False),
-    "stop": Face(_shows(
+    "stop": Face(_plate_face(
         OCTAGON, "white", "red", 0.93, lambda i: centred("STOP", -0.25, 0.48, i.white, 0.24))),
     "crossing": Face(_informs(_crossing)),
     "speed 20": Face(_speed("20"), 1.05),
     "pedestrians": Face(_warns(lambda i: person(0.0, -0.02, 0.8, i.black)), 1.2),
     "one way": Face(
-        _names(_WIDE, lambda i: arrow(((-1.1, 0.0), (0.7, 0.0)), 0.24, i.white)), 1.0, False),
+        _blue_plate(_WIDE, lambda i: arrow(((-1.1, 0.0), (0.7, 0.0)), 0.24, i.white)), 1.0, False),
     "no stopping": Face(_clearway(
         lambda i: _slash(i, 0.17) + line(((-0.55, -0.55), (0.55, 0.55)), 0.17, i.red)), 0.85),
     "turn left": Face(_mandates(
@@ -174,14 +182,14 @@ FACES: dict[str, Face] = {
     "narrows": Face(_warns(lambda i: (
         line(((-0.3, -0.4), (-0.3, -0.1), (-0.12, 0.1), (-0.12, 0.3)), 0.1, i.black)
         + line(((0.3, -0.4), (0.3, -0.1), (0.12, 0.1), (0.12, 0.3)), 0.1, i.black))), 1.3),
-    "priority": Face(_shows(
+    "priority": Face(_plate_face(
         DIAMOND, "black", "white", 0.95, lambda i: (Layer(regular(4, radius=0.66), i.yellow),)), 1.1),
     "motorway": Face(board("blue", "white", 1.7, 1.35, 4), 1.0, False),
     "ahead only": Face(_mandates(lambda i: arrow(((0, -0.6), (0, 0.2)), 0.24, i.white)), 1.1),
-    "hospital": Face(_names(_TALL, lambda i: centred("H", -0.5, 1.0, i.white, 0.22))),
+    "hospital": Face(_blue_plate(_TALL, lambda i: centred("H", -0.5, 1.0, i.white, 0.22))),
     "children": Face(_warns(
         lambda i: person(-0.2, -0.04, 0.62, i.black) + person(0.2, -0.1, 0.5, i.black)), 1.35),
     "danger": Face(_warns(
         lambda i: (*line(((0, 0.4), (0, -0.08)), 0.15, i.black), dot(0, -0.32, 0.1, i.black))), 1.1),
 }  # fmt: skip
-"""Every face by its name."""
+"""Faces by name."""
