@@ -51,7 +51,7 @@ class BicycleParams(NamedTuple):
     saddle_color: Color = BLACK
 
 
-_MODELS: dict[str, BicycleParams] = {
+_KINDS: dict[str, BicycleParams] = {
     "city": BicycleParams(0.345, 0.046, 1.08, 0.020, 0.05, "swept", True, False, True),
     "racing": BicycleParams(0.340, 0.036, 1.00, 0.019, 0.02, "drop", False, False, False),
     "mountain": BicycleParams(0.350, 0.060, 1.10, 0.027, 0.16, "flat", False, False, False),
@@ -60,7 +60,7 @@ _MODELS: dict[str, BicycleParams] = {
     "touring": BicycleParams(0.348, 0.042, 1.06, 0.019, 0.08, "drop", True, False, True),
     "delivery": BicycleParams(0.335, 0.050, 1.10, 0.024, 0.30, "flat", True, True, True, "box"),
 }
-KINDS: tuple[str, ...] = tuple(_MODELS)
+KINDS: tuple[str, ...] = tuple(_KINDS)
 """Frame types."""
 
 _GUARDS = tuple(np.linspace(0.5, 3.2, 9)), tuple(np.linspace(0.4, 2.6, 8))
@@ -78,7 +78,7 @@ _SADDLES: tuple[Color, ...] = (BLACK, (0.12, 0.06, 0.03))
 
 def sample_bicycle(rng: np.random.Generator, kind: str) -> BicycleParams:
     """Draw a bicycle of one frame type: wheel size, paint, basket and rack."""
-    model = _MODELS[kind]
+    model = _KINDS[kind]
     load = _LOADS[int(rng.integers(len(_LOADS)))] if model.rack else ""
     return sample_fields(
         rng, model, wheel_radius=times(0.95, 1.03), wheelbase=times(0.97, 1.04), tyre=times(0.95, 1.2),

@@ -86,7 +86,7 @@ class BusParams(NamedTuple):
     glazing: Glazing = EMPTY
 
 
-_MODELS: dict[str, BusParams] = {
+_KINDS: dict[str, BusParams] = {
     "single decker": BusParams(11.8, 2.55, 3.05, 1, 7, (0.36, 0.86), 0.48, 1, 2, 0.45, 0.10, True),
     "double decker": BusParams(10.8, 2.52, 4.30, 2, 6, (0.34, 0.84), 0.48, 1, 1, 0.5, 0.18, True),
     "coach": BusParams(12.2, 2.55, 3.55, 1, 6, (0.50, 0.90), 0.50, 2, 1, 0.6, 0.40, False),
@@ -99,7 +99,7 @@ _MODELS: dict[str, BusParams] = {
     "school bus": BusParams(9.6, 2.40, 3.05, 1, 8, (0.48, 0.84), 0.46, 1, 1, 1.75, 0.08, True,
                             bonnet=1.4),
 }  # fmt: skip
-KINDS: tuple[str, ...] = tuple(_MODELS)
+KINDS: tuple[str, ...] = tuple(_KINDS)
 """Body types."""
 
 _LIVERIES: tuple[Color, ...] = (
@@ -115,13 +115,13 @@ _PAINTS: dict[str, Rule] = {
 _PATTERNS = ("plain", "skirt", "band", "two-tone", "swoop", "rear")
 _FLOOR = 0.32
 """Height of the lower edge of the body, m."""
-WHEELS_OUT = 0.04
+WHEEL_OUTSET = 0.04
 """Metres by which wheels stand out from the body."""
 
 
 def sample_bus(rng: np.random.Generator, kind: str) -> BusParams:
     """Draw a bus of one body type: size within 8 %, livery, adverts, boxes on the roof."""
-    model = _MODELS[kind]
+    model = _KINDS[kind]
     first_color, second_color = rng.choice(len(_LIVERIES), 2, replace=False)
     color = resolve(rng, _PAINTS.get(kind, keep), pick(rng, (_LIVERIES[first_color],)))
     return sample_fields(
@@ -160,10 +160,10 @@ def bus(params: BusParams) -> Asset:
     if p.joint:
         x = -0.06 * p.length
         for k in range(7):  # folds of the bellows
-            out = 0.02 + 0.02 * (k % 2)
-            half = p.width / 2 + out
+            bulge = 0.02 + 0.02 * (k % 2)
+            half = p.width / 2 + bulge
             back, front = x + 0.16 * k, x + 0.16 * k + 0.17
-            parts.append(cuboid((back, front), half, (_FLOOR, p.height + out), BLACK, "cloth"))
+            parts.append(cuboid((back, front), half, (_FLOOR, p.height + bulge), BLACK, "cloth"))
     if p.bonnet:
         parts += _bonnet(p)
     return merge(*parts)
@@ -237,7 +237,7 @@ def _running_gear(p: BusParams) -> list[Asset]:
     half, radius = p.width / 2, p.wheel_radius
     parts = []
     for x in _axles(p):
-        parts.append(axle(x, half + WHEELS_OUT, radius, 0.3, p.rim))
+        parts.append(axle(x, half + WHEEL_OUTSET, radius, 0.3, p.rim))
         parts += [arch(x, y, radius, radius + 0.09, 10) for y in (half + 0.02, -half - 0.02)]
     return parts
 

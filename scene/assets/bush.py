@@ -137,9 +137,9 @@ def _mounds(
     radii = np.column_stack([np.full(mounds, max(0.62 * p.length / mounds, 0.3 * p.width)),
                              np.full(mounds, 0.42 * p.width), 0.5 * tall])  # fmt: skip
     radii[:, 0] = np.minimum(radii[:, 0], 0.5 * p.length)
-    off = rng.uniform(-0.12, 0.12, mounds) * p.width
+    sideways = rng.uniform(-0.12, 0.12, mounds) * p.width
     centres = np.column_stack(
-        [along * (p.length / 2 - radii[:, 0]).clip(0), off, foot + 0.5 * tall]
+        [along * (p.length / 2 - radii[:, 0]).clip(0), sideways, foot + 0.5 * tall]
     )
     points_per_mound = -(-p.leaves // mounds)
     unit = directions(rng, mounds * points_per_mound) * rng.uniform(

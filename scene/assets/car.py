@@ -48,7 +48,7 @@ def _common_paint(rng: np.random.Generator, value: Any) -> Color:
     return car_paint(rng)
 
 
-class _Model(NamedTuple):
+class _Kind(NamedTuple):
     """A body style; metres, and shares of the length measured from the nose."""
 
     size: tuple[float, float, float]  # length, width, height
@@ -91,95 +91,95 @@ _OLD_PAINTS: tuple[Color, ...] = (
 _COMPANY_PAINT = perhaps(0.8, near(0.15, *_VAN_PAINTS), _common_paint)
 
 
-_MODELS: dict[str, _Model] = {
-    "hatchback": _Model(
+_KINDS: dict[str, _Kind] = {
+    "hatchback": _Kind(
         (4.15, 1.77, 1.47), 2.58, 0.84, 0.315, 0.18, (0.76, 0.95), 0.94, 0.96,
         (0.25, 0.42, 0.85, 0.985), (0.27, 0.86), (0.52, 0.76), (0.26, 0.52, 0.735),
     ),
-    "saloon": _Model(
+    "saloon": _Kind(
         (4.60, 1.80, 1.44), 2.70, 0.88, 0.315, 0.17, (0.74, 0.95), 0.93, 0.99,
         (0.27, 0.43, 0.70, 0.83), (0.29, 0.785), (0.515, 0.715), (0.27, 0.515, 0.715),
         taxi=maybe(0.08),
     ),
-    "supermini": _Model(
+    "supermini": _Kind(
         (3.85, 1.68, 1.46), 2.47, 0.78, 0.295, 0.18, (0.76, 0.96), 0.93, 0.95,
         (0.22, 0.41, 0.86, 0.985), (0.24, 0.87), (0.51, 0.76), (0.25, 0.51, 0.735),
         two_tones=True,
     ),
-    "estate": _Model(
+    "estate": _Kind(
         (4.70, 1.80, 1.48), 2.72, 0.88, 0.32, 0.17, (0.74, 0.95), 0.94, 0.97,
         (0.26, 0.41, 0.89, 0.985), (0.28, 0.93), (0.50, 0.69), (0.265, 0.50, 0.69), rails=0.65,
         high_lamps=True, taxi=maybe(0.08),
     ),
-    "crossover": _Model(
+    "crossover": _Kind(
         (4.40, 1.84, 1.64), 2.65, 0.86, 0.35, 0.23, (0.90, 1.08), 1.06, 1.08,
         (0.24, 0.40, 0.87, 0.985), (0.26, 0.89), (0.51, 0.735), (0.26, 0.51, 0.73),
         tumblehome=0.19, rails=0.7, plastic=0.6,
         clad=True, high_lamps=True, two_tones=True,
     ),
-    "city car": _Model(
+    "city car": _Kind(
         (3.50, 1.62, 1.50), 2.33, 0.66, 0.275, 0.17, (0.80, 0.98), 0.95, 0.98,
         (0.18, 0.37, 0.90, 0.99), (0.20, 0.90), (0.50, 0.77), (0.22, 0.50, 0.755), plastic=0.5,
         plain_wheels=True, two_tones=True,
     ),
-    "people carrier": _Model(
+    "people carrier": _Kind(
         (4.60, 1.83, 1.70), 2.80, 0.90, 0.325, 0.18, (0.86, 1.08), 1.00, 1.04,
         (0.19, 0.38, 0.91, 0.988), (0.20, 0.93), (0.44, 0.66, 0.80), (0.235, 0.45, 0.665),
         rails=0.4, plastic=0.35,
         high_lamps=True, taxi=maybe(0.08),
     ),
-    "three-door": _Model(
+    "three-door": _Kind(
         (3.95, 1.73, 1.40), 2.48, 0.82, 0.315, 0.15, (0.72, 0.92), 0.90, 0.95,
         (0.26, 0.44, 0.80, 0.98), (0.28, 0.84), (0.585,), (0.265, 0.59), tumblehome=0.24,
     ),
-    "executive": _Model(
+    "executive": _Kind(
         (4.92, 1.86, 1.46), 2.88, 0.90, 0.335, 0.16, (0.76, 0.97), 0.96, 1.02,
         (0.29, 0.45, 0.70, 0.83), (0.31, 0.79), (0.53, 0.72), (0.285, 0.53, 0.72), plastic=0.0,
         dark_glass=True,
     ),
-    "off-roader": _Model(
+    "off-roader": _Kind(
         (4.45, 1.86, 1.86), 2.65, 0.78, 0.385, 0.30, (1.06, 1.17), 1.18, 1.18,
         (0.28, 0.36, 0.955, 0.985), (0.30, 0.94), (0.53, 0.74), (0.28, 0.53, 0.735),
         tumblehome=0.12, rails=0.6, plastic=0.75, nose=0.12,
         clad=True, high_lamps=True, spare=maybe(0.6),
     ),
-    "panel van": _Model(
+    "panel van": _Kind(
         (5.30, 1.98, 2.28), 3.25, 0.98, 0.34, 0.24, (0.98, 1.22), 1.20, 1.24,
         (0.15, 0.29, 0.972, 0.99), (0.165, 0.36), (), (0.19, 0.375, 0.56),
         tumblehome=0.11, plastic=0.9, nose=0.20,
         clad=True, dark_glass=True, high_lamps=True, plain_wheels=True, van=True, sealed=maybe(0.5),
         paint=_COMPANY_PAINT,
     ),
-    "coupe": _Model(
+    "coupe": _Kind(
         (4.40, 1.80, 1.32), 2.58, 0.86, 0.335, 0.14, (0.68, 0.88), 0.87, 0.94,
         (0.32, 0.49, 0.67, 0.88), (0.34, 0.77), (0.64,), (0.32, 0.625), tumblehome=0.26, plastic=0.0,
     ),
-    "small van": _Model(
+    "small van": _Kind(
         (4.25, 1.78, 1.82), 2.70, 0.84, 0.31, 0.19, (0.82, 1.03), 1.00, 1.05,
         (0.21, 0.38, 0.968, 0.99), (0.23, 0.46), (), (0.24, 0.475, 0.64),
         tumblehome=0.13, plastic=0.85,
         clad=True, dark_glass=True, high_lamps=True, plain_wheels=True, van=True, sealed=True,
         paint=_COMPANY_PAINT,
     ),
-    "black cab": _Model(
+    "black cab": _Kind(
         (4.58, 1.78, 1.78), 2.88, 0.84, 0.33, 0.22, (0.86, 1.02), 1.02, 1.04,
         (0.29, 0.39, 0.84, 0.955), (0.31, 0.90), (0.50, 0.725), (0.29, 0.50, 0.725),
         tumblehome=0.17, plastic=0.5, nose=0.16,
         high_lamps=True, plain_wheels=True, taxi=True,
         paint=perhaps(0.7, BLACK_PAINT, _common_paint),
     ),
-    "convertible": _Model(
+    "convertible": _Kind(
         (4.05, 1.74, 1.36), 2.48, 0.84, 0.315, 0.15, (0.70, 0.90), 0.89, 0.96,
         (0.29, 0.45, 0.64, 0.77), (0.31, 0.70), (0.60,), (0.30, 0.615), plastic=0.0,
         soft_top=True,
     ),
-    "pickup": _Model(
+    "pickup": _Kind(
         (5.15, 1.85, 1.76), 3.05, 0.92, 0.375, 0.29, (1.00, 1.14), 1.13, 1.10,
         (0.25, 0.36, 0.58, 0.625), (0.265, 0.60), (0.44,), (0.26, 0.44, 0.61),
         tumblehome=0.16, plastic=0.5, nose=0.16,
         clad=True, bed=(0.655, 0.955),
     ),
-    "old-timer": _Model(
+    "old-timer": _Kind(
         (3.85, 1.58, 1.45), 2.35, 0.72, 0.30, 0.20, (0.74, 0.94), 0.92, 0.86,
         (0.30, 0.39, 0.70, 0.86), (0.32, 0.79), (0.54,), (0.31, 0.56), tumblehome=0.24,
         plastic=0.0, nose=0.34,
@@ -187,7 +187,7 @@ _MODELS: dict[str, _Model] = {
     ),
 }  # fmt: skip
 _TUK_TUK = "tuk-tuk"
-KINDS: tuple[str, ...] = (*_MODELS, _TUK_TUK)
+KINDS: tuple[str, ...] = (*_KINDS, _TUK_TUK)
 """Body styles."""
 _FREQUENT = (
     *("hatchback",) * 4, *("supermini",) * 3, *("saloon",) * 3, *("crossover",) * 3,
@@ -200,7 +200,7 @@ def sample_car(rng: np.random.Generator, kind: str) -> CarParams | Rickshaw:
     """Draw a car of one body style: proportions, paint, wheels, lamps and fittings."""
     if kind == _TUK_TUK:
         return sample_rickshaw(rng)
-    model = _MODELS[kind]
+    model = _KINDS[kind]
     body = _sample_body(rng, model)
     color = resolve(rng, model.paint)
     paint = _sample_paint(rng, model, color)
@@ -214,7 +214,7 @@ def sample_car(rng: np.random.Generator, kind: str) -> CarParams | Rickshaw:
     )
 
 
-def _sample_body(rng: np.random.Generator, model: _Model) -> Body:
+def _sample_body(rng: np.random.Generator, model: _Kind) -> Body:
     long, wide, tall = rng.uniform([0.94, 0.965, 0.95], [1.06, 1.035, 1.05])
     face, waist, slope, foot = rng.uniform(-1, 1, 4)
     cowl, roof_front, roof_rear, tail = model.screens
@@ -251,7 +251,7 @@ def _sample_body(rng: np.random.Generator, model: _Model) -> Body:
     )
 
 
-def _sample_paint(rng: np.random.Generator, model: _Model, color: Color) -> Paint:
+def _sample_paint(rng: np.random.Generator, model: _Kind, color: Color) -> Paint:
     glass = vary(rng, GLASS, 0.5)
     tint = rng.random()
     k = float(rng.uniform(0.0, 0.7))
@@ -269,7 +269,7 @@ def _sample_paint(rng: np.random.Generator, model: _Model, color: Color) -> Pain
     return Paint(color, lower, roof, side, glass, windows, rows, cloth, bool(rng.random() < 0.7))
 
 
-def _sample_fittings(rng: np.random.Generator, model: _Model, color: Color) -> Fittings:
+def _sample_fittings(rng: np.random.Generator, model: _Kind, color: Color) -> Fittings:
     plastic = rng.random() < model.plastic
     inner, lamp_low = rng.uniform(0.42, 0.7), rng.uniform(0.58, 0.7)
     rear_low = rng.uniform(0.55, 0.62)
@@ -302,7 +302,7 @@ def _sample_fittings(rng: np.random.Generator, model: _Model, color: Color) -> F
     )
 
 
-def _sample_wheel(rng: np.random.Generator, model: _Model, body: Body) -> Wheel:
+def _sample_wheel(rng: np.random.Generator, model: _Kind, body: Body) -> Wheel:
     is_plain = rng.random() < (0.75 if model.plain_wheels else 0.25)
     style = STYLES[rng.integers(2, 4) if is_plain else rng.integers(0, 2)]
     is_dark = rng.random() < 0.2

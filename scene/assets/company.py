@@ -147,10 +147,10 @@ def _dog_body(dog: Dog) -> Asset:
         ear = np.array([(0.57 * h, 0.075 * side * h, 1.19 * h),
                         (0.55 * h, 0.11 * side * h, (1.19 + 0.13 * dog.ears) * h)])  # fmt: skip
         parts.append(limb(ear, [0.05 * h, 0.015 * h], coat, "cloth", 5))
-        for at, turn in ((0.34, dog.step * side), (-0.42, -dog.step * side)):
-            hip = np.array([at * h, 0.09 * side * h * b, 0.72 * h])
-            foot = np.array([(at + 0.6 * math.sin(turn)) * h, 0.09 * side * h * b, 0.03 * h])
-            knee = (hip + foot) / 2 + [0.05 * h * (1 if at > 0 else -1), 0, 0]
+        for leg_x, turn in ((0.34, dog.step * side), (-0.42, -dog.step * side)):
+            hip = np.array([leg_x * h, 0.09 * side * h * b, 0.72 * h])
+            foot = np.array([(leg_x + 0.6 * math.sin(turn)) * h, 0.09 * side * h * b, 0.03 * h])
+            knee = (hip + foot) / 2 + [0.05 * h * (1 if leg_x > 0 else -1), 0, 0]
             parts.append(
                 limb(np.array([hip, knee, foot]), [0.09 * h, 0.05 * h, 0.04 * h], coat, "cloth", 6)
             )

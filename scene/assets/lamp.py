@@ -204,7 +204,8 @@ def _camera(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
     white = (0.5, 0.5, 0.49)
     dome = [(z - 0.34, 0.03), (z - 0.28, 0.12), (z - 0.16, 0.15), (z, 0.14)]
     boxes = [
-        box((0.42, 0.14, 0.14), (-0.1, at * y, z + 0.05), white, "paint") for at in (0.35, 0.75)
+        box((0.42, 0.14, 0.14), (-0.1, share * y, z + 0.05), white, "paint")
+        for share in (0.35, 0.75)
     ]
     return [turned(dome, (0.03, 0.03, 0.035), "glass", at=(0.0, y)), *boxes]
 
@@ -216,17 +217,17 @@ def _crossbars(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
     ]
     for low in (z - 0.35, z - 0.95):
         parts.append(box((0.1, p.head_size, 0.12), (0.1, 0, low), p.color, "wood"))
-        for at in np.array([-0.46, -0.2, 0.2, 0.46]) * p.head_size:
+        for insulator_y in np.array([-0.46, -0.2, 0.2, 0.46]) * p.head_size:
             bell = [(low + 0.12, 0.03), (low + 0.17, 0.05), (low + 0.25, 0.045), (low + 0.3, 0.02)]
-            parts.append(turned(bell, (0.4, 0.4, 0.38), "paint", 6, at=(0.0, float(at))))
+            parts.append(turned(bell, (0.4, 0.4, 0.38), "paint", 6, at=(0.0, float(insulator_y))))
     return parts
 
 
 def _drop_wires(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
     """Build a ring for wires, steps up both sides, and a box."""
     ring = turned([(z - 0.3, 0.22), (z - 0.24, 0.22)], p.color, "metal", 8)
-    steps = [box((0.03, 0.34, 0.03), (0, 0, at), (0.1, 0.1, 0.1), "metal")
-             for at in np.arange(2.6, z - 0.6, 0.45)]  # fmt: skip
+    steps = [box((0.03, 0.34, 0.03), (0, 0, level), (0.1, 0.1, 0.1), "metal")
+             for level in np.arange(2.6, z - 0.6, 0.45)]  # fmt: skip
     return [ring, *steps, box((0.22, 0.2, 0.3), (0.14, 0, z - 1.1), (0.03, 0.03, 0.03))]
 
 

@@ -33,7 +33,7 @@ MANIFEST = "assets.csv"
 REQUIRED = ("file", "author", "licence", "source")
 
 FOLDERS: dict[str, str] = {family: family for family in FAMILIES}
-"""Family by name of a sub-folder (with spaces or underscores); a class stands for its first family."""
+"""Family by name of a sub-folder (with spaces or underscores); a class means its first family."""
 for _family in FAMILIES.values():
     FOLDERS.setdefault(CLASS_NAMES[_family.train_id], _family.name)
 

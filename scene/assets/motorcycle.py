@@ -59,7 +59,7 @@ class MotorcycleParams(NamedTuple):
     front_box: bool = False
 
 
-_MODELS: dict[str, MotorcycleParams] = {
+_KINDS: dict[str, MotorcycleParams] = {
     "naked": MotorcycleParams(0.315, 0.14, 1.42, False, 0.0, 0.0, False, 0.06),
     "scooter": MotorcycleParams(0.245, 0.12, 1.30, True, 0.0, 0.12, False, 0.02),
     "tourer": MotorcycleParams(0.320, 0.15, 1.50, False, 0.6, 0.34, True, 0.04),
@@ -71,7 +71,7 @@ _MODELS: dict[str, MotorcycleParams] = {
     "cafe racer": MotorcycleParams(0.320, 0.13, 1.40, False, 0.2, 0.08, False, 0.12, spokes=12),
     "moped": MotorcycleParams(0.285, 0.09, 1.22, True, 0.0, 0.0, False, 0.02, spokes=12),
 }  # fmt: skip
-KINDS: tuple[str, ...] = tuple(_MODELS)
+KINDS: tuple[str, ...] = tuple(_KINDS)
 """Body types."""
 
 _PAINTS: tuple[Color, ...] = (
@@ -82,7 +82,7 @@ _PAINTS: tuple[Color, ...] = (
 
 def sample_motorcycle(rng: np.random.Generator, kind: str) -> MotorcycleParams:
     """Draw a motorcycle of one body type: size within 5 %, paint, wheels, exhausts, luggage."""
-    model = _MODELS[kind]
+    model = _KINDS[kind]
     return sample_fields(
         rng, model, wheel_radius=times(0.95, 1.05), tyre=times(0.9, 1.15), wheelbase=times(0.95, 1.05),
         fairing=times(0.8, 1.2), screen=times(0.6, 1.2) if model.screen else perhaps(0.25, 0.25, 0.0),

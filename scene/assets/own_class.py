@@ -50,9 +50,8 @@ def check(own: OwnClass) -> None:
         raise UserError(f"own class: place {own.place!r} is unknown; known: {', '.join(PLACES)}")
     if Path(own.file).suffix.lower() != SUFFIX or not Path(own.file).is_file():
         reason = f"is not a {SUFFIX} file" if Path(own.file).exists() else "does not exist"
-        raise LibraryError(
-            f"{own.file or repr('')} {reason}; an own class needs a {SUFFIX} file of its asset"
-        )
+        name = own.file or "''"
+        raise LibraryError(f"{name} {reason}; an own class needs a {SUFFIX} file of its asset")
     load(snapshot(own.file))
 
 

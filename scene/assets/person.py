@@ -172,9 +172,9 @@ def _lifted(pose: Pose, by: float) -> Pose:
     return pose._replace(hip=up(pose.hip), hands=(up(left), up(right)))
 
 
-def _bump(phase: float, at: float, width: float) -> float:
+def _bump(phase: float, peak: float, width: float) -> float:
     """Return a bell curve of height 1 around ``at`` on the circle of phases."""
-    away = (phase - at + 0.5) % 1 - 0.5
+    away = (phase - peak + 0.5) % 1 - 0.5
     return float(np.exp(-((away / width) ** 2)))
 
 
@@ -238,7 +238,7 @@ def _pose(p: PersonParams) -> Pose:
         if p.arms[k] == "push":
             x, y, z = PRAM_HANDLE[0] - 0.05, 0.16 * side, PRAM_HANDLE[1]
         if p.arms[k] == "folded":
-            z, x = z - 0.025 * h * k, x + 0.02 * h * k  # one forearm lies before the other
+            z, x = z - 0.025 * h * k, x + 0.02 * h * k  # one forearm is in front of the other
         hands.append((float(x), float(y), float(z)))
         elbows.append(elbow)
     return pose._replace(hands=(hands[0], hands[1]), elbows=(elbows[0], elbows[1]))

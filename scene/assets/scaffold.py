@@ -67,11 +67,11 @@ def scaffold(params: ScaffoldParams) -> Asset:
         return tube(a, b, 0.03, p.steel, "metal", sides=5, caps=False)
 
     parts = []
-    for at in x:
+    for post_x in x:
         for y in (0.05, p.depth):
             parts += [
-                rod((at, y, 0), (at, y, top + 1.1)),
-                box((0.16, 0.1, 0.02), (at, y, 0), p.steel),
+                rod((post_x, y, 0), (post_x, y, top + 1.1)),
+                box((0.16, 0.1, 0.02), (post_x, y, 0), p.steel),
             ]
     for lift in range(1, p.lifts + 1):
         z = lift * LIFT
@@ -81,7 +81,7 @@ def scaffold(params: ScaffoldParams) -> Asset:
             rod((-length / 2 - 0.2, 0.02, z + h), (length / 2 + 0.2, 0.02, z + h))
             for h in (0.5, 1.0)
         ]
-        parts += [rod((at, -0.05, z - 0.1), (at, p.depth + 0.05, z - 0.1)) for at in x]
+        parts += [rod((post_x, -0.05, z - 0.1), (post_x, p.depth + 0.05, z - 0.1)) for post_x in x]
         for k in range(4):
             wide = p.depth / 4
             deck = box(

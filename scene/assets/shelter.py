@@ -51,8 +51,10 @@ def sample_shelter(rng: np.random.Generator, kind: str) -> ShelterParams:
     is_stall = kind in STALLS
     long = float(rng.uniform(2.2, 3.4) if is_stall else rng.uniform(2.8, 5.2))
     size = (long, float(rng.uniform(1.3, 1.9)), float(rng.uniform(2.3, 2.7)))
-    stock: dict[Any, Color] = {k: colors[rng.integers(len(colors))] for k, colors in _STOCK.items()}
-    frame, cover, second = (stock.get(color, color) for color in _KINDS[kind].colors)
+    choices: dict[Any, Color] = {
+        k: colors[rng.integers(len(colors))] for k, colors in _COLOR_SETS.items()
+    }
+    frame, cover, second = (choices.get(color, color) for color in _KINDS[kind].colors)
     return ShelterParams(
         kind, size, vary(rng, frame, 0.3), vary(rng, cover, 0.25), vary(rng, second, 0.25),
         int(rng.integers(2**31)),
@@ -87,9 +89,12 @@ def _glazed(p: ShelterParams, ends: tuple[int, ...] = (1,)) -> list[Asset]:
             box((0.16, 0.8 * y, 1.75), (s * (x / 2 - 0.06), y / 2, 0.3), ANTHRACITE, "paint")
         )
         for d in (-1, 1):
-            at = s * (x / 2 - 0.06) + d * 0.085
-            poster = box((0.008, 0.66 * y, 1.5), (at, y / 2, 0.42), p.second, "lamp")
-            parts += [poster, box((0.01, 0.4 * y, 0.35), (at, y / 2, 1.2), SHELTER_WHITE, "paint")]
+            poster_x = s * (x / 2 - 0.06) + d * 0.085
+            poster = box((0.008, 0.66 * y, 1.5), (poster_x, y / 2, 0.42), p.second, "lamp")
+            parts += [
+                poster,
+                box((0.01, 0.4 * y, 0.35), (poster_x, y / 2, 1.2), SHELTER_WHITE, "paint"),
+            ]
     return parts
 
 
@@ -145,8 +150,8 @@ def _stall(p: ShelterParams, *, produce: bool = False) -> list[Asset]:
         for row in range(2):
             color = pick(rng, GOODS, 0.35)
             size: Point = (0.8 * x / across, 0.22 * y, float(rng.uniform(0.08, 0.3)))
-            at = (k + 0.5) * x / across - x / 2, 0.28 + 0.25 * y * row, table
-            parts.append(box(size, at, color, "cloth"))
+            base = (k + 0.5) * x / across - x / 2, 0.28 + 0.25 * y * row, table
+            parts.append(box(size, base, color, "cloth"))
     stripes = 2 * max(3, round(x / 0.7))
     for k in range(stripes):
         a, b = (-x / 2 - 0.15 + (x + 0.3) * (k + d) / stripes for d in (0, 1))
@@ -181,10 +186,10 @@ class Kind(NamedTuple):
     """How a kind is built, and its colours of frame, cover and the rest (``second``)."""
 
     build: Callable[[ShelterParams], list[Asset]]
-    colors: tuple[Any, Any, Any] = ("metal", "cloth", "poster")  # or names of ``_STOCK``
+    colors: tuple[Any, Any, Any] = ("metal", "cloth", "poster")  # or names of ``_COLOR_SETS``
 
 
-_STOCK: dict[str, tuple[Color, ...]] = {
+_COLOR_SETS: dict[str, tuple[Color, ...]] = {
     "hut": CLOTHS, "awning": CLOTHS, "metal": (GALVANISED, ANTHRACITE), "cloth": CLOTHS,
     "poster": POSTERS,
 }  # fmt: skip

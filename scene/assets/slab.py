@@ -62,10 +62,10 @@ def slab(params: SlabParams) -> Asset:
         polygon([(a, c, PAINT), (b, c, PAINT), (b, d, PAINT), (a, d, PAINT)], p.paint, "marking")
         for a, b, c, d in rows
     ]
-    at_x, at_y, spread = p.stain
+    stain_x, stain_y, spread = p.stain
     turn = np.arange(9) * 2 * np.pi / 9
-    rim = spread * (1 + 0.25 * np.cos(2 * turn + at_y))
-    outline = np.column_stack([at_x + rim * np.cos(turn), at_y + 1.3 * rim * np.sin(turn)])
+    rim = spread * (1 + 0.25 * np.cos(2 * turn + stain_y))
+    outline = np.column_stack([stain_x + rim * np.cos(turn), stain_y + 1.3 * rim * np.sin(turn)])
     flat = np.column_stack([outline, np.full(9, (THICK + PAINT) / 2)])
     marks.append(polygon(flat, darker(p.color, 0.7), p.material))
     tile = merge(box((*BAY, THICK), (0, 0, 0), p.color, p.material), *marks)

@@ -85,8 +85,8 @@ def traffic_sign(params: TrafficSignParams) -> Asset:
     low, high = outline[:, 1].min(), outline[:, 1].max()
     wide = 0.35 * float(np.ptp(outline[:, 0]))
     rails = [
-        box((0.02, wide, 0.035), (back + 0.004, 0, low + at * (high - low)), p.back, "metal")
-        for at in (0.3, 0.65)
+        box((0.02, wide, 0.035), (back + 0.004, 0, low + share * (high - low)), p.back, "metal")
+        for share in (0.3, 0.65)
     ]
     extra = _supplement(p, p.supplement, back, low - 0.03) if p.supplement else []
     return merge(rear, *faces, edge, *rails, *extra)

@@ -80,7 +80,7 @@ class TrainParams(NamedTuple):
     glazing: Glazing = EMPTY
 
 
-_MODELS: dict[str, TrainParams] = {
+_KINDS: dict[str, TrainParams] = {
     "tram": TrainParams("tram", 18.0, 2.40, 3.40, 0.25, 3, 0.7),
     "commuter": TrainParams("railcar", 19.5, 2.80, 3.85, 0.95, 2, 0.45),
     "locomotive": TrainParams("locomotive", 15.0, 2.85, 3.95, 1.00, 1, 0.5),
@@ -90,7 +90,7 @@ _MODELS: dict[str, TrainParams] = {
     "tank wagon": TrainParams("tank", 13.0, 2.70, 3.70, 1.15, 1, 0.0),
     "high-speed": TrainParams("railcar", 20.0, 2.85, 3.80, 0.80, 1, 2.6),
 }
-KINDS: tuple[str, ...] = tuple(_MODELS)
+KINDS: tuple[str, ...] = tuple(_KINDS)
 """Types of vehicle."""
 
 _LIVERIES: tuple[Color, ...] = (
@@ -106,7 +106,7 @@ _FREIGHT: tuple[Color, ...] = (
 
 def sample_train(rng: np.random.Generator, kind: str) -> TrainParams:
     """Draw a vehicle of one type: length within 6 %, height within 2 %, livery."""
-    model = _MODELS[kind]
+    model = _KINDS[kind]
     freight = _BODIES[model.body].freight
     paints, bands = (_FREIGHT, _FREIGHT) if freight else (_LIVERIES, (*_LIVERIES, TRIM, WHITE))
     return sample_fields(

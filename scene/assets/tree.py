@@ -193,9 +193,9 @@ def _fork(
     share = 1 - (np.arange(children) + rng.uniform(0, 0.8, (n, children))) / children * 0.75
     share[:, 0] = 1.0
     position = np.minimum(share * last_point, last_point - 1e-6)
-    at, fraction = position.astype(int), (position % 1)[..., None]
+    knot, fraction = position.astype(int), (position % 1)[..., None]
     parent = np.arange(n)[:, None]
-    low, high = parents.lines[parent, at], parents.lines[parent, at + 1]
+    low, high = parents.lines[parent, knot], parents.lines[parent, knot + 1]
     along = high - low
     along /= np.linalg.norm(along, axis=2, keepdims=True).clip(1e-9)
     side = np.cross(along, rng.normal(size=along.shape))
@@ -204,7 +204,7 @@ def _fork(
                    rng.uniform(0.55, 1.15, share.shape))[..., None]  # fmt: skip
     heading = np.cos(divergence) * along + np.sin(divergence) * side
     length = parents.length[:, None] * rng.uniform(0.38, 0.62, share.shape)
-    radius = 0.62 * parents.radius[parent, at]
+    radius = 0.62 * parents.radius[parent, knot]
     start = low + fraction * along * np.linalg.norm(high - low, axis=2, keepdims=True)
     flat = (start.reshape(-1, 3), heading.reshape(-1, 3), length.ravel(), radius.ravel())
     return _grow(rng, *flat, lift, points)
@@ -246,11 +246,14 @@ def _ivy(rng: np.random.Generator, params: TreeParams, trunk: _Wood) -> Asset:
     """Build leaves around the lower trunk, denser near the ground."""
     p = params
     z = 0.1 + rng.random(p.ivy) ** 1.4 * 0.55 * p.height
-    turn, out = rng.uniform(0, 2 * np.pi, p.ivy), 2.2 * p.radius * rng.uniform(0.6, 1.3, p.ivy)
+    turn, distance = rng.uniform(0, 2 * np.pi, p.ivy), 2.2 * p.radius * rng.uniform(0.6, 1.3, p.ivy)
     line = trunk.lines[0]
     x, y = (np.interp(z, line[:, 2], line[:, k]) for k in (0, 1))
     return leaf_cards(
-        rng, np.column_stack([x + out * np.cos(turn), y + out * np.sin(turn), z]), p.leaf, IVY
+        rng,
+        np.column_stack([x + distance * np.cos(turn), y + distance * np.sin(turn), z]),
+        p.leaf,
+        IVY,
     )
 
 

@@ -59,7 +59,7 @@ from scene.mesh.solids import block, tube
 
 _CAB, _TRACTOR = (0.50, 0.86), (0.44, 0.74)
 """Windscreens, as shares of the cab's height."""
-_MODELS: dict[str, TruckParams] = {
+_KINDS: dict[str, TruckParams] = {
     "box lorry": TruckParams("box", 8.2, 2.45, 3.55, 1.9, 2.75, (1.3, 6.2), 0.47, 0.15, _CAB, 0.2),
     "flatbed": TruckParams("flatbed", 8.0, 2.45, 1.9, 1.9, 2.75, (1.3, 6.0), 0.47, 0.2, _CAB, 0.2),
     "tipper": TruckParams("tipper", 7.8, 2.50, 2.85, 2.0, 2.95, (1.3, 5.1, 6.45), 0.5, 0.2, _CAB, 0.2),
@@ -75,7 +75,7 @@ _MODELS: dict[str, TruckParams] = {
     "curtain trailer": TruckParams("curtain", 15.0, 2.50, 3.95, 2.2, 3.6, (1.4, 4.7, 11.4, 12.7), 0.5, 0.7,
                                    _TRACTOR, 0.2),
 }  # fmt: skip
-KINDS: tuple[str, ...] = tuple(_MODELS)
+KINDS: tuple[str, ...] = tuple(_KINDS)
 """Body types."""
 
 _CABS: tuple[Color, ...] = (
@@ -119,7 +119,7 @@ LOADS: dict[str, Load] = {
 
 def sample_truck(rng: np.random.Generator, kind: str) -> TruckParams:
     """Draw a lorry of one body type: proportions, colours of cab and load, lettering, fittings."""
-    model = _MODELS[kind]
+    model = _KINDS[kind]
     load = LOADS[model.load]
     body, cab = pick(rng, load.colors), pick(rng, _CABS)
     stretch = rng.uniform(0.9, 1.06)
@@ -144,8 +144,8 @@ def truck(params: TruckParams) -> Asset:
     nose, half = p.length / 2, p.width / 2
     rim = STEEL if p.seed % 3 else (0.5, 0.5, 0.49)
     wheels = [
-        axle(nose - x, half + out, p.wheel_radius, 0.32, rim)
-        for x, out in zip(p.axles, (0.03, -0.02, -0.02, -0.02), strict=False)
+        axle(nose - x, half + outset, p.wheel_radius, 0.32, rim)
+        for x, outset in zip(p.axles, (0.03, -0.02, -0.02, -0.02), strict=False)
     ]
     front = nose - p.axles[0]
     arches = [arch(front, y, p.wheel_radius, p.wheel_radius + 0.1, 10) for y in (half, -half)]

@@ -142,7 +142,7 @@ def test_vehicles_have_glass_tyres_and_lamps_at_both_ends(family):
 
 @pytest.mark.parametrize("family", ["bus", "truck"])
 def test_nothing_stands_before_the_rims_of_large_vehicles(family):
-    out, width = (bus.WHEELS_OUT, 0.3) if family == "bus" else (0.03, 0.32)
+    out, width = (bus.WHEEL_OUTSET, 0.3) if family == "bus" else (0.03, 0.32)
     turn = np.arange(8) * np.pi / 4 + 0.1
     for kind, seed in product(FAMILIES[family].kinds, (3, 4)):
         params = FAMILIES[family].sample(np.random.default_rng(seed), kind)
@@ -208,7 +208,7 @@ def test_no_ray_goes_through_a_wheel(style):
     assert hits(mesh, starts, np.array([[0.0, -1.0, 0.0]])).all()
 
 
-BODIES = tuple(car._MODELS)
+BODIES = tuple(car._KINDS)
 """Kinds of cars with a shell."""
 
 
@@ -274,7 +274,7 @@ def test_a_driver_s_head_is_upright_hair_behind_its_seat_from_behind_and_deep_fr
     assert len(sides) == 0 or np.ptp(sides[:, 0]) > 0.05
 
 
-@pytest.mark.parametrize("kind", [kind for kind in BODIES if car._MODELS[kind].van])
+@pytest.mark.parametrize("kind", [kind for kind in BODIES if car._KINDS[kind].van])
 def test_panels_seams_and_names_are_seen_just_outside_the_sides_of_vans(kind):
     for seed in range(4):
         params = car.sample_car(np.random.default_rng(seed), kind)

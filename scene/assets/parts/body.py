@@ -100,48 +100,48 @@ def _colored(torso: Asset, outfit: Outfit) -> Asset:
 
 # Positions of the rings along thigh (0 to 1) and shin (1 to 2), and radii of a bare leg and of slim trousers;
 # the same for the arm.
-_LEG_AT = np.array([0.0, 0.12, 0.4, 0.75, 0.95, 1.05, 1.22, 1.4, 1.65, 1.85, 2.0])
+_LEG_RINGS = np.array([0.0, 0.12, 0.4, 0.75, 0.95, 1.05, 1.22, 1.4, 1.65, 1.85, 2.0])
 _LEG_BARE = np.array([46, 50, 46, 37, 32, 31, 33, 34, 27, 21, 21]) / 1000
 _LEG_SLIM = np.array([48, 53, 49, 41, 37, 36, 37, 37, 33, 31, 32]) / 1000
-_ARM_AT = np.array([-0.16, -0.1, 0.1, 0.3, 0.65, 0.93, 1.07, 1.3, 1.65, 1.97])
+_ARM_RINGS = np.array([-0.16, -0.1, 0.1, 0.3, 0.65, 0.93, 1.07, 1.3, 1.65, 1.97])
 _ARM_BARE = np.array([10, 24, 31, 29, 26, 22, 22, 23, 19, 15]) / 1000
 _ARM_SLEEVE = np.array([12, 26, 34, 33, 30, 27, 27, 27, 24, 22]) / 1000
 
 
-def _on_bones(bones: Bones, at: np.ndarray) -> np.ndarray:
+def _on_bones(bones: Bones, positions: np.ndarray) -> np.ndarray:
     """Return points f64[n, 3] on two bones: 0 to 1 on the first, 1 to 2 on the second."""
     start, joint, end = bones
-    upper = start + np.minimum(at, 1)[:, None] * (joint - start)
-    return upper + np.maximum(at - 1, 0)[:, None] * (end - joint)
+    upper = start + np.minimum(positions, 1)[:, None] * (joint - start)
+    return upper + np.maximum(positions - 1, 0)[:, None] * (end - joint)
 
 
 def _leg(body: Body, outfit: Outfit, joints: Bones) -> Asset:
     sides, covered = 10, 2 * outfit.trousers
-    width = 1 + (outfit.width - 1) * np.clip(_LEG_AT - 0.3, 0, 1)
-    radii = np.where(covered >= _LEG_AT, _LEG_SLIM * width, _LEG_BARE)
-    radii = radii * body.height * body.girth**0.8 * (1 + 0.06 * body.curves * (_LEG_AT < 0.6))
-    leg = skin(circles(_on_bones(joints, _LEG_AT), radii, sides), outfit.legs)
-    bare = int((covered >= _LEG_AT).sum())
-    return paint_bands(leg, sides, max(bare - 1, 0), len(_LEG_AT) - 1, outfit.skin, "skin") if (
-        bare < len(_LEG_AT)
+    width = 1 + (outfit.width - 1) * np.clip(_LEG_RINGS - 0.3, 0, 1)
+    radii = np.where(covered >= _LEG_RINGS, _LEG_SLIM * width, _LEG_BARE)
+    radii = radii * body.height * body.girth**0.8 * (1 + 0.06 * body.curves * (_LEG_RINGS < 0.6))
+    leg = skin(circles(_on_bones(joints, _LEG_RINGS), radii, sides), outfit.legs)
+    bare = int((covered >= _LEG_RINGS).sum())
+    return paint_bands(leg, sides, max(bare - 1, 0), len(_LEG_RINGS) - 1, outfit.skin, "skin") if (
+        bare < len(_LEG_RINGS)
     ) else leg  # fmt: skip
 
 
 def _arm(body: Body, outfit: Outfit, joints: Bones) -> Asset:
     sides, covered = 8, 2 * outfit.sleeves
-    radii = np.where(covered >= _ARM_AT, _ARM_SLEEVE + 0.7 * outfit.padding, _ARM_BARE)
+    radii = np.where(covered >= _ARM_RINGS, _ARM_SLEEVE + 0.7 * outfit.padding, _ARM_BARE)
     if outfit.quilted:
         radii = radii * np.where(np.arange(len(radii)) % 2, 1.04, 0.92)
     arm = skin(
-        circles(_on_bones(joints, _ARM_AT), radii * body.height * body.girth**0.7, sides),
+        circles(_on_bones(joints, _ARM_RINGS), radii * body.height * body.girth**0.7, sides),
         outfit.top,
     )
     if outfit.bands is not None:
         arm = paint_bands(arm, sides, 3, 4, outfit.bands, "paint")
-    bare = int((covered >= _ARM_AT).sum())
-    if bare == len(_ARM_AT):
+    bare = int((covered >= _ARM_RINGS).sum())
+    if bare == len(_ARM_RINGS):
         return arm
-    return paint_bands(arm, sides, max(bare - 1, 0), len(_ARM_AT) - 1, outfit.skin, "skin")
+    return paint_bands(arm, sides, max(bare - 1, 0), len(_ARM_RINGS) - 1, outfit.skin, "skin")
 
 
 def _hand(
@@ -152,8 +152,8 @@ def _hand(
     side /= max(math.sqrt(side.dot(side)), 1e-9)
     flat = cross(along, side)
     cos, sin = circle(6)[..., None]
-    at, wide, deep = _PALM
-    rings = wrist + h * (at * along + wide * cos * side + deep * sin * flat)
+    distance, wide, deep = _PALM
+    rings = wrist + h * (distance * along + wide * cos * side + deep * sin * flat)
     tip = wrist + h * (0.055 * along + 0.035 * side)
     thumb = limb([wrist + 0.015 * h * along, tip], [0.010 * h, 0.006 * h], skin_, "skin", 5)
     return merge(skin(rings, skin_, "skin"), thumb)
@@ -197,10 +197,10 @@ def _hem(body: Body, outfit: Outfit, pose: Pose, legs: list[Bones]) -> Asset:
     ahead, across, _ = np.eye(3)
     rings = []
     for share in np.linspace(-0.25, 1.0, 4 + round(4 * outfit.hem)):
-        at = max(share, 0.0) * outfit.hem * 2
-        points = np.concatenate([_on_bones(leg, np.array([at])) for leg in legs])
+        position = max(share, 0.0) * outfit.hem * 2
+        points = np.concatenate([_on_bones(leg, np.array([position])) for leg in legs])
         loose = h * (0.016 + outfit.padding + 0.05 * (outfit.flare - 1) * max(share, 0) * 2)
-        radius = h * float(np.interp(at, _LEG_AT, _LEG_SLIM)) * body.girth**0.8 + loose
+        radius = h * float(np.interp(position, _LEG_RINGS, _LEG_SLIM)) * body.girth**0.8 + loose
         centre, half = points.mean(0), np.abs(points[0] - points[1]) / 2
         deep = max(half[0] + radius, 0.070 * h * body.girth**0.7)
         wide = max(half[1] + radius, 0.094 * h * (1 - 0.12 * max(-share * 4, 0)) * body.girth**0.5)

@@ -41,8 +41,8 @@ def flatbed(p: TruckParams) -> list[Asset]:
             material, high = "wood" if kind == 1 else "cloth", (low + 0.16, tall)
             parts.append(cuboid((start, end), wide, high, color, material))
             for share in (0.3, 0.7):
-                at, strap = start + share * (end - start), (low + 0.16, tall + 0.01)
-                parts.append(cuboid((at - 0.03, at + 0.03), wide + 0.01, strap, AMBER))
+                strap_x, strap = start + share * (end - start), (low + 0.16, tall + 0.01)
+                parts.append(cuboid((strap_x - 0.03, strap_x + 0.03), wide + 0.01, strap, AMBER))
         start = end + rng.uniform(0.05, 0.3)
     if p.fill < 0.75:  # drop sides
         parts += [cuboid((rear, front), 0.02, (low + 0.1, low + 0.5), p.cab, "metal", at=y)
@@ -110,8 +110,8 @@ def tanker(p: TruckParams) -> list[Asset]:
     for share in (-0.3, -0.05, 0.2):  # bands round the tank and manholes on it
         span = x + (share - 0.008) * length, x + (share + 0.008) * length
         parts.append(hoop(loop, span, middle, 1.012, p.band or STEEL))
-        at = x + (share + 0.1) * length
-        manhole = (at, 0, top - 0.1), (at, 0, top + 0.16)
+        manhole_x = x + (share + 0.1) * length
+        manhole = (manhole_x, 0, top - 0.1), (manhole_x, 0, top + 0.16)
         parts.append(tube(*manhole, 0.25, STEEL, "metal", sides=10))
     side = walls(0.8 * length, width + 0.01, low + 0.6 * radius, low + 1.4 * radius, x=x)
     if p.letters is not None:

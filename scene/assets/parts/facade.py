@@ -175,9 +175,9 @@ def window(
                 )
                 areas = [(x[0], a, *z, curtain), (a, b, *z, glass), (b, x[1], *z, curtain)]
             else:
-                at = min(max(edge, z[0]), z[1])
+                level = min(max(edge, z[0]), z[1])
                 below, above = (curtain, glass) if look == "nets" else (glass, curtain)
-                areas = [(*x, z[0], at, below), (*x, at, z[1], above)]
+                areas = [(*x, z[0], level, below), (*x, level, z[1], above)]
             parts += [
                 Patch(upright(a, b, c, d, PANE), color, "glass")
                 for a, b, c, d, color in areas
@@ -225,9 +225,9 @@ def side_window(x: float, middle: float, low: float, high: float, frame: Color) 
     layers = ((PROUD, 0.55, 0.0, frame, "paint"), (2 * PROUD, 0.45, 0.1, WINDOW, "glass"))
     return [
         Patch(
-            [(x + side * off, middle + s * half, z) for s, z in
+            [(x + side * distance, middle + s * half, z) for s, z in
              ((-1, low + margin), (1, low + margin), (1, high - margin), (-1, high - margin))],
             color, material,
         )
-        for off, half, margin, color, material in layers
+        for distance, half, margin, color, material in layers
     ]  # fmt: skip

@@ -162,13 +162,13 @@ def _bumper(b: Body, end: int, color: Color) -> list[Asset]:
 def plate(b: Body, end: int, color: Color, v: float) -> Asset:
     """Build a number plate with dark characters at row ``v``."""
     middle = fascia(b, end, np.zeros(1), np.array([v]))[0]
-    out = 1 if end == 0 else -1
+    ahead = 1 if end == 0 else -1
     parts = []
     for wide, tall, paint, lift in (
         (0.26, 0.055, color, 0.03),
         (0.2, 0.022, (0.12, 0.12, 0.11), 0.034),
     ):
-        x, y = lift * out, wide * out
+        x, y = lift * ahead, wide * ahead
         rows = [[(x, -y, z), (x, y, z)] for z in (-tall, tall)]
         parts.append(sheet(np.array(rows) + middle, paint, "plain"))
     return merge(*parts)
@@ -260,12 +260,12 @@ def _on_roof(b: Body, f: Fittings) -> list[Asset]:
             for d in (-0.3, 0.4)
         ]
     if f.sign is not None:
-        at, _, foot = roof(b, np.array([b.roof_front + 0.08 * span]), np.zeros(1))[0]
+        middle_x, _, foot = roof(b, np.array([b.roof_front + 0.08 * span]), np.zeros(1))[0]
         for long, wide, low, high, color, material in (
             (0.07, 0.3, -0.03, 0.13, f.sign, "lamp"),
             (0.075, 0.2, 0.02, 0.09, BLACK, "plain"),
         ):
-            deep, tall = (at - long, at + long), (foot + low, foot + high)
+            deep, tall = (middle_x - long, middle_x + long), (foot + low, foot + high)
             parts.append(cuboid(deep, wide, tall, color, material))
     if f.aerial:
         root = roof(b, np.array([b.roof_rear - 0.06]), np.zeros(1))[0]

@@ -109,7 +109,7 @@ def interior(
     if from_behind:
         low, high = high, low  # seats hide the people in them
     shapes: list[tuple[tuple[tuple[float, float], ...], float, Color, float, float]] = [
-        (SEAT, at, g.seats, low, narrow) for at in seats
+        (SEAT, middle, g.seats, low, narrow) for middle in seats
     ]
     if driver is not None and g.skin is not None:
         shapes += [
@@ -117,9 +117,9 @@ def interior(
             (PERSON[2:], driver, darker(g.skin, HAIR) if from_behind else g.skin, high, 1.0),
         ]
     parts = []
-    for rows, at, color, lift, share in shapes:
+    for rows, middle, color, lift, share in shapes:
         up, half = np.array(rows).T[:, :, None]
-        parts.append(lay(up, at + lean * (up - 0.1) + share * half * [-1, 1], color, lift))
+        parts.append(lay(up, middle + lean * (up - 0.1) + share * half * [-1, 1], color, lift))
     return parts
 
 

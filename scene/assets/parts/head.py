@@ -171,7 +171,7 @@ def _face(outfit: Outfit) -> list[Asset]:
         sides = np.array([y - half, y, y + half])
         front, wide = (np.interp(z, _SKULL[:, 0], _SKULL[:, k]) for k in (1, 3))
         x = 0.04 + front * np.sqrt(1 - (sides / wide) ** 2)
-        low, top = (np.column_stack([x, sides, np.full(3, at)]) for at in (z, z + high))
+        low, top = (np.column_stack([x, sides, np.full(3, height)]) for height in (z, z + high))
         return solid(np.concatenate([low, top]), np.array([[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]]),
                      color, "skin")  # fmt: skip
 

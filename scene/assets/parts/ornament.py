@@ -22,9 +22,9 @@ BAY_DEPTH = 0.6
 """Depth of bay windows and balconies (metres)."""
 
 
-def band(span: tuple[float, float], out: float, base: float, height: float, color: Color) -> Part:
+def band(span: tuple[float, float], depth: float, base: float, height: float, color: Color) -> Part:
     """Build a slab along the facade, set into it by 5 cm."""
-    return relief((span[0], -out, base), (span[1], 0.05, base + height), color, "concrete")
+    return relief((span[0], -depth, base), (span[1], 0.05, base + height), color, "concrete")
 
 
 def capitals(
@@ -103,14 +103,14 @@ def shop_front(
 
 def hanging_sign(x: float, base: float, color: Color) -> list[Part]:
     """Build a board across the pavement on a bracket, painted on both sides."""
-    out = BAY_DEPTH + 0.3
-    board = block((x - 0.04, -out, base), (x + 0.04, -0.25, base + 0.85), color, "paint")
+    depth = BAY_DEPTH + 0.3
+    board = block((x - 0.04, -depth, base), (x + 0.04, -0.25, base + 0.85), color, "paint")
     faces = [
-        Patch([(x + s * 0.07, y, z) for y, z in ((-out + 0.1, base + 0.2), (-0.35, base + 0.2),
-              (-0.35, base + 0.65), (-out + 0.1, base + 0.65))], contrast(color), "paint")
+        Patch([(x + s * 0.07, y, z) for y, z in ((-depth + 0.1, base + 0.2), (-0.35, base + 0.2),
+              (-0.35, base + 0.65), (-depth + 0.1, base + 0.65))], contrast(color), "paint")
         for s in (-1, 1)
     ]  # fmt: skip
-    bar = block((x - 0.03, -out, base + 0.85), (x + 0.03, 0.05, base + 0.93), BLACK)
+    bar = block((x - 0.03, -depth, base + 0.85), (x + 0.03, 0.05, base + 0.93), BLACK)
     return [board, *faces, bar]
 
 
@@ -135,9 +135,9 @@ def bay_window(
         length = math.hypot(x1 - x0, y1 - y0)
         out = np.array([y1 - y0, x0 - x1]) / length * PROUD
 
-        def facet(a: float, b: float, low: float, high: float, off: float) -> list[Point]:
+        def facet(a: float, b: float, low: float, high: float, lift: float) -> list[Point]:
             foot = [
-                (x0 + s * (x1 - x0) + off * out[0], y0 + s * (y1 - y0) + off * out[1])  # noqa: B023
+                (x0 + s * (x1 - x0) + lift * out[0], y0 + s * (y1 - y0) + lift * out[1])  # noqa: B023
                 for s in (a, b)
             ]
             return [(*foot[0], low), (*foot[1], low), (*foot[1], high), (*foot[0], high)]
@@ -158,15 +158,17 @@ def bay_window(
 def balcony(span: tuple[float, float], floor: float, frame: Color, accent: Color) -> list[Part]:
     """Build a slab with a see-through railing."""
     left, right = span
-    out = BAY_DEPTH
-    slab = relief((left, -out, floor - 0.07), (right, 0.05, floor + 0.07), frame, "concrete")
-    rail = relief((left, -out, floor + 0.98), (right, -out + 0.05, floor + 1.04), accent, "metal")
+    depth = BAY_DEPTH
+    slab = relief((left, -depth, floor - 0.07), (right, 0.05, floor + 0.07), frame, "concrete")
+    rail = relief(
+        (left, -depth, floor + 0.98), (right, -depth + 0.05, floor + 1.04), accent, "metal"
+    )
     bars = [
-        Patch(upright(x, x + 0.035, floor + 0.07, floor + 0.98, -out + 0.025), accent, "metal")
+        Patch(upright(x, x + 0.035, floor + 0.07, floor + 0.98, -depth + 0.025), accent, "metal")
         for x in np.arange(left + 0.02, right - 0.05, 0.16).tolist()
     ]
     ends = [
-        Patch([(x, 0, floor + 0.1), (x, -out, floor + 0.1), (x, -out, floor + 1), (x, 0, floor + 1)],
+        Patch([(x, 0, floor + 0.1), (x, -depth, floor + 0.1), (x, -depth, floor + 1), (x, 0, floor + 1)],
              accent, "metal")
         for x in span
     ]  # fmt: skip
@@ -226,10 +228,10 @@ def turret(
     panes = []
     for floor in floors:
         for turn in (-2.4, -np.pi / 2, -0.75):
-            out = np.array([math.cos(turn), math.sin(turn)])
-            side = np.array([-out[1], out[0]]) * 0.3
-            at = np.array([x, y]) + (radius + PROUD) * out
-            (a, b), (c, d) = at - side, at + side
+            outward = np.array([math.cos(turn), math.sin(turn)])
+            side = np.array([-outward[1], outward[0]]) * 0.3
+            middle = np.array([x, y]) + (radius + PROUD) * outward
+            (a, b), (c, d) = middle - side, middle + side
             corners = [(a, b, floor + 0.8), (c, d, floor + 0.8), (c, d, floor + 2.2),
                        (a, b, floor + 2.2)]  # fmt: skip
             panes.append(Patch(corners, WINDOW, "glass"))

@@ -59,7 +59,7 @@ def plate(outline: Outline, border: Color, field: Color, inner: float, sink: flo
     return Layer(outline, border, 0), Layer(moved(outline, 0, sink, inner), field, 1)
 
 
-def turned_at(angle: float, u: float, v: float, color: Color) -> Mark:
+def _small_arrow(angle: float, u: float, v: float, color: Color) -> Mark:
     """Draw a small arrow around (u, v), turned clockwise from up by ``angle``."""
     small = turned(arrow(((0.0, -0.15), (0.0, 0.05)), 0.08, color, 3.0), angle)
     return tuple(layer._replace(outline=moved(layer.outline, u, v)) for layer in small)
@@ -79,7 +79,7 @@ def board(field: str, ink: str, width: float, height: float, lines: int) -> Draw
             size = min(size, (2 * width - 0.7) / (0.8 * len(word)))
             mark += text(str(word), -width + 0.2, low, size, print_, 0.17)
             tip, middle = width - 0.35, low + size / 2
-            mark += turned_at(float(rng.choice([0, np.pi / 2, -np.pi / 2])), tip, middle, print_)
+            mark += _small_arrow(float(rng.choice([0, np.pi / 2, -np.pi / 2])), tip, middle, print_)
         return mark
 
     return draw

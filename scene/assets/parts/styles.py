@@ -71,7 +71,7 @@ class BuildingParams(NamedTuple):
     seed: int
 
 
-class Stock(NamedTuple):
+class Choices(NamedTuple):
     """Materials and choices that are drawn for every kind in the same way."""
 
     paint: Color
@@ -87,7 +87,7 @@ class Stock(NamedTuple):
     dark: Color
 
 
-def _shop(d: Stock, wall: Finish) -> dict[str, Any]:
+def _shop(d: Choices, wall: Finish) -> dict[str, Any]:
     """Return the rules of homes over a shop."""
     return dict(
         storeys=integer(1, 4), ground=between(3.4, 4), bays=integer(3, 6),
@@ -100,7 +100,7 @@ def _shop(d: Stock, wall: Finish) -> dict[str, Any]:
     )  # fmt: skip
 
 
-_KINDS: dict[str, Callable[[Stock], dict[str, Any]]] = {
+_KINDS: dict[str, Callable[[Choices], dict[str, Any]]] = {
     "terrace": lambda d: {},
     "shop": lambda d: _shop(d, d.plaster),
     "office": lambda d: dict(
@@ -243,7 +243,7 @@ _KINDS: dict[str, Callable[[Stock], dict[str, Any]]] = {
         trim=("sills", "strings", "cornice", "quoins"), frame=one_of(d.dark, d.white),
     ),
 }  # fmt: skip
-"""Values and rules by which a kind differs from a terrace made of the stock."""
+"""Values and rules by which a kind differs from a terrace."""
 KINDS: tuple[str, ...] = tuple(_KINDS)
 
 
@@ -251,7 +251,7 @@ def sample_building(rng: np.random.Generator, kind: str) -> BuildingParams:
     """Draw a building of one of ``KINDS``."""
     brick, paint, stone = (pick(rng, colors, 0.3) for colors in (BRICKS, PAINTS, STONES))
     bricks, plaster = (brick, "brick"), (pick(rng, RENDERS, 0.15), "plaster")
-    stock = Stock(
+    choices = Choices(
         paint=paint, stone=stone, bricks=bricks, plaster=plaster, stones=(stone, "concrete"),
         concrete=(vary(rng, (0.31, 0.30, 0.28), 0.35), "concrete"),
         brick_or_plaster=(bricks, plaster)[rng.integers(2)], has_hood=bool(rng.random() < 0.4),
@@ -263,10 +263,10 @@ def sample_building(rng: np.random.Generator, kind: str) -> BuildingParams:
         ground=float(rng.uniform(2.8, 3.2)), storey=float(rng.uniform(2.7, 3.0)), bays=4,
         window=(0.44, 0.60), panes=(2, 2), trim=("sills", "lintels", "pipe", "dish", "number"),
         head="flat", side_windows=1, ground_floor="doors", doors=((0, 3), (1, 2))[rng.integers(2)],
-        hood=0.45 if stock.has_hood else 0.0, balconies=(), bay_windows=(), dormers=0, roof="gable",
+        hood=0.45 if choices.has_hood else 0.0, balconies=(), bay_windows=(), dormers=0, roof="gable",
         rise=float(rng.uniform(2, 3)), chimneys=2, tower=0.0, spire=0.0, wall=bricks, ground_wall=bricks,
-        frame=stock.white, accent=paint, second=pick(rng, RENDERS, 0.3),
+        frame=choices.white, accent=paint, second=pick(rng, RENDERS, 0.3),
         roof_color=pick(rng, SLATES, 0.3), chimney=brick, curtain=pick(rng, CURTAINS, 0.3),
         seed=int(rng.integers(2**31)),
     )  # fmt: skip
-    return sample_fields(rng, terrace, **_KINDS[kind](stock))
+    return sample_fields(rng, terrace, **_KINDS[kind](choices))

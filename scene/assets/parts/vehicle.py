@@ -128,7 +128,7 @@ def panels(
 
 def strips(places: Iterable[float], half: float) -> list[Span]:
     """Return spans that reach ``half`` to either side of ``places``."""
-    return [(at - half, at + half) for at in places]
+    return [(middle - half, middle + half) for middle in places]
 
 
 def _rectangles(
@@ -283,7 +283,7 @@ def tank(
 def hoop(loop: np.ndarray, x: Span, z: float, size: float, color: Color) -> Asset:
     """Build a band around a tank from ``x[0]`` to ``x[1]``."""
     wide = np.concatenate([loop, loop[:1]]) * size + [0, z]
-    rings = [np.column_stack([np.full(len(wide), at), wide]) for at in x]
+    rings = [np.column_stack([np.full(len(wide), end), wide]) for end in x]
     return loft(rings, color, "metal", closed=False, caps=False)
 
 

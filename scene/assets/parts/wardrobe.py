@@ -63,7 +63,7 @@ _MENS_HAIR = ("short", "short", "short", "thick", "bald", "curly")
 HI_VIS: tuple[Color, ...] = ((0.52, 0.66, 0.04), (0.75, 0.20, 0.02))
 
 
-class Stock(NamedTuple):
+class Choices(NamedTuple):
     """Colours and hair that are drawn for every style in the same way."""
 
     top: Color
@@ -74,7 +74,7 @@ class Stock(NamedTuple):
     tied_hair: str  # of those who run
 
 
-_STYLES: dict[str, Callable[[Stock], dict[str, Any]]] = {
+_STYLES: dict[str, Callable[[Choices], dict[str, Any]]] = {
     "jacket": lambda d: dict(
         hem=between(0.06, 0.22), padding=0.008, shirt=perhaps(0.6, d.second_top),
         accent=perhaps(0.2, d.coat),
@@ -185,17 +185,17 @@ def sample_outfit(
         hat=str(rng.choice(("", "", "", "", "beanie", "cap", "brim" if old else ""))),
         hat_color=pick(rng, CLOTHES + BRIGHT, 0.3),
     )
-    outfit = sample_fields(rng, outfit, **_STYLES[style](_stock(rng, outfit, dark=dark)))
+    outfit = sample_fields(rng, outfit, **_STYLES[style](_sample_choices(rng, outfit, dark=dark)))
     if rng.random() < VEST_SHARE and style in VESTS:
         outfit = outfit._replace(top=HI_VIS[rng.integers(2)], bands=REFLECTING, shirt=None)
     return outfit, curves
 
 
-def _stock(rng: np.random.Generator, base: Outfit, *, dark: bool) -> Stock:
+def _sample_choices(rng: np.random.Generator, base: Outfit, *, dark: bool) -> Choices:
     """Draw colours and hair that match the outfit ``base``."""
     second_top = pick(rng, BRIGHT + CLOTHES + PALE, 0.25)
     coat = pick(rng, CLOTHES[:4] if dark else CLOTHES + BRIGHT[:2], 0.3)
     legs = base.skin if rng.random() < 0.5 else CLOTHES[0]
     tied = "ponytail" if base.hairdo in _WOMENS_HAIR[:4] else "short"
     tied_hair = base.hairdo if base.hairdo in ("bald", "bun") else tied
-    return Stock(base.top, second_top, coat, coat if dark else second_top, legs, tied_hair)
+    return Choices(base.top, second_top, coat, coat if dark else second_top, legs, tied_hair)
