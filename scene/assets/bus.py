@@ -37,7 +37,7 @@ from scene.assets.parts.palette import (
     WHITE,
     pick,
 )
-from scene.assets.parts.skin import cuboid
+from scene.assets.parts.skin import Span, cuboid
 from scene.assets.parts.vehicle import (
     Hull,
     Walls,
@@ -65,7 +65,7 @@ class BusParams(NamedTuple):
     height: float
     decks: int
     bays: int  # windows along each side
-    glass: tuple[float, float]  # shares: lower and upper edge of a deck's windows
+    glass: Span  # shares: lower and upper edge of a deck's windows
     wheel_radius: float
     rear_axles: int
     doors: int
@@ -177,7 +177,7 @@ def _shape(p: BusParams) -> Hull:
     )
 
 
-def _glass(p: BusParams, deck: int) -> tuple[float, float]:
+def _glass(p: BusParams, deck: int) -> Span:
     """Return the lower and upper edge of a deck's windows as shares of the hull's height."""
     full = (p.height - _FLOOR) / (_shape(p).high - _FLOOR)
     return full * (deck + p.glass[0]) / p.decks, full * (deck + p.glass[1]) / p.decks

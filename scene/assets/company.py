@@ -10,7 +10,6 @@ import numpy as np
 from scene.assets import person
 from scene.assets.family import Family, Size
 from scene.assets.parts.body import figure
-from scene.assets.parts.head import head
 from scene.assets.parts.human import ANKLE, Pose, limb
 from scene.assets.parts.palette import BLACK, STEEL, pick
 from scene.assets.person import PersonParams, sample_person
@@ -113,9 +112,8 @@ def _sitter(p: CompanyParams, hands: tuple[Point, Point]) -> Asset:
         elbows=((-0.6, 0.6, -0.8), (-0.6, 0.6, -0.8)), look=0.15 + 0.5 * max(p.lean, 0.0),
         turn=p.person.turn,
     )  # fmt: skip
-    parts = merge(figure(p.person.body, p.person.outfit, pose),
-                  head(p.person.body, p.person.outfit, pose))  # fmt: skip
-    return translate(parts, (0, 0, -float(parts.mesh.vertices[:, 2].min())))
+    sitter = figure(p.person.body, p.person.outfit, pose)
+    return translate(sitter, (0, 0, -float(sitter.mesh.vertices[:, 2].min())))
 
 
 def _bench(wood: Color) -> list[Asset]:

@@ -9,7 +9,6 @@ import numpy as np
 from scene.assets.family import Family, Size
 from scene.assets.parts.body import figure
 from scene.assets.parts.carried import PRAM_HANDLE, carried
-from scene.assets.parts.head import head
 from scene.assets.parts.human import (
     ANKLE,
     FOREARM,
@@ -156,9 +155,9 @@ def person(params: PersonParams) -> Asset:
     """Build the person, facing +x, the lowest shoe on the ground."""
     p = params
     pose = _pose(p)
-    parts = [figure(p.body, p.outfit, pose), head(p.body, p.outfit, pose)]
-    low = min(float(part.mesh.vertices[:, 2].min()) for part in parts)
-    walker = translate(merge(*parts), (0, 0, -low))
+    walker = figure(p.body, p.outfit, pose)
+    low = float(walker.mesh.vertices[:, 2].min())
+    walker = translate(walker, (0, 0, -low))
     pose = _lifted(pose, -low)
     luggage = [carried(name, p.body, pose, p.carried_color, p.second_color) for name in p.carried]
     return merge(walker, *luggage)

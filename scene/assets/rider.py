@@ -10,7 +10,6 @@ from scene.assets import bicycle, motorcycle
 from scene.assets.family import ROAD, Family, Size
 from scene.assets.parts.body import figure
 from scene.assets.parts.carried import backpack
-from scene.assets.parts.head import head
 from scene.assets.parts.human import ANKLE, Body, Outfit, Pose
 from scene.assets.parts.palette import BLACK, REFLECTING, SILVER, WHITE, pick
 from scene.assets.parts.wardrobe import BRIGHT, CLOTHES, HI_VIS, TROUSERS, sample_outfit
@@ -106,10 +105,8 @@ def rider(params: RiderParams) -> Asset:
     """Build the rider, facing +x, seated on the saddle of a machine at the origin."""
     p = params
     pose = _pose(p)
-    parts = [figure(p.body, p.outfit, pose), head(p.body, p.outfit, pose)]
-    if p.bag is not None:
-        parts.append(backpack(p.body, pose, p.bag, p.bag_size))
-    return merge(*parts)
+    person = figure(p.body, p.outfit, pose)
+    return person if p.bag is None else merge(person, backpack(p.body, pose, p.bag, p.bag_size))
 
 
 def _pose(p: RiderParams) -> Pose:

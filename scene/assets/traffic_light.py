@@ -17,6 +17,7 @@ from scene.assets.parts.palette import (
     SIGNAL_YELLOW,
     WHITE,
 )
+from scene.assets.parts.skin import in_plane
 from scene.assets.signpost import MAX_RADIUS, MIN_HEIGHT
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, merge
@@ -110,7 +111,7 @@ def _lamp(
     turn = np.radians(np.linspace(-40, 220, 15))
     ahead = reach * (0.35 + 0.65 * np.clip(np.sin(turn), 0, 1))
     edge = np.column_stack([y + 1.1 * radius * np.cos(turn), z + 1.1 * radius * np.sin(turn)])
-    rims = [np.column_stack([np.full(15, front), edge]), np.column_stack([front - ahead, edge])]
+    rims = [in_plane(front, edge), np.column_stack([front - ahead, edge])]
     visor = loft(np.array(rims), p.kind.front, "plain", closed=False, caps=False)
     return [lens, visor]
 
@@ -131,14 +132,10 @@ def _head(p: TrafficLightParams, head: Head) -> list[Asset]:
     half, wide = len(head.lamps) * spacing / 2 + 0.03, radius + 0.045
     near = -MAX_RADIUS - p.depth
     outline = _outline(head.y, p.centre, wide, half, 0.05 * head.scale)
-    rings = [
-        np.column_stack([np.full(len(outline), x), outline]) for x in (-MAX_RADIUS - 0.02, near)
-    ]
+    rings = [in_plane(x, outline) for x in (-MAX_RADIUS - 0.02, near)]
     parts = [
         loft(np.array(rings), p.kind.color, "plain"),
-        polygon(
-            np.column_stack([np.full(len(outline), near - 0.003), outline]), p.kind.front, "plain"
-        ),
+        polygon(in_plane(near - 0.003, outline), p.kind.front, "plain"),
     ]
     for i, color in enumerate(head.lamps):
         z = p.centre + ((len(head.lamps) - 1) / 2 - i) * spacing
@@ -151,7 +148,7 @@ def _head(p: TrafficLightParams, head: Head) -> list[Asset]:
             corner = 0.9 * (wide + margin) if p.kind.round_board else 0.05
             board = _outline(head.y, p.centre, wide + margin, half + margin, corner)
             x = -MAX_RADIUS - depth
-            parts.append(polygon(np.column_stack([np.full(len(board), x), board]), color, "plain"))
+            parts.append(polygon(in_plane(x, board), color, "plain"))
     for z in (p.centre - 0.7 * half, p.centre + 0.7 * half):
         bracket = (0.03, abs(head.y) + 0.06, 0.04)
         parts.append(box(bracket, (-MAX_RADIUS - 0.01, head.y / 2, z), p.kind.color, "metal"))

@@ -14,6 +14,7 @@ from scene.assets.parts.palette import BLACK, BRIGHT_WHITE, GALVANISED
 from scene.assets.parts.pictogram import Layer
 from scene.assets.parts.sign_boards import Inks
 from scene.assets.parts.sign_faces import FACES
+from scene.assets.parts.skin import in_plane
 from scene.assets.signpost import MAX_RADIUS, MIN_HEIGHT
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, Point, merge, vary
@@ -80,7 +81,7 @@ def traffic_sign(params: TrafficSignParams) -> Asset:
     faces = [_face(layer, p, back - LAYER * (layer.level + 1)) for layer in p.layers]
     rear = _face(Layer(plate.outline, p.back), p, back)
     outline = np.array([(-u * p.radius, p.centre + v * p.radius) for u, v in plate.outline])
-    rim = [np.column_stack([np.full(len(outline), x), outline]) for x in (back, back - LAYER)]
+    rim = [in_plane(x, outline) for x in (back, back - LAYER)]
     edge = loft(np.array(rim), p.back, "metal", caps=False)
     low, high = outline[:, 1].min(), outline[:, 1].max()
     wide = 0.35 * float(np.ptp(outline[:, 0]))

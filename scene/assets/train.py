@@ -35,7 +35,7 @@ from scene.assets.parts.palette import (
     WHITE,
     darker,
 )
-from scene.assets.parts.skin import cuboid
+from scene.assets.parts.skin import Span, cuboid
 from scene.assets.parts.vehicle import (
     Hull,
     Walls,
@@ -161,7 +161,7 @@ def _shape(p: TrainParams) -> Hull:
     return Hull(p.length, p.width, p.floor, p.height, 0.0, p.round, 0.3, p.rake, p.rake)
 
 
-def _cab_ends(p: TrainParams, side: Walls, glass: tuple[float, float]) -> list[Asset]:
+def _cab_ends(p: TrainParams, side: Walls, glass: Span) -> list[Asset]:
     """Build windscreens that reach round the corners, lamps, couplers and destination boards."""
     shape = _shape(p)
     parts = []
@@ -181,7 +181,7 @@ def _cab_ends(p: TrainParams, side: Walls, glass: tuple[float, float]) -> list[A
     return parts
 
 
-def _passenger(p: TrainParams, bays: int, doors: int, glass: tuple[float, float]) -> list[Asset]:
+def _passenger(p: TrainParams, bays: int, doors: int, glass: Span) -> list[Asset]:
     """Build sections with a continuous dark window band, doors, a coloured band and cab ends."""
     side = hull_walls(_shape(p))
     inset = (p.rake * glass[1] + p.round + 0.1) / p.length

@@ -1,4 +1,4 @@
-"""Builds a dressed body around its bones: torso, limbs, hands, shoes, coat tails and skirts.
+"""Builds a dressed person around the bones: torso, limbs, hands, shoes, coat tails and skirts.
 
 All lengths in the tables are shares of the standing height, so that the body scales as a whole.
 """
@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from scene.assets.parts.head import head
 from scene.assets.parts.human import (
     ANKLE,
     FOREARM,
@@ -212,7 +213,7 @@ def _hem(body: Body, outfit: Outfit, pose: Pose, legs: list[Bones]) -> Asset:
 
 
 def figure(body: Body, outfit: Outfit, pose: Pose) -> Asset:
-    """Build a dressed person in ``pose``, without the head."""
+    """Build a dressed person in ``pose``."""
     h, hip = body.height, np.array(pose.hip)
     parts = [_torso(body, outfit, pose)]
     legs: list[Bones] = []
@@ -231,4 +232,4 @@ def figure(body: Body, outfit: Outfit, pose: Pose) -> Asset:
         parts.append(_hand(wrist, along, np.array([0.8, -0.6 * side, 0.2]), h, outfit.skin))
     if outfit.hem:
         parts.append(_hem(body, outfit, pose, legs))
-    return merge(*parts)
+    return merge(*parts, head(body, outfit, pose))

@@ -30,6 +30,10 @@ _UP_TO = np.cumsum([share for _, share in LOOKS])
 _UP_TO /= _UP_TO[-1]
 
 
+Finish = tuple[Color, str]
+"""Colour and material of a wall."""
+
+
 class Opening(NamedTuple):
     """A hole in the facade, metres."""
 

@@ -19,11 +19,9 @@ from scene.assets.parts.palette import (
     TAILLAMP_LENS,
     TRIM,
 )
-from scene.assets.parts.skin import cuboid, pair, sheet, twin_sheets
+from scene.assets.parts.skin import Span, cuboid, pair, sheet, twin_sheets
 from scene.mesh.asset import Asset, Color, Point, merge
 from scene.mesh.solids import ellipsoid, tube
-
-Span = tuple[float, float]
 
 
 class Fittings(NamedTuple):

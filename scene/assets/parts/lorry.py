@@ -8,8 +8,8 @@ import numpy as np
 
 from scene.assets.parts.glazing import EMPTY, Glazing
 from scene.assets.parts.palette import BLACK, STEEL, TRIM, darker
-from scene.assets.parts.skin import cuboid
-from scene.assets.parts.vehicle import Span, Walls, lettering, panel, panels, strips, walls
+from scene.assets.parts.skin import Span, cuboid
+from scene.assets.parts.vehicle import Walls, lettering, panel, panels, strips, walls
 from scene.mesh.asset import Asset, Color
 from scene.mesh.solids import loft
 
@@ -26,7 +26,7 @@ class TruckParams(NamedTuple):
     axles: tuple[float, ...]  # from the nose to each
     wheel_radius: float
     gap: float  # between cab and load
-    windscreen: tuple[float, float]  # shares of the cab's height
+    windscreen: Span  # shares of the cab's height
     rake: float  # m that the cab's roof is set back
     cab: Color = (0.5, 0.5, 0.5)
     body: Color = (0.6, 0.6, 0.6)
@@ -36,7 +36,7 @@ class TruckParams(NamedTuple):
     deflector: bool = False  # on the cab's roof
     beacons: bool = False
     round: float = 0.18  # radius of the cab's corners
-    grille: tuple[float, float] = (0.2, 0.42)  # shares of the cab's height
+    grille: Span = (0.2, 0.42)  # shares of the cab's height
     fill: float = 0.7  # how full a load bed is
     seed: int = 0  # of lettering and cargo
     glazing: Glazing = EMPTY
@@ -53,9 +53,7 @@ def bed(p: TruckParams) -> tuple[float, float, float]:
     return -p.length / 2 + length / 2, length, p.width
 
 
-def sign(
-    p: TruckParams, side: Walls, u: tuple[float, float], v: tuple[float, float]
-) -> list[Asset]:
+def sign(p: TruckParams, side: Walls, u: Span, v: Span) -> list[Asset]:
     """Build a band and lettering on both sides."""
     parts = []
     if p.band is not None:

@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from scene.assets.parts.facade import PROUD, Part, Patch, bays, relief, upright
+from scene.assets.parts.facade import PROUD, Finish, Part, Patch, bays, relief, upright
 from scene.assets.parts.palette import BLACK, WINDOW
 from scene.mesh.asset import Color, Point
 from scene.mesh.solids import block, disc, polygon, tube
@@ -115,7 +115,7 @@ def hanging_sign(x: float, base: float, color: Color) -> list[Part]:
 
 
 def bay_window(
-    span: tuple[float, float], levels: tuple[float, float, float], wall: tuple[Color, str],
+    span: tuple[float, float], levels: tuple[float, float, float], wall: Finish,
     frame: Color, roof: Color,
 ) -> list[Part]:  # fmt: skip
     """Build a canted bay window in front of the wall.
@@ -218,7 +218,7 @@ def timbers(
 
 
 def turret(
-    x: float, radius: float, eaves: float, floors: list[float], wall: tuple[Color, str], roof: Color
+    x: float, radius: float, eaves: float, floors: list[float], wall: Finish, roof: Color
 ) -> list[Part]:
     """Build a round corner tower with a window at every floor and a pointed roof."""
     y, sides = 0.35 * radius, 12

@@ -18,7 +18,7 @@ from scene.assets.parts.palette import (
     TRIM,
     pick,
 )
-from scene.assets.parts.skin import cuboid, pair, twin_sheets
+from scene.assets.parts.skin import cuboid, in_plane, pair, twin_sheets
 from scene.assets.parts.vehicle import card
 from scene.assets.parts.wheel import Wheel, wheel
 from scene.mesh.asset import Asset, Color, merge, translate
@@ -76,18 +76,14 @@ def _section(half: float, low: float, high: float, top: float) -> np.ndarray:
     return np.array(right + [(-y, z) for y, z in right[::-1]])
 
 
-def _ring(x: float, section: np.ndarray) -> np.ndarray:
-    return np.column_stack([np.full(len(section), x), section])
-
-
 def _tub(r: Rickshaw) -> list[Asset]:
     """Build floor, closed rear and seats, and a dark sheet that blocks the view through the open sides."""
     nose, tail, half = r.length / 2, -r.length / 2, r.width / 2
     tail_body = loft(
         [
-            _ring(tail, _section(0.9 * half, 0.34, 0.86, 0.92)),
-            _ring(tail + 0.14, _section(half, 0.28, 0.9, 0.96)),
-            _ring(tail + 0.85, _section(half, 0.28, 0.72, 0.96)),
+            in_plane(tail, _section(0.9 * half, 0.34, 0.86, 0.92)),
+            in_plane(tail + 0.14, _section(half, 0.28, 0.9, 0.96)),
+            in_plane(tail + 0.85, _section(half, 0.28, 0.72, 0.96)),
         ],
         r.tub, "paint",
     )  # fmt: skip
@@ -107,7 +103,7 @@ def _hood(r: Rickshaw) -> list[Asset]:
     tail, half, top = -r.length / 2, r.width / 2, r.height
     front = r.length / 2 - 0.72
     roof = loft(
-        [_ring(x, _section(0.97 * half, top - 0.16, top - drop, 0.8))
+        [in_plane(x, _section(0.97 * half, top - 0.16, top - drop, 0.8))
          for x, drop in ((tail + 0.02, 0.06), (tail + 0.3, 0.0), (front - 0.2, 0.01), (front + 0.08, 0.08))],
         r.hood, "cloth",
     )  # fmt: skip

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from scene.assets.parts.facade import upright
+from scene.assets.parts.facade import Finish, upright
 from scene.assets.parts.palette import GUTTER, WINDOW
 from scene.mesh.asset import Asset, Color, Point, merge, translate
 from scene.mesh.solids import block, box, polygon, tube
@@ -17,7 +17,7 @@ def pitched_roof(
     rise: float,
     style: str,
     color: Color,
-    end: tuple[Color, str],
+    end: Finish,
 ) -> Asset:
     """Build two slopes and two ends around a ridge.
 
@@ -62,7 +62,7 @@ def pitched_roof(
 
 
 def flat_roof(
-    plan: tuple[float, float], eaves: float, rise: float, cornice: Color, parapet: tuple[Color, str]
+    plan: tuple[float, float], eaves: float, rise: float, cornice: Color, parapet: Finish
 ) -> Asset:
     """Build a parapet on a cornice that protrudes by 15 cm."""
     width, depth = plan
@@ -116,7 +116,7 @@ def dormer(
 
 def steeple(
     centre: tuple[float, float], side: float, height: float, spire: float,
-    wall: tuple[Color, str], color: Color,
+    wall: Finish, color: Color,
 ) -> list[Asset]:  # fmt: skip
     """Build a square tower with bell openings and battlements, and a spire if ``spire`` is above 0."""
     (x, y), half = centre, side / 2

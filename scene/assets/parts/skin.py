@@ -11,8 +11,15 @@ from scene.mesh.asset import Asset, Color, merge, solid
 from scene.mesh.mesh import Mesh, frozen, twice_areas
 from scene.mesh.solids import block, loft
 
+Span = tuple[float, float]
+"""Two positions, or shares of a length: from and to."""
 _WELD = 1e4
 """Welding merges points that agree to 1 / _WELD metres."""
+
+
+def in_plane(x: float, outline: np.ndarray) -> np.ndarray:
+    """Put points f64[n, 2] (y, z) into the plane ``x``; f64[n, 3]."""
+    return np.column_stack([np.full(len(outline), x), outline])
 
 
 def sheet(points: np.ndarray, color: Color, material: str = "paint") -> Asset:
@@ -79,7 +86,7 @@ def pair(asset: Asset) -> Asset:
 
 
 def cuboid(
-    x: tuple[float, float], half: float, z: tuple[float, float], color: Color,
+    x: Span, half: float, z: Span, color: Color,
     material: str = "plain", *, at: float = 0.0,
 ) -> Asset:  # fmt: skip
     """Build a box from x[0] to x[1], z[0] to z[1], and ``half`` m to either side of y = ``at``; 12 faces."""

@@ -8,11 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from scene.assets.parts.draw import between, integer, near, one_of, sample_fields
+from scene.assets.parts.facade import Finish
 from scene.assets.parts.palette import ANTHRACITE, BLACK_PAINT, BRIGHT_WHITE, OFF_WHITE, pick
 from scene.mesh.asset import Color, vary
-
-Finish = tuple[Color, str]
-"""Colour and material of a wall."""
 
 BRICKS: tuple[Color, ...] = (
     (0.34, 0.285, 0.20), (0.205, 0.115, 0.085), (0.27, 0.215, 0.15), (0.135, 0.085, 0.068),

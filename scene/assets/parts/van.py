@@ -10,6 +10,7 @@ from scene.assets.parts.bodywork import Body
 from scene.assets.parts.fittings import on_cabin, on_flank, on_nose
 from scene.assets.parts.glazing import on_screen
 from scene.assets.parts.palette import BLACK, darker
+from scene.assets.parts.skin import Span
 from scene.mesh.asset import Asset, Color
 
 _LINE = 0.012
@@ -47,14 +48,12 @@ def van_sides(b: Body, v: VanSides) -> list[Asset]:
     return parts
 
 
-def _on_sides(
-    b: Body, s: tuple[float, float], w: tuple[float, float], color: Color, lift: float = 0.008
-) -> Asset:
+def _on_sides(b: Body, s: Span, w: Span, color: Color, lift: float = 0.008) -> Asset:
     """Lay a patch on both sides between shares ``s`` of the length and ``w`` of the height."""
     return on_cabin(b, np.linspace(*s, 3)[:, None], np.linspace(*w, 2)[None], color, lift=lift)
 
 
-def _letters(b: Body, s: tuple[float, float], color: Color, seed: int) -> list[Asset]:
+def _letters(b: Body, s: Span, color: Color, seed: int) -> list[Asset]:
     """Build a line of large letters over one of small ones; they look like text."""
     rng = np.random.default_rng(seed)
     parts = []

@@ -12,13 +12,12 @@ import numpy as np
 
 from scene.assets.parts.glazing import NARROW, Glazing, dimmed, interior, on_panes
 from scene.assets.parts.palette import BLACK, GLASS, STEEL, TRIM, TYRE
-from scene.assets.parts.skin import sheet
+from scene.assets.parts.skin import Span, in_plane, sheet
 from scene.assets.parts.wheel import Wheel, wheels
 from scene.mesh.asset import Asset, Color, Point
 from scene.mesh.mesh import cross
 from scene.mesh.solids import loft, polygon, quads, tube
 
-Span = tuple[float, float]
 Corners = np.ndarray
 """A wall f64[4, 3]: corners seen from outside, anticlockwise from the lower left."""
 
@@ -243,7 +242,7 @@ def hull(h: Hull, color: Color, material: str = "paint") -> Asset:
 def wrap(
     h: Hull,
     end: int,
-    v: tuple[float, float],
+    v: Span,
     back: float,
     color: Color,
     material: str = "plain",
@@ -273,23 +272,17 @@ def tank(
     ``ends`` are pairs, the outermost first: share of ``length`` from the middle, share of the section's size.
     """
     places = [*((-share, size) for share, size in ends), *ends[::-1]]
-    rings = [
-        np.column_stack([np.full(len(loop), x + share * length), size * loop + [0, z]])
-        for share, size in places
-    ]
+    rings = [in_plane(x + share * length, size * loop + [0, z]) for share, size in places]
     return loft(rings, color, "metal")
 
 
 def hoop(loop: np.ndarray, x: Span, z: float, size: float, color: Color) -> Asset:
     """Build a band around a tank from ``x[0]`` to ``x[1]``."""
     wide = np.concatenate([loop, loop[:1]]) * size + [0, z]
-    rings = [np.column_stack([np.full(len(wide), end), wide]) for end in x]
-    return loft(rings, color, "metal", closed=False, caps=False)
+    return loft([in_plane(end, wide) for end in x], color, "metal", closed=False, caps=False)
 
 
-def lettering(
-    wall: Corners, u: tuple[float, float], v: tuple[float, float], color: Color, seed: int
-) -> Asset:
+def lettering(wall: Corners, u: Span, v: Span, color: Color, seed: int) -> Asset:
     """Build a large line of block letters over a small one on ``wall``; they look like text."""
     rng = np.random.default_rng(seed)
     along, up = [], []
@@ -306,8 +299,6 @@ def lettering(
     return quads(_rectangles(wall, along, up, 0.02), [color] * len(up), ["plain"] * len(up))
 
 
-def lamps(
-    wall: Corners, u: tuple[float, float], v: tuple[float, float], color: Color, lift: float = 0.015
-) -> Asset:
+def lamps(wall: Corners, u: Span, v: Span, color: Color, lift: float = 0.015) -> Asset:
     """Build a pair of lamps on ``wall``, mirrored about its middle."""
     return panels(wall, [u, (1 - u[1], 1 - u[0])], [v], color, "lamp", lift=lift)
