@@ -37,7 +37,7 @@ from common.labels.target_file import WIDEST, TargetFile, find_target
 from common.lines import JsonLines
 from common.progress import Progress
 from common.workers.pool import WorkerError, WorkerPool
-from experiments.app.doctor.outlines import Drawn
+from experiments.app.doctor.outlines import RenderedLabels
 from experiments.app.fit.config import share_of
 from experiments.evaluation.in_worker import worker_environment
 from experiments.tables.stats import paired_gain
@@ -142,7 +142,7 @@ def with_outlines(rule: str, target: TargetFile) -> TargetFile:
 def labels_of(rule: str, dataset: Renders, target: TargetFile) -> np.ndarray:
     """Labels u8[n, h, w] of a target by a rule."""
     outlines = with_outlines(rule, target).engine_outlines
-    return Drawn(dataset.labels, dataset.depths).classes(target, outlines)
+    return RenderedLabels(dataset.labels, dataset.depths).classes(target, outlines)
 
 
 # ---- images

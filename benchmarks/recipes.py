@@ -34,7 +34,7 @@ from common.command import exit_code
 from common.errors import UserError
 from common.lines import JsonLines
 from common.workers.pool import WorkerError
-from experiments.app.doctor.outlines import Drawn
+from experiments.app.doctor.outlines import RenderedLabels
 from experiments.app.fit.config import share_of
 from experiments.tables.stats import paired_gain
 from seg.check import check_settings
@@ -119,7 +119,7 @@ def networks(
     real, rendered = _real(recipe, tested), outlines.renders(recipe, seed, folder)
     classes = len(table_of(recipe.file).classes)
     whole = real_images(recipe, False)
-    labels = Drawn(rendered.labels, rendered.depths).classes(
+    labels = RenderedLabels(rendered.labels, rendered.depths).classes(
         recipe.file, recipe.file.engine_outlines
     )
     sets = {

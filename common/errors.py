@@ -19,6 +19,11 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
+def counted(count: int, noun: str) -> str:
+    """A number with its noun: "1 image", "1,200 images"."""
+    return f"{count:,} {noun}{'s' * (count != 1)}"
+
+
 def refuse_repeats(flag: str, values: Sequence[object]) -> None:
     """Raise UserError if a flag names one value twice."""
     if len(set(values)) < len(values):

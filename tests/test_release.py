@@ -98,7 +98,7 @@ def test_what_is_installed_is_told_without_starting_anything(capsys):
     first, second, third = capsys.readouterr().out.splitlines()
     assert first == f"sdr-jax {PROJECT['version']}"
     assert second.startswith(f"Python {platform.python_version()}, jax ") and "NVIDIA GPU" in second
-    assert third.startswith("extras: ") and "sdr-jax doctor tries the GPU" in third
+    assert third.startswith("extras: ") and "sdr-jax doctor tests the GPU" in third
     tools = {"docs", "test"}  # what developers use
     assert EXTRAS.keys() == PROJECT["optional-dependencies"].keys() - tools
 

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import UInt8
 from PIL import Image, ImageDraw
 
-from common.errors import UserError
+from common.errors import UserError, counted
 from common.files import composed, parse_json
 from common.labels.target_file import MOST_CLASSES, Format, TargetFile
 from common.pictures import MOST_PIXELS, label_ids
@@ -120,7 +120,7 @@ class LabelReader:
         images: Counter[str] = Counter(value for _, counts in unknown for value in counts)
         most = pixels.most_common(3)
         shown = ", ".join(
-            f"{value} ({_counted(count, 'pixel')} in {_counted(images[value], 'image')})"
+            f"{value} ({counted(count, 'pixel')} in {counted(images[value], 'image')})"
             for value, count in most
         )
         more = f" and {len(pixels) - 3} more" if len(pixels) > 3 else ""
@@ -130,10 +130,6 @@ class LabelReader:
             f"{first}: no class of {self._target.source} has the label {what} {shown}{more}; "
             "add each to a class or to 'void'"
         )
-
-
-def _counted(count: int, noun: str) -> str:
-    return f"{count:,} {noun}{'s' * (count > 1)}"
 
 
 def _code(rgb: Any) -> Any:

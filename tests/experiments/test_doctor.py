@@ -19,7 +19,18 @@ from common.workers.pool import WorkerPool
 from experiments.app.doctor import costs, machine, outlines
 from experiments.app.doctor.command import PAGE, SHEET, main
 from experiments.app.doctor.installed import EXTRAS
-from experiments.app.doctor.propose import _named_value, propose
+from experiments.app.doctor.propose import (
+    BINARY,
+    COLOURS,
+    CVAT,
+    IGNORED_255,
+    INDEXED,
+    POLYGONS,
+    REST,
+    UNLABELLED_0,
+    _named_value,
+    propose,
+)
 from experiments.app.doctor.survey import survey
 from experiments.app.fit.config import config_of, configured, cost_of_fit, planned
 from experiments.app.main_job import plan
@@ -35,7 +46,7 @@ from scene.classes import TrainId
 from scene.render import RendererError
 from seg.data import LabelReader, load, read_target, subset
 from seg.data.images import check_end, read_image
-from tests.conftest import refuses
+from tests.conftest import ROOT, refuses
 from tests.layouts import LAYOUTS, save, write
 
 PALETTE = [90, 90, 90, 200, 0, 0, 0, 0, 200, 0, 200, 0, 9, 9, 9, *[0] * 753]  # of all bytes
@@ -77,7 +88,7 @@ def renders(size, streets=2):
     label[: height // 2] = TrainId.SKY
     label[height // 4 : height // 2, ::2] = TrainId.VEGETATION
     depth = np.where(label == TrainId.ROAD, 20, 10) * (label != TrainId.SKY)
-    return outlines.Drawn(np.stack([label] * 2), np.stack([depth.astype(np.float32)] * 2))
+    return outlines.RenderedLabels(np.stack([label] * 2), np.stack([depth.astype(np.float32)] * 2))
 
 
 @pytest.fixture
@@ -121,12 +132,12 @@ def test_a_folder_of_your_own_becomes_a_target(streets, doctor, tmp_path):
     assert set(data.splits["train"].sequences) == {"monday", "friday"}
     for words in (
         "GPU  none", "! a warning", "6 images of 2 groups in train", "2 of 64x48", "fit: Images of 64x48, ",
-        "images have 3 shapes", "manhole: without 'renders'", "sdr-jax render", "has the file",
+        "images have 3 aspect ratios", "manhole: no 'renders'", "sdr-jax render", f"; wrote {file}\n",
     ):  # fmt: skip
         assert words in out, words
     page = (tmp_path / "out" / PAGE).read_text()
     assert all(f"</i>{name}</th>" in page for name in target.classes)
-    assert page.count("data:image/png") == 4 + 2 and "without &#39;renders&#39;" in page
+    assert page.count("data:image/png") == 4 + 2 and "manhole: no &#39;renders&#39;" in page
     assert not re.findall(r"(?:src|href)=\"(?!data:)", page)
     with Image.open(tmp_path / "out" / SHEET) as picture:
         assert picture.width == 2 * 64 and picture.height > 2 * 48
@@ -139,7 +150,7 @@ def test_a_folder_of_your_own_becomes_a_target(streets, doctor, tmp_path):
     # The folder's own file is taken from now on.
     file.rename(streets / "target.yaml")
     code, out, _ = doctor(streets)
-    assert code == 0 and "as mine:" in out and "is proposed" not in out
+    assert code == 0 and "as mine:" in out and "Proposed file" not in out
 
 
 def test_folders_of_splits_with_colours_that_a_file_names(tmp_path):
@@ -213,7 +224,7 @@ def test_many_faults_of_one_kind_are_counted(tmp_path):
         "images: images/{name}.png\nlabels: labels/{name}.png\n"
         "classes: {a: {ids: [0]}, b: {ids: [1]}, c: {ids: [2]}}", "t.yaml",
     )  # fmt: skip
-    (fault,) = [f for f in survey(target, tmp_path).faults if "resize them" in f.mend]
+    (fault,) = [f for f in survey(target, tmp_path).faults if "resize labels" in f.fix]
     assert fault.what.startswith("5 files, such as ") and fault.what.count("32x24 pixels") == 3
 
 
@@ -243,14 +254,14 @@ def test_what_does_not_fit_is_told_with_how_to_mend_it(streets, doctor, tmp_path
     code, out, _ = doctor(streets, "--target", file)
     said = r"! .*_mask\.png: no class of .* has the label id 255 \(384 pixels in 6 images\)"
     assert code == 2 and re.search(said, out)
-    assert f"name it in classes or void of {tmp_path / 't.yaml'}" in out
+    assert f"    edit {tmp_path / 't.yaml'}\n" in out
     save(streets / "masks" / "friday" / "f0_mask.png", np.zeros((8, 8)))
     code, out, _ = doctor(streets)
     assert code == 2 and "f0_mask.png: 8x8 pixels, but its image has 64x48" in out
-    assert "resize them by nearest pixel" in out
+    assert "resize labels to the size of their image, to the nearest pixel" in out
     data = (streets / "photos" / "monday" / "f2.jpg").read_bytes()
     (streets / "photos" / "friday" / "f2.jpg").write_bytes(data)
-    assert "1 images are copies, such as" in doctor(streets)[1]
+    assert "copies of images: 1, such as" in doctor(streets)[1]
     (streets / "masks" / "monday" / "f1_mask.png").unlink()
     code, out, _ = doctor(streets, "--target", file)
     assert code == 2 and "f1.jpg: image without label; expected" in out
@@ -268,13 +279,14 @@ def test_names_with_spaces_hidden_files_and_copies_in_lists(tmp_path, doctor):
     (root / "test.txt").write_text("Photo 2\nPhoto 3\n")
     proposed = propose(root).text
     for line in (
-        "splits: {test: test.txt, train: train.txt}  # lists of images", "'road': {ids: [0], renders: [road]}",
+        "splits: {test: test.txt, train: train.txt}  # lists",
+        "'road': {ids: [0], renders: [road]}",
         "'car': {ids: [1, 2], renders: [car]}",
     ):  # fmt: skip
         assert line in proposed
     code, out, _ = doctor(root)
-    assert code == 2 and "1 images are copies, such as" in out
-    assert "2 images of 1 groups in test, 3 images of 1 groups in train" in out
+    assert code == 2 and "copies of images: 1, such as" in out
+    assert "2 images of 1 group in test, 3 images of 1 group in train" in out
 
 
 @pytest.mark.parametrize(("image", "label"), [
@@ -296,7 +308,7 @@ def test_a_few_labels_beside_many_images_are_enough(streets, doctor, tmp_path):
     file = tmp_path / "t.yaml"
     code, out, _ = doctor(streets, "--write", file)
     assert code == 0 and "6 images of 2 groups in train" in out
-    assert "111 images without a label, such as photos/friday/f10.jpg, are left out" in out
+    assert "111 images without a label, such as photos/friday/f10.jpg: left out" in out
     names = [entry.name for entry in list_all(find_target(file), streets)["train"]]
     assert names == [f"{drive}_f{k}" for drive in ("friday", "monday") for k in range(3)]
     # Named in a list, an image needs its label.
@@ -367,7 +379,7 @@ def test_an_image_on_its_side_is_measured_upright(streets, doctor):
     lying.save(streets / "photos" / "friday" / "f0.jpg", exif=exif)
     code, out, _ = doctor(streets)
     assert code == 2 and "f0_mask.png: 64x48 pixels, but its image has 48x64" in out
-    assert "the image's EXIF orientation turns it; turn the labels" in out
+    assert "EXIF orientation rotates the image: rotate the label" in out
 
 
 def test_labels_without_a_class_and_files_in_other_letters_are_refused(streets, doctor):
@@ -392,10 +404,10 @@ def test_a_folder_is_looked_at_where_nothing_can_be_rendered(
 
     monkeypatch.setattr(pace, "measured_by", measured_by)
     code, out, err = doctor(streets)
-    assert (code, err) == (0, "") and "! minutes are not known" in out
-    assert "sdr-jax render" not in out and "The file that is proposed" in out
+    assert (code, err) == (0, "") and "! run times unknown" in out
+    assert "sdr-jax render" not in out and "Proposed file, which --write FILE writes" in out
     page = (tmp_path / "out" / PAGE).read_text()
-    assert "What commands cost" not in page and "The target's file" in page
+    assert "Run times" not in page and "<h2>target.yaml</h2>" in page
 
 
 def test_what_cannot_be_looked_at_is_refused_in_one_line(doctor, tmp_path, streets):
@@ -409,12 +421,12 @@ def test_what_cannot_be_looked_at_is_refused_in_one_line(doctor, tmp_path, stree
         ((tmp_path / "gone",), "gone does not exist; expected a folder with images and labels"),
         ((empty,), "empty: no labelled images (the folder is empty); expected image and label"),
         ((tmp_path / "alone",), "alone: no labelled images (1 .png); expected"),
-        ((streets, "--write", taken), "taken.yaml exists; name another file"),
+        ((streets, "--write", taken), "taken.yaml exists; remove it, or name another file"),
         ((streets, "--write", tmp_path / "no" / "t.yaml"), "t.yaml: no folder"),
         ((streets, "--target", "kity"), "--target kity: no such file"),
         (
             (streets, "--target", "kity", "--write", "x.yaml"),
-            "x.yaml writes a proposed file, --target",
+            "x.yaml proposes a file, and --target kity names one; use only",
         ),
         ((streets,), "target.yaml, line 1: images: expected"),
     ):
@@ -575,6 +587,122 @@ def test_a_height_of_nothing_is_said_and_rectangles_may_have_four_points(tmp_pat
     assert parse_target(propose(tmp_path).text, "x").class_names == ("road", "background")
 
 
+def annotations(root, file, folder, stems, missing=()):
+    """Photographs of road below sky, and a file of COCO about them and about images that are missing."""
+    names = [*stems, *missing]
+    content = {
+        "images": [
+            {"id": k, "file_name": f"{stem}.jpg", "width": 64, "height": 48}
+            for k, stem in enumerate(names)
+        ],
+        "annotations": [
+            {"id": 2 * k + n, "image_id": k, "category_id": n, "iscrowd": 0,
+             "segmentation": [[0, 24 * n, 64, 24 * n, 64, 24 * n + 20, 0, 24 * n + 20]]}
+            for k in range(len(names)) for n in range(2)
+        ],
+        "categories": [{"id": 0, "name": "sky"}, {"id": 1, "name": "street"}],
+    }  # fmt: skip
+    for k, stem in enumerate(stems):
+        save(root / folder / f"{stem}.jpg", photograph(k, (48, 64)))
+    (root / file).parent.mkdir(parents=True, exist_ok=True)
+    (root / file).write_text(json.dumps(content))
+    return root
+
+
+def test_a_file_of_coco_beside_images(tmp_path, doctor):
+    root = annotations(
+        tmp_path / "own", "instances_default.json", "images", ["a1", "a2", "b1"], ["c9"]
+    )
+    save(root / "images" / "new.jpg", photograph(9, (48, 64)))
+    code, out, err = doctor(root, "--write", root / "target.yaml")
+    assert (code, err) == (0, "")
+    text = (root / "target.yaml").read_text()
+    for line in (
+        "images: 'images/{name}.jpg'  # ", "labels: 'instances_default.json'  # COCO polygons or masks\n",
+        "format: coco-json\n", "unlabelled: skip  # leaves out 1 image without a label\n",
+        "'street': {names: ['street'], renders: [road]}\n",
+    ):  # fmt: skip
+        assert line in text, line
+    assert "1 image of instances_default.json not in the folder" in out
+    assert "pixels without a polygon, 16.7 % of the pixels, are ignored" in out
+    assert "3 images of 3 groups in train" in out
+    target = find_target(None, root)
+    labels = read_target(target, root, (48, 64)).splits["train"].labels
+    expected = np.full((48, 64), 255)
+    expected[:20], expected[24:44] = (
+        target.class_names.index("sky"),
+        target.class_names.index("street"),
+    )
+    assert len(labels) == 3 and (labels == expected).all()
+
+
+def test_the_layout_that_coco_publishes(tmp_path):
+    for split in ("train", "val"):
+        annotations(
+            tmp_path, f"annotations/instances_{split}2017.json", f"{split}2017", ["1", f"{split}2"]
+        )
+        annotations(
+            tmp_path, f"annotations/person_keypoints_{split}2017.json", f"{split}2017", ["1"]
+        )
+        (tmp_path / f"annotations/captions_{split}2017.json").write_text(
+            '{"images": [], "annotations": [1]}'
+        )
+    found = propose(tmp_path)
+    target = parse_target(found.text, "t.yaml")
+    assert target.images == {split: f"{split}2017/{{name}}.jpg" for split in ("train", "val")}
+    counts = {split: len(entries) for split, entries in list_all(target, tmp_path).items()}
+    assert counts == {"train": 2, "val": 2}
+    assert sum("labels the same images" in note for note in found.notes) == 2
+
+
+def test_files_of_coco_for_groups_and_for_parts_of_one_folder(tmp_path):
+    groups = annotations(tmp_path / "g", "all.json", "img/monday", ["monday/1", "friday/1"])
+    for day in ("monday", "friday"):
+        save(groups / "img" / day / "1.jpg", photograph(0, (48, 64)))
+    (groups / "img" / "monday" / "monday" / "1.jpg").unlink()
+    (groups / "img" / "monday" / "friday" / "1.jpg").unlink()
+    target = parse_target(propose(groups).text, "t.yaml")
+    assert target.images == "img/{group}/{name}.jpg"
+    assert {entry.sequence for entry in list_all(target, groups)["train"]} == {"monday", "friday"}
+    parts = annotations(tmp_path / "p", "train.json", "img", ["1", "2", "3"])
+    annotations(parts, "test.json", "img", ["4"])
+    target = parse_target(propose(parts).text, "t.yaml")
+    counts = {split: len(entries) for split, entries in list_all(target, parts).items()}
+    assert counts == {"test": 1, "train": 3} and target.unlabelled == "skip"
+
+
+def test_why_a_file_of_coco_is_not_used_is_said(tmp_path):
+    root = annotations(tmp_path, "instances.json", "images", ["a"])
+    content = json.loads((root / "instances.json").read_text())
+    content["images"][0]["height"] = "tall"
+    (root / "instances.json").write_text(json.dumps(content))
+    refuses(r"instances\.json: images\[0\]\.height: expected whole number, not text", propose, root)
+    content["images"][0] |= {"height": 48, "file_name": "other/a.jpg"}
+    (root / "instances.json").write_text(json.dumps(content))
+    refuses(r"instances\.json: none of its images, such as other/a\.jpg, is in ", propose, root)
+
+
+def test_the_row_of_the_page_is_the_comment_of_the_labels(tmp_path):
+    page = (ROOT / "docs" / "howto" / "target.md").read_text()
+    rows = (BINARY, IGNORED_255, UNLABELLED_0, COLOURS, INDEXED, CVAT, REST, *POLYGONS.values())
+    for row in rows:
+        assert f"\n| {row} | `" in page, row
+
+    def comment(root):
+        return re.search(r"^labels: .*?(?:  # (.*))?$", propose(root).text, re.MULTILINE)[1]
+
+    assert comment(masks(tmp_path / "binary", [0, 255])) == BINARY
+    assert comment(masks(tmp_path / "ignored", [0, 1, 255])) == IGNORED_255
+    ade = masks(tmp_path / "ade", [0, 1, 2], names="0 unlabelled\n1 road\n2 sky\n")
+    assert comment(ade) == UNLABELLED_0
+    assert comment(masks(tmp_path / "plain", [3, 7, 9])) is None
+    for path in (ade / "masks").iterdir():
+        picture = Image.open(path)
+        picture.putpalette(PALETTE)
+        picture.save(path)
+    assert comment(ade) == INDEXED
+
+
 @pytest.mark.parametrize("ending", ["tif", "bmp", "webp", "TIFF"])
 @pytest.mark.parametrize("kind", ["images", "masks"])
 def test_doctor_fit_and_predict_read_the_same_endings(tmp_path, ending, kind):
@@ -680,10 +808,10 @@ def test_images_that_are_cut_off_dark_or_turned_are_counted(tmp_path, doctor):
     assert code == 2
     assert f"{images[0]}: not a readable image, broken or truncated" in out
     assert (
-        f"2 images of 16 bits use a part of them, such as {images[1]}, whose largest value is 409"
+        f"16-bit images too dark for a network: 2, such as {images[1]}, whose largest value is 409"
         in out
     )
-    assert f"1 images, such as {images[3]}, are turned by their EXIF orientation" in out
+    assert f"images rotated by their EXIF orientation: 1, such as {images[3]}; sizes" in out
 
 
 @pytest.mark.parametrize("ending", ["png", "jpg", "tiff", "bmp", "webp"])
@@ -713,7 +841,7 @@ def test_fractions_are_not_called_broken(tmp_path):
 def test_without_a_rendered_class_no_minutes_are_promised(tmp_path, doctor):
     code, out, _ = doctor(masks(tmp_path / "data", [0, 1, 2]))
     assert code == 0 and "no class has 'renders', which fit needs" in out
-    assert "Minutes on" not in out
+    assert "Estimated minutes" not in out
 
 
 def test_a_blank_line_loses_no_names(tmp_path):
@@ -822,7 +950,7 @@ def test_without_a_renderer_nothing_is_compared(doctor, trees, monkeypatch):
 
     monkeypatch.setattr(outlines, "renders", lacking)
     code, out, _ = doctor(trees(16))
-    assert code == 0 and "boundary per area" not in out
+    assert code == 0 and "boundary with the sky" not in out
 
 
 @pytest.fixture(scope="module")

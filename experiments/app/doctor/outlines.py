@@ -1,7 +1,7 @@
-"""Compares how annotators draw classes with how renders have them, and proposes outlines of target.yaml.
+"""Compares the outlines of labels with those of renders, and proposes outlines for target.yaml.
 
-Rendered labels are exact to the pixel, and annotators outline a whole crown. The measure is the boundary of a
-class with the sky per area: the sides of its pixels at which the sky begins, over its pixels.
+Rendered labels are exact to the pixel; annotators outline a whole crown. The measure is the boundary of a
+class with the sky: the sides of its pixels that touch the sky, per pixel.
 """
 
 from __future__ import annotations
@@ -30,16 +30,15 @@ STREETS = 36
 CLEAR = 1.5
 """The least factor by which renders exceed labels, and by which closing shortens their boundary more."""
 TYPICAL = 0.03
-"""Width of the holes, as a share of the image's, that tell whether a class is drawn as a whole."""
+"""Width of the holes, as a share of the image's, by which a class counts as drawn without holes."""
 LEAST = 2000
-"""The fewest pixels of a class with a figure."""
+"""The fewest pixels of a class whose boundary is measured."""
 RAGGED = 0.05
-"""The least boundary with the sky per area of renders that an outline may shorten."""
-TINY = 1e-9
+"""The least boundary per pixel of renders that an outline may shorten."""
 WIDTHS = tuple(percent / 100 for percent in range(1, round(100 * WIDEST) + 1))
 
 
-class Drawn(NamedTuple):
+class RenderedLabels(NamedTuple):
     """Labels and depth of renders."""
 
     labels: np.ndarray  # u8[n, h, w] train ids
@@ -53,7 +52,7 @@ class Drawn(NamedTuple):
 
 
 class Compared(NamedTuple):
-    """The boundary with the sky per area of a class that is not too rare."""
+    """The boundary of a class with the sky, per pixel of the class."""
 
     name: str
     real: float
@@ -62,7 +61,7 @@ class Compared(NamedTuple):
     outline: float  # share of the image's width, 0 for none
 
 
-def renders(size: tuple[int, int], streets: int = STREETS) -> Drawn:
+def renders(size: tuple[int, int], streets: int = STREETS) -> RenderedLabels:
     """Render default streets at a size (width, height).
 
     Raises:
@@ -72,44 +71,48 @@ def renders(size: tuple[int, int], streets: int = STREETS) -> Drawn:
     settings, pool = RenderSettings(*size, 1), AssetPool()
     units = draw(streets_named("default", "extended"), 0, streets)
     frames = [render_street(u, 0, k, 1, settings, "embree", pool)[0] for k, u in enumerate(units)]
-    return Drawn(np.stack([f.label for f in frames]), np.stack([f.depth for f in frames]))
+    return RenderedLabels(np.stack([f.label for f in frames]), np.stack([f.depth for f in frames]))
 
 
-def compare(target: TargetFile, labels: np.ndarray, drawn: Drawn) -> list[Compared]:
+def compare(target: TargetFile, labels: np.ndarray, rendered: RenderedLabels) -> list[Compared]:
     """Compare labels u8[n, h, w] with renders, with the target's outlines or with proposed ones.
 
-    A class is drawn as a whole if renders exceed labels, and if closing its holes shortens the boundary of
-    renders but hardly that of labels, whatever streets they show. It gets the smallest outline with which
-    renders are no longer above labels, or the widest. The class with the largest excess comes first, since
-    its outline changes others, too.
+    Annotators draw a class without holes if its boundary is longer in renders than in labels, and if closing
+    holes shortens it in renders but hardly in labels, whatever streets they show. Such a class gets the
+    smallest outline with which the boundary of renders is no longer, or the widest. The class with the
+    largest excess comes first, since its outline changes others, too.
     """
     names = target.class_names
-    exact_labels, sky = drawn.classes(target, ()), int(table_of(target).from_train_id[TrainId.SKY])
-    real, exact = (_figures(own, len(names), sky) for own in (labels, exact_labels))
+    exact_labels = rendered.classes(target, ())
+    sky = int(table_of(target).from_train_id[TrainId.SKY])
+    real, exact = (_boundaries(ids, len(names), sky) for ids in (labels, exact_labels))
     shares = dict(target.outlines)
 
     def outlined(shares: dict[str, float]) -> np.ndarray:
-        outlines = _with(target, shares).engine_outlines
-        return _figures(drawn.classes(target, outlines), len(names), sky)
+        outlines = _with_outlines(target, shares).engine_outlines
+        return _boundaries(rendered.classes(target, outlines), len(names), sky)
 
-    now = outlined(shares) if shares else exact
+    current = outlined(shares) if shares else exact
     excess = np.divide(exact, real, out=np.full(len(names), np.inf), where=real > 0)
     for k in [] if shares else np.argsort(-excess, kind="stable"):
-        whole = target.rendered[k] and k != sky and now[k] > max(RAGGED, CLEAR * real[k])
-        if whole and _left(labels, k, sky) > CLEAR * _left(exact_labels, k, sky):
+        ragged = current[k] > max(RAGGED, CLEAR * real[k])
+        if not (target.rendered[k] and k != sky and ragged):
+            continue
+        closed_real, closed_exact = (_closed(ids, k, sky) for ids in (labels, exact_labels))
+        if closed_real > CLEAR * closed_exact:
             for width in WIDTHS:
-                now = outlined({**shares, names[k]: width})
-                if now[k] <= real[k]:
+                current = outlined({**shares, names[k]: width})
+                if current[k] <= real[k]:
                     break
             shares[names[k]] = width
     return [
-        Compared(name, float(real[k]), float(exact[k]), float(now[k]), shares.get(name, 0.0))
+        Compared(name, float(real[k]), float(exact[k]), float(current[k]), shares.get(name, 0.0))
         for k, name in enumerate(names)
         if target.rendered[k] and k != sky and np.isfinite(real[k] + exact[k])
     ]
 
 
-def _left(labels: np.ndarray, k: int, sky: int) -> float:
+def _closed(labels: np.ndarray, k: int, sky: int) -> float:
     """The share of the boundary of a class with the sky that is left when its holes are closed."""
     train_ids = np.full(256, TrainId.ROAD, np.uint8)
     train_ids[[k, sky]] = TrainId.VEGETATION, TrainId.SKY
@@ -117,16 +120,16 @@ def _left(labels: np.ndarray, k: int, sky: int) -> float:
     outlines = (Outline((int(TrainId.VEGETATION),), TYPICAL),)
     pairs = ((label, label != TrainId.SKY) for label in before)
     after = np.stack([label.take(sources(label, near, outlines)) for label, near in pairs])
-    sides = [perimeters(some, 19, TrainId.SKY)[0][TrainId.VEGETATION] for some in (after, before)]
+    sides = [perimeters(ids, 19, TrainId.SKY)[0][TrainId.VEGETATION] for ids in (after, before)]
     return float(sides[0] / max(sides[1], 1))
 
 
-def _with(target: TargetFile, shares: dict[str, float]) -> TargetFile:
+def _with_outlines(target: TargetFile, shares: dict[str, float]) -> TargetFile:
     return msgspec.structs.replace(target, outlines=shares)
 
 
-def _figures(labels: np.ndarray, classes: int, sky: int) -> np.ndarray:
-    """Boundary with the sky per area f64[classes], NaN for rare classes."""
+def _boundaries(labels: np.ndarray, classes: int, sky: int) -> np.ndarray:
+    """Boundary with the sky per pixel f64[classes], NaN for rare classes."""
     sides, areas = perimeters(labels, classes, sky)
     return np.where(areas >= LEAST, sides / np.maximum(areas, 1), np.nan)
 
@@ -134,7 +137,8 @@ def _figures(labels: np.ndarray, classes: int, sky: int) -> np.ndarray:
 def line(rows: Sequence[Compared]) -> str:
     """The line of a target's file with the outlines; empty without any."""
     shares = [f"{_quoted(row.name)}: {100 * row.outline:g} %" for row in rows if row.outline]
-    return f"outlines: {{{', '.join(shares)}}}\n" if shares else ""
+    comment = "  # classes that your annotators draw without holes"
+    return f"outlines: {{{', '.join(shares)}}}{comment}\n" if shares else ""
 
 
 def _quoted(text: str) -> str:
@@ -142,18 +146,18 @@ def _quoted(text: str) -> str:
 
 
 def pictures(
-    target: TargetFile, labels: np.ndarray, drawn: Drawn, rows: Sequence[Compared]
+    target: TargetFile, labels: np.ndarray, rendered: RenderedLabels, rows: Sequence[Compared]
 ) -> list[tuple[str, Image.Image]]:
-    """Rendered labels, exact and outlined, where outlines change most; and real labels of these classes."""
+    """Images of rendered labels, exact and outlined, where outlines change most, and of real labels."""
     shares = {row.name: row.outline for row in rows if row.outline}
-    exact = drawn.classes(target, ())
-    outlined = drawn.classes(target, _with(target, shares).engine_outlines)
-    shown = int((exact != outlined).sum(axis=(1, 2)).argmax())
+    exact = rendered.classes(target, ())
+    outlined = rendered.classes(target, _with_outlines(target, shares).engine_outlines)
+    changed = int((exact != outlined).sum(axis=(1, 2)).argmax())
     ids = [target.class_names.index(name) for name in shares]
-    likely = int(np.isin(labels, ids).sum(axis=(1, 2)).argmax())
-    chosen = [
-        ("rendered labels, exact", exact[shown]),
-        *([("rendered labels, outlined", outlined[shown])] if shares else []),
-        ("your labels", labels[likely]),
+    most = int(np.isin(labels, ids).sum(axis=(1, 2)).argmax())
+    examples = [
+        ("rendered labels, exact", exact[changed]),
+        *([("rendered labels, outlined", outlined[changed])] if shares else []),
+        ("your labels", labels[most]),
     ]
-    return [(name, Image.fromarray(colorize(label, target.palette))) for name, label in chosen]
+    return [(name, Image.fromarray(colorize(label, target.palette))) for name, label in examples]

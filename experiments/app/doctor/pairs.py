@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from common.errors import UserError
+from common.errors import UserError, counted
 from common.files import IMAGES
 from common.labels.listing import HELD_OUT, matches
 from common.labels.target_file import FILE, TRAIN, Format
@@ -102,7 +102,7 @@ def layout_of_pairs(root: Path, files: Sequence[Path]) -> Layout | None:
         return None
     best = _best(root, pairs)
     notes = [
-        f"{pair.number} images at {pair.images} are left out; a second file can take them"
+        f"{counted(pair.number, 'image')} at {pair.images}: left out; another file can describe them"
         for pair in pairs
         if pair != best
     ]

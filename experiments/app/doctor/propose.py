@@ -13,7 +13,7 @@ import numpy as np
 import yaml
 from PIL import Image
 
-from common.errors import UserError
+from common.errors import UserError, counted
 from common.files import composed, files_below, plain_path
 from common.labels import classes as engine
 from common.labels.listing import list_split, split_names
@@ -62,7 +62,7 @@ POLYGONS: dict[Format, str] = {
     "coco-json": "COCO polygons or masks",
 }
 """Formats that a file names, and their rows in the page's table of labels (docs/howto/target.md)."""
-BINARY, IGNORED_255, UNLABELLED_0, COLOURS, PALETTE, CVAT, REST = (
+BINARY, IGNORED_255, UNLABELLED_0, COLOURS, INDEXED, CVAT, REST = (
     "a binary mask, 0 and 255",
     "ids from 0, 255 is ignored",
     "ids from 1, 0 is unlabelled (as ADE20K)",
@@ -152,13 +152,13 @@ def _guess(root: Path) -> Proposal:
         lines.append(f"format: {content.format}")
     splits = {} if layout.has_splits else lists
     if layout.unlabelled and not splits:
-        count = len(layout.unlabelled)
+        images = f"{counted(len(layout.unlabelled), 'image')} without a label"
         example = layout.unlabelled[0].relative_to(root)
-        lines.append(_line("unlabelled: skip", f"{count} images have no label"))
-        notes.append(f"{count} images without a label, such as {example}, are left out")
+        lines.append(_line("unlabelled: skip", f"leaves out {images}"))
+        notes.append(f"{images}, such as {example}: left out")
     if splits:
         table = yaml.safe_dump(splits, default_flow_style=True).strip()
-        lines.append(_line(f"splits: {table}", "lists of images"))
+        lines.append(_line(f"splits: {table}", "lists"))
     elif not layout.has_splits:
         notes.append("no list of test images found: all images are for training")
     if not any("group" in places for places in layout.places.values()):
@@ -183,7 +183,7 @@ def _row(labels: str, content: _Content, void: Sequence[str]) -> str:
     if content.format == "colours":
         return CVAT if "SegmentationClass/" in labels else COLOURS
     if content.palette:
-        return PALETTE
+        return INDEXED
     if content.values.keys() == {0, 255}:
         return BINARY
     return IGNORED_255 if void == ["255"] else UNLABELLED_0 if void == ["0"] else ""

@@ -1,4 +1,4 @@
-"""Surveys a folder by its target's file: counts, sizes, classes, groups, and faults."""
+"""Surveys a folder as its target's file describes it: counts, sizes, classes, groups, and faults."""
 
 from __future__ import annotations
 
@@ -25,20 +25,21 @@ from seg.data.images import ORIENTATION, check_end, decode, is_deep, read_file, 
 READ = 100
 """The most label files that are read whole."""
 HEAD = 65536
-"""Number of first bytes by which copies of a file are found, beside its size."""
+"""Copies of a file have its size and the same first bytes, so many."""
 LOADED = 60
-"""The most images whose labels are read at the size for nets."""
+"""The most images whose labels are read at the size for training."""
 SHOWN = 4
 """Number of images that are shown with their labels."""
+REPLACE = "replace it with an intact file"
 ALIKE = 0.03
-"""Images whose widths over heights differ by this share have one shape."""
+"""Images have one shape if their aspect ratios differ by less than this share."""
 
 
 class Fault(NamedTuple):
-    """A fault, and how to mend it."""
+    """A fault, and how to fix it."""
 
     what: str
-    mend: str
+    fix: str
 
 
 class ClassShare(NamedTuple):
@@ -61,7 +62,7 @@ class Survey(NamedTuple):
         tuple[tuple[int, int], int]
     ]  # (width, height) and their count, the most frequent first
     classes: list[ClassShare]
-    void: float  # share of the pixels
+    ignored: float  # share of the pixels
     read: int  # number of label files read
     photographs: tuple[int, int]  # (width, height) of most images
     size: tuple[int, int]  # of pictures and of compared outlines
@@ -81,39 +82,45 @@ def survey(target: TargetFile, root: Path) -> Survey:
             splits[split] = list_split(target, root, split)
         except UserError as error:
             usable = False
-            mend = "put the file there, change the patterns and lists, or write 'unlabelled: skip'"
-            faults.append(Fault(str(error), mend))
-    entries = [entry for own in splits.values() for entry in own]
+            fix = "add the file, correct the patterns or lists, or write 'unlabelled: skip'"
+            faults.append(Fault(str(error), fix))
+    entries = [entry for split_entries in splits.values() for entry in split_entries]
     sizes = _sizes(entries, faults)
-    classes, void, read, right = _classes(target, entries, faults)
-    usable = usable and right and bool(entries)
-    _splits(splits, faults)
-    usable = _copies(splits, faults) and usable
-    _engine(target, faults)
+    classes, ignored, read, readable = _classes(target, entries, faults)
+    usable = usable and readable and bool(entries)
+    _find_group_faults(splits, faults)
+    usable = _find_copies(splits, faults) and usable
+    _find_engine_faults(target, faults)
     shapes = {round(np.log(w / h) / ALIKE) for (w, h), _ in sizes}
     if len(shapes) > 1:
         other = "cut" if target.fit == "pad" else "pad"
-        done = {"pad": "get void beside them", "cut": "are cut around their centre"}
+        what = {"pad": "padded with ignored pixels", "cut": "cropped around the centre"}
         faults.append(
             Fault(
-                f"images have {len(shapes)} shapes; those of another than the net's {done[target.fit]}",
-                f"write 'fit: {other}' in the file if they should {done[other].replace('are', 'be')}",
+                f"images have {len(shapes)} aspect ratios; all but the most frequent are {what[target.fit]}",
+                f"if they should be {what[other]}, write 'fit: {other}' in the file",
             )
         )
+    training = [
+        entry
+        for split, split_entries in splits.items()
+        if split not in HELD_OUT
+        for entry in split_entries
+    ]
     photographs = sizes[0][0] if sizes else (480, 360)
     return Survey(
-        {split: len(own) for split, own in splits.items()},
-        {split: len({e.sequence for e in own}) for split, own in splits.items()},
+        {split: len(split_entries) for split, split_entries in splits.items()},
+        {
+            split: len({e.sequence for e in split_entries})
+            for split, split_entries in splits.items()
+        },
         sizes,
         classes,
-        void,
+        ignored,
         read,
         photographs,
         suitable_size(*photographs),
-        _spread(
-            [e for split, some in splits.items() if split not in HELD_OUT for e in some], LOADED
-        )
-        or _spread(entries, LOADED),
+        _spread(training or entries, LOADED),
         _spread(entries, SHOWN),
         merged(faults),
         usable,
@@ -122,14 +129,14 @@ def survey(target: TargetFile, root: Path) -> Survey:
 
 def _spread(entries: Sequence[Entry], count: int) -> list[Entry]:
     """Choose a number of entries, spread over all."""
-    places = np.linspace(0, len(entries) - 1, min(count, len(entries))).round().astype(int)
-    return [entries[k] for k in places]
+    indices = np.linspace(0, len(entries) - 1, min(count, len(entries))).round().astype(int)
+    return [entries[k] for k in indices]
 
 
 def _sizes(entries: Sequence[Entry], faults: list[Fault]) -> list[tuple[tuple[int, int], int]]:
-    """Count the sizes of all images, and find those that cannot be read, are dark, or are turned."""
+    """Count the sizes of all images, and find those that are unreadable, dark or rotated."""
     sizes: Counter[tuple[int, int]] = Counter()
-    dark, turned = [], []
+    dark, rotated = [], []
     for entry in entries:
         path = entry.image_path
         try:
@@ -143,27 +150,27 @@ def _sizes(entries: Sequence[Entry], faults: list[Fault]) -> list[tuple[tuple[in
                 if 0 < largest < 2**15:
                     dark.append((path, largest))
             if orientation != 1 and size == stored:
-                turned.append(path)
+                rotated.append(path)
         except Exception as error:  # Pillow has many errors
             why = (
                 str(error) if str(path) in str(error) else f"{path}: not a readable image ({error})"
             )
-            faults.append(Fault(why, "put an intact file there"))
+            faults.append(Fault(why, REPLACE))
     if dark:
         path, largest = dark[0]
         faults.append(
             Fault(
-                f"{len(dark)} images of 16 bits use a part of them, such as {path}, whose largest value is "
-                f"{largest}: networks see them dark",
-                "stretch the values to 0..65535, or save 8 bits",
+                f"16-bit images too dark for a network: {len(dark)}, such as {path}, whose largest value is "
+                f"{largest}",
+                "scale the values to 0..65535, or save 8 bits",
             )
         )
-    if turned:
+    if rotated:
         faults.append(
             Fault(
-                f"{len(turned)} images, such as {turned[0]}, are turned by their EXIF orientation, and their "
-                "size does not show whether their labels are",
-                "look at them below; turn the labels, or remove that tag",
+                f"images rotated by their EXIF orientation: {len(rotated)}, such as {rotated[0]}; sizes do "
+                "not show whether their labels are rotated, too",
+                "look at the overlays; rotate the labels, or remove the tag from the images",
             )
         )
     return sizes.most_common()
@@ -172,146 +179,147 @@ def _sizes(entries: Sequence[Entry], faults: list[Fault]) -> list[tuple[tuple[in
 def _classes(
     target: TargetFile, entries: Sequence[Entry], faults: list[Fault]
 ) -> tuple[list[ClassShare], float, int, bool]:
-    """The classes' shares in some labels, the share of void, the number of files, and if all were right."""
-    reader, number = LabelReader(target), len(target.classes)
-    pixels, containing = np.zeros(256, np.int64), np.zeros(number)
-    rows = np.zeros(number)
+    """The classes' shares, the share of ignored pixels, the number of labels read, and if all were right."""
+    reader, count = LabelReader(target), len(target.classes)
+    pixels, images_with = np.zeros(256, np.int64), np.zeros(count)
+    row_sums = np.zeros(count)
     unknown: list[tuple[Path, Counter[str]]] = []
-    sample, read, right = _spread(entries, READ), 0, True
-    for entry in sample:
+    read, right = 0, True
+    for entry in _spread(entries, READ):
         try:
-            label, wrong = reader.read(entry.label_path, entry.image_path)
+            label, unknown_values = reader.read(entry.label_path, entry.image_path)
             with Image.open(entry.image_path) as picture:
-                size, lying = upright(picture), picture.size
+                size, stored = upright(picture), picture.size
         except (UserError, OSError) as error:
-            faults.append(Fault(str(error), "put an intact file there"))
+            faults.append(Fault(str(error), REPLACE))
             right = False
             continue
         if size != label.shape[::-1]:
-            mend = "labels must have their image's size; resize them by nearest pixel"
-            if lying == label.shape[::-1]:
-                mend = "the image's EXIF orientation turns it; turn the labels, or remove that tag"
+            fix = "resize labels to the size of their image, to the nearest pixel"
+            if stored == label.shape[::-1]:
+                fix = "EXIF orientation rotates the image: rotate the label, or remove the tag"
             faults.append(
                 Fault(
                     f"{entry.label_path}: {label.shape[1]}x{label.shape[0]} pixels, but its image has "
                     f"{size[0]}x{size[1]}",
-                    mend,
+                    fix,
                 )
             )
             right = False
-        if wrong:
-            unknown.append((entry.label_path, wrong))
+        if unknown_values:
+            unknown.append((entry.label_path, unknown_values))
         height = len(label)
-        places = np.arange(height)[:, None] * 256 + label
-        by_row = np.bincount(places.ravel(), minlength=256 * height).reshape(height, 256)
+        row_and_class = np.arange(height)[:, None] * 256 + label
+        by_row = np.bincount(row_and_class.ravel(), minlength=256 * height).reshape(height, 256)
         counts = by_row.sum(axis=0)
-        rows += ((np.arange(height) + 0.5) / height) @ by_row[:, :number]
+        row_sums += ((np.arange(height) + 0.5) / height) @ by_row[:, :count]
         pixels += counts
-        containing += counts[:number] > 0
+        images_with += counts[:count] > 0
         read += 1
     if unknown:
-        mend = f"name it in classes or void of {target.source}"
-        faults.append(Fault(str(reader.error(unknown)), mend))
+        faults.append(Fault(str(reader.error(unknown)), f"edit {target.source}"))
         right = False
-    labelled = max(int(pixels[:number].sum()), 1)
+    labelled = max(int(pixels[:count].sum()), 1)
     palette = target.palette
-    found = [
+    classes = [
         ClassShare(
-            name, pixels[k] / labelled, containing[k] / max(read, 1),
-            rows[k] / pixels[k] if pixels[k] else np.nan, own.renders, palette[k],
+            name, pixels[k] / labelled, images_with[k] / max(read, 1),
+            row_sums[k] / pixels[k] if pixels[k] else np.nan, values.renders, palette[k],
         )
-        for k, (name, own) in enumerate(target.classes.items())
+        for k, (name, values) in enumerate(target.classes.items())
     ]  # fmt: skip
-    absent = [own.name for own in found if read and not own.share]
+    absent = [row.name for row in classes if read and not row.share]
     if absent:
         faults.append(
             Fault(
-                f"{', '.join(absent)}: in none of {read} label files",
-                "this is right if it is rare; otherwise check its ids",
+                f"{', '.join(absent)}: in none of {read} labels",
+                "expected for rare classes; otherwise check their values",
             )
         )
-    return found, pixels[IGNORE_LABEL] / max(int(pixels.sum()), 1), read, right
+    return classes, pixels[IGNORE_LABEL] / max(int(pixels.sum()), 1), read, right
 
 
-def _splits(splits: Mapping[str, Sequence[Entry]], faults: list[Fault]) -> None:
+def _find_group_faults(splits: Mapping[str, Sequence[Entry]], faults: list[Fault]) -> None:
     note = shared_groups(splits)
     if note:
-        faults.append(Fault(note, "splits by group, such as 'splits: {test: [GROUP]}', share none"))
-    groups = Counter(entry.sequence for own in splits.values() for entry in own)
+        faults.append(Fault(note, "split by group, as in 'splits: {test: [GROUP]}'"))
+    groups = Counter(entry.sequence for entries in splits.values() for entry in entries)
     if len(groups) == 1:
         faults.append(
             Fault(
-                "all images are of one group, so no figure holds for a new place",
-                "'group' in the file tells drives apart by their names; label a few images of another drive",
+                "all images are of one group, so results do not carry over to other places",
+                "set 'group' if names tell sequences apart, or label a few images from elsewhere",
             )
         )
     if len(groups) > 1 and len(groups) == sum(groups.values()):
         faults.append(
             Fault(
-                "each image is a group of its own: frames of one drive may be on both sides of a split",
-                "'group' in the file, or {group} in its patterns, says which belong together",
+                "each image is a group of its own, so frames of one sequence may be in two splits",
+                "if images are frames of sequences, set 'group', or {group} in the patterns",
             )
         )
 
 
-def _copies(splits: Mapping[str, Sequence[Entry]], faults: list[Fault]) -> bool:
+def _find_copies(splits: Mapping[str, Sequence[Entry]], faults: list[Fault]) -> bool:
     """Find images that are in two splits, or twice in one, by size and first bytes.
 
     Returns:
         Whether no file is itself in two splits.
     """
-    seen: dict[tuple[int, bytes], tuple[str, Path]] = {}
+    first_with: dict[tuple[int, bytes], tuple[str, Path]] = {}
     copies: list[str] = []
-    for split, own in splits.items():
-        for entry in own:
+    for split, entries in splits.items():
+        for entry in entries:
             with entry.image_path.open("rb") as file:
                 key = entry.image_path.stat().st_size, hashlib.sha256(file.read(HEAD)).digest()
-            first, path = seen.setdefault(key, (split, entry.image_path))
-            if (first, path) != (split, entry.image_path):
-                copies.append(f"{entry.image_path} ({split}) is {path} ({first})")
+            other, path = first_with.setdefault(key, (split, entry.image_path))
+            if (other, path) != (split, entry.image_path):
+                copies.append(f"{entry.image_path} ({split}) of {path} ({other})")
     if copies:
         faults.append(
             Fault(
-                f"{len(copies)} images are copies, such as {copies[0]}",
-                "leave each once, in one split",
+                f"copies of images: {len(copies)}, such as {copies[0]}",
+                "keep one of each, in one split",
             )
         )
-    paths = [entry.image_path for own in splits.values() for entry in own]
+    paths = [entry.image_path for entries in splits.values() for entry in entries]
     return len({*paths}) == len(paths)
 
 
-def _engine(target: TargetFile, faults: list[Fault]) -> None:
+def _find_engine_faults(target: TargetFile, faults: list[Fault]) -> None:
     rendered = zip(target.classes, target.rendered, strict=True)
-    alone = [name for name, has_renders in rendered if not has_renders]
-    if alone:
+    unrendered = [name for name, has_renders in rendered if not has_renders]
+    if unrendered:
         faults.append(
             Fault(
-                f"{', '.join(alone)}: without 'renders', so learnt from labels alone",
-                f"'renders' names what the engine has: {', '.join(engine.NAMES)}",
+                f"{', '.join(unrendered)}: no 'renders', so trained on your labels alone",
+                f"if the engine has such a class, name it in 'renders': {', '.join(engine.NAMES)}",
             )
         )
-    lost = [
-        name for name, own in zip(engine.NAMES, target.of_engine, strict=True) if own == engine.VOID
+    ignored = [
+        name
+        for name, class_id in zip(engine.NAMES, target.of_engine, strict=True)
+        if class_id == engine.VOID
     ]
-    if lost and len(lost) < len(engine.NAMES):
+    if ignored and len(ignored) < len(engine.NAMES):
         faults.append(
             Fault(
-                f"{', '.join(lost)}: rendered, and void in your classes",
-                "this is right if you have no such class; otherwise name it in a class's 'renders'",
+                f"{', '.join(ignored)}: rendered, but in none of your classes, so ignored in renders",
+                "expected if you have no such class; otherwise name it in the 'renders' of a class",
             )
         )
 
 
 def merged(faults: Sequence[Fault]) -> list[Fault]:
-    """The faults; four or more with one remedy become one, with their number and the first three."""
-    by_remedy: dict[str, list[Fault]] = {}
+    """The faults; four or more with one fix become one, with their number and the first three."""
+    by_fix: dict[str, list[Fault]] = {}
     for fault in faults:
-        by_remedy.setdefault(fault.mend, []).append(fault)
+        by_fix.setdefault(fault.fix, []).append(fault)
     shown: list[Fault] = []
-    for remedy, alike in by_remedy.items():
+    for fix, alike in by_fix.items():
         first = "; ".join(fault.what for fault in alike[:3])
-        many = [Fault(f"{len(alike)} files, such as {first}", remedy)]
-        shown += many if len(alike) > 3 else alike
+        summary = [Fault(f"{len(alike)} files, such as {first}", fix)]
+        shown += summary if len(alike) > 3 else alike
     return shown
 
 
@@ -321,19 +329,19 @@ def overlays(
     """Names, and images at a size (width, height) overlaid with their labels, if they can be read."""
     colours = np.full((256, 3), 96, np.uint8)
     colours[: len(target.classes)] = target.palette
-    found = []
+    shown = []
     for entry in entries:
         try:
-            own = load([entry], target, (size[1], size[0]), "pad")
+            labelled = load([entry], target, (size[1], size[0]), "pad")
         except UserError:
             continue  # a fault reports it
-        mixed = own.images[0].astype(np.uint16) + colours[own.labels[0]]
-        found.append((entry.name, Image.fromarray((mixed // 2).astype(np.uint8))))
-    return found
+        mixed = labelled.images[0].astype(np.uint16) + colours[labelled.labels[0]]
+        shown.append((entry.name, Image.fromarray((mixed // 2).astype(np.uint8))))
+    return shown
 
 
 def sheet(pictures: Sequence[Image.Image], target: TargetFile) -> Image.Image:
-    """Arrange pictures in two columns, with the classes' colours below."""
+    """Arrange images in two columns, with the colours of the classes below."""
     width, height = pictures[0].size if pictures else (480, 360)
     rows = (len(pictures) + 1) // 2
     line, columns = 18, max(2 * width // 160, 1)
