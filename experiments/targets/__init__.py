@@ -1,1 +1,1 @@
-"""Targets, on which nets are tested: real images, or without any a twin."""
+"""Targets, on which networks are tested: real images, or a twin where there are none."""

@@ -1,4 +1,4 @@
-"""A target: images for the reward, and others for the reported figures."""
+"""A target: validation images of the search, and others to test on."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from seg.classes import IGNORE_LABEL
 from seg.data import LabelledImages
 
 SIZES = 2
-"""Number of sizes at which images are kept: those of rewards and of final nets, which alternate."""
+"""Number of sizes at which images are kept: those of rewards and of final networks, which alternate."""
 
 
 Side = Literal["reward", "test", "few", "labelled"]
-"""Sides of a target: images that give the reward, images for the test, images that join every training set
-and give no reward, and all images whose labels may be used before the test."""
+"""Sides of a target: validation images of the search (reward), test images, the labelled subset mixed with
+every training set (few), and all images whose labels may be used before the test."""
 Sides = Mapping[Side, LabelledImages]
-"""Images of a target's sides at one size; `few` is absent if no image joins every training set."""
+"""Images of a target's sides at one size; `few` is absent without a labelled subset."""
 
 
 class Target(NamedTuple):
-    """A target; images are read (or rendered) when a size is requested."""
+    """A target; its images are read (or rendered) once a size is requested."""
 
     name: str  # of `experiments.config.TargetName`, or "far twin"
     real: bool
-    table: str  # class table of all nets of the run, see ``seg.class_table``
+    table: str  # class table of all networks of the run, see ``seg.class_table``
     title: str  # one line for people
     reward_names: tuple[str, ...]
     reward_sequences: tuple[str, ...]  # of those images
@@ -37,44 +37,44 @@ class Target(NamedTuple):
     at: Callable[[int, int], Sides]  # (height, width) -> images and labels
     twin: TwinWorld | None = None
     labelled: bool = True  # whether the reward images have labels
-    few_names: tuple[str, ...] = ()  # images that join every training set
+    few_names: tuple[str, ...] = ()  # images mixed with every training set
 
 
-def with_reward(target: Target, picked: np.ndarray) -> Target:
-    """The target with only some of its reward images, by index."""
+def with_reward(target: Target, indices: np.ndarray) -> Target:
+    """Keep only some of a target's validation images, by index."""
 
     @lru_cache(maxsize=SIZES)
     def at(height: int, width: int) -> Sides:
         sides = target.at(height, width)
-        reward = sides["reward"].take(picked)
+        reward = sides["reward"].take(indices)
         labelled = sides["labelled"] if "few" in sides else reward
         return {**sides, "reward": reward, "labelled": labelled}
 
     return target._replace(
-        reward_names=tuple(target.reward_names[k] for k in picked),
-        reward_sequences=tuple(target.reward_sequences[k] for k in picked),
+        reward_names=tuple(target.reward_names[k] for k in indices),
+        reward_sequences=tuple(target.reward_sequences[k] for k in indices),
         at=at,
     )
 
 
 def refuse_overlap(reward_names: Sequence[str], test_names: Sequence[str]) -> None:
     """Raise UserError if an image is on both sides."""
-    both = sorted(set(reward_names) & set(test_names))
-    if both:
+    overlap = sorted(set(reward_names) & set(test_names))
+    if overlap:
         raise UserError(
-            f"{len(both)} images, such as {both[0]}, are among the reward images and the test "
-            "images; choose another --test-split or --holdout"
+            f"{len(overlap)} images, such as {overlap[0]}, are both training and test images; "
+            "choose another --test-split or --holdout"
         )
 
 
-def two_sides(reward: LabelledImages, test: LabelledImages, where: str, labelled: bool) -> Sides:
-    """Make the sides of a target without images that join every training set.
+def two_sides(reward: LabelledImages, test: LabelledImages, origin: str, labelled: bool) -> Sides:
+    """Make the sides of a target without a labelled subset.
 
     Args:
-        reward: images that give the reward.
-        test: images for the test.
-        where: their origin, for the error.
-        labelled: whether the labels of the reward images are needed.
+        reward: validation images of the search.
+        test: test images.
+        origin: where they come from, for the error.
+        labelled: whether the labels of the validation images are needed.
 
     Raises:
         UserError: a side whose labels are needed has no labelled pixel.
@@ -84,8 +84,9 @@ def two_sides(reward: LabelledImages, test: LabelledImages, where: str, labelled
         if np.all(sides[side].labels == IGNORE_LABEL):  # type: ignore[index]
             names = sides[side].names  # type: ignore[index]
             shown = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+            kind = "test" if side == "test" else "training"
             raise UserError(
-                f"{where}: all labels of the {side} images are void ({shown}); label a pixel of one, or "
+                f"{origin}: no pixel of the {kind} images has a class ({shown}); label a pixel of one, or "
                 "leave them out"
             )
     return sides

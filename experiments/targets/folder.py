@@ -1,7 +1,7 @@
-"""A user's own target: a folder of labelled images that a target's file describes, and its parts.
+"""A user's own target: a folder of labelled images, described by a target file, and its parts.
 
-Figures come from images on which a net was not trained: those of a held-out group, of a published split, or
-otherwise of each of k folds over groups in turn.
+Networks are tested on images on which they were not trained: those of a held-out group, of a published split,
+or otherwise of each of k folds over groups in turn.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ FOLDS = 5
 
 
 def common_size(entries: Sequence[Entry]) -> tuple[int, int]:
-    """Width and height, upright, of most of the images; of the first of these where two are as frequent.
+    """Return the most frequent width and height (upright); of equally frequent ones the first.
 
     Raises:
         UserError: the file of an image cannot be read.
@@ -57,9 +57,9 @@ class Parts(NamedTuple):
     entries: tuple[Entry, ...]  # their labels may be used
     folds: tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]
     """Training and test images of each fold, as indices of the entries and the held-out images after them."""
-    held_out: tuple[Entry, ...]  # a split or a group for the test only
-    all_labels: bool  # whether the saved net may see the held-out images, too
-    where: str  # origin of the figures in words
+    held_out: tuple[Entry, ...]  # a split or group to test on only
+    all_labels: bool  # whether the saved network may also train on the held-out images
+    where: str  # the test images in words
     notes: tuple[str, ...]  # warnings for the report
 
     @property
@@ -69,7 +69,7 @@ class Parts(NamedTuple):
 
     @property
     def seen(self) -> tuple[Entry, ...]:
-        """The training images of the saved net.
+        """The training images of the saved network.
 
         They include a held-out group, unless only a few labels may be used, but not a split.
         """
@@ -79,7 +79,7 @@ class Parts(NamedTuple):
 def parts_of(
     target: TargetFile, data: Path, holdout: str | None = None, few: int | None = None
 ) -> Parts:
-    """Sort the labelled images of a folder into parts.
+    """Divide the labelled images of a folder into parts.
 
     Args:
         target: describes its files.
@@ -89,13 +89,13 @@ def parts_of(
         few: number of images whose labels are used, spread over groups and time.
 
     Raises:
-        UserError: there is no such group, there are fewer images, or too few for two parts.
+        UserError: there is no such group, there are fewer images, or too few to divide.
     """
     splits = list_all(target, data)
     notes = [note] if (note := shared_groups(splits)) else []
     reported = reported_split(target.name, splits)
     held_out = splits.pop(reported, ()) if len(splits) > 1 else ()
-    entries = tuple(entry for own in splits.values() for entry in own)
+    entries = tuple(entry for split in splits.values() for entry in split)
     where = f"split {reported}"
     if holdout is not None:
         groups = sorted({entry.sequence for entry in entries})
@@ -105,37 +105,38 @@ def parts_of(
         if not entries or not held_out:
             shown = ", ".join(groups[:12]) + (", ..." if len(groups) > 12 else "")
             raise UserError(
-                f"--holdout {holdout} must leave images on both sides; the groups are {shown}"
+                f"--holdout {holdout} must leave images to train on and to test on; the groups are {shown}"
             )
     if few is not None:
         if not 1 <= few <= len(entries):
             raise UserError(
-                f"--few must be 1 to {len(entries)}, as many labelled images as there are, not {few}"
+                f"--few must be 1 to {len(entries)}, the number of labelled images, not {few}"
             )
         names, sequences = zip(*((e.name, e.sequence) for e in entries), strict=True)
         entries = tuple(entries[k] for k in spread(names, sequences, few, CHOICE))
     count = len(entries)
     if held_out:
-        behind = tuple(range(count, count + len(held_out)))
-        folds = [(tuple(range(count)), behind)]
+        test = tuple(range(count, count + len(held_out)))
+        folds = [(tuple(range(count)), test)]
     else:
         first = first_copies([entry.image_path for entry in entries])
         copies = [k for k, other in enumerate(first) if k != other]
         tests, warning = cut([entry.sequence for entry in entries], data, first)
-        folds = [(tuple(k for k in range(count) if k not in set(own)), own) for own in tests]
-        where = f"{len(folds)} folds, each tested on in turn"
+        folds = [(tuple(k for k in range(count) if k not in set(test)), test) for test in tests]
+        where = f"{len(folds)} folds in turn"
         notes += [warning] if warning else []
         if copies:
-            one, other = entries[copies[0]].name, entries[first[copies[0]]].name
+            copy, original = entries[copies[0]].name, entries[first[copies[0]]].name
             notes.append(
-                f"{len(copies)} images are copies of others, such as {one} of {other}: copies are in one fold"
+                f"{len(copies)} images are copies of others, such as {copy} of {original}: copies stay in "
+                "one fold"
             )
-    whole = holdout is not None and few is None
-    return Parts(target, entries, tuple(folds), held_out, whole, where, tuple(notes))
+    all_labels = holdout is not None and few is None
+    return Parts(target, entries, tuple(folds), held_out, all_labels, where, tuple(notes))
 
 
 def first_copies(paths: Sequence[Path]) -> list[int]:
-    """The index of the first file with the same bytes as each file; only files of one size are read.
+    """Return the index of the first file with the same bytes as each file; only files of one size are read.
 
     Raises:
         OSError: a file cannot be read.
@@ -150,26 +151,26 @@ def first_copies(paths: Sequence[Path]) -> list[int]:
 
 
 def _joined(groups: Sequence[str], first: Sequence[int]) -> list[str]:
-    """The groups, where those that hold copies of one image are one group."""
-    name = {group: group for group in groups}
-    for k, other in enumerate(first):
-        one, kept = name[groups[k]], name[groups[other]]
-        if one != kept:
-            name = {group: kept if own == one else own for group, own in name.items()}
-    return [name[group] for group in groups]
+    """Return the group of each image, with groups that hold copies of one image joined."""
+    names = {group: group for group in groups}
+    for k, original in enumerate(first):
+        merged, kept = names[groups[k]], names[groups[original]]
+        if merged != kept:
+            names = {group: kept if name == merged else name for group, name in names.items()}
+    return [names[group] for group in groups]
 
 
 def cut(
     groups: Sequence[str], data: Path, first: Sequence[int] | None = None
 ) -> tuple[list[tuple[int, ...]], str]:
-    """Cut images into folds of about equal size, with no group and no copies of an image in two of them.
+    """Divide images into folds of about equal size; each group, and all copies of an image, stay in one.
 
-    Images of a single group are cut into stretches of time.
+    Images of a single group are divided into stretches of time.
 
     Args:
         groups: the group of each image, in the order of group and name.
         data: their folder, for the error.
-        first: the first copy of each image, of `first_copies`; by default all images differ.
+        first: the first copy of each image, from `first_copies`; by default all images differ.
 
     Returns:
         The indices of each fold's images; and a warning, if there is one.
@@ -178,9 +179,9 @@ def cut(
         UserError: there is only one image, or all are copies of one.
     """
     first = range(len(groups)) if first is None else first
-    own: dict[str, list[int]] = {}
+    by_group: dict[str, list[int]] = {}
     for index, group in enumerate(_joined(groups, first)):
-        own.setdefault(group, []).append(index)
+        by_group.setdefault(group, []).append(index)
     different = sorted({*first})
     if len(different) < 2:
         copies = (
@@ -191,19 +192,19 @@ def cut(
             else " and a copy of it"
         )
         raise UserError(
-            f"{data}: {len(different)} labelled image{copies}, and figures need another to be tested on; "
+            f"{data}: {len(different)} labelled image{copies}; a network needs another to be tested on: "
             "label one more"
         )
-    if len(own) == 1:
+    if len(by_group) == 1:
         stretches = np.array_split(different, min(FOLDS, len(different)))
         parts = [{*part.tolist()} for part in stretches]
         linked = " or linked by copies" if len({*groups}) > 1 else ""
         return [tuple(k for k, other in enumerate(first) if other in part) for part in parts], (
             f"all {len(groups)} images are of one group{linked}, so folds are stretches of time: images at "
-            "their ends are alike, and figures are too high for other streets"
+            "their ends look alike, and the results are too good for other streets"
         )
-    folds: list[list[int]] = [[] for _ in range(min(FOLDS, len(own)))]
-    for indices in sorted(own.values(), key=len, reverse=True):  # the largest first
+    folds: list[list[int]] = [[] for _ in range(min(FOLDS, len(by_group)))]
+    for indices in sorted(by_group.values(), key=len, reverse=True):  # the largest first
         min(folds, key=len).extend(indices)
     return [tuple(sorted(fold)) for fold in folds], ""
 
@@ -212,38 +213,38 @@ def reader(parts: Parts, fit: Fit | None = None) -> Read:
     """Make a function that reads all images, once for each size."""
 
     @lru_cache(maxsize=SIZES)
-    def whole(height: int, width: int) -> LabelledImages:
+    def read(height: int, width: int) -> LabelledImages:
         images = load(parts.every, parts.target, (height, width), fit)
         count = len(parts.entries)
         if parts.held_out:
-            ours, theirs = images.between(0, count), images.between(count, len(images.images))
-            refuse_shared({"the labelled images": ours, "the held-out images": theirs})
+            labelled, held_out = images.between(0, count), images.between(count, len(images.images))
+            refuse_shared({"the labelled images": labelled, "the held-out images": held_out})
         return images
 
-    return whole
+    return read
 
 
-def fold_targets(parts: Parts, data: Path, whole: Read) -> list[Target]:
+def fold_targets(parts: Parts, data: Path, read: Read) -> list[Target]:
     """Make a target for each fold.
 
     Args:
         parts: parts of the images.
         data: their folder, for errors.
-        whole: reads all of them.
+        read: reads all of them.
     """
 
     def target_of(train: tuple[int, ...], test: tuple[int, ...], number: int) -> Target:
         @lru_cache(maxsize=SIZES)
         def at(height: int, width: int) -> Sides:
-            images = whole(height, width)
-            where = str(data) if len(parts.folds) == 1 else f"{data}, fold {number}"
-            return two_sides(images.take(train), images.take(test), where, True)
+            images = read(height, width)
+            origin = str(data) if len(parts.folds) == 1 else f"{data}, fold {number}"
+            return two_sides(images.take(train), images.take(test), origin, True)
 
         return Target(
             name=parts.target.name,
             real=True,
             table=table_text(parts.target),
-            title=f"{parts.target.name}, {len(parts.entries)} labelled images, reported on {parts.where}",
+            title=f"{parts.target.name}, {len(parts.entries)} labelled images, tested on {parts.where}",
             reward_names=tuple(parts.every[k].name for k in train),
             reward_sequences=tuple(parts.every[k].sequence for k in train),
             test_names=tuple(parts.every[k].name for k in test),
@@ -253,14 +254,14 @@ def fold_targets(parts: Parts, data: Path, whole: Read) -> list[Target]:
     return [target_of(*fold, number) for number, fold in enumerate(parts.folds, 1)]
 
 
-def all_labelled(parts: Parts, of: Target, data: Path, whole: Read) -> Target:
-    """The target whose labelled images are all training images of the saved net."""
-    own = parts.seen
+def all_labelled(parts: Parts, fold: Target, data: Path, read: Read) -> Target:
+    """Make the target whose labelled images are all training images of the saved network."""
+    entries = parts.seen
 
     @lru_cache(maxsize=SIZES)
     def at(height: int, width: int) -> Sides:
-        images = whole(height, width).between(0, len(own))  # held-out images come after these
+        images = read(height, width).between(0, len(entries))  # held-out images come after these
         return two_sides(images, images, str(data), True)
 
-    names, sequences = zip(*((e.name, e.sequence) for e in own), strict=True)
-    return of._replace(reward_names=names, reward_sequences=sequences, at=at)
+    names, sequences = zip(*((e.name, e.sequence) for e in entries), strict=True)
+    return fold._replace(reward_names=names, reward_sequences=sequences, at=at)

@@ -18,12 +18,12 @@ def named_target(config: Config, workers: Workers) -> Target:
     """Find the target of ``--target``, ``--data`` and ``--few``.
 
     Raises:
-        UserError: data are missing, or given for the twin, or a flag does not fit the target.
+        UserError: data are missing, or named for the twin, or a flag does not fit the target.
         DataError: the data are wrong.
     """
     if config.target == "twin":
         if config.data is not None:
-            raise UserError("--target twin takes no --data; other targets do")
+            raise UserError("--data has no effect with --target twin, which needs none")
         return with_few(_twin(config, workers), config)
     if config.data is None:
         if variable := VARIABLES.get(config.target):
@@ -35,21 +35,21 @@ def named_target(config: Config, workers: Workers) -> Target:
 
 
 def _twin(config: Config, workers: Workers) -> Target:
-    """The embedded stand-in; see ``twin``."""
+    """Make the stand-in for real data; see ``twin``."""
     if config.holdout or config.test_split:
         raise UserError("--holdout and --test-split need --data: the twin has no such names")
     if isinstance(config, MainConfig) and config.unlabelled is not None:
-        raise UserError("--unlabelled needs --data: nothing real is like the twin")
+        raise UserError("--unlabelled needs --data: no real images look like the twin")
     if config.asset_count is not None and config.asset_count >= FIRST_ASSET:
         raise UserError(
-            f"--asset-count must be less than {FIRST_ASSET}, where the twin's begin, "
+            f"--asset-count must be less than {FIRST_ASSET}, the twin's first asset, "
             f"not {config.asset_count}"
         )
     world, name = twin_world(config.twin_seed, config.twin), config.target_name
     counts = {"train": config.reward_images, "test": config.test_images}
-    listed = {split: twin_names(split, n, world.shots) for split, n in counts.items()}
+    pairs = {split: twin_names(split, n, world.shots) for split, n in counts.items()}
     names, sequences = (
-        {split: tuple(r[k] for r in rows) for split, rows in listed.items()} for k in (0, 1)
+        {split: tuple(row[k] for row in rows) for split, rows in pairs.items()} for k in (0, 1)
     )
 
     @lru_cache(maxsize=SIZES)
@@ -72,7 +72,7 @@ def _twin(config: Config, workers: Workers) -> Target:
         name=name,
         real=False,
         table=TABLE,
-        title=f"the {name} {config.twin_seed}, a stand-in rendered by our own engine: NOT real data",
+        title=f"the {name} {config.twin_seed}, rendered by our own engine: NOT real data",
         reward_names=names["train"],
         reward_sequences=sequences["train"],
         test_names=names["test"],

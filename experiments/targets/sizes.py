@@ -1,4 +1,4 @@
-"""Decides the size of the images of `fit`: the photographs' own, or the largest that the minutes allow."""
+"""Choose the image size of `fit`: the photographs' own, or the largest that takes the allowed minutes."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ AREAS: dict[FitPreset, tuple[int, int]] = {
 }
 """Approximate pixels of the smallest and the largest size that a preset takes."""
 MINUTES = 10.0
-"""A size may take so many minutes of this machine unless the user allows others."""
+"""The most minutes that a size may take on this machine, unless the user allows others."""
 STEPS = 64
-"""Number of areas that are tried."""
+"""Number of areas to try."""
 UNIT, SMALLEST = 8, 32
-"""Width and height are multiples of the first and at least the second, the coarsest stride of a trunk."""
+"""Width and height are multiples of the first and at least the second, the coarsest stride of a backbone."""
 
 
 class Choice(NamedTuple):
-    """A size, its seconds on this machine, and what the smallest size takes."""
+    """A size, its seconds on this machine, and those of the smallest size."""
 
     size: Size
     seconds: float
@@ -38,22 +38,22 @@ class Choice(NamedTuple):
     smallest_seconds: float
 
     def text(self, workers: int) -> str:
-        """One line on size and time."""
-        ours = (
+        """Describe size and time in one line."""
+        chosen = (
             f"Images of {words(self.size)}, about {duration(self.seconds)} on {workers} worker(s)"
         )
         if math.prod(self.size) <= math.prod(self.smallest):
-            return ours
-        return f"{ours}; {words(self.smallest)} would take {duration(self.smallest_seconds)}"
+            return chosen
+        return f"{chosen}; {words(self.smallest)} would take {duration(self.smallest_seconds)}"
 
 
 def words(size: Size) -> str:
-    """A size as its flag has it."""
+    """Write a size as its flag takes it."""
     return f"{size[0]}x{size[1]}"
 
 
 def suitable_size(width: int, height: int, pixels: int = AREAS["quick"][0]) -> Size:
-    """The aspect of an image, with about so many pixels but no more than its own."""
+    """Return a size with an image's aspect ratio and about so many pixels, but no more than its own."""
     scale = min(math.sqrt(pixels / (width * height)), 1.0)
     wide, high = (max(round(scale * side / UNIT) * UNIT, SMALLEST) for side in (width, height))
     return wide, high
@@ -68,29 +68,30 @@ def choose(
     size: Size | None = None,
     minutes: float | None = None,
 ) -> Choice:
-    """Choose the largest size that takes at most the minutes and fits into memory, else the smallest.
+    """Choose the largest size that fits into memory and takes at most the minutes, else the smallest.
 
     Args:
         shape: width and height of the photographs.
         preset: its `AREAS` bound the choice.
         seconds: the time that a size takes on this machine; grows with its pixels.
         fits: whether a size fits into memory.
-        size: a size that is decided already.
-        minutes: the most that it may take; by default `MINUTES`, but for the smallest size.
+        size: a size that is already decided.
+        minutes: the most that it may take; by default `MINUTES`, except for the smallest size.
 
     Raises:
         UserError: the smallest size takes longer than ``minutes``.
     """
     areas = np.linspace(*AREAS[preset], STEPS)
     sizes = sorted({suitable_size(*shape, area) for area in areas}, key=math.prod)
-    smallest, least = sizes[0], seconds(sizes[0])
+    smallest, smallest_seconds = sizes[0], seconds(sizes[0])
     if size is None:
         limit = 60 * (MINUTES if minutes is None else minutes)
-        if minutes is not None and least > limit:
+        if minutes is not None and smallest_seconds > limit:
             raise UserError(
                 f"--minutes {minutes:g} is too little: {words(smallest)}, the smallest size, takes "
-                f"{math.ceil(least / 6) / 10:g} minutes here; allow these, or fewer --seeds, or name a --size"
+                f"{math.ceil(smallest_seconds / 6) / 10:g} minutes here; allow as many, take fewer --seeds, "
+                "or name a --size"
             )
         quick = sizes[: bisect_right(sizes, limit, key=seconds)]
         size = next(filter(fits, reversed(quick)), smallest)
-    return Choice(size, seconds(size), smallest, least)
+    return Choice(size, seconds(size), smallest, smallest_seconds)

@@ -1,8 +1,8 @@
-"""The twin: a stand-in for real data on machines without any.
+"""The twin: a stand-in for real data where there is none.
 
-Our engine renders it with hidden attribute values from a given prior, with assets that the search may not
-use, and through another camera. Its optimum is known. It is not real data, and nothing learnt on it is a
-result on real data.
+Our engine renders it with hidden attribute values drawn from a known prior, with assets that the search may
+not use, and through another camera. Its optimum is known. It is not real data, and its results do not carry
+over to real data.
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ from seg.classes import class_table, table_text
 from seg.data import LabelledImages
 
 PRIOR_STD = 0.12
-"""Near: hidden centres are normal around the hand-set street, with this standard deviation (unit)."""
+"""Near: hidden centres are normal around the default street, with this standard deviation (unit)."""
 FAR = (0.1, 0.9)
-"""Far: hidden centres are uniform in this range (unit), independent of the hand-set street."""
+"""Far: hidden centres are uniform in this range (unit), independent of the default street."""
 FAR_CAMERA = {"camera_position_y": (1.0, 2.5), "camera_rotation_x": (-8.0, 8.0)}
-"""Far: ranges of these attributes (m, deg), so that the camera sees a street."""
+"""Far: ranges of these attributes (m, deg), narrow enough that the camera sees a street."""
 HIDDEN_WIDTH = 0.15
-"""Every street of the twin is uniform on an interval of this width around the hidden centre."""
+"""Streets of the twin are uniform on an interval of this width around the hidden centre."""
 FIRST_ASSET = 100_000
-"""The first asset of the twin; the search has only earlier ones."""
+"""The first asset of the twin; the search may only use earlier ones."""
 ASSETS = 48
-"""Assets of every family in the twin, unless the search has fewer."""
+"""Assets of each family in the twin, unless the search has fewer."""
 SHOTS: dict[TwinName, int] = {"near": 6, "far": 1}
-"""Images per street, which is a sequence. With fewer images, nets generalise better to other streets."""
+"""Images per street, which is a sequence. With fewer images, networks generalise better to other streets."""
 IMAGES = 120
 """The most images in each of its two splits."""
 TABLE = table_text(msgspec.structs.replace(shipped("cityscapes"), outlines={}))
@@ -63,14 +63,14 @@ def twin_world(twin_seed: int, twin: TwinName = "near") -> TwinWorld:
     gamma that is off by up to 12 %, a lens that blurs by 0.3-0.7 pixels, and twice the engine's noise.
 
     Args:
-        twin_seed: near and far twins of one seed have nothing in common.
+        twin_seed: seed of the twin; near and far twins with one seed have nothing in common.
         twin: near or far.
     """
     # Another first word, since a third word would collide with the second half of a long seed.
     rng = np.random.default_rng([2006 if twin == "near" else 2007, twin_seed])
     if twin == "near":
-        drawn = default_unit() + rng.normal(0, PRIOR_STD, len(NAMES))
-        centre = np.clip(drawn, 0.08, 0.92).astype(np.float32)
+        sample = default_unit() + rng.normal(0, PRIOR_STD, len(NAMES))
+        centre = np.clip(sample, 0.08, 0.92).astype(np.float32)
     else:
         centre = slide(rng.uniform(*_far_ranges()), HIDDEN_WIDTH).centre
     response = CameraResponse(
@@ -79,7 +79,7 @@ def twin_world(twin_seed: int, twin: TwinName = "near") -> TwinWorld:
         gamma=float(rng.uniform(0.94, 1.12)),
         blur=float(rng.uniform(0.3, 0.7)),
         noise=0.012,
-        variation=0.0,  # one camera takes all pictures
+        variation=0.0,  # one camera takes all images
     )
     return TwinWorld(
         centre,
@@ -91,16 +91,16 @@ def twin_world(twin_seed: int, twin: TwinName = "near") -> TwinWorld:
 
 
 def _far_ranges() -> np.ndarray:
-    """Lowest and highest centres of a far twin, f64[2, attributes of extended] unit."""
+    """Return the lowest and highest centres of a far twin, f64[2, attributes of extended] unit."""
     rows = []
     for attribute in SPACES["extended"]:
-        own = FAR_CAMERA.get(attribute.name)
-        rows.append(FAR if own is None else [attribute.to_unit(value) for value in own])
+        bounds = FAR_CAMERA.get(attribute.name)
+        rows.append(FAR if bounds is None else [attribute.to_unit(value) for value in bounds])
     return np.array(rows).T
 
 
 def twin_names(split: str, images: int | None, shots: int) -> tuple[tuple[str, str], ...]:
-    """(name, sequence) of every image of a split with so many images per street, without rendering."""
+    """List (name, sequence) of every image of a split, without rendering; a sequence has ``shots`` images."""
     count = min(images or IMAGES, IMAGES)
     sequences = [f"twin-{split}-{k // shots:03d}" for k in range(count)]
     return tuple((f"{s}_{k % shots}", s) for k, s in enumerate(sequences))
@@ -116,12 +116,10 @@ def twin_split(
     workers: Workers,
     assets: int = ASSETS,
 ) -> LabelledImages:
-    """Render the split ``train`` (for the reward) or ``test`` at ``size`` (height, width).
+    """Render the split ``train`` (for the search) or ``test`` at ``size`` (height, width).
 
-    It shows ``assets`` assets of every family, which the search never uses.
-
-    Streets of the two splits are drawn separately, so that no sequence is in both; the same world, split and
-    size give the same images.
+    It shows ``assets`` assets of every family, none of which the search may use. Streets of the two splits
+    are drawn separately, so that no sequence is in both. The same world, split and size give the same images.
     """
     names, sequences = zip(*twin_names(split, images, world.shots), strict=True)
     count, streets = len(names), len(set(sequences))

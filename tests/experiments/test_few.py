@@ -49,7 +49,7 @@ def test_the_few_give_no_reward(tiny_camvid):
     target = named_target(replace(tiny_camvid, few=2), POOL)
     assert [name[0] for name in target.few_names] == ["A", "B"]
     assert sorted(target.reward_names + target.few_names) == sorted(whole.reward_names)
-    assert "2 of the 4 (A 1, B 1) join every training set" in target.title
+    assert "2 of the 4 (A 1, B 1) are mixed with every training set" in target.title
     split, all_ = target.at(12, 16), whole.at(12, 16)["reward"]
     for part, names in ((split["reward"], target.reward_names), (split["few"], target.few_names)):
         assert part.names == names
@@ -81,7 +81,7 @@ def test_bad_input_is_one_line(flags, words, camvid, out, error_line):
 
 @pytest.mark.parametrize(("few", "sequence", "words"), [
     (2, "A", "--few 2: the 1 images chosen of sequence A show none of the 11 classes of camvid"),
-    (3, "AB", "all labels of the reward images are void"),
+    (3, "AB", "no pixel of the training images has a class"),
 ])  # fmt: skip
 def test_a_sequence_without_classes_is_refused(few, sequence, words, camvid, out, error_line):
     for path in camvid.glob(f"trainannot/[{sequence}]_*.png"):
@@ -103,7 +103,7 @@ def test_images_left_for_the_reward_must_show_a_class(left, tiny_camvid, out, er
         named_target(replace(tiny_camvid, few=2), POOL).at(12, 16)
         return
     assert main_job("camvid", *flags) == 2
-    said = "--few 2: the 2 images left for the reward show none of the 11 classes of camvid"
+    said = "--few 2: the 2 images left for the search show none of the 11 classes of camvid"
     assert said in error_line(begun=True) and not out.exists()
 
 

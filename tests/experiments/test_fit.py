@@ -132,7 +132,7 @@ def test_copies_stay_in_one_fold_and_are_counted(tmp_path: Path) -> None:
     tests = [{parts.entries[k].name for k in fold} for _, fold in parts.folds]
     assert sorted(map(sorted, tests)) == [["a", "f"], ["b", "e"], ["c"], ["d"]]
     (note,) = parts.notes
-    assert note == "2 images are copies of others, such as e of b: copies are in one fold"
+    assert note == "2 images are copies of others, such as e of b: copies stay in one fold"
 
 
 def test_a_single_image_cannot_be_tested_on() -> None:
@@ -286,7 +286,7 @@ def test_figures_come_from_the_published_split_a_group_or_folds(
     assert [e.name for e in held.entries] == ["0001TP_1"] and len(held.held_out) == 2
     assert held.all_labels and not parts_of(camvid, data, holdout="0006R0", few=1).all_labels
     own = parts_of(find_target(None, folder), folder)
-    assert len(own.folds) == 2 and own.where == "2 folds, each tested on in turn"
+    assert len(own.folds) == 2 and own.where == "2 folds in turn"
     for train, test in own.folds:
         groups = [{own.entries[k].sequence for k in side} for side in (train, test)]
         assert not groups[0] & groups[1] and len(train) + len(test) == len(NAMES)
@@ -297,7 +297,7 @@ def test_figures_come_from_the_published_split_a_group_or_folds(
     for more, message in (
         (
             {"holdout": "town"},
-            "--holdout town must leave images on both sides; the groups are mall, park",
+            "--holdout town must leave images to train on and to test on; the groups are mall, park",
         ),
         ({"few": 9}, "--few must be 1 to 5, .*, not 9"),
         ({"few": 0}, "--few must be 1 to 5, .*, not 0"),

@@ -83,7 +83,7 @@ def test_a_run_on_photographs_with_labels_in_colours(start_job, labelmefacade, t
     code, stdout, stderr = job.finish()
     assert code == 0, stderr
     assert stdout.startswith(
-        "Target: labelmefacade, 4 images for the reward, reported on split test"
+        "Target: labelmefacade, 4 images for the search, tested on split test"
     )
     summary = read_json(tmp_path / "run" / "summary.json")
     assert (summary["reward_images"], summary["test_images"]) == (4, 2)
@@ -175,7 +175,7 @@ def test_smoke_run_on_real_camvid(camvid_dir, out, capsys):
     stdout, stderr = capsys.readouterr()
     assert stderr.replace(f"{COMPILING}\n", "") == ""
     first = stdout.splitlines()[0]
-    assert first.startswith("Target: camvid") and "reported on sequence 0006R0" in first
+    assert first.startswith("Target: camvid") and "tested on sequence 0006R0" in first
     summary = read_json(out / "summary.json")
     assert (summary["target"], summary["real"]) == ("camvid", True)
     assert (summary["reward_images"], summary["test_images"]) == (8, 8)

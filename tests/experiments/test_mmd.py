@@ -67,7 +67,7 @@ def test_a_folder_without_labels_gives_the_reward_from_the_command_line(camvid, 
     assert "--unlabelled needs --reward-kind mmd" in capsys.readouterr().err
     assert main_job("camvid", *flags, "--reward-kind", "mmd") == 0
     said = capsys.readouterr().out
-    assert "3 images without labels for the reward" in said and "-MMD^2" in said
+    assert "3 images without labels for the search" in said and "-MMD^2" in said
     assert (out / FILE).exists()
     assert all(line["class_iou"] == [] for line in lines(out / "evaluations.jsonl"))
     summary = read_json(out / "summary.json")
@@ -87,7 +87,7 @@ def test_what_cannot_work_is_refused(tiny_camvid, tmp_path, config, recipe, net,
     monkeypatch.setattr("experiments.evaluation.mmd.train_features", diverge)
     for complaint, work, *task in (
         ("--unlabelled needs --data", named_target, twin, POOL),
-        ("are among the reward images", named_target, both, POOL),
+        ("are both training and test images", named_target, both, POOL),
         ("squared-reward needs --reward-kind miou", check, searching(config, squared_reward=True)),
         ("checkpoints needs --reward-kind miou", check, searching(config, checkpoints=2)),
         ("at least 2 images", check, single),

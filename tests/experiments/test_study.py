@@ -194,7 +194,7 @@ def test_a_recorded_report_is_derived_anew(recorded, out):
     ("fidelity", ("--search.relaxation", "2"), "--search.relaxation must lie in [0, 1]"),
     ("fidelity", ("--default-width", "2"), "--default-width must lie in [0, 1]"),
     ("fidelity", ("--target", "cityscapes", "--data", "None"), "Cityscapes needs its folder"),
-    ("fidelity", ("--target", "twin"), "--target twin takes no --data"),
+    ("fidelity", ("--target", "twin"), "--data has no effect with --target twin"),
     ("fidelity", ("--rederive", "none.json"), "--rederive none.json: No such file"),
 ])  # fmt: skip
 def test_bad_input_is_one_line(name, flags, complaint, command, out, error_line, learnt_file):
