@@ -173,11 +173,11 @@ def evaluate(
     digests = model.notes.get(SEEN)
     trained_on = set(map(str, digests)) if isinstance(digests, list) else set()
     paths = [image.entry.image_path for image in scored] if trained_on else []
-    seen = [path for path in paths if path.is_file() and file_digest(path) in trained_on]
+    repeated = [path for path in paths if path.is_file() and file_digest(path) in trained_on]
     return {
         "model": model.digest,
         "images": len(scored),
-        "trained_on": len(seen),
+        "trained_on": len(repeated),
         **_scores(data, iou(confusion)),
         "absent": list(absent_classes(confusion, data.classes)),
         "boundary_iou": {**_scores(data, edges), "share_of_diagonal": SHARE},

@@ -106,15 +106,15 @@ def classes(names: Sequence[str], by_row: Mapping[str, Sequence[Report]]) -> Fig
     return {"data": data, "layout": layout}
 
 
-def confusion(seen: Report, order: Sequence[str]) -> Figure | None:
+def confusion(index: Report, order: Sequence[str]) -> Figure | None:
     """For each row, the percent of each true class that is predicted as each class."""
     views = []
-    for row in (row for row in order if row in seen["confusion"]):
-        counts = np.asarray(seen["confusion"][row]["pixels"], float)
+    for row in (row for row in order if row in index["confusion"]):
+        counts = np.asarray(index["confusion"][row]["pixels"], float)
         present = np.flatnonzero((counts.sum(axis=1) > 0) | (counts.sum(axis=0) > 0))
         percent = 100 * counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
         percent = percent[np.ix_(present, present)][::-1]  # the first class is at the top
-        names = [seen["classes"][k] for k in present]
+        names = [index["classes"][k] for k in present]
         trace = {
             "type": "heatmap", "x": names, "y": names[::-1], "z": np.round(percent, 2).tolist(),
             "text": [[f"{v:.0f}" if v >= 1 else "" for v in line] for line in percent],
@@ -132,20 +132,20 @@ def confusion(seen: Report, order: Sequence[str]) -> Figure | None:
             },
             "yaxis": {"showgrid": False, "title": "true class", "ticksuffix": " "},
         }
-        label = f"{SHORT[row]}, {seen['confusion'][row]['nets']} networks"
+        label = f"{SHORT[row]}, {index['confusion'][row]['nets']} networks"
         views.append({"label": label, "data": [trace], "layout": layout})
     return {"views": views} if views else None
 
 
-def shares(seen: Report) -> Figure:
+def shares(index: Report) -> Figure:
     """The share of pixels of each class, and its mean row, for each set of images."""
-    sets = [row for row in SHORT if row in seen["shares"]]
-    last = seen["shares"][sets[-1]]["pixels"]  # of real images, if there are any
-    order = sorted(range(len(seen["classes"])), key=lambda k: last[k])
-    names = [seen["classes"][k] for k in order]
+    sets = [row for row in SHORT if row in index["shares"]]
+    last = index["shares"][sets[-1]]["pixels"]  # of real images, if there are any
+    order = sorted(range(len(index["classes"])), key=lambda k: last[k])
+    names = [index["classes"][k] for k in order]
     data = []
     for row in sets:
-        measured = seen["shares"][row]
+        measured = index["shares"][row]
         same: Figure = {
             "name": f"{SHORT[row]}, {measured['images']} images",
             "legendgroup": row,

@@ -196,14 +196,16 @@ def is_fit(report: Report) -> bool:
     return "where" in report
 
 
-def content(report: Report, folder: Path, config: Mapping[str, Any], over: bool) -> dict[str, Any]:
+def content(
+    report: Report, folder: Path, config: Mapping[str, Any], finished: bool
+) -> dict[str, Any]:
     """The parts of the page that only `sdr-jax fit` has; see `experiments.app.report.page`.
 
     Args:
         report: the derived report; while the run is unfinished, its first fields.
         folder: the run's folder.
         config: its configuration.
-        over: whether the run is finished.
+        finished: whether the run is.
     """
     out, strip = Path(str(config["out"])), "colors" in report and (folder / STRIP).exists()
     steps = config["final"]["train"]["steps"]
@@ -228,7 +230,7 @@ def content(report: Report, folder: Path, config: Mapping[str, Any], over: bool)
             **({"search": None} if report.get("folds", 1) > 1 else {}),
         },
     }
-    if not over:
+    if not finished:
         return shown
     if "seconds" in report:
         shown["settings_in_words"].append(("Time", duration(report["seconds"]["total"])))

@@ -31,7 +31,7 @@ class RunFolder(NamedTuple):
     config: dict[str, Any]
     evaluations: list[Record]  # rewards of the search
     finals: list[Record]  # all other networks
-    seen: dict[str, Any] | None  # the index of `experiments.app.report.pictures`
+    images: dict[str, Any] | None  # the index of `experiments.app.report.pictures`
     probabilities: np.ndarray | None  # f32[updates, attributes, bins]
     expected: (
         np.ndarray | None
@@ -83,7 +83,7 @@ def read(path: Path, report: Report | None = None) -> RunFolder:
     if report is None:
         report = _summary(path, config)
     _check_answer(path, report)
-    index, matters = path / PICTURES / INDEX, path / PICTURES / FILE
+    index_file, matters_file = path / PICTURES / INDEX, path / PICTURES / FILE
     evaluations, finals = (JsonLines(path / name).lines for name in LOGS)
     run = RunFolder(
         path,
@@ -91,10 +91,10 @@ def read(path: Path, report: Report | None = None) -> RunFolder:
         config,
         evaluations,
         finals,
-        _object(index) if index.exists() else None,
+        _object(index_file) if index_file.exists() else None,
         _array(path / PICTURES / "probabilities.npy", 3),
         _array(path / PICTURES / "expected.npy", 3),
-        _object(matters) if matters.exists() else None,
+        _object(matters_file) if matters_file.exists() else None,
     )
     probabilities = run.probabilities
     if probabilities is not None and probabilities.shape[1] != len(run.attributes):

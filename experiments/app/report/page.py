@@ -60,8 +60,8 @@ def under_way(run: RunFolder, status: Status) -> str:
 
 def _page(run: RunFolder, status: Status | None) -> str:
     """The page; sections with nothing to show are left out."""
-    report, over = run.summary, status is None
-    order = figures.ordered(report) if over else []
+    report, finished = run.summary, status is None
+    order = figures.ordered(report) if finished else []
     trained = [row for row in order if report["rows"][row]["mean"] is not None]
 
     def inline(name: str, folder: Path = run.path / PICTURES) -> str | None:
@@ -83,9 +83,9 @@ def _page(run: RunFolder, status: Status | None) -> str:
     versions = {"engine of scenes": config.get("engine", "?")}
     versions |= config.pop("made_with", {}) | config.pop("versions", {})
     if fit_table.is_fit(report):
-        content = fit_table.content(report, run.path, run.config, over)
+        content = fit_table.content(report, run.path, run.config, finished)
     else:
-        content = _content(run, order, trained, over)
+        content = _content(run, order, trained, finished)
     parts = {
         "so_far": so_far(run) if status else None,
         "search": search_note(run),
@@ -103,7 +103,7 @@ def _page(run: RunFolder, status: Status | None) -> str:
         "confusion": None,
     }
     page = environment.get_template("page.html").render(
-        run=run, report=report, seen=run.seen, order=order, trained=trained, figures=figures,
+        run=run, report=report, index=run.images, order=order, trained=trained, figures=figures,
         parts=defaultdict(lambda: None, parts), SHORT=SHORT, FIRST=FIRST, EVERY=EVERY, status=status,
         title=title, starts=starts(report), policy=figures.policy(run),
         versions=versions.items(), settings=json.dumps(config, indent=2),
@@ -114,17 +114,19 @@ def _page(run: RunFolder, status: Status | None) -> str:
     return page + "\n"
 
 
-def _content(run: RunFolder, order: list[str], trained: list[str], over: bool) -> dict[str, Any]:
+def _content(
+    run: RunFolder, order: list[str], trained: list[str], finished: bool
+) -> dict[str, Any]:
     """The parts of the page that only the main job has."""
-    report, seen = run.summary, run.seen
+    report, index = run.summary, run.images
     shown: dict[str, Any] = {
         "settings_in_words": settings_in_words(run),
         "parts": {
-            "streets": seen and seen["streets"],
-            "worst": seen and seen["worst"] and seen["worst"]["images"] and seen["worst"],
+            "streets": index and index["streets"],
+            "worst": index and index["worst"] and index["worst"]["images"] and index["worst"],
         },
     }
-    if not over:
+    if not finished:
         return shown
     optimised_first = sorted(trained, key=lambda row: row != "learnt")
     return {
@@ -137,7 +139,7 @@ def _content(run: RunFolder, order: list[str], trained: list[str], over: bool) -
         "by_class": {
             row: figures.by_class(report["nets"][row], report["classes"]) for row in trained
         },
-        "confusion": None if seen is None else figures.confusion(seen, optimised_first),
+        "confusion": None if index is None else figures.confusion(index, optimised_first),
         "parts": {
             **shown["parts"],
             "result": results(report, order),

@@ -28,9 +28,9 @@ PICTURES, INDEX = "pictures", "seen.json"
 """Names in the run folder: the images, and the file that describes them."""
 
 
-def search(folder: Path, found: Found) -> None:
+def write_policy(folder: Path, result: Found) -> None:
     """Write the policy after every update, f32[updates, attributes, bins], and the predicted rewards."""
-    arrays = {"probabilities": found.probabilities, "expected": found.expected}
+    arrays = {"probabilities": result.probabilities, "expected": result.expected}
     for name, values in arrays.items():
         if values is not None:
             data = io.BytesIO()
@@ -38,7 +38,9 @@ def search(folder: Path, found: Found) -> None:
             _write(folder, f"{name}.npy", data.getvalue())
 
 
-def show(run: Session[Any], test: LabelledImages, sets: Mapping[str, LabelledImages]) -> None:
+def write_images(
+    run: Session[Any], test: LabelledImages, sets: Mapping[str, LabelledImages]
+) -> None:
     """Write all images, and the file that describes them.
 
     Args:
