@@ -1,0 +1,94 @@
+"""What trainers need of this machine's GPUs: what is refused, from what was found."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from importlib.metadata import entry_points
+from typing import NamedTuple
+
+from common.errors import UserError
+from common.memory import in_words
+from experiments.config import Fidelity
+from experiments.config.limits import training_bytes
+
+
+class Device(NamedTuple):
+    """The device of a trainer, as its JAX reports it."""
+
+    backend: str  # such as cpu or gpu
+    name: str  # such as NVIDIA H200
+    memory: int | None  # bytes that JAX may use; None if unknown
+
+
+def device() -> Device:
+    """The device of this process; runs on a trainer."""
+    import jax  # the main process asks a trainer
+
+    first = jax.devices()[0]
+    memory = (first.memory_stats() or {}).get("bytes_limit")
+    return Device(jax.default_backend(), first.device_kind, memory)
+
+
+def jax_supports_cuda() -> bool:
+    """Whether JAX is to use NVIDIA GPUs: its plugin is installed, and JAX_PLATFORMS allows it."""
+    platforms = os.environ.get("JAX_PLATFORMS", "")
+    allowed = not platforms or bool({"cuda", "gpu"} & set(platforms.split(",")))
+    return allowed and any("cuda" in plugin.name for plugin in entry_points(group="jax_plugins"))
+
+
+def trainers_of(requested: int | None, gpus: Sequence[str]) -> int | None:
+    """The number of separate trainers of this machine; None where workers render and train.
+
+    Args:
+        requested: the value of ``--trainers``.
+        gpus: the GPUs that JAX can use, by their CUDA names.
+
+    Raises:
+        UserError: there are more trainers than GPUs.
+    """
+    if not gpus or requested is None:
+        return requested or len(gpus) or None
+    if requested > len(gpus):
+        few = "1 GPU" if len(gpus) == 1 else f"{len(gpus)} GPUs"
+        raise UserError(
+            f"--trainers {requested}: this machine has {few} (CUDA device {', '.join(gpus)}), and each "
+            f"trainer needs its own; use --trainers {len(gpus)}"
+        )
+    return requested
+
+
+def refuse_unusable(found: Device, gpus: Sequence[str], fidelities: Mapping[str, Fidelity]) -> None:
+    """Raise UserError for a trainer without the GPU that it was given, or with too little memory.
+
+    Args:
+        found: the trainer's device.
+        gpus: the GPUs that JAX can use, by their CUDA names.
+        fidelities: the fidelities that it trains at, by field.
+    """
+    if found.backend == "cpu" and gpus:
+        raise UserError(
+            f"JAX cannot start CUDA although the driver lists GPU {', '.join(gpus)}: check that nvidia-smi "
+            "works and that its CUDA version is 12 or later, then pip install -U 'sdr-jax[cuda]'; or train on "
+            "the CPU with JAX_PLATFORMS=cpu"
+        )
+    if found.backend == "cpu" or found.memory is None:
+        return
+    for name, fidelity in fidelities.items():
+        need = training_bytes(fidelity)
+        if need > found.memory:
+            raise UserError(
+                f"--{name}: training on {fidelity.images} images of {fidelity.size} takes at least "
+                f"{in_words(need)} of GPU memory, and {found.name} offers {in_words(found.memory)}: use a "
+                f"smaller --{name}.width and --{name}.height, or JAX_PLATFORMS=cpu"
+            )
+
+
+def out_of_memory(found: Device, fidelity: Fidelity) -> UserError:
+    """The error of a trainer whose GPU ran out of memory."""
+    memory = "its memory" if found.memory is None else f"its {in_words(found.memory)} of memory"
+    return UserError(
+        f"{found.name} ran out of {memory} while training {fidelity.train.net} on images of {fidelity.size}, "
+        f"{fidelity.train.batch} at a time: end other programs that use it (nvidia-smi lists them), or use "
+        "smaller images or batches"
+    )
