@@ -111,7 +111,7 @@ def jax_runs(job: Job) -> Runs:
     settings = job.settings
     images, labels = job.data()
     compiled = functions(settings, CLASSES)
-    module = net_of(settings, CLASSES)
+    module = net_of(settings.net_spec, CLASSES)
     ones, seed = np.ones(CLASSES, np.float32), np.uint32(0)
     data = jax.device_put(Data(images, labels, ones, seed))
     state = compiled.init(seed, data.images)

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float, Float32, Integer, PRNGKeyArray, UInt8
 
 from seg.classes import IGNORE_LABEL
-from seg.settings import TrainSettings
+from seg.settings import AugmentSpec
 
 # One column of the numbers per effect; MIX has six.
 MIRROR, GAIN, GAMMA, CONTRAST, SATURATION, BLUR, NOISE, SCALE, DOWN, RIGHT, MIX = range(11)
@@ -128,33 +128,33 @@ def augment(
     images: UInt8[Array, "b h w 3"],
     labels: UInt8[Array, "b h w"],
     draws: Float[Array, "b draws"],
-    settings: TrainSettings,
+    spec: AugmentSpec,
     rng_key: PRNGKeyArray | None = None,
 ) -> tuple[Float[Array, "b h w 3"], UInt8[Array, "b h w"]]:
-    """Augment a batch as the settings say.
+    """Augment a batch.
 
     Args:
         images: RGB.
         labels: class ids.
         draws: from `draw`.
-        settings: the fields `mirror`, `scale`, `colour`, `mix`, `blur` and `noise` are used.
+        spec: the changes to make.
         rng_key: the key of the noise; needed only for noise.
 
     Returns:
         RGB in [0, 1], and labels.
     """
     x = images.astype(jnp.float32) / 255
-    if settings.mirror:
+    if spec.mirror:
         x, labels = mirrored(x, labels, draws[:, MIRROR])
-    if settings.scale:
+    if spec.scale:
         x, labels = scaled(x, labels, draws)
-    if settings.colour:
+    if spec.colour:
         x = coloured(x, draws)
-    if settings.mix:
+    if spec.mix:
         x = mixed(x, draws)
-    if settings.blur:
+    if spec.blur:
         x = blurred(x, draws[:, BLUR])
-    if settings.noise:
+    if spec.noise:
         assert rng_key is not None
         x = noisy(rng_key, x, draws[:, NOISE])
     return x, labels

@@ -5,16 +5,15 @@ trainings of any length.
 """
 
 from collections.abc import Callable
-from typing import Literal, get_args
+from typing import get_args
 
 import jax
 import numpy as np
 import optax
 from jaxtyping import Float32
 
-from seg.settings import LrMultipliers, OptimizerName
+from seg.settings import Multipliers, OptimizerName
 
-Multipliers = LrMultipliers | Literal["trunk"]
 Path = tuple[str, ...]
 """The path of a parameter in its net, such as ("vgg16", "conv1_1", "kernel")."""
 

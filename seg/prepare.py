@@ -16,6 +16,13 @@ from seg.step import Params, Variables
 from seg.views import view_labels, views
 from seg.weights import load
 
+CHUNK = 50
+"""Steps between two checks of the loss; also the length of a scan on an accelerator."""
+
+
+class TrainingError(Exception):
+    """The loss is no longer finite."""
+
 
 class Prepared(NamedTuple):
     """What a network trains on, in NumPy."""

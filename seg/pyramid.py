@@ -13,10 +13,12 @@ from jaxtyping import Array, Float32, UInt8
 from seg.batches import in_batches
 from seg.nets.head import Maps, statistics
 from seg.nets.trunks import trunk, trunk_of
-from seg.settings import TrainSettings
+from seg.settings import BackboneSpec, TrainSettings
 
 BATCH = 8
-"""Images per call of the trunk."""
+"""Images per call of the backbone on a CPU."""
+ACCELERATOR_BATCH = 96
+"""On an accelerator: 96 images of 240x176 take an H200 4 ms in one batch, 47 ms in batches of 8."""
 LITE0 = TrainSettings(net="lite0")
 Params = Any  # a pytree
 
@@ -41,25 +43,25 @@ def _params(net: str, weights: str | None) -> Params:
     return jax.device_put(trunk(net, weights).load())
 
 
-def maps_of(params: Params, images: UInt8[Array, "b h w 3"], settings: TrainSettings) -> Maps:
-    """Compute features of images with the trunk's weights, inside a compiled function."""
-    module = trunk_of(settings).module
-    if settings.dtype == "bfloat16":
+def maps_of(params: Params, images: UInt8[Array, "b h w 3"], spec: BackboneSpec) -> Maps:
+    """Compute features of images with the backbone's weights, inside a compiled function."""
+    module = trunk(spec.net, spec.weights).module
+    if spec.dtype == "bfloat16":
         module = module.clone(dtype=jnp.bfloat16)
     maps = module.apply({"params": params}, images.astype(jnp.float32) / 255)
     return tuple(m.astype(jnp.float16) for m in maps)
 
 
 @lru_cache(maxsize=2)
-def _extractor(settings: TrainSettings) -> Callable[[Params, ArrayLike], Maps]:
+def _extractor(spec: BackboneSpec) -> Callable[[Params, ArrayLike], Maps]:
     @jax.jit
     def extract(params: Params, images: UInt8[Array, "b h w 3"]) -> Maps:
         def at_once(params: Params, images: Array) -> Maps:
-            return maps_of(params, images, settings)
+            return maps_of(params, images, spec)
 
         def one_by_one(params: Params, images: Array) -> Maps:
             # One image fits a CPU's cache, which takes a third less time than eight at once.
-            maps = jax.lax.map(lambda image: maps_of(params, image[None], settings), images)
+            maps = jax.lax.map(lambda image: maps_of(params, image[None], spec), images)
             return jax.tree.map(lambda m: m[:, 0], maps)
 
         return jax.lax.platform_dependent(params, images, cpu=one_by_one, default=at_once)
@@ -67,7 +69,11 @@ def _extractor(settings: TrainSettings) -> Callable[[Params, ArrayLike], Maps]:
     return extract
 
 
-def features(images: UInt8[np.ndarray, "n h w 3"], settings: TrainSettings = LITE0) -> Maps:
+def features(
+    images: UInt8[np.ndarray, "n h w 3"],
+    settings: TrainSettings = LITE0,
+    batch: int | None = None,
+) -> Maps:
     """Compute the trunk's maps of images, as float16 in NumPy.
 
     Those of lite0 take about 3.5 bytes per pixel: 150 kB for an image of 240x176, 620 kB for one of 480x360.
@@ -77,15 +83,18 @@ def features(images: UInt8[np.ndarray, "n h w 3"], settings: TrainSettings = LIT
     Args:
         images: RGB, no side shorter than the largest stride.
         settings: they name the trunk, its weights and its type of computation.
+        batch: images per call of the backbone; the default suits the backend.
 
     Raises:
         ValueError: the images are too small.
         WeightsError: the trunk's weights cannot be used.
     """
     check_size(images, settings)
-    own = TrainSettings(net=settings.net, weights=settings.weights, dtype=settings.dtype)
-    extract, params = _extractor(own), trunk_params(settings)
-    return in_batches(lambda batch: extract(params, batch), images, min(BATCH, len(images)))
+    extract = _extractor(BackboneSpec(settings.net, settings.weights, settings.dtype))
+    params = trunk_params(settings)
+    if batch is None:
+        batch = BATCH if jax.default_backend() == "cpu" else ACCELERATOR_BATCH
+    return in_batches(lambda some: extract(params, some), images, min(batch, len(images)))
 
 
 def check_features(

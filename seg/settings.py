@@ -1,7 +1,7 @@
 """Settings of the training of a net: everything but the data and the seed."""
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 from common.bounds import POSITIVE, at_least, at_most, must, within
 
@@ -18,10 +18,63 @@ Trunk = Literal["frozen", "tuned"]
 HeadStatistics = Literal["training", "target"]
 OptimizerName = Literal["adam", "sgd"]
 LrMultipliers = Literal["none", "deeplab"]
+Multipliers = LrMultipliers | Literal["trunk"]
 Dtype = Literal["float32", "bfloat16"]
 STRIDES = (1, 2, 4, 8)
 """Allowed distances of the pixels in the loss."""
 _STRIDE = must(f"be one of {', '.join(map(str, STRIDES))}", STRIDES.__contains__)
+
+
+class BackboneSpec(NamedTuple):
+    """What decides the features of a backbone."""
+
+    net: str
+    weights: str | None
+    dtype: Dtype
+
+
+class NetSpec(NamedTuple):
+    """What decides a network's parameters and its logits."""
+
+    net: str
+    dtype: Dtype
+    norm: bool
+    backbone: BackboneSpec | None  # None for a network that is no head on a backbone
+    frozen: bool  # whether it takes the features of its backbone instead of images
+    head_width: int
+    head_dropout: float
+
+
+class AugmentSpec(NamedTuple):
+    """The changes of `seg.augment`."""
+
+    mirror: bool
+    scale: bool
+    colour: bool
+    mix: bool
+    blur: bool
+    noise: bool
+
+
+class OptimSpec(NamedTuple):
+    """The optimiser, but for the learning rate, which is data."""
+
+    optimizer: OptimizerName
+    momentum: float
+    weight_decay: float
+    lr_multipliers: Multipliers
+
+
+class StepSpec(NamedTuple):
+    """What decides the compiled functions of a training; the rest of the settings is data or its shape."""
+
+    net: NetSpec
+    augment: AugmentSpec | None  # None where features were augmented before
+    optim: OptimSpec
+    loss_stride: int
+    jaccard: float
+    accumulate: int
+    averages: bool
 
 
 @dataclass(frozen=True)
@@ -122,3 +175,34 @@ class TrainSettings:
     def frozen(self) -> bool:
         """Whether the net has a trunk that does not train."""
         return self.has_trunk and self.trunk == "frozen"
+
+    @property
+    def net_spec(self) -> NetSpec:
+        """What decides the network."""
+        backbone = BackboneSpec(self.net, self.weights, self.dtype) if self.has_trunk else None
+        head = (self.head_width, self.head_dropout)
+        return NetSpec(self.net, self.dtype, self.norm, backbone, self.frozen, *head)
+
+    @property
+    def augment_spec(self) -> AugmentSpec:
+        """What augmentation does."""
+        return AugmentSpec(self.mirror, self.scale, self.colour, self.mix, self.blur, self.noise)
+
+    @property
+    def optim_spec(self) -> OptimSpec:
+        """The optimiser with its rates by layer."""
+        multipliers: Multipliers = "trunk" if self.has_trunk else self.lr_multipliers
+        return OptimSpec(self.optimizer, self.momentum, self.weight_decay, multipliers)
+
+    @property
+    def step_spec(self) -> StepSpec:
+        """What decides the compiled step."""
+        return StepSpec(
+            self.net_spec,
+            None if self.frozen else self.augment_spec,
+            self.optim_spec,
+            self.loss_stride,
+            self.jaccard,
+            self.accumulate,
+            self.average > 0,
+        )

@@ -4,7 +4,6 @@ Compiled functions are kept until the process ends: a worker trains hundreds of 
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -20,8 +19,8 @@ from seg.losses import cross_entropy, cross_entropy_sums, soft_jaccard
 from seg.nets import net_of, normalise
 from seg.nets.head import OnTrunk
 from seg.nets.ops.resize import strided
-from seg.optim import Multipliers, descend, optimizer, poly_schedule
-from seg.settings import TrainSettings
+from seg.optim import descend, optimizer, poly_schedule
+from seg.settings import StepSpec, TrainSettings
 
 Params = Any  # the pytree of a net's parameters
 Variables = Any  # a net's parameters and other collections, by name
@@ -105,37 +104,27 @@ class Functions(NamedTuple):
 
 def functions(settings: TrainSettings, classes: int) -> Functions:
     """The compiled functions for settings; settings that compile to the same share them."""
-    plain = TrainSettings()
-    # These are data of the step, or its shapes.
-    free = ["lr", "steps", "batch", "warmup", "power", "weighted", "predict_batch"]
-    free += ["views", "head_statistics", "heads", "last_share", "average_mirror"]
-    if not settings.has_trunk:  # with a trunk they decide its size
-        free.append("weights")
-    changes = {name: getattr(plain, name) for name in free}
-    # The number of averaged steps is data, too, but not whether there are any.
-    changes["average"] = float(settings.average > 0)
-    return _compiled(replace(settings, **changes), classes)
+    return _compiled(settings.step_spec, classes)
 
 
 @lru_cache(maxsize=32)
-def _compiled(settings: TrainSettings, classes: int) -> Functions:
-    module = net_of(settings, classes)
-    multipliers: Multipliers = "trunk" if settings.has_trunk else settings.lr_multipliers
-    transform = optimizer(settings.optimizer, settings.momentum, settings.weight_decay, multipliers)
+def _compiled(spec: StepSpec, classes: int) -> Functions:
+    module, frozen = net_of(spec.net, classes), spec.net.frozen
+    transform = optimizer(*spec.optim)
 
     def resume(variables: Variables) -> TrainState:
         fixed = dict(variables)
         params = fixed.pop("params")
-        mean = jax.tree.map(jnp.zeros_like, params) if settings.average else None
+        mean = jax.tree.map(jnp.zeros_like, params) if spec.averages else None
         return TrainState(params, transform.init(params), jnp.int32(0), mean, fixed)
 
-    method = OnTrunk.from_maps if settings.frozen else None
+    method = OnTrunk.from_maps if frozen else None
 
     # Under `vmap` this generator has other numbers for the same seed, so that seeds go one by one.
     @jax.custom_batching.sequential_vmap
     def init(seed: UInt32[Array, ""], images: Any) -> TrainState:
         blank = jax.tree.map(lambda a: jnp.zeros((1, *a.shape[1:])), images)
-        given = (blank, (8, 8)) if settings.frozen else (blank,)
+        given = (blank, (8, 8)) if frozen else (blank,)
         # The default generator takes four times as long to compile (unrolled, once per kernel).
         key = jax.random.key(seed, impl="rbg")
         return resume(module.init(key, *given, method=method))
@@ -143,38 +132,38 @@ def _compiled(settings: TrainSettings, classes: int) -> Functions:
     def logits_of(
         variables: Variables, x: Any, size: tuple[int, int], dropout: PRNGKeyArray
     ) -> Array:
-        given = (x, size) if settings.frozen else (normalise(x),)
+        given = (x, size) if frozen else (normalise(x),)
         options = {"train": True, "rngs": {"dropout": dropout}, "method": method}
-        if settings.has_trunk:
-            options["stride"] = settings.loss_stride
+        if spec.net.backbone is not None:
+            options["stride"] = spec.loss_stride
         return module.apply(variables, *given, **options)
 
     def batch_of(data: Data, row: Plan, key: PRNGKeyArray) -> tuple[Any, Array]:
         x, y = jax.tree.map(lambda all_: all_[row.picks], (data.images, data.labels))
-        return (x, y) if settings.frozen else augment(x, y, row.draws, settings, key)
+        return (x, y) if spec.augment is None else augment(x, y, row.draws, spec.augment, key)
 
     def step(state: TrainState, data: Data, row: Plan) -> tuple[TrainState, Float[Array, ""]]:
         key: PRNGKeyArray = jax.random.fold_in(jax.random.key(data.seed), state.step)
         dropout, noise = jax.random.split(key)
         x, y = batch_of(data, row, noise)
         size = (y.shape[1], y.shape[2])
-        y = strided(y, settings.loss_stride)
+        y = strided(y, spec.loss_stride)
 
         def loss_of(params: Params) -> Float[Array, ""]:
             variables = {"params": params, **state.fixed}
             logits = logits_of(variables, x, size, dropout)
             loss = cross_entropy(logits, y, data.class_weights)
-            return loss + settings.jaccard * soft_jaccard(logits, y) if settings.jaccard else loss
+            return loss + spec.jaccard * soft_jaccard(logits, y) if spec.jaccard else loss
 
         def sums_of(params: Params, x: Any, y: Array, part: Array) -> tuple[Array, Array]:
             key = jax.random.fold_in(dropout, part)
             variables = {"params": params, **state.fixed}
             return cross_entropy_sums(logits_of(variables, x, size, key), y, data.class_weights)
 
-        if settings.accumulate == 1:
+        if spec.accumulate == 1:
             loss, gradients = jax.value_and_grad(loss_of)(state.params)
         else:
-            loss, gradients = accumulated(sums_of, state.params, x, y, settings.accumulate)
+            loss, gradients = accumulated(sums_of, state.params, x, y, spec.accumulate)
         directions, opt_state = transform.update(gradients, state.opt_state, state.params)
         params = descend(state.params, directions, row.lr)
         mean = state.mean

@@ -5,7 +5,6 @@ run ten times slower inside `lax.scan`. On accelerators the same step is scanned
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import lru_cache, partial
 from itertools import pairwise
 from typing import Any, Literal
@@ -13,10 +12,10 @@ from typing import Any, Literal
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 from jaxtyping import Array, Float32, Int64, UInt8
 
 from seg import pyramid
+from seg.at_once import train_at_once
 from seg.batches import in_batches
 from seg.beside import joined, training_set
 from seg.check import check_settings
@@ -26,6 +25,9 @@ from seg.nets import net_of, normalise, variables_of
 from seg.nets.head import Maps, OnTrunk
 from seg.nets.trunks import trunk_of
 from seg.prepare import (
+    CHUNK,
+    Prepared,
+    TrainingError,
     check_arrays,
     check_inputs,
     check_seed,
@@ -35,61 +37,66 @@ from seg.prepare import (
     prepare,
 )
 from seg.pyramid import Statistics
-from seg.settings import TrainSettings
+from seg.settings import NetSpec, TrainSettings
 from seg.step import Data, Functions, Plan, TrainState, Variables, functions, plan
 from seg.step import Params as Params
 from seg.views import with_mirror
-
-CHUNK = 50  # steps between two checks of the loss; also the length of a scan on an accelerator
-
-
-class TrainingError(Exception):
-    """The loss is no longer finite."""
 
 
 def apply(
     variables: Variables, images: UInt8[Array, "b h w 3"], settings: TrainSettings, classes: int
 ) -> Float32[Array, "b h w classes"]:
     """The result of `logits` as one function that JAX can trace, with a frozen trunk, too."""
-    module = net_of(settings, classes)
+    sides: Any = (images, images[:, :, ::-1]) if settings.average_mirror else (images,)
+    backbone = settings.net_spec.backbone
     if settings.frozen:
+        assert backbone is not None
         with jax.ensure_compile_time_eval():  # a trunk may draw its weights
             params = pyramid.trunk_params(settings)
-
-    def seen(images: UInt8[Array, "b h w 3"]) -> Float32[Array, "b h w classes"]:
-        if not settings.frozen:
-            return module.apply(variables, normalise(images.astype(jnp.float32) / 255), train=False)
-        maps = pyramid.maps_of(params, images, settings)
-        return _from_maps(module, variables, maps, (images.shape[1], images.shape[2]), settings)
-
-    return _over_mirror(
-        seen, (images, images[:, :, ::-1]) if settings.average_mirror else (images,)
-    )
+        sides = tuple(pyramid.maps_of(params, side, backbone) for side in sides)
+    size = (images.shape[1], images.shape[2])
+    return mean_logits(settings.net_spec, heads_of(variables, settings.heads), sides, size, classes)
 
 
-def _from_maps(
-    module: Any, variables: Variables, maps: Maps, size: tuple[int, int], settings: TrainSettings
+def mean_logits(
+    spec: NetSpec,
+    heads: Sequence[Variables],
+    sides: Sequence[Any],
+    size: tuple[int, int],
+    classes: int,
 ) -> Float32[Array, "b h w classes"]:
-    """Mean logits of all heads from the features of images of a size."""
-    each = [module.apply(own, maps, method=OnTrunk.scores) for own in heads_of(variables, settings)]
-    mean = each[0] if len(each) == 1 else sum(each) / len(each)
-    return module.apply(variables, mean, size, method=OnTrunk.enlarged)
+    """Mean logits over heads and sides, inside a compiled function.
+
+    Args:
+        spec: of the network.
+        heads: the variables of each head.
+        sides: images u8[b, h, w, 3], or the feature maps of a frozen backbone; then, if they count, those of
+            the mirror images, whose logits are mirrored back.
+        size: rows and columns of the images.
+        classes: the network's number of classes.
+    """
+    module = net_of(spec, classes)
+
+    def of_side(inputs: Any) -> Array:
+        if not spec.frozen:
+            (variables,) = heads
+            return module.apply(variables, normalise(inputs.astype(jnp.float32) / 255), train=False)
+        scores = [module.apply(own, inputs, method=OnTrunk.scores) for own in heads]
+        mean = scores[0] if len(scores) == 1 else sum(scores) / len(scores)
+        return module.apply(heads[0], mean, size, method=OnTrunk.enlarged)
+
+    direct, *mirrored = map(of_side, sides)
+    return (direct + mirrored[0][:, :, ::-1]) / 2 if mirrored else direct
 
 
-def _over_mirror(seen: Callable[[Any], Array], sides: Sequence[Any]) -> Array:
-    """Logits of images, or their mean with those of the mirror images, mirrored back."""
-    direct, *mirror = map(seen, sides)
-    return (direct + mirror[0][:, :, ::-1]) / 2 if mirror else direct
-
-
-def heads_of(variables: Variables, settings: TrainSettings) -> list[Variables]:
+def heads_of(variables: Variables, heads: int) -> list[Variables]:
     """The variables of a net with each of its heads alone."""
-    if settings.heads == 1:
+    if heads == 1:
         return [variables]
     params = variables["params"]
     return [
         {**variables, "params": jax.tree.map(lambda leaf, k=k: leaf[k], params)}
-        for k in range(settings.heads)
+        for k in range(heads)
     ]
 
 
@@ -107,46 +114,46 @@ Output = Literal["labels", "scores", "heads"]
 
 @lru_cache(maxsize=32)
 def _predictor(
-    net_settings: TrainSettings, classes: int, output: Output
-) -> Callable[[Variables, ArrayLike], Array]:
-    @jax.jit
-    def predict_batch(variables: Variables, images: UInt8[Array, "b h w 3"]) -> Array:
-        logits = apply(variables, images, net_settings, classes)
-        return logits if output == "scores" else jnp.argmax(logits, axis=-1).astype(jnp.uint8)
-
-    return predict_batch
-
-
-@lru_cache(maxsize=32)
-def _head_predictor(
-    net_settings: TrainSettings, classes: int, output: Output
-) -> Callable[..., Array]:
-    module, alone = net_of(net_settings, classes), replace(net_settings, heads=1)
+    spec: NetSpec, heads: int, classes: int, output: Output
+) -> Callable[[Variables, Sequence[Any], tuple[int, int]], Array]:
+    """A compiled function of variables, `prediction_inputs` of a batch, and the size of the images."""
 
     @partial(jax.jit, static_argnums=2)
-    def predict_batch(variables: Variables, sides: Sequence[Maps], size: tuple[int, int]) -> Array:
-        def logits_of(variables: Variables, settings: TrainSettings) -> Array:
-            return _over_mirror(
-                lambda maps: _from_maps(module, variables, maps, size, settings), sides
-            )
-
+    def predict_batch(variables: Variables, sides: Sequence[Any], size: tuple[int, int]) -> Array:
+        alone = heads_of(variables, heads)
         if output == "heads":
-            each = [logits_of(own, alone) for own in heads_of(variables, net_settings)]
+            each = [mean_logits(spec, [own], sides, size, classes) for own in alone]
             labels = [jnp.argmax(logits, axis=-1) for logits in (sum(each), *each)]
             return jnp.stack(labels, axis=1).astype(jnp.uint8)
-        logits = logits_of(variables, net_settings)
+        logits = mean_logits(spec, alone, sides, size, classes)
         return logits if output == "scores" else jnp.argmax(logits, axis=-1).astype(jnp.uint8)
 
     return predict_batch
 
 
-def _of_net(settings: TrainSettings) -> TrainSettings:
-    """The settings on which a prediction depends; the others have their defaults."""
-    names = ["net", "dtype", "norm", "trunk", "head_width", "head_dropout", "heads"]
-    names.append("average_mirror")
-    if settings.has_trunk:
-        names.append("weights")
-    return replace(TrainSettings(), **{name: getattr(settings, name) for name in names})
+def prediction_inputs(
+    images: UInt8[np.ndarray, "n h w 3"], settings: TrainSettings, features: Maps | None = None
+) -> tuple[Any, ...]:
+    """What a network sees of images: themselves, or features; and of mirror images, if they count, too.
+
+    Args:
+        images: RGB.
+        settings: of the training.
+        features: for a frozen backbone, `seg.pyramid.features` of `seg.views.with_mirror`; None computes
+            them.
+
+    Raises:
+        ValueError: there are no images, they are not RGB bytes, or too small for the network.
+        WeightsError: the frozen backbone's weights cannot be used.
+    """
+    check_arrays(images)
+    sides = 2 if settings.average_mirror else 1
+    check_inputs(images, settings, features, sides)
+    if not settings.frozen:
+        return (images, images[:, :, ::-1])[:sides]
+    maps = features or pyramid.features(with_mirror(images, settings), settings)
+    count = len(images)
+    return tuple(tuple(m[k * count : (k + 1) * count] for m in maps) for k in range(sides))
 
 
 def train(
@@ -168,7 +175,8 @@ def train(
 ) -> Variables:
     """Train a net; the same arguments give the same variables.
 
-    Heads train one after the other: the first as if it were alone.
+    The first of several heads trains as if it were alone. On a CPU heads train one after the other, otherwise
+    at once.
 
     Args:
         rng_seed: 32 bits for initial parameters, the order of the images and augmentation.
@@ -217,6 +225,15 @@ def train(
         raise ValueError(f"checkpoints are of nets of one head; the settings have {settings.heads}")
     own = training_set(LabelledImages(images, labels, features=features), beside, share)
     prepared = prepare(own, settings, classes, statistics, resumes=params is not None)
+    starts = (
+        [None] * settings.heads
+        if params is None
+        else heads_of(variables_of(params), settings.heads)
+    )
+    if stepwise is None:
+        stepwise = jax.default_backend() == "cpu"
+    if settings.heads > 1 and not stepwise and at_checkpoint is None:
+        return _heads_at_once(rng_seed, prepared, starts, settings, classes, progress)
     compiled = functions(settings, classes)
     seeds = head_seeds(rng_seed, settings.heads)
     data = jax.device_put(
@@ -229,7 +246,6 @@ def train(
     )
     counts, statistics = prepared.counts, prepared.statistics
     del own, prepared  # features are large, and joined ones are a copy
-    starts = [None] * settings.heads if params is None else heads_of(variables_of(params), settings)
     nets = []
     for head, (seed, start) in enumerate(zip(seeds, starts, strict=True)):
         if start is not None or settings.weights is not None or settings.has_trunk:
@@ -251,6 +267,27 @@ def train(
     return stacked(nets)
 
 
+def _heads_at_once(
+    rng_seed: int,
+    prepared: Prepared,
+    starts: Sequence[Variables | None],
+    settings: TrainSettings,
+    classes: int,
+    progress: Callable[[int, float], None] | None,
+) -> Variables:
+    """Train all heads of a network at once; arguments and errors are those of `train`."""
+    start = [variables for variables in starts if variables is not None] or None
+
+    def report(step: int, loss: float) -> None:
+        if progress is not None:
+            progress(step * settings.heads, loss)
+
+    networks, (error,) = train_at_once([rng_seed], [prepared], settings, classes, report, start)
+    if error is not None:
+        raise TrainingError(error)
+    return jax.tree.map(lambda leaf: leaf[0], networks)
+
+
 def _told(progress: Callable[[int, float], None], before: int, step: int, loss: float) -> None:
     progress(before + step, loss)
 
@@ -262,13 +299,11 @@ def _after(
     rows: Plan,
     settings: TrainSettings,
     progress: Callable[[int, float], None] | None,
-    stepwise: bool | None,
+    stepwise: bool,
     checkpoints: int,
     at_checkpoint: Callable[[Variables], None] | None,
 ) -> Variables:
     """The variables of a net with one head after all steps; arguments and errors are those of `train`."""
-    if stepwise is None:
-        stepwise = jax.default_backend() == "cpu"
     checked = {settings.steps, *range(CHUNK, settings.steps, CHUNK)}
     kept = {settings.steps * k // checkpoints for k in range(1, checkpoints + 1)}
     for start, stop in pairwise(sorted({0, *checked, *kept})):
@@ -338,22 +373,15 @@ def _of_batches(
     output: Output,
 ) -> np.ndarray:
     """Compute labels, or the scores of all classes; only nets on a frozen trunk have "heads"."""
-    check_arrays(images)
-    sides = 2 if settings.average_mirror else 1
-    check_inputs(images, settings, features, sides)
+    sides = prediction_inputs(images, settings, features)
     variables = jax.device_put(variables_of(params))  # once, not for every batch
-    if settings.frozen:
-        size, count = (images.shape[1], images.shape[2]), len(images)
-        maps = features or pyramid.features(with_mirror(images, settings), settings)
-        predict_head = _head_predictor(_of_net(settings), classes, output)
+    predict_batch = _predictor(settings.net_spec, settings.heads, classes, output)
+    size = (images.shape[1], images.shape[2])
 
-        def run(picks: np.ndarray) -> Array:
-            of_side = [tuple(m[picks + side * count] for m in maps) for side in range(sides)]
-            return predict_head(variables, of_side, size)
+    def run(batch: np.ndarray) -> Array:
+        return predict_batch(variables, jax.tree.map(lambda side: side[batch], sides), size)
 
-        return in_batches(run, np.arange(count), settings.predict_batch)
-    predict_batch = _predictor(_of_net(settings), classes, output)
-    return in_batches(lambda batch: predict_batch(variables, batch), images, settings.predict_batch)
+    return in_batches(run, np.arange(len(images)), settings.predict_batch)
 
 
 def outline(settings: TrainSettings, classes: int) -> Variables:

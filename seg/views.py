@@ -7,7 +7,6 @@ features of a subset are among those of all images.
 
 import zlib
 from collections.abc import Callable
-from dataclasses import replace
 from functools import lru_cache
 
 import jax
@@ -17,7 +16,7 @@ from jaxtyping import Array, Float, Float32, UInt8, UInt32
 
 from seg.augment import MIRROR, augment, draw
 from seg.batches import in_batches
-from seg.settings import TrainSettings
+from seg.settings import AugmentSpec, TrainSettings
 
 SEED = 2020
 """Seed of a view's random numbers, beside the view's number and the image's checksum."""
@@ -25,7 +24,7 @@ BATCH = 8
 """Number of images that are augmented at once."""
 IMAGES, LABELS = (0,), (1,)
 """Indices of images and labels in a view."""
-LOOKS = ("views", "mirror", "scale", "colour", "mix", "blur", "noise")
+LOOKS = ("views", *AugmentSpec._fields)
 """The settings that decide what views show."""
 
 
@@ -76,7 +75,7 @@ def _view(
     """Make one view of all images, of their labels, or of both."""
     sums = np.array([zlib.crc32(image.tobytes()) for image in images], np.uint32)
     draws = np.stack([_draws(view, int(checksum)) for checksum in sums])
-    see = _viewer(looks(settings), which)
+    see = _viewer(settings.augment_spec, which)
 
     def some(picks: np.ndarray) -> tuple[Array, ...]:
         return see(images[picks], labels[picks], draws[picks], sums[picks] ^ np.uint32(view))
@@ -91,16 +90,11 @@ def _draws(view: int, checksum: int) -> Float32[np.ndarray, " draws"]:
     return draws
 
 
-def looks(settings: TrainSettings) -> TrainSettings:
-    """The settings that decide the views; all other fields have their defaults."""
-    return replace(TrainSettings(), **{name: getattr(settings, name) for name in LOOKS})
-
-
 @lru_cache(maxsize=8)
-def _viewer(settings: TrainSettings, which: tuple[int, ...]) -> Callable[..., tuple[Array, ...]]:
+def _viewer(spec: AugmentSpec, which: tuple[int, ...]) -> Callable[..., tuple[Array, ...]]:
     def one(image: Array, label: Array, draws: Array, number: Array) -> tuple[Array, ...]:
         key = jax.random.fold_in(jax.random.key(SEED), number)
-        x, y = augment(image[None], label[None], draws[None], settings, key)
+        x, y = augment(image[None], label[None], draws[None], spec, key)
         both = jnp.round(255 * x[0]).astype(jnp.uint8), y[0]
         return tuple(both[k] for k in which)
 

@@ -13,7 +13,7 @@ from seg.nets.head import STATISTICS, OnTrunk
 from seg.nets.ops.normalise import normalise
 from seg.nets.trunks import TRUNKS, trunk
 from seg.nets.vgg16 import VGG16
-from seg.settings import VGG_NETS, Dtype, TrainSettings
+from seg.settings import VGG_NETS, Dtype, NetSpec
 
 _NETS: dict[str, Callable[..., nn.Module]] = {
     "compact": Compact,
@@ -64,16 +64,18 @@ def net(
     return _NETS[name](classes=classes, dtype=computed, **options)
 
 
-def net_of(settings: TrainSettings, classes: int) -> nn.Module:
-    """The net that some settings train."""
-    options: dict[str, Any] = {}
-    if settings.has_trunk:
-        options = {
-            "weights": settings.weights,
-            "width": settings.head_width,
-            "dropout": settings.head_dropout,
-        }
-    return net(settings.net, classes, settings.dtype, settings.norm, **options)
+def net_of(spec: NetSpec, classes: int) -> nn.Module:
+    """The network that some settings train, from their `net_spec`."""
+    if spec.backbone is None:
+        return net(spec.net, classes, spec.dtype, spec.norm)
+    return net(
+        spec.net,
+        classes,
+        spec.dtype,
+        weights=spec.backbone.weights,
+        width=spec.head_width,
+        dropout=spec.head_dropout,
+    )
 
 
 def variables_of(trained: Any) -> Any:

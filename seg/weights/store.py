@@ -158,7 +158,7 @@ def check(settings: TrainSettings, classes: int) -> None:
     if settings.has_trunk:
         trunk_of(settings).load()
     elif settings.weights is not None:
-        module = net_of(settings, classes)
+        module = net_of(settings.net_spec, classes)
         blank = jax.ShapeDtypeStruct((1, 64, 64, 3), np.float32)
         shapes = jax.eval_shape(module.init, jax.random.key(0), blank)["params"]
         load(settings.weights, settings.net, shapes)

@@ -22,7 +22,7 @@ def random_batch(seed):
 
 def augmented(rng, images, labels, **switches):
     given = map(jnp.asarray, (images, labels, draw(rng, len(images))))
-    return augment(*given, TrainSettings(**switches), jax.random.key(0))
+    return augment(*given, TrainSettings(**switches).augment_spec, jax.random.key(0))
 
 
 def test_mirror_and_blur_by_hand():

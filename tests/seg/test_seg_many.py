@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from seg import TrainingError, TrainSettings, predict_heads, train, train_many
+from seg.at_once import padded
 from seg.beside import TrainingSet, training_set
 from seg.data import LabelledImages
-from seg.many import padded
 from seg.metrics import confusion_matrix
 from seg.nets.trunks import trunk_of
 
@@ -109,7 +109,10 @@ def test_neighbours_and_padding_change_nothing():
     sets = [images_of(count, HEAD, count) for count in (3, 4, 2)]
     whole = train_many([1, 2, 3], sets, HEAD, CLASSES)
     assert whole.confusions is None
-    alone = train_many([2, 1], [sets[1], sets[0]], HEAD, CLASSES)
+    steps = []
+    progress = lambda step, loss: steps.append((step, np.isfinite(loss)))  # noqa: E731
+    alone = train_many([2, 1], [sets[1], sets[0]], HEAD, CLASSES, progress=progress)
+    assert steps == [(4, True)]
     assert_close(alone.variables(0), whole.variables(1), atol=1e-5)
     assert_close(alone.variables(1), whole.variables(0), atol=1e-5)
 

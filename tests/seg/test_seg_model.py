@@ -17,7 +17,7 @@ from seg.card import card as card_of
 from seg.data.labelled import fitted
 from seg.model import CONFIG, SHIPPED, WEIGHTS, Model, classes_of, label_classes, load_model
 from seg.model import shipped as shipped_models
-from seg.train import _of_net, _predictor, logits, outline, predict, train
+from seg.train import _predictor, logits, outline, predict, train
 from tests.conftest import refused
 
 from .conftest import assert_same, drawn, pixels, toy
@@ -59,11 +59,11 @@ def saved(compact, tmp_path):
 
 def test_weights_go_to_the_device_once(compact, saved, monkeypatch):
     assert all(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(load_model(saved).variables))
-    seen, run = [], _predictor(_of_net(COMPACT), 3, "labels")
+    seen, run = [], _predictor(COMPACT.net_spec, 1, 3, "labels")
 
-    def noting(variables, batch):
+    def noting(variables, batch, size):
         seen.append(jax.tree.leaves(variables))
-        return run(variables, batch)
+        return run(variables, batch, size)
 
     monkeypatch.setattr(sys.modules["seg.train"], "_predictor", lambda *_: noting)
     predict(jax.tree.map(np.asarray, compact.variables), pixels(4, *SIZE, 3), COMPACT, 3)

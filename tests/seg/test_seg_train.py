@@ -97,7 +97,7 @@ def test_heads_are_nets_of_their_own_whose_mean_logits_count():
     told = []
     net = train(5, images, labels, settings, 11, progress=lambda *args: told.append(args[0]))
     assert told == [4, 8, 12]
-    heads = heads_of(net, settings)
+    heads = heads_of(net, settings.heads)
     assert_same(heads[0], train(5, images, labels, alone, 11))
     kernels = net["params"]["head"]["project"]["kernel"]
     assert len({kernel.tobytes() for kernel in np.asarray(kernels)}) == len(kernels) == 3
@@ -112,6 +112,15 @@ def test_heads_are_nets_of_their_own_whose_mean_logits_count():
     assert shapes[0] == shapes[1]
     further = train(6, images, labels, replace(settings, lr=1e-6), 11, params=net)
     assert_close(further, net, atol=1e-4)
+    steps = []
+    options = {"stepwise": False, "progress": lambda *args: steps.append(args[0])}
+    at_once = train(5, images, labels, settings, 11, **options)
+    assert steps == [12]
+    assert_close(at_once, net, rtol=1e-3, atol=1e-4)
+    at_once = train(6, images, labels, replace(settings, lr=1e-6), 11, params=net, **options)
+    assert_close(at_once, further, rtol=1e-3, atol=1e-4)
+    with pytest.raises(TrainingError, match="loss is nan after 4 of 4 steps"):
+        train(5, images, labels, replace(settings, lr=1e30), 11, **options)
     with pytest.raises(ValueError, match="checkpoints are of nets of one head"):
         train(5, images, labels, settings, 11, checkpoints=2)
 

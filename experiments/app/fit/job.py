@@ -88,7 +88,7 @@ def _initial_variables(config: FitConfig, target: Target) -> Params:
     ):
         if expected != actual:
             raise UserError(f"--init {config.init}: a model with {flag} {actual}, not {expected}")
-    heads = heads_of(model.variables, model.settings)
+    heads = heads_of(model.variables, model.settings.heads)
     return stacked([heads[k % len(heads)] for k in range(train.heads)])
 
 

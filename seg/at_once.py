@@ -1,0 +1,159 @@
+"""Trains networks of one shape at once: one compiled step, vectorised over training sets and heads.
+
+One small network keeps a GPU busy for a fraction of its time. XLA's CPU backend is slow at convolutions
+inside a loop, so that a CPU trains them one after the other (`seg.train`).
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from itertools import pairwise
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float32
+
+from seg.prepare import CHUNK, Prepared, error_of, first_variables, head_seeds
+from seg.settings import TrainSettings
+from seg.step import Data, Plan, Variables, functions, plan
+
+
+def padded(count: int) -> int:
+    """The least of 1, 2, 3, 4, 6, 8, 12, 16, 24 ... that is not below a count.
+
+    Arrays of these lengths serve for all counts, so that few shapes are compiled.
+    """
+    power = 1 << max(count - 1, 0).bit_length()
+    return 3 * power // 4 if power > 2 and count <= 3 * power // 4 else power
+
+
+def train_at_once(
+    seeds: Sequence[int],
+    sets: Sequence[Prepared],
+    settings: TrainSettings,
+    classes: int,
+    progress: Callable[[int, float], None] | None = None,
+    starts: Sequence[Variables] | None = None,
+) -> tuple[Variables, list[str | None]]:
+    """Train all heads of all networks at once.
+
+    Args:
+        seeds: one for each network.
+        sets: what each network trains on.
+        settings: of every training.
+        classes: the networks' number of classes.
+        progress: called every 50 steps with their number and the mean loss.
+        starts: variables of the first network's heads, from which every network starts; None for fresh ones.
+
+    Returns:
+        Variables as those of `train`, stacked along a first axis; and for each network the error of its
+        training, or None.
+    """
+    compiled = functions(settings, classes)
+    seeds_of = [head_seeds(seed, settings.heads) for seed in seeds]
+    data = jax.device_put(_stacked(sets, seeds_of))
+    if starts is None:
+        variables = _fresh(seeds_of, sets, data, settings, classes)
+    else:
+        heads = jax.tree.map(lambda *leaves: jnp.stack(leaves), *starts)
+        variables = jax.tree.map(
+            lambda leaf: jnp.broadcast_to(leaf, (len(sets), *leaf.shape)), heads
+        )
+    states = jax.vmap(jax.vmap(compiled.resume))(variables)
+    rows = _plans(seeds_of, sets, settings)
+    losses: list[Array] = []
+    for start, stop in pairwise([*range(0, settings.steps, CHUNK), settings.steps]):
+        states, of_chunk = compiled.many(states, data, rows.rows(slice(start, stop)))
+        losses.append(of_chunk[-1])
+        if progress is not None:
+            progress(stop, float(jnp.mean(of_chunk[-1])))
+    trained = states.trained
+    # Heads share their set's statistics; a single head has no axis.
+    fixed = {name: tree for name, tree in trained.items() if name != "params"}
+    one_head = fixed if settings.heads > 1 else trained
+    without_axis = jax.tree.map(lambda leaf: leaf[:, 0], one_head)
+    checked = np.stack([np.asarray(loss) for loss in losses], axis=-1)
+    return {**trained, **without_axis}, [_first_error(own, settings) for own in checked]
+
+
+def _first_error(
+    losses: Float32[np.ndarray, "heads checks"], settings: TrainSettings
+) -> str | None:
+    """The error of the first head whose loss was not finite at a check."""
+    steps = [*range(CHUNK, settings.steps, CHUNK), settings.steps]
+    errors = (
+        error_of(float(loss), step, settings)
+        for of_head in losses
+        for loss, step in zip(of_head, steps, strict=True)
+    )
+    return next(filter(None, errors), None)
+
+
+def _plans(
+    seeds: Sequence[Sequence[int]], sets: Sequence[Prepared], settings: TrainSettings
+) -> Plan:
+    """The plans of all heads, of axes steps, sets and heads; they share the schedule."""
+    plans = [
+        [plan(seed, own.counts, settings, own.share) for seed in of_set]
+        for of_set, own in zip(seeds, sets, strict=True)
+    ]
+    picks, draws = (
+        np.moveaxis(np.array([[getattr(p, name) for p in row] for row in plans]), 2, 0)
+        for name in ("picks", "draws")
+    )
+    return plans[0][0]._replace(picks=picks, draws=draws)
+
+
+def _stacked(sets: Sequence[Prepared], seeds: Sequence[Sequence[int]]) -> Data:
+    """The data of all sets, padded to one number of images."""
+    rows = padded(max(sum(own.counts) for own in sets))
+
+    def column(of_sets: list[list[Any]]) -> np.ndarray:
+        first = of_sets[0][0]
+        stacked = np.zeros((len(sets), rows, *first.shape[1:]), first.dtype)
+        for row, parts in zip(stacked, of_sets, strict=True):
+            start = 0
+            for part in parts:
+                row[start : start + len(part)] = part
+                start += len(part)
+        return stacked
+
+    inputs: Any
+    if isinstance(sets[0].inputs[0], tuple):
+        maps = range(len(sets[0].inputs[0]))
+        inputs = tuple(column([[part[m] for part in own.inputs] for own in sets]) for m in maps)
+    else:
+        inputs = column([list(own.inputs) for own in sets])
+    labels = column([list(own.labels) for own in sets])
+    weights = np.stack([own.class_weights for own in sets])
+    return Data(inputs, labels, weights, np.array(seeds, np.uint32))
+
+
+def _fresh(
+    seeds: Sequence[Sequence[int]],
+    sets: Sequence[Prepared],
+    data: Data,
+    settings: TrainSettings,
+    classes: int,
+) -> Variables:
+    """The variables before the first step, of axes sets and heads."""
+    compiled = functions(settings, classes)
+    blank = jax.tree.map(lambda leaf: jnp.zeros((1, *leaf.shape[2:]), leaf.dtype), data.images)
+
+    def random(seed: Array) -> Any:
+        return compiled.init(seed, blank).params
+
+    params = jax.vmap(jax.vmap(random))(jnp.array(seeds, jnp.uint32))
+    if not settings.has_trunk and settings.weights is None:
+        return {"params": params}
+    params = jax.device_get(params)
+
+    def of_head(number: int, head: int) -> Variables:
+        own = jax.tree.map(lambda leaf: leaf[number, head], params)
+        return first_variables(own, settings, sets[number].statistics)
+
+    def stack(trees: Iterable[Variables]) -> Variables:
+        return jax.tree.map(lambda *leaves: np.stack(leaves), *trees)
+
+    heads = range(settings.heads)
+    return stack(stack(of_head(number, head) for head in heads) for number in range(len(sets)))
