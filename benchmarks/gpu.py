@@ -1,204 +1,281 @@
-"""Checks a machine with a GPU in one command: tests, rendering, nets, and the paper's search.
+"""Measures what networks cost on a GPU, beside PyTorch where it is installed, in at most eight minutes.
 
-    python -m benchmarks.gpu --data CAMVID --weights vgg16.npz --tests --json gpu.json
-    python -m benchmarks.gpu --small                                    # a minute on a CPU: does it run?
+    python -m benchmarks.gpu --out gpu.jsonl        # continues a file that is there
+    python -m benchmarks.gpu --tiny                 # everything tiny, a minute on a CPU: does it run?
 
-It measures the seconds of a rendered image by both renderers (`opengl` through EGL uses the card), of the
-first updates, most of which XLA compiles (minutes on a GPU), of an update and a prediction in float32 and
-bfloat16, of lite0's features, and of one whole reward of `--preset paper` on CamVid. From these it computes
-the time of the paper's search: 300 rewards of 180 images and 1000 updates, which took the authors 52 hours on
-one RTX 2080 Ti. Only the JSON stays on the disk.
+It measures the head of one reward alone and 32 at once, features of 96 images in batches of 8 and in one
+batch, and steps of fcn8s and of a tuned lite0. Each row has the seconds of the first call, most of which XLA
+compiles, and the milliseconds of a later one. A row is written as soon as it is measured; rows that the file
+has of this device are not measured again.
 """
 
 from __future__ import annotations
 
-import subprocess
+import gc
+import statistics
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
-from benchmarks.report import Row, machine, parser, table, timed, write
-from benchmarks.train import random_truth
-from common.errors import UserError
-from experiments.config import Fidelity, MainConfig
-from experiments.config.presets import defaults
-from experiments.evaluation.in_worker import evaluate_miou, render
-from experiments.evaluation.job import Recipe
-from scene.assets.catalogue import AssetPool
-from scene.proposal import default_proposal
-from scene.render import RendererError
-from seg.classes import class_table
-from seg.data import LabelledImages, read_split
+from benchmarks.report import Row, count, machine, parser, table, timed, write
+from common.lines import JsonLines
+from seg import step
+from seg.data import LabelledImages
+from seg.many import train_many
+from seg.nets.lite import STRIDES, Block, Lite, channels_of
+from seg.nets.ops.depthwise import ON_ACCELERATORS
+from seg.nets.trunks import TRUNKS, Trunk, trunk_of
+from seg.prepare import first_variables
 from seg.pyramid import features
-from seg.recipes import with_net
+from seg.recipes import RECIPES
 from seg.settings import TrainSettings
-from seg.train import predict, train
+from seg.step import Data, functions, plan
+from seg.train import train
 
-PAPER_HOURS = 52
-"""Hours of the whole search on one RTX 2080 Ti. Source: the paper, section 4."""
-TABLE = "camvid"
-NETS = ("fcn8s", "deeplabv2", "lite0", "compact")
-SMALL = ("compact", "lite0")
-CHUNK = 50
-"""Updates between two readings of the clock; `seg.train` checks the loss as often."""
-
-
-def rendering(fidelity: Fidelity, names: list[str]) -> list[Row]:
-    """Seconds of an image in one process by every renderer of this machine."""
-    rows = []
-    for name in names:
-        recipe = Recipe(fidelity, TABLE, name, AssetPool())
-        brief = recipe._replace(fidelity=replace(fidelity, streets=1))
-        try:
-            render(brief, default_proposal(), 1)  # compiles programs and builds assets
-            seconds, _ = timed(partial(render, recipe, default_proposal(), 0))
-        except RendererError as error:
-            print(f"{name}: {error}", file=sys.stderr)
-            continue
-        rows.append(_row("image", name, "", fidelity, seconds / fidelity.images))
-    return rows
+CLASSES = 11
+REPEATS = 5
+SECONDS = 480
+"""No row is begun after these, so that one call of ten minutes is enough."""
+NARROW = (Block(3, 1, 1, 8), *(Block(3, 2, 2, 8) for _ in range(4)))
+"""The blocks of a Lite for `--tiny`, which a CPU compiles in seconds."""
 
 
-def nets(fidelity: Fidelity, names: Sequence[str], updates: int) -> list[Row]:
-    """Seconds of first updates, with compilation, of an update, and of an image's prediction and features."""
-    classes = len(class_table(TABLE).classes)
-    images, labels, *_ = random_truth(fidelity, 16, classes)
-    rows = []
-    for name in names:
-        for dtype in ("float32", "bfloat16"):
-            own = with_net(fidelity.train, net=name)
-            settings = replace(own, dtype=dtype, steps=updates + CHUNK)
-            first, seconds, params = _update(settings, images, labels, classes)
-            rows.append(_row(f"first {CHUNK}", name, dtype, fidelity, first, settings.batch))
-            rows.append(_row("update", name, dtype, fidelity, seconds, settings.batch))
-            passes: dict[str, Callable[[], Any]] = {
-                "prediction": partial(predict, params, images, settings, classes)
-            }
-            if settings.frozen:
-                passes["features"] = partial(features, images, settings)
-            for what, run in passes.items():
-                run()  # compiles
-                rows.append(_row(what, name, dtype, fidelity, timed(run)[0] / len(images)))
-    return rows
+class Sizes(NamedTuple):
+    """How large everything is."""
+
+    frozen: TrainSettings  # of the reward's head
+    reward: tuple[int, int] = (176, 240)  # height and width
+    images: int = 96  # of a reward
+    networks: int = 32  # trained at once
+    whole: TrainSettings = replace(RECIPES["paper"], net="fcn8s")
+    whole_size: tuple[int, int] = (320, 640)
+    tuned: TrainSettings = replace(RECIPES["lite0-tuned"], batch=16)
+    tuned_size: tuple[int, int] = (360, 480)
+    chunk: int = 50  # steps of a call
 
 
-def _update(
-    settings: TrainSettings, images: np.ndarray, labels: np.ndarray, classes: int
-) -> tuple[float, float, Any]:
-    """Seconds of the first `CHUNK` updates, with compilation, and of one afterwards; and the parameters."""
-    started = time.perf_counter()
-    looks: list[tuple[int, float]] = []
-    params = train(
-        0, images, labels, settings, classes,
-        lambda step, _: looks.append((step, time.perf_counter())),
-    )  # fmt: skip
-    (first, began), (last, ended) = looks[0], looks[-1]
-    return began - started, (ended - began) / (last - first), params
+FULL = Sizes(replace(RECIPES["lite0-frozen"], steps=150))
+TINY = Sizes(
+    replace(RECIPES["lite0-frozen"], net="narrow", steps=2, warmup=0),
+    reward=(32, 32),
+    images=4,
+    networks=2,
+    whole=replace(RECIPES["compact"], batch=2),
+    whole_size=(16, 24),
+    tuned=replace(RECIPES["lite0-tuned"], net="narrow", batch=2),
+    tuned_size=(32, 32),
+    chunk=2,
+)
 
 
-def _row(
-    what: str, of: str, dtype: str, fidelity: Fidelity, seconds: float, batch: int | None = None
-) -> Row:
-    print(f"{what} {of} {dtype} {1000 * seconds:.3g} ms", file=sys.stderr, flush=True)
+class Figure(NamedTuple):
+    """One row to measure."""
+
+    name: str
+    prepare: Callable[[], Callable[[], Any]]  # gives a call that is measured
+    share: int = 1  # what a call makes, such as networks or steps, which `ms` is divided by
+
+
+def narrow() -> None:
+    """Add the narrow Lite, with random weights, to the known backbones."""
+    module = Lite(NARROW)
+    params = jax.jit(module.init)(jax.random.key(0), jnp.zeros((1, 32, 32, 3)))["params"]
+    TRUNKS["narrow"] = lambda _: Trunk(module, STRIDES, channels_of(NARROW), lambda: params, {})
+
+
+def noise(count: int, size: tuple[int, int], seed: int = 0) -> LabelledImages:
+    """Images and labels of noise."""
+    rng = np.random.default_rng(seed)
+    images = rng.integers(0, 256, (count, *size, 3), np.uint8)
+    return LabelledImages(images, rng.integers(0, CLASSES, (count, *size), np.uint8))
+
+
+def with_features(images: LabelledImages, settings: TrainSettings, views: int) -> LabelledImages:
+    """Add features of noise, since their values do not matter for time."""
+    rng, backbone = np.random.default_rng(0), trunk_of(settings)
+    rows, h, w = views * len(images.images), *images.images.shape[1:3]
+    maps = tuple(
+        rng.random((rows, -(-h // stride), -(-w // stride), c), np.float32).astype(np.float16)
+        for stride, c in zip(backbone.strides, backbone.channels, strict=True)
+    )
+    return images._replace(features=maps)
+
+
+def figures(sizes: Sizes) -> Iterator[Figure]:
+    """All rows, those first that are measured fast."""
+    settings = sizes.frozen
+    reward = partial(noise, sizes.images, sizes.reward)
+
+    def head() -> Callable[[], Any]:
+        own = with_features(reward(), settings, settings.views)
+        return lambda: train(0, *own[:2], settings, CLASSES, features=own.features)
+
+    def heads(tested: bool) -> Callable[[], Any]:
+        own = with_features(reward(), settings, settings.views)
+        test = with_features(reward(), settings, 1) if tested else None
+        many = sizes.networks
+        return lambda: train_many(range(many), [own] * many, settings, CLASSES, test=test)
+
+    def extracted(batch: int) -> Callable[[], Any]:
+        return partial(features, reward().images, settings, batch)
+
+    backbone = settings.net
+    yield Figure(f"head of a reward on {backbone}, alone", head)
+    for tested in (False, True):
+        name = f"head of a reward on {backbone}, {sizes.networks} at once"
+        with_test = f", tested on {sizes.images} images" if tested else ""
+        yield Figure(name + with_test, partial(heads, tested), sizes.networks)
+    for batch in (8, sizes.images):
+        name = f"features of {sizes.images} images by {backbone}, batches of {batch}"
+        yield Figure(name, partial(extracted, batch))
+    for dtype in ("float32", "bfloat16"):
+        own = replace(sizes.whole, dtype=dtype)
+        yield from steps(own, sizes.whole_size, sizes.chunk)
+    own = replace(sizes.tuned, dtype="bfloat16")
+    for way in ("shifts", "grouped"):
+        yield from steps(own, sizes.tuned_size, sizes.chunk, way)
+
+
+def steps(
+    settings: TrainSettings, size: tuple[int, int], chunk: int, depthwise: str | None = None
+) -> Iterator[Figure]:
+    """Steps of a whole network by JAX, and by PyTorch where it is installed."""
+    name = f"step of {settings.net}, {size[1]}x{size[0]}, batch {settings.batch}, {settings.dtype}"
+    images = noise(settings.batch, size)
+
+    def ours() -> Callable[[], Any]:
+        ON_ACCELERATORS.set("shifts" if depthwise == "shifts" else "grouped")
+        step._compiled.cache_clear()  # otherwise the way that was traced first is kept
+        compiled = functions(settings, CLASSES)
+        state = None
+        data = jax.device_put(
+            Data(images.images, images.labels, np.ones(CLASSES, np.float32), np.uint32(0))
+        )
+        rows = plan(0, settings.batch, replace(settings, steps=chunk, warmup=0)).rows(slice(None))
+
+        def call() -> Any:
+            nonlocal state
+            if state is None:
+                params = compiled.init(np.uint32(0), data.images).params
+                width = sum(trunk_of(settings).channels) if settings.has_trunk else 0
+                identity = (np.zeros(width, np.float32), np.ones(width, np.float32))
+                start = first_variables(params, settings, identity)
+                state = compiled.resume(jax.tree.map(jnp.array, start))
+            state, losses = compiled.steps(state, data, rows)
+            return losses
+
+        return call
+
+    yield Figure(name + (f", {depthwise} depthwise" if depthwise else ""), ours, chunk)
+    if has_torch() and depthwise != "shifts" and settings.net != "narrow":
+        yield Figure(f"{name}, PyTorch", partial(torch_steps, settings, images, chunk), chunk)
+
+
+def has_torch() -> bool:
+    """Whether PyTorch is installed."""
+    try:
+        import torch  # noqa: F401
+    except ImportError:
+        return False
+    return True
+
+
+def torch_steps(settings: TrainSettings, images: LabelledImages, chunk: int) -> Callable[[], Any]:
+    """The same steps in PyTorch, without augmentation, which it lacks; channels last, automatic precision."""
+    import torch
+
+    from benchmarks.torch_nets import NETS, images_of
+    from seg.nets.ops.normalise import MEAN, STD
+
+    device = "cuda" if torch.cuda.is_available() else "cpu"
+    torch.backends.cudnn.benchmark = True
+    module = NETS[settings.net](CLASSES).to(device, memory_format=torch.channels_last).train()
+    pixels = images_of(images.images).to(device)
+    target = torch.from_numpy(images.labels).long().to(device)
+    mean, deviation = (torch.tensor(v, device=device)[None, :, None, None] for v in (MEAN, STD))
+    optimizer: Any = torch.optim.SGD(module.parameters(), 0.0, momentum=0.9)
+    if settings.optimizer == "adam":
+        optimizer = torch.optim.Adam(module.parameters(), 0.0)
+    half = settings.dtype == "bfloat16"
+
+    def call() -> None:
+        for _ in range(chunk):
+            optimizer.zero_grad(set_to_none=True)
+            x = ((pixels.float() / 255 - mean) / deviation).contiguous(
+                memory_format=torch.channels_last
+            )
+            with torch.autocast(device, torch.bfloat16, enabled=half):
+                logits = module(x)
+            torch.nn.functional.cross_entropy(logits.float(), target).backward()
+            optimizer.step()
+        if device == "cuda":
+            torch.cuda.synchronize()
+
+    return call
+
+
+def measured(figure: Figure) -> Row:
+    """Seconds of the first call, and milliseconds of a later one (the median) for each of what it makes."""
+    call = figure.prepare()
+
+    def run() -> None:
+        result = call()
+        jax.block_until_ready(getattr(result, "stacked", result))
+
+    first, _ = timed(run)
+    seconds = [timed(run)[0] for _ in range(REPEATS)]
+    gc.collect()
     return {
-        "what": what, "of": of, "dtype": dtype, "size": fidelity.size, "batch": batch,
-        "ms": 1000 * seconds,
-    }  # fmt: skip
-
-
-def reward(fidelity: Fidelity, truth: LabelledImages, renderer: str) -> Row:
-    """One evaluation as in a search, the second one of its process."""
-    recipe = Recipe(fidelity, TABLE, renderer, AssetPool())
-    for seed in (0, 1):
-        outcome = evaluate_miou(recipe, default_proposal(), seed, truth)
-    return {
-        "renderer": renderer, "net": fidelity.train.net, "size": fidelity.size,
-        "images": fidelity.images, "updates": fidelity.train.steps, "scored": len(truth.images),
-        "render_s": outcome.render_seconds, "train_s": outcome.train_seconds,
-        "miou": 100 * outcome.reward,
-    }  # fmt: skip
-
-
-def projected(rewards: int, own: Row, cores: int) -> Row:
-    """Hours of a search of so many rewards: one after the other, and with rendering beside training."""
-    serial = own["render_s"] + own["train_s"]
-    beside = max(own["render_s"] / max(cores - 1, 1), own["train_s"])
-    return {
-        "rewards": rewards,
-        "hours_one_by_one": rewards * serial / 3600,
-        "hours_rendering_beside": rewards * beside / 3600,
-        "first_to_saturate": "rendering" if beside > own["train_s"] else "training",
-        "the_paper": PAPER_HOURS,
+        "what": figure.name,
+        "first_s": first,
+        "ms": 1000 * statistics.median(seconds) / figure.share,
     }
-
-
-def tests(words: list[str]) -> Row:
-    """Run the tests in a new process; their last line."""
-    command = [sys.executable, "-m", "pytest", "-q", *words]
-    run = partial(subprocess.run, command, capture_output=True, text=True, check=False)
-    seconds, found = timed(run)
-    lines = found.stdout.strip().splitlines() or found.stderr.strip().splitlines() or [""]
-    return {
-        "tests": " ".join(words), "exit_code": found.returncode, "said": lines[-1],
-        "seconds": seconds,
-    }  # fmt: skip
-
-
-def _real_images(data: Path, fidelity: Fidelity) -> LabelledImages:
-    return read_split(TABLE, data, "train", (fidelity.height, fidelity.width))
 
 
 def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
     command = parser(__doc__)
-    command.add_argument("--data", type=Path, help="folder of CamVid; by default noise")
-    command.add_argument("--weights", help="of VGG16, from `sdr-jax weights`; by default none")
-    command.add_argument("--nets", nargs="+", choices=NETS, help="nets to time")
-    command.add_argument("--renderers", nargs="+", default=["opengl", "embree"])
-    command.add_argument("--tests", action="store_true", help="also run the tests, with slow ones")
-    command.add_argument("--small", action="store_true", help="everything tiny: does it run?")
+    add = command.add_argument
+    add("--out", type=Path, help="file of the rows, one line each; continued if it is there")
+    add("--only", default="", help="measure rows whose name contains this")
+    add("--tiny", action="store_true", help="everything tiny: does it run?")
+    seconds = f"begin no row after so many seconds ({SECONDS})"
+    add("--seconds", type=partial(count, 0), default=SECONDS, help=seconds)
     options = command.parse_args(arguments)
-    config = defaults(MainConfig, "camvid", "smoke" if options.small else "paper")
-    fidelity, updates, tested = config.reward, 300, 266
-    if options.small:
-        updates, tested = CHUNK, 4
-    timed = options.nets or (SMALL if options.small else NETS)
-    if options.weights:
-        own = with_net(fidelity.train, net=fidelity.train.net, weights=options.weights)
-        fidelity = replace(fidelity, train=own)
-    devices = [str(device) for device in jax.devices()]
-    print(f"{jax.default_backend()}: {', '.join(devices)}", flush=True)
-    try:
-        truth = random_truth(fidelity, tested)
-        if options.data is not None:
-            truth = _real_images(options.data, fidelity)
-        rows = rendering(fidelity, options.renderers)
-        rows += nets(fidelity, timed, updates)
-        print(table(rows), flush=True)
-        usable = [row["of"] for row in rows if row["what"] == "image"]
-        rewards = [reward(fidelity, truth, name) for name in usable]
-    except (UserError, ValueError) as error:
-        command.error(str(error))
-    count = config.search.updates_per_group * len(config.groups) * config.search.datasets_per_update
-    cores = machine()["cores"]
-    plans = [{"renderer": own["renderer"], **projected(count, own, cores)} for own in rewards]
-    print(f"\n{table(rewards)}\n\n{table(plans)}", flush=True)
-    chosen = ["tests/test_imports.py"] if options.small else ["tests"]
-    done = [tests(chosen)] if options.tests else []
-    for row in done:
-        print(f"\n{row['tests']}: {row['said']}", flush=True)
-    write(
-        options.json, backend=jax.default_backend(), devices=devices,
-        rows=rows, rewards=rewards, plans=plans, tests=done,
-    )  # fmt: skip
-    return max((abs(row["exit_code"]) for row in done), default=0)
+    if options.tiny:
+        narrow()
+    jax.config.update("jax_enable_compilation_cache", False)  # compilation is measured
+    device = jax.devices()[0].device_kind
+    key = {"device": device, "backend": jax.default_backend(), "jax": jax.__version__}
+    lines = JsonLines(options.out)
+    known = {row["what"] for row in lines.lines if key.items() <= row.items()}
+    started, left = time.perf_counter(), 0
+    for figure in figures(TINY if options.tiny else FULL):
+        if options.only not in figure.name or figure.name in known:
+            continue
+        if time.perf_counter() - started > options.seconds:
+            left += 1
+            continue
+        row = measured(figure) | key
+        lines.append(row)
+        print(f"{row['what']}: {row['ms']:.3g} ms, first {row['first_s']:.3g} s", flush=True)
+    rows = [row for row in lines.lines if key.items() <= row.items()]
+    if rows:
+        print(
+            f"\n{device}\n{table([{k: row[k] for k in ('what', 'first_s', 'ms')} for row in rows])}"
+        )
+    if left:
+        print(f"\n{left} rows are left: run it again with the same --out", flush=True)
+    write(options.json, rows=rows, cores=machine()["cores"])
+    return 0
 
 
 if __name__ == "__main__":

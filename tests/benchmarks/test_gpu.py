@@ -1,29 +1,48 @@
-"""The check of a machine with a GPU, in its small form."""
+"""The benchmark of a GPU, in its tiny form."""
 
 import json
 
+import jax
 import pytest
 
 from benchmarks import gpu
+from benchmarks.gpu import FULL, figures
+from seg.nets.trunks import TRUNKS
+
+
+@pytest.fixture(autouse=True)
+def other_tests_have_their_cache_and_backbones(monkeypatch):
+    monkeypatch.setitem(TRUNKS, "narrow", None)  # the key goes at the end
+    yield
+    jax.config.update("jax_enable_compilation_cache", True)
+
+
+def test_rows_are_written_at_once_and_not_measured_again(tmp_path, capsys, monkeypatch):
+    out = tmp_path / "gpu.jsonl"
+    flags = ["--tiny", "--out", str(out), "--only"]
+    assert gpu.main([*flags, "features", "--seconds", "0"]) == 0
+    assert "2 rows are left" in capsys.readouterr().out and not out.exists()
+    assert gpu.main([*flags, "features"]) == 0
+    first = out.read_text()
+    assert [json.loads(line)["what"] for line in first.splitlines()] == [
+        "features of 4 images by narrow, batches of 8",
+        "features of 4 images by narrow, batches of 4",
+    ]
+    out.write_text(
+        first + '{"what": "half'
+    )  # a row that was being written when the machine stopped
+    monkeypatch.setattr(gpu, "measured", lambda figure: pytest.fail(figure.name))
+    assert gpu.main([*flags, "features"]) == 0
+    assert out.read_text().startswith(first)
 
 
 @pytest.mark.slow
-def test_the_small_form_does_all_of_it(tmp_path, capsys):
-    out = tmp_path / "gpu.json"
-    flags = ["--small", "--tests", "--nets", "compact", "--renderers", "embree", "--json", str(out)]
-    assert gpu.main(flags) == 0
-    found = json.loads(out.read_text())
-    assert [(row["what"], row["dtype"]) for row in found["rows"]] == [
-        ("image", ""),
-        ("first 50", "float32"), ("update", "float32"), ("prediction", "float32"),
-        ("first 50", "bfloat16"), ("update", "bfloat16"), ("prediction", "bfloat16"),
-    ]  # fmt: skip
-    assert min(row["ms"] for row in found["rows"]) > 0
-    assert " passed" in found["tests"][0]["said"] and "the_paper" in capsys.readouterr().out
-
-
-def test_a_search_of_the_papers_size_is_projected():
-    own = {"render_s": 30.0, "train_s": 60.0}
-    serial = gpu.projected(300, own, 1)
-    assert (serial["hours_one_by_one"], serial["hours_rendering_beside"]) == (7.5, 5.0)
-    assert gpu.projected(300, {**own, "render_s": 600.0}, 6)["first_to_saturate"] == "rendering"
+def test_every_row_of_the_tiny_form_is_measured(tmp_path):
+    out, report = tmp_path / "gpu.jsonl", tmp_path / "gpu.json"
+    assert gpu.main(["--tiny", "--out", str(out), "--json", str(report)]) == 0
+    rows = [json.loads(line) for line in out.read_text().splitlines()]
+    assert json.loads(report.read_text())["rows"] == rows
+    ours = [row["what"] for row in rows if "PyTorch" not in row["what"]]
+    assert len(ours) == 9 and all(row["ms"] > 0 and row["first_s"] > 0 for row in rows)
+    assert ours == [figure.name for figure in figures(gpu.TINY) if "PyTorch" not in figure.name]
+    assert len(ours) == len([f for f in figures(FULL) if "PyTorch" not in f.name])
