@@ -12,7 +12,7 @@ from common.errors import UserError, counted
 from common.files import IMAGES
 from common.labels.coco import CocoFile, has_annotations, read_coco_file
 from common.labels.listing import matches
-from experiments.app.doctor.pairs import SPLITS, Layout, joined, quoted
+from experiments.app.doctor.pairs import SPLITS, Layout, distance, joined, quoted
 
 MOST_FILES = 20
 """The most JSON files of a folder that may hold the labels of many images."""
@@ -43,7 +43,7 @@ def layout_of_coco(root: Path, files: Sequence[Path]) -> tuple[Layout | None, li
     parts: list[_Part] = []
     notes: list[str] = []
     for file, content in annotations:
-        labelled = {root / path for path in images if content.image_of(root / path)}
+        labelled = {root / path for path in _images_of(file, content, root, images)}
         if not labelled:
             example = f", such as {content.images[0].file_name}" if content.images else ""
             errors.append(f"{root / file}: none of its images{example}, is in {root}")
@@ -85,6 +85,22 @@ def _annotations(
             except UserError as error:
                 errors.append(str(error))
     return annotations, errors
+
+
+def _images_of(file: Path, content: CocoFile, root: Path, images: Sequence[Path]) -> list[Path]:
+    """The images of a file; where names are those of images in several folders, of the likeliest one."""
+    records = {path: image.id for path in images if (image := content.image_of(root / path))}
+    if len({*records.values()}) == len(records):
+        return [*records]
+    splits = {*_SPLIT.findall(file.as_posix().lower())}
+    sizes = Counter(path.parent for path in records)
+
+    def likelihood(folder: Path) -> tuple[bool, int, int]:
+        same_split = bool(splits & {*_SPLIT.findall(folder.as_posix().lower())})
+        return same_split, -distance(folder.as_posix(), file.parent.as_posix()), sizes[folder]
+
+    best = max(sorted(sizes), key=likelihood)
+    return [path for path in records if path.parent == best]
 
 
 def _pattern(images: Sequence[Path]) -> str:

@@ -233,7 +233,7 @@ def _pairs(parts: _Sorted) -> list[_Pair]:
             (
                 _common(image, label),
                 -bool(_MAPS.search(label.path_pattern)),
-                -_distance(image.folder, label.folder),
+                -distance(image.folder, label.folder),
                 bool(CITYSCAPES.search(label.pattern)),
                 -k,
             )
@@ -250,7 +250,7 @@ def _common(part: _Part, other: _Part) -> int:
     return common if 2 * common >= min(len(part.cores), len(other.cores)) else 0
 
 
-def _distance(folder: str, other: str) -> int:
+def distance(folder: str, other: str) -> int:
     """The number of folders that two paths do not share."""
     return len(set(PurePosixPath(folder).parts) ^ set(PurePosixPath(other).parts))
 
