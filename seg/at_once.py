@@ -73,7 +73,9 @@ def train_at_once(
     one_head = fixed if settings.heads > 1 else trained
     without_axis = jax.tree.map(lambda leaf: leaf[:, 0], one_head)
     checked = np.stack([np.asarray(loss) for loss in losses], axis=-1)
-    return {**trained, **without_axis}, [_first_error(own, settings) for own in checked]
+    return {**trained, **without_axis}, [
+        _first_error(set_losses, settings) for set_losses in checked
+    ]
 
 
 def _first_error(
@@ -94,19 +96,19 @@ def _plans(
 ) -> Plan:
     """The plans of all heads, of axes steps, sets and heads; they share the schedule."""
     plans = [
-        [plan(seed, own.counts, settings, own.share) for seed in of_set]
-        for of_set, own in zip(seeds, sets, strict=True)
+        [plan(seed, training_set.counts, settings, training_set.share) for seed in of_set]
+        for of_set, training_set in zip(seeds, sets, strict=True)
     ]
-    picks, draws = (
+    batch_indices, draws = (
         np.moveaxis(np.array([[getattr(p, name) for p in row] for row in plans]), 2, 0)
-        for name in ("picks", "draws")
+        for name in ("batch_indices", "draws")
     )
-    return plans[0][0]._replace(picks=picks, draws=draws)
+    return plans[0][0]._replace(batch_indices=batch_indices, draws=draws)
 
 
 def _stacked(sets: Sequence[Prepared], seeds: Sequence[Sequence[int]]) -> Data:
     """The data of all sets, padded to one number of images."""
-    rows = padded(max(sum(own.counts) for own in sets))
+    rows = padded(max(sum(training_set.counts) for training_set in sets))
 
     def column(of_sets: list[list[Any]]) -> np.ndarray:
         first = of_sets[0][0]
@@ -121,11 +123,14 @@ def _stacked(sets: Sequence[Prepared], seeds: Sequence[Sequence[int]]) -> Data:
     inputs: Any
     if isinstance(sets[0].inputs[0], tuple):
         maps = range(len(sets[0].inputs[0]))
-        inputs = tuple(column([[part[m] for part in own.inputs] for own in sets]) for m in maps)
+        inputs = tuple(
+            column([[part[m] for part in training_set.inputs] for training_set in sets])
+            for m in maps
+        )
     else:
-        inputs = column([list(own.inputs) for own in sets])
-    labels = column([list(own.labels) for own in sets])
-    weights = np.stack([own.class_weights for own in sets])
+        inputs = column([list(training_set.inputs) for training_set in sets])
+    labels = column([list(training_set.labels) for training_set in sets])
+    weights = np.stack([training_set.class_weights for training_set in sets])
     return Data(inputs, labels, weights, np.array(seeds, np.uint32))
 
 
@@ -149,8 +154,8 @@ def _fresh(
     params = jax.device_get(params)
 
     def of_head(number: int, head: int) -> Variables:
-        own = jax.tree.map(lambda leaf: leaf[number, head], params)
-        return first_variables(own, settings, sets[number].statistics)
+        head_params = jax.tree.map(lambda leaf: leaf[number, head], params)
+        return first_variables(head_params, settings, sets[number].statistics)
 
     def stack(trees: Iterable[Variables]) -> Variables:
         return jax.tree.map(lambda *leaves: np.stack(leaves), *trees)

@@ -1,4 +1,4 @@
-"""Random changes of pictures and labels: mirror, scale and crop, colour, blur, noise.
+"""Random changes of images and labels: mirror, scale and crop, colour, blur, noise.
 
 The randomness is an argument: `draw` makes uniform numbers on the host, `augment` is pure in images,
 numbers and (for noise, which has one number per value) a key, and runs inside the jitted training step.
@@ -25,7 +25,7 @@ MAX_SATURATION = 0.5  # distance from grey is scaled by 0.5 .. 1.5
 MAX_MIX = 0.25  # -0.25 .. 0.25 of each other channel's difference is added to a channel
 MAX_NOISE = 0.04  # standard deviation of the noise, of the range from black to white
 MAX_SCALE = 2.0  # sizes are multiplied by 1/2 .. 2
-GREY = 0.45  # fills the margin of a shrunk picture; about ImageNet's mean
+GREY = 0.45  # fills the margin of a shrunk image; about ImageNet's mean
 
 
 def draw(rng: np.random.Generator, *shape: int) -> Float32[np.ndarray, "*shape draws"]:
@@ -53,7 +53,8 @@ def scaled(
 ) -> tuple[Float[Array, "b h w c"], Integer[Array, "b h w"]]:
     """Enlarge or shrink each image about a random point, and cut it to its size; draws of 0.5 change nothing.
 
-    Pictures are interpolated, labels are taken from the nearest pixel; the margin is grey and void.
+    Images are interpolated, labels are taken from the nearest pixel. The margin is grey and has the ignore
+    label.
     """
     _, h, w, _ = images.shape
     times = MAX_SCALE ** (2 * draws[:, SCALE] - 1)
@@ -61,17 +62,17 @@ def scaled(
     down, right = ((1 - times) * n * draws[:, u] for n, u in ((h, DOWN), (w, RIGHT)))
 
     def one(image: Array, label: Array, times: Array, down: Array, right: Array) -> Any:
-        both, shift = jnp.stack([times, times]), jnp.stack([down, right])
+        factors, shift = jnp.stack([times, times]), jnp.stack([down, right])
         moved = jax.image.scale_and_translate(
-            image - GREY, image.shape, (0, 1), both, shift, "linear", antialias=True
+            image - GREY, image.shape, (0, 1), factors, shift, "linear", antialias=True
         )
         rows, cols = (
             jnp.floor((jnp.arange(n) + 0.5 - offset) / times).astype(jnp.int32)
             for n, offset in ((h, down), (w, right))
         )
         inside = ((rows >= 0) & (rows < h))[:, None] & ((cols >= 0) & (cols < w))[None, :]
-        found = label[jnp.clip(rows, 0, h - 1)][:, jnp.clip(cols, 0, w - 1)]
-        return moved + GREY, jnp.where(inside, found, jnp.asarray(IGNORE_LABEL, label.dtype))
+        moved_label = label[jnp.clip(rows, 0, h - 1)][:, jnp.clip(cols, 0, w - 1)]
+        return moved + GREY, jnp.where(inside, moved_label, jnp.asarray(IGNORE_LABEL, label.dtype))
 
     return jax.vmap(one)(images, labels, times, down, right)
 

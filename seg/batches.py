@@ -17,13 +17,13 @@ def in_batches(
 
     The result is an array, or a tree of arrays; of no images it is None.
     """
-    found: Any = None
+    results: Any = None
     for start in range(0, len(images), size):
         batch = images[start : start + size]
         padding = [(0, size - len(batch)), *[(0, 0)] * (batch.ndim - 1)]
         part = jax.tree.map(np.asarray, run(np.pad(batch, padding)))
-        if found is None:
-            found = jax.tree.map(lambda a: np.empty((len(images), *a.shape[1:]), a.dtype), part)
-        for into, own in zip(*map(jax.tree.leaves, (found, part)), strict=True):
-            into[start : start + len(batch)] = own[: len(batch)]
-    return found
+        if results is None:
+            results = jax.tree.map(lambda a: np.empty((len(images), *a.shape[1:]), a.dtype), part)
+        for target, values in zip(*map(jax.tree.leaves, (results, part)), strict=True):
+            target[start : start + len(batch)] = values[: len(batch)]
+    return results

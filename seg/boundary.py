@@ -1,4 +1,4 @@
-"""Boundary IoU: how well a net finds the outlines of classes, whatever the size of their areas."""
+"""Boundary IoU: how well a network finds the outlines of classes, whatever the size of their areas."""
 
 import cv2
 import numpy as np
@@ -22,7 +22,7 @@ def boundary_counts(
     d = max(1, round(share * diagonal)); a distance is the larger of its rows and columns.
 
     Args:
-        labels: true class ids; void pixels count for no class, in predictions either.
+        labels: true class ids; ignored pixels count for no class, in predictions either.
         predictions: predicted class ids.
         classes: the number of classes.
         share: the strip's width as a share of the diagonal.
@@ -31,7 +31,7 @@ def boundary_counts(
         Pixels of each class in both the true and the predicted strip, and pixels in either of them.
 
     Source: Cheng et al., "Boundary IoU: improving object-centric image segmentation evaluation" (2021);
-    for semantic classes, with counts added up over images as for IoU, and void left out.
+    for semantic classes, with counts added up over images as for IoU, and ignored pixels left out.
     """
     distance = max(1, round(share * float(np.hypot(*labels.shape))))
     predictions = np.where(labels == IGNORE_LABEL, IGNORE_LABEL, predictions)
@@ -46,7 +46,7 @@ def boundary_counts(
 def perimeters(
     labels: UInt8[np.ndarray, "n h w"], classes: int, against: int | None = None
 ) -> tuple[Int64[np.ndarray, " classes"], Int64[np.ndarray, " classes"]]:
-    """Count the sides of pixels at which each class meets another, or void; and the pixels of each class.
+    """Count each class's pixels, and the sides at which they meet another class or ignored pixels.
 
     Sides per pixel say how ragged a class is: an outline around a whole crown has fewer than its leaves.
 
@@ -86,5 +86,5 @@ def boundary_iou(
         counts: from `boundary_counts`.
         confusion: the confusion matrix of the same images, which says what classes occur.
     """
-    both, either = counts
-    return np.where(confusion.sum(1) > 0, both / np.maximum(either, 1), np.nan)
+    intersection, union = counts
+    return np.where(confusion.sum(1) > 0, intersection / np.maximum(union, 1), np.nan)

@@ -41,42 +41,44 @@ def card(config: Mapping[str, Any]) -> str:
     notes, size, classes = config["notes"], config["size"], config["classes"]
     miou = notes.get("miou")
     measured = isinstance(miou, float) and math.isfinite(miou)
-    told = {"target", "reported_on"} <= notes.keys() and measured
+    has_result = {"target", "reported_on"} <= notes.keys() and measured
     title = f"{config['net']} for {notes.get('target', 'streets')}"
-    trained = plain(notes.get("trained_on", "images that its notes do not name"))
+    trained = plain_text(notes.get("trained_on", "images that its notes do not name"))
     if "labelled_images" in notes:
-        beside = " and renders beside them" if "+" in trained else ""
-        trained = f"{plain(notes['labelled_images'])} labelled images{beside}"
+        renders = " and renders beside them" if "+" in trained else ""
+        trained = f"{plain_text(notes['labelled_images'])} labelled images{renders}"
+    version = plain_text(config["versions"].get("sdr-jax", "?"))
     lines = [
-        f"# {plain(title)}",
+        f"# {plain_text(title)}",
         f"Tells {len(classes)} classes apart in images of streets. Trained at {size['width']}x"
-        f"{size['height']} pixels on {trained}, by sdr-jax {plain(config['versions'].get('sdr-jax', '?'))}.",
+        f"{size['height']} pixels on {trained}, by sdr-jax {version}.",
     ]
     if config["trunk"] is not None:
         lines.append(
-            "Its trunk is frozen and comes with a package, which `config.json` names; the weights are the "
+            "Its backbone is frozen and comes with a package, which `config.json` names; the weights are the "
             "head's."
         )
     if config["recipe"].get("average_mirror"):
         lines.append(
             "Its predictions are means over an image and its mirror image; `--no-mirror` takes half the time."
         )
-    if told:
+    if has_result:
         lines += [
             "",
             "## How good it is",
-            f"Nets that were trained like it come to {miou:.1f} % mIoU on images that they have not "
-            f"seen ({plain(notes['reported_on'])}). {plain(notes.get('verdict', ''))}".rstrip(),
+            f"Networks trained the same way reach {miou:.1f} % mIoU on images that they have not "
+            f"seen ({plain_text(notes['reported_on'])}). {plain_text(notes.get('verdict', ''))}".rstrip(),
         ]
     rows = [
-        f"| {c['id']} | {plain(c['name'])} | {' '.join(map(str, c['color']))} |" for c in classes
+        f"| {c['id']} | {plain_text(c['name'])} | {' '.join(map(str, c['color']))} |"
+        for c in classes
     ]
     table = ["", "## Classes", "| id | class | colour |", "| --- | --- | --- |", *rows]
-    front = HEAD + (_index(notes, title) if told else "")
+    front = HEAD + (_index(notes, title) if has_result else "")
     return f"---\n{front}---\n" + "\n".join(lines) + "\n" + USE + "\n".join(table) + "\n"
 
 
-def plain(value: Any) -> str:
+def plain_text(value: Any) -> str:
     """A value as one line of plain text in Markdown: neither links, nor HTML, nor another cell of a table."""
     return re.sub(r"([\\`*|<>\[\]&~])", r"\\\1", printable(" ".join(str(value).split())))
 

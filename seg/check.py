@@ -1,4 +1,4 @@
-"""Refuses settings that do not allow training; users' trunks are known here, which needs JAX."""
+"""Refuses settings that do not allow training; users' backbones are known here, which needs JAX."""
 
 from common.bounds import check_bounds
 from seg.nets.trunks import check_name
@@ -26,7 +26,7 @@ def check_settings(settings: TrainSettings) -> None:
 
 
 def check_net(settings: TrainSettings) -> None:
-    """Refuse settings that no net can have, whatever the course of its training.
+    """Refuse settings that no network can have, whatever the course of its training.
 
     Raises:
         ValueError: as `check_settings`.
@@ -35,32 +35,34 @@ def check_net(settings: TrainSettings) -> None:
     if settings.has_trunk:
         check_name(settings.net)
     if settings.norm and settings.weights is not None:
-        raise ValueError("norm is for training from scratch: the nets of weights have no GroupNorm")
+        raise ValueError(
+            "norm is for training from scratch: networks that start from weights have no GroupNorm"
+        )
     if settings.net == "dinov2":
         if settings.weights is None:
-            raise ValueError("weights must name the file of the trunk of dinov2, a .safetensors")
+            raise ValueError("weights must name the .safetensors file of dinov2's backbone")
         if settings.trunk == "tuned":
-            raise ValueError('trunk is "tuned", but that of dinov2 stays frozen')
+            raise ValueError('trunk is "tuned", but the backbone of dinov2 stays frozen')
     if settings.weights is not None and settings.net in FILELESS_NETS:
         raise ValueError(
-            f"weights are of VGG16 or dinov2, which the net {settings.net} does not have in it"
-            + ("; its own come with it" if settings.has_trunk else "")
+            f"weights are for VGG16 or dinov2, neither of which is in the network {settings.net}"
+            + ("; its own weights come with a package" if settings.has_trunk else "")
         )
     if settings.trunk == "tuned" and not settings.has_trunk:
         raise ValueError(
-            f'trunk is "tuned", but the net {settings.net} has no trunk; lite0 to lite2 have'
+            f'trunk is "tuned", but the network {settings.net} has no backbone; lite0 to lite2 have one'
         )
     if settings.heads > 1 and not settings.frozen:
         raise ValueError(
-            f"heads must be 1, not {settings.heads}, for the net {settings.net} without a frozen trunk"
+            f"heads must be 1, not {settings.heads}, for the network {settings.net} without a frozen backbone"
         )
     if settings.has_trunk and (settings.norm or settings.lr_multipliers != "none"):
         raise ValueError(
-            f"norm and lr_multipliers are for the VGG nets; {settings.net} has rates of its own"
+            f"norm and lr_multipliers are for the VGG networks; {settings.net} has its own rates"
         )
     if not settings.has_trunk and (
         settings.loss_stride != 1 or settings.head_statistics != "training"
     ):
         raise ValueError(
-            f"loss_stride and head_statistics are of nets on a trunk; the net is {settings.net}"
+            f"loss_stride and head_statistics are for networks with a backbone; the network is {settings.net}"
         )

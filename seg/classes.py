@@ -1,6 +1,6 @@
 """Class tables: names, colours, and the map from the engine's classes to a table's ids.
 
-A table's ids are 0 .. len(classes) - 1; `IGNORE_LABEL` marks void. Every array of labels inside the
+A table's ids are 0 .. len(classes) - 1; `IGNORE_LABEL` marks ignored pixels. Every array of labels inside the
 package holds table ids. Renderers write Cityscapes train ids; `from_train_id` maps those.
 """
 
@@ -26,8 +26,8 @@ class ClassTable:
     Attributes:
         name: the name of the target that has these classes.
         classes: class names, in the order of the ids.
-        colors: u8[classes, 3], RGB for pictures.
-        from_train_id: u8[256], Cityscapes train id -> id of this table, `IGNORE_LABEL` for void.
+        colors: u8[classes, 3], RGB for images.
+        from_train_id: u8[256], Cityscapes train id -> id of this table, or `IGNORE_LABEL`.
         outlines: of the classes that are drawn as a whole.
     """
 
@@ -78,7 +78,7 @@ def class_table(name: str) -> ClassTable:
 
 
 def colorize(labels: np.ndarray, colors: Sequence[Sequence[int]] | np.ndarray) -> np.ndarray:
-    """Labels u8[*shape] as RGB u8[*shape, 3]; void is black.
+    """Labels u8[*shape] as RGB u8[*shape, 3]; ignored pixels are black.
 
     Args:
         labels: ids of classes.
@@ -99,4 +99,4 @@ SYNTHIA_16 = tuple(
 SYNTHIA_13 = tuple(
     k for k in SYNTHIA_16 if CITYSCAPES_19.classes[k] not in ("wall", "fence", "pole")
 )
-"""Cityscapes ids of the 16 and 13 classes over which nets trained on SYNTHIA are compared."""
+"""Cityscapes ids of the 16 and 13 classes over which networks trained on SYNTHIA are compared."""

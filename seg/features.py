@@ -1,4 +1,4 @@
-"""Describes an image by one vector: averages of a trained compact net's penultimate features."""
+"""Describes an image by one vector: averages of a trained compact network's penultimate features."""
 
 from collections.abc import Callable
 from functools import lru_cache
@@ -17,13 +17,13 @@ from seg.nets.compact import PENULTIMATE
 GRID = 2
 """Cells along each side of the coarse grid, which keeps some of the layout."""
 BATCH = 16
-"""Images per call of the net."""
+"""Images per call of the network."""
 
 
 def penultimate(
     params: Any, images: Float[Array, "b h w 3"], classes: int
 ) -> Float[Array, "b rows cols features"]:
-    """The input of the compact net's last layer; no feature is below 0."""
+    """The input of the compact network's last layer; no feature is below 0."""
     _, state = Compact(classes).apply(params, images, mutable=["intermediates"])
     return state["intermediates"][PENULTIMATE][0]
 
@@ -56,9 +56,9 @@ def features(
     """Describe images.
 
     Args:
-        params: a trained compact net, from `seg.train` or from a file of any version.
+        params: a trained compact network, from `seg.train` or from a file of any version.
         images: RGB, at least 16x16.
-        classes: the net's number of classes.
+        classes: the network's number of classes.
 
     Returns:
         One vector per image.

@@ -18,7 +18,7 @@ def cross_entropy_sums(
 ) -> tuple[Float[Array, ""], Float[Array, ""]]:
     """Numerator and denominator of `cross_entropy`; both add up over the parts of a batch.
 
-    sum_i w[y_i] * -log p_i[y_i] and sum_i w[y_i], over the pixels that are not void.
+    sum_i w[y_i] * -log p_i[y_i] and sum_i w[y_i], over the labelled pixels.
     """
     labelled = labels != ignore
     target = jnp.where(labelled, labels, 0).astype(jnp.int32)
@@ -48,8 +48,8 @@ def _nats_forward(planes: Array, target: Array) -> tuple[Array, tuple[Array, Arr
     return normaliser - _picked(planes, target), (planes, normaliser, target)
 
 
-def _nats_backward(seen: tuple[Array, Array, Array], grad: Array) -> tuple[Array, None]:
-    planes, normaliser, target = seen
+def _nats_backward(saved: tuple[Array, Array, Array], grad: Array) -> tuple[Array, None]:
+    planes, normaliser, target = saved
     classes = jnp.arange(len(planes)).reshape(-1, *(1,) * target.ndim)
     return (jnp.exp(planes - normaliser[None]) - (target[None] == classes)) * grad[None], None
 
@@ -63,15 +63,15 @@ def cross_entropy(
     class_weights: Float[Array, " classes"] | None = None,
     ignore: int = IGNORE_LABEL,
 ) -> Float[Array, ""]:
-    """Weighted mean of -log softmax(logits)[label] over the pixels that are not void.
+    """Weighted mean of -log softmax(logits)[label] over the labelled pixels.
 
-    sum_i w[y_i] * -log p_i[y_i] / sum_i w[y_i]; if all pixels are void, it is exactly 0 with gradient 0.
+    sum_i w[y_i] * -log p_i[y_i] / sum_i w[y_i]; if all pixels are ignored, it is exactly 0 with gradient 0.
 
     Args:
         logits: one vector per pixel.
-        labels: class ids; `ignore` for void.
+        labels: class ids; `ignore` for ignored pixels.
         class_weights: None for equal weights.
-        ignore: the void label.
+        ignore: the ignore label.
 
     Returns:
         The loss, in nats.
@@ -88,15 +88,15 @@ def soft_jaccard(
     """1 - mean_c (I_c + 1) / (U_c + 1) over the classes c that occur in the labels.
 
     I_c = sum_i p_i[c] over the pixels of the class, and U_c = sum_i p_i[c] + their number - I_c, with the
-    first sum over all pixels that are not void; p = softmax(logits). If all pixels are void, it is exactly 0
+    first sum over all labelled pixels; p = softmax(logits). If all pixels are ignored, it is exactly 0
     with gradient 0.
 
     Source: the soft intersection over union of Rahman and Wang (2016), smoothed by 1 pixel.
 
     Args:
         logits: one vector per pixel.
-        labels: class ids; `ignore` for void.
-        ignore: the void label.
+        labels: class ids; `ignore` for ignored pixels.
+        ignore: the ignore label.
 
     Returns:
         The loss, in 0..1.
@@ -123,10 +123,10 @@ def class_weights(
     Args:
         labels: labels of the training set.
         classes: the number of classes.
-        ignore: the void label.
+        ignore: the ignore label.
 
     Returns:
-        One weight per class; all are 1 if every pixel is void.
+        One weight per class; all are 1 if every pixel is ignored.
     """
     return weights_of_shares(class_shares(labels, classes, ignore))
 
@@ -134,7 +134,7 @@ def class_weights(
 def class_shares(
     labels: Integer[np.ndarray, "n h w"], classes: int, ignore: int = IGNORE_LABEL
 ) -> Float[np.ndarray, " classes"]:
-    """Each class's share of the labelled pixels; 0 if every pixel is void."""
+    """Each class's share of the labelled pixels; 0 if every pixel is ignored."""
     counts = np.bincount(labels[labels != ignore].ravel(), minlength=classes)
     return counts / max(counts.sum(), 1)
 

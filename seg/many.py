@@ -170,10 +170,10 @@ def _scorer(spec: NetSpec, heads: int, classes: int) -> Callable[..., Array]:
 
     def labels_of(variables: Variables, inputs: Any, size: tuple[int, int]) -> Array:
         """Classes by all heads, then by each of several heads alone: [1 + heads, b, h, w]."""
-        alone = [
-            mean_logits(spec, [own], inputs, size, classes) for own in heads_of(variables, heads)
+        head_logits = [
+            mean_logits(spec, [head], inputs, size, classes) for head in heads_of(variables, heads)
         ]
-        logits = alone if heads == 1 else [sum(alone), *alone]
+        logits = head_logits if heads == 1 else [sum(head_logits), *head_logits]
         return jnp.stack([jnp.argmax(x, axis=-1) for x in logits])
 
     def count(truth: Array, predicted: Array) -> Int32[Array, "classes classes"]:
@@ -188,10 +188,10 @@ def _scorer(spec: NetSpec, heads: int, classes: int) -> Callable[..., Array]:
     def score(
         variables: Variables, inputs: Any, labels: UInt8[Array, "batches b h w"]
     ) -> Int32[Array, "batches b networks views classes classes"]:
-        def batch(both: tuple[Any, Array]) -> Array:
-            own, truth = both
+        def batch(pair: tuple[Any, Array]) -> Array:
+            inputs, truth = pair
             size = (truth.shape[1], truth.shape[2])
-            of_network = lambda variables: of_images(truth, labels_of(variables, own, size))  # noqa: E731
+            of_network = lambda variables: of_images(truth, labels_of(variables, inputs, size))  # noqa: E731
             return jax.vmap(of_network, out_axes=1)(variables)
 
         return jax.lax.map(batch, (inputs, labels))

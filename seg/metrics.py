@@ -28,7 +28,7 @@ def confusion_matrix(
         labels: true class ids; `ignore` for pixels that do not count.
         predictions: predicted class ids, same shape.
         classes: the number of classes.
-        ignore: the void label.
+        ignore: the ignore label.
 
     Returns:
         Counts; row: true class, column: predicted class.
@@ -52,10 +52,10 @@ def _counts(labels: np.ndarray, predictions: np.ndarray, classes: int, ignore: i
     counted = labels != ignore
     truth = labels[counted].astype(np.int64)
     guess = predictions[counted].astype(np.int64)
-    for what, ids in (("labels", truth), ("predictions", guess)):
+    for name, ids in (("labels", truth), ("predictions", guess)):
         if ids.size and (ids.min() < 0 or ids.max() >= classes):
             raise ValueError(
-                f"{what} must be in 0..{classes - 1} (or {ignore}, void, in labels); "
+                f"{name} must be in 0..{classes - 1} (or {ignore}, ignored, in labels); "
                 f"found {ids.min()}..{ids.max()}"
             )
     return np.bincount(truth * classes + guess, minlength=classes * classes).reshape(
@@ -92,7 +92,7 @@ def mean_iou(
     """
     chosen = slice(None) if classes is None else list(classes)
     if not confusion[chosen].any():
-        raise ValueError("no pixel of the scored set is labelled; every label is void")
+        raise ValueError("the test set has no labelled pixel")
     return float(np.nanmean(iou(confusion)[chosen]))
 
 

@@ -32,8 +32,8 @@ def mmd2(x: Float[np.ndarray, "n d"], y: Float[np.ndarray, "m d"]) -> float:
     if min(len(x), len(y)) < 2:
         raise ValueError(f"both sets need at least two vectors; got {len(x)} and {len(y)}")
 
-    def among(z: Float[np.ndarray, "n d"]) -> float:
+    def mean_within(z: Float[np.ndarray, "n d"]) -> float:
         kernel = polynomial_kernel(z, z)
         return float((kernel.sum() - np.trace(kernel)) / (len(z) * (len(z) - 1)))
 
-    return among(x) + among(y) - 2 * float(polynomial_kernel(x, y).mean())
+    return mean_within(x) + mean_within(y) - 2 * float(polynomial_kernel(x, y).mean())

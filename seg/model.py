@@ -1,9 +1,9 @@
-"""A trained net as a model: it is saved as files, loaded again, and used on images of any size.
+"""A trained network as a model: it is saved as files, loaded again, and used on images of any size.
 
 A model is a folder of three files. `weights.safetensors` holds all variables that training returns. With a
-frozen trunk these are the head's alone, since the trunk's weights come with a package or are a file of the
-user's, which `config.json` names with its digest. `config.json` also holds the classes, the size, the recipe
-and the versions. `README.md` is the card for people and Hugging Face; the program does not read it.
+frozen backbone these are the head's alone, since the backbone's weights come with a package or are a file of
+the user's, which `config.json` names with its digest. `config.json` also holds the classes, the size, the
+recipe and the versions. `README.md` is the card for people and Hugging Face; the program does not read it.
 """
 
 import hashlib
@@ -42,7 +42,8 @@ CONFIG, WEIGHTS = "config.json", "weights.safetensors"
 OF_RUN = "model"
 """The folder of the model in the folder of `sdr-jax fit`."""
 SEEN = "image_files"
-"""The note with the SHA-256 of each labelled image's file on which the net was trained, if it is known."""
+"""The note with the SHA-256 of each labelled image's file on which the network was trained, if it is
+known."""
 SHIPPED = Path(__file__).parent / "models"
 """The folder of the models that come with the package; a subfolder's name is its model's."""
 PACKAGES = ("sdr-jax", "jax", "flax", "numpy", "opencv-python-headless", "safetensors")
@@ -66,7 +67,7 @@ def label_classes(
     ids: Sequence[int] | None = None,
     colors: Sequence[Sequence[int]] | None = None,
 ) -> tuple[LabelClass, ...]:
-    """Classes in the order of the net's labels.
+    """Classes in the order of the network's labels.
 
     Args:
         names: names of the classes.
@@ -84,12 +85,12 @@ def label_classes(
 def classes_of(target: TargetFile) -> tuple[LabelClass, ...]:
     """The classes of a target, with the first of the ids of each; 0, 1, 2 and so on if they have none.
 
-    The class of the rest may lack ids beside others that have some, and gets the least that is free.
+    The class of the rest may lack ids where others have some; it gets the least unused one.
     """
-    ids = {name: own.ids[0] for name, own in target.classes.items() if own.ids}
+    ids = {name: entry.ids[0] for name, entry in target.classes.items() if entry.ids}
     if target.rest is not None and {*target.classes} - {*ids} == {target.rest} and ids:
-        taken = {*target.void, *(id for own in target.classes.values() for id in own.ids)}
-        ids[target.rest] = next(id for id in range(2**16) if id not in taken)
+        used_ids = {*target.void, *(id for entry in target.classes.values() for id in entry.ids)}
+        ids[target.rest] = next(id for id in range(2**16) if id not in used_ids)
     every = len(ids) == len(target.classes)
     numbers = [ids[name] for name in target.classes] if every else None
     return label_classes(target.class_names, numbers, target.palette)
@@ -106,10 +107,10 @@ def _voc_color(number: int) -> tuple[int, int, int]:
 
 @dataclass(frozen=True)
 class Model:
-    """A trained net with everything that its use needs.
+    """A trained network with everything that its use needs.
 
     Attributes:
-        settings: its recipe, which names the net.
+        settings: its recipe, which names the network.
         variables: all of its variables, as `seg.train` returns them.
         size: (height, width) of its training images; other images are brought to it.
         classes: the meaning of its labels 0, 1, 2 ...
@@ -141,13 +142,13 @@ class Model:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the classes."""
-        return tuple(own.name for own in self.classes)
+        return tuple(label_class.name for label_class in self.classes)
 
     @property
     def digest(self) -> str:
         """SHA-256 of everything that decides predictions and how they are written."""
-        free = ("versions", "notes")
-        return digest({key: value for key, value in self.config().items() if key not in free})
+        not_hashed = ("versions", "notes")
+        return digest({key: value for key, value in self.config().items() if key not in not_hashed})
 
     def predict(
         self,
@@ -168,11 +169,11 @@ class Model:
 
         Raises:
             ValueError: an image is not RGB bytes, or has no pixel.
-            WeightsError: the frozen trunk's weights cannot be used.
+            WeightsError: the frozen backbone's weights cannot be used.
         """
         places = range(len(self.classes)) if among is None else among
-        found = [_highest(own, size, places) for own, size in self._scores(images)]
-        return np.stack(found) if isinstance(images, np.ndarray) else found
+        predictions = [_highest(scores, size, places) for scores, size in self._scores(images)]
+        return np.stack(predictions) if isinstance(images, np.ndarray) else predictions
 
     def probabilities(self, images: UInt8[np.ndarray, "n h w 3"] | Sequence[np.ndarray]) -> Any:
         """The probability of each class: the softmax of the scores that `predict` compares.
@@ -183,16 +184,17 @@ class Model:
         Returns:
             f32[n, h, w, classes], or a list of f32[h, w, classes] for a list.
         """
-        found = [_softmax(own, size) for own, size in self._scores(images)]
-        return np.stack(found) if isinstance(images, np.ndarray) else found
+        probabilities = [_softmax(scores, size) for scores, size in self._scores(images)]
+        return np.stack(probabilities) if isinstance(images, np.ndarray) else probabilities
 
     def predict_with_uncertainty(
         self, images: Sequence[np.ndarray]
     ) -> list[tuple[UInt8[np.ndarray, "h w"], Uncertainty]]:
-        """What `predict` returns for a list, each with the net's uncertainty at the model's size."""
+        """What `predict` returns for a list, each with the network's uncertainty at the model's size."""
         places = range(len(self.classes))
         return [
-            (_highest(own, size, places), uncertainty(own)) for own, size in self._scores(images)
+            (_highest(scores, size, places), uncertainty(scores))
+            for scores, size in self._scores(images)
         ]
 
     def _scores(
@@ -204,12 +206,12 @@ class Model:
                 raise ValueError(
                     f"an image must be u8[h, w, 3]; got {image.dtype}{list(image.shape)}"
                 )
-        many = self.settings.predict_batch
-        for start in range(0, len(images), many):
-            some = [fitted(image, self.size) for image in images[start : start + many]]
-            canvases = np.stack([canvas for canvas, _ in some])
+        batch_size = self.settings.predict_batch
+        for start in range(0, len(images), batch_size):
+            batch = [fitted(image, self.size) for image in images[start : start + batch_size]]
+            canvases = np.stack([canvas for canvas, _ in batch])
             scores = logits(self.variables, canvases, self.settings, len(self.classes))
-            for k, (_, (rows, cols)) in enumerate(some):
+            for k, (_, (rows, cols)) in enumerate(batch):
                 yield scores[k, :rows, :cols], images[start + k].shape[:2]
 
     def painted(
@@ -221,7 +223,7 @@ class Model:
         """Paint a prediction in the format of label files.
 
         Args:
-            labels: from `predict`; 255 is void, black in colours.
+            labels: from `predict`; 255 for ignored pixels, black in colours.
             how: the format; by default that of the label files of the model's data.
             image: the segmented image, for overlays.
 
@@ -230,11 +232,11 @@ class Model:
         """
         how = how or self.written
         if how == "ids":
-            ids = np.array([own.id for own in self.classes])
+            ids = np.array([label_class.id for label_class in self.classes])
             table = np.full(256, IGNORE_LABEL, np.uint16 if ids.max() > 255 else np.uint8)
             table[: len(ids)] = ids
             return table[labels]
-        colours = colorize(labels, [own.color for own in self.classes])
+        colours = colorize(labels, [label_class.color for label_class in self.classes])
         if how == "colours":
             return colours
         if image is None:
@@ -267,7 +269,10 @@ class Model:
             "net": self.settings.net,
             "size": {"width": width, "height": height},
             "written": self.written,
-            "classes": [{**own._asdict(), "color": list(own.color)} for own in self.classes],
+            "classes": [
+                {**label_class._asdict(), "color": list(label_class.color)}
+                for label_class in self.classes
+            ],
             "trunk": dict(trunk_of(self.settings).source) if self.settings.frozen else None,
             "weights": {"file": WEIGHTS, "sha256": hashlib.sha256(self._weights()).hexdigest()},
             "recipe": asdict(self.settings),
@@ -280,10 +285,10 @@ def refuse_others(folder: Path) -> None:
     """Raise ModelError if a model cannot be saved in a folder, since it holds other files."""
     if not folder.exists():
         return
-    held = {path.name for path in folder.iterdir()} if folder.is_dir() else {folder.name}
-    if stray := held - {CONFIG, WEIGHTS, README}:
+    names = {path.name for path in folder.iterdir()} if folder.is_dir() else {folder.name}
+    if other_names := names - {CONFIG, WEIGHTS, README}:
         raise ModelError(
-            f"{folder} holds other files, such as {min(stray)}; "
+            f"{folder} holds other files, such as {min(other_names)}; "
             "a model is saved into a new folder, or over an older model"
         )
 
@@ -340,10 +345,11 @@ def _loaded(folder: Path, config: Any) -> Model:
     if settings.has_trunk and settings.weights is not None:
         settings = replace(settings, weights=str(_trunk_file(folder, Path(settings.weights))))
     if settings.frozen:
-        wanted, held = _field(config, "trunk", dict), dict(trunk_of(settings).source)
-        if wanted != held:
+        expected, available = _field(config, "trunk", dict), dict(trunk_of(settings).source)
+        if expected != available:
             raise ValueError(
-                f"its head is for the trunk of {_said(wanted)}, and here is {_said(held)}"
+                f"its head was trained on the backbone {_source_text(expected)}, not on "
+                f"{_source_text(available)}, which is installed"
             )
     rows = _field(config, "classes", list)
     classes = tuple(_label_class(f"classes[{k}]", row) for k, row in enumerate(rows))
@@ -371,15 +377,15 @@ def _field(value: Any, name: str, kind: type) -> Any:
     """A field of an object; ValueError if it is missing or of another type."""
     if not isinstance(value, dict) or name not in value:
         raise ValueError(f"{name} is missing; the file is damaged, or no model's")
-    found = value[name]
-    if not isinstance(found, kind) or isinstance(found, bool):
-        raise ValueError(f"{name} is {found!r}; expected {kind.__name__}")
-    return found
+    field_value = value[name]
+    if not isinstance(field_value, kind) or isinstance(field_value, bool):
+        raise ValueError(f"{name} is {field_value!r}; expected {kind.__name__}")
+    return field_value
 
 
 def _settings(recipe: dict[str, Any]) -> TrainSettings:
-    if stray := sorted(recipe.keys() - {setting.name for setting in fields(TrainSettings)}):
-        raise ValueError(f"recipe.{stray[0]}: there is no such setting")
+    if unknown := sorted(recipe.keys() - {setting.name for setting in fields(TrainSettings)}):
+        raise ValueError(f"recipe.{unknown[0]}: there is no such setting")
     check_fields(TrainSettings, recipe, "recipe.")
     settings = TrainSettings(**recipe)
     check_net(settings)
@@ -399,27 +405,27 @@ def _check_classes(classes: Sequence[LabelClass], written: str) -> None:
         raise ValueError(f"a model has 1 to {IGNORE_LABEL} classes, not {len(classes)}")
     if written not in get_args(Written):
         raise ValueError(f"written is {written!r}; expected {' or '.join(get_args(Written))}")
-    told_by: dict[str, list[Any]] = {
-        "name": [own.name for own in classes],
-        "id": [own.id for own in classes],
+    distinct_fields: dict[str, list[Any]] = {
+        "name": [label_class.name for label_class in classes],
+        "id": [label_class.id for label_class in classes],
     }
     if written == "colours":
-        told_by["color"] = [own.color for own in classes]
-    for what, values in told_by.items():
+        distinct_fields["color"] = [label_class.color for label_class in classes]
+    for field_name, values in distinct_fields.items():
         for value in values:
             if values.count(value) > 1:
-                raise ValueError(f"two classes have the {what} {value!r}")
-    if any(not 0 <= own.id < 2**16 for own in classes):
+                raise ValueError(f"two classes have the {field_name} {value!r}")
+    if any(not 0 <= label_class.id < 2**16 for label_class in classes):
         raise ValueError("ids of classes must be in 0..65535")
 
 
 def _variables(path: Path, expected: str, settings: TrainSettings, classes: int) -> Params:
-    """Read the net's variables from a file, and check each one."""
+    """Read the network's variables from a file, and check each one."""
     data = read_bytes(path, _LARGEST)
-    found = hashlib.sha256(data).hexdigest()
-    if found != expected:
+    sha256 = hashlib.sha256(data).hexdigest()
+    if sha256 != expected:
         raise ModelError(
-            f"{path}: its SHA-256 is {found[:8]}..., not {printable(expected[:8])}... as {CONFIG} says: "
+            f"{path}: its SHA-256 is {sha256[:8]}..., not {printable(expected[:8])}... as {CONFIG} says: "
             "it is damaged, or of another model"
         )
     try:
@@ -427,32 +433,36 @@ def _variables(path: Path, expected: str, settings: TrainSettings, classes: int)
     except (SafetensorError, ValueError, KeyError) as error:
         raise ModelError(f"{path}: a damaged .safetensors ({error})") from None
     net = outline(settings, classes)
-    wanted = dict(_named(net))
-    if stray := sorted(wanted.keys() ^ arrays.keys()):
-        what = "is missing" if stray[0] in wanted else f"is no part of the net {settings.net}"
-        raise ModelError(f"{path}: {stray[0]} {what}; {CONFIG} is of another net")
-    for name, own in wanted.items():
+    leaves_by_name = dict(_named(net))
+    if mismatched := sorted(leaves_by_name.keys() ^ arrays.keys()):
+        problem = (
+            "is missing"
+            if mismatched[0] in leaves_by_name
+            else f"is not part of the network {settings.net}"
+        )
+        raise ModelError(f"{path}: {mismatched[0]} {problem}; {CONFIG} is of another network")
+    for name, leaf in leaves_by_name.items():
         array = arrays[name]
-        if array.shape != own.shape or array.dtype != own.dtype:
+        if array.shape != leaf.shape or array.dtype != leaf.dtype:
             raise ModelError(
-                f"{path}: {name}: {array.dtype}{list(array.shape)}; the net {settings.net} with "
-                f"{classes} classes has {own.dtype}{list(own.shape)}"
+                f"{path}: {name}: {array.dtype}{list(array.shape)}; the network {settings.net} with "
+                f"{classes} classes has {leaf.dtype}{list(leaf.shape)}"
             )
         if not np.isfinite(array).all():
             raise ModelError(f"{path}: {name}: holds values that are not finite")
-    # On the device, or every call of the net would send them again.
-    leaves = jax.device_put([arrays[name] for name in wanted])
+    # On the device, or every call of the network would send them again.
+    leaves = jax.device_put([arrays[name] for name in leaves_by_name])
     return jax.tree.unflatten(jax.tree.structure(net), leaves)
 
 
 def _named(tree: Params) -> Iterator[tuple[str, Any]]:
-    """Leaves by their path in the net, such as `head/score/kernel`, without the collection."""
+    """Leaves by their path in the network, such as `head/score/kernel`, without the collection."""
     for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
         yield "/".join(str(key.key) for key in path[1:]), leaf
 
 
 def _trunk_file(folder: Path, file: Path) -> Path:
-    """The file of a trunk's weights: at its old path, or beside a model that has moved.
+    """The file of a backbone's weights: at its old path, or in the folder of a model that was moved.
 
     Raises:
         ModelError: it is in neither place.
@@ -462,12 +472,12 @@ def _trunk_file(folder: Path, file: Path) -> Path:
         if place.is_file():
             return place
     raise ModelError(
-        f"{folder}: the weights of its trunk are not there; expected {places[0]} or {places[1]}"
+        f"{folder}: the weights of its backbone are missing; expected {places[0]} or {places[1]}"
     )
 
 
-def _said(source: Mapping[str, Any]) -> str:
-    """Describe the weights of a trunk in words."""
+def _source_text(source: Mapping[str, Any]) -> str:
+    """Describe the weights of a backbone in words."""
     return " ".join(f"{str(v)[:8]}..." if k == "sha256" else str(v) for k, v in source.items())
 
 

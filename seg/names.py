@@ -1,4 +1,4 @@
-"""Names that command lines offer; importing them loads no net."""
+"""Names that command lines offer; importing them loads no network."""
 
 from typing import Literal, get_args
 

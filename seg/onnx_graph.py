@@ -1,8 +1,8 @@
 """Writes a model as an ONNX graph, operation by operation of its JAX trace.
 
-The net is traced for one image, and each operation becomes one or two nodes. Operations on constants alone
-are computed here. The variants that nets have for XLA's CPU backend are not used: a convolution becomes a
-Conv, not a sum of shifted copies.
+The network is traced for one image, and each operation becomes one or two nodes. Operations on constants
+alone are computed here. The variants that networks have for XLA's CPU backend are not used: a convolution
+becomes a Conv, not a sum of shifted copies.
 """
 
 import json
@@ -58,12 +58,12 @@ def onnx_bytes(model: Model) -> bytes:
     names the classes, their ids and colours, and whether logits are averaged over the mirror image.
 
     Raises:
-        ModelError: the package onnx is not installed, or the net has an operation that cannot be written.
+        ModelError: the package onnx is not installed, or the network has an operation that cannot be written.
     """
     if model.settings.dtype != "float32":
         raise ModelError(
-            f"a net of {model.settings.dtype} cannot be written as ONNX, since few runtimes compute in it; "
-            "train one of float32"
+            f"a network of {model.settings.dtype} cannot be written as ONNX, since few runtimes "
+            "compute in it; train one of float32"
         )
     onnx = onnx_package()
     shape, classes = (1, *model.size, 3), len(model.classes)
@@ -73,12 +73,12 @@ def onnx_bytes(model: Model) -> bytes:
 
     traced = jax.make_jaxpr(logits_of)(jax.ShapeDtypeStruct(shape, np.uint8))
     graph = Graph()
-    (found,) = graph.run(traced.jaxpr, traced.consts, ["image"])
-    graph.node("Identity", found, output="logits")
-    places = graph.node("ArgMax", found, axis=3, keepdims=0)
+    (logits,) = graph.run(traced.jaxpr, traced.consts, ["image"])
+    graph.node("Identity", logits, output="logits")
+    places = graph.node("ArgMax", logits, axis=3, keepdims=0)
     graph.node("Cast", places, output="labels", to=onnx.TensorProto.UINT8)
     described = onnx.helper.make_tensor_value_info
-    whole = onnx.helper.make_graph(
+    graph_proto = onnx.helper.make_graph(
         graph.nodes,
         model.settings.net,
         [described("image", onnx.TensorProto.UINT8, shape)],
@@ -89,18 +89,18 @@ def onnx_bytes(model: Model) -> bytes:
         graph.constants,
     )
     opset = [onnx.helper.make_opsetid("", OPSET)]
-    made = onnx.helper.make_model(
-        whole, opset_imports=opset, ir_version=IR, producer_name="sdr-jax"
+    model_proto = onnx.helper.make_model(
+        graph_proto, opset_imports=opset, ir_version=IR, producer_name="sdr-jax"
     )
-    about = {
-        "classes": json.dumps([own._asdict() for own in model.classes]),
+    metadata = {
+        "classes": json.dumps([label_class._asdict() for label_class in model.classes]),
         "padding": "the last column or row is repeated on the right or below",
         "mirror": "averaged" if model.settings.average_mirror else "not averaged",
         "model": model.digest,
     }
-    onnx.helper.set_model_props(made, about)
-    onnx.checker.check_model(made)
-    return made.SerializeToString()
+    onnx.helper.set_model_props(model_proto, metadata)
+    onnx.checker.check_model(model_proto)
+    return model_proto.SerializeToString()
 
 
 class Graph:
@@ -128,90 +128,91 @@ class Graph:
 
     def node(self, kind: str, *inputs: Value, output: str | None = None, **attributes: Any) -> str:
         """Append a node; returns the name of its output."""
-        given = [own if isinstance(own, str) else self.constant(own) for own in inputs]
+        names = [value if isinstance(value, str) else self.constant(value) for value in inputs]
         name = output or f"v{len(self.nodes)}"
-        self.nodes.append(self._onnx.helper.make_node(kind, given, [name], **attributes))
+        self.nodes.append(self._onnx.helper.make_node(kind, names, [name], **attributes))
         return name
 
     def run(self, jaxpr: Any, constants: Sequence[Any], inputs: Sequence[Value]) -> list[Value]:
         """Append a traced function; returns its outputs.
 
         Raises:
-            ModelError: an operation that no net of ours has.
+            ModelError: an operation that no network of ours has.
         """
-        known: dict[Any, Value] = dict(
+        values: dict[Any, Value] = dict(
             zip(jaxpr.constvars, map(np.asarray, constants), strict=True)
         )
-        known |= zip(jaxpr.invars, inputs, strict=True)
+        values |= zip(jaxpr.invars, inputs, strict=True)
 
         def value(variable: Any) -> Value:
-            return np.asarray(variable.val) if isinstance(variable, Literal) else known[variable]
+            return np.asarray(variable.val) if isinstance(variable, Literal) else values[variable]
 
         for step in jaxpr.eqns:
-            found = self._step(step, [value(variable) for variable in step.invars])
-            known.update(zip(step.outvars, found, strict=True))
+            outputs = self._step(step, [value(variable) for variable in step.invars])
+            values.update(zip(step.outvars, outputs, strict=True))
         return [value(variable) for variable in jaxpr.outvars]
 
-    def _step(self, step: Any, given: list[Value]) -> list[Value]:
+    def _step(self, step: Any, inputs: list[Value]) -> list[Value]:
         name, params = step.primitive.name, step.params
         if name in _INNER:
             inner = params[_INNER[name]]
             constants = getattr(inner, "consts", ())
-            return self.run(getattr(inner, "jaxpr", inner), constants, given)
+            return self.run(getattr(inner, "jaxpr", inner), constants, inputs)
         if name in (*_SAME, "optimization_barrier"):
-            return given
+            return inputs
         if name == "platform_index":
             return [np.int32(params["platforms"].index(None))]
         if name == "cond":
-            inner = params["branches"][int(given[0])]
-            return self.run(inner.jaxpr, inner.consts, given[1:])
+            inner = params["branches"][int(inputs[0])]
+            return self.run(inner.jaxpr, inner.consts, inputs[1:])
         shape = step.outvars[0].aval.shape
-        if not any(isinstance(own, str) for own in given):
+        if not any(isinstance(value, str) for value in inputs):
             if name == "broadcast_in_dim":
-                return [np.broadcast_to(_spread(given[0], params, shape), shape)]
-            found = step.primitive.bind(*given, **params)
+                return [np.broadcast_to(_spread(inputs[0], params, shape), shape)]
+            results = step.primitive.bind(*inputs, **params)
             return [
-                np.asarray(own) for own in (found if step.primitive.multiple_results else [found])
+                np.asarray(value)
+                for value in (results if step.primitive.multiple_results else [results])
             ]
         if name == "split":
-            ends = np.cumsum(params["sizes"]).tolist()
-            pieces = zip([0, *ends], ends, strict=False)
-            return [self._cut(given[0], [a], [b], [params["axis"]], [1]) for a, b in pieces]
+            stops = np.cumsum(params["sizes"]).tolist()
+            pieces = zip([0, *stops], stops, strict=False)
+            return [self._cut(inputs[0], [a], [b], [params["axis"]], [1]) for a, b in pieces]
         if name in _ELEMENTWISE:
-            return [self.node(_ELEMENTWISE[name], *map(_thin, given))]
+            return [self.node(_ELEMENTWISE[name], *map(_thin, inputs))]
         write: Callable[..., str] | None = getattr(self, f"_{name}", None)
         if write is None:
-            raise ModelError(f"the operation {name} of this net cannot be written as ONNX")
-        about = {**params, "shape": shape, "avals": [own.aval for own in step.invars]}
-        return [write(*given, **about)]
+            raise ModelError(f"the operation {name} of this network cannot be written as ONNX")
+        keywords = {**params, "shape": shape, "avals": [value.aval for value in step.invars]}
+        return [write(*inputs, **keywords)]
 
-    def _cut(self, x: Value, starts: Any, ends: Any, axes: Any, steps: Any) -> str:
+    def _cut(self, x: Value, starts: Any, stops: Any, axes: Any, steps: Any) -> str:
         return self.node(
-            "Slice", x, *(np.array(own, np.int64) for own in (starts, ends, axes, steps))
+            "Slice", x, *(np.array(numbers, np.int64) for numbers in (starts, stops, axes, steps))
         )
 
     # One method for each JAX operation that needs more than a new name; keywords are its parameters.
 
     def _conv_general_dilated(
-        self, x: Value, kernel: Value, *, shape: Any, avals: Any, **own: Any
+        self, x: Value, kernel: Value, *, shape: Any, avals: Any, **params: Any
     ) -> str:
-        numbers, padding = own["dimension_numbers"], own["padding"]
-        if own["batch_group_count"] != 1 or np.min(padding) < 0:
-            raise ModelError("a convolution of this net has no counterpart in ONNX")
+        numbers, padding = params["dimension_numbers"], params["padding"]
+        if params["batch_group_count"] != 1 or np.min(padding) < 0:
+            raise ModelError("a convolution of this network has no counterpart in ONNX")
         x = self.node("Transpose", x, perm=numbers.lhs_spec)
         sizes = [avals[0].shape[axis] for axis in numbers.lhs_spec]
-        for axis, times in enumerate(own["lhs_dilation"], 2):
+        for axis, times in enumerate(params["lhs_dilation"], 2):
             x, sizes = self._dilated(x, sizes, axis, times)
-        made = self.node(
+        result = self.node(
             "Conv",
             x,
             np.transpose(kernel, numbers.rhs_spec),
-            strides=own["window_strides"],
-            dilations=own["rhs_dilation"],
-            group=own["feature_group_count"],
+            strides=params["window_strides"],
+            dilations=params["rhs_dilation"],
+            group=params["feature_group_count"],
             pads=[int(p) for pads in zip(*padding, strict=True) for p in pads],
         )
-        return self.node("Transpose", made, perm=np.argsort(numbers.out_spec).tolist())
+        return self.node("Transpose", result, perm=np.argsort(numbers.out_spec).tolist())
 
     def _dilated(
         self, x: Value, sizes: list[int], axis: int, times: int
@@ -255,9 +256,9 @@ class Graph:
         count = len(dimensions)
         return self._cut(x, [-1] * count, [-(2**31)] * count, dimensions, [-1] * count)
 
-    def _broadcast_in_dim(self, x: Value, *, shape: Any, avals: Any, **own: Any) -> str:
+    def _broadcast_in_dim(self, x: Value, *, shape: Any, avals: Any, **params: Any) -> str:
         thin = [1] * len(shape)
-        for axis, size in zip(own["broadcast_dimensions"], avals[0].shape, strict=True):
+        for axis, size in zip(params["broadcast_dimensions"], avals[0].shape, strict=True):
             thin[axis] = size
         x = self.node("Reshape", x, np.array(thin, np.int64))
         return x if tuple(thin) == shape else self.node("Expand", x, np.array(shape, np.int64))
@@ -276,7 +277,7 @@ class Graph:
     def _pad(self, x: Value, filling: Value, *, padding_config: Any, **_: Any) -> str:
         low, high, between = np.array(padding_config, np.int64).T
         if min(*low, *high) < 0 or between.any():
-            raise ModelError("a padding of this net has no counterpart in ONNX")
+            raise ModelError("a padding of this network has no counterpart in ONNX")
         return self.node("Pad", x, np.concatenate([low, high]), filling)
 
     def _reduce_sum(self, x: Value, *, axes: Any, **_: Any) -> str:

@@ -15,7 +15,7 @@ from jaxtyping import Float32
 from seg.settings import Multipliers, OptimizerName
 
 Path = tuple[str, ...]
-"""The path of a parameter in its net, such as ("vgg16", "conv1_1", "kernel")."""
+"""The path of a parameter in its network, such as ("vgg16", "conv1_1", "kernel")."""
 
 
 def poly_schedule(
@@ -49,7 +49,7 @@ def deeplab_multiplier(path: Path) -> float:
 
 
 def trunk_multiplier(path: Path) -> float:
-    """The factor on a parameter's learning rate: 0.1 for the pre-trained trunk, otherwise 1."""
+    """The factor on a parameter's learning rate: 0.1 for the pre-trained backbone, otherwise 1."""
     return 0.1 if "trunk" in path else 1.0
 
 
@@ -76,7 +76,7 @@ def optimizer(
 
     SGD: v <- momentum * v + g + weight_decay * p, as in the paper. Adam: decoupled decay (AdamW).
     With "deeplab" the direction is scaled by `deeplab_multiplier`, and biases do not decay; with "trunk",
-    for nets with a trunk, it is scaled by `trunk_multiplier`.
+    for networks with a backbone, it is scaled by `trunk_multiplier`.
     Caffe includes the rate in v, which gives slightly other steps under a falling rate.
 
     Args:
@@ -92,8 +92,8 @@ def optimizer(
         ValueError: no optimiser has that name.
     """
     if name not in get_args(OptimizerName):
-        known = ", ".join(get_args(OptimizerName))
-        raise ValueError(f"unknown optimizer {name!r}; known optimizers: {known}")
+        names = ", ".join(get_args(OptimizerName))
+        raise ValueError(f"unknown optimizer {name!r}; known optimizers: {names}")
     decay, scale = optax.add_decayed_weights(weight_decay), []
     if lr_multipliers == "deeplab":
         decay = optax.add_decayed_weights(

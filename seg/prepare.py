@@ -117,11 +117,11 @@ def check_arrays(images: np.ndarray, labels: np.ndarray | None = None) -> None:
 
 def check_labels(labels: UInt8[np.ndarray, "n h w"], classes: int) -> None:
     """Raise ValueError if a label is none of the classes."""
-    stray = labels[(labels >= classes) & (labels != IGNORE_LABEL)]
-    if stray.size:
+    unknown = labels[(labels >= classes) & (labels != IGNORE_LABEL)]
+    if unknown.size:
         raise ValueError(
-            f"label {stray.max()} is none of {classes} classes; expected "
-            f"0..{classes - 1}, or {IGNORE_LABEL} for void"
+            f"label {unknown.max()} is none of {classes} classes; expected "
+            f"0..{classes - 1}, or {IGNORE_LABEL} for ignored pixels"
         )
 
 
@@ -133,7 +133,7 @@ def check_inputs(
         pyramid.check_size(images, settings)
     if features is not None and not settings.frozen:
         raise ValueError(
-            f"features are for a frozen trunk, and not for {settings.net}, {settings.trunk}"
+            f"features are for a frozen backbone, not for {settings.net}, {settings.trunk}"
         )
     if features is not None:
         pyramid.check_features(features, images, settings, views)

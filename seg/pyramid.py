@@ -1,4 +1,4 @@
-"""Features of a frozen trunk, computed once, kept as float16, and shared by all steps, seeds and heads."""
+"""Features of a frozen backbone, computed once, kept as float16, and shared by all steps, seeds and heads."""
 
 from collections.abc import Callable
 from functools import lru_cache
@@ -24,17 +24,17 @@ Params = Any  # a pytree
 
 
 def check_size(images: UInt8[np.ndarray, "n h w 3"], settings: TrainSettings) -> None:
-    """Raise ValueError for images that are smaller than the trunk's largest stride."""
+    """Raise ValueError for images that are smaller than the backbone's largest stride."""
     (h, w), coarsest = images.shape[1:3], max(trunk_of(settings).strides)
     if min(h, w) < coarsest:
         raise ValueError(
-            f"images of {w}x{h} pixels are too small for {settings.net}: its trunk has a stride of "
+            f"images of {w}x{h} pixels are too small for {settings.net}: its backbone has a stride of "
             f"{coarsest}, so both sides must be at least {coarsest}"
         )
 
 
 def trunk_params(settings: TrainSettings = LITE0) -> Params:
-    """The trunk's weights on the device; WeightsError if there are none."""
+    """The backbone's weights on the device; WeightsError if there are none."""
     return _params(settings.net, settings.weights)
 
 
@@ -56,7 +56,7 @@ def maps_of(params: Params, images: UInt8[Array, "b h w 3"], spec: BackboneSpec)
 def _extractor(spec: BackboneSpec) -> Callable[[Params, ArrayLike], Maps]:
     @jax.jit
     def extract(params: Params, images: UInt8[Array, "b h w 3"]) -> Maps:
-        def at_once(params: Params, images: Array) -> Maps:
+        def whole_batch(params: Params, images: Array) -> Maps:
             return maps_of(params, images, spec)
 
         def one_by_one(params: Params, images: Array) -> Maps:
@@ -64,7 +64,7 @@ def _extractor(spec: BackboneSpec) -> Callable[[Params, ArrayLike], Maps]:
             maps = jax.lax.map(lambda image: maps_of(params, image[None], spec), images)
             return jax.tree.map(lambda m: m[:, 0], maps)
 
-        return jax.lax.platform_dependent(params, images, cpu=one_by_one, default=at_once)
+        return jax.lax.platform_dependent(params, images, cpu=one_by_one, default=whole_batch)
 
     return extract
 
@@ -74,7 +74,7 @@ def features(
     settings: TrainSettings = LITE0,
     batch: int | None = None,
 ) -> Maps:
-    """Compute the trunk's maps of images, as float16 in NumPy.
+    """Compute the backbone's maps of images, as float16 in NumPy.
 
     Those of lite0 take about 3.5 bytes per pixel: 150 kB for an image of 240x176, 620 kB for one of 480x360.
     A Lite is not symmetric ("SAME" padding puts the odd cell after): the features of a mirrored image are the
@@ -82,19 +82,19 @@ def features(
 
     Args:
         images: RGB, no side shorter than the largest stride.
-        settings: they name the trunk, its weights and its type of computation.
+        settings: they name the backbone, its weights and its type of computation.
         batch: images per call of the backbone; the default suits the backend.
 
     Raises:
         ValueError: the images are too small.
-        WeightsError: the trunk's weights cannot be used.
+        WeightsError: the backbone's weights cannot be used.
     """
     check_size(images, settings)
     extract = _extractor(BackboneSpec(settings.net, settings.weights, settings.dtype))
     params = trunk_params(settings)
     if batch is None:
         batch = BATCH if jax.default_backend() == "cpu" else ACCELERATOR_BATCH
-    return in_batches(lambda some: extract(params, some), images, min(batch, len(images)))
+    return in_batches(lambda part: extract(params, part), images, min(batch, len(images)))
 
 
 def check_features(
@@ -102,13 +102,13 @@ def check_features(
 ) -> None:
     """Raise ValueError unless features have the number and sizes of so many views of images."""
     count, h, w, _ = images.shape
-    own = trunk_of(settings)
-    cells = zip(own.strides, own.channels, strict=True)
+    backbone = trunk_of(settings)
+    cells = zip(backbone.strides, backbone.channels, strict=True)
     expected = [(views * count, -(-h // stride), -(-w // stride), c) for stride, c in cells]
     if [m.shape for m in maps] != expected or any(m.dtype != np.float16 for m in maps):
-        held = ", ".join(f"{m.dtype}{list(m.shape)}" for m in maps)
+        shapes = ", ".join(f"{m.dtype}{list(m.shape)}" for m in maps)
         raise ValueError(
-            f"features are {held}; expected float16 {', '.join(str(list(s)) for s in expected)}, "
+            f"features are {shapes}; expected float16 {', '.join(str(list(s)) for s in expected)}, "
             f"those of {settings.net} in {len(images)} images of {w}x{h}"
             + (f", {views} views of each" if views > 1 else "")
         )

@@ -1,4 +1,4 @@
-"""Named ways to train the nets; change fields with `dataclasses.replace`.
+"""Named ways to train the networks; change fields with `dataclasses.replace`.
 
 from dataclasses import replace
 settings = replace(RECIPES["paper"], net="fcn8s", weights="vgg16.npz")
@@ -85,30 +85,31 @@ RECIPES["lite0-full"] = replace(
 """`compact`: ours. Adam, class weights, mirror images, colours and blur.
 
 `paper`: SGD of section 4 with poly decay, mirroring only, and DeepLab's rates by layer. It is made for
-ImageNet weights: without `weights` a net hardly learns anything in 1000 steps.
+ImageNet weights: without `weights` a network hardly learns anything in 1000 steps.
 
 `vgg-adam`: ours, for ImageNet weights without time for `paper`: Adam and class weights.
 
 `scratch`: ours, for a start without ImageNet weights: Adam, GroupNorm after every convolution, the compact
-net's augmentation and class weights.
+network's augmentation and class weights.
 
-`lite0-frozen`: ours, for all nets on a frozen trunk: Adam, 1000 steps of 4, class weights, on features of
-EfficientNet-Lite0 with ImageNet's weights (Tan and Le, 2019), or of another trunk, of each image and of one
-mirrored, coloured and blurred view of it.
+`lite0-frozen`: ours, for all networks on a frozen backbone: Adam, 1000 steps of 4, class weights, on features
+of EfficientNet-Lite0 with ImageNet's weights (Tan and Le, 2019), or of another backbone, of each image and of
+one mirrored, coloured and blurred view of it.
 
-`lite0-heads`: ours, for nets that are used and not only compared: three heads of twice the width, the soft
-Jaccard loss, batches that end with labelled images alone, logits averaged over heads and the mirror image. A
-head's image costs about as much as with `lite0-frozen`, in batches of 2, which fit a CPU's cache.
+`lite0-heads`: ours, for networks that are used and not only compared: three heads of twice the width, the
+soft Jaccard loss, batches that end with labelled images alone, logits averaged over heads and the mirror
+image. A head's image costs about as much as with `lite0-frozen`, in batches of 2, which fit a CPU's cache.
 
-`lite0-tuned`: ours, for all nets that tune the trunk: 300 steps of 8 with all augmentations; the trunk trains
-at a tenth of the head's rate, as is common in fine-tuning, and batch normalisation is fixed.
+`lite0-tuned`: ours, for all networks that tune the backbone: 300 steps of 8 with all augmentations; the
+backbone trains at a tenth of the head's rate, as is common in fine-tuning, and batch normalisation is
+fixed.
 
 `lite0-full`: ours, for a GPU: as `lite0-tuned`, but 2000 steps of 16, in bfloat16; parameters are averaged
 over the last fifth of the steps, logits over the mirror image."""
 
 
 def recipe_for(settings: TrainSettings) -> str:
-    """The name of the recipe that suits the net, trunk and weights of some settings."""
+    """The name of the recipe that suits the network, backbone and weights of some settings."""
     if settings.net == "compact":
         return "compact"
     if settings.has_trunk:
@@ -119,29 +120,29 @@ def recipe_for(settings: TrainSettings) -> str:
 
 
 def with_net(settings: TrainSettings, **changes: Any) -> TrainSettings:
-    """Change net, trunk or weights of settings, and take the recipe that suits them.
+    """Change network, backbone or weights of settings, and take the recipe that suits them.
 
     If the recipe stays the same, so do all other fields. Otherwise the new recipe decides them, but for
     `dtype` and `average_mirror`. A number of steps that was not the old recipe's own stays (`with_steps`).
 
     Args:
-        settings: settings of the old net.
-        changes: new `net`, `trunk` or `weights`. A net without a trunk loses `trunk`, a net that starts
-            from no file loses `weights`.
+        settings: settings of the old network.
+        changes: new `net`, `trunk` or `weights`. A network without a backbone loses `trunk`, a network that
+            starts from no file loses `weights`.
     """
-    wanted = replace(settings, **changes)
-    if not wanted.has_trunk:
-        wanted = replace(wanted, trunk="frozen")
-    if wanted.net in FILELESS_NETS:
-        wanted = replace(wanted, weights=None)
-    if not wanted.frozen:
-        wanted = replace(wanted, heads=1)
-    recipe = recipe_for(wanted)
-    return wanted if recipe == recipe_for(settings) else _by_recipe(settings, wanted, recipe)
+    changed = replace(settings, **changes)
+    if not changed.has_trunk:
+        changed = replace(changed, trunk="frozen")
+    if changed.net in FILELESS_NETS:
+        changed = replace(changed, weights=None)
+    if not changed.frozen:
+        changed = replace(changed, heads=1)
+    recipe = recipe_for(changed)
+    return changed if recipe == recipe_for(settings) else _by_recipe(settings, changed, recipe)
 
 
 def with_heads(settings: TrainSettings, heads: int) -> TrainSettings:
-    """Take the recipe `lite0-heads` with so many heads; nets without a frozen trunk stay as they are.
+    """Take the recipe `lite0-heads` with so many heads; networks without a frozen backbone stay as they are.
 
     A number of steps that was not the old recipe's own stays.
     """
@@ -151,13 +152,13 @@ def with_heads(settings: TrainSettings, heads: int) -> TrainSettings:
     return replace(changed, heads=heads, average_mirror=True)
 
 
-def _by_recipe(before: TrainSettings, wanted: TrainSettings, recipe: str) -> TrainSettings:
-    """A recipe for the net of the wanted settings, with their steps unless these are the recipe's before."""
+def _by_recipe(before: TrainSettings, changed: TrainSettings, recipe: str) -> TrainSettings:
+    """Take a recipe for the network of changed settings; a number of steps of the user's own stays."""
     new = RECIPES[recipe]
-    changed = before.steps != RECIPES[recipe_for(before)].steps
+    steps_changed = before.steps != RECIPES[recipe_for(before)].steps
     names = ("net", "trunk", "weights", "dtype", "average_mirror")
-    kept = {name: getattr(wanted, name) for name in names}
-    return with_steps(replace(new, **kept), before.steps if changed else new.steps)
+    kept = {name: getattr(changed, name) for name in names}
+    return with_steps(replace(new, **kept), before.steps if steps_changed else new.steps)
 
 
 def with_steps(settings: TrainSettings, steps: int) -> TrainSettings:

@@ -1,4 +1,4 @@
-"""Settings of the training of a net: everything but the data and the seed."""
+"""Settings of the training of a network: everything but the data and the seed."""
 
 from dataclasses import dataclass
 from typing import Annotated, Literal, NamedTuple
@@ -6,14 +6,14 @@ from typing import Annotated, Literal, NamedTuple
 from common.bounds import POSITIVE, at_least, at_most, must, within
 
 TrunkName = Literal["lite0", "lite1", "lite2", "dinov2"]
-"""Nets that are a head on a trunk."""
+"""Networks that are a head on a backbone."""
 NetName = Literal["compact", "deeplabv2", "fcn8s", TrunkName]
 VGG_NETS: tuple[NetName, ...] = ("fcn8s", "deeplabv2")
-"""Nets that may start from a file of VGG16's weights."""
+"""Networks that may start from a file of VGG16's weights."""
 FILELESS_NETS: tuple[NetName, ...] = ("compact", "lite0", "lite1", "lite2")
-"""Nets that start from no file: at random, or from the weights of a package."""
+"""Networks that start from no file: at random, or from the weights of a package."""
 WHOLE_NETS: tuple[NetName, ...] = ("compact", *VGG_NETS)
-"""Nets without a trunk; all other nets have one, those of users, too (`seg.nets.trunks`)."""
+"""Networks without a backbone; all other networks have one, those of users, too (`seg.nets.trunks`)."""
 Trunk = Literal["frozen", "tuned"]
 HeadStatistics = Literal["training", "target"]
 OptimizerName = Literal["adam", "sgd"]
@@ -79,12 +79,12 @@ class StepSpec(NamedTuple):
 
 @dataclass(frozen=True)
 class TrainSettings:
-    """Settings of the training of a net: everything but the data and the seed.
+    """Settings of the training of a network: everything but the data and the seed.
 
     Named sets of them are in `seg.recipes`.
 
     Attributes:
-        net: see `seg.net`; or the user's own trunk, a row of `seg.nets.trunks.TRUNKS`.
+        net: see `seg.net`; or the user's own backbone, a row of `seg.nets.trunks.TRUNKS`.
         optimizer: see `seg.optim`.
         lr: highest learning rate. Paper (SGD): 5e-4.
         steps: number of updates. Paper: 1000 per reward, 20 000 at the end.
@@ -98,35 +98,35 @@ class TrainSettings:
         mix: mix the colour channels, see `seg.augment`.
         blur: mix with a blur.
         noise: add noise to every pixel.
-        scale: enlarge or shrink picture and labels, by 0.5 to 2, and cut to the image's size.
+        scale: enlarge or shrink image and labels, by 0.5 to 2, and cut to the image's size.
         weighted: balance rare classes in the loss by `class_weights`.
-        predict_batch: images per call of the net in `predict`.
-        weights: file of ImageNet weights from `sdr-jax weights convert`, from which the VGG nets start
+        predict_batch: images per call of the network in `predict`.
+        weights: file of ImageNet weights from `sdr-jax weights convert`, from which the VGG networks start
             (paper). If it holds the 13 convolutions alone, fc6 and fc7 start at random; DeepLabv2's
-            always do. None: every layer starts at random (He), and a VGG net then learns little in a
-            thousand steps. For dinov2: the file of its trunk's weights, which it needs.
-        norm: GroupNorm after the VGG nets' convolutions, for training from scratch; not in the paper.
+            always do. None: every layer starts at random (He), and a VGG network then learns little in a
+            thousand steps. For dinov2: the file of its backbone's weights, which it needs.
+        norm: GroupNorm after the VGG networks' convolutions, for training from scratch; not in the paper.
         lr_multipliers: rates and decay that differ by layer, see `seg.optim`.
         accumulate: parts into which the images of an update are cut, to need less memory; the
             gradient is that of the whole.
-        dtype: the nets' type of computation; parameters and logits stay float32.
-        trunk: for nets with a trunk. "frozen": its weights stay as they are, features of an image are
-            computed once, and only the head trains. "tuned": everything trains, the trunk at a tenth of
-            the rate. Nets without a trunk ignore "frozen".
-        views: number of views of each training image for a frozen trunk: the image itself, then augmented
+        dtype: the networks' type of computation; parameters and logits stay float32.
+        trunk: for networks with a backbone. "frozen": its weights stay as they are, features of an image are
+            computed once, and only the head trains. "tuned": everything trains, the backbone at a tenth of
+            the rate. Networks without a backbone ignore "frozen".
+        views: number of views of each training image for a frozen backbone: the image itself, then augmented
             ones (`seg.views`). Features of lite0 cost 10 to 15 ms of a core and 150 kB each at 240x176.
-            Nets without a frozen trunk augment in every step.
+            Networks without a frozen backbone augment in every step.
         head_statistics: the images whose mean and deviation normalise a head's features: its training
             images, or the target's real ones, which need no labels and are given to `train`.
-        loss_stride: for nets with a trunk: the distance in pixels between the rows, and columns, in the
-            loss.
-        head_width: channels of a trunk's head.
-        head_dropout: share of its features that a trunk's head leaves out in training.
-        average: share of the last steps over whose parameters the trained net is the mean. 0: the net
+        loss_stride: for networks with a backbone: the distance in pixels between the rows, and columns, in
+            the loss.
+        head_width: channels of a backbone's head.
+        head_dropout: share of its features that a backbone's head leaves out in training.
+        average: share of the last steps over whose parameters the trained network is the mean. 0: the network
             after the last step.
-        heads: heads on a frozen trunk, each with first weights and an order of images of its own. Logits
+        heads: heads on a frozen backbone, each with first weights and an order of images of its own. Logits
             are their mean. Features are computed once for all.
-        jaccard: weight of the soft Jaccard loss beside the cross-entropy, see `seg.losses`.
+        jaccard: weight of the soft Jaccard loss, added to the cross-entropy, see `seg.losses`.
         last_share: share of the second part of a training set in the last batch; it changes linearly
             from the share in the first one. None: it stays.
         average_mirror: whether logits are the mean over an image and its mirror image.
@@ -168,12 +168,12 @@ class TrainSettings:
 
     @property
     def has_trunk(self) -> bool:
-        """Whether the net is a head on a trunk."""
+        """Whether the network is a head on a backbone."""
         return self.net not in WHOLE_NETS
 
     @property
     def frozen(self) -> bool:
-        """Whether the net has a trunk that does not train."""
+        """Whether the network has a backbone that does not train."""
         return self.has_trunk and self.trunk == "frozen"
 
     @property

@@ -1,6 +1,6 @@
-"""One compiled update of a net (augmentation, loss, gradient, optimiser), and its random numbers.
+"""One compiled update of a network (augmentation, loss, gradient, optimiser), and its random numbers.
 
-Compiled functions are kept until the process ends: a worker trains hundreds of nets on data of one shape.
+Compiled functions are kept until the process ends: a worker trains hundreds of networks on data of one shape.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,7 +14,7 @@ import optax
 from jaxtyping import Array, Float, Float32, Int32, PRNGKeyArray, UInt8, UInt32
 
 from seg.augment import augment, draw
-from seg.beside import picks
+from seg.beside import batch_indices
 from seg.losses import cross_entropy, cross_entropy_sums, soft_jaccard
 from seg.nets import net_of, normalise
 from seg.nets.head import OnTrunk
@@ -22,29 +22,29 @@ from seg.nets.ops.resize import strided
 from seg.optim import descend, optimizer, poly_schedule
 from seg.settings import StepSpec, TrainSettings
 
-Params = Any  # the pytree of a net's parameters
-Variables = Any  # a net's parameters and other collections, by name
+Params = Any  # the pytree of a network's parameters
+Variables = Any  # a network's parameters and other collections, by name
 
 
 class TrainState(NamedTuple):
     """The state between two updates."""
 
-    params: Params  # of the net
+    params: Params  # of the network
     opt_state: optax.OptState  # of the optimiser
     step: Int32[Array, ""]  # updates so far
     mean: Params = None  # of the averaged parameters; None if the settings average nothing
-    fixed: Variables = {}  # collections that no update changes; most nets have none
+    fixed: Variables = {}  # collections that no update changes; most networks have none
 
     @property
     def trained(self) -> Variables:
-        """The variables of the trained net."""
+        """The variables of the trained network."""
         return {"params": self.params if self.mean is None else self.mean, **self.fixed}
 
 
 class Data(NamedTuple):
     """The data that all updates of a training share; NumPy or JAX."""
 
-    images: Any  # u8[n h w 3]; for a frozen trunk the maps of all their views
+    images: Any  # u8[n h w 3]; for a frozen backbone the maps of all their views
     labels: UInt8[Any, "n h w"]
     class_weights: Float32[Any, " classes"]  # of the loss
     seed: UInt32[Any, ""]  # of dropout and noise
@@ -53,7 +53,7 @@ class Data(NamedTuple):
 class Plan(NamedTuple):
     """The random or scheduled numbers of each update; NumPy on the host, traced inside the step."""
 
-    picks: Int32[Any, "*steps batch"]  # images of the batch
+    batch_indices: Int32[Any, "*steps batch"]  # images of the batch
     draws: Float32[Any, "*steps batch draws"]  # of the augmentation
     lr: Float32[Any, "*steps"]
     weight: Float32[Any, "*steps"]  # of these parameters in the mean of all so far
@@ -70,15 +70,15 @@ def plan(
 
     Args:
         seed: 32 bits.
-        counts: images of each part; for a frozen trunk, views.
+        counts: images of each part; for a frozen backbone, views.
         settings: settings of the training.
         share: share of the second part in the first batch; the settings say whether it changes.
     """
     rng = np.random.default_rng(seed)
     parts = (counts,) if isinstance(counts, int) else tuple(counts)
-    found = picks(rng, parts, share, settings.steps * settings.batch, settings.last_share)
+    indices = batch_indices(rng, parts, share, settings.steps * settings.batch, settings.last_share)
     return Plan(
-        picks=found.reshape(settings.steps, settings.batch).astype(np.int32),
+        batch_indices=indices.reshape(settings.steps, settings.batch).astype(np.int32),
         draws=draw(rng, settings.steps, settings.batch),
         lr=poly_schedule(settings.lr, settings.steps, settings.power, settings.warmup),
         weight=_mean_weights(settings.steps, settings.average),
@@ -124,22 +124,22 @@ def _compiled(spec: StepSpec, classes: int) -> Functions:
     @jax.custom_batching.sequential_vmap
     def init(seed: UInt32[Array, ""], images: Any) -> TrainState:
         blank = jax.tree.map(lambda a: jnp.zeros((1, *a.shape[1:])), images)
-        given = (blank, (8, 8)) if frozen else (blank,)
+        arguments = (blank, (8, 8)) if frozen else (blank,)
         # The default generator takes four times as long to compile (unrolled, once per kernel).
         key = jax.random.key(seed, impl="rbg")
-        return resume(module.init(key, *given, method=method))
+        return resume(module.init(key, *arguments, method=method))
 
     def logits_of(
         variables: Variables, x: Any, size: tuple[int, int], dropout: PRNGKeyArray
     ) -> Array:
-        given = (x, size) if frozen else (normalise(x),)
+        arguments = (x, size) if frozen else (normalise(x),)
         options = {"train": True, "rngs": {"dropout": dropout}, "method": method}
         if spec.net.backbone is not None:
             options["stride"] = spec.loss_stride
-        return module.apply(variables, *given, **options)
+        return module.apply(variables, *arguments, **options)
 
     def batch_of(data: Data, row: Plan, key: PRNGKeyArray) -> tuple[Any, Array]:
-        x, y = jax.tree.map(lambda all_: all_[row.picks], (data.images, data.labels))
+        x, y = jax.tree.map(lambda all_: all_[row.batch_indices], (data.images, data.labels))
         return (x, y) if spec.augment is None else augment(x, y, row.draws, spec.augment, key)
 
     def step(state: TrainState, data: Data, row: Plan) -> tuple[TrainState, Float[Array, ""]]:

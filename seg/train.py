@@ -1,4 +1,4 @@
-"""Trains a fresh net on a labelled set, predicts with it, and tests it.
+"""Trains a fresh network on a labelled set, predicts with it, and tests it.
 
 The step is one jitted function, called in a host loop: on XLA's CPU backend gradient convolutions
 run ten times slower inside `lax.scan`. On accelerators the same step is scanned in chunks.
@@ -46,12 +46,12 @@ from seg.views import with_mirror
 def apply(
     variables: Variables, images: UInt8[Array, "b h w 3"], settings: TrainSettings, classes: int
 ) -> Float32[Array, "b h w classes"]:
-    """The result of `logits` as one function that JAX can trace, with a frozen trunk, too."""
+    """The result of `logits` as one function that JAX can trace, with a frozen backbone, too."""
     sides: Any = (images, images[:, :, ::-1]) if settings.average_mirror else (images,)
     backbone = settings.net_spec.backbone
     if settings.frozen:
         assert backbone is not None
-        with jax.ensure_compile_time_eval():  # a trunk may draw its weights
+        with jax.ensure_compile_time_eval():  # a backbone may draw its weights
             params = pyramid.trunk_params(settings)
         sides = tuple(pyramid.maps_of(params, side, backbone) for side in sides)
     size = (images.shape[1], images.shape[2])
@@ -77,20 +77,20 @@ def mean_logits(
     """
     module = net_of(spec, classes)
 
-    def of_side(inputs: Any) -> Array:
+    def side_logits(inputs: Any) -> Array:
         if not spec.frozen:
             (variables,) = heads
             return module.apply(variables, normalise(inputs.astype(jnp.float32) / 255), train=False)
-        scores = [module.apply(own, inputs, method=OnTrunk.scores) for own in heads]
+        scores = [module.apply(head, inputs, method=OnTrunk.scores) for head in heads]
         mean = scores[0] if len(scores) == 1 else sum(scores) / len(scores)
         return module.apply(heads[0], mean, size, method=OnTrunk.enlarged)
 
-    direct, *mirrored = map(of_side, sides)
+    direct, *mirrored = map(side_logits, sides)
     return (direct + mirrored[0][:, :, ::-1]) / 2 if mirrored else direct
 
 
 def heads_of(variables: Variables, heads: int) -> list[Variables]:
-    """The variables of a net with each of its heads alone."""
+    """The variables of a network with each of its heads alone."""
     if heads == 1:
         return [variables]
     params = variables["params"]
@@ -101,7 +101,7 @@ def heads_of(variables: Variables, heads: int) -> list[Variables]:
 
 
 def stacked(nets: Sequence[Variables]) -> Variables:
-    """The variables of nets with one head each as those of one net: their parameters are stacked."""
+    """The variables of networks with one head each as those of one network: their parameters are stacked."""
     if len(nets) == 1:
         return nets[0]
     params = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(net["params"] for net in nets))
@@ -120,12 +120,14 @@ def _predictor(
 
     @partial(jax.jit, static_argnums=2)
     def predict_batch(variables: Variables, sides: Sequence[Any], size: tuple[int, int]) -> Array:
-        alone = heads_of(variables, heads)
+        head_variables = heads_of(variables, heads)
         if output == "heads":
-            each = [mean_logits(spec, [own], sides, size, classes) for own in alone]
-            labels = [jnp.argmax(logits, axis=-1) for logits in (sum(each), *each)]
+            head_logits = [
+                mean_logits(spec, [head], sides, size, classes) for head in head_variables
+            ]
+            labels = [jnp.argmax(logits, axis=-1) for logits in (sum(head_logits), *head_logits)]
             return jnp.stack(labels, axis=1).astype(jnp.uint8)
-        logits = mean_logits(spec, alone, sides, size, classes)
+        logits = mean_logits(spec, head_variables, sides, size, classes)
         return logits if output == "scores" else jnp.argmax(logits, axis=-1).astype(jnp.uint8)
 
     return predict_batch
@@ -173,7 +175,7 @@ def train(
     checkpoints: int = 1,
     at_checkpoint: Callable[[Variables], None] | None = None,
 ) -> Variables:
-    """Train a net; the same arguments give the same variables.
+    """Train a network; the same arguments give the same variables.
 
     The first of several heads trains as if it were alone. On a CPU heads train one after the other, otherwise
     at once.
@@ -181,39 +183,39 @@ def train(
     Args:
         rng_seed: 32 bits for initial parameters, the order of the images and augmentation.
         images: RGB.
-        labels: class ids, 255 for void.
+        labels: class ids, 255 for ignored pixels.
         settings: everything else.
-        classes: the net's number of classes.
+        classes: the network's number of classes.
         progress: called every 50 steps with the number of steps and the last loss.
-        params: start from this trained net (it is not changed); None starts from the settings' `weights`
+        params: start from this trained network (it is not changed); None starts from the settings' `weights`
             and at random elsewhere: `seg.weights.described` says which layers.
         stepwise: call the step from the host (True) or scan it in chunks (False); the default suits the
             backend. The steps are the same.
-        features: for a frozen trunk, the features of all views of the images, `seg.pyramid.features` of
+        features: for a frozen backbone, the features of all views of the images, `seg.pyramid.features` of
             `seg.views.view_images`; None computes them.
-        statistics: for a net with a trunk and `head_statistics` "target": the fixed statistics of its head,
-            from `channel_statistics` of real images. Not needed, and not used, with ``params``.
-        beside: more images of the same size, such as labelled real ones beside renders; for a frozen trunk
-            they may have the features of all their views. Class weights and training statistics are those
-            of the images in the batches.
+        statistics: for a network with a backbone and `head_statistics` "target": the fixed statistics of its
+            head, from `channel_statistics` of real images. Not needed, and not used, with ``params``.
+        beside: more images of the same size, such as labelled photographs mixed with renders; for a frozen
+            backbone they may have the features of all their views. Class weights and training statistics are
+            those of the images in the batches.
         share: share of ``beside`` in the images of all batches, in (0, 1), even if they are few; with the
             settings' `last_share` that of the first batch.
         checkpoints: number of evenly spaced steps after which `at_checkpoint` is called, at most all; the
-            last one is the end. More than one are for nets of one head.
-        at_checkpoint: called with the net's variables, which are valid until it returns. Until the steps
+            last one is the end. More than one are for networks of one head.
+        at_checkpoint: called with the network's variables, which are valid until it returns. Until the steps
             begin that the settings average, they are those after the step.
 
     Returns:
-        The net's variables by collection: `params` after the last step, or their mean over the steps that
-        the settings average, and a head's `statistics`. With a frozen trunk they are the head's alone, since
-        the trunk's do not change and `predict` loads them as training did. Those of several heads are
-        stacked along a first axis.
+        The network's variables by collection: `params` after the last step, or their mean over the steps that
+        the settings average, and a head's `statistics`. With a frozen backbone they are the head's alone,
+        since the backbone's do not change and `predict` loads them as training did. Those of several heads
+        are stacked along a first axis.
 
     Raises:
         ValueError: no images, shapes that do not match, labels outside the classes, settings or a seed
-            out of range, or images too small for the net.
+            out of range, or images too small for the network.
         TrainingError: the loss is not finite.
-        WeightsError: the settings' `weights`, or the trunk's, cannot be used.
+        WeightsError: the settings' `weights`, or the backbone's, cannot be used.
     """
     check_settings(settings)
     check_seed(rng_seed)
@@ -222,9 +224,11 @@ def train(
             f"checkpoints must lie in 1..{settings.steps}, the steps; got {checkpoints}"
         )
     if checkpoints > 1 and settings.heads > 1:
-        raise ValueError(f"checkpoints are of nets of one head; the settings have {settings.heads}")
-    own = training_set(LabelledImages(images, labels, features=features), beside, share)
-    prepared = prepare(own, settings, classes, statistics, resumes=params is not None)
+        raise ValueError(
+            f"checkpoints are for networks of one head; the settings have {settings.heads}"
+        )
+    whole_set = training_set(LabelledImages(images, labels, features=features), beside, share)
+    prepared = prepare(whole_set, settings, classes, statistics, resumes=params is not None)
     starts = (
         [None] * settings.heads
         if params is None
@@ -245,7 +249,7 @@ def train(
         )
     )
     counts, statistics = prepared.counts, prepared.statistics
-    del own, prepared  # features are large, and joined ones are a copy
+    del whole_set, prepared  # features are large, and joined ones are a copy
     nets = []
     for head, (seed, start) in enumerate(zip(seeds, starts, strict=True)):
         if start is not None or settings.weights is not None or settings.has_trunk:
@@ -257,11 +261,11 @@ def train(
         else:
             state = compiled.init(np.uint32(seed), data.images)
         rows = plan(seed, counts, settings, share)
-        told = progress and partial(_told, progress, head * settings.steps)
+        report = progress and partial(_report, progress, head * settings.steps)
         data = data._replace(seed=np.uint32(seed))
         nets.append(
             _after(
-                compiled, state, data, rows, settings, told, stepwise, checkpoints, at_checkpoint
+                compiled, state, data, rows, settings, report, stepwise, checkpoints, at_checkpoint
             )
         )
     return stacked(nets)
@@ -288,7 +292,7 @@ def _heads_at_once(
     return jax.tree.map(lambda leaf: leaf[0], networks)
 
 
-def _told(progress: Callable[[int, float], None], before: int, step: int, loss: float) -> None:
+def _report(progress: Callable[[int, float], None], before: int, step: int, loss: float) -> None:
     progress(before + step, loss)
 
 
@@ -303,10 +307,10 @@ def _after(
     checkpoints: int,
     at_checkpoint: Callable[[Variables], None] | None,
 ) -> Variables:
-    """The variables of a net with one head after all steps; arguments and errors are those of `train`."""
+    """The variables of a network with one head after all steps; arguments and errors are those of `train`."""
     checked = {settings.steps, *range(CHUNK, settings.steps, CHUNK)}
-    kept = {settings.steps * k // checkpoints for k in range(1, checkpoints + 1)}
-    for start, stop in pairwise(sorted({0, *checked, *kept})):
+    checkpoint_steps = {settings.steps * k // checkpoints for k in range(1, checkpoints + 1)}
+    for start, stop in pairwise(sorted({0, *checked, *checkpoint_steps})):
         if stepwise:
             for i in range(start, stop):
                 state, loss = compiled.step(state, data, rows.rows(i))
@@ -318,7 +322,7 @@ def _after(
             raise TrainingError(error)
         if progress is not None and stop in checked:
             progress(stop, value)
-        if at_checkpoint is not None and stop in kept:
+        if at_checkpoint is not None and stop in checkpoint_steps:
             averages = rows.weight[stop - 1] > 0
             at_checkpoint(state.trained if averages else state._replace(mean=None).trained)
     return state.trained
@@ -335,21 +339,21 @@ def predict(
     """Segment images.
 
     Args:
-        params: a trained net, from `train` or from a file of any version.
-        images: RGB of any size; with a trunk no side is shorter than its largest stride.
+        params: a trained network, from `train` or from a file of any version.
+        images: RGB of any size; with a backbone no side is shorter than its largest stride.
         settings: the settings of the training.
-        classes: the net's number of classes.
-        features: for a frozen trunk, `seg.pyramid.features` of `seg.views.with_mirror`; None computes
+        classes: the network's number of classes.
+        features: for a frozen backbone, `seg.pyramid.features` of `seg.views.with_mirror`; None computes
             them. The prediction is the same.
 
     Returns:
         The most likely class of each pixel.
 
     Raises:
-        ValueError: there are no images, they are not RGB bytes, or too small for the net.
-        WeightsError: the frozen trunk's weights cannot be used.
+        ValueError: there are no images, they are not RGB bytes, or too small for the network.
+        WeightsError: the frozen backbone's weights cannot be used.
     """
-    return _of_batches(params, images, settings, classes, features, "labels")
+    return _predict_batches(params, images, settings, classes, features, "labels")
 
 
 def logits(
@@ -361,10 +365,10 @@ def logits(
     features: Maps | None = None,
 ) -> Float32[np.ndarray, "n h w classes"]:
     """Scores of all classes, of which `predict` takes the largest; arguments and errors are the same."""
-    return _of_batches(params, images, settings, classes, features, "scores")
+    return _predict_batches(params, images, settings, classes, features, "scores")
 
 
-def _of_batches(
+def _predict_batches(
     params: Variables,
     images: np.ndarray,
     settings: TrainSettings,
@@ -372,7 +376,7 @@ def _of_batches(
     features: Maps | None,
     output: Output,
 ) -> np.ndarray:
-    """Compute labels, or the scores of all classes; only nets on a frozen trunk have "heads"."""
+    """Compute labels, or the scores of all classes; only networks on a frozen backbone have "heads"."""
     sides = prediction_inputs(images, settings, features)
     variables = jax.device_put(variables_of(params))  # once, not for every batch
     predict_batch = _predictor(settings.net_spec, settings.heads, classes, output)
@@ -393,7 +397,9 @@ def outline(settings: TrainSettings, classes: int) -> Variables:
         images = tuple(jax.ShapeDtypeStruct((1, 1, 1, c), np.float16) for c in channels)
     seed = jax.ShapeDtypeStruct((), np.uint32)
     return jax.eval_shape(
-        lambda *given: stacked([compiled.init(*given).trained] * settings.heads), seed, images
+        lambda *arguments: stacked([compiled.init(*arguments).trained] * settings.heads),
+        seed,
+        images,
     )
 
 
@@ -411,9 +417,9 @@ def score(
     Args:
         params: from `train`.
         images: RGB.
-        labels: class ids, 255 for void.
+        labels: class ids, 255 for ignored pixels.
         settings: the settings of the training.
-        classes: the net's number of classes.
+        classes: the network's number of classes.
         features: as for `predict`.
 
     Returns:
@@ -435,7 +441,7 @@ def predict_heads(
     *,
     features: Maps | None = None,
 ) -> UInt8[np.ndarray, "n nets h w"]:
-    """As `predict`, and for a net of several heads the classes by each head alone behind those by all."""
+    """As `predict`, and for a network of several heads the classes by each head alone behind those by all."""
     if settings.heads == 1:
         return predict(params, images, settings, classes, features=features)[:, None]
-    return _of_batches(params, images, settings, classes, features, "heads")
+    return _predict_batches(params, images, settings, classes, features, "heads")

@@ -1,4 +1,4 @@
-"""A net's uncertainty about an image and the layout of its classes, to choose the next images to label."""
+"""A network's uncertainty about an image and its layout of classes, to choose the next images to label."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -11,7 +11,7 @@ PARTS = 2
 
 
 class Uncertainty(NamedTuple):
-    """A summary of a net's scores of one image."""
+    """A summary of a network's scores of one image."""
 
     margin: float  # in [0, 1]: 0 for certainty in all pixels, 1 for a tie of two classes in all
     layout: tuple[float, ...]  # mean probability of each class in each part, row by row
@@ -36,17 +36,17 @@ def uncertainty(scores: Float32[np.ndarray, "rows cols classes"]) -> Uncertainty
     if p.shape[-1] > 1:
         highest = np.partition(p, -2, axis=-1)
         margin = float(np.mean(1 - (highest[..., -1] - highest[..., -2]), dtype=np.float64))
-    ends = [np.linspace(0, size, PARTS + 1).astype(int) for size in p.shape[:2]]
+    edges = [np.linspace(0, size, PARTS + 1).astype(int) for size in p.shape[:2]]
     parts = [
         p[top:bottom, left:right]
-        for top, bottom in zip(ends[0], ends[0][1:], strict=False)
-        for left, right in zip(ends[1], ends[1][1:], strict=False)
+        for top, bottom in zip(edges[0], edges[0][1:], strict=False)
+        for left, right in zip(edges[1], edges[1][1:], strict=False)
     ]
     means = [part.mean(axis=(0, 1)) if part.size else np.zeros(p.shape[-1]) for part in parts]
     return Uncertainty(margin, tuple(np.concatenate(means).tolist()))
 
 
-def order(own: Sequence[Uncertainty], first: int) -> list[int]:
+def order(uncertainties: Sequence[Uncertainty], first: int) -> list[int]:
     """Order images by index for labelling.
 
     The first image has the largest margin. Each of the next ``first`` - 1 has the largest product of its
@@ -54,23 +54,23 @@ def order(own: Sequence[Uncertainty], first: int) -> list[int]:
     other. The others follow by margin.
 
     Args:
-        own: the uncertainties of all images.
+        uncertainties: the uncertainties of all images.
         first: the number of images that are labelled together, 1 or more.
 
     Source: farthest-first, Sener and Savarese (2018), "Active Learning for Convolutional Neural Networks: A
     Core-Set Approach"; the product with uncertainty is ours.
     """
-    if not own:
+    if not uncertainties:
         return []
-    margins = np.array([each.margin for each in own])
-    layouts = np.array([each.layout for each in own])
-    nearest = np.ones(len(own))
-    found: list[int] = []
-    for _ in range(min(first, len(own))):
+    margins = np.array([image.margin for image in uncertainties])
+    layouts = np.array([image.layout for image in uncertainties])
+    nearest = np.ones(len(uncertainties))
+    chosen: list[int] = []
+    for _ in range(min(first, len(uncertainties))):
         values = margins * nearest
-        values[found] = -1
-        found.append(int(values.argmax()))
-        distance = np.linalg.norm(layouts - layouts[found[-1]], axis=1)
-        nearest = distance if len(found) == 1 else np.minimum(nearest, distance)
+        values[chosen] = -1
+        chosen.append(int(values.argmax()))
+        distance = np.linalg.norm(layouts - layouts[chosen[-1]], axis=1)
+        nearest = distance if len(chosen) == 1 else np.minimum(nearest, distance)
     rest = np.argsort(-margins, kind="stable").tolist()
-    return [*found, *(k for k in rest if k not in set(found))]
+    return [*chosen, *(k for k in rest if k not in set(chosen))]

@@ -1,7 +1,7 @@
-"""The views of training images for a frozen trunk: each image itself, then a number of augmented copies.
+"""The views of training images for a frozen backbone: each image itself, then a number of augmented copies.
 
 Features are computed once, so augmentation happens before training instead of in every step. Its random
-numbers depend on the image and the settings alone: nets of all seeds share the same features, and the
+numbers depend on the image and the settings alone: networks of all seeds share the same features, and the
 features of a subset are among those of all images.
 """
 
@@ -19,7 +19,7 @@ from seg.batches import in_batches
 from seg.settings import AugmentSpec, TrainSettings
 
 SEED = 2020
-"""Seed of a view's random numbers, beside the view's number and the image's checksum."""
+"""Seed of a view's random numbers, together with the view's number and the image's checksum."""
 BATCH = 8
 """Number of images that are augmented at once."""
 IMAGES, LABELS = (0,), (1,)
@@ -33,14 +33,14 @@ def view_images(
 ) -> UInt8[np.ndarray, "views_n h w 3"]:
     """Make all views of all images: first the images, then the second view of each, and so on."""
     labels = np.zeros(images.shape[:3], np.uint8)
-    found = (_view(v, images, labels, settings, IMAGES) for v in range(1, settings.views))
-    return np.concatenate([images, *(x for (x,) in found)])
+    more_views = (_view(v, images, labels, settings, IMAGES) for v in range(1, settings.views))
+    return np.concatenate([images, *(x for (x,) in more_views)])
 
 
 def with_mirror(
     images: UInt8[np.ndarray, "n h w 3"], settings: TrainSettings
 ) -> UInt8[np.ndarray, "views_n h w 3"]:
-    """The images that a frozen trunk sees in a test: the images, and mirrored ones if the settings say so."""
+    """The images of a test for a frozen backbone: the images, and mirrored ones if the settings say so."""
     return np.concatenate([images, images[:, :, ::-1]]) if settings.average_mirror else images
 
 
@@ -49,9 +49,9 @@ def view_labels(
     labels: UInt8[np.ndarray, "n h w"],
     settings: TrainSettings,
 ) -> UInt8[np.ndarray, "views_n h w"]:
-    """Make the labels of `view_images`; the margin of a shrunk picture is void."""
-    found = (_view(v, images, labels, settings, LABELS) for v in range(1, settings.views))
-    return np.concatenate([labels, *(y for (y,) in found)])
+    """Make the labels of `view_images`; the margin of a shrunk image is ignored."""
+    more_views = (_view(v, images, labels, settings, LABELS) for v in range(1, settings.views))
+    return np.concatenate([labels, *(y for (y,) in more_views)])
 
 
 def views(
@@ -60,8 +60,10 @@ def views(
     settings: TrainSettings,
 ) -> tuple[UInt8[np.ndarray, "views_n h w 3"], UInt8[np.ndarray, "views_n h w"]]:
     """Make the images of `view_images` and the labels of `view_labels` in one augmentation."""
-    found = [_view(v, images, labels, settings, IMAGES + LABELS) for v in range(1, settings.views)]
-    pictures, truth = zip((images, labels), *found, strict=True)
+    more_views = [
+        _view(v, images, labels, settings, IMAGES + LABELS) for v in range(1, settings.views)
+    ]
+    pictures, truth = zip((images, labels), *more_views, strict=True)
     return np.concatenate(pictures), np.concatenate(truth)
 
 
@@ -75,12 +77,14 @@ def _view(
     """Make one view of all images, of their labels, or of both."""
     sums = np.array([zlib.crc32(image.tobytes()) for image in images], np.uint32)
     draws = np.stack([_draws(view, int(checksum)) for checksum in sums])
-    see = _viewer(settings.augment_spec, which)
+    augment_batch = _viewer(settings.augment_spec, which)
 
-    def some(picks: np.ndarray) -> tuple[Array, ...]:
-        return see(images[picks], labels[picks], draws[picks], sums[picks] ^ np.uint32(view))
+    def batch(indices: np.ndarray) -> tuple[Array, ...]:
+        return augment_batch(
+            images[indices], labels[indices], draws[indices], sums[indices] ^ np.uint32(view)
+        )
 
-    return in_batches(some, np.arange(len(images)), min(BATCH, len(images)))
+    return in_batches(batch, np.arange(len(images)), min(BATCH, len(images)))
 
 
 def _draws(view: int, checksum: int) -> Float32[np.ndarray, " draws"]:
@@ -92,19 +96,19 @@ def _draws(view: int, checksum: int) -> Float32[np.ndarray, " draws"]:
 
 @lru_cache(maxsize=8)
 def _viewer(spec: AugmentSpec, which: tuple[int, ...]) -> Callable[..., tuple[Array, ...]]:
-    def one(image: Array, label: Array, draws: Array, number: Array) -> tuple[Array, ...]:
+    def view_of(image: Array, label: Array, draws: Array, number: Array) -> tuple[Array, ...]:
         key = jax.random.fold_in(jax.random.key(SEED), number)
         x, y = augment(image[None], label[None], draws[None], spec, key)
-        both = jnp.round(255 * x[0]).astype(jnp.uint8), y[0]
-        return tuple(both[k] for k in which)
+        view = jnp.round(255 * x[0]).astype(jnp.uint8), y[0]
+        return tuple(view[k] for k in which)
 
     @jax.jit
-    def see(
+    def augment_batch(
         images: UInt8[Array, "b h w 3"],
         labels: UInt8[Array, "b h w"],
         draws: Float[Array, "b draws"],
         numbers: UInt32[Array, " b"],
     ) -> tuple[UInt8[Array, "b h w *c"], ...]:
-        return jax.vmap(one)(images, labels, draws, numbers)
+        return jax.vmap(view_of)(images, labels, draws, numbers)
 
-    return see
+    return augment_batch

@@ -22,7 +22,7 @@ from experiments.config.method import make_method, make_space
 from experiments.config.options import Fidelity
 from scene.assets.catalogue import check_pool
 from scene.render import check_settings
-from seg.beside import drawn
+from seg.beside import extra_count
 from seg.check import check_settings as check_train_settings
 from seg.nets.trunks import trunk_of
 from seg.settings import FILELESS_NETS, VGG_NETS, TrainSettings
@@ -142,7 +142,7 @@ def _check_share(config: ShareConfig) -> None:
     for name, fidelity in fidelities(config).items():
         train = fidelity.train
         images = train.steps * train.batch
-        if drawn(config.few_share, images) in (0, images):
+        if extra_count(config.few_share, images) in (0, images):
             count = "none" if config.few_share < 0.5 else "all"
             raise UserError(
                 f"--few-share {config.few_share} takes {count} of the {images} images of "

@@ -1,4 +1,4 @@
-"""Segmentation nets as Flax modules: images f32[b, h, w, 3] -> logits f32[b, h, w, classes]."""
+"""Segmentation networks as Flax modules: images f32[b, h, w, 3] -> logits f32[b, h, w, classes]."""
 
 from collections.abc import Callable
 from typing import Any
@@ -31,29 +31,29 @@ def net(
     weights: str | None = None,
     **options: Any,
 ) -> nn.Module:
-    """Make a net by name.
+    """Make a network by name.
 
     Args:
-        name: a known net: one without a trunk, or a trunk of `seg.nets.trunks` with a head.
+        name: a known network: one without a backbone, or a backbone of `seg.nets.trunks` with a head.
         classes: its number of classes.
         dtype: its type of computation; parameters and logits are float32.
-        norm: GroupNorm after the convolutions of VGG16; the compact net has it in any case.
-        weights: the file of a trunk's weights, for a trunk that has its size from it.
-        options: other attributes of the net, such as the `width` and `dropout` of a head.
+        norm: GroupNorm after the convolutions of VGG16; the compact network has it in any case.
+        weights: the file of a backbone's weights, for a backbone that has its size from it.
+        options: other attributes of the network, such as the `width` and `dropout` of a head.
 
     Returns:
         A Linen module, called as `apply(variables, images, train=False)`. Its variables are
-        `{"params": ...}`; a net on a trunk has the collection `statistics`, too.
+        `{"params": ...}`; a network on a backbone has the collection `statistics`, too.
 
     Raises:
-        ValueError: no net has that name (the message lists the known ones), or classes < 1.
-        WeightsError: the trunk's file of weights cannot be used.
+        ValueError: no network has that name (the message lists the known ones), or classes < 1.
+        WeightsError: the backbone's file of weights cannot be used.
     """
     if name not in _NETS and name not in TRUNKS:
-        known = ", ".join(sorted((*_NETS, *TRUNKS)))
-        raise ValueError(f"unknown net {name!r}; known nets: {known}")
+        names = ", ".join(sorted((*_NETS, *TRUNKS)))
+        raise ValueError(f"unknown network {name!r}; known networks: {names}")
     if classes < 1:
-        raise ValueError(f"a net needs at least one class; got {classes}")
+        raise ValueError(f"a network needs at least one class; got {classes}")
     computed = _DTYPES[dtype]
     if name in TRUNKS:
         module, strides, *_ = trunk(name, weights)
@@ -79,7 +79,7 @@ def net_of(spec: NetSpec, classes: int) -> nn.Module:
 
 
 def variables_of(trained: Any) -> Any:
-    """The variables of a trained net, by collection.
+    """The variables of a trained network, by collection.
 
     Args:
         trained: the variables; or a tree from a version without collections, which holds parameters and,
@@ -91,9 +91,9 @@ def variables_of(trained: Any) -> Any:
     names = ("mean", "deviation")
     if not set(names) <= set(head):
         return {"params": trained}
-    own = {name: leaf for name, leaf in head.items() if name not in names}
+    head_params = {name: leaf for name, leaf in head.items() if name not in names}
     statistics = {"head": {name: head[name] for name in names}}
-    return {"params": {**trained, "head": own}, STATISTICS: statistics}
+    return {"params": {**trained, "head": head_params}, STATISTICS: statistics}
 
 
 __all__ = [

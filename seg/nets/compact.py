@@ -1,4 +1,4 @@
-"""A compact net that trains in seconds on one CPU core.
+"""A compact network that trains in seconds on one CPU core.
 
 It works at a quarter of the resolution (space to depth), with one dilated stage at an eighth for context,
 and a skip connection between the two. One channel holds the row, because street scenes are ordered from top
@@ -69,7 +69,7 @@ class Compact(nn.Module):
     def __call__(
         self, images: Float[Array, "b h w 3"], train: bool = False
     ) -> Float[Array, "b h w classes"]:
-        """Logits of normalised RGB; `train` has no effect in a net without dropout."""
+        """Logits of normalised RGB; `train` has no effect in a network without dropout."""
         block = partial(_ConvNormRelu, dtype=self.dtype)
         project = partial(
             Conv, convolve=pointwise_conv, side=1, kernel_init=_LECUN, dtype=self.dtype

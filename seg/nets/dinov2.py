@@ -27,7 +27,7 @@ MLP = 4
 
 
 class Variant(NamedTuple):
-    """One size of the net."""
+    """One size of the network."""
 
     name: str
     depth: int  # layers
@@ -44,14 +44,14 @@ def bicubic(n: int, size: int) -> Float32[np.ndarray, "size n"]:
     """
     centres = (np.arange(size) + 0.5) * n / size - 0.5
     first = np.floor(centres).astype(int) - 1
-    found = np.zeros((size, n))
+    matrix = np.zeros((size, n))
     for k in range(4):
         x = np.abs(centres - (first + k))
         near = (1.25 * x - 2.25) * x**2 + 1
         far = -0.75 * (((x - 5) * x + 8) * x - 4)
         weights = np.where(x <= 1, near, far)
-        np.add.at(found, (np.arange(size), np.clip(first + k, 0, n - 1)), weights)
-    return found.astype(np.float32)
+        np.add.at(matrix, (np.arange(size), np.clip(first + k, 0, n - 1)), weights)
+    return matrix.astype(np.float32)
 
 
 class _Layer(nn.Module):
@@ -109,10 +109,10 @@ class DinoV2(nn.Module):
         x = nn.Dense(c, dtype=self.dtype, name="patch")(x)
         b, rows, cols, _ = x.shape
         start = nn.initializers.normal(0.02)
-        known = self.param("positions", start, (GRID, GRID, c))
+        embeddings = self.param("positions", start, (GRID, GRID, c))
         exact = jax.lax.Precision.HIGHEST
         down, across = bicubic(GRID, rows), bicubic(GRID, cols)
-        positions = jnp.einsum("Rr,Cc,rcd->RCd", down, across, known, precision=exact)
+        positions = jnp.einsum("Rr,Cc,rcd->RCd", down, across, embeddings, precision=exact)
         x = (x + positions[None].astype(x.dtype)).reshape(b, rows * cols, c)
         # The class token with its position.
         first = self.param("first", start, (c,)).astype(x.dtype)

@@ -1,4 +1,4 @@
-"""A light head that segments from a trunk's feature maps, and the net of trunk and head."""
+"""A light head that segments from a backbone's feature maps, and the network of backbone and head."""
 
 from typing import Any
 
@@ -16,7 +16,7 @@ from seg.nets.ops.resize import bilinear
 STATISTICS = "statistics"
 """The collection of variables with which the head normalises features."""
 Maps = tuple[Float[Any, "_n _rows _cols _c"], ...]
-"""The head's input: a trunk's feature maps, the finest first; arrays of NumPy or JAX."""
+"""The head's input: a backbone's feature maps, the finest first; arrays of NumPy or JAX."""
 
 
 class _Projection(nn.Module):
@@ -35,10 +35,10 @@ class _Projection(nn.Module):
         shape = (1, 1, sum(channels), self.features)
         kernel = self.param("kernel", nn.initializers.he_normal(), shape)
         bias = self.param("bias", nn.initializers.zeros, (self.features,))
-        *given, kernel, bias = nn.dtypes.promote_dtype(*maps, kernel, bias, dtype=self.dtype)
-        _, rows, cols, _ = given[0].shape
+        *inputs, kernel, bias = nn.dtypes.promote_dtype(*maps, kernel, bias, dtype=self.dtype)
+        _, rows, cols, _ = inputs[0].shape
         start, total = 0, bias[None, None, None]
-        for features, stride in zip(given, self.strides, strict=True):
+        for features, stride in zip(inputs, self.strides, strict=True):
             stop, times = start + features.shape[-1], stride // self.strides[0]
             part = pointwise(features, kernel[0, 0, start:stop])
             total = total + (bilinear(part, times)[:, :rows, :cols] if times > 1 else part)
@@ -50,7 +50,7 @@ class Head(nn.Module):
     """Scores of classes at the finest of some feature maps: 1x1, 3x3, 1x1 convolutions.
 
     The 3x3 convolution is separable, a depthwise one and a 1x1 one: an update takes half the time of a whole
-    3x3 kernel's, and nets trained on renders are no worse.
+    3x3 kernel's, and networks trained on renders are no worse.
 
     It normalises each channel of the features by `mean` and `deviation` of the collection `statistics`, which
     no training step changes.
@@ -110,7 +110,7 @@ class OnTrunk(nn.Module):
     dtype: DTypeLike | None = None
 
     def setup(self) -> None:
-        """Make the head; the trunk's parameters are needed only where it is called."""
+        """Make the head; the backbone's parameters are needed only where it is called."""
         self.head = Head(self.classes, self.strides, self.width, self.dropout, self.dtype)
 
     def __call__(
@@ -123,7 +123,7 @@ class OnTrunk(nn.Module):
     def from_maps(
         self, maps: Maps, size: tuple[int, int], train: bool = False, stride: int = 1
     ) -> Float[Array, "b rows cols classes"]:
-        """Logits of images of a size from the trunk's feature maps."""
+        """Logits of images of a size from the backbone's feature maps."""
         return self.enlarged(self.scores(maps, train), size, stride)
 
     def scores(self, maps: Maps, train: bool = False) -> Float[Array, "b rows cols classes"]:
@@ -147,11 +147,11 @@ class OnTrunk(nn.Module):
 def statistics(maps: Maps) -> tuple[Float[Array, " c"], Float[Array, " c"]]:
     """Compute a head's `mean` and `deviation` of each channel over all images and cells."""
 
-    def of(features: Any) -> tuple[Array, Array]:
+    def of_map(features: Any) -> tuple[Array, Array]:
         x = jnp.asarray(features, jnp.float32)
         mean = jnp.mean(x, axis=(0, 1, 2))
         spread = jnp.mean((x - mean[None, None, None]) ** 2, axis=(0, 1, 2))
         return mean, jnp.maximum(jnp.sqrt(spread), 1e-3)
 
-    means, deviations = zip(*(of(m) for m in maps), strict=True)
+    means, deviations = zip(*(of_map(m) for m in maps), strict=True)
     return jnp.concatenate(means), jnp.concatenate(deviations)

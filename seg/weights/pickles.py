@@ -78,7 +78,7 @@ def _refuse(unpickler: Any) -> None:
 def _reduce(unpickler: Any) -> None:
     arguments = unpickler.stack.pop()
     function = unpickler.stack[-1]
-    if not any(function is known for known in _FUNCTIONS.values()):
+    if not any(function is allowed for allowed in _FUNCTIONS.values()):
         raise _Refused("it calls something that is no function")
     unpickler.stack[-1] = function(*arguments)
 
@@ -108,15 +108,15 @@ def _build(unpickler: Any) -> None:
         raise _Refused("it sets attributes of something that is no dictionary")
 
 
-def _only_known() -> dict[int, Callable[[Any], None]]:
-    known = {getattr(pickle, name)[0] for name in _INSTRUCTIONS}
+def _allowed_instructions() -> dict[int, Callable[[Any], None]]:
+    allowed = {getattr(pickle, name)[0] for name in _INSTRUCTIONS}
     every = pickle._Unpickler.dispatch
-    table = {code: load if code in known else _refuse for code, load in every.items()}
-    own = {"REDUCE": _reduce, "BUILD": _build, "SETITEM": _set_item, "SETITEMS": _set_items}
-    return {**table, **{getattr(pickle, name)[0]: load for name, load in own.items()}}
+    table = {code: load if code in allowed else _refuse for code, load in every.items()}
+    replaced = {"REDUCE": _reduce, "BUILD": _build, "SETITEM": _set_item, "SETITEMS": _set_items}
+    return {**table, **{getattr(pickle, name)[0]: load for name, load in replaced.items()}}
 
 
-_Unpickler.dispatch = _only_known()
+_Unpickler.dispatch = _allowed_instructions()
 
 
 def load(file: BufferedIOBase, where: str) -> Any:

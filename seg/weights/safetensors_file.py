@@ -24,13 +24,17 @@ def read_safetensors(path: Path) -> dict[str, np.ndarray]:
         tensors = dict(deserialize(read_bytes(path, _LARGEST)))
     except SafetensorError as error:
         raise WeightsError(f"{path}: damaged, or no safetensors file ({error})") from None
-    for name, own in tensors.items():
-        if own["dtype"] not in _DTYPES:
-            known = ", ".join(_DTYPES)
-            raise WeightsError(f"{path}: {name}: elements of type {own['dtype']}; expected {known}")
+    for name, tensor in tensors.items():
+        if tensor["dtype"] not in _DTYPES:
+            names = ", ".join(_DTYPES)
+            raise WeightsError(
+                f"{path}: {name}: elements of type {tensor['dtype']}; expected {names}"
+            )
     return {
-        name: from_bytes(memoryview(own["data"]), _DTYPES[own["dtype"]]).reshape(own["shape"])
-        for name, own in tensors.items()
+        name: from_bytes(memoryview(tensor["data"]), _DTYPES[tensor["dtype"]]).reshape(
+            tensor["shape"]
+        )
+        for name, tensor in tensors.items()
     }
 
 

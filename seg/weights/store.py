@@ -1,4 +1,4 @@
-"""Converts a file of ImageNet weights into our format, and loads it into a net's parameters.
+"""Converts a file of ImageNet weights into our format, and loads it into a network's parameters.
 
 Our file is an `.npz` with the arrays of `seg.weights.vgg16.shapes()`, or the 13 convolutions, for images as
 `seg.nets.normalise` makes them; with `source`, a description of the weights; and with `normalisation`, that
@@ -29,8 +29,8 @@ _SOURCE = "source"
 _WHOLE = "15 layers, fc6 and fc7 among them"
 _ALONE = "the 13 convolutions alone, fc6 and fc7 start at random"
 _OF_NET = {"deeplabv2": CONVS, "fcn8s": LAYERS}
-"""The layers that each net takes. The four fc6 and fc7 of DeepLabv2 have another shape (3x3, 1024 channels);
-the authors made them by thinning out VGG16's, here they start at random."""
+"""The layers that each network takes. The four fc6 and fc7 of DeepLabv2 have another shape (3x3, 1024
+channels); the authors made them by thinning out VGG16's, here they start at random."""
 
 
 class Contents(NamedTuple):
@@ -63,16 +63,16 @@ def convert(source: Path, out: Path, normalisation: Normalisation | None = None)
     converted = arrays.pop(_MARK, None)
     if converted is not None:
         raise WeightsError(f"{source}: is converted already; use it as it is")
-    ours = layers(arrays, str(source))
+    layer_arrays = layers(arrays, str(source))
     expected = normalisation or _default(arrays, source)
     if expected != "torchvision":
-        kernel, bias = from_bgr(ours["conv1_1/kernel"], ours["conv1_1/bias"])
-        ours |= {"conv1_1/kernel": kernel, "conv1_1/bias": bias}
+        kernel, bias = from_bgr(layer_arrays["conv1_1/kernel"], layer_arrays["conv1_1/bias"])
+        layer_arrays |= {"conv1_1/kernel": kernel, "conv1_1/bias": bias}
     name = source_of(source) or f"VGG16 of {source.name}"
     content = io.BytesIO()
-    np.savez(content, **ours, **{_MARK: np.array(expected), _SOURCE: np.array(name)})  # type: ignore[arg-type]
+    np.savez(content, **layer_arrays, **{_MARK: np.array(expected), _SOURCE: np.array(name)})  # type: ignore[arg-type]
     write(out, content.getvalue())
-    return Contents(name, expected, "fc7/bias" in ours)
+    return Contents(name, expected, "fc7/bias" in layer_arrays)
 
 
 def _default(arrays: Mapping[str, np.ndarray], source: Path) -> Normalisation:
@@ -95,7 +95,7 @@ def _contents(arrays: Mapping[str, np.ndarray], path: Path) -> Contents:
 
 
 def described(settings: TrainSettings) -> str | None:
-    """Say in a sentence from what the settings' net starts; None without `weights`. Kernels are not read.
+    """Say in a sentence from what the settings' network starts; None without `weights`. Kernels are not read.
 
     Raises:
         WeightsError: there is no such file, or `convert` did not write it.
@@ -104,14 +104,14 @@ def described(settings: TrainSettings) -> str | None:
         return None
     path = Path(settings.weights)
     if settings.has_trunk:
-        return f"{settings.net} stands on the weights of {path}"
-    held = _contents(read_npz(path, (_MARK, _SOURCE, "fc7/bias")), path)
-    held = held._replace(whole=held.whole and "fc6" in _OF_NET[settings.net])
-    return f"{settings.net} starts from {path}: {held}"
+        return f"{settings.net} uses the backbone weights of {path}"
+    contents = _contents(read_npz(path, (_MARK, _SOURCE, "fc7/bias")), path)
+    contents = contents._replace(whole=contents.whole and "fc6" in _OF_NET[settings.net])
+    return f"{settings.net} starts from {path}: {contents}"
 
 
 def load(path: str | Path, net_name: str, params: Any) -> Any:
-    """Make parameters of a net whose backbone starts from a converted file.
+    """Make parameters of a network whose backbone starts from a converted file.
 
     DeepLabv2 takes the 13 convolutions, FCN8s also fc6 and fc7 if the file has them. All other parameters
     stay as they are.
@@ -119,25 +119,25 @@ def load(path: str | Path, net_name: str, params: Any) -> Any:
     Args:
         path: from `convert`.
         net_name: "deeplabv2" or "fcn8s".
-        params: parameters of that net, which are not changed.
+        params: parameters of that network, which are not changed.
 
     Returns:
         New parameters of the same structure.
 
     Raises:
         WeightsError: there is no such file, `convert` did not write it, a layer is missing or has another
-            shape, or the net has no VGG16 in it.
+            shape, or the network has no VGG16 in it.
     """
     path = here(path)
     if net_name not in _OF_NET:
         raise WeightsError(
-            f"{path}: the net {net_name} has no VGG16 in it; only {' and '.join(_OF_NET)} have"
+            f"{path}: the network {net_name} has no VGG16 in it; only {' and '.join(_OF_NET)} have"
         )
-    wanted = tuple(f"{layer}/{part}" for layer in _OF_NET[net_name] for part in PARTS)
-    arrays = read_npz(path, (*wanted, _MARK))
-    taken = _OF_NET[net_name] if _contents(arrays, path).whole else CONVS
+    names = tuple(f"{layer}/{part}" for layer in _OF_NET[net_name] for part in PARTS)
+    arrays = read_npz(path, (*names, _MARK))
+    layer_names = _OF_NET[net_name] if _contents(arrays, path).whole else CONVS
     params = {**params, "vgg16": dict(params["vgg16"])}
-    for layer in taken:
+    for layer in layer_names:
         home = params["vgg16"] if layer in CONVS else params
         home[layer] = {
             part: _fitting(arrays, f"{layer}/{part}", home[layer][part].shape, path)
@@ -147,12 +147,12 @@ def load(path: str | Path, net_name: str, params: Any) -> Any:
 
 
 def check(settings: TrainSettings, classes: int) -> None:
-    """Check before a search that the settings' weights fit their net; only files are read.
+    """Check before a search that the settings' weights fit their network; only files are read.
 
     Raises:
         WeightsError: they do not.
     """
-    from seg.nets import net_of  # nets import their trunks' weights
+    from seg.nets import net_of  # networks import their backbones' weights
     from seg.nets.trunks import trunk_of
 
     if settings.has_trunk:
@@ -172,6 +172,6 @@ def _fitting(
     array = arrays[name]
     if array.shape != shape or array.dtype != np.float32:
         raise WeightsError(
-            f"{path}: {name}: {array.dtype}{list(array.shape)}; the net has float32{list(shape)}"
+            f"{path}: {name}: {array.dtype}{list(array.shape)}; the network has float32{list(shape)}"
         )
     return array

@@ -53,10 +53,10 @@ def shapes() -> dict[str, tuple[int, ...]]:
     """The shape of every array of VGG16 under our names."""
     sizes = {name: (3, 3, *pair) for name, pair in zip(CONVS, pairwise(_CHANNELS), strict=True)}
     sizes |= {"fc6": (7, 7, _CHANNELS[-1], _HIDDEN), "fc7": (1, 1, _HIDDEN, _HIDDEN)}
-    found: dict[str, tuple[int, ...]] = {}
+    array_shapes: dict[str, tuple[int, ...]] = {}
     for name, size in sizes.items():
-        found |= {f"{name}/kernel": size, f"{name}/bias": size[-1:]}
-    return found
+        array_shapes |= {f"{name}/kernel": size, f"{name}/bias": size[-1:]}
+    return array_shapes
 
 
 def scheme_of(names: Iterable[str], where: str) -> Scheme:
@@ -90,46 +90,48 @@ def layers(arrays: Mapping[str, np.ndarray], where: str) -> dict[str, np.ndarray
             VGG16 does not have.
     """
     scheme = scheme_of(arrays, where)
-    theirs = {
-        f"{ours}{p}": f"{theirs}{q}"
-        for ours, theirs in zip(LAYERS, scheme.layers, strict=False)
-        for p, q in zip(("/kernel", "/bias"), scheme.parts, strict=True)
+    file_names = {
+        f"{layer}{part}": f"{file_layer}{suffix}"
+        for layer, file_layer in zip(LAYERS, scheme.layers, strict=False)
+        for part, suffix in zip(("/kernel", "/bias"), scheme.parts, strict=True)
     }
-    if not any(n in arrays for ours, n in theirs.items() if ours.startswith("fc")):
-        theirs = {ours: n for ours, n in theirs.items() if ours.startswith("conv")}
-    stray = sorted(n for n in arrays if n not in theirs.values() and not n.startswith(_IGNORED))
-    normed = [n for n in stray if n.endswith(("running_mean", "running_var"))]
+    if not any(n in arrays for name, n in file_names.items() if name.startswith("fc")):
+        file_names = {name: n for name, n in file_names.items() if name.startswith("conv")}
+    unknown = sorted(
+        n for n in arrays if n not in file_names.values() and not n.startswith(_IGNORED)
+    )
+    normed = [n for n in unknown if n.endswith(("running_mean", "running_var"))]
     if normed:
         raise WeightsError(
             f"{where}: {normed[0]}: VGG16 has no batch normalisation; "
-            "these weights are of another net (vgg16_bn, resnet?)"
+            "these weights are of another network (vgg16_bn, resnet?)"
         )
-    missing = [n for n in theirs.values() if n not in arrays]
+    missing = [n for n in file_names.values() if n not in arrays]
     if missing:
         more = f", and {len(missing) - 1} more" if len(missing) > 1 else ""
         raise WeightsError(
             f"{where}: {missing[0]} is missing{more}; expected all of VGG16 (D), or its 13 convolutions"
         )
-    if stray:
+    if unknown:
         raise WeightsError(
-            f"{where}: {stray[0]}: VGG16 has no such layer; these weights are of another net"
+            f"{where}: {unknown[0]}: VGG16 has no such layer; these weights are of another network"
         )
-    wanted = shapes()
+    expected_shapes = shapes()
     return {
-        ours: _array(arrays[name], ours, wanted[ours], scheme, f"{where}: {name}")
-        for ours, name in theirs.items()
+        name: _array(arrays[n], name, expected_shapes[name], scheme, f"{where}: {n}")
+        for name, n in file_names.items()
     }
 
 
 def _array(
-    array: np.ndarray, name: str, ours: tuple[int, ...], scheme: Scheme, where: str
+    array: np.ndarray, name: str, shape: tuple[int, ...], scheme: Scheme, where: str
 ) -> np.ndarray:
-    allowed = [ours]
-    if len(ours) == 4:
-        rows, columns, c_in, c_out = ours
+    allowed = [shape]
+    if len(shape) == 4:
+        rows, columns, c_in, c_out = shape
         # A convolution kernel and a fully connected one of the file: PyTorch flattens the input channel by
         # channel.
-        allowed = [(c_out, c_in, rows, columns) if scheme.torch else ours]
+        allowed = [(c_out, c_in, rows, columns) if scheme.torch else shape]
         if name.startswith("fc") and scheme.torch:
             allowed.append((c_out, c_in * rows * columns))
     if array.shape not in allowed or array.dtype.kind != "f":
@@ -138,7 +140,7 @@ def _array(
             f"expected float{' or '.join(str(list(size)) for size in allowed)}"
         )
     array = array.reshape(allowed[0])
-    if scheme.torch and len(ours) == 4:
+    if scheme.torch and len(shape) == 4:
         array = array.transpose(2, 3, 1, 0)
     array = np.ascontiguousarray(array, np.float32)
     if not np.isfinite(array).all():

@@ -91,7 +91,7 @@ def test_what_cannot_be_written_is_refused(tmp_path, capsys, monkeypatch):
     model.save(tmp_path / "model")
     refused(UserError, "is a folder; name a file", export, model, tmp_path)
     half = replace(model, settings=replace(model.settings, dtype="bfloat16"))
-    refused(UserError, "a net of bfloat16 cannot be written", export, half, tmp_path / "net.onnx")
+    refused(UserError, "a network of bfloat16 cannot be written", export, half, tmp_path / "net.onnx")
     monkeypatch.setitem(sys.modules, "onnx", None)
     assert main([str(tmp_path / "model"), "--onnx", str(tmp_path / "net.onnx")]) == 2
     (line,) = capsys.readouterr().err.splitlines()

@@ -567,7 +567,7 @@ def test_what_cannot_be_fitted_is_one_line(folder: Path, tmp_path: Path, capsys)
         ([str(folder), *out, "--init", str(tmp_path)], "no model"),
         ([str(folder), *out, "--net", "dinov2"], "--net: weights must name the file of the trunk"),
         ([str(folder), *out, "--weights", "x"], "--weights x is for --net dinov2; those of lite0"),
-        ([*dinov2, "--trunk", "tuned"], '"tuned", but that of dinov2 stays frozen'),
+        ([*dinov2, "--trunk", "tuned"], '"tuned", but the backbone of dinov2 stays frozen'),
         (
             [*dinov2],
             f"{bad}: embeddings.position_embeddings is missing; expected all of DINOv2 ViT-S",

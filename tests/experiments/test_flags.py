@@ -250,7 +250,7 @@ SIZES = ("--reward.streets", "--reward.shots", "--final.samples", "--final.train
     (["--method", "sdr", "--search.learning-rate", "-1"], ["--search.learning-rate", "positive"]),
     (["--search.relaxation", "2"], ["--search.relaxation", "[0, 1]"]),
     (["--search.relaxation", "2", "--search.method", "random_search"], ["--search.relaxation", "[0, 1]"]),
-    (["--final.train.net", "resnet"], ["--final.train.net", "unknown net 'resnet'", "compact", "lite1"]),
+    (["--final.train.net", "resnet"], ["--final.train.net", "unknown network 'resnet'", "compact", "lite1"]),
     (["--groups", ",".join(NAMES[1:])], ["--groups", NAMES[0], "in no group"]),
     (["--groups", "hats"], ["--groups", "unknown", "'hats'"]),
     (["--groups", ",".join(NAMES), NAMES[2]], ["--groups", NAMES[2]]),

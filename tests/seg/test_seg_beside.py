@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from seg import TrainSettings, predict
-from seg.beside import drawn, mean_share, mixed, picks
+from seg.beside import batch_indices, extra_count, mean_share, mixed
 from seg.data import LabelledImages
 from seg.losses import class_shares, class_weights, weights_of_shares
 from seg.pyramid import channel_statistics, features
@@ -26,10 +26,12 @@ IMAGES, LABELS = pixels(6, 48, 64, 3), pixels(6, 48, 64, seed=1, below=3)
 @given(SEEDS, st.floats(0.01, 0.99), st.integers(1, 40), st.integers(1, 40))
 def test_every_batch_holds_the_share_and_every_image_its_part(seed, share, ours, few):
     steps, batch = 30, 4
-    found = picks(np.random.default_rng(seed), (ours, few), share, steps * batch)
+    found = batch_indices(np.random.default_rng(seed), (ours, few), share, steps * batch)
     beside = found.reshape(steps, batch) >= ours
     assert set(beside.sum(1)) <= {np.floor(share * batch), np.ceil(share * batch)}
-    assert beside.sum() == drawn(share, steps * batch) and abs(beside.sum() - share * 120) <= 0.5
+    assert (
+        beside.sum() == extra_count(share, steps * batch) and abs(beside.sum() - share * 120) <= 0.5
+    )
     counts = np.bincount(found, minlength=ours + few)
     for part in (counts[:ours], counts[ours:]):
         assert len(part) in (ours, few) and np.ptp(part) <= 1
@@ -38,24 +40,24 @@ def test_every_batch_holds_the_share_and_every_image_its_part(seed, share, ours,
 @given(SEEDS, st.floats(0.01, 0.99), st.floats(0, 1))
 def test_a_share_changes_linearly_from_the_first_batch_to_the_last(seed, share, last):
     steps, batch = 40, 4
-    found = picks(np.random.default_rng(seed), (30, 5), share, steps * batch, last)
+    found = batch_indices(np.random.default_rng(seed), (30, 5), share, steps * batch, last)
     beside = (found >= 30).reshape(steps, batch).sum(1)
     expected = batch * (share + (last - share) * (np.arange(steps) + 0.5) / steps)
     assert np.abs(np.cumsum(beside) - np.cumsum(expected)).max() <= 1
-    assert abs(beside.sum() - drawn(mean_share(share, last), steps * batch)) <= 1
-    same = picks(np.random.default_rng(seed), (30, 5), share, steps * batch, share)
+    assert abs(beside.sum() - extra_count(mean_share(share, last), steps * batch)) <= 1
+    same = batch_indices(np.random.default_rng(seed), (30, 5), share, steps * batch, share)
     np.testing.assert_array_equal(
-        same, picks(np.random.default_rng(seed), (30, 5), share, steps * batch)
+        same, batch_indices(np.random.default_rng(seed), (30, 5), share, steps * batch)
     )
 
 
 def test_a_set_with_none_beside_it_is_drawn_as_ever():
     settings = TrainSettings(steps=5, batch=4, warmup=4)
     one, same = plan(7, 6, settings), plan(7, [6], settings, 1.0)
-    np.testing.assert_array_equal(one.picks, same.picks)
+    np.testing.assert_array_equal(one.batch_indices, same.batch_indices)
     rng = np.random.default_rng(7)
     whole = np.concatenate([rng.permutation(6) for _ in range(4)])[:20]
-    np.testing.assert_array_equal(one.picks.ravel(), whole)
+    np.testing.assert_array_equal(one.batch_indices.ravel(), whole)
 
 
 def test_parts_that_count_by_their_size_are_the_whole():

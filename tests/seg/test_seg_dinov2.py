@@ -153,10 +153,10 @@ def test_a_head_on_its_tokens_learns_and_its_model_is_loaded_where_the_file_is(f
     assert_same(load_model(moved).predict(images), expected)
     save_file(tensors(seed=1), moved / file.name)
     trunk.cache_clear()
-    refuses(r"config\.json: its head is for the trunk of DINOv2 ViT-tiny/14 .*, and here is",
+    refuses(r"config\.json: its head was trained on the backbone DINOv2 ViT-tiny/14 .*, not on",
             load_model, moved, error=Exception)  # fmt: skip
     (moved / file.name).unlink()
-    refuses(r"the weights of its trunk are not there; expected .*model", load_model, moved,
+    refuses(r"the weights of its backbone are missing; expected .*model", load_model, moved,
             error=Exception)  # fmt: skip
 
 

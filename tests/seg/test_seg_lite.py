@@ -280,7 +280,7 @@ def test_the_file_is_that_of_its_name_and_others_are_refused(tmp_path, monkeypat
     ("_bn0.bias", np.zeros(32), r": float64\[32\]; .* has float32\[32\]"),
     ("_bn0.bias", np.full(32, np.nan, np.float32), ": holds values that are not"),
     ("_bn0.running_var", np.full(32, -1, np.float32), ": a variance below"),
-    ("_blocks.16._bn1.bias", np.zeros(3, np.float32), ".* no such tensor; .* are of another net"),
+    ("_blocks.16._bn1.bias", np.zeros(3, np.float32), ".* no such tensor; .* are of another network"),
 ])  # fmt: skip
 def test_layers_that_do_not_fit(layer, value, message):
     changed = {k: v for k, v in {**read(lite.path("lite0")), layer: value}.items() if v is not None}
@@ -411,7 +411,7 @@ def test_features_of_other_images_are_refused():
     refuses(r"expected float16 \[8, 6, 8, 64\].*, 2 views of each", fit, SETTINGS, features=maps)
     expected = r"features are float16\[4, 6, 8, 64\], .*; expected .*\[3, "
     refuses(expected, predict, {}, TOY[0][:3], SETTINGS, 2, features=maps)
-    refuses("features are for a frozen trunk", fit, compact, features=maps)
+    refuses("features are for a frozen backbone", fit, compact, features=maps)
     target, statistics = 'statistics are for head_statistics "target"', channel_statistics(maps)
     refuses(target, fit, compact, statistics=statistics)
     needed = 'head_statistics "target" needs statistics, or params that have them'

@@ -154,7 +154,7 @@ def test_what_cannot_be_trained_at_once_is_refused():
         ("got 0 and 0", [], [], {}),
         ("rng_seed must be in", [0, 2**32], [good, good], {}),
         (r"sets\[1\]: label 11 is none of 3", [0, 1], [good, good._replace(labels=good.labels | 9)], {}),
-        (r"sets\[0\]: features are for a frozen trunk", [0], [good], {"net": "compact"}),
+        (r"sets\[0\]: features are for a frozen backbone", [0], [good], {"net": "compact"}),
         (r"sets\[1\]: .*share .* must lie in \(0, 1\); got 1.0", [0, 1],
          [good, TrainingSet((good, good), (0.0, 1.0))], {}),
         (r"one size; got 32x32 in sets\[0\], 32x64 in sets\[1\]", [0, 1],

@@ -60,5 +60,5 @@ def test_the_mean_over_some_classes_or_over_none():
     assert mean_iou(confusion, (2,)) == third == 0
     nothing = confusion_matrix(np.full((2, 2), 255, np.uint8), np.zeros((2, 2), np.uint8), 3)
     assert not nothing.any()
-    refuses("every label is void", mean_iou, nothing)
+    refuses("has no labelled pixel", mean_iou, nothing)
     refuses("no pixel", mean_iou, np.array([[0, 0], [0, 3]]), (0,))

@@ -174,14 +174,14 @@ def test_classes_of_a_target_have_the_values_of_its_files():
     ({"recipe": {"net": "compact", "stride": 2}}, r"recipe\.stride: there is no such setting"),
     ({"recipe": {"net": "compact", "lr": "high"}}, r"recipe\.lr must be a number, not 'high'"),
     ({"recipe": {"net": "compact", "norm": True, "weights": "x"}}, f"{CONFIG}: norm is for"),
-    ({"recipe": {"net": "fcn8s"}}, f"{WEIGHTS}: .* of another net"),
+    ({"recipe": {"net": "fcn8s"}}, f"{WEIGHTS}: .* of another network"),
     ({"recipe": {"net": "compact", "dtype": "half"}}, r"recipe\.dtype must be one of float32, bfloat16"),
     ({"recipe": {"net": "compact", "lr": []}}, r"recipe\.lr must be a number, not \[\]"),
     ({"recipe": {"net": "dinov2", "weights": 5}}, r"recipe\.weights must be text or None, not 5"),
     ({"recipe": {"net": "lite0", "head_width": 2**63}}, r"recipe\.head_width must be 65536 or less"),
     ({"recipe": {"net": "compact", "predict_batch": 2**63}}, f"{CONFIG}: predict_batch .* of memory"),
     ({"recipe": {"net": "compact", "dtype": "\x1b[31m"}}, r"bfloat16, not \\x1b\[31m"),
-    ({"recipe": {"net": "lite0"}, "trunk": {"sha256": None}}, r"its head is for the trunk of None\.\.\."),
+    ({"recipe": {"net": "lite0"}, "trunk": {"sha256": None}}, r"trained on the backbone None\.\.\."),
     ({"size": {"width": 2**31, "height": 2**31}}, f"{CONFIG}: size, in pixels, .* of memory"),
 ])  # fmt: skip
 def test_a_model_that_is_not_right_is_refused_by_name(changes, message, saved):

@@ -63,7 +63,7 @@ def test_vgg16_strides_and_factory_errors():
     expected = [(320 >> k, 640 >> k, c) for k, c in enumerate(channels, 1)]
     assert [p.shape[1:] for p in plain] == expected
     assert [p.shape[1] for p in atrous] == [160, 80, 40, 40, 40]
-    refuses(r"unknown net 'unet'; .*: compact, deeplabv2, dinov2, fcn8s", net, "unet", 11)
+    refuses(r"unknown network 'unet'; .*: compact, deeplabv2, dinov2, fcn8s", net, "unet", 11)
     refuses("at least one class", net, "compact", 0)
 
 

@@ -121,7 +121,7 @@ def test_heads_are_nets_of_their_own_whose_mean_logits_count():
     assert_close(at_once, further, rtol=1e-3, atol=1e-4)
     with pytest.raises(TrainingError, match="loss is nan after 4 of 4 steps"):
         train(5, images, labels, replace(settings, lr=1e30), 11, **options)
-    with pytest.raises(ValueError, match="checkpoints are of nets of one head"):
+    with pytest.raises(ValueError, match="checkpoints are for networks of one head"):
         train(5, images, labels, settings, 11, checkpoints=2)
 
 
@@ -251,8 +251,8 @@ def test_state_keeps_structure_shapes_and_dtypes(name, dtype):
 
 def test_every_image_is_seen_equally_often_and_what_is_compiled_is_kept():
     rows = plan(0, 6, TrainSettings(steps=9, batch=4))
-    assert rows.picks.shape == (9, 4) and len(rows.draws) == len(rows.lr) == 9
-    np.testing.assert_array_equal(np.bincount(rows.picks.ravel()), [6] * 6)
+    assert rows.batch_indices.shape == (9, 4) and len(rows.draws) == len(rows.lr) == 9
+    np.testing.assert_array_equal(np.bincount(rows.batch_indices.ravel()), [6] * 6)
     other_data = replace(SETTINGS, steps=3, lr=0.1, batch=5, weights="vgg16.npz")
     assert functions(SETTINGS, 11) is functions(other_data, 11)
     assert functions(SETTINGS, 11) is not functions(replace(SETTINGS, mirror=False), 11)
@@ -278,30 +278,30 @@ def test_arrays_that_do_not_fit(images, labels, message):
     ({"batch": 0}, "batch must be 1 or more, not 0"),
     ({"accumulate": 0}, "accumulate must be 1 or more, not 0"),
     ({"batch": 4, "accumulate": 3}, "accumulate must divide the batch of 4 evenly, not 3"),
-    ({"weights": "vgg16.npz"}, "which the net compact does not have"),
+    ({"weights": "vgg16.npz"}, "neither of which is in the network compact"),
     ({"net": "fcn8s", "weights": "vgg16.npz", "norm": True}, "norm is for training from scratch"),
-    ({"trunk": "tuned"}, '"tuned", but the net compact has no trunk; lite0'),
-    ({"net": "fcn8s", "trunk": "tuned"}, "the net fcn8s has no trunk"),
-    (LITE0 | {"weights": "vgg16.npz"}, "the net lite0 does not have in it; its own come with it"),
-    (LITE0 | {"norm": True}, "lite0 has rates of its own"),
-    (LITE0 | {"lr_multipliers": "deeplab"}, "lite0 has rates of its own"),
+    ({"trunk": "tuned"}, '"tuned", but the network compact has no backbone; lite0'),
+    ({"net": "fcn8s", "trunk": "tuned"}, "the network fcn8s has no backbone"),
+    (LITE0 | {"weights": "vgg16.npz"}, "in the network lite0; its own weights come with a package"),
+    (LITE0 | {"norm": True}, "lite0 has its own rates"),
+    (LITE0 | {"lr_multipliers": "deeplab"}, "lite0 has its own rates"),
     (LITE0 | {"views": 0}, "views must be 1 or more, not 0"),
     (LITE0 | {"loss_stride": 3}, "loss_stride must be one of 1, 2, 4, 8, not 3"),
-    ({"loss_stride": 2}, "are of nets on a trunk; the net is compact"),
+    ({"loss_stride": 2}, "are for networks with a backbone; the network is compact"),
     (LITE0 | {"head_width": 0}, "head_width must be 1 or more, not 0"),
     (LITE0 | {"head_dropout": 1.0}, r"head_dropout must lie in \[0, 1\), not 1\.0"),
     ({"average": 1.0}, r"average must lie in \[0, 1\), not 1\.0"),
     ({"dtype": "float16"}, "dtype must be one of float32, bfloat16, not float16"),
     ({"optimizer": "lion"}, "optimizer must be one of adam, sgd, not lion"),
-    ({"net": "fcn8"}, "unknown net 'fcn8'; known nets: compact, deeplabv2, dinov2, fcn8s, lite0"),
+    ({"net": "fcn8"}, "unknown network 'fcn8'; known networks: compact, deeplabv2, dinov2, fcn8s, lite0"),
     (LITE0 | {"trunk": "Tuned"}, "trunk must be one of frozen, tuned, not Tuned"),
     (LITE0 | {"head_statistics": "both"}, "head_statistics must be one of training, target, not both"),
     ({"lr_multipliers": "caffe"}, "lr_multipliers must be one of none, deeplab, not caffe"),
     ({"mirror": "no"}, "mirror must be True or False, not 'no'"),
     ({"steps": 100.5}, "steps must be a whole number, not 100.5"),
     ({"steps": 100, "warmup": 100}, "warmup must be less than the 100 steps, not 100"),
-    ({"heads": 2}, "heads must be 1, not 2, for the net compact without a frozen trunk"),
-    (LITE0 | {"trunk": "tuned", "heads": 2}, "for the net lite0 without a frozen trunk"),
+    ({"heads": 2}, "heads must be 1, not 2, for the network compact without a frozen backbone"),
+    (LITE0 | {"trunk": "tuned", "heads": 2}, "for the network lite0 without a frozen backbone"),
     ({"accumulate": 2, "jaccard": 1.0}, "jaccard is of a whole batch, and accumulate cuts it"),
     ({"last_share": 1.5}, r"last_share must lie in \[0, 1\], not 1\.5"),
     ({"jaccard": -1.0}, "jaccard must be 0 or more, not -1.0"),
@@ -315,7 +315,7 @@ def test_settings_that_make_no_sense(change, message):
     refuses(message, train, 0, images, labels, settings, 11)
     for seed in (-1, 2**32):
         refuses("rng_seed must be in", train, seed, images, labels, SETTINGS, 11)
-    with pytest.raises(ValueError, match=r"label 11 is none of 11 .* 0\.\.10, or 255 for void"):
+    with pytest.raises(ValueError, match=r"label 11 is none of 11 .* 0\.\.10, or 255 for ignored"):
         train(0, images, np.where(labels == 1, 11, labels).astype(np.uint8), SETTINGS, 11)
 
 

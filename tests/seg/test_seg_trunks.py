@@ -111,7 +111,7 @@ def test_what_a_trunk_cannot_be_is_refused(monkeypatch, tmp_path):
     maps = features(TOY[0], settings)[:1]
     refuses(r"features are float16\[4, 8, 11, 5\]; expected .* those of patches", predict, {}, TOY[0],
             settings, 2, features=maps)  # fmt: skip
-    refuses("there is no trunk compact; known trunks: lite0, lite1", trunk, "compact")
+    refuses("there is no backbone compact; known backbones: lite0, lite1", trunk, "compact")
     monkeypatch.setitem(TRUNKS, "odd", lambda weights: patches(weights)._replace(strides=(8, 12)))
     refuses(r"strides of odd are \(8, 12\); the first must divide", trunk, "odd")
     # The head is for the features of these weights, and of no others.
@@ -121,5 +121,5 @@ def test_what_a_trunk_cannot_be_is_refused(monkeypatch, tmp_path):
         TRUNKS, "patches", lambda weights: patches(weights)._replace(source={"name": "other"})
     )
     trunk.cache_clear()
-    refuses("its head is for the trunk of patches 1, and here is other", load_model,
+    refuses("its head was trained on the backbone patches 1, not on other", load_model,
             tmp_path / "model", error=ModelError)  # fmt: skip

@@ -276,9 +276,9 @@ def test_nets_take_their_layers(converted, net_name, kind, taken):
 
 def test_nets_that_do_not_fit(converted, tmp_path):
     wide = blank(DeepLabV2(3, width=4, hidden=HIDDEN))
-    refuses_weights("the net compact has no VGG16 in it", load, converted, "compact", {})
+    refuses_weights("the network compact has no VGG16 in it", load, converted, "compact", {})
     for name, message in (
-        ("vgg16.npz", r"vgg16\.npz: conv1_1/kernel: float32\[3, 3, 3, 2\]; the net has"),
+        ("vgg16.npz", r"vgg16\.npz: conv1_1/kernel: float32\[3, 3, 3, 2\]; the network has"),
         ("w.pth", r"w\.pth: not converted yet: sdr-jax weights convert"),
         ("none.npz", r"none\.npz: No such file"),
     ):

@@ -1,1 +1,1 @@
-"""The operations of which the nets consist."""
+"""The operations of which the networks consist."""

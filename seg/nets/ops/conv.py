@@ -1,4 +1,4 @@
-"""The nets' convolution, whose kernel gradient is computed by matrix products on CPUs."""
+"""The networks' convolution, whose kernel gradient is computed by matrix products on CPUs."""
 
 from collections.abc import Callable, Iterable
 from functools import partial
@@ -47,14 +47,14 @@ def _forward(x: Array, kernel: Array, rate: int) -> tuple[Array, tuple[Array, Ar
     return xla_conv(x, kernel, rate), (x, kernel)
 
 
-def _backward(rate: int, seen: tuple[Array, Array], grad: Array) -> tuple[Array, Array]:
-    x, kernel = seen
+def _backward(rate: int, saved: tuple[Array, Array], grad: Array) -> tuple[Array, Array]:
+    x, kernel = saved
     to_x = xla_conv(grad, kernel[::-1, ::-1].swapaxes(2, 3), rate)
 
     def by_convolution(x: Array, grad: Array) -> Array:
         _, back = jax.vjp(lambda kernel: xla_conv(x, kernel, rate), kernel)
-        (found,) = back(grad)
-        return found
+        (gradient,) = back(grad)
+        return gradient
 
     def by_products(x: Array, grad: Array) -> Array:
         return kernel_gradient(x, grad, kernel.shape[0], rate).astype(kernel.dtype)
@@ -96,7 +96,7 @@ def kernel_gradient(
     around = (side // 2 * rate,) * 2
     total = partial(jnp.matmul, preferred_element_type=jnp.float32)
 
-    def beside(values: Array, order: Iterable[int]) -> Array:
+    def side_by_side(values: Array, order: Iterable[int]) -> Array:
         values = jnp.pad(values, [(0, 0), (0, 0), around, (0, 0)])
         return jnp.concatenate([values[:, :, j * rate : j * rate + w] for j in order], axis=-1)
 
@@ -108,9 +108,9 @@ def kernel_gradient(
         return values.reshape(b * h * w, values.shape[-1])
 
     if c < features:
-        products = [total(row.T, flat(grad)) for row in rows(beside(x, range(side)))]
+        products = [total(row.T, flat(grad)) for row in rows(side_by_side(x, range(side)))]
         return jnp.stack(products).reshape(side, side, c, -1)
-    columns = flat(beside(grad, reversed(range(side))))
+    columns = flat(side_by_side(grad, reversed(range(side))))
     products = [total(row.T, columns) for row in rows(x)]
     return jnp.stack(products).reshape(side, c, side, -1).swapaxes(1, 2)
 

@@ -112,7 +112,7 @@ def _forward(x: Array, kernel: Array, stride: int) -> tuple[Array, tuple[Array, 
     return jax.lax.platform_dependent(x, kernel, cpu=by_shifts, default=default), (x, kernel)
 
 
-def _backward(stride: int, given: tuple[Array, Array], grad: Array) -> tuple[Array, Array]:
+def _backward(stride: int, saved: tuple[Array, Array], grad: Array) -> tuple[Array, Array]:
     def by_shifts(x: Array, kernel: Array, grad: Array) -> tuple[Array, Array]:
         to_kernel = _to_kernel(x, grad, kernel.shape[0], stride).astype(kernel.dtype)
         return _to_x(x, kernel, grad, stride), to_kernel
@@ -130,7 +130,7 @@ def _backward(stride: int, given: tuple[Array, Array], grad: Array) -> tuple[Arr
         return _to_x(x, kernel, grad, stride), to_kernel.astype(kernel.dtype)
 
     default = by_sums if ON_ACCELERATORS.get() == "shifts" else by_xla
-    return jax.lax.platform_dependent(*given, grad, cpu=by_shifts, default=default)
+    return jax.lax.platform_dependent(*saved, grad, cpu=by_shifts, default=default)
 
 
 def _to_kernel(x: Array, grad: Array, side: int, stride: int) -> Array:
@@ -143,9 +143,9 @@ def _to_kernel(x: Array, grad: Array, side: int, stride: int) -> Array:
     def add(sums: tuple[Array, ...], number: Array) -> tuple[tuple[Array, ...], None]:
         image, row = number // rows, number % rows
         at = (image, row * stride, 0, 0)
-        seen = jax.lax.dynamic_slice(x, at, (1, side, x.shape[2], c))[0].astype(jnp.float32)
-        here = jax.lax.dynamic_slice(grad, (image, row, 0, 0), (1, 1, cols, c))[0]
-        parts = (seen[:, j : j + right : stride] * here for j in range(side))
+        window = jax.lax.dynamic_slice(x, at, (1, side, x.shape[2], c))[0].astype(jnp.float32)
+        grad_row = jax.lax.dynamic_slice(grad, (image, row, 0, 0), (1, 1, cols, c))[0]
+        parts = (window[:, j : j + right : stride] * grad_row for j in range(side))
         return tuple(total + part for total, part in zip(sums, parts, strict=True)), None
 
     zero = jnp.zeros((side, cols, c), jnp.float32)  # for each column of the kernel
@@ -168,8 +168,8 @@ def _to_x(x: Array, kernel: Array, grad: Array, stride: int) -> Array:
         total = jnp.zeros((b, rows, cols, c), grad.dtype)
         for i, down in places(row, h):
             for j, right in places(col, w):
-                seeing = grad[:, down : down + rows, right : right + cols]
-                total = total + _times(seeing, kernel, i, j)
+                part = grad[:, down : down + rows, right : right + cols]
+                total = total + _times(part, kernel, i, j)
         return total
 
     phases = [

@@ -31,11 +31,11 @@ class GroupNorm(nn.Module):
         kind = nn.dtypes.canonicalize_dtype(x, scale, bias, dtype=self.dtype)
         x = x.astype(jnp.float32)
 
-        def of_groups(sums: Array) -> Array:
+        def group_means(sums: Array) -> Array:
             means = sums.reshape(b, self.num_groups, -1).mean(-1)
             return jnp.repeat(means, c // self.num_groups, axis=-1)
 
-        mean, square = (of_groups(jnp.mean(v, (1, 2))) for v in (x, x * x))
+        mean, square = (group_means(jnp.mean(v, (1, 2))) for v in (x, x * x))
         factor = jax.lax.rsqrt(jnp.maximum(square - mean**2, 0) + 1e-6) * scale[None]
         shift = bias[None] - mean * factor
         return (x * factor[:, None, None] + shift[:, None, None]).astype(kind)

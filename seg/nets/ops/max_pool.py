@@ -57,8 +57,8 @@ def _backward(side: int, stride: int, chosen: Array, grad: Array) -> tuple[Array
         total = jnp.zeros((b, rows, cols, c), grad.dtype)
         for i, down in windows(row):
             for j, right in windows(col):
-                here = (slice(None), slice(down, down + rows), slice(right, right + cols))
-                total += jnp.where(chosen[here] == i * side + j, grad[here], 0)
+                window = (slice(None), slice(down, down + rows), slice(right, right + cols))
+                total += jnp.where(chosen[window] == i * side + j, grad[window], 0)
         return total
 
     phases = [

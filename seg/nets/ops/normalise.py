@@ -1,4 +1,4 @@
-"""The normalisation of images that every net expects."""
+"""The normalisation of images that every network expects."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -15,6 +15,6 @@ def normalise(images: Float[Array, "b h w 3"]) -> Float[Array, "b h w 3"]:
 
 
 def denormalise(images: Float[Array, "b h w 3"]) -> Float[Array, "b h w 3"]:
-    """Undo `normalise`: RGB in [0, 1], for nets that scale images in their own way."""
+    """Undo `normalise`: RGB in [0, 1], for networks that scale images in their own way."""
     shape = (1, 1, 1, 3)
     return images * jnp.reshape(jnp.array(STD), shape) + jnp.reshape(jnp.array(MEAN), shape)

@@ -41,11 +41,11 @@ def product_conv(
     """
     size = x.shape[1:3]
     total = jnp.zeros((*x.shape[:3], kernel.shape[-1]), jnp.float32)
-    for i, j, seen, seeing in _cells(x, kernel, rate):
+    for i, j, read, centres in _cells(x, kernel, rate):
         product = jnp.einsum(
-            "bhwc,cd->bhwd", x[:, *seen], kernel[i, j], preferred_element_type=jnp.float32
+            "bhwc,cd->bhwd", x[:, *read], kernel[i, j], preferred_element_type=jnp.float32
         )
-        around = [(part.start, n - part.stop) for part, n in zip(seeing, size, strict=True)]
+        around = [(part.start, n - part.stop) for part, n in zip(centres, size, strict=True)]
         total += jnp.pad(product, [(0, 0), *around, (0, 0)])
     return total
 
@@ -57,8 +57,8 @@ def _cells(x: Array, kernel: Array, rate: int) -> list[Cell]:
 
     def along(cell: int, size: int) -> tuple[slice, slice]:
         offset = (cell - side // 2) * rate
-        seen = slice(max(offset, 0), size + min(offset, 0))
-        return seen, slice(seen.start - offset, seen.stop - offset)
+        read = slice(max(offset, 0), size + min(offset, 0))
+        return read, slice(read.start - offset, read.stop - offset)
 
     rows, columns = ([along(cell, size) for cell in range(side)] for size in (h, w))
     return [
@@ -73,19 +73,19 @@ def _forward(x: Array, kernel: Array, rate: int) -> tuple[Array, tuple[Array, Ar
     return product_conv(x, kernel, rate), (x, kernel)
 
 
-def _backward(rate: int, given: tuple[Array, Array], grad: Array) -> tuple[Array, Array]:
-    x, kernel = given
+def _backward(rate: int, saved: tuple[Array, Array], grad: Array) -> tuple[Array, Array]:
+    x, kernel = saved
     to_x = product_conv(grad, kernel[::-1, ::-1].swapaxes(2, 3), rate)
     # JAX would write each cell into a kernel of zeros and add all of these.
-    found = {
+    gradients = {
         (i, j): jnp.einsum(
-            "bhwc,bhwd->cd", x[:, *seen], grad[:, *seeing], preferred_element_type=jnp.float32
+            "bhwc,bhwd->cd", x[:, *read], grad[:, *centres], preferred_element_type=jnp.float32
         )
-        for i, j, seen, seeing in _cells(x, kernel, rate)
+        for i, j, read, centres in _cells(x, kernel, rate)
     }
     outside = jnp.zeros(kernel.shape[2:], jnp.float32)
     side = range(kernel.shape[0])
-    to_kernel = jnp.stack([jnp.stack([found.get((i, j), outside) for j in side]) for i in side])
+    to_kernel = jnp.stack([jnp.stack([gradients.get((i, j), outside) for j in side]) for i in side])
     return to_x.astype(x.dtype), to_kernel.astype(kernel.dtype)
 
 

@@ -1,4 +1,4 @@
-"""Changes of resolution that the nets share."""
+"""Changes of resolution that the networks share."""
 
 import math
 from functools import partial
