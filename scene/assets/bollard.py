@@ -84,14 +84,14 @@ def _turned(
 
 def _beacon(p: BollardParams) -> Asset:
     """Build a lit box on a dark foot, with a round blue sign towards the traffic on both sides."""
-    deep, wide, h = 1.5 * p.radius, 2 * p.radius, p.height
-    foot = box((1.15 * deep, 1.15 * wide, 0.12 * h), (0, 0, 0), (0.05, 0.05, 0.05), "rubber")
-    body = box((deep, wide, 0.5 * h), (0, 0, 0.12 * h), p.color, p.material)
-    head = box((deep, wide, 0.38 * h), (0, 0, 0.62 * h), p.band, p.material)
+    depth, width, h = 1.5 * p.radius, 2 * p.radius, p.height
+    foot = box((1.15 * depth, 1.15 * width, 0.12 * h), (0, 0, 0), (0.05, 0.05, 0.05), "rubber")
+    body = box((depth, width, 0.5 * h), (0, 0, 0.12 * h), p.color, p.material)
+    head = box((depth, width, 0.38 * h), (0, 0, 0.62 * h), p.band, p.material)
     z, r = 0.8 * h, 0.8 * p.radius
-    signs = [tube((s * deep / 2, 0, z), (s * (deep / 2 + 0.012), 0, z), r, BOLLARD_BLUE, "paint", sides=14)
+    signs = [tube((s * depth / 2, 0, z), (s * (depth / 2 + 0.012), 0, z), r, BOLLARD_BLUE, "paint", sides=14)
              for s in (-1, 1)]  # fmt: skip
-    bars = [box((0.004, 0.25 * r, 1.1 * r), (s * (deep / 2 + 0.015), 0, z - 0.55 * r), OFF_WHITE, "paint")
+    bars = [box((0.004, 0.25 * r, 1.1 * r), (s * (depth / 2 + 0.015), 0, z - 0.55 * r), OFF_WHITE, "paint")
             for s in (-1, 1)]  # fmt: skip
     return merge(foot, body, head, *signs, *bars)
 

@@ -152,14 +152,14 @@ def _trim(rng: np.random.Generator, params: BuildingParams) -> list[Part]:
             case "timbers":
                 parts += ornament.timbers(p.width, [*floors, top - 0.12], columns, p.accent)
             case "pilasters" | "mullions" | "ribs":
-                wide = {"pilasters": 0.42, "mullions": 0.12, "ribs": 0.06}[name]
+                width = {"pilasters": 0.42, "mullions": 0.12, "ribs": 0.06}[name]
                 foot = p.ground if p.ground_floor == "shop" else 0.0
-                edges = np.linspace(-half + wide / 2, half - wide / 2,
+                edges = np.linspace(-half + width / 2, half - width / 2,
                                     (p.bays if name != "ribs" else 12) + 1)  # fmt: skip
                 low = p.ground if name == "ribs" else foot
                 parts += [
-                    relief((x - wide / 2, -ornament.PILASTER, low),
-                          (x + wide / 2, 0.05, top - 0.32), p.frame, "concrete")
+                    relief((x - width / 2, -ornament.PILASTER, low),
+                          (x + width / 2, 0.05, top - 0.32), p.frame, "concrete")
                     for x in edges.tolist()
                 ]  # fmt: skip
             case "pipe":
@@ -205,12 +205,12 @@ def _additions(rng: np.random.Generator, params: BuildingParams) -> list[Part]:
     elif p.ground_floor == "doors" and p.hood:
         spans = bays(p.width, p.bays, p.window[0] + 0.15)
         parts += [ornament.band(spans[d], p.hood, 0.84 * p.ground, 0.14, p.frame) for d in p.doors]
-    wide = bays(p.width, p.bays, 0.9)
+    bay_spans = bays(p.width, p.bays, 0.9)
     for bay in p.bay_windows:
         levels = (0.75, 0.78 * p.ground, 0.9 * p.ground)
-        parts += ornament.bay_window(wide[bay], levels, p.ground_wall, p.frame, p.roof_color)
+        parts += ornament.bay_window(bay_spans[bay], levels, p.ground_wall, p.frame, p.roof_color)
     for bay, floor in product(p.balconies, _floors(p)):
-        parts += ornament.balcony(wide[bay], floor, p.frame, p.accent)
+        parts += ornament.balcony(bay_spans[bay], floor, p.frame, p.accent)
     return parts
 
 

@@ -133,13 +133,13 @@ def _mounds(
     along = (np.linspace(-1, 1, mounds) if mounds > 1 else np.zeros(1)) * (1 - 1 / mounds) * 0.9
     share = rng.uniform(0.65, 1.0, mounds)
     share[mounds // 2] = 1.0
-    tall = (p.height - foot) * share
+    height = (p.height - foot) * share
     radii = np.column_stack([np.full(mounds, max(0.62 * p.length / mounds, 0.3 * p.width)),
-                             np.full(mounds, 0.42 * p.width), 0.5 * tall])  # fmt: skip
+                             np.full(mounds, 0.42 * p.width), 0.5 * height])  # fmt: skip
     radii[:, 0] = np.minimum(radii[:, 0], 0.5 * p.length)
     sideways = rng.uniform(-0.12, 0.12, mounds) * p.width
     centres = np.column_stack(
-        [along * (p.length / 2 - radii[:, 0]).clip(0), sideways, foot + 0.5 * tall]
+        [along * (p.length / 2 - radii[:, 0]).clip(0), sideways, foot + 0.5 * height]
     )
     points_per_mound = -(-p.leaves // mounds)
     unit = directions(rng, mounds * points_per_mound) * rng.uniform(

@@ -215,20 +215,22 @@ def sample_car(rng: np.random.Generator, kind: str) -> CarParams | Rickshaw:
 
 
 def _sample_body(rng: np.random.Generator, model: _Kind) -> Body:
-    long, wide, tall = rng.uniform([0.94, 0.965, 0.95], [1.06, 1.035, 1.05])
+    length_factor, width_factor, height_factor = rng.uniform(
+        [0.94, 0.965, 0.95], [1.06, 1.035, 1.05]
+    )
     face, waist, slope, foot = rng.uniform(-1, 1, 4)
     cowl, roof_front, roof_rear, tail = model.screens
     boot = tail < 0.95
-    length, height = model.size[0] * long, model.size[2] * tall
+    length, height = model.size[0] * length_factor, model.size[2] * height_factor
     radius = model.radius * rng.uniform(0.95, 1.07)
-    front = model.front * (0.3 + 0.7 * long) + 0.02 * face
+    front = model.front * (0.3 + 0.7 * length_factor) + 0.02 * face
     nose = min(model.nose * rng.uniform(0.8, 1.25), front - 1.03 * (radius + ARCH_GAP) - 0.04)
-    belt = model.belt * (0.5 + 0.5 * tall) * (1 + 0.03 * waist)
+    belt = model.belt * (0.5 + 0.5 * height_factor) * (1 + 0.03 * waist)
     return Body(
         length=length,
-        width=model.size[1] * wide,
+        width=model.size[1] * width_factor,
         height=height,
-        wheelbase=model.wheelbase * (0.3 + 0.7 * long),
+        wheelbase=model.wheelbase * (0.3 + 0.7 * length_factor),
         front=front,
         wheel_radius=radius,
         sill=model.sill * rng.uniform(0.9, 1.12),

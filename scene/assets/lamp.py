@@ -116,18 +116,18 @@ def _arm(p: LampParams, reach: float) -> tuple[list[Asset], float]:
 
 
 def _housing(
-    p: LampParams, y: float, z: float, side: float, high: float, wide: float
+    p: LampParams, y: float, z: float, side: float, high: float, width: float
 ) -> list[Asset]:
     """Build a flat housing that extends outwards from (y, z), with the lit glass below."""
     n, size = 8, p.head_size
     turn = np.arange(n) * 2 * np.pi / n + np.pi / n
-    outline = np.column_stack([0.5 * wide * np.cos(turn) * 1.08, 0.5 * size * np.sin(turn) * 1.08])
+    outline = np.column_stack([0.5 * width * np.cos(turn) * 1.08, 0.5 * size * np.sin(turn) * 1.08])
     centre = y + side * 0.35 * size
     rings = [
         np.column_stack([k * outline[:, 0], centre + k * outline[:, 1], np.full(n, z + dz)])
         for k, dz in ((0.92, -0.5 * high), (1.0, 0.0), (0.6, 0.5 * high))
     ]
-    glass = box((0.72 * wide, 0.6 * size, 0.03), (0, centre + side * 0.1 * size, z - 0.5 * high - 0.03),
+    glass = box((0.72 * width, 0.6 * size, 0.03), (0, centre + side * 0.1 * size, z - 0.5 * high - 0.03),
                 GLOW, "lamp")  # fmt: skip
     return [loft(np.array(rings), p.color, p.material), glass]
 
@@ -135,14 +135,20 @@ def _housing(
 def _lantern(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
     """Build a four-sided glass that widens upwards under a pointed roof."""
     s = p.head_size
-    eaves, wide = z + 0.6 * s, 0.4 * s
-    glass = tube((0, y, z), (0, y, eaves), 0.55 * wide, GLOW, "lamp", end_radius=wide, sides=4)
+    eaves, radius = z + 0.6 * s, 0.4 * s
+    glass = tube((0, y, z), (0, y, eaves), 0.55 * radius, GLOW, "lamp", end_radius=radius, sides=4)
     frame = [
-        tube((0.56 * wide * a, y + 0.56 * wide * b, z), (1.02 * wide * a, y + 1.02 * wide * b, eaves),
+        tube((0.56 * radius * a, y + 0.56 * radius * b, z), (1.02 * radius * a, y + 1.02 * radius * b, eaves),
              0.02, p.color, p.material, sides=4)
         for a, b in ((1, 0), (-1, 0), (0, 1), (0, -1))
     ]  # fmt: skip
-    tiers = ((0.0, 1.2 * wide), (0.12, 0.75 * wide), (0.3, 0.3 * wide), (0.38, 0.06), (0.46, 0.02))
+    tiers = (
+        (0.0, 1.2 * radius),
+        (0.12, 0.75 * radius),
+        (0.3, 0.3 * radius),
+        (0.38, 0.06),
+        (0.46, 0.02),
+    )
     roof = turned([(eaves + at * s, r) for at, r in tiers], p.color, p.material, 8, at=(0.0, y))
     ladder = box((0.04, 0.7, 0.04), (0, y, z - 0.4), p.color, p.material)
     return [glass, *frame, roof, *([ladder] if not p.arms else [])]
@@ -232,7 +238,7 @@ def _drop_wires(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
 
 
 _HEADS: dict[str, Callable[[LampParams, float, float, float], list[Asset]]] = {
-    "tray": partial(_housing, high=0.17, wide=0.3), "blade": partial(_housing, high=0.06, wide=0.36),
+    "tray": partial(_housing, high=0.17, width=0.3), "blade": partial(_housing, high=0.06, width=0.36),
     "lantern": _lantern, "globe": _globe, "bell": _bell, "disc": _disc,
     "louvre": _louvre, "insulator": _insulator, "flood": _flood,
     "camera": _camera, "crossbars": _crossbars, "drop wires": _drop_wires,

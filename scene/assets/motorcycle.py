@@ -178,9 +178,9 @@ def _cylinders(p: MotorcycleParams) -> list[Asset]:
     parts = []
     for k in range(7):
         x, z = 0.02 + 0.02 * k, 0.48 + 0.032 * k
-        wide = 0.115 if k % 2 else 0.09
+        half_width = 0.115 if k % 2 else 0.09
         color = p.engine_color if k % 2 else darker(p.engine_color, 0.3)
-        parts.append(cuboid((x - 0.11, x + 0.11), wide, (z, z + 0.032), color, "metal"))
+        parts.append(cuboid((x - 0.11, x + 0.11), half_width, (z, z + 0.032), color, "metal"))
     return parts
 
 
@@ -256,9 +256,9 @@ def _extras(p: MotorcycleParams) -> list[Asset]:
     ]
     if p.screen:
         x, top = BAR[0] + 0.14, BAR[2] + p.screen
-        wide = 0.2 if p.screen > 0.2 else 0.14
-        low = [(x, -wide, BAR[2] - 0.08), (x, wide, BAR[2] - 0.08)]
-        screen = [*low, (x - 0.14, 0.7 * wide, top), (x - 0.14, -0.7 * wide, top)]
+        half_width = 0.2 if p.screen > 0.2 else 0.14
+        low = [(x, -half_width, BAR[2] - 0.08), (x, half_width, BAR[2] - 0.08)]
+        screen = [*low, (x - 0.14, 0.7 * half_width, top), (x - 0.14, -0.7 * half_width, top)]
         parts.append(polygon(screen, (0.12, 0.14, 0.15), "glass"))
     if p.cases:
         parts += _cases(p)

@@ -121,7 +121,7 @@ def sample_person(rng: np.random.Generator, kind: str) -> PersonParams:
     entry = _KINDS[kind]
     child, old = entry.is_child, entry.is_old
     curves = float(rng.choice([0.0, 0.2, 0.85, 1.0]))
-    tall = float(np.clip(rng.normal(1.77 - 0.13 * curves, 0.07), 1.52, 1.95))
+    height = float(np.clip(rng.normal(1.77 - 0.13 * curves, 0.07), 1.52, 1.95))
     build = float(np.clip(rng.normal(1.06, 0.13), 0.85, 1.38))
     young = float(rng.uniform(0.95, 1.4))
     outfit, curves = sample_outfit(rng, str(rng.choice(entry.styles)), curves, old=old, child=child)
@@ -132,7 +132,7 @@ def sample_person(rng: np.random.Generator, kind: str) -> PersonParams:
     sway = rng.uniform(0.55, 1.15) * (0.5 if old else 1.0)
     return PersonParams(
         body=Body(
-            height=young if child else tall - 0.06 * old,
+            height=young if child else height - 0.06 * old,
             girth=0.95 if child else build,
             head=float(np.interp(young, [0.9, 1.4], [1.42, 1.15])) if child else 1.0,
             curves=0.2 * curves if child else curves,

@@ -83,9 +83,9 @@ def scaffold(params: ScaffoldParams) -> Asset:
         ]
         parts += [rod((post_x, -0.05, z - 0.1), (post_x, p.depth + 0.05, z - 0.1)) for post_x in x]
         for k in range(4):
-            wide = p.depth / 4
+            width = p.depth / 4
             deck = box(
-                (length, 0.92 * wide, 0.04), (0, 0.05 + (k + 0.5) * wide, z), p.boards, "wood"
+                (length, 0.92 * width, 0.04), (0, 0.05 + (k + 0.5) * width, z), p.boards, "wood"
             )
             parts.append(shade(deck, np.full(12, rng.uniform(0.8, 1.2))))
         toe = box((length, 0.03, 0.16), (0, 0.09, z + 0.04), p.boards, "wood")

@@ -49,8 +49,8 @@ class ShelterParams(NamedTuple):
 def sample_shelter(rng: np.random.Generator, kind: str) -> ShelterParams:
     """Draw a shelter of one of ``KINDS``."""
     is_stall = kind in STALLS
-    long = float(rng.uniform(2.2, 3.4) if is_stall else rng.uniform(2.8, 5.2))
-    size = (long, float(rng.uniform(1.3, 1.9)), float(rng.uniform(2.3, 2.7)))
+    length = float(rng.uniform(2.2, 3.4) if is_stall else rng.uniform(2.8, 5.2))
+    size = (length, float(rng.uniform(1.3, 1.9)), float(rng.uniform(2.3, 2.7)))
     choices: dict[Any, Color] = {
         k: colors[rng.integers(len(colors))] for k, colors in _COLOR_SETS.items()
     }

@@ -190,7 +190,7 @@ def signpost(params: SignpostParams) -> Asset:
         parts.append(around(ring, p.second_color))
     if p.foot:
         outline = ((0.0, 1.9), (0.06, 1.9), (0.1, 1.5), (0.85 * p.foot, 1.4), (p.foot, 1.0))
-        parts.append(around([(z, wide * r) for z, wide in outline], p.color))
+        parts.append(around([(z, factor * r) for z, factor in outline], p.color))
     return merge(*parts, *(_EXTRAS[p.extra](p) if p.extra else ()))
 
 

@@ -116,22 +116,24 @@ def _lamp(
     return [lens, visor]
 
 
-def _outline(y: float, z: float, wide: float, high: float, corner: float) -> np.ndarray:
+def _outline(
+    y: float, z: float, half_width: float, half_height: float, corner: float
+) -> np.ndarray:
     """Return points (y, z) of a rectangle with round corners."""
     parts = []
     for a, b, start in ((1, 1, 0), (-1, 1, 90), (-1, -1, 180), (1, -1, 270)):
         turn = np.radians(np.linspace(start, start + 90, 4))
-        parts.append(np.column_stack([y + a * (wide - corner) + corner * np.cos(turn),
-                                      z + b * (high - corner) + corner * np.sin(turn)]))  # fmt: skip
+        parts.append(np.column_stack([y + a * (half_width - corner) + corner * np.cos(turn),
+                                      z + b * (half_height - corner) + corner * np.sin(turn)]))  # fmt: skip
     return np.concatenate(parts)
 
 
 def _head(p: TrafficLightParams, head: Head) -> list[Asset]:
     radius = p.lamp_radius * head.scale
     spacing = 2 * radius + 0.065 * head.scale
-    half, wide = len(head.lamps) * spacing / 2 + 0.03, radius + 0.045
+    half, width = len(head.lamps) * spacing / 2 + 0.03, radius + 0.045
     near = -MAX_RADIUS - p.depth
-    outline = _outline(head.y, p.centre, wide, half, 0.05 * head.scale)
+    outline = _outline(head.y, p.centre, width, half, 0.05 * head.scale)
     rings = [in_plane(x, outline) for x in (-MAX_RADIUS - 0.02, near)]
     parts = [
         loft(np.array(rings), p.kind.color, "plain"),
@@ -145,8 +147,8 @@ def _head(p: TrafficLightParams, head: Head) -> list[Asset]:
             (0.035, p.kind.board, p.kind.edge),
             (0.045, p.kind.board - 0.03, SIGNAL_BLACK),
         ):
-            corner = 0.9 * (wide + margin) if p.kind.round_board else 0.05
-            board = _outline(head.y, p.centre, wide + margin, half + margin, corner)
+            corner = 0.9 * (width + margin) if p.kind.round_board else 0.05
+            board = _outline(head.y, p.centre, width + margin, half + margin, corner)
             x = -MAX_RADIUS - depth
             parts.append(polygon(in_plane(x, board), color, "plain"))
     for z in (p.centre - 0.7 * half, p.centre + 0.7 * half):

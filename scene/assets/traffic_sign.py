@@ -68,8 +68,8 @@ def _supplement(params: TrafficSignParams, color: Color, x: float, top: float) -
     ink = (0.7, 0.7, 0.68) if is_dark else BLACK
     plate = box((LAYER, 1.3 * r, 0.5 * r), (x, 0, top - 0.5 * r), color, "paint")
     rows = [
-        box((LAYER, wide * r, 0.09 * r), (x - LAYER, 0, top - low * r), ink, "paint")
-        for wide, low in ((1.0, 0.22), (0.7, 0.40))
+        box((LAYER, width * r, 0.09 * r), (x - LAYER, 0, top - low * r), ink, "paint")
+        for width, low in ((1.0, 0.22), (0.7, 0.40))
     ]
     return [plate, *rows]
 
@@ -84,9 +84,9 @@ def traffic_sign(params: TrafficSignParams) -> Asset:
     rim = [in_plane(x, outline) for x in (back, back - LAYER)]
     edge = loft(np.array(rim), p.back, "metal", caps=False)
     low, high = outline[:, 1].min(), outline[:, 1].max()
-    wide = 0.35 * float(np.ptp(outline[:, 0]))
+    width = 0.35 * float(np.ptp(outline[:, 0]))
     rails = [
-        box((0.02, wide, 0.035), (back + 0.004, 0, low + share * (high - low)), p.back, "metal")
+        box((0.02, width, 0.035), (back + 0.004, 0, low + share * (high - low)), p.back, "metal")
         for share in (0.3, 0.65)
     ]
     extra = _supplement(p, p.supplement, back, low - 0.03) if p.supplement else []

@@ -238,8 +238,8 @@ def _hopper(p: TrainParams) -> list[Asset]:
     half, end = p.width / 2, p.length / 2 - 0.4
     plan = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], float)
     rings = [
-        plan * [end * long, half * wide, 0] + [0, 0, z]
-        for long, wide, z in (
+        plan * [end * length, half * width, 0] + [0, 0, z]
+        for length, width, z in (
             (0.8, 0.6, p.floor - 0.2),
             (1, 0.97, p.floor + 0.9),
             (1, 0.97, p.height),

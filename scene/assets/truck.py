@@ -210,9 +210,9 @@ def _cab_fittings(p: TruckParams, h: Hull) -> list[Asset]:
             cuboid((x - 0.05, x + 0.22), 0.45 * p.width, (z - 0.02, z + 0.1), darker(p.cab, 0.4))
         )
     if p.deflector and p.height > h.high + 0.15:
-        long, x = p.cab_length, nose - p.cab_length + 0.42 * p.cab_length
-        shape = Hull(0.8 * long, 0.86 * p.width, h.high - 0.05, p.height - 0.05, x)
-        parts.append(hull(shape._replace(round=0.2, chamfer=0.15, nose=0.55 * long), p.cab))
+        length, x = p.cab_length, nose - p.cab_length + 0.42 * p.cab_length
+        shape = Hull(0.8 * length, 0.86 * p.width, h.high - 0.05, p.height - 0.05, x)
+        parts.append(hull(shape._replace(round=0.2, chamfer=0.15, nose=0.55 * length), p.cab))
     if p.beacons:
         parts += [
             tube((h.x, y, h.high - 0.02), (h.x, y, h.high + 0.18), 0.09, AMBER, "lamp", sides=8)

@@ -58,9 +58,9 @@ KINDS: tuple[str, ...] = tuple(_KINDS)
 
 def _leaning(p: WallParams, x: float, length: float, height: float, front: float) -> Asset:
     """Build a box from y = ``front`` backwards whose near face leans back by ``batter``."""
-    deep = p.thickness - front
+    depth = p.thickness - front
     color = p.second if p.face in ("blocks", "stones", "beams") else p.color
-    body = box((length, deep, height), (x, front + deep / 2, 0), color, p.material)
+    body = box((length, depth, height), (x, front + depth / 2, 0), color, p.material)
     vertices = np.array(body.mesh.vertices)
     vertices[(vertices[:, 1] < front + 1e-9) & (vertices[:, 2] > 0), 1] += p.batter
     return solid(vertices, body.mesh.faces, color, p.material)
@@ -68,11 +68,11 @@ def _leaning(p: WallParams, x: float, length: float, height: float, front: float
 
 def _coping(p: WallParams, x: float, length: float, height: float) -> Asset:
     """Build a flat coping, or one with two slopes like a roof."""
-    wide, middle = p.thickness - p.batter + 0.1, (p.thickness + p.batter) / 2
+    width, middle = p.thickness - p.batter + 0.1, (p.thickness + p.batter) / 2
     if not p.ridge:
-        return box((length, wide, p.coping), (x, middle, height), p.second, "concrete")
-    outline = [(-wide / 2, 0.0), (wide / 2, 0.0), (wide / 2, 0.04), (0.0, p.coping),
-               (-wide / 2, 0.04)]  # fmt: skip
+        return box((length, width, p.coping), (x, middle, height), p.second, "concrete")
+    outline = [(-width / 2, 0.0), (width / 2, 0.0), (width / 2, 0.04), (0.0, p.coping),
+               (-width / 2, 0.04)]  # fmt: skip
     roof = rotate(extrude(outline, length, p.second, "concrete"), np.pi / 2, (0, 0, 1))
     return translate(roof, (x, middle, height))
 

@@ -1,4 +1,4 @@
-"""The catalogue: repeatable, open-ended, and pools that say what a street may draw from."""
+"""The catalogue, repeatable and open-ended, and the pools that streets draw from."""
 
 import json
 import zlib
@@ -21,21 +21,21 @@ from scene.render.geometry import asset_shape
 from scene.street.street import sample_street
 from tests.scene.conftest import refused, street
 
-HAND_SET = street_params(default_unit())
+DEFAULT_STREET = street_params(default_unit())
 
-WANTED = {"person": 200, "car": 195, "building": 106, "truck": 39, "traffic sign": 40, "bus": 28,
+MIN_COUNTS = {"person": 200, "car": 195, "building": 106, "truck": 39, "traffic sign": 40, "bus": 28,
           "rider": 30}  # fmt: skip
 """The paper's counts."""
 
 
-def drawn(pool, family, draws=200):
+def draw_refs(pool, family, draws=200):
     rng = np.random.default_rng(0)
     return [draw_asset(pool, family, rng) for _ in range(draws)]
 
 
 @pytest.fixture
 def folder(shelf):
-    """Two cars of our own."""
+    """A folder of two own cars."""
     shelf("car/a.stl", trimesh.creation.box((4.0, 1.8, 1.5)))
     return shelf("car/b.stl", trimesh.creation.box((4.5, 1.8, 1.5)))
 
@@ -44,12 +44,12 @@ def test_trees_have_leaves_by_share_and_other_assets_stay():
     rng = np.random.default_rng(0)
     pool = AssetPool(5, 40)
     for share in (0.0, 0.25, 1.0):
-        found = [
+        refs = [
             in_season("tree", int(ref), share, pool, rng.random())
             for ref in rng.integers(5, 45, 400)
         ]
-        bare = np.mean(["bare" in catalogue.kind("tree", ref) for ref in found])
-        assert abs(bare - share) < 0.07 and {*found} <= {*range(5, 45)}
+        bare = np.mean(["bare" in catalogue.kind("tree", ref) for ref in refs])
+        assert abs(bare - share) < 0.07 and {*refs} <= {*range(5, 45)}
     assert in_season("car", 7, 1.0, pool, 0.5) == 7 and in_season("tree", 7, None, pool, 0.5) == 7
     assert in_season("tree", "mine.glb", 0.0, pool, 0.5) == "mine.glb"
     assert in_season("tree", 4, 0.0, AssetPool(4, 1), 0.5) == 4  # "bare broad", the only one
@@ -67,11 +67,11 @@ def test_every_class_with_a_shape_has_a_family_and_a_tone_brightens_its_assets()
         np.testing.assert_allclose(asset_shape(family, 3).color, expected, rtol=1e-6)
 
 
-def test_a_street_asks_once_a_family_how_many_assets_there_are():
+def test_a_street_counts_the_assets_of_a_family_once():
     catalogue._built_in.cache_clear()
     street(seed=3, pool=AssetPool())
-    found = catalogue._built_in.cache_info()
-    assert found.misses <= len(FAMILIES) < found.hits
+    cache = catalogue._built_in.cache_info()
+    assert cache.misses <= len(FAMILIES) < cache.hits
 
 
 @pytest.mark.parametrize("family", FAMILIES)
@@ -81,9 +81,9 @@ def test_no_two_assets_of_a_family_are_alike_and_any_index_gives_one_of_its_kind
     low, high = bounds(family, far)
     assert (low < high).all() and np.isfinite([low, high]).all()
     row = FAMILIES[family]
-    assert 4 <= len(set(row.kinds)) == len(row.kinds) <= row.count >= WANTED.get(family, 8)
+    assert 4 <= len(set(row.kinds)) == len(row.kinds) <= row.count >= MIN_COUNTS.get(family, 8)
     ((apart, *_),) = closest([describe(asset(family, index)) for index in range(row.count)], 1)
-    assert apart > 0.05  # copies are 0 apart, the same in two shades of grey 0.1
+    assert apart > 0.05  # copies are 0 apart, the same shape in two greys 0.1
 
 
 def test_the_first_cars_are_one_of_each_kind_and_of_all_most_are_hatchbacks():
@@ -100,55 +100,58 @@ def test_likeness_by_hand():
     large = box((2, 2, 2), (5, 0, 0), (0.25, 0.25, 0.25))
     [(near, *pair), (far, *_)] = closest([describe(a) for a in (cube, white, large)], 2)
     assert near == pytest.approx(3 * (1 - 0.5)) and pair == [0, 1]  # three channels
-    assert far == pytest.approx(3 * np.log(2))  # three sides; where it stands does not count
+    assert far == pytest.approx(3 * np.log(2))  # three sides; its position does not count
 
 
-def test_the_whole_catalogue_or_half_of_it_comes_up_but_for_what_looked_like_an_earlier_asset():
-    assert set(drawn(AssetPool(), "bicycle", 2000)) == set(range(FAMILIES["bicycle"].count))
-    half = set(drawn(AssetPool(fraction=0.5), "bicycle", 2000))
+def test_draws_cover_the_catalogue_or_half_of_it_and_a_lookalike_is_redrawn():
+    assert set(draw_refs(AssetPool(), "bicycle", 2000)) == set(range(FAMILIES["bicycle"].count))
+    half = set(draw_refs(AssetPool(fraction=0.5), "bicycle", 2000))
     assert half == set(range(FAMILIES["bicycle"].count // 2))
     rng = np.random.default_rng([zlib.crc32(b"car"), 175])
     first, taken = car.car(car.sample_car(rng, kind("car", 175))), asset("car", 175)
     assert FAMILIES["car"].redrawn == (175,) and not np.array_equal(first.color, taken.color)
 
 
-def test_own_assets_are_drawn_beside_the_built_in_ones_or_alone(folder):
+def test_own_assets_are_drawn_with_the_built_in_ones_or_alone(folder):
     pool = AssetPool(0, 2, own=folder)
-    one, two = catalogue.own_assets(pool, "car")
-    both = drawn(pool, "car")
-    assert set(both) == {0, 1, one, two}
-    assert 0.3 < sum(isinstance(ref, str) for ref in both) / len(both) < 0.7
+    first, second = catalogue.own_assets(pool, "car")
+    refs = draw_refs(pool, "car")
+    assert set(refs) == {0, 1, first, second}
+    assert 0.3 < sum(isinstance(ref, str) for ref in refs) / len(refs) < 0.7
     changes = {"use": "own"}, {"use": "built-in"}, {"fraction": 0.5}
-    found = [set(drawn(pool._replace(**change), "car")) for change in changes]
-    assert found == [{one, two}, {0, 1}, {0, one}]
-    assert bounds("car", two)[1] == pytest.approx([2.25, 0.9, 1.5]) and kind("car", one) == "a.stl"
+    sampled = [set(draw_refs(pool._replace(**change), "car")) for change in changes]
+    assert sampled == [{first, second}, {0, 1}, {0, first}]
+    assert (
+        bounds("car", second)[1] == pytest.approx([2.25, 0.9, 1.5])
+        and kind("car", first) == "a.stl"
+    )
     pool = AssetPool(own=folder, use="own")
-    assert set(drawn(pool, "person", 5)) == {None}
+    assert set(draw_refs(pool, "person", 5)) == {None}
     refused(LibraryError, "does not exist", check_pool, pool._replace(own=f"{folder}/nowhere"))
     assert set(catalogue.missing_families(check_pool(pool))) == set(FAMILIES) - {"car"}
     assert catalogue.missing_families(AssetPool(own=folder)) == ()
 
 
 @pytest.mark.parametrize("pool", [AssetPool(), AssetPool(size=1), AssetPool(use="own")])
-def test_a_draw_takes_one_number_whatever_is_there(pool, folder):
+def test_a_draw_takes_one_number_even_from_an_empty_pool(pool, folder):
     rng = np.random.default_rng(7)
     draw_asset(pool._replace(own=folder), "person", rng)
     assert rng.random() == np.random.default_rng(7).random(2)[1]
 
 
-@pytest.mark.parametrize(("ask", "message"), [
+@pytest.mark.parametrize(("call", "message"), [
     (lambda: check_pool(AssetPool(use="mine")), "use 'mine' is unknown; known: both, own, built-in"),
     (lambda: check_pool(AssetPool(fraction=0.0)), r"asset fraction must lie in \(0, 1\], not 0"),
     (lambda: check_pool(AssetPool(fraction=float("nan"))), "asset fraction .* not nan"),
     (lambda: check_pool(AssetPool(first=-1)), "the first asset must be 0 or more"),
     (lambda: check_pool(AssetPool(size=0)), "asset count must be 1 or more, not 0"),
     (lambda: check_pool(AssetPool(use="own")), "needs a folder"),
-    (lambda: sample_street(HAND_SET, 0, 1, AssetPool(overlap="avoids")), "overlap 'avoids'"),
+    (lambda: sample_street(DEFAULT_STREET, 0, 1, AssetPool(overlap="avoids")), "overlap 'avoids'"),
     (lambda: asset("boat", 0), "unknown asset family 'boat'; known: "),
     (lambda: asset("car", -1), "asset index of car must be 0 or more, not -1"),
 ])  # fmt: skip
-def test_assets_and_pools_out_of_range_are_refused_by_name(ask, message):
-    refused(ValueError, message, ask)
+def test_assets_and_pools_out_of_range_are_refused_by_name(call, message):
+    refused(ValueError, message, call)
 
 
 def test_the_catalogue_and_the_closest_pairs_are_printed(printed, refusal):

@@ -1,4 +1,4 @@
-"""What every asset family keeps to: sound arrays, real sizes, and nothing left to chance but the seed."""
+"""What holds for every asset family: sound arrays, real sizes, and results that only depend on the seed."""
 
 from typing import NamedTuple
 
@@ -14,13 +14,13 @@ from tests.scene.conftest import SEEDS, kinds, make, solid
 
 
 class Limits(NamedTuple):
-    """What is plausible for a family, metres."""
+    """Plausible bounds of a family's assets, metres."""
 
-    low: tuple[float, float, float]  # corners of the space that an asset keeps to
+    low: tuple[float, float, float]  # corners of the box around all assets
     high: tuple[float, float, float]
-    triangles: int  # at most
-    least: tuple[float, float, float] = (0, 0, 0)  # size along x, y, z
-    middle: tuple[float, float] = (99, 99)  # how far it may be off the middle along x and y, twice
+    triangles: int  # upper bound
+    least: tuple[float, float, float] = (0, 0, 0)  # smallest size along x, y, z
+    middle: tuple[float, float] = (99, 99)  # twice the largest offset of the middle along x and y
 
 
 LIMITS: dict[str, Limits] = {
@@ -51,7 +51,7 @@ LIMITS: dict[str, Limits] = {
 }
 DARK = ("car", "bus", "truck", "train", "bicycle", "motorcycle", "person", "rider",
         "company")  # fmt: skip
-"""Nothing of them is as bright as paint on a wall."""
+"""Families whose colours are darker than paint on a wall."""
 
 
 @pytest.mark.parametrize(("family", "kind"), kinds(LIMITS))
@@ -91,10 +91,12 @@ def test_at_least_four_kinds_that_differ_and_no_other(family):
 
 
 @pytest.mark.parametrize(("family", "kind"), kinds(FAMILIES))
-def test_same_seed_same_bytes_and_other_seeds_others(family, kind):
-    one, again = ([form_and_paint(make(family, kind, seed)) for seed in range(4)] for _ in range(2))
-    forms, paints = (len(set(parts)) for parts in zip(*one, strict=True))
-    assert one == again and paints == 4
+def test_a_seed_reproduces_the_bytes_and_other_seeds_differ(family, kind):
+    first, again = (
+        [form_and_paint(make(family, kind, seed)) for seed in range(4)] for _ in range(2)
+    )
+    forms, paints = (len(set(parts)) for parts in zip(*first, strict=True))
+    assert first == again and paints == 4
     assert forms >= (3 if family == "signpost" else 4)  # posts come in few sizes
 
 
@@ -107,7 +109,7 @@ class Row(NamedTuple):
     second: str = "blue"
 
 
-def test_rules_see_the_row_and_a_field_may_be_like_another():
+def test_rules_see_the_kind_and_a_field_may_copy_another():
     rng = np.random.default_rng(0)
     row = sample_fields(rng, Row(), size=(keep, times(2, 2)), count=plus(1, 2), second=SameAs("color"),
                 color=perhaps(1, "green", keep))  # fmt: skip

@@ -1,4 +1,4 @@
-"""Own assets: read from every format, stood on the ground in metres, or refused by name."""
+"""Own assets: read from every format, put on the ground in metres, or refused by name."""
 
 import io
 import json
@@ -22,7 +22,7 @@ from scene.mesh.gltf import TexturePlacement
 from tests.scene.conftest import refused, solid
 
 CAR = (4.4, 1.8, 1.5)
-"""Length, width and height of the box that stands for a car, metres."""
+"""Length, width and height of the box used as a car, metres."""
 RED = (200, 40, 30, 255)
 SUFFIXES = ["glb", "gltf", "obj", "ply", "stl"]
 block = trimesh.creation.box
@@ -30,7 +30,7 @@ HEAD, ROW = "file,author,licence,source", "car/box.stl,A,B,C"
 
 
 def car(extents=CAR):
-    """A red box with z up, off its place."""
+    """A red box with z up, away from the origin."""
     mesh = block(extents)
     mesh.apply_translation((7, 3, 2))
     mesh.visual.vertex_colors = np.tile(RED, (8, 1))
@@ -44,7 +44,7 @@ def turned(mesh, rotation):
 
 
 def y_up(mesh):
-    """The same with y up and the front along z, as glTF has it."""
+    """Turn a mesh to y up and front along z, as in glTF."""
     return turned(mesh, [[0, 1, 0], [0, 0, 1], [1, 0, 0]])
 
 
@@ -59,7 +59,7 @@ def textured(mesh, uv, **material):
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-def test_every_format_is_read_and_stood_on_the_ground(shelf, suffix):
+def test_every_format_is_read_and_put_on_the_ground(shelf, suffix):
     mesh = y_up(car()) if suffix in ("glb", "gltf") else car()
     asset = only(shelf(f"car/box.{suffix}", mesh))
     bounds = np.array([[-2.2, -0.9, 0], [2.2, 0.9, 1.5]])
@@ -108,16 +108,16 @@ def test_a_texture_gives_each_face_its_colour_and_leaves_out_what_is_clear(shelf
 
 
 def glb(material, alpha=None):
-    """Two triangles, in a file written by hand.
+    """A handwritten file of two triangles.
 
     The first has the material, and with `alpha` a texture of that opacity; the second has none.
     """
     corners, uv = np.float32([[0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.zeros((3, 2), np.float32)
     parts = [corners.tobytes(), uv.tobytes()]
-    both = {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}}
+    primitive = {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}}
     content = {
         "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
-        "meshes": [{"primitives": [{**both, "material": 0}, both]}], "materials": [material],
+        "meshes": [{"primitives": [{**primitive, "material": 0}, primitive]}], "materials": [material],
         "accessors": [{"bufferView": k, "componentType": 5126, "count": 3, "type": f"VEC{3 - k}"}
                       for k in range(2)],
     }  # fmt: skip
@@ -188,7 +188,7 @@ def changed(change, material=None, alpha=None):
     (lambda c: c["accessors"][1].update(componentType=5121, normalized=True), "TEXCOORD_0"),
     (lambda c: c["images"][0].update(mimeType="image/ktx2"), "KTX2"),
 ])  # fmt: skip
-def test_what_is_not_read_of_gltf_is_refused_by_name(tmp_path, change, complaint):
+def test_unsupported_features_of_gltf_are_refused_by_name(tmp_path, change, complaint):
     (path := tmp_path / "two.glb").write_bytes(changed(change, alpha=255))
     with pytest.raises(MeshError, match=complaint):
         read_mesh(path)
@@ -214,7 +214,7 @@ def test_a_texture_of_gltf_is_moved_and_turned_by_its_transform():
 
 
 def obj(folder, library, picture="my paint.png"):
-    """A square of two triangles with texture coordinates 0.25 in a file written by hand."""
+    """Read a handwritten file of a square with texture coordinates 0.25."""
     pixels = np.uint8([[(255, 0, 0), (0, 255, 0)], [(0, 0, 255), (255, 255, 255)]])
     Image.fromarray(pixels).save(folder / picture)
     (folder / "all of it.mtl").write_text(f"newmtl two words\n{library}\n")
@@ -252,7 +252,7 @@ def test_a_material_of_obj_that_is_clear_is_glass(tmp_path, library, expected):
     ("d clear", "broken: could not convert string to float: 'clear'"),
     ("map_Kd -bm 1 ../my paint.png", r"refers to \.\./my paint\.png, which leads out of"),
 ])  # fmt: skip
-def test_a_bad_material_of_obj_is_told(tmp_path, library, complaint):
+def test_a_bad_material_of_obj_is_refused(tmp_path, library, complaint):
     refused(MeshError, complaint, obj, tmp_path, library)
 
 
@@ -260,22 +260,22 @@ def test_a_class_folder_may_be_written_with_an_underscore_or_be_a_family(shelf):
     shelf("traffic_sign/stop.stl", block((0.02, 0.7, 0.7)))
     shelf("vegetation/oak.stl", block((3, 3, 6)))
     folder = shelf("bush/box.stl", block((1, 1, 1)))
-    found = {family: len(paths) for family, paths in scan(folder).items()}
-    assert found == {"traffic sign": 1, "tree": 1, "bush": 1}
+    counts = {family: len(paths) for family, paths in scan(folder).items()}
+    assert counts == {"traffic sign": 1, "tree": 1, "bush": 1}
     assert check(folder) == 3
     assert set(catalogue.FAMILIES) == set(FOLDERS.values())
 
 
 @pytest.mark.parametrize("family", catalogue.FAMILIES)
-def test_our_own_assets_would_be_of_plausible_size(family, shelf):
-    ours = solid(catalogue.asset(family, 0).mesh)
-    (path,) = scan(shelf(f"{family}/ours.stl", ours))[family]
-    theirs = solid(load(family, path).mesh)
-    assert sorted(theirs.extents) == pytest.approx(sorted(ours.extents), rel=1e-4)
+def test_built_in_assets_have_plausible_sizes(family, shelf):
+    built_in = solid(catalogue.asset(family, 0).mesh)
+    (path,) = scan(shelf(f"{family}/ours.stl", built_in))[family]
+    loaded = solid(load(family, path).mesh)
+    assert sorted(loaded.extents) == pytest.approx(sorted(built_in.extents), rel=1e-4)
 
 
 @pytest.mark.parametrize(("up", "forward"), [("y", "z"), ("z", "-y"), ("-x", "y"), ("x", "")])
-def test_axes_are_told_by_the_manifest(shelf, up, forward):
+def test_the_manifest_defines_the_axes(shelf, up, forward):
     def axis(name):
         return (-1 if name.startswith("-") else 1) * np.eye(3)["xyz".index(name[-1])]
 
@@ -316,7 +316,7 @@ def test_the_manifest_scales_a_sign_hangs_on_its_pole_and_a_house_looks_at_the_r
     ("car/out.gltf", b'{"buffers": [{"uri": "/etc/passwd"}]}', "refers to /etc/passwd, which leads out"),
     ("car/fine.stl", trimesh.creation.icosphere(), "has more than 100 faces"),
 ])  # fmt: skip
-def test_a_bad_file_is_named(shelf, file, content, complaint, monkeypatch):
+def test_a_bad_file_is_refused_by_name(shelf, file, content, complaint, monkeypatch):
     monkeypatch.setattr("scene.mesh.file.MOST_FACES", 100)
     refused(LibraryError, rf"{Path(file).name}: {complaint}", check, shelf(file, content))
 

@@ -1,4 +1,4 @@
-"""What moves: people, how they walk and what they wear, their fit on machines, and vehicles."""
+"""Moving assets: people, their gait and clothes, how riders fit their machines, and vehicles."""
 
 from itertools import product
 
@@ -51,7 +51,7 @@ def test_riders_reach_saddle_bar_and_feet_of_their_machine(kind, seed):
 
 
 def walker(phase):
-    """Someone who strides out, at one phase of the step."""
+    """A person walking briskly, at one phase of the step."""
     params = person.sample_person(np.random.default_rng(8), "walking in a jacket")
     return params._replace(gait="walk", phase=phase, vigour=1.0)
 
@@ -71,8 +71,8 @@ def test_people_walk_on_two_legs_that_take_turns_with_arms_against_them(phase):
 @pytest.mark.parametrize("style", wardrobe.STYLES)
 def test_every_style_dresses_a_body_of_one_height(style):
     outfit, curves = wardrobe.sample_outfit(np.random.default_rng(1), style, 0.3)
-    own = {"outfit": outfit._replace(hat=""), "body": Body(1.75, curves=curves), "carried": ()}
-    assert 1.66 < person.person(walker(0.2)._replace(**own)).mesh.bounds[1, 2] < 1.84
+    changes = {"outfit": outfit._replace(hat=""), "body": Body(1.75, curves=curves), "carried": ()}
+    assert 1.66 < person.person(walker(0.2)._replace(**changes)).mesh.bounds[1, 2] < 1.84
 
 
 @pytest.mark.parametrize("hat", head.HATS)
@@ -80,29 +80,29 @@ def test_every_style_dresses_a_body_of_one_height(style):
 def test_hats_cover_the_crown_and_leave_the_body_alone(hat, hairdo):
     params = walker(0.1)
     bare = params.outfit._replace(hat="", hairdo="bald")
-    worn = bare._replace(hat=hat, hairdo=hairdo, hat_color=RED)
-    before, after = (head.head(params.body, of, person._pose(params)) for of in (bare, worn))
+    dressed = bare._replace(hat=hat, hairdo=hairdo, hat_color=RED)
+    before, after = (head.head(params.body, of, person._pose(params)) for of in (bare, dressed))
     assert after.mesh.bounds[1, 2] > before.mesh.bounds[1, 2]
     assert (after.color == RED).all(axis=1).any()
 
 
-@pytest.mark.parametrize("thing", carried.CARRIED)
-def test_things_are_carried_above_the_ground_and_near_a_hand(thing):
+@pytest.mark.parametrize("name", carried.CARRIED)
+def test_objects_are_carried_above_the_ground_and_near_a_hand(name):
     params = person.sample_person(np.random.default_rng(3), "shopping bags")
     params = params._replace(carried=(), body=Body(1.75), gait="stand")
     bare = person.person(params).mesh.vertices
-    added = person.person(params._replace(carried=(thing,))).mesh.vertices[len(bare) :]
+    added = person.person(params._replace(carried=(name,))).mesh.vertices[len(bare) :]
     assert len(added) >= 8 and added[:, 2].min() > -0.02
     assert np.linalg.norm(added[:, None] - bare[None, ::7], axis=2).min() < 0.25
 
 
 def test_bend_is_a_right_angle_for_three_four_five_and_unknown_names_are_refused():
     for end, lower, joint in ((5.0, 4.0, [1.8, 0, 2.4]), (8.0, 1.0, [6, 0, 0])):  # or straight
-        found = bend(np.zeros(3), np.array([end, 0, 0]), 3.0, lower, (0, 0, 1))
-        np.testing.assert_allclose(found, joint)
+        bent = bend(np.zeros(3), np.array([end, 0, 0]), 3.0, lower, (0, 0, 1))
+        np.testing.assert_allclose(bent, joint)
     with pytest.raises(ValueError, match="unknown style"):
         wardrobe.sample_outfit(np.random.default_rng(0), "marble", 0.0)
-    with pytest.raises(ValueError, match="unknown thing"):
+    with pytest.raises(ValueError, match="unknown object"):
         carried.carried("marble", Body(1.7), person._pose(walker(0.0)), (0, 0, 0), (0, 0, 0))
 
 
@@ -141,14 +141,16 @@ def test_vehicles_have_glass_tyres_and_lamps_at_both_ends(family):
 
 
 @pytest.mark.parametrize("family", ["bus", "truck"])
-def test_nothing_stands_before_the_rims_of_large_vehicles(family):
-    out, width = (bus.WHEEL_OUTSET, 0.3) if family == "bus" else (0.03, 0.32)
+def test_nothing_hides_the_rims_of_large_vehicles(family):
+    outset, width = (bus.WHEEL_OUTSET, 0.3) if family == "bus" else (0.03, 0.32)
     turn = np.arange(8) * np.pi / 4 + 0.1
     for kind, seed in product(FAMILIES[family].kinds, (3, 4)):
         params = FAMILIES[family].sample(np.random.default_rng(seed), kind)
         front = bus._axles(params)[0] if family == "bus" else params.length / 2 - params.axles[0]
         triangles = solid(FAMILIES[family].build(params).mesh).triangles
-        rim = params.width / 2 + out - vehicle.SHALLOW * width  # its floor, metres from the middle
+        rim = (
+            params.width / 2 + outset - vehicle.SHALLOW * width
+        )  # of its floor, metres from the middle
         reach = 0.25 * params.wheel_radius  # between the hub and the holes
         for x, z in np.column_stack([np.cos(turn), np.sin(turn)]) * reach:
             start = np.array([front + x, 3.0, params.wheel_radius + z])
@@ -157,7 +159,7 @@ def test_nothing_stands_before_the_rims_of_large_vehicles(family):
 
 
 @pytest.mark.parametrize(("family", "module"), MACHINES.items())
-def test_machines_have_their_saddle_and_bar_where_they_say(family, module):
+def test_machines_have_saddle_and_bar_at_their_constants(family, module):
     u, v = (grid.ravel() for grid in np.meshgrid(*[np.linspace(0, 1, 21)] * 2))
     weights = np.column_stack([1 - u, u * (1 - v), u * v])  # a grid of points on every triangle
     for kind in module.KINDS:
@@ -172,7 +174,7 @@ def square(x):
     return np.array([[[x, 0, 0], [x, 1, 0]], [[x + 1, 0, 0], [x + 1, 1, 0]]], float)
 
 
-def test_sheets_twins_cylinders_and_slabs_by_hand():
+def test_sheets_twins_cylinders_and_rounded_bodies_by_hand():
     mesh = weld(sheet(square(0), RED), sheet(square(1), RED)).mesh
     assert (len(mesh.vertices), len(mesh.faces), solid(mesh).area) == (6, 4, pytest.approx(2.0))
     flat = square(0)
@@ -214,7 +216,7 @@ BODIES = tuple(car._KINDS)
 
 @pytest.mark.parametrize("kind", BODIES)
 @given(seed=SEEDS)
-def test_arches_are_circles_over_the_axles_and_shares_of_the_length_are_told_both_ways(kind, seed):
+def test_arches_are_circles_over_the_axles_and_flank_x_is_invertible(kind, seed):
     b = car.sample_car(np.random.default_rng(seed), kind).body
     front, rear = axles(b)
     over, middle = 2 * b.wheel_radius + ARCH_GAP, (front + rear) / 2
@@ -226,7 +228,7 @@ def test_arches_are_circles_over_the_axles_and_shares_of_the_length_are_told_bot
 
 
 @pytest.mark.parametrize("kind", ["hatchback", "pickup", "old-timer"])
-def test_shells_are_as_long_and_high_as_they_say_and_alike_on_both_sides(kind):
+def test_shells_have_their_length_and_height_and_are_symmetric(kind):
     b = car.sample_car(np.random.default_rng(4), kind).body
     mesh = shell(b, Paint(RED, RED, RED, RED, RED)).mesh
     assert np.ptp(mesh.vertices[:, 0]) == pytest.approx(b.length, abs=0.02)
@@ -235,18 +237,18 @@ def test_shells_are_as_long_and_high_as_they_say_and_alike_on_both_sides(kind):
     assert points == {tuple(p) for p in np.round(mesh.vertices * [1, -1, 1], 6) + 0.0}
 
 
-def laid_on(b, parts, glass_only):
-    """Whether all faces of parts are seen from outside, and lie before the shell."""
-    whole = shell(b, Paint(RED, RED, RED, RED, RED))
-    glass = whole.material == [m.name for m in MATERIALS].index("glass")
-    under = Mesh(whole.mesh.vertices, whole.mesh.faces[glass | (not glass_only)])
+def is_laid_on(b, parts, glass_only):
+    """Whether all faces of parts are visible from outside and in front of the shell."""
+    body = shell(b, Paint(RED, RED, RED, RED, RED))
+    glass = body.material == [m.name for m in MATERIALS].index("glass")
+    base = Mesh(body.mesh.vertices, body.mesh.faces[glass | (not glass_only)])
     laid = solid(merge(*parts).mesh)
     middle, normal = laid.triangles_center, laid.face_normals
-    turn = np.sign(np.sum(normal * (middle - [0, 0, 0.5]), axis=1))
-    out = turn[:, None] * normal
-    starts = middle + 0.05 * out
-    near = hits(solid(under), starts, -out)
-    return not hits(solid(whole.mesh), middle, out).any() and near.all()
+    sign = np.sign(np.sum(normal * (middle - [0, 0, 0.5]), axis=1))
+    outward = sign[:, None] * normal
+    starts = middle + 0.05 * outward
+    behind = hits(solid(base), starts, -outward)
+    return not hits(solid(body.mesh), middle, outward).any() and behind.all()
 
 
 @pytest.mark.parametrize("kind", BODIES)
@@ -254,23 +256,23 @@ def test_seats_and_drivers_are_seen_just_outside_the_glass_they_are_laid_on(kind
     for seed in range(4):
         params = car.sample_car(np.random.default_rng(seed), kind)
         g = params.glazing._replace(skin=RED)
-        assert laid_on(params.body, glazing(params.body, g, (True, True)), glass_only=True), seed
+        assert is_laid_on(params.body, glazing(params.body, g, (True, True)), glass_only=True), seed
 
 
 @pytest.mark.parametrize("kind", BODIES)
 def test_a_driver_s_head_is_upright_hair_behind_its_seat_from_behind_and_deep_from_the_side(kind):
     params = car.sample_car(np.random.default_rng(1), kind)
     b, g = params.body, params.glazing._replace(skin=RED, seats=(0, 0.5, 0), side=1.0)
-    head_of = {}
+    heads = {}
     for windows in ((True, True), (False, True), (True, False)):
-        whole = merge(*glazing(b, g, windows))
-        centre = whole.mesh.vertices[whole.mesh.faces].mean(axis=1)
-        head_of[windows] = centre[(whole.color == np.float32(RED)).all(axis=1)]
-    behind = head_of[False, True]
-    assert len(behind) and (behind[:, 0] > 0).all()  # skin is seen ahead alone
+        panes = merge(*glazing(b, g, windows))
+        centre = panes.mesh.vertices[panes.mesh.faces].mean(axis=1)
+        heads[windows] = centre[(panes.color == np.float32(RED)).all(axis=1)]
+    behind = heads[False, True]
+    assert len(behind) and (behind[:, 0] > 0).all()  # skin is visible only from ahead
     spread = np.ptp(behind[:, 1])
     assert spread < 0.25
-    sides = head_of[True, False][np.abs(head_of[True, False][:, 1]) > 0.5 * b.width / 2]
+    sides = heads[True, False][np.abs(heads[True, False][:, 1]) > 0.5 * b.width / 2]
     assert len(sides) == 0 or np.ptp(sides[:, 0]) > 0.05
 
 
@@ -278,12 +280,12 @@ def test_a_driver_s_head_is_upright_hair_behind_its_seat_from_behind_and_deep_fr
 def test_panels_seams_and_names_are_seen_just_outside_the_sides_of_vans(kind):
     for seed in range(4):
         params = car.sample_car(np.random.default_rng(seed), kind)
-        plain, named = (
+        unnamed, named = (
             van_sides(params.body, params.van._replace(letters=letters, sealed=True))
             for letters in (None, RED)
         )
-        assert len(named) > len(plain) + 10
-        assert laid_on(params.body, named, glass_only=False), seed
+        assert len(named) > len(unnamed) + 10
+        assert is_laid_on(params.body, named, glass_only=False), seed
 
 
 def test_a_rickshaw_has_one_wheel_ahead_in_the_middle_and_two_behind():

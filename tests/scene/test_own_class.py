@@ -1,4 +1,4 @@
-"""A class of the user's own: where its objects stand, labels in every format, and what is refused."""
+"""A user's own class: where its objects stand, its labels in every format, and what is refused."""
 
 import importlib.util
 import json
@@ -83,8 +83,8 @@ def frames(pool):
 
 
 def exported(folder, pool, format="cityscapes", **options):
-    told = {"settings": SETTINGS, "pool": pool, "streets": STREETS, **options}
-    return export_dataset(UNITS, SEED, folder, shots=1, format=format, **told)
+    settings = {"settings": SETTINGS, "pool": pool, "streets": STREETS, **options}
+    return export_dataset(UNITS, SEED, folder, shots=1, format=format, **settings)
 
 
 def tree(folder):
@@ -94,8 +94,8 @@ def tree(folder):
 
 def masks_of(frame):
     """The pixels of each object of the class."""
-    own = np.unique(frame.instance[frame.label == OWN])
-    return [frame.instance == instance for instance in own]
+    instances = np.unique(frame.instance[frame.label == OWN])
+    return [frame.instance == instance for instance in instances]
 
 
 @pytest.mark.parametrize("format", FORMATS)
@@ -103,23 +103,26 @@ def test_every_format_holds_the_class_with_the_pixels_of_its_objects(
     format, pool, frames, tmp_path
 ):
     folder = tmp_path / "dataset"
-    told = exported(folder, pool, format)
+    record = exported(folder, pool, format)
     assert list(findings(folder)) == []
-    assert told["own_class"].items() >= {
+    assert record["own_class"].items() >= {
         "name": NAME, "train_id": 19, "label_id": 34, "place": "sidewalk", "file": "bin.glb"
     }.items()  # fmt: skip
-    seen = [(frame.label == OWN).mean() for frame in frames]
-    assert np.count_nonzero(seen) >= 2 and tuple(told["class_frequency"]) == (*CLASS_NAMES, NAME)
-    assert told["class_frequency"][NAME] == pytest.approx(np.mean(seen), abs=1e-9)
-    assert told["placed"][NAME] >= 5 and "own_class" not in told["assets"]
+    shares = [(frame.label == OWN).mean() for frame in frames]
+    assert np.count_nonzero(shares) >= 2 and tuple(record["class_frequency"]) == (
+        *CLASS_NAMES,
+        NAME,
+    )
+    assert record["class_frequency"][NAME] == pytest.approx(np.mean(shares), abs=1e-9)
+    assert record["placed"][NAME] >= 5 and "own_class" not in record["assets"]
     assert f"| {NAME} |" in (folder / "README.md").read_text()
     READERS[format](folder, frames)
     if format != "yolo-seg":
-        found = read_dataset(folder)
-        np.testing.assert_array_equal(found.labels, [frame.label for frame in frames])
+        dataset = read_dataset(folder)
+        np.testing.assert_array_equal(dataset.labels, [frame.label for frame in frames])
         classes, figures = compare(folder, None, ())
         assert classes[OWN] == NAME and NAME in table(classes, figures)
-        assert figures["dataset"].containing[OWN] == np.count_nonzero(seen)
+        assert figures["dataset"].containing[OWN] == np.count_nonzero(shares)
 
 
 def read_cityscapes(folder, frames):
@@ -145,21 +148,21 @@ def read_coco(folder, frames):
     assert {"id": 34, "name": NAME, "color": [0, 255, 255]}.items() <= semantic["categories"][
         -1
     ].items()
-    whole = {a["image_id"]: a for a in semantic["annotations"] if a["category_id"] == 34}
+    annotations = {a["image_id"]: a for a in semantic["annotations"] if a["category_id"] == 34}
     for image, frame in enumerate(frames, start=1):
-        area = whole[image]["area"] if image in whole else 0
+        area = annotations[image]["area"] if image in annotations else 0
         assert area == (frame.label == OWN).sum()
 
 
 def read_instances(path, frames):
-    found = json.loads(path.read_text())
-    assert found["categories"][-1] == {
+    content = json.loads(path.read_text())
+    assert content["categories"][-1] == {
         "id": 34, "name": NAME, "supercategory": "object", "isthing": 1, "color": [0, 255, 255]
     }  # fmt: skip
-    own = [a for a in found["annotations"] if a["category_id"] == 34]
+    of_class = [a for a in content["annotations"] if a["category_id"] == 34]
     for image, frame in enumerate(frames, start=1):
-        told = [a for a in own if a["image_id"] == image]
-        for annotation, mask in zip(told, masks_of(frame), strict=True):
+        of_image = [a for a in of_class if a["image_id"] == image]
+        for annotation, mask in zip(of_image, masks_of(frame), strict=True):
             counts = rle.decode(annotation["segmentation"]["counts"])
             np.testing.assert_array_equal(rle.mask(counts, *mask.shape), mask)
 
@@ -199,37 +202,37 @@ def test_bytes_do_not_depend_on_workers_and_a_stream_gives_the_same(pool, frames
     exported(tmp_path / "one", pool, "folders", workers=1)
     exported(tmp_path / "two", pool, "folders", workers=2)
     assert tree(tmp_path / "one") == tree(tmp_path / "two")
-    given = stream(STREETS, 1, settings=SETTINGS, images=1, space="extended", pool=pool)
-    (sample,) = given
-    wanted = render_street(sample.street, 1, 0, 1, SETTINGS, "embree", pool)[0].label
-    np.testing.assert_array_equal(sample.label, wanted)
-    found = render_dataset(UNITS, SEED, shots=1, settings=SETTINGS, pool=pool)
-    np.testing.assert_array_equal(found.labels, [frame.label for frame in frames])
+    samples = stream(STREETS, 1, settings=SETTINGS, images=1, space="extended", pool=pool)
+    (sample,) = samples
+    expected = render_street(sample.street, 1, 0, 1, SETTINGS, "embree", pool)[0].label
+    np.testing.assert_array_equal(sample.label, expected)
+    rendered = render_dataset(UNITS, SEED, shots=1, settings=SETTINGS, pool=pool)
+    np.testing.assert_array_equal(rendered.labels, [frame.label for frame in frames])
 
 
 @pytest.mark.parametrize("place", ["sidewalk", "carriageway"])
-def test_objects_stand_on_their_place_clear_of_all_else_which_stays_as_it_was(place, file):
-    own = OwnClass(NAME, str(file), place)
+def test_objects_stand_on_their_place_and_change_nothing_else(place, file):
+    own_class = OwnClass(NAME, str(file), place)
     units, count = draw(STREETS, 2, 12), 0
     for seed, unit in enumerate(units):
-        plain = street_of(unit, 3, seed, 1, AssetPool(0, 3))
-        street = street_of(unit, 3, seed, 1, AssetPool(0, 3, own_class=own))
-        kept = len(plain.placements)
-        first, added = street.placements[:kept], street.placements[kept:]
-        for was, now in zip(plain.placements, first, strict=True):
-            assert was._replace(pose=None) == now._replace(pose=None)
-            np.testing.assert_array_equal(was.pose, now.pose)
+        without_class = street_of(unit, 3, seed, 1, AssetPool(0, 3))
+        street = street_of(unit, 3, seed, 1, AssetPool(0, 3, own_class=own_class))
+        base_count = len(without_class.placements)
+        first, added = street.placements[:base_count], street.placements[base_count:]
+        for before, after in zip(without_class.placements, first, strict=True):
+            assert before._replace(pose=None) == after._replace(pose=None)
+            np.testing.assert_array_equal(before.pose, after.pose)
         assert {p.family for p in added} <= {FAMILY} and {p.train_id for p in added} <= {OWN}
         count += len(added)
         objects, rectangles = standing(street.placements)
         for pair in pairs(rectangles, 0.0).tolist():
             assert FAMILY not in {objects[k].family for k in pair}
-        inside(street.ground, added, place)
+        check_place(street.ground, added, place)
     assert count > 3 * len(units)
 
 
-def inside(ground, placements, place):
-    """No side of an object is beyond the edges of its place, nor where people cross the road."""
+def check_place(ground, placements, place):
+    """Check that objects are within the edges of their place and off crosswalks."""
     for p in placements:
         (along,), (away,) = nearest(ground.path, p.pose[None, :2, 3])
         turn = math.atan2(p.pose[1, 0], p.pose[0, 0]) - float(heading_at(ground.path, along))
@@ -242,63 +245,67 @@ def inside(ground, placements, place):
         assert all(abs(along - x) > 4 for x in ground.crosswalks)
 
 
-def test_what_is_too_large_for_its_place_stands_nowhere_and_render_says_so(tmp_path, capsys):
+def test_objects_too_large_for_their_place_are_left_out_and_render_says_so(tmp_path, capsys):
     box(14.0).export(tmp_path / "hall.glb")
-    own = ["--own-asset", str(tmp_path / "hall.glb"), "--own-class", "hall"]
+    class_flags = ["--own-asset", str(tmp_path / "hall.glb"), "--own-class", "hall"]
     flags = ["--images", "1", "--size", "64x48", "--workers", "0", "--out", str(tmp_path / "a")]
-    assert main([*flags, *own]) == 0
+    assert main([*flags, *class_flags]) == 0
     assert "No hall stands in any street: there was no room for one" in capsys.readouterr().out
     assert list(findings(tmp_path / "a")) == []
 
 
-def test_the_command_line_places_it_and_stats_go_beside_others(file, tmp_path, capsys):
+def test_the_command_line_places_objects_and_stats_compare_datasets(file, tmp_path, capsys):
     flags = ["--images", "1", "--size", "96x64", "--workers", "0", "--asset-count", "3", "--out"]
-    own = ["--own-asset", str(file), "--own-class", NAME, "--own-place", "carriageway"]
-    assert main([*flags, str(tmp_path / "a"), *own]) == 0
+    class_flags = ["--own-asset", str(file), "--own-class", NAME, "--own-place", "carriageway"]
+    assert main([*flags, str(tmp_path / "a"), *class_flags]) == 0
     assert main([*flags, str(tmp_path / "b")]) == 0
-    told, plain = (json.loads((tmp_path / k / "dataset.json").read_text()) for k in "ab")
-    assert told["own_class"]["place"] == "carriageway" and told["placed"].pop(NAME) > 0
-    assert told["placed"] == plain["placed"] and "own_class" not in plain
+    record, without_class = (json.loads((tmp_path / k / "dataset.json").read_text()) for k in "ab")
+    assert record["own_class"]["place"] == "carriageway" and record["placed"].pop(NAME) > 0
+    assert record["placed"] == without_class["placed"] and "own_class" not in without_class
     assert compare(tmp_path / "a", tmp_path / "b", ())[0] == (*CLASS_NAMES, NAME)
     refused(ValueError, "have other classes", compare, tmp_path / "b", tmp_path / "a", ())
-    changed = refused(ExportError, "an export with other own_class", again, tmp_path / "b", file)
+    changed = refused(
+        ExportError, "an export with other own_class", export_again, tmp_path / "b", file
+    )
     assert "\n" not in str(changed)
     capsys.readouterr()
 
 
-def again(folder, file):
-    """The export in a folder, now with a class of one's own."""
-    told = json.loads((folder / "dataset.json").read_text())
+def export_again(folder, file):
+    """Export to the folder of an export again, now with an own class."""
+    record = json.loads((folder / "dataset.json").read_text())
     export_dataset(
-        np.array(told["streets"], np.float32), 0, folder, shots=1, settings=RenderSettings(96, 64),
+        np.array(record["streets"], np.float32), 0, folder, shots=1, settings=RenderSettings(96, 64),
         pool=AssetPool(size=3, own_class=OwnClass(NAME, str(file))), streets=default_proposal(),
     )  # fmt: skip
 
 
-def test_the_file_counts_by_its_content_wherever_it_lies(pool, file, frames, tmp_path, monkeypatch):
+def test_the_file_is_identified_by_its_content_not_its_path(
+    pool, file, frames, tmp_path, monkeypatch
+):
     copy = tmp_path / "sent" / "other.glb"
     copy.parent.mkdir()
     shutil.copy(file, copy)
-    received("0123/bin.glb", copy)  # as a worker of a cluster has it
+    received("0123/bin.glb", copy)  # as on a worker of a cluster
     sent = pool.with_paths(lambda name: "0123/bin.glb" if name else name)
     frame = render_street(UNITS[0], SEED, 0, 1, SETTINGS, "embree", sent)[0]
     np.testing.assert_array_equal(frame.image, frames[0].image)
     with WorkerPool(1) as workers:
         options = {"shots": 1, "settings": SETTINGS, "workers": workers}
-        there = AssetPool(0, 3, own_class=OwnClass(NAME, str(copy)))
-        yellow = render_dataset(UNITS[:2], SEED, pool=there, **options)
+        copy_pool = AssetPool(0, 3, own_class=OwnClass(NAME, str(copy)))
+        yellow = render_dataset(UNITS[:2], SEED, pool=copy_pool, **options)
         box(colour=(10, 200, 40)).export(copy)
-        green = render_dataset(UNITS[:2], SEED, pool=there, **options)
+        green = render_dataset(UNITS[:2], SEED, pool=copy_pool, **options)
     np.testing.assert_array_equal(yellow.labels, green.labels)
     assert (yellow.images != green.images).any()
-    whole = export._draw_street
+    draw_street = export._draw_street
 
-    def exchanged(*task):
+    def replace_and_draw(*task):
         box(0.8).export(copy)
-        return whole(*task)
+        return draw_street(*task)
 
-    monkeypatch.setattr(export, "_draw_street", exchanged)
-    refused(ExportError, r"other\.glb has changed since", exported, tmp_path / "a", there)
+    monkeypatch.setattr(export, "_draw_street", replace_and_draw)
+    refused(ExportError, r"other\.glb has changed since", exported, tmp_path / "a", copy_pool)
 
 
 def test_ids_of_a_class_that_a_dataset_does_not_have_are_found():
@@ -338,19 +345,19 @@ def test_bad_input_is_one_line_and_nothing_is_written(
     trimesh.Scene([trimesh.PointCloud(np.eye(3))]).export("points.glb")
     (tmp_path / "broken.glb").write_bytes(b"glTF")
     box(100.0).export("huge.glb")
-    write_with_picture_beside(tmp_path / "beside.glb")
+    write_with_separate_texture(tmp_path / "beside.glb")
     files = tree(tmp_path)
-    own = [text.replace("\\n", "\n") for text in flags.split(" ")]
-    assert message in refusal(main, "--images", "1", "--size", "64x48", "--out", "a", *own)
+    class_flags = [text.replace("\\n", "\n") for text in flags.split(" ")]
+    assert message in refusal(main, "--images", "1", "--size", "64x48", "--out", "a", *class_flags)
     assert tree(tmp_path) == files and not (tmp_path / "a").exists()
 
 
-def write_with_picture_beside(path):
-    """A GLB whose texture is a file of its own."""
+def write_with_separate_texture(path):
+    """Write a GLB with a separate texture file."""
     mesh = box()
-    picture = Image.new("RGB", (2, 2), (9, 9, 9))
-    picture.save(path.parent / "skin.png")
-    material = PBRMaterial(baseColorTexture=picture)
+    texture = Image.new("RGB", (2, 2), (9, 9, 9))
+    texture.save(path.parent / "skin.png")
+    material = PBRMaterial(baseColorTexture=texture)
     mesh.visual = TextureVisuals(uv=np.full((8, 2), 0.3), material=material)
     data = mesh.export(file_type="glb")
     size = int.from_bytes(data[12:16], "little")

@@ -1,4 +1,4 @@
-"""Own assets are what their files hold now, whatever was rendered before, from wherever, by whomever."""
+"""Own assets follow the current content of their files, in all processes and whatever was rendered before."""
 
 import shutil
 from pathlib import Path
@@ -30,56 +30,56 @@ def house(width=9.0, color=(90, 30, 20)):
     return mesh
 
 
-def rendered(folder, workers=0, **options):
+def render(folder, workers=0, **options):
     pool = AssetPool(own=str(folder), use="own")
     shots = {"shots": 1, "settings": SETTINGS, "pool": pool, **options}
     return render_dataset(units(2), 1, workers=workers, **shots)
 
 
-def same(a, b) -> bool:
-    return all(np.array_equal(one, other) for one, other in zip(a, b, strict=True))
+def are_equal(a, b) -> bool:
+    return all(np.array_equal(x, y) for x, y in zip(a, b, strict=True))
 
 
 def test_a_file_that_changes_between_renders_is_read_again_by_all_workers(shelf):
     folder = shelf("building/h.obj", house())
     with WorkerPool(1) as pool:
-        first = rendered(folder, pool)
-        assert same(first, rendered(folder))
+        first = render(folder, pool)
+        assert are_equal(first, render(folder))
         house(14.0).export(Path(folder) / "building/h.obj")
-        wider = rendered(folder)
+        wider = render(folder)
         assert not np.array_equal(first.labels, wider.labels)
-        assert same(wider, rendered(folder, pool))
+        assert are_equal(wider, render(folder, pool))
 
 
-def test_so_is_a_texture_beside_it_and_what_the_manifest_says(shelf, tmp_path):
+def test_a_changed_texture_or_manifest_is_read_again(shelf, tmp_path):
     folder = shelf("building/h.obj", house())
-    first = rendered(folder)
+    first = render(folder)
     (texture,) = (tmp_path / "own" / "building").glob("*.png")
     Image.new("RGB", (2, 2), (20, 200, 30)).save(texture)
-    green = rendered(folder)
-    assert np.array_equal(first.labels, green.labels) and not same(first, green)
+    green = render(folder)
+    assert np.array_equal(first.labels, green.labels) and not are_equal(first, green)
     listing = tmp_path / "own" / "assets.csv"
     listing.write_text(
         "file,author,licence,source,scale\nbuilding/h.obj,A. Maker,CC0-1.0,own work,0.8\n"
     )
-    assert not np.array_equal(green.labels, rendered(folder).labels)
+    assert not np.array_equal(green.labels, render(folder).labels)
 
 
-def test_a_relative_folder_is_that_of_where_the_call_was_made(shelf, tmp_path, monkeypatch):
+def test_a_relative_folder_is_resolved_when_the_call_is_made(shelf, tmp_path, monkeypatch):
     shelf("building/h.obj", house())
-    there, elsewhere = tmp_path / "there", tmp_path / "elsewhere"
-    for place in (there, elsewhere):
+    first_place, second_place = tmp_path / "there", tmp_path / "elsewhere"
+    for place in (first_place, second_place):
         place.mkdir()
         shutil.copytree(tmp_path / "own", place / "own")
-    house(14.0).export(elsewhere / "own/building/h.obj")
-    monkeypatch.chdir(there)
+    house(14.0).export(second_place / "own/building/h.obj")
+    monkeypatch.chdir(first_place)
     with WorkerPool(1) as pool:
-        first = rendered("own", pool)
-        monkeypatch.chdir(elsewhere)
-        wider = rendered("own", pool)
-    assert same(wider, rendered(elsewhere / "own")) and not same(first, wider)
-    monkeypatch.chdir(there)
-    assert same(first, rendered("own", progress=lambda *_: monkeypatch.chdir(tmp_path)))
+        first = render("own", pool)
+        monkeypatch.chdir(second_place)
+        wider = render("own", pool)
+    assert are_equal(wider, render(second_place / "own")) and not are_equal(first, wider)
+    monkeypatch.chdir(first_place)
+    assert are_equal(first, render("own", progress=lambda *_: monkeypatch.chdir(tmp_path)))
 
 
 def test_an_export_names_all_files_and_stops_where_they_change(shelf, tmp_path):
@@ -93,15 +93,15 @@ def test_an_export_names_all_files_and_stops_where_they_change(shelf, tmp_path):
 
     before = export("first")["own_files"]
     (texture,) = (tmp_path / "own" / "building").glob("*.png")
-    kept = texture.read_bytes()
+    original = texture.read_bytes()
 
-    def repainted(done, images, written):
+    def repaint(done, images, written):
         if done == 1:
             Image.new("RGB", (2, 2), (20, 200, 30)).save(texture)
 
-    refused(ExportError, "own has changed since .*second was begun", export, "second", repainted)
+    refused(ExportError, "own has changed since .*second was begun", export, "second", repaint)
     refused(ExportError, "other|own_files", export, "second")
-    texture.write_bytes(kept)
+    texture.write_bytes(original)
     export("second")
     for name in ("dataset.json", "assets.csv"):
         texts = [(tmp_path / which / name).read_text() for which in ("first", "second")]
@@ -114,6 +114,6 @@ def test_a_file_that_changes_before_it_is_read_is_refused(shelf):
     (ref,) = library.scan(folder)["building"]
     house(14.0).export(Path(folder) / "building/h.obj")
     refused(library.LibraryError, "changed while it was read", catalogue.asset, "building", ref)
-    (again,) = library.scan(folder)["building"]
-    assert again != ref and catalogue.kind("building", again) == "h.obj"
-    assert catalogue.bounds("building", again)[1, 0] == pytest.approx(7.0)
+    (new_ref,) = library.scan(folder)["building"]
+    assert new_ref != ref and catalogue.kind("building", new_ref) == "h.obj"
+    assert catalogue.bounds("building", new_ref)[1, 0] == pytest.approx(7.0)

@@ -53,13 +53,15 @@ _WAIST = 2  # first band of the top; the trousers are below
 def _torso(body: Body, outfit: Outfit, pose: Pose) -> Asset:
     up, forward = spine(pose)
     h, across = body.height, np.array([0, 1.0, 0])
-    t, offset, deep, wide, w_curves, d_curves = _TORSO.T
+    t, offset, depth, width, w_curves, d_curves = _TORSO.T
     thick = outfit.padding * np.clip((t + 0.2) * 5, 0, 1) * np.clip((1.1 - t) * 8, 0, 1)
     if outfit.quilted:
         thick = thick * np.where(np.arange(len(t)) % 2, 1.0, 0.45)
     middle = np.exp(-(((t - 0.3) / 0.22) ** 2))
-    deep = (deep + d_curves * body.curves) * body.girth**0.7 + thick + 0.5 * body.belly * middle
-    wide = wide * (1 + w_curves * body.curves) * body.girth**0.5 + thick + 0.3 * body.belly * middle
+    depth = (depth + d_curves * body.curves) * body.girth**0.7 + thick + 0.5 * body.belly * middle
+    width = (
+        width * (1 + w_curves * body.curves) * body.girth**0.5 + thick + 0.3 * body.belly * middle
+    )
     offset = offset + 0.5 * body.belly * middle + 0.4 * body.curves * np.maximum(d_curves, 0)
     share = np.clip(t, 0, 1)[:, None]
     turn = pose.twist * share
@@ -72,8 +74,8 @@ def _torso(body: Body, outfit: Outfit, pose: Pose) -> Asset:
     # The section is slightly square, like a chest.
     cos, sin = (np.sign(f) * np.abs(f) ** 0.85 for f in (np.cos(angle), np.sin(angle)))
     rings = centre[:, None] + h * (
-        (deep[:, None] * cos)[..., None] * ahead[:, None]
-        + (wide[:, None] * sin)[..., None] * aside[:, None]
+        (depth[:, None] * cos)[..., None] * ahead[:, None]
+        + (width[:, None] * sin)[..., None] * aside[:, None]
     )
     return _colored(skin(rings, outfit.top), outfit)
 
@@ -153,8 +155,8 @@ def _hand(
     side /= max(math.sqrt(side.dot(side)), 1e-9)
     flat = cross(along, side)
     cos, sin = circle(6)[..., None]
-    distance, wide, deep = _PALM
-    rings = wrist + h * (distance * along + wide * cos * side + deep * sin * flat)
+    distance, width, depth = _PALM
+    rings = wrist + h * (distance * along + width * cos * side + depth * sin * flat)
     tip = wrist + h * (0.055 * along + 0.035 * side)
     thumb = limb([wrist + 0.015 * h * along, tip], [0.010 * h, 0.006 * h], skin_, "skin", 5)
     return merge(skin(rings, skin_, "skin"), thumb)
@@ -203,12 +205,12 @@ def _hem(body: Body, outfit: Outfit, pose: Pose, legs: list[Bones]) -> Asset:
         loose = h * (0.016 + outfit.padding + 0.05 * (outfit.flare - 1) * max(share, 0) * 2)
         radius = h * float(np.interp(position, _LEG_RINGS, _LEG_SLIM)) * body.girth**0.8 + loose
         centre, half = points.mean(0), np.abs(points[0] - points[1]) / 2
-        deep = max(half[0] + radius, 0.070 * h * body.girth**0.7)
-        wide = max(half[1] + radius, 0.094 * h * (1 - 0.12 * max(-share * 4, 0)) * body.girth**0.5)
+        depth = max(half[0] + radius, 0.070 * h * body.girth**0.7)
+        width = max(half[1] + radius, 0.094 * h * (1 - 0.12 * max(-share * 4, 0)) * body.girth**0.5)
         centre = np.array([centre[0], centre[1], hip[2] - share * outfit.hem * (THIGH + SHIN) * h])
         if share <= 0:
             centre = hip + np.array([0, 0, -0.3 * share * TORSO * h * 1.5])
-        rings.append(centre + deep * cos * ahead + wide * sin * across)
+        rings.append(centre + depth * cos * ahead + width * sin * across)
     return skin(np.array(rings), outfit.hem_color or outfit.top)
 
 

@@ -131,10 +131,10 @@ ARCH_GAP = 0.05
 """Gap between a tyre and its wheel arch, m."""
 
 
-def side_y(b: Body, wide: np.ndarray, crest: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Return half the width at height ``z`` of a flank that is ``wide`` and ends at ``crest``, m."""
+def side_y(b: Body, half: np.ndarray, crest: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Return half the width at height ``z`` of a flank with half width ``half`` that ends at ``crest``, m."""
     up = (z - b.sill) / np.maximum(crest - b.sill, 1e-3)
-    return wide * np.interp(up, *_SIDE_PROFILE)
+    return half * np.interp(up, *_SIDE_PROFILE)
 
 
 def _end_setback(b: Body, s: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -159,11 +159,11 @@ def _bulge(b: Body, s: np.ndarray) -> np.ndarray:
 
 def fascia(b: Body, end: int, c: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Return points of nose (``end`` 0) or tail (1): ``c`` -1 right .. 1 left, ``v`` 0 sill .. 1 shoulder."""
-    foot, crest, wide, flank_x, bulge = _rim(b, end)
+    foot, crest, half, flank_x, bulge = _rim(b, end)
     z = foot + v * (crest - foot)
     back = _setback(b, end, v)
     x = flank_x + bulge * (1 - np.abs(c) ** _POWER) + (back if end else -back)
-    return _points(x, c * side_y(b, wide, crest, z), z)
+    return _points(x, c * side_y(b, half, crest, z), z)
 
 
 @lru_cache(maxsize=16)  # every lamp and plate of a car asks for it
@@ -196,11 +196,11 @@ def doorway(b: Body) -> tuple[float, float]:
 
 def cabin(b: Body, s: np.ndarray, w: np.ndarray) -> np.ndarray:
     """Return points of the left window band: ``w`` 0 at the shoulder .. 1 at the edge of the roof."""
-    foot, ridge, wide = shoulder(b, s), middle_height(b, s), half_width(b, s)
+    foot, ridge, half = shoulder(b, s), middle_height(b, s), half_width(b, s)
     edge = np.maximum(ridge - b.crown, foot + 0.6 * (ridge - foot))
-    y = side_y(b, wide, foot, foot)
+    y = side_y(b, half, foot, foot)
     grown = ((edge - foot) / (b.height - b.crown - b.belt)).clip(0, 1)
-    inset = wide * (0.12 * (1 - grown) + b.tumblehome * grown)
+    inset = half * (0.12 * (1 - grown) + b.tumblehome * grown)
     x = flank_x(b, s) + _end_setback(b, s, np.ones_like(s))
     inset = inset * w**1.2 + SHELF * grown * np.minimum(w / CABIN[0], 1)
     lateral = 1 - inset / y

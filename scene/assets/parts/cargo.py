@@ -28,21 +28,25 @@ def flatbed(p: TruckParams) -> list[Asset]:
     while start < rear + p.fill * length:
         size = rng.uniform(0.7, 1.6)
         end = min(start + size, front - 0.2)
-        tall = low + 0.14 + rng.uniform(0.35, 1.0) * (p.height - low)
-        wide = rng.uniform(0.55, 0.95) * half
+        top = low + 0.14 + rng.uniform(0.35, 1.0) * (p.height - low)
+        half_width = rng.uniform(0.55, 0.95) * half
         kind = rng.integers(3)
         if kind == 0:  # pipes
             levels = ((0.0, 0.27), (0.1, 0.47))
-            for y, (aside, up) in product(np.arange(-wide, wide, 0.24).tolist(), levels):
+            for y, (aside, up) in product(
+                np.arange(-half_width, half_width, 0.24).tolist(), levels
+            ):
                 ends = (start, y + aside, low + up), (end, y + aside, low + up)
                 parts.append(tube(*ends, 0.11, STEEL, "metal", sides=8))
         else:
             color = (WHITE, (0.16, 0.10, 0.06), p.cab, (0.25, 0.07, 0.03))[int(rng.integers(4))]
-            material, high = "wood" if kind == 1 else "cloth", (low + 0.16, tall)
-            parts.append(cuboid((start, end), wide, high, color, material))
+            material, high = "wood" if kind == 1 else "cloth", (low + 0.16, top)
+            parts.append(cuboid((start, end), half_width, high, color, material))
             for share in (0.3, 0.7):
-                strap_x, strap = start + share * (end - start), (low + 0.16, tall + 0.01)
-                parts.append(cuboid((strap_x - 0.03, strap_x + 0.03), wide + 0.01, strap, AMBER))
+                strap_x, strap = start + share * (end - start), (low + 0.16, top + 0.01)
+                parts.append(
+                    cuboid((strap_x - 0.03, strap_x + 0.03), half_width + 0.01, strap, AMBER)
+                )
         start = end + rng.uniform(0.05, 0.3)
     if p.fill < 0.75:  # drop sides
         parts += [cuboid((rear, front), 0.02, (low + 0.1, low + 0.5), p.cab, "metal", at=y)
@@ -175,8 +179,8 @@ def mixer(p: TruckParams) -> list[Asset]:
     ])  # fmt: skip
     rear = x - length / 2
     hopper = (rear + 0.6, 0, p.height - 0.75), (rear + 0.45, 0, p.height)
-    high, deep = rear + 0.5, rear - 0.1
-    chute = [(high, 0.25, 1.9), (high, -0.25, 1.9), (deep, -0.2, 1.2), (deep, 0.2, 1.2)]
+    near_x, far_x = rear + 0.5, rear - 0.1
+    chute = [(near_x, 0.25, 1.9), (near_x, -0.25, 1.9), (far_x, -0.2, 1.2), (far_x, 0.2, 1.2)]
     return [
         translate(reshaped(drum, turned), (x, 0, low + radius + 0.25)),
         cuboid((x + 0.32 * length, x + 0.42 * length), 0.5, (low, low + 1.1), p.cab),

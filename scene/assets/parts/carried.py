@@ -36,11 +36,11 @@ def _pillow(size: Point, base: Point, color: Color, bulge: float = 0.75) -> Asse
 def backpack(body: Body, pose: Pose, color: Color, size: float = 1.0) -> Asset:
     """Build a bag on the back with two straps over the shoulders."""
     h, (up, forward) = body.height, spine(pose)
-    deep = 0.066 * h * body.girth**0.7
+    depth = 0.066 * h * body.girth**0.7
     bag = _pillow((0.10 * h * size, 0.165 * h, 0.25 * h * size),
-                  (-deep - 0.045 * h * size, 0, 0.055 * h), color)  # fmt: skip
+                  (-depth - 0.045 * h * size, 0, 0.055 * h), color)  # fmt: skip
     pocket = _pillow((0.05 * h * size, 0.12 * h, 0.10 * h),
-                     (-deep - 0.10 * h * size, 0, 0.07 * h), darker(color, 0.7))  # fmt: skip
+                     (-depth - 0.10 * h * size, 0, 0.07 * h), darker(color, 0.7))  # fmt: skip
     parts = [translate(rotate(merge(bag, pocket), pose.lean, (0, 1, 0)), pose.hip)]
     hip = np.array(pose.hip)
     for side in (0.055, -0.055):

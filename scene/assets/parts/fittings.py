@@ -162,20 +162,20 @@ def plate(b: Body, end: int, color: Color, v: float) -> Asset:
     middle = fascia(b, end, np.zeros(1), np.array([v]))[0]
     ahead = 1 if end == 0 else -1
     parts = []
-    for wide, tall, paint, lift in (
+    for half_width, half_height, paint, lift in (
         (0.26, 0.055, color, 0.03),
         (0.2, 0.022, (0.12, 0.12, 0.11), 0.034),
     ):
-        x, y = lift * ahead, wide * ahead
-        rows = [[(x, -y, z), (x, y, z)] for z in (-tall, tall)]
+        x, y = lift * ahead, half_width * ahead
+        rows = [[(x, -y, z), (x, y, z)] for z in (-half_height, half_height)]
         parts.append(sheet(np.array(rows) + middle, paint, "plain"))
     return merge(*parts)
 
 
 def _rear(b: Body, f: Fittings) -> list[Asset]:
     inner, down, up = f.rear_lamp
-    tall = up - down
-    reversing = (inner + 0.03, 0.5 * inner + 0.47), (down + 0.1 * tall, down + 0.4 * tall)
+    height = up - down
+    reversing = (inner + 0.03, 0.5 * inner + 0.47), (down + 0.1 * height, down + 0.4 * height)
     parts = [
         _on_nose_sides(b, 1, (inner, 1.0), (down, up), TAILLAMP_LENS),
         on_flank(b, (0.975, 1.0), (down + 0.03, up), TAILLAMP_LENS, "lamp", lift=0.012),
@@ -259,12 +259,15 @@ def _on_roof(b: Body, f: Fittings) -> list[Asset]:
         ]
     if f.sign is not None:
         middle_x, _, foot = roof(b, np.array([b.roof_front + 0.08 * span]), np.zeros(1))[0]
-        for long, wide, low, high, color, material in (
+        for half_length, half_width, low, high, color, material in (
             (0.07, 0.3, -0.03, 0.13, f.sign, "lamp"),
             (0.075, 0.2, 0.02, 0.09, BLACK, "plain"),
         ):
-            deep, tall = (middle_x - long, middle_x + long), (foot + low, foot + high)
-            parts.append(cuboid(deep, wide, tall, color, material))
+            x_span, z_span = (
+                (middle_x - half_length, middle_x + half_length),
+                (foot + low, foot + high),
+            )
+            parts.append(cuboid(x_span, half_width, z_span, color, material))
     if f.aerial:
         root = roof(b, np.array([b.roof_rear - 0.06]), np.zeros(1))[0]
         tip: Point = (root[0] - 0.1, 0.0, root[2] + 0.22)

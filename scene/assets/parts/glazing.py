@@ -154,9 +154,9 @@ def _on_side(
 
 def _screen(b: Body, g: Glazing, end: int) -> list[Asset]:
     """Build light, seats, driver and mirror behind the windscreen (``end`` 0) or rear window (1)."""
-    wide = 0.45 * b.width
+    half_width = 0.45 * b.width
     lay = partial(on_screen, b, end)
-    light = np.array([-0.66, *_ACROSS[np.abs(_ACROSS) < 0.6], 0.66])[None] * wide
+    light = np.array([-0.66, *_ACROSS[np.abs(_ACROSS) < 0.6], 0.66])[None] * half_width
     rows = np.array([[0.3], [0.6 if end else 0.5], [0.84]])
     parts = [lay(rows, light, dimmed(g, g.dim if end else 1.0), _LIFTS[0])]
     parts += interior(
@@ -202,12 +202,12 @@ def on_panes(
     ``up`` is a share of a car's window, ``TALL`` metres: a bus has larger windows, not larger people.
     """
     foot, right, _, left = np.moveaxis(panes, 1, 0)[:, :, None, None]
-    wide, tall = (
+    width, height = (
         np.linalg.norm(side, axis=-1, keepdims=True) for side in (right - foot, left - foot)
     )
     up, across = np.broadcast_arrays(up, across)
-    u = (0.5 + across[..., None] / wide).clip(0.02, 0.98)
-    v = (up[..., None] * TALL / tall).clip(0, 0.98)
+    u = (0.5 + across[..., None] / width).clip(0.02, 0.98)
+    v = (up[..., None] * TALL / height).clip(0, 0.98)
     points = foot + u * (right - foot) + v * (left - foot)
     normal = cross(right - foot, left - foot)
     points = points + lift * normal / np.linalg.norm(normal, axis=-1, keepdims=True)

@@ -70,10 +70,10 @@ _FULL = {"short": (1.05, 0.02), "thick": (1.10, 0.08), "curly": (1.24, 0.10), "b
 def _rings(grow: float = 1.0, volume: float = 0.0, edge: Edge = ((0, -1.0),)) -> np.ndarray:
     """Return the skull's rings f64[levels, sides, 3] above an edge, enlarged and ``volume`` higher."""
     z = np.maximum(_SKULL[:, :1], np.interp(_FROM_AHEAD, *np.transpose(edge)))
-    front, back, wide = (np.interp(z, _SKULL[:, 0], reach) for reach in _SKULL.T[1:])
+    front, back, half_width = (np.interp(z, _SKULL[:, 0], reach) for reach in _SKULL.T[1:])
     cos, sin = np.cos(_ANGLE), np.sin(_ANGLE)
     up = z + volume * np.maximum(z, 0)
-    return frozen(grow * np.stack([np.where(cos > 0, front, back) * cos, wide * sin, up], -1))
+    return frozen(grow * np.stack([np.where(cos > 0, front, back) * cos, half_width * sin, up], -1))
 
 
 def _shell(shell: Shell, color: Color, stripes: Color | None = None) -> Asset:
@@ -123,12 +123,12 @@ def _hair(outfit: Outfit) -> list[Asset]:
     return parts
 
 
-def _brim(reach: float, wide: float, z: float, ahead: bool, color: Color, material: str) -> Asset:
+def _brim(reach: float, width: float, z: float, ahead: bool, color: Color, material: str) -> Asset:
     """Build a flat brim all around, or a peak only ahead."""
     turn = np.linspace(-1.3, 1.3, 9) if ahead else np.arange(17) * 2 * np.pi / 16
     inner = np.column_stack([0.95 * np.cos(turn), 0.95 * np.sin(turn), np.full(len(turn), z)])
     outer = np.column_stack(
-        [reach * np.cos(turn), wide * np.sin(turn), np.full(len(turn), z - 0.08)]
+        [reach * np.cos(turn), width * np.sin(turn), np.full(len(turn), z - 0.08)]
     )
     i = np.arange(len(turn) - 1)
     n = len(turn)
@@ -169,8 +169,8 @@ def _face(outfit: Outfit) -> list[Asset]:
     def patch(y: float, z: float, half: float, high: float, color: Color) -> Asset:
         """Build a small mark on the front of the face."""
         sides = np.array([y - half, y, y + half])
-        front, wide = (np.interp(z, _SKULL[:, 0], _SKULL[:, k]) for k in (1, 3))
-        x = 0.04 + front * np.sqrt(1 - (sides / wide) ** 2)
+        front, half_width = (np.interp(z, _SKULL[:, 0], _SKULL[:, k]) for k in (1, 3))
+        x = 0.04 + front * np.sqrt(1 - (sides / half_width) ** 2)
         low, top = (np.column_stack([x, sides, np.full(3, height)]) for height in (z, z + high))
         return solid(np.concatenate([low, top]), np.array([[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]]),
                      color, "skin")  # fmt: skip
@@ -200,9 +200,9 @@ def head(body: Body, outfit: Outfit, pose: Pose) -> Asset:
     yaw = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
     scaled = merged.mesh.vertices * SIZE * h * body.head @ (pitch @ yaw).T
     placed = translate(reshaped(merged, scaled), centre)
-    wide = 0.031 * h * body.girth**0.4
+    radius = 0.031 * h * body.girth**0.4
     throat = limb([base - 0.01 * h * up, centre - 0.3 * SIZE[2] * h * neck],
-                  [1.15 * wide, 0.95 * wide], outfit.skin, "skin", 10)  # fmt: skip
+                  [1.15 * radius, 0.95 * radius], outfit.skin, "skin", 10)  # fmt: skip
     if outfit.collar is None:
         return merge(placed, throat)
     points = np.array([base - 0.02 * h * up, base + 0.02 * h * neck, base + 0.055 * h * neck])

@@ -36,20 +36,20 @@ def capitals(
 ) -> list[Part]:
     """Build strokes that look like a line of capitals from a distance."""
     low, high = levels
-    tall = high - low
-    wide, stroke, x = 0.62 * tall, 0.15 * tall, span[0]
+    height = high - low
+    width, stroke, x = 0.62 * height, 0.15 * height, span[0]
     parts: list[Part] = []
-    while x + wide <= span[1]:
+    while x + width <= span[1]:
         if rng.random() < 0.86:  # else a gap between words
             has_left, has_right = (int(v) for v in rng.random(2) < (0.85, 0.45))
-            a, b = x + stroke * has_left, x + wide - stroke * has_right
+            a, b = x + stroke * has_left, x + width - stroke * has_right
             strokes = [(x, x + stroke, low, high)] * has_left + [
-                (b, x + wide, low, high)
+                (b, x + width, low, high)
             ] * has_right
             for z in (low, (low + high - stroke) / 2, high - stroke):
                 strokes += [(a, b, z, z + stroke)] * int(rng.random() < 0.6)
             parts += [Patch(upright(*s, y), color, "paint") for s in strokes]
-        x += 1.3 * wide
+        x += 1.3 * width
     return parts
 
 
@@ -86,9 +86,11 @@ def shop_front(
     for left, right in bays(width, 3, 0.7)[::2]:
         for x in np.arange(left, right - 0.5, 0.62):
             if rng.random() < 0.6:
-                tall, foot = rng.uniform(0.3, 0.8), rng.uniform(0.65, 1.1)
+                height, foot = rng.uniform(0.3, 0.8), rng.uniform(0.65, 1.1)
                 goods = tuple(float(v) for v in rng.uniform(0.08, 0.7, 3))
-                corners = upright(float(x), float(x) + 0.42, float(foot), float(foot + tall), 0.05)
+                corners = upright(
+                    float(x), float(x) + 0.42, float(foot), float(foot + height), 0.05
+                )
                 parts.append(Patch(corners, (goods[0], goods[1], goods[2]), "paint"))
     if awning:
         edges = np.linspace(-0.46 * width, 0.46 * width, 13)

@@ -77,8 +77,8 @@ def arrow(points: Outline, pen: float, color: Color, head: float = 2.6) -> Mark:
     (u0, v0), (u1, v1) = points[-2:]
     along = np.array([u1 - u0, v1 - v0])
     along /= np.hypot(*along)
-    side, end, wide = np.array([-along[1], along[0]]), np.array([u1, v1]), head * pen / 2
-    tip = (end + wide * side, end - wide * side, end + 1.5 * wide * along)
+    side, end, half_width = np.array([-along[1], along[0]]), np.array([u1, v1]), head * pen / 2
+    tip = (end + half_width * side, end - half_width * side, end + 1.5 * half_width * along)
     return (*line(points, pen, color), Layer(tuple((float(u), float(v)) for u, v in tip), color))
 
 

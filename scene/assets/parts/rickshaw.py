@@ -47,9 +47,9 @@ class Rickshaw(NamedTuple):
 def sample_rickshaw(rng: np.random.Generator) -> Rickshaw:
     """Draw an auto-rickshaw: size, paint, and whether it has a driver."""
     tub, hood = _PAINTS[rng.integers(len(_PAINTS))]
-    long, wide, tall = rng.uniform([2.55, 1.28, 1.66], [2.75, 1.36, 1.76])
+    length, width, height = rng.uniform([2.55, 1.28, 1.66], [2.75, 1.36, 1.76])
     return Rickshaw(
-        long, wide, tall, pick(rng, (tub,), 0.2), pick(rng, (hood,), 0.2),
+        length, width, height, pick(rng, (tub,), 0.2), pick(rng, (hood,), 0.2),
         pick(rng, ((0.16, 0.08, 0.05),), 0.3) if rng.random() < 0.7 else None,
         pick(rng, ((0.3, 0.26, 0.2), (0.35, 0.36, 0.38), (0.05, 0.07, 0.14))),
     )  # fmt: skip
@@ -126,14 +126,14 @@ def _front(r: Rickshaw) -> list[Asset]:
     nose, half, top = r.length / 2, r.width / 2, r.height
     turn = np.linspace(0, np.pi / 2, 5)
     rows = []
-    for z, back, wide in ((0.38, 0.5, 0.9), (0.62, 0.42, 0.98), (0.98, 0.5, 0.96)):
+    for z, back, width in ((0.38, 0.5, 0.9), (0.62, 0.42, 0.98), (0.98, 0.5, 0.96)):
         x = nose - back + 0.16 * np.cos(turn)
-        rows.append(np.column_stack([x, wide * half * np.sin(turn), np.full(5, z)]))
+        rows.append(np.column_stack([x, width * half * np.sin(turn), np.full(5, z)]))
     screen = [
         np.column_stack(
-            [nose - back + 0.15 * np.cos(turn[:4]), wide * half * np.sin(turn[:4]), np.full(4, z)]
+            [nose - back + 0.15 * np.cos(turn[:4]), width * half * np.sin(turn[:4]), np.full(4, z)]
         )
-        for z, back, wide in ((1.0, 0.5, 0.95), (top - 0.14, 0.68, 0.93))
+        for z, back, width in ((1.0, 0.5, 0.95), (top - 0.14, 0.68, 0.93))
     ]
     mirror = ellipsoid((nose - 0.5, half + 0.05, 1.12), (0.02, 0.07, 0.05), BLACK)
     signal = ellipsoid((nose - 0.42, 0.55 * half, 0.66), (0.03, 0.04, 0.03), AMBER, "paint")

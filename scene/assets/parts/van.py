@@ -60,7 +60,7 @@ def _letters(b: Body, s: Span, color: Color, seed: int) -> list[Asset]:
     for low, high, letters in ((0.42, 0.68, 7), (0.25, 0.34, 13)):
         edges = np.linspace(*s, letters + 1)
         for a in edges[:-1][rng.random(letters) < 0.85]:
-            wide = (edges[1] - edges[0]) * rng.uniform(0.45, 0.75)
+            width = (edges[1] - edges[0]) * rng.uniform(0.45, 0.75)
             top = high - 0.05 * float(rng.integers(2))
-            parts.append(_on_sides(b, (a, a + wide), (low, top), color, 0.013))
+            parts.append(_on_sides(b, (a, a + width), (low, top), color, 0.013))
     return parts

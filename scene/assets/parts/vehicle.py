@@ -158,8 +158,8 @@ def panes(
     lift: float = 0.012,
 ) -> list[Asset]:
     """Build windows on ``wall`` with the light behind them, and the ``interior`` of ``g`` in each."""
-    count, tall = len(u), v[1] - v[0]
-    sill, head = v[0] + 0.16 * tall, v[1] - 0.05 * tall
+    count, height = len(u), v[1] - v[0]
+    sill, head = v[0] + 0.16 * height, v[1] - 0.05 * height
     bright = [(a + 0.06 * (b - a), b - 0.06 * (b - a)) for a, b in u]
     glass = _rectangles(wall, u, [v], lift)
     light = _rectangles(wall, bright, [(sill, head)], lift + 0.006)
@@ -278,8 +278,8 @@ def tank(
 
 def hoop(loop: np.ndarray, x: Span, z: float, size: float, color: Color) -> Asset:
     """Build a band around a tank from ``x[0]`` to ``x[1]``."""
-    wide = np.concatenate([loop, loop[:1]]) * size + [0, z]
-    return loft([in_plane(end, wide) for end in x], color, "metal", closed=False, caps=False)
+    section = np.concatenate([loop, loop[:1]]) * size + [0, z]
+    return loft([in_plane(end, section) for end in x], color, "metal", closed=False, caps=False)
 
 
 def lettering(wall: Corners, u: Span, v: Span, color: Color, seed: int) -> Asset:

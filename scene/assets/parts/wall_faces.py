@@ -41,15 +41,15 @@ class WallParams(NamedTuple):
     seed: int = 0
 
 
-def _blocks(p: WallParams, rng: np.random.Generator, *, rows: int, wide: float) -> list[Asset]:
+def _blocks(p: WallParams, rng: np.random.Generator, *, rows: int, width: float) -> list[Asset]:
     """Build courses of stones in uneven lengths and tones, with joints between them."""
     parts, joint, half = [], 0.012, p.length / 2
     edges = np.linspace(0, p.height, rows + 1)
     for low, high in pairwise(edges):
         x = -half
         while x < half - 0.02:
-            right = min(x + wide * rng.uniform(0.6, 1.5), half)
-            right = half if half - right < 0.3 * wide else right
+            right = min(x + width * rng.uniform(0.6, 1.5), half)
+            right = half if half - right < 0.3 * width else right
             tone = vary(rng, p.color, 0.35)
             stone = upright(x + joint, right - joint, low + joint, high - joint, 0)
             parts.append(polygon(stone, tone, p.material))
@@ -59,7 +59,7 @@ def _blocks(p: WallParams, rng: np.random.Generator, *, rows: int, wide: float) 
 
 def _stones(p: WallParams, rng: np.random.Generator) -> list[Asset]:
     """Build small stones in wire baskets."""
-    parts = _blocks(p, rng, rows=11, wide=0.16)
+    parts = _blocks(p, rng, rows=11, width=0.16)
     for x in np.linspace(-0.5, 0.5, 4) * (p.length - 0.03):
         parts.append(box((0.03, 0.03, p.height), (x, -0.05, 0), p.second, "metal"))
     for z in (0.0, p.height / 2 - 0.01, p.height - 0.03):
@@ -84,20 +84,24 @@ def _graffiti(p: WallParams, rng: np.random.Generator) -> list[Asset]:
     paint = pick(rng, paints, 0.2)
     parts, x, slant = [], -0.42 * p.length, float(rng.uniform(-0.1, 0.15))
     while x < 0.32 * p.length:
-        wide, low = float(rng.uniform(0.3, 0.5)), float(rng.uniform(0.25, 0.4))
+        width, low = float(rng.uniform(0.3, 0.5)), float(rng.uniform(0.25, 0.4))
         high = low + float(rng.uniform(0.8, 1.1))
         for y, grow, color in ((-PAINT, 0.04, BLACK), (-2 * PAINT, 0.0, paint)):
             turn = np.linspace(0, 2 * np.pi, 9)[:-1] + rng.uniform(0, 0.4)
-            u = x + wide / 2 + (wide / 2 + grow) * np.sign(np.cos(turn)) * abs(np.cos(turn)) ** 0.5
+            u = (
+                x
+                + width / 2
+                + (width / 2 + grow) * np.sign(np.cos(turn)) * abs(np.cos(turn)) ** 0.5
+            )
             v = (low + high) / 2 + ((high - low) / 2 + grow) * np.sin(turn)
             shape = np.column_stack([u + slant * np.sin(turn), np.full(8, y), v])
             faces = np.array([[0, k, k + 1] for k in range(1, 7)])
             parts.append(solid(shape, faces, color, "paint"))
         hole = (low + high) / 2 + float(rng.uniform(-0.15, 0.15))
-        middle = x + wide / 2
+        middle = x + width / 2
         eye = upright(middle - 0.05, middle + 0.05, hole, hole + 0.2, -3 * PAINT)
         parts.append(polygon(eye, BLACK, "paint"))
-        x += wide + 0.14  # letters must not share a plane
+        x += width + 0.14  # letters must not share a plane
     return parts
 
 
@@ -156,7 +160,7 @@ def _profile(p: WallParams, rng: np.random.Generator) -> list[Asset]:
 
 BuildDetail = Callable[[WallParams, np.random.Generator], list[Asset]]
 FACES: dict[str, BuildDetail] = {
-    "blocks": partial(_blocks, rows=6, wide=0.38), "beams": partial(_blocks, rows=5, wide=2.2),
+    "blocks": partial(_blocks, rows=6, width=0.38), "beams": partial(_blocks, rows=5, width=2.2),
     "stones": _stones, "weep holes": _weep_holes,
     "graffiti": _graffiti, "ribs": _ribs, "bands": _bands, "ivy": _ivy, "profile": _profile,
 }  # fmt: skip
