@@ -312,12 +312,8 @@ def _on_roof(p: BusParams, shape: Hull) -> list[Asset]:
     for k in range(p.pods):
         x = shape.x + (0.28 - 0.26 * k) * shape.length
         half_length, half_width = 0.5 + 0.35 * ((p.seed >> k) % 3), 0.35 * p.width
-        top = shape.high + 0.16 + 0.05 * k
-        parts.append(
-            cuboid(
-                (x - half_length, x + half_length), half_width, (shape.high - 0.02, top), p.color
-            )
-        )
+        z_span = (shape.high - 0.02, shape.high + 0.16 + 0.05 * k)
+        parts.append(cuboid((x - half_length, x + half_length), half_width, z_span, p.color))
     if p.open_top:
         low, inner, end = shape.high, p.width / 2 - 0.12, shape.length / 2
         for x, y in product(np.arange(-end + 0.8, end - 1, 0.85).tolist(), (-0.55, 0.55)):
