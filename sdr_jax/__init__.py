@@ -9,6 +9,19 @@
 `host_reward` is for a reward that must leave JAX, such as rendering images and training on them.
 `space(["car", "weather"], bins=[10, 3], unordered=["weather"])` has an attribute without an order.
 `AskTell` waits for rewards from elsewhere; `sdr-jax tune` takes them from a program.
+
+Each idea of the paper (arXiv 2006.14611, section 4) is one file:
+
+    N attributes, K bins, n groups          space.py
+    policy pi_phi, an MLP                   policy.py
+    grad J(phi), REINFORCE                  reinforce.py
+    baseline b, a moving average            baseline.py
+    relaxation of theta'                    relaxation.py
+    J_i, SDR in groups                      coordinate_descent.py
+    the method; the loop                    sdr.py; run.py
+
+theta are random attributes, theta' those that a policy chose. The paper's other K, the data sets of one
+update, is n here.
 """
 
 from lazy_loader import attach_stub

@@ -14,9 +14,10 @@ from jaxtyping import Array, Real
 
 from common.errors import UserError
 from common.lines import CURE, JsonLines
+from sdr_jax.device import on_cpu
 from sdr_jax.method import Method, State, refuse_not_finite
 from sdr_jax.rewards import LARGEST
-from sdr_jax.run import first_state, on_processor
+from sdr_jax.run import first_state
 from sdr_jax.space import Proposal, Space
 
 RECORD = ("id", "update", "actions", "seed", "reward")
@@ -73,7 +74,7 @@ class AskTell:
             attributes or bins, another method, n or seed. Names and widths are not in it: keep them.
     """
 
-    @on_processor()
+    @on_cpu()
     def __init__(
         self,
         space: Space,
@@ -104,7 +105,7 @@ class AskTell:
         """One record for each trial told: id, update, actions, seed, reward (None: failed) and notes."""
         return self._log.lines
 
-    @on_processor()
+    @on_cpu()
     def ask(self) -> list[Trial]:
         """Gives the trials of this update that are not told yet.
 
@@ -116,7 +117,7 @@ class AskTell:
         self._sample()
         return [trial for trial in self._trials if trial.id not in self._rewards]
 
-    @on_processor()
+    @on_cpu()
     def tell(self, id: int, reward: float | None, **notes: Any) -> None:
         """Saves one reward; with the last of its update, the method learns.
 
@@ -147,12 +148,12 @@ class AskTell:
         self._log.append({**self._asked(waiting[id]), **told})
         self._take(id, value)
 
-    @on_processor()
+    @on_cpu()
     def solution(self) -> Proposal:
         """The method's answer after the last whole update, f32[attributes] each."""
         return _plain(*self.method.solution(self._answering))
 
-    @on_processor()
+    @on_cpu()
     def spread(self) -> Proposal:
         """The answer with wide intervals where the method is unsure, f32[attributes] each.
 
@@ -194,7 +195,7 @@ class AskTell:
         self._updates.append((self._actions, rewards))
         self.updates += 1
         self._trials, self._rewards = (), {}
-        if self.method.level:
+        if not self.method.shift_invariant:
             self._learn(self._actions, rewards)
             return
         known = np.concatenate([rewards for _, rewards in self._updates])

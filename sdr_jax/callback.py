@@ -1,7 +1,7 @@
 """The callback through which a search evaluates data sets on the host."""
 
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from typing import Any, NamedTuple
 
 import jax
@@ -23,13 +23,13 @@ class DataSets(NamedTuple):
 
 
 class HostReward:
-    """A reward function that asks the host; made by `host_reward`."""
+    """A reward function that calls the host; made by `host_reward`."""
 
     def __init__(self, evaluate: Callable[[DataSets], np.ndarray], common: bool) -> None:
         self._evaluate = evaluate
         self._common = common
         self._error: BaseException | None = None
-        self.deferring = False  # whether errors wait for `reraise` rather than end the program
+        self._deferring = False  # whether errors wait for `reraise` rather than leave the callback
 
     def __call__(
         self,
@@ -37,7 +37,7 @@ class HostReward:
         proposals: Proposal,
         actions: Real[Array, "n attributes"],
     ) -> Float[Array, "n"]:
-        """Draws seeds and lets the host evaluate the data sets; the key is consumed."""
+        """Draw seeds and let the host evaluate the data sets; the key is consumed."""
         n = len(proposals.centre)
         shape = () if self._common else (n,)
         seeds = jnp.broadcast_to(jax.random.bits(rng_key, shape, jnp.uint32), (n,))
@@ -45,7 +45,7 @@ class HostReward:
         return io_callback(self._on_host, result, actions, proposals, seeds, ordered=True)
 
     def reraise(self) -> None:
-        """Raises the error of a failed evaluation, if there is one, and forgets it.
+        """Raise the error of a failed evaluation, if there is one, and forget it.
 
         It waits for evaluations that still run. `run` and `drive` call it.
         """
@@ -55,27 +55,40 @@ class HostReward:
         if error is not None:
             raise error
 
+    @contextmanager
+    def raising(self) -> Iterator[None]:
+        """Raise errors of evaluations at the end of the block.
+
+        Raised inside the callback, they would reach the caller too, but JAX would print a traceback first.
+        """
+        self._deferring = True
+        try:
+            yield
+            self.reraise()
+        finally:
+            self._deferring = False
+
     def _on_host(self, *arguments: Any) -> np.ndarray:
-        """Runs in the callback, which must not call JAX."""
+        """Evaluate in the callback, which must not call JAX."""
         # Some versions of JAX pass arrays of its own.
         data_sets = DataSets(*jax.tree.map(np.asarray, arguments))
         n = len(data_sets.seeds)
-        if self._error is None or not self.deferring:
+        if self._error is None or not self._deferring:
             try:
                 rewards = self._evaluate(data_sets)
                 _check(rewards, n)
                 return rewards
             except BaseException as error:
                 self._error = error
-                if not self.deferring:
+                if not self._deferring:
                     raise
         return np.full(n, np.nan, np.float32)
 
 
 def host_reward(evaluate: Callable[[DataSets], np.ndarray], *, common: bool = False) -> HostReward:
-    """Makes a `reward_fn` of a host function that renders, trains and tests.
+    """Make a `reward_fn` of a host function that renders, trains and evaluates.
 
-    Every call makes exactly one call of `evaluate`, in order (an ordered `io_callback`), since a reward is
+    Each call calls `evaluate` exactly once, in order (an ordered `io_callback`), since a reward is
     noisy and costly. Keys stay in JAX; the host gets seeds. Ordered callbacks work under jit, scan and
     cond, not under vmap.
 
@@ -89,7 +102,7 @@ def host_reward(evaluate: Callable[[DataSets], np.ndarray], *, common: bool = Fa
             ...
 
     Args:
-        evaluate: gives the rewards of data sets, f32[n] in NumPy. It must not call JAX in this process:
+        evaluate: returns the rewards of data sets, f32[n] in NumPy. It must not call JAX in this process:
             that can deadlock, and always does on one core.
         common: whether the data sets of one call share their seed. The seed then has the same effect on
             all rewards of an update, which cancels when they are compared.

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Key, Real
 
-from sdr_jax.rewards import mean_known, only_finite
+from sdr_jax.rewards import mean_without_nan, nan_if_infinite
 from sdr_jax.space import Proposal
 
 State = Any
@@ -31,7 +31,7 @@ class Info(NamedTuple):
 
 
 def refuse_not_finite(info: Info) -> None:
-    """Raises FloatingPointError if a method's numbers are no longer finite after an update."""
+    """Raise FloatingPointError if a method's numbers are no longer finite after an update."""
     if not np.all(info.finite):
         raise FloatingPointError(
             "the search's model holds numbers that are not finite, so it has no answer: a bug in sdr-jax; "
@@ -39,19 +39,19 @@ def refuse_not_finite(info: Info) -> None:
         )
 
 
-def on_clipping(clipped: int, of: int) -> str:
-    """The message that some rewards are clipped, see `Info`; it is given once."""
+def clipping_message(clipped: int, total: int) -> str:
+    """The message that some rewards are clipped, see `Info`; a search shows it once."""
     return (
-        f"{clipped} of {of} rewards are lower than the others by more than 5 interquartile ranges; "
+        f"{clipped} of {total} rewards are lower than the others by more than 5 interquartile ranges; "
         "the search counts each of them as the lowest of the others"
     )
 
 
-def plain_info(rewards: Float[Array, "n"], entropy: Float[Array, ""]) -> Info:
+def basic_info(rewards: Float[Array, "n"], entropy: Float[Array, ""]) -> Info:
     """The `Info` of a method that has no baseline, no gradient and no order of groups."""
-    finite = only_finite(rewards)
+    finite = nan_if_infinite(rewards)
     return Info(
-        reward_mean=mean_known(finite),
+        reward_mean=mean_without_nan(finite),
         reward_best=jnp.nanmax(finite),
         baseline=jnp.asarray(jnp.nan, jnp.float32),
         advantages=jnp.zeros_like(rewards),
@@ -74,19 +74,19 @@ SampleFn = Callable[[RngKey, State, int], tuple[Real[Array, "n attributes"], Pro
 UpdateFn = Callable[..., tuple[State, Info]]
 ProposalFn = Callable[[State], Proposal]
 ProbabilitiesFn = Callable[[State], Float[Array, "attributes bins"]]
-ExpectsFn = Callable[
+PredictFn = Callable[
     [State, Real[Array, "n attributes"]], tuple[Float[Array, "n"], Float[Array, "n"]]
 ]
 
 
 class Diagnostics(NamedTuple):
-    """What a method can tell of itself, for reports and for answers that say how sure they are."""
+    """What a method reports besides its answer: how sure it is, and what its model predicts."""
 
     spread: ProposalFn  # the answer with wide intervals where the method is unsure
     probabilities: ProbabilitiesFn  # of the bins in `sample`; 0 for bins that an attribute lacks
-    expects: ExpectsFn | None = None
-    """The mean and standard deviation that the method's model predicts for the rewards of actions; NaN before
-    the first update, and None for a method without a model."""
+    predict: PredictFn | None = None
+    """(state, actions) -> mean and standard deviation f32[n] of their rewards under the method's model; NaN
+    before the first update. None for a method without a model."""
 
 
 class Method(NamedTuple):
@@ -104,30 +104,31 @@ class Method(NamedTuple):
     init: InitFn  # rng_key -> the first state
     sample: SampleFn  # (rng_key, state, n) -> (actions, n proposals to evaluate); n is static
     update: UpdateFn  # (state, actions, rewards) -> (state, info)
-    solution: ProposalFn  # the answer, f32[attributes] each; may be asked at any time
+    solution: ProposalFn  # state -> the answer, f32[attributes] each; defined at any time
     diagnostics: Diagnostics | None = None
     updates: int | None = None  # how many updates the method takes; None for any number
-    traced: bool = True  # False for a host adapter, which is not to be jitted
-    level: bool = False  # whether the method depends on a constant added to all rewards
+    traced: bool = True  # False for a host adapter, which is not to be jit_method
+    shift_invariant: bool = True  # whether a constant added to all rewards changes nothing
 
 
-def jitted(
+def jit_method(
     init: InitFn,
     sample: SampleFn,
     update: UpdateFn,
     solution: ProposalFn,
     probabilities: ProbabilitiesFn,
     spread: ProposalFn | None = None,
+    predict: PredictFn | None = None,
+    *,
     updates: int | None = None,
-    expects: ExpectsFn | None = None,
-    level: bool = False,
+    shift_invariant: bool = True,
 ) -> Method:
-    """Makes a method of these functions and jits each one; by default `spread` is the solution."""
+    """Make a method of these functions, each of them jitted; by default `spread` is the solution."""
     answer = jax.jit(solution)
     diagnostics = Diagnostics(
         spread=answer if spread is None else jax.jit(spread),
         probabilities=jax.jit(probabilities),
-        expects=None if expects is None else jax.jit(expects),
+        predict=None if predict is None else jax.jit(predict),
     )
     return Method(
         init=jax.jit(init),
@@ -136,5 +137,5 @@ def jitted(
         solution=answer,
         diagnostics=diagnostics,
         updates=updates,
-        level=level,
+        shift_invariant=shift_invariant,
     )

@@ -1,4 +1,4 @@
-"""REINFORCE: the gradient of an expected reward, estimated from samples."""
+"""REINFORCE: the gradient of the expected score, estimated from samples, and the update that follows it."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -8,21 +8,23 @@ import jax.numpy as jnp
 import optax
 from jaxtyping import Array, Float, PyTree
 
-from sdr_jax.baseline import Baseline, BaselineState, normalised
-from sdr_jax.method import Info, plain_info
-from sdr_jax.rewards import identity, mean_known, only_finite
+from sdr_jax import trees
+from sdr_jax.baseline import Baseline, BaselineState
+from sdr_jax.method import Info
+from sdr_jax.rewards import mean_without_nan, nan_if_infinite
+from sdr_jax.variance_reduction import normalised
 
 
 def reinforce_loss(log_probs: Float[Array, "n"], advantages: Float[Array, "n"]) -> Float[Array, ""]:
     """The loss whose descent direction is the REINFORCE estimate.
 
-    Data sets with an advantage of NaN are left out, and n counts the others.
+        -grad_phi loss = 1/n sum_k grad_phi log pi_phi(theta'_k) advantage_k
 
-    `-grad loss = 1/n sum_k grad log pi(a_k) advantage_k`, an unbiased estimate of the gradient of
-    the expected reward when `advantage_k = reward_k - b` and b does not depend on a_k.
+    is an unbiased estimate of grad_phi J(phi) if `advantage_k = Score(theta'_k) - b` and b does not depend
+    on theta'_k. Data sets with an advantage of NaN are left out, and n counts the others.
 
     Args:
-        log_probs: log pi(a_k) of each data set's actions, f32[n].
+        log_probs: log pi_phi(theta'_k) of each data set's actions, f32[n].
         advantages: reward minus baseline of each data set, f32[n]; no gradient flows into them.
 
     Returns:
@@ -36,28 +38,27 @@ def reinforce_loss(log_probs: Float[Array, "n"], advantages: Float[Array, "n"]) 
     return -jnp.sum(log_probs * weights) / jnp.maximum(valid_mask.sum(), 1)
 
 
-def adam(learning_rate: float | optax.GradientTransformation) -> optax.GradientTransformation:
-    """Makes Adam of a learning rate; an optimiser that is made already stays as it is."""
-    if isinstance(learning_rate, optax.GradientTransformation):
-        return learning_rate
-    return optax.adam(learning_rate)
-
-
 class Rule(NamedTuple):
     """The rule by which a policy learns (constants)."""
 
     optimizer: optax.GradientTransformation
     baseline: Baseline
-    transform: Callable[[Array], Array] = identity  # of the rewards, first
-    normalise: bool = False  # whether to divide advantages by their size
+    normalise: bool = False  # whether to divide advantages by their root mean square
 
 
 class Learner(NamedTuple):
     """A policy, and the state of its updates."""
 
-    params: Any  # of the policy, a pytree of arrays
+    params: Any  # phi, a pytree of arrays
     opt_state: PyTree[Array]
     baseline: BaselineState
+
+
+def adam(learning_rate: float | optax.GradientTransformation) -> optax.GradientTransformation:
+    """Make Adam with a learning rate, or return the transformation that stands in its place."""
+    if isinstance(learning_rate, optax.GradientTransformation):
+        return learning_rate
+    return optax.adam(learning_rate)
 
 
 def init_learner(rule: Rule, params: PyTree[Array]) -> Learner:
@@ -68,44 +69,38 @@ def init_learner(rule: Rule, params: PyTree[Array]) -> Learner:
 def learn(
     rule: Rule,
     learner: Learner,
-    policy: Callable[[Any], tuple[Array, Array]],
-    rewards: Float[Array, "n"],
+    log_probs_of: Callable[[Any], Float[Array, "n"]],
+    scores: Float[Array, "n"],
+    info: Info,
 ) -> tuple[Learner, Info]:
-    """Makes one update: advantages, the gradient of the loss, a step of the optimiser.
+    """Make one update: advantages, the gradient of the loss, a step of the optimiser.
 
     Args:
         rule: the rule.
         learner: the policy and its state.
-        policy: `params -> (log pi(a_k) f32[n] of the sampled actions, entropy)`.
-        rewards: f32[n]; failed ones are left out.
+        log_probs_of: `phi -> log pi_phi(theta'_k)`, f32[n], of the actions that were rewarded.
+        scores: rewards of the actions, f32[n]; those that are not finite are left out.
+        info: the info so far.
 
     Returns:
-        The learner and the update's figures. If fewer rewards are known than the baseline needs, the learner
-        stays as it was; otherwise the optimiser would make a step of its momentum alone.
+        The learner, and the info with the figures of this update. With fewer scores than the baseline
+        needs, the learner stays as it was: the optimiser would otherwise step by its momentum alone.
     """
-    finite = only_finite(rule.transform(rewards))
-    differences, baseline_state = rule.baseline.advantage(learner.baseline, finite)
-    advantages = normalised(differences) if rule.normalise else differences
+    scores = nan_if_infinite(scores)
+    advantages, baseline_state = rule.baseline.advantage(learner.baseline, scores)
+    baseline = mean_without_nan(scores - advantages)
+    advantages = normalised(advantages) if rule.normalise else advantages
 
-    def loss(params: PyTree) -> tuple[Array, Array]:
-        log_probs, entropy = policy(params)
-        return reinforce_loss(log_probs, advantages), entropy
-
-    grads, entropy = jax.grad(loss, has_aux=True)(learner.params)
+    grads = jax.grad(lambda phi: reinforce_loss(log_probs_of(phi), advantages))(learner.params)
     steps, opt_state = rule.optimizer.update(grads, learner.opt_state, learner.params)
-    params = optax.apply_updates(learner.params, steps)
-    valid_mask = ~jnp.isnan(finite)
-    enough = valid_mask.sum() >= rule.baseline.least
-    learnt = jax.tree.map(
-        lambda new, old: jnp.where(enough, new, old),
-        Learner(params, opt_state, baseline_state),
-        learner,
-    )
+    stepped = Learner(optax.apply_updates(learner.params, steps), opt_state, baseline_state)
+    valid_mask = ~jnp.isnan(scores)
+    enough = valid_mask.sum() >= rule.baseline.min_rewards
     grad_norm = jnp.sqrt(sum(jnp.sum(leaf**2) for leaf in jax.tree.leaves(grads)))
-    info = plain_info(rewards, entropy)._replace(
-        baseline=mean_known(finite - differences),
+    info = info._replace(
+        baseline=baseline,
         advantages=jnp.where(valid_mask, advantages, 0.0),
         grad_norm=grad_norm,
         finite=jnp.isfinite(grad_norm) | ~enough,
     )
-    return learnt, info
+    return trees.where(enough, stepped, learner), info

@@ -1,19 +1,19 @@
-"""Rewards, which are NaN where an evaluation failed, and their transforms before a method learns."""
+"""Rewards: NaN where an evaluation failed, how many may fail, and the authors' transform of them."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from common.errors import Unfinished
+
 LARGEST = 1e15
 """The largest reward; sums of squares of larger ones do not fit into single precision."""
 
-
-def identity(rewards: Float[Array, "n"]) -> Float[Array, "n"]:
-    """The reward itself, as in the paper."""
-    return rewards
+MOST_FAILED = 0.1
+"""Share of a search's evaluations that may fail; one failure is always allowed."""
 
 
 def squared_percent(rewards: Float[Array, "n"]) -> Float[Array, "n"]:
-    """`sign(r) (100 r)^2`, as in the authors' code: differences between high rewards count for more.
+    """Compute `sign(r) (100 r)^2`, as in the authors' code: differences between high rewards count for more.
 
     It is meant for mean IoU. Without the sign, the lower of two negative rewards would count as the
     higher one.
@@ -21,14 +21,31 @@ def squared_percent(rewards: Float[Array, "n"]) -> Float[Array, "n"]:
     return jnp.sign(rewards) * (100 * rewards) ** 2
 
 
-def only_finite(rewards: Float[Array, "n"]) -> Float[Array, "n"]:
-    """The rewards, with NaN in place of infinite ones."""
+def nan_if_infinite(rewards: Float[Array, "n"]) -> Float[Array, "n"]:
+    """Put NaN in place of infinite rewards."""
     return jnp.where(jnp.isfinite(rewards), rewards, jnp.nan)
 
 
-def mean_known(rewards: Float[Array, "n"]) -> Float[Array, ""]:
-    """The mean of the rewards that are not NaN; NaN if all are.
+def mean_without_nan(rewards: Float[Array, "n"]) -> Float[Array, ""]:
+    """Compute the mean of the rewards that are not NaN; NaN if all are.
 
     If no reward is NaN, the result equals `rewards.mean()` to the bit, unlike a division by a count.
     """
     return jnp.where(jnp.isnan(rewards).any(), jnp.nanmean(rewards), rewards.mean())
+
+
+def refuse_failures(failed: int, total: int, reason: str) -> None:
+    """Raise an error if too many evaluations have failed for a useful answer.
+
+    Args:
+        failed: evaluations that have failed so far.
+        total: evaluations of the whole search.
+        reason: the message of the last failure.
+
+    Raises:
+        Unfinished: more than a tenth of the evaluations, and more than one, have failed.
+    """
+    if failed > max(1, int(MOST_FAILED * total)):
+        raise Unfinished(
+            f"{failed} of {total} evaluations failed, more than a tenth of them; the last one: {reason}"
+        )

@@ -20,7 +20,7 @@ class Space:
     """The attributes to search over; static and hashable. `space` builds one from names.
 
     Attributes:
-        names: one unique name per attribute.
+        names: one unique name per attribute; the paper's N is their number.
         bins: each attribute's number of bins (the paper's K, which may differ), >= 2.
         groups: a partition of the attributes' indices; groups are optimised in this order.
         unordered: indices of attributes whose bins have no order (a weather): to models no two of them
@@ -33,31 +33,26 @@ class Space:
     unordered: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
-        """Validates the fields; see `space` for the errors."""
+        """Validate the fields; see `space` for the errors."""
+        indices = range(len(self.names))
+        members = [index for group in self.groups for index in group]
+        outside = [index for index in (*members, *self.unordered) if index not in indices]
         if not self.names:
             raise ValueError("a space needs at least one attribute")
-        _refuse_duplicates(self.names, "attribute name(s)")
         if len(self.bins) != len(self.names):
             raise ValueError(f"{len(self.names)} attributes, but {len(self.bins)} numbers of bins")
         for name, bins in zip(self.names, self.bins, strict=True):
             if bins < 2:
                 raise ValueError(f"attribute {name!r} has {bins} bins, at least 2 are needed")
-        if any(not group for group in self.groups):
+        if outside:
+            raise ValueError(f"there is no attribute {outside[0]}, but only {len(self.names)}")
+        if not all(self.groups):
             raise ValueError("a group needs at least one attribute")
-        members = [index for group in self.groups for index in group]
-        for index in members:
-            if not 0 <= index < len(self.names):
-                raise ValueError(
-                    f"groups hold attribute {index}, but there are only {len(self.names)}"
-                )
+        _refuse_duplicates(self.names, "attribute name(s)")
         _refuse_duplicates([self.names[index] for index in members], "attribute(s) in the groups")
-        missing = [name for index, name in enumerate(self.names) if index not in members]
+        missing = [repr(self.names[index]) for index in indices if index not in members]
         if missing:
-            raise ValueError(f"in no group: {', '.join(map(repr, missing))}")
-        if not set(self.unordered) <= set(range(len(self.names))):
-            raise ValueError(
-                f"unordered are {self.unordered}, of only {len(self.names)} attributes"
-            )
+            raise ValueError(f"in no group: {', '.join(missing)}")
 
     @property
     def attributes(self) -> int:
@@ -70,13 +65,20 @@ class Space:
         return max(self.bins)
 
 
+class Proposal(NamedTuple):
+    """A distribution over streets: each attribute is uniform on an interval of [0, 1]."""
+
+    centre: Float[Array, "*batch attributes"]  # the middle of the interval
+    width: Float[Array, "*batch attributes"]  # its length
+
+
 def space(
     names: Sequence[str],
     bins: int | Sequence[int] = 10,
     groups: Sequence[Sequence[str]] | None = None,
     unordered: Sequence[str] = (),
 ) -> Space:
-    """Builds a `Space` from names.
+    """Build a `Space` from names.
 
     Args:
         names: one unique name per attribute.
@@ -89,34 +91,27 @@ def space(
         The space.
 
     Raises:
-        ValueError: a name that is unknown, given twice or in no group, fewer than two bins, or an
+        ValueError: a name that is unknown, repeated or in no group, fewer than two bins, or an
             empty group.
 
-    Source: section "Scalable Discretization-and-Relaxation", "Method scalability".
+    Source: section "Scalable Discretization-and-Relaxation", "Method scalability"; section "SDR in Groups".
     """
     names = tuple(names)
     per_attribute = (bins,) * len(names) if isinstance(bins, int) else tuple(bins)
     groups = (names,) if groups is None else groups
-    for where, given in (("the groups", sum(map(tuple, groups), ())), ("unordered", unordered)):
-        unknown = [name for name in given if name not in names]
+    grouped = [name for group in groups for name in group]
+    for where, members in (("the groups", grouped), ("unordered", unordered)):
+        unknown = [repr(name) for name in members if name not in names]
         if unknown:
             raise ValueError(
-                f"unknown attribute(s) in {where}: {', '.join(map(repr, unknown))}; "
-                f"known are {', '.join(names)}"
+                f"unknown attribute(s) in {where}: {', '.join(unknown)}; choose from {', '.join(names)}"
             )
     indices = tuple(tuple(names.index(name) for name in group) for group in groups)
     without_order = tuple(index for index, name in enumerate(names) if name in unordered)
     return Space(names, per_attribute, indices, without_order)
 
 
-class Proposal(NamedTuple):
-    """A distribution over streets: each attribute is uniform on an interval of [0, 1]."""
-
-    centre: Float[Array, "*batch attributes"]  # the middle of the interval
-    width: Float[Array, "*batch attributes"]  # its length
-
-
 def _refuse_duplicates(names: Sequence[str], what: str) -> None:
-    twice = [name for name, count in Counter(names).items() if count > 1]
-    if twice:
-        raise ValueError(f"{what} given more than once: {', '.join(map(repr, twice))}")
+    repeated = [repr(name) for name, count in Counter(names).items() if count > 1]
+    if repeated:
+        raise ValueError(f"{what} given more than once: {', '.join(repeated)}")

@@ -8,8 +8,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from benchmarks.rivals import host
+from sdr_jax.distributions import moments
 from sdr_jax.method import Diagnostics, Info, Method, Rewards, RngKey, Values
-from sdr_jax.relaxation import UNDECIDED, moments
+from sdr_jax.relaxation import UNDECIDED
 from sdr_jax.space import Proposal, Space, Width
 
 DRAWS = 256

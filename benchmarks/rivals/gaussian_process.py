@@ -11,8 +11,10 @@ from scipy.linalg import solve_triangular
 from scipy.stats import norm
 
 from benchmarks.rivals import host
+from sdr_jax.bins import ordered
+from sdr_jax.distributions import moments, uniform
 from sdr_jax.method import Bins, Diagnostics, Info, Method, Rewards, RngKey
-from sdr_jax.relaxation import UNDECIDED, moments, ordered, uniform
+from sdr_jax.relaxation import UNDECIDED
 from sdr_jax.space import Proposal, Space, Width
 
 GROWTH = 1.25
@@ -177,7 +179,7 @@ def gaussian_process(
     def spread(state: host.Seen) -> Proposal:
         return moments(space, probabilities(state), width)
 
-    def expects(state: host.Seen, actions: Bins) -> tuple[Rewards, Rewards]:
+    def predict(state: host.Seen, actions: Bins) -> tuple[Rewards, Rewards]:
         if not len(state.rewards):
             return (jnp.full(len(actions), jnp.nan),) * 2
         mean, std = fitted(state).predict(encoded(np.asarray(actions)), return_std=True)
@@ -189,7 +191,7 @@ def gaussian_process(
         sample,
         update,
         solution,
-        Diagnostics(spread, probabilities, expects),
+        Diagnostics(spread, probabilities, predict),
         traced=False,
     )
 

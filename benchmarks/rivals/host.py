@@ -9,11 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Key
 
-from sdr_jax.method import plain_info
-from sdr_jax.relaxation import UNDECIDED, entropy, relax
+from sdr_jax.distributions import entropy
+from sdr_jax.method import basic_info
+from sdr_jax.relaxation import UNDECIDED, relax
 from sdr_jax.space import Proposal, Space, Width
 
-info = jax.jit(lambda rewards, probabilities: plain_info(rewards, entropy(probabilities)))
+info = jax.jit(lambda rewards, probabilities: basic_info(rewards, entropy(probabilities)))
 """The info of an update, from rewards f32[n] and probabilities f32[attributes bins]."""
 
 

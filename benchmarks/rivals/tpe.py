@@ -7,8 +7,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from benchmarks.rivals import host
+from sdr_jax.bins import ordered
+from sdr_jax.distributions import moments, uniform
 from sdr_jax.method import Bins, Diagnostics, Info, Method, Rewards, RngKey
-from sdr_jax.relaxation import UNDECIDED, moments, ordered, uniform
+from sdr_jax.relaxation import UNDECIDED
 from sdr_jax.space import Proposal, Space, Width
 
 

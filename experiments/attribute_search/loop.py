@@ -14,8 +14,8 @@ from experiments.config import RewardKind
 from experiments.evaluation.job import REWARD_NAMES, Result, in_words
 from experiments.session.session import Session
 from scene.proposal import Proposal
-from sdr_jax.method import on_clipping
-from sdr_jax.run import on_processor
+from sdr_jax.device import on_cpu
+from sdr_jax.method import clipping_message
 
 
 class Found(NamedTuple):
@@ -32,7 +32,7 @@ class Found(NamedTuple):
     first rewards; None without a model."""
 
 
-@on_processor()
+@on_cpu()
 def search(run: Session[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
     """Run a whole search, or the rest of it.
 
@@ -68,7 +68,7 @@ def search(run: Session[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Fo
         if info.clipped and not clipped:
             clipped = True
             told = sum(len(rewards) for rewards, *_ in history)
-            run.progress.say(f"{plan.name}: {on_clipping(int(info.clipped), told)}")
+            run.progress.say(f"{plan.name}: {clipping_message(int(info.clipped), told)}")
         run.progress.standing = standing(kind, [rewards for rewards, *_ in history])
         run.progress.update(_said(plan, kind, update, history))
     solution = embed(plan, jax.device_get(method.solution(state)))
@@ -86,11 +86,11 @@ def search(run: Session[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Fo
 
 def _foreseen(method: sdr_jax.Method, before: Any, record: sdr_jax.Record) -> list[np.ndarray]:
     """The model's expectations of an update's rewards, f32[datasets, 2]; empty without a model."""
-    if method.diagnostics is None or method.diagnostics.expects is None:
+    if method.diagnostics is None or method.diagnostics.predict is None:
         return []
     if before is None:
         return [np.full((len(record.rewards), 2), np.nan, np.float32)]
-    return [np.stack(method.diagnostics.expects(before, record.actions), axis=-1)]
+    return [np.stack(method.diagnostics.predict(before, record.actions), axis=-1)]
 
 
 def standing(kind: RewardKind, rewards: Sequence[np.ndarray]) -> str:

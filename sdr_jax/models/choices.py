@@ -2,13 +2,15 @@
 
 from typing import NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Array, Float, Int
 
+from sdr_jax.bins import bin_centres, bin_mask, ordered
 from sdr_jax.models.effects import Effects, effects_of
 from sdr_jax.models.features import affordable, check_degrees, lay_out, own_variances
-from sdr_jax.relaxation import bin_centres, bin_mask, bin_widths, ordered
-from sdr_jax.space import Space, Width
+from sdr_jax.relaxation import bin_widths
+from sdr_jax.space import Proposal, Space, Width
 
 NARROW = 1 / 16
 """The model does not tell narrower intervals apart."""
@@ -110,6 +112,17 @@ def covered(
     width = np.maximum(np.asarray(width), 1e-6)[..., None]
     filled = np.diff(np.clip((edges - np.asarray(centre)[..., None]) / width + 0.5, 0, 1))
     return filled / filled.sum(axis=-1, keepdims=True)
+
+
+def shares_of_bins(space: Space, proposals: Proposal) -> Float[Array, "attributes bins"]:
+    """The share of each bin in streets of n proposals f32[n attributes]; rows sum to 1."""
+    bins = jnp.asarray(space.bins, jnp.float32)[:, None]
+    edges = jnp.arange(space.max_bins + 1)[None, :] / bins
+    width = jnp.maximum(proposals.width, 1e-4)[..., None]
+    below = (edges[None] - proposals.centre[..., None]) / width + 0.5
+    filled = jnp.diff(jnp.clip(below, 0.0, 1.0), axis=-1).mean(axis=0)
+    filled = jnp.where(jnp.arange(space.max_bins)[None, :] < bins, filled, 0.0)
+    return filled / filled.sum(axis=1, keepdims=True)
 
 
 def make_effects(

@@ -13,11 +13,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Key
 
+from sdr_jax.bins import bin_centres, bin_mask, ordered
 from sdr_jax.models import features, history, regression
 from sdr_jax.models.features import Features
 from sdr_jax.models.history import History
 from sdr_jax.models.regression import Posterior, Statistics
-from sdr_jax.relaxation import bin_centres, bin_mask, ordered
 from sdr_jax.space import Space
 
 SIGNAL = 0.7

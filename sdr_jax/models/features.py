@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Key
 
-from sdr_jax.relaxation import bin_mask, ordered, random_bins
+from sdr_jax.bins import bin_mask, ordered, random_bins
 from sdr_jax.space import Space
 
 STARTS = 8

@@ -7,12 +7,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, jitted, plain_info
+from sdr_jax.bins import bin_mask, random_bins
+from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, basic_info, jit_method
 from sdr_jax.models import effects, regression
-from sdr_jax.models.choices import Start, choices, make_effects
+from sdr_jax.models.choices import Start, choices, make_effects, shares_of_bins
 from sdr_jax.models.features import Features, maximise_each
 from sdr_jax.models.regression import Posterior
-from sdr_jax.relaxation import bin_mask, check_relaxation, random_bins, shares_of_bins
+from sdr_jax.relaxation import check_relaxation
 from sdr_jax.space import Proposal, Space, Width
 
 REACHES = np.asarray([0.5, 1.0, 2.0], np.float32)
@@ -170,7 +171,7 @@ def intervals(
         signs = jnp.where(jnp.isfinite(rewards), (rewards > expected) - SUCCESS, 0.0)
         step = jnp.where(state.seen.noise > 0, PACE * signs.sum(), 0.0)
         reach = jnp.clip(state.reach * jnp.exp(step), 1 / space.attributes, 1.0)
-        info = plain_info(rewards, jnp.asarray(jnp.nan, jnp.float32))
+        info = basic_info(rewards, jnp.asarray(jnp.nan, jnp.float32))
         reach = jnp.where(state.seen.statistics.seen < opening, first_reach, reach)
         state = fitted(seen, reach)
         at_start = (state.base == start_choices).all()
@@ -189,10 +190,10 @@ def intervals(
         _, tried = sample(jax.random.key(1), state, DRAWS)
         return shares_of_bins(space, tried)
 
-    def expects(state: IntervalsState, actions: Bins) -> tuple[Rewards, Rewards]:
+    def predict(state: IntervalsState, actions: Bins) -> tuple[Rewards, Rewards]:
         return effects.expected(model, state.seen, state.belief, actions)
 
-    return jitted(init, sample, update, solution, probabilities, spread, expects=expects)
+    return jit_method(init, sample, update, solution, probabilities, spread, predict=predict)
 
 
 def _checked(space: Space, start: tuple[tuple[float, ...], tuple[float, ...]] | None) -> Start:

@@ -7,12 +7,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, Key
 
-from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, jitted, plain_info
+from sdr_jax.bins import bin_mask
+from sdr_jax.distributions import entropy, moments
+from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, basic_info, jit_method
 from sdr_jax.models import effects
 from sdr_jax.models.features import maximise_each
 from sdr_jax.models.regression import Posterior
-from sdr_jax.policy import entropy
-from sdr_jax.relaxation import UNDECIDED, bin_mask, check_relaxation, moments, relax
+from sdr_jax.relaxation import UNDECIDED, check_relaxation, relax
 from sdr_jax.space import Proposal, Space, Width
 
 SWEEPS = 4
@@ -106,7 +107,7 @@ def surrogate(
     def update(
         state: SurrogateState, actions: Bins, rewards: Rewards
     ) -> tuple[SurrogateState, Info]:
-        info = plain_info(rewards, entropy(state.logits, jnp.ones(space.attributes, bool)))
+        info = basic_info(rewards, entropy(probabilities(state)))
         seen = effects.observe(model, state.seen, actions, rewards)
         belief = effects.posterior(model, seen)
         best = effects.best_bins(model, belief)
@@ -130,10 +131,10 @@ def surrogate(
     def spread(state: SurrogateState) -> Proposal:
         return moments(space, jax.nn.softmax(state.logits), width)
 
-    def expects(state: SurrogateState, actions: Bins) -> tuple[Rewards, Rewards]:
+    def predict(state: SurrogateState, actions: Bins) -> tuple[Rewards, Rewards]:
         return effects.expected(model, state.seen, state.belief, actions)
 
-    return jitted(init, sample, update, solution, probabilities, spread, expects=expects)
+    return jit_method(init, sample, update, solution, probabilities, spread, predict=predict)
 
 
 def follow(

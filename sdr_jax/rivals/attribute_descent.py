@@ -7,8 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, jitted, plain_info
-from sdr_jax.relaxation import UNDECIDED, check_relaxation, entropy, relax, uniform
+from sdr_jax.distributions import entropy, uniform
+from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, basic_info, jit_method
+from sdr_jax.relaxation import UNDECIDED, check_relaxation, relax
 from sdr_jax.space import Proposal, Space, Width
 
 PATIENCE = 3
@@ -117,7 +118,7 @@ def attribute_descent(
             tried=jnp.where(ends, 0, tried),
             sweeps=state.sweeps + ends.astype(jnp.int32),
         )
-        info = plain_info(rewards, entropy(probabilities(state)))
+        info = basic_info(rewards, entropy(probabilities(state)))
         return next_state, info._replace(group=jnp.asarray(group_of)[turn(state)])
 
     def solution(state: DescentState) -> Proposal:
@@ -128,4 +129,4 @@ def attribute_descent(
         certain = jax.nn.one_hot(state.current, space.max_bins)
         return jnp.where(decided[:, None], certain, uniform(space))
 
-    return jitted(init, sample, update, solution, probabilities)
+    return jit_method(init, sample, update, solution, probabilities)

@@ -9,20 +9,15 @@ import optax
 from jax.scipy.special import ndtr, ndtri
 from jaxtyping import Array, Float
 
-from sdr_jax.baseline import Baseline, baseline_of
-from sdr_jax.coordinate_descent import choose
-from sdr_jax.method import Info, Method, Rewards, RngKey, Values, jitted
+from sdr_jax import trees
+from sdr_jax.baseline import Baseline
+from sdr_jax.bins import bin_mask, ordered
+from sdr_jax.distributions import moments
+from sdr_jax.method import Info, Method, Rewards, RngKey, Values, basic_info, jit_method
 from sdr_jax.reinforce import Learner, Rule, adam, init_learner, learn
-from sdr_jax.relaxation import (
-    bin_mask,
-    bin_widths,
-    check_relaxation,
-    moments,
-    ordered,
-    slide,
-    snap,
-)
+from sdr_jax.relaxation import bin_widths, check_relaxation, slide
 from sdr_jax.space import Proposal, Space, Width
+from sdr_jax.variance_reduction import baseline_of
 
 QUANTILES = np.asarray(ndtri((jnp.arange(64) + 0.5) / 64))  # of the standard normal
 
@@ -72,7 +67,7 @@ def gaussian(
         raise ValueError(f"std is {std}, but must be above 0")
     check_relaxation(space, width, "random")
     widths = bin_widths(space, width)
-    rule = Rule(adam(learning_rate), baseline_of(baseline), normalise=normalise)
+    rule = Rule(adam(learning_rate), baseline_of(baseline), normalise)
 
     def init(rng_key: RngKey) -> Learner:
         del rng_key  # nothing is random before the first sample
@@ -85,24 +80,22 @@ def gaussian(
         noise = jax.random.normal(rng_key, (n, space.attributes))
         actions = mean[None, :] + jnp.exp(log_std)[None, :] * noise
         relaxed = slide(jax.nn.sigmoid(actions), jnp.broadcast_to(widths, actions.shape))
-        return actions, snap(space, relaxed)
+        return actions, _snap(space, relaxed)
 
     def update(state: Learner, actions: Values, rewards: Rewards) -> tuple[Learner, Info]:
-        def policy(params: GaussianParams) -> tuple[Array, Array]:
-            entropy = jnp.sum(params.log_std + 0.5 * np.log(2 * np.pi * np.e))
-            return _log_prob(params, actions), entropy
-
-        return learn(rule, state, policy, rewards)
+        entropy = jnp.sum(state.params.log_std + 0.5 * np.log(2 * np.pi * np.e))
+        info = basic_info(rewards, entropy)
+        return learn(rule, state, lambda params: _log_prob(params, actions), rewards, info)
 
     def solution(state: Learner) -> Proposal:
-        return snap(space, slide(jax.nn.sigmoid(state.params.mean), widths))
+        return _snap(space, slide(jax.nn.sigmoid(state.params.mean), widths))
 
     def spread(state: Learner) -> Proposal:
         mean, log_std = state.params
         logits = mean[:, None] + jnp.exp(log_std)[:, None] * QUANTILES[None, :]
         values = jax.nn.sigmoid(logits)
         wide = slide(values.mean(axis=1), jnp.sqrt(12 * values.var(axis=1) + widths**2))
-        return choose(
+        return trees.where(
             jnp.asarray(ordered(space)), wide, moments(space, probabilities(state), width)
         )
 
@@ -112,7 +105,16 @@ def gaussian(
         below = ndtr((upper - mean[:, None]) / jnp.exp(log_std)[:, None])
         return jnp.diff(below, prepend=0.0, axis=1) * bin_mask(space)
 
-    return jitted(init, sample, update, solution, probabilities, spread)
+    return jit_method(init, sample, update, solution, probabilities, spread)
+
+
+def _snap(space: Space, proposal: Proposal) -> Proposal:
+    """Move attributes without an order to the bin in which their centre lies; others stay."""
+    shape = proposal.centre.shape
+    bins = jnp.broadcast_to(jnp.asarray(space.bins, jnp.float32), shape)
+    in_order = jnp.broadcast_to(ordered(space), shape)
+    centre = (jnp.clip(jnp.floor(proposal.centre * bins), 0, bins - 1) + 0.5) / bins
+    return trees.where(in_order, proposal, Proposal(centre, 1 / bins))
 
 
 def _log_prob(params: GaussianParams, actions: Array) -> Array:

@@ -5,8 +5,9 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, jitted, plain_info
-from sdr_jax.relaxation import UNDECIDED, entropy, relax, uniform
+from sdr_jax.distributions import entropy, uniform
+from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, basic_info, jit_method
+from sdr_jax.relaxation import UNDECIDED, relax
 from sdr_jax.space import Proposal, Space, Width
 
 
@@ -40,7 +41,7 @@ def random_attributes(space: Space, *, width: Width = None) -> Method:
         return jnp.full((n, space.attributes), UNDECIDED, jnp.int32), proposal(n)
 
     def update(state: NothingLearnt, actions: Bins, rewards: Rewards) -> tuple[NothingLearnt, Info]:
-        return state, plain_info(rewards, entropy(uniform(space)))
+        return state, basic_info(rewards, entropy(uniform(space)))
 
     def solution(state: NothingLearnt) -> Proposal:
         return proposal()
@@ -48,4 +49,4 @@ def random_attributes(space: Space, *, width: Width = None) -> Method:
     def probabilities(state: NothingLearnt) -> Float[Array, "attributes bins"]:
         return uniform(space)
 
-    return jitted(init, sample, update, solution, probabilities)
+    return jit_method(init, sample, update, solution, probabilities)

@@ -5,8 +5,10 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, jitted, plain_info
-from sdr_jax.relaxation import UNDECIDED, check_relaxation, entropy, random_bins, relax, uniform
+from sdr_jax.bins import random_bins
+from sdr_jax.distributions import entropy, uniform
+from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, basic_info, jit_method
+from sdr_jax.relaxation import UNDECIDED, check_relaxation, relax
 from sdr_jax.space import Proposal, Space, Width
 
 
@@ -50,7 +52,7 @@ def random_search(space: Space, *, width: Width = None) -> Method:
         comparable = jnp.where(jnp.isfinite(rewards), rewards, -jnp.inf)
         best = jnp.argmax(comparable)
         better = comparable[best] > state.reward
-        info = plain_info(rewards, entropy(uniform(space)))
+        info = basic_info(rewards, entropy(uniform(space)))
         next_state = SearchState(
             jnp.where(better, actions[best], state.actions),
             jnp.where(better, comparable[best], state.reward),
@@ -63,4 +65,4 @@ def random_search(space: Space, *, width: Width = None) -> Method:
     def probabilities(state: SearchState) -> Float[Array, "attributes bins"]:
         return uniform(space)
 
-    return jitted(init, sample, update, solution, probabilities)
+    return jit_method(init, sample, update, solution, probabilities)

@@ -21,9 +21,9 @@ from common.folder import CONFIG, opened
 from common.lines import JsonLines
 from common.progress import Progress
 from sdr_jax.ask_tell import AskTell
-from sdr_jax.method import Method, on_clipping
+from sdr_jax.device import on_cpu
+from sdr_jax.method import Method, clipping_message
 from sdr_jax.registry import make
-from sdr_jax.run import on_processor
 from sdr_jax.tune.settings import Settings
 from sdr_jax.tune.simulator import Outcome, Simulator, check_command
 from sdr_jax.tune.units import describe
@@ -85,7 +85,7 @@ def tune(
         raise
 
 
-@on_processor()
+@on_cpu()
 def _method(settings: Settings) -> Method:
     """The method after a trial update, so that no option fails after hours of simulation."""
     n, width = settings.datasets_per_update, settings.relaxation
@@ -196,7 +196,7 @@ def _one_update(
             scores = _scores(search, update, settings.minimize)
             progress.update(f"update {update + 1}/{updates} | {scores}")
     if search.clipped and not clipped:
-        progress.say(on_clipping(search.clipped, len(search.history)))
+        progress.say(clipping_message(search.clipped, len(search.history)))
 
 
 def _reward(outcome: Outcome, settings: Settings) -> float | None:

@@ -13,7 +13,7 @@ from benchmarks.problems import GROUPS, analytic, grouped_space, tabular
 from benchmarks.ranking import behind, mean_ranks
 from benchmarks.rivals import METHODS
 from benchmarks.search import PROBLEMS, Task, batches, evaluate, main, trace
-from sdr_jax.relaxation import random_bins
+from sdr_jax.bins import random_bins
 
 FOREIGN = ["products", "ridge", "categories", "binary"]
 TWO = sdr_jax.space(["a", "b"], bins=[2, 4])

@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.rivals import cma_es, gaussian_process, tpe
 from sdr_jax import space
-from sdr_jax.relaxation import bin_centres
+from sdr_jax.bins import bin_centres
 from tests.conftest import refuses
 from tests.sdr_jax.conftest import KEY, tell
 from tests.trees import assert_same

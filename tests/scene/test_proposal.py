@@ -21,7 +21,7 @@ from scene.proposal import (
     random_proposal,
     slide,
 )
-from sdr_jax import relaxation
+from sdr_jax import distributions
 from tests.scene.conftest import SEEDS, refused
 
 VALUES = dict.fromkeys(NAMES, 0.25)
@@ -263,7 +263,7 @@ def test_bins_are_drawn_as_often_as_they_are_likely(count):
     spread = np.minimum(units.std(axis=0), 12**-0.5)  # no interval is longer than 1
     np.testing.assert_allclose(spread, moments(own).width * 12**-0.5, atol=0.03)
     space, policy = sdr_jax.space(NAMES, count), jnp.asarray(own.probabilities)
-    np.testing.assert_allclose(moments(own), relaxation.moments(space, policy), atol=1e-5)
+    np.testing.assert_allclose(moments(own), distributions.moments(space, policy), atol=1e-5)
 
 
 def test_certain_bins_are_intervals_and_even_ones_the_whole_range():

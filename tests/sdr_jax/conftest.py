@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import pytest
 from hypothesis import strategies as st
 
-from sdr_jax.run import drive
+from sdr_jax import drive
 from tests.conftest import refuses as refuses
 from tests.trees import assert_close as assert_close
 from tests.trees import assert_same as assert_same

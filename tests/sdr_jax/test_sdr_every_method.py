@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 import sdr_jax
 from benchmarks.rivals import METHODS, RIVALS, make
 from sdr_jax import Method, MethodName, Proposal, make_step, relax, run, space
+from sdr_jax.bins import bin_mask
 from sdr_jax.registry import options_of
-from sdr_jax.relaxation import bin_mask
 
 from .conftest import KEY, SEEDS, assert_close, assert_same, driven, learnt, refuses, tell
 
@@ -218,7 +218,7 @@ def test_a_method_is_made_with_its_own_options(name: str) -> None:
     assert method.traced == (name not in RIVALS)
 
 
-MODELS = [name for name, method in ALL.items() if method.diagnostics.expects is not None]
+MODELS = [name for name, method in ALL.items() if method.diagnostics.predict is not None]
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -233,11 +233,11 @@ def test_models_foresee_rewards_and_how_far_they_are_off(name: str) -> None:
         return actions, value(proposals) + 0.03 * jax.random.normal(noise_key, (60,))
 
     actions, rewards = asked(1)
-    assert np.all(np.isnan(np.stack(method.diagnostics.expects(state, actions))))
+    assert np.all(np.isnan(np.stack(method.diagnostics.predict(state, actions))))
     for part in (slice(start, start + 10) for start in range(0, 60, 10)):
         state, _ = tell(method, actions[part], rewards[part], state)
     actions, rewards = asked(2)
-    mean, std = map(np.asarray, method.diagnostics.expects(state, actions))
+    mean, std = map(np.asarray, method.diagnostics.predict(state, actions))
     assert np.corrcoef(mean, rewards)[0, 1] > 0.6
     assert 0.6 < np.std((rewards - mean) / std) < 1.4
 

@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 
 import sdr_jax
 from sdr_jax import Method, Proposal, space, surrogate
+from sdr_jax.bins import bin_mask
 from sdr_jax.models import effects, history, regression
 from sdr_jax.models.choices import choices, integrated, runs
 from sdr_jax.models.features import Features, evaluate, maximise, maximise_each
 from sdr_jax.models.surrogate import follow, stratified
 from sdr_jax.registry import make
-from sdr_jax.relaxation import bin_mask
 
 from .conftest import KEY, SEEDS, assert_close, assert_same, driven, learnt, refuses, tell
 

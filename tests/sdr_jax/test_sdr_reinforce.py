@@ -10,18 +10,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sdr_jax import reinforce_loss, sdr, space
-from sdr_jax.baseline import Baseline, ema, leave_one_out, normalised
-from sdr_jax.coordinate_descent import take
-from sdr_jax.policy import Policy, entropy, init_policies, log_prob, mask_logits, sample_bins
+from sdr_jax import Baseline, ema, leave_one_out, reinforce_loss, sdr, space
+from sdr_jax.distributions import entropy
+from sdr_jax.layout import init_policies
+from sdr_jax.policy import Policy, log_prob, mask_logits, sample_bins
+from sdr_jax.trees import take
+from sdr_jax.variance_reduction import normalised
 
 from .conftest import SEEDS, assert_close, refuses
 
-MASK = jnp.asarray([[True, True, False, False], [True] * 4, [True] * 4])
-PRESENT = jnp.asarray([True, True, False])
+MASK = jnp.asarray([[True, True, False, False], [True] * 4, [True, False, False, False]])
 REWARDS = st.lists(st.tuples(*[st.integers(-100, 100)] * 3), min_size=1, max_size=6)
 OWN = jnp.asarray([[True, True, False], [True] * 3])
-BOTH = jnp.asarray([True, True])
 ACTIONS = jnp.asarray(list(itertools.product(range(2), range(3))), jnp.int32)  # all 6
 SPACE = space(["a", "b"], bins=[2, 3])
 METHOD = sdr(SPACE, learning_rate=optax.sgd(1.0), hidden=8, baseline=leave_one_out())
@@ -30,28 +30,32 @@ PAIRS = jnp.asarray(list(itertools.product(range(6), repeat=2)))
 
 def test_log_prob_and_entropy_by_hand() -> None:
     logits = mask_logits(jnp.log(jnp.asarray([[0.25, 0.75, 9, 9], [0.1, 0.2, 0.3, 0.4]])), MASK[:2])
-    actual = log_prob(logits, jnp.asarray([[0, 3], [1, 0]]), BOTH)
+    actual = log_prob(logits, jnp.asarray([[0, 3], [1, 0]]))
     np.testing.assert_allclose(actual, np.log([0.25 * 0.4, 0.75 * 0.1]), rtol=1e-5)
     p = np.asarray([0.25, 0.75, 0.1, 0.2, 0.3, 0.4])
-    assert float(entropy(logits, BOTH)) == pytest.approx(-np.sum(p * np.log(p)), rel=1e-5)
+    assert float(entropy(jax.nn.softmax(logits))) == pytest.approx(-np.sum(p * np.log(p)), rel=1e-5)
 
 
 @given(SEEDS)
-def test_padding_has_no_effect_and_gradients_are_finite(seed: int) -> None:
+def test_a_padded_slot_of_one_bin_has_no_effect_and_gradients_are_finite(seed: int) -> None:
     raw = 3 * jax.random.normal(jax.random.key(seed), (3, 4))
-    whole, grads = with_gradient(raw, 3)
+    total, grads = with_gradient(raw)
     assert np.all(np.isfinite(grads))
     assert not np.any(grads[~np.asarray(MASK)]) and not np.any(grads[2])
-    assert whole == with_gradient(raw, -1)[0]
-    assert whole == with_gradient(raw.at[2].add(5.0), 3)[0]
+    assert total == with_gradient(raw.at[2].add(5.0))[0]
+    without = mask_logits(raw, MASK)[:2]
+    expected = log_prob(without, ACTION[:, :2]).sum() + entropy(jax.nn.softmax(without))
+    np.testing.assert_allclose(total, expected, rtol=1e-5)
+
+
+ACTION = jnp.asarray([[1, 2, 0]])
 
 
 @jax.jit
 @jax.value_and_grad
-def with_gradient(raw: jax.Array, padding: int) -> jax.Array:
+def with_gradient(raw: jax.Array) -> jax.Array:
     logits = mask_logits(raw, MASK)
-    chances = log_prob(logits, jnp.asarray([[1, 2, padding]]), PRESENT)
-    return chances.sum() + entropy(logits, PRESENT)
+    return log_prob(logits, ACTION).sum() + entropy(jax.nn.softmax(logits))
 
 
 @given(SEEDS)
@@ -60,7 +64,7 @@ def test_samples_follow_the_logits_and_all_chances_add_up_to_one(seed: int) -> N
     actions = sample_bins(jax.random.key(seed), logits, 20_000)
     assert actions.dtype == jnp.int32
     every = jnp.asarray([(a, b, 0) for a in range(2) for b in range(4)])
-    assert float(jnp.exp(log_prob(logits, every, PRESENT)).sum()) == pytest.approx(1, abs=1e-5)
+    assert float(jnp.exp(log_prob(logits, every)).sum()) == pytest.approx(1, abs=1e-5)
     frequencies = np.stack([np.bincount(column, minlength=4) for column in actions.T]) / 20_000
     np.testing.assert_allclose(frequencies, jax.nn.softmax(logits), atol=0.02)
     assert not np.any(frequencies[~np.asarray(MASK)])
@@ -152,7 +156,7 @@ def exact_and_mean_update(seed: jax.Array, rewards: jax.Array, shift: jax.Array)
     net = Policy(2, 3, 8)
 
     def log_probs(params: dict) -> jax.Array:
-        return log_prob(mask_logits(net.apply(params, inputs), OWN), ACTIONS, BOTH)
+        return log_prob(mask_logits(net.apply(params, inputs), OWN), ACTIONS)
 
     def step(pair: jax.Array) -> dict:
         after, _ = METHOD.update(state, ACTIONS[pair], rewards[pair] + shift)

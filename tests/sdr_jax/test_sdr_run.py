@@ -6,9 +6,23 @@ import numpy as np
 import pytest
 
 from common.errors import Unfinished
-from sdr_jax import AskTell, Method, Proposal, leave_one_out, random_search, relax, sdr, space
-from sdr_jax.callback import DataSets, host_reward
-from sdr_jax.run import drive, first_state, make_step, refuse_failures, run
+from sdr_jax import (
+    AskTell,
+    DataSets,
+    Method,
+    Proposal,
+    drive,
+    first_state,
+    host_reward,
+    leave_one_out,
+    make_step,
+    random_search,
+    refuse_failures,
+    relax,
+    run,
+    sdr,
+    space,
+)
 
 from .conftest import KEY, assert_close, assert_same, refuses
 

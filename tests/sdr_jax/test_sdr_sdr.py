@@ -8,18 +8,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from jax.flatten_util import ravel_pytree
 
-from sdr_jax import Method, ema, leave_one_out, relax, sdr, space, squared_percent
+from sdr_jax import Method, ema, leave_one_out, relax, sdr, space
 from sdr_jax.coordinate_descent import (
     Descent,
     active_group,
-    begin,
     concat,
     descend,
     has_started,
-    lay_out,
+    init_descent,
 )
+from sdr_jax.distributions import moments
+from sdr_jax.layout import by_attribute, lay_out
 from sdr_jax.registry import make
-from sdr_jax.relaxation import moments
+from sdr_jax.rewards import squared_percent
 from sdr_jax.sdr import SdrState
 
 from .conftest import KEY, SEEDS, assert_same, learnt, tell
@@ -42,18 +43,18 @@ def step(descent: Descent, learners: dict) -> tuple[Descent, dict, jax.Array]:
 
 
 def course(updates: int) -> tuple[Descent, dict]:
-    descent, learners = begin(LAYOUT), {"x": jnp.zeros((2, 3)), "y": jnp.ones(2)}
+    descent, learners = init_descent(THREE), {"x": jnp.zeros((2, 3)), "y": jnp.ones(2)}
     for _ in range(updates):
         descent, learners, _ = step(descent, learners)
     return descent, learners
 
 
 def test_layout_by_hand() -> None:
-    members, valid_mask, bin_mask, group, slot, _ = LAYOUT
-    assert members.tolist() == [[2, 3], [1, 0]]
-    assert valid_mask.tolist() == [[True, False], [True, True]]
-    assert bin_mask.sum(axis=2).tolist() == [[2, 5], [5, 3]]
-    assert (group.tolist(), slot.tolist(), LAYOUT.updates) == ([1, 1, 0], [1, 0, 0], 4)
+    assert LAYOUT.members.tolist() == [[2, 3], [1, 0]]
+    assert LAYOUT.bin_mask.sum(axis=2).tolist() == [[2, 1], [5, 3]]  # padding has one bin
+    assert LAYOUT.updates == 4
+    by_slot = jnp.asarray([[7, -1], [5, 3]])
+    assert by_attribute(LAYOUT, by_slot, 3).tolist() == [3, 5, 7]
 
 
 @pytest.mark.parametrize(("updates", "turn", "fixed", "ever", "concatenated"), [
@@ -129,8 +130,8 @@ def test_groups_advance_and_inactive_ones_stay_bitwise_equal(seed: int) -> None:
         if info.grad_norm > 0:
             old, new = (s.learners.params["params"]["DenseGeneral_0"] for s in (before, state))
             assert np.any(old["bias"][group] != new["bias"][group])
-        seen = [3] * group + [t % 3 + 1] + [0] * (2 - group)
-        assert state.learners.baseline.seen.tolist() == seen
+        updates = [3] * group + [t % 3 + 1] + [0] * (2 - group)
+        assert state.learners.baseline.updates.tolist() == updates
 
 
 def test_after_the_last_group_nothing_changes_and_the_first_policy_is_flax_s() -> None:

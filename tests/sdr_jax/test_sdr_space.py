@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sdr_jax import Space, relax, slide, space
-from sdr_jax.relaxation import bin_centres, bin_mask, entropy, moments, uniform
+from sdr_jax.bins import bin_centres, bin_mask
+from sdr_jax.distributions import entropy, moments, uniform
 
 from .conftest import SEEDS, refuses
 
@@ -33,7 +34,7 @@ def test_a_space_is_built_from_names() -> None:
     (dict(names=NAMES, groups=[["car", "tree"], ["tree", "fence"]]), "'tree'"),
     (dict(names=NAMES, groups=[["car", "tree"]]), "'fence'"),
     (dict(names=NAMES, groups=[NAMES, []]), "a group needs"),
-    (dict(names=NAMES, unordered=["weather"]), "in unordered: 'weather'; known are car"),
+    (dict(names=NAMES, unordered=["weather"]), "in unordered: 'weather'; choose from car"),
 ])  # fmt: skip
 def test_a_bad_space_is_refused_by_name(arguments: dict, culprit: str) -> None:
     refuses(culprit, space, **arguments)
