@@ -17,16 +17,16 @@ from common.labels.coco import read_coco_file
 from common.labels.target_file import TRAIN, Files, TargetFile
 
 HELD_OUT = ("test", "testing", "val", "valid", "validation")
-"""Names of a split for figures in any data, in the order of choice."""
+"""Names of a split to evaluate on, in order of preference."""
 MOST_LINES = 1000
-"""So many lines are searched for an image's name to tell a list from other text."""
+"""Number of lines searched for the name of an image, to tell a list from other text."""
 
 
 class Entry(NamedTuple):
     """One labelled image on disk."""
 
     name: str  # unique within a split
-    sequence: str  # its group, such as a drive, whose consecutive frames are nearly the same
+    sequence: str  # its group, such as a sequence, whose consecutive frames are nearly identical
     image_path: Path
     label_path: Path
 
@@ -43,12 +43,12 @@ def list_split(target: TargetFile, root: str | Path, split: str) -> tuple[Entry,
         Entries by group and name.
 
     Raises:
-        UserError: the folder, the split, a list, an image or a label is missing, a name is twice in a list
-            or leads out of the folder, or there are no images.
+        UserError: the folder, the split, a list, an image or a label is missing, a name is repeated or
+            outside the folder, or there are no images.
     """
     root = Path(root)
     if not root.is_dir():
-        raise UserError(f"{root}: no such folder; expected {target.name}, with {_shown(target)}")
+        raise UserError(f"{root}: no such folder; expected {target.name}, with {_places(target)}")
     if "/" in plain_path(split) or split in (".", ".."):
         names = split_names(target, root)
         if split not in names:
@@ -56,13 +56,15 @@ def list_split(target: TargetFile, root: str | Path, split: str) -> tuple[Entry,
     entries = _entries(target, root, split)
     for path in (path for entry in entries for path in (entry.image_path, entry.label_path)):
         if leads_out(root, str(path.absolute())):
-            raise UserError(f"{path} leads out of {root}; expected a file below that folder")
+            raise UserError(f"{path} is outside {root}; expected a file in that folder")
     if not entries:
-        raise UserError(f"{root}: zero images in split {split!r}; expected {_shown(target, split)}")
+        raise UserError(f"{root}: no images in split {split!r}; expected {_places(target, split)}")
     repeated = [name for name, count in Counter(e.name for e in entries).items() if count > 1]
     if repeated:
         paths = " and ".join(str(e.image_path) for e in entries if e.name == repeated[0])
-        raise UserError(f"{paths} have one name, {repeated[0]}; names must differ within a split")
+        raise UserError(
+            f"{paths} have the same name, {repeated[0]}; names must be unique within a split"
+        )
     return tuple(sorted(entries, key=lambda entry: (entry.sequence, entry.name)))
 
 
@@ -79,26 +81,26 @@ def split_names(target: TargetFile, root: Path) -> tuple[str, ...]:
     if isinstance(target.images, dict):
         return tuple(target.images)
     if isinstance(target.splits, dict) and target.splits:
-        made = not isinstance(next(iter(target.splits.values())), str)
-        return tuple(dict.fromkeys([TRAIN] * made + [*target.splits]))
-    found: set[str] = set()
+        has_lists = isinstance(next(iter(target.splits.values())), str)
+        return tuple(target.splits) if has_lists else tuple(dict.fromkeys([TRAIN, *target.splits]))
+    splits: set[str] = set()
     if isinstance(target.splits, str):
-        found |= {
+        splits |= {
             split
             for split in _splits_at(target.splits, root)
             if split.lower() in (TRAIN, "training", *HELD_OUT) or _lists_images(target, root, split)
         }
     if "{split}" in target.images:
-        own = _splits_at(target.images, root)
+        image_splits = _splits_at(target.images, root)
         labels = cast(str, target.labels)
-        found |= own & _splits_at(labels, root) if "{split}" in labels else own
+        splits |= image_splits & _splits_at(labels, root) if "{split}" in labels else image_splits
     elif not target.splits:
-        found = {TRAIN}
-    return tuple(sorted(found, key=lambda split: (split != TRAIN, split)))
+        splits = {TRAIN}
+    return tuple(sorted(splits, key=lambda split: (split != TRAIN, split)))
 
 
 def _lists_images(target: TargetFile, root: Path, split: str) -> bool:
-    """Whether a line of a text file names an image: a README beside the lists is no split."""
+    """Whether a line of a text file names an image: a README next to the lists is no split."""
     assert isinstance(target.splits, str)
     assert isinstance(target.images, str)
     listing = root / target.splits.replace("{split}", split)
@@ -121,18 +123,18 @@ def _lists_images(target: TargetFile, root: Path, split: str) -> bool:
 
 def shared_groups(splits: Mapping[str, Sequence[Entry]]) -> str:
     """A warning about groups with images in two splits; empty if there are none."""
-    of: dict[str, list[str]] = {}
+    splits_of: dict[str, list[str]] = {}
     for split, entries in splits.items():
         for group in {entry.sequence for entry in entries}:
-            of.setdefault(group, []).append(split)
-    shared = sorted(group for group, own in of.items() if len(own) > 1)
+            splits_of.setdefault(group, []).append(split)
+    shared = sorted(group for group, names in splits_of.items() if len(names) > 1)
     if not shared:
         return ""
-    both = " and ".join(dict.fromkeys(split for group in shared for split in of[group]))
+    both = " and ".join(dict.fromkeys(split for group in shared for split in splits_of[group]))
     shown = ", ".join(shared[:3]) + (", ..." if len(shared) > 3 else "")
     return (
-        f"the published lists share {len(shared)} of {len(of)} groups ({shown}) between {both}: their "
-        "images are alike, so figures on one say less about streets that no list has"
+        f"the published lists share {len(shared)} of {len(splits_of)} groups ({shown}) between {both}: "
+        "their images are similar, so scores on one say less about new streets"
     )
 
 
@@ -144,7 +146,7 @@ def _entries(target: TargetFile, root: Path, split: str) -> list[Entry]:
         if split not in images:
             _refuse_split(root, split, names, f"in {target.source}")
         return list(
-            _given(target, root, split, images[split], cast(dict[str, Files], labels)[split])
+            _tabled(target, root, split, images[split], cast(dict[str, Files], labels)[split])
         )
     assert isinstance(labels, str)
     if isinstance(target.splits, str):
@@ -156,34 +158,32 @@ def _entries(target: TargetFile, root: Path, split: str) -> list[Entry]:
     elif target.splits:
         if split not in names:
             _refuse_split(root, split, names, f"in {target.source}")
-        own = target.splits.get(split)
-        if isinstance(own, str):
-            return list(_listed(target, root, split, root / own, images, labels))
-        return _made(target, root, _found(target, root, TRAIN, images, labels))[split]
+        listing_path = target.splits.get(split)
+        if isinstance(listing_path, str):
+            return list(_listed(target, root, split, root / listing_path, images, labels))
+        return _split_up(target, root, _matched(target, root, TRAIN, images, labels))[split]
     if "{split}" in images:
         first = root / images.replace("{split}", split).partition("{")[0]
         if not first.parent.is_dir() or split not in names:
-            _refuse_split(root, split, names, f"expected {_shown(target, split)}")
+            _refuse_split(root, split, names, f"expected {_places(target, split)}")
     elif split != TRAIN:
-        _refuse_split(root, split, names, f"{target.source} names none")
-    return list(_found(target, root, split, images, labels))
+        _refuse_split(root, split, names, f"{target.source} defines none")
+    return list(_matched(target, root, split, images, labels))
 
 
-def _refuse_split(root: Path, split: str, there: Sequence[str], why: str) -> NoReturn:
-    raise UserError(
-        f"{root}: no split {split!r}; {why}. Splits there: {', '.join(there) or 'none'}"
-    )
+def _refuse_split(root: Path, split: str, names: Sequence[str], why: str) -> NoReturn:
+    raise UserError(f"{root}: no split {split!r}; {why}. Its splits: {', '.join(names) or 'none'}")
 
 
-def _shown(target: TargetFile, split: str = "{split}") -> str:
+def _places(target: TargetFile, split: str = "{split}") -> str:
     """The places where images and labels should be, for errors."""
-    shown = []
-    for own in (target.images, target.labels):
-        pattern = own.get(split, "a list") if isinstance(own, dict) else own
-        shown.append(str(pattern).replace("{split}", split))
+    places = []
+    for files in (target.images, target.labels):
+        pattern = files.get(split, "a list") if isinstance(files, dict) else files
+        places.append(str(pattern).replace("{split}", split))
     lists = target.splits
     listing = f"{lists.replace('{split}', split)} or " if isinstance(lists, str) else ""
-    return f"{listing}{' and '.join(shown)}"
+    return f"{listing}{' and '.join(places)}"
 
 
 # ---- patterns
@@ -193,17 +193,18 @@ _ENDINGS = "|".join(re.escape(suffix) for suffix in IMAGES)
 
 def _regex(pattern: str) -> str:
     """A regular expression for the paths of a pattern."""
-    found, seen = "", set()
+    expression = ""
+    earlier: set[str] = set()
     for part in re.split(r"(\{\w+\})", pattern):
         place = part.strip("{}")
         if not part.startswith("{"):
-            found += re.escape(part)
-        elif place in seen:
-            found += f"(?P={place})"
+            expression += re.escape(part)
+        elif place in earlier:
+            expression += f"(?P={place})"
         else:
-            seen.add(place)
-            found += f"(?P<{place}>(?!\\.\\.?/)[^/]+)"
-    return found
+            earlier.add(place)
+            expression += f"(?P<{place}>(?!\\.\\.?/)[^/]+)"
+    return expression
 
 
 def _expression(pattern: str) -> re.Pattern[str]:
@@ -224,11 +225,11 @@ def matches(pattern: str, root: Path) -> Iterator[tuple[Path, dict[str, str]]]:
     """The files of a pattern with the text at its places; a pattern without a suffix has those of images."""
     exact, expression = _has_suffix(pattern), _expression(composed(pattern))
     for path in _globbed(root, pattern, "" if exact else ".*"):
-        found = expression.fullmatch(composed(path.relative_to(root).as_posix()))
-        if path.name[0] == "." or not found or not path.is_file():
+        match = expression.fullmatch(composed(path.relative_to(root).as_posix()))
+        if path.name[0] == "." or not match or not path.is_file():
             continue
         if exact or path.suffix.lower() in IMAGES:
-            yield path, found.groupdict()
+            yield path, match.groupdict()
 
 
 def _globbed(root: Path, pattern: str, ending: str) -> Iterator[Path]:
@@ -255,9 +256,9 @@ def _splits_at(pattern: str, root: Path) -> set[str]:
 
 
 def _on_disk(path: Path, any_suffix: bool) -> Path | None:
-    """The path, if need be with the suffix that the image has on this disk."""
-    endings = [own for s in IMAGES for own in (s, s.upper())] if any_suffix else [""]
-    paths = [path.with_name(path.name + own) for own in endings]
+    """The path, with the suffix that the image has on disk if any will do; None if there is no file."""
+    suffixes = [case for s in IMAGES for case in (s, s.upper())] if any_suffix else [""]
+    paths = [path.with_name(path.name + suffix) for suffix in suffixes]
     return next(filter(None, map(spelled, paths)), None)
 
 
@@ -274,10 +275,10 @@ def _entry(
     target: TargetFile, split: str, image: Path, root: Path, labels: str, places: Mapping[str, str]
 ) -> Entry:
     """An image with its label by the pattern. Raises UserError if it has none."""
-    found = _labelled(target, split, image, root, labels, places)
-    if found is None:
+    entry = _labelled(target, split, image, root, labels, places)
+    if entry is None:
         raise UserError(_without_label(split, image, root, labels, places))
-    return found
+    return entry
 
 
 def _without_label(
@@ -308,14 +309,16 @@ def _named(
     """An entry with its group; if groups are folders, they are part of the name."""
     group = folder or name
     if target.group is not None:
-        found = re.search(target.group, name)
-        group = ((found[1] if found.re.groups else found[0]) if found else None) or name
+        match = re.search(target.group, name)
+        group = ((match[1] if match.re.groups else match[0]) if match else None) or name
     if folder is not None and not name.startswith(f"{folder}_"):
         name = f"{folder}_{name}"
     return Entry(name, group, image, label)
 
 
-def _found(target: TargetFile, root: Path, split: str, images: str, labels: str) -> Iterator[Entry]:
+def _matched(
+    target: TargetFile, root: Path, split: str, images: str, labels: str
+) -> Iterator[Entry]:
     """The entries at the patterns."""
     for image, places in matches(images.replace("{split}", split), root):
         if entry := _labelled(target, split, image, root, labels, places):
@@ -325,12 +328,12 @@ def _found(target: TargetFile, root: Path, split: str, images: str, labels: str)
             raise UserError(_without_label(split, image, root, labels, places) + hint)
 
 
-def _given(
+def _tabled(
     target: TargetFile, root: Path, split: str, images: Files, labels: Files
 ) -> Iterator[Entry]:
     """The entries of a split in the tables of images and labels."""
     if isinstance(images, str) and isinstance(labels, str):
-        yield from _found(target, root, split, images, labels)
+        yield from _matched(target, root, split, images, labels)
     elif not isinstance(images, str) and not isinstance(labels, str):
         for k, pair in enumerate(zip(images, labels, strict=True)):
             where = f"{target.source}, images.{split}[{k}]"
@@ -347,21 +350,21 @@ def _listed(
     names: set[str] = set()
     for number, line in _lines(listing):
         where = f"{listing}, line {number}"
-        own = _at_name(root, split, images, line, by_name, where)
+        named = _at_name(root, split, images, line, by_name, where)
         pair = next((words for words in _split_pairs(line) if len(words) == 2), ())
-        if own is not None:
-            entry = _entry(target, split, own[0], root, labels, own[1])
+        if named is not None:
+            entry = _entry(target, split, named[0], root, labels, named[1])
         elif pair:
             entry = _pair(target, root, where, pair)
         elif leads_out(root, _filled(images, split, {"name": line})):
-            raise UserError(f"{where}: {line} leads out of {root}")
+            raise UserError(f"{where}: {line} is outside {root}")
         else:
             expected = root / _filled(images, split, {"name": line})
             raise UserError(
                 f"{where}: no image {expected}; expected a name, a path, or an image and its label"
             )
         if entry.name in names:
-            raise UserError(f"{where}: {entry.name} is listed twice; once is right")
+            raise UserError(f"{where}: {entry.name} is listed twice; remove one")
         names.add(entry.name)
         yield entry
 
@@ -381,10 +384,10 @@ def _by_name(
     """The images by name where their groups are folders, which lists may leave out."""
     if "{group}" not in images:
         return None
-    found: dict[str, list[tuple[Path, dict[str, str]]]] = {}
+    by_name: dict[str, list[tuple[Path, dict[str, str]]]] = {}
     for path, places in matches(images.replace("{split}", split), root):
-        found.setdefault(places["name"], []).append((path, places))
-    return found
+        by_name.setdefault(places["name"], []).append((path, places))
+    return by_name
 
 
 def _split_pairs(line: str) -> Iterator[list[str]]:
@@ -407,7 +410,7 @@ def _at_name(
         named = by_name.get(line, ())
         if len(named) > 1:
             raise UserError(
-                f"{where}: {named[0][0]} and {named[1][0]} have this name; write the path"
+                f"{where}: {named[0][0]} and {named[1][0]} both have this name; write the path"
             )
         if named:
             return named[0]
@@ -419,10 +422,10 @@ def _at_name(
     # A path below the folder, or a name with the suffix that the pattern leaves out.
     folder = images.rpartition("/")[0]
     for path in (line, f"{folder}/{line}"):
-        found = _expression(images).fullmatch(path)
-        image = spelled(root / path) if found else None
-        if found and image is not None:
-            return image, found.groupdict()
+        match = _expression(images).fullmatch(path)
+        image = spelled(root / path) if match else None
+        if match and image is not None:
+            return image, match.groupdict()
     return None
 
 
@@ -430,7 +433,7 @@ def _pair(target: TargetFile, root: Path, where: str, pair: Sequence[str]) -> En
     """An image and its label by their paths."""
     image, label = (_tail(root, path, where) for path in pair)
     if not image.is_file():
-        raise UserError(f"{where}: no image {image}, neither as {' nor as '.join(IMAGES)}")
+        raise UserError(f"{where}: no image {image}, whatever the extension ({', '.join(IMAGES)})")
     if not label.is_file():
         raise UserError(f"{image}: image without label; expected {label}")
     return _named(target, image, label, composed(image.stem))
@@ -447,10 +450,10 @@ def _tail(root: Path, path: str, where: str) -> Path:
     tails = ["/".join(parts[k:]) for k in range(len(parts))] if path.startswith("/") else [path]
     for tail in tails:
         if leads_out(root, tail):
-            raise UserError(f"{where}: {tail} leads out of {root}")
+            raise UserError(f"{where}: {tail} is outside {root}")
         whole = root / tail
-        for own in (whole, *(whole.with_suffix(suffix) for suffix in IMAGES)):
-            if (file := spelled(own)) is not None:
+        for candidate in (whole, *(whole.with_suffix(suffix) for suffix in IMAGES)):
+            if (file := spelled(candidate)) is not None:
                 return file
     return root.joinpath(*tails[:1])
 
@@ -458,41 +461,43 @@ def _tail(root: Path, path: str, where: str) -> Path:
 # ---- splits by groups or shares
 
 
-def _made(target: TargetFile, root: Path, found: Iterable[Entry]) -> dict[str, list[Entry]]:
+def _split_up(target: TargetFile, root: Path, entries: Iterable[Entry]) -> dict[str, list[Entry]]:
     """Make splits by groups or shares; no group is in two of them."""
-    of: dict[str, list[Entry]] = {}
-    for entry in found:
-        of.setdefault(entry.sequence, []).append(entry)
-    splits = cast(Mapping[str, float | tuple[str, ...]], target.splits)
-    total = sum(map(len, of.values()))
-    made: dict[str, list[Entry]] = {}
-    for split, own in splits.items():
-        groups = _share(of, own * total) if isinstance(own, float) else own
-        missing = [group for group in groups if group not in of]
+    left: dict[str, list[Entry]] = {}
+    for entry in entries:
+        left.setdefault(entry.sequence, []).append(entry)
+    wanted = cast(Mapping[str, float | tuple[str, ...]], target.splits)
+    total = sum(map(len, left.values()))
+    splits: dict[str, list[Entry]] = {}
+    for split, rule in wanted.items():
+        groups = _share(left, rule * total) if isinstance(rule, float) else rule
+        missing = [group for group in groups if group not in left]
         if missing:
-            there = ", ".join(sorted(of)[:8]) + (", ..." if len(of) > 8 else "")
+            names = ", ".join(sorted(left)[:8]) + (", ..." if len(left) > 8 else "")
             raise UserError(
-                f"{target.source}: splits.{split}: no group {missing[0]!r}; {root} has {there or 'none'}"
+                f"{target.source}: splits.{split}: no group {missing[0]!r}; {root} has {names or 'none'}"
             )
-        made[split] = [entry for group in groups for entry in of[group]]
-        if isinstance(own, float):
-            of = {group: entries for group, entries in of.items() if group not in groups}
-    taken = {entry.sequence for entries in made.values() for entry in entries}
-    made.setdefault(TRAIN, [e for group, own in of.items() if group not in taken for e in own])
-    if not made[TRAIN]:
+        splits[split] = [entry for group in groups for entry in left[group]]
+        if isinstance(rule, float):
+            left = {group: entries for group, entries in left.items() if group not in groups}
+    taken = {entry.sequence for entries in splits.values() for entry in entries}
+    splits.setdefault(
+        TRAIN, [entry for group in left if group not in taken for entry in left[group]]
+    )
+    if not splits[TRAIN]:
         raise UserError(
-            f"{target.source}: splits: nothing is left for {TRAIN}; there are {len(taken)} groups, which are "
-            "never split, and every split needs one"
+            f"{target.source}: splits: no images left for {TRAIN}, since every split needs a group of its "
+            f"own, and there are only {len(taken)}"
         )
-    return made
+    return splits
 
 
-def _share(of: Mapping[str, Sequence[Entry]], wanted: float) -> list[str]:
+def _share(groups: Mapping[str, Sequence[Entry]], wanted: float) -> list[str]:
     """Choose groups, one or more, with about so many images, in the order of their names' digests."""
     taken: list[str] = []
     count = 0
-    for group in sorted(of, key=lambda name: hashlib.sha256(name.encode()).hexdigest()):
-        size = len(of[group])
+    for group in sorted(groups, key=lambda name: hashlib.sha256(name.encode()).hexdigest()):
+        size = len(groups[group])
         if not taken or abs(count + size - wanted) < abs(count - wanted):
             taken.append(group)
             count += size

@@ -9,8 +9,8 @@
       road: {ids: [0], renders: [road]}
       building: {ids: [1, 7], renders: [building, wall, fence]}
 
-Such a file is ``target.yaml`` beside the images, one anywhere, or one of those in ``targets/``. It is
-checked against the fields of `TargetFile`; every error names the file, the line and the field.
+Such a file is ``target.yaml`` in the folder of the images, any other file, or one of those in ``targets/``.
+It is checked against the fields of `TargetFile`; every error names the file, the line and the field.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from __future__ import annotations
 import colorsys
 import re
 import shlex
-from collections import Counter
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
@@ -35,15 +34,15 @@ from common.interrupt import PROGRAM
 from common.labels import classes as engine
 
 FILE = "target.yaml"
-"""The name of a target's file beside its images."""
+"""The name of a target's file in the folder of its images."""
 SHIPPED = tuple(sorted(path.stem for path in (Path(__file__).parent / "targets").glob("*.yaml")))
 """Names of the targets whose files come with the package."""
 MOST_BYTES, MOST_CLASSES = 1_000_000, 254
-"""The most bytes of a target's file."""
+"""The most bytes of a target's file, and its most classes."""
 DEEPEST = 20
-"""The most tables and lists inside one another."""
+"""The deepest nesting of tables and lists."""
 PLACES = ("split", "group", "name")
-"""Names that a pattern may have in braces."""
+"""Placeholders of a pattern, in braces."""
 WIDEST = 0.1
 """The largest outline, as a share of an image's width."""
 TRAIN = "train"
@@ -79,9 +78,9 @@ class TargetClass(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Attributes:
         ids: its values in label files of ids.
-        colours: its RGB colours in label files of colours; pictures use the first.
+        colours: its RGB colours in label files of colours; label images use the first.
         names: its names in label files of polygons.
-        renders: the engine's classes in it; a class without any is learnt from labels alone.
+        renders: the engine's classes in it; a class without any is trained on labels alone.
     """
 
     ids: tuple[Id, ...] = ()
@@ -96,33 +95,33 @@ class TargetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     Attributes:
         images: pattern of the images' paths below the data's folder; or for each split a pattern or a list.
         labels: the same for the labels; those of many images may be one file of COCO.
-        classes: classes by name; their indices are the ids that nets learn.
+        classes: classes by name; their indices are the ids that networks predict.
         format: format of the label files; by default ids if the classes have some, else colours if they
             have some, else labelme-json.
-        void: ids, colours or names of pixels that are ignored.
+        void: ids, colours or names of ignored pixels.
         splits: one pattern of lists; or for each split its list, its groups, or its share of the images. By
             default the folders at {split} in the pattern of the images; without these all are `TRAIN`.
         group: regular expression that finds the group in an image's name: its first parenthesis, or the
             whole match. By default the text at {group} in the pattern; without it each image is a group.
-        fit: how an image of another shape than the size is treated: with a void margin, or with a cut
-            around its centre.
+        fit: how an image of another aspect ratio is treated: padded with ignored pixels, or cropped around
+            its centre.
         rest: the class of all pixels whose value is in no class and not in `void`, those without a polygon
-            included, and of what the engine renders for no class; it needs no values, and comes last if
+            included, and of engine classes that no class contains; it needs no values, and comes last if
             `classes` does not name it. By default such values are an error, and pixels
-            without a polygon void.
+            without a polygon are ignored.
         unlabelled: whether an image at a pattern that has no label is an error, or left out.
-        outlines: classes that annotators draw as a whole before the sky, with the width of the widest holes
-            as a share of the image's width: renders' labels of these are drawn in the same way
-            (`scene.outline`). In the file a share is such as "3 %".
+        outlines: classes that annotators draw without the holes through which the sky shows, with the width
+            of the widest holes as a share of the image's width; labels of renders are drawn in the same way
+            (`scene.outline`). In the file a share is text such as "3 %".
         name: name of the target; by default that of its file.
-        source: the file, for errors; it is no field of the file.
+        source: the file, for errors; not a field of the file.
     """
 
     images: str | dict[str, Files]
     labels: str | dict[str, Files]
     classes: dict[Name, TargetClass]
     format: Format | None = None
-    # The library mistakes bounds in a union with tuples of a fixed length, so these are checked below.
+    # msgspec mistakes bounds in a union with tuples of a fixed length, so these are checked below.
     void: tuple[int | str | tuple[int, ...], ...] = ()
     splits: str | dict[str, Split] = {}
     group: str | None = None
@@ -146,15 +145,15 @@ class TargetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def rendered(self) -> tuple[bool, ...]:
-        """Whether the engine renders each class; other classes are learnt from labels alone."""
-        return tuple(bool(own.renders) or name == self.rest for name, own in self.classes.items())
+        """Whether the engine renders each class; other classes are trained on labels alone."""
+        return tuple(bool(c.renders) or name == self.rest for name, c in self.classes.items())
 
     @property
     def of_engine(self) -> tuple[int, ...]:
         """The target's class of each engine class: by default that of the rest, or `classes.VOID`."""
         rest = engine.VOID if self.rest is None else self.class_names.index(self.rest)
-        found = {name: k for k, own in enumerate(self.classes.values()) for name in own.renders}
-        return tuple(found.get(name, rest) for name in engine.NAMES)
+        class_of = {name: k for k, c in enumerate(self.classes.values()) for name in c.renders}
+        return tuple(class_of.get(name, rest) for name in engine.NAMES)
 
     @property
     def engine_outlines(self) -> tuple[engine.Outline, ...]:
@@ -169,13 +168,14 @@ class TargetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def palette(self) -> tuple[Colour, ...]:
-        """A different colour of each class for pictures: its own, the engine's, or one of a colour circle."""
-        published = {own.name: own.colour for own in engine.CLASSES}
-        found: list[Colour] = []
-        for k, own in enumerate(self.classes.values()):
-            wanted = [*own.colours, *(published[name] for name in own.renders), *_circle(k)]
-            found.append(next(colour for colour in wanted if colour not in found))
-        return tuple(found)
+        """A different colour of each class for label images: its own, the engine's, or one of a circle."""
+        engine_colours = {row.name: row.colour for row in engine.CLASSES}
+        palette: list[Colour] = []
+        for k, target_class in enumerate(self.classes.values()):
+            rendered = (engine_colours[name] for name in target_class.renders)
+            candidates = [*target_class.colours, *rendered, *_circle(k)]
+            palette.append(next(colour for colour in candidates if colour not in palette))
+        return tuple(palette)
 
 
 def _circle(k: int) -> Iterator[Colour]:
@@ -198,20 +198,22 @@ def find_target(target: str | Path | None, data: Path | None = None) -> TargetFi
     """
     if target is None:
         if data is None:
-            raise UserError("neither a target nor a folder with its images is named")
+            raise UserError("name a target, or the folder of its images")
         if not data.is_dir():
             raise UserError(f"{data}: no such folder; expected one with images and {FILE}")
         if not (data / FILE).is_file():
             command = shlex.join([PROGRAM, "doctor", str(data), "--write", str(data / FILE)])
             raise UserError(
-                f"{data}: no {FILE} in it; {command} proposes one, "
+                f"{data} has no {FILE}; {command} proposes one, "
                 f"and --target names another file, or one of {', '.join(SHIPPED)}"
             )
         target = data / FILE
     if str(target) in SHIPPED:
         return shipped(str(target))
     if not Path(target).is_file():
-        raise UserError(f"--target {target}: no such file, nor is it one of {', '.join(SHIPPED)}")
+        raise UserError(
+            f"--target {target}: no such file; expected a file, or one of {', '.join(SHIPPED)}"
+        )
     return parse_target(read_bytes(Path(target), MOST_BYTES), str(target))
 
 
@@ -234,9 +236,9 @@ def parse_target(text: bytes | str, source: str) -> TargetFile:
     """
     lines = _Lines(source)
     if len(text) > MOST_BYTES:
-        raise UserError(f"{source} has more than {MOST_BYTES:,} bytes, the most of such a file")
+        raise UserError(f"{source} has more than {MOST_BYTES:,} bytes, the limit of such a file")
     try:
-        # Composing nodes recurses, in C without a check of the stack; events do not.
+        # Composing nodes recurses, in C without a check of the stack; parsing events does not.
         depth = 0
         for event in yaml.parse(text, _LOADER):
             depth += isinstance(event, yaml.CollectionStartEvent)
@@ -244,47 +246,47 @@ def parse_target(text: bytes | str, source: str) -> TargetFile:
             if depth > DEEPEST:
                 lines.refuse_at(
                     event.start_mark,
-                    f"lists or tables are nested more than {DEEPEST} deep; 4 are enough for all fields",
+                    f"lists or tables are nested more than {DEEPEST} deep; all fields need at most 4",
                 )
         node = yaml.compose(text, _LOADER)
     except yaml.MarkedYAMLError as error:
-        lines.refuse_at(error.problem_mark, f"is no YAML: {error.problem}")
+        lines.refuse_at(error.problem_mark, f"not valid YAML: {error.problem}")
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        raise UserError(f"{source} is no YAML: {' '.join(str(error).split())}") from None
-    plain = lines.plain(node, "") if node is not None else {}
-    if not isinstance(plain, dict):
+        raise UserError(f"{source}: not valid YAML: {' '.join(str(error).split())}") from None
+    fields = lines.plain(node, "") if node is not None else {}
+    if not isinstance(fields, dict):
         raise UserError(f"{source}, line 1: expected fields such as 'images: images/{{name}}.jpg'")
-    if "source" in plain:
-        lines.refuse("source", "no field of a target's file has this name")
-    # First entry by entry, since the library does not name the entry of a table with an error.
+    if "source" in fields:
+        lines.refuse("source", "unknown field")
+    # First entry by entry, since msgspec does not name the entry of a table with an error.
     for field, kind in (
         ("classes", TargetClass),
         ("splits", Split),
         ("images", Files),
         ("labels", Files),
     ):
-        if isinstance(plain.get(field), dict):
-            for name, value in plain[field].items():
+        if isinstance(fields.get(field), dict):
+            for name, value in fields[field].items():
                 lines.checked(value, kind, f"{field}.{name}")
-    if isinstance(plain.get("outlines"), dict):
+    if isinstance(fields.get("outlines"), dict):
         shares = {
             name: lines.share(value, f"outlines.{name}")
-            for name, value in plain["outlines"].items()
+            for name, value in fields["outlines"].items()
         }
-        plain["outlines"] = {name: share for name, share in shares.items() if share}
-    found = lines.checked(plain, TargetFile, "")
-    found = msgspec.structs.replace(
-        found,
-        name=plain.get("name", _own_name(source)),
-        format=found.format or _format(found),
-        classes=found.classes if found.rest is None else {**found.classes, **_rest(found)},
-        images=_plain(found.images),
-        labels=_plain(found.labels),
-        splits=_plain(found.splits),
+        fields["outlines"] = {name: share for name, share in shares.items() if share}
+    target: TargetFile = lines.checked(fields, TargetFile, "")
+    target = msgspec.structs.replace(
+        target,
+        name=fields.get("name", _name_of(source)),
+        format=target.format or _format(target),
+        classes=target.classes if target.rest is None else {**target.classes, **_rest(target)},
+        images=_plain(target.images),
+        labels=_plain(target.labels),
+        splits=_plain(target.splits),
         source=source,
     )
-    _check(found, lines)
-    return found
+    _check(target, lines)
+    return target
 
 
 def _plain(files: Any) -> Any:
@@ -300,16 +302,17 @@ def _rest(target: TargetFile) -> dict[str, TargetClass]:
     return {} if target.rest in target.classes else {target.rest: TargetClass()}
 
 
-def _own_name(source: str) -> str:
+def _name_of(source: str) -> str:
     path = Path(source)
     return (path.absolute().parent.name if path.name == FILE else path.stem) or "target"
 
 
 def _format(target: TargetFile) -> Format:
     formats: tuple[Format, ...] = ("ids", "colours", "labelme-json")
-    for own in formats:
-        if any(getattr(one, _KINDS[own]) for one in target.classes.values()):
-            return own
+    for label_format in formats:
+        kind = _KINDS[label_format]
+        if any(getattr(target_class, kind) for target_class in target.classes.values()):
+            return label_format
     return "ids"
 
 
@@ -323,11 +326,11 @@ class _Lines:
 
     def refuse(self, field: str, why: str) -> NoReturn:
         """Raise UserError at a field, such as ``classes.road.ids[0]``."""
-        known = field
-        while known not in self._of and known:
-            known = re.sub(r"(\.[^.\[]*|\[[^\[]*|^[^.\[]*)$", "", known)
-        told = f" {field}:" if field else ""
-        raise UserError(f"{self._source}, line {self._of.get(known, 1)}:{told} {why}")
+        with_line = field
+        while with_line not in self._of and with_line:
+            with_line = re.sub(r"(\.[^.\[]*|\[[^\[]*|^[^.\[]*)$", "", with_line)
+        name = f" {field}:" if field else ""
+        raise UserError(f"{self._source}, line {self._of.get(with_line, 1)}:{name} {why}")
 
     def refuse_at(self, mark: yaml.Mark | None, why: str) -> NoReturn:
         """Raise UserError at a place in the text."""
@@ -345,21 +348,21 @@ class _Lines:
                 why = getattr(error, "problem", None) or error
                 self.refuse(field, f"{node.value!r} cannot be read ({why})")
         if id(node) in self._seen:  # a small file of many aliases can stand for an endless one
-            self.refuse(field, "stands for a part of the file above; write it out")
+            self.refuse(field, "is an alias for another part of the file; write it out")
         self._seen.add(id(node))
         if isinstance(node, yaml.SequenceNode):
             return [self.plain(value, f"{field}[{k}]") for k, value in enumerate(node.value)]
-        found: dict[str, Any] = {}
+        table: dict[str, Any] = {}
         for key, value in cast(yaml.MappingNode, node).value:
             if not isinstance(key, yaml.ScalarNode):
-                self.refuse_at(key.start_mark, "a name must be a word, not a list or a table")
+                self.refuse_at(key.start_mark, "expected a name, not a list or a table")
             name = composed(key.value)
-            own = f"{field}.{name}" if field else name
-            if name in found:
-                self.refuse_at(key.start_mark, f"{own}: stands there twice; once is right")
-            found[name] = self.plain(value, own)
-            self._of[own] = key.start_mark.line + 1
-        return found
+            inner = f"{field}.{name}" if field else name
+            if name in table:
+                self.refuse_at(key.start_mark, f"{inner}: appears twice; remove one")
+            table[name] = self.plain(value, inner)
+            self._of[inner] = key.start_mark.line + 1
+        return table
 
     def share(self, value: Any, field: str) -> float:
         """Convert a text such as "3 %" to a share of an image's width; raises UserError for any other."""
@@ -382,7 +385,7 @@ class _Lines:
             if unknown:
                 field, why = (
                     f"{field}.{unknown[1]}",
-                    "is no field; there are "
+                    "unknown field; expected one of "
                     + ", ".join(
                         name for name in getattr(kind, "__struct_fields__", ()) if name != "source"
                     ),
@@ -391,55 +394,56 @@ class _Lines:
 
 
 def plain_words(why: str) -> str:
-    """The library's message in the words of the format."""
-    for theirs, ours in (
-        ("Object missing required", "lacks the"), ("`", ""), ("Expected", "expected"), ("got", "not"),
-        ("array", "list"), ("object", "table"), ("int", "whole number"), ("float", "number"),
-        ("str", "text"), ("null", "nothing"), ("Invalid enum value", "there is no"),
+    """A message of msgspec in the words of YAML's users."""
+    for term, plain_term in (
+        ("Object missing required field", "missing field"), ("`", ""), ("Expected", "expected"),
+        ("got", "not"), ("array", "list"), ("object", "table"), ("int", "whole number"), ("float", "number"),
+        ("str", "text"), ("null", "nothing"), ("Invalid enum value", "unknown value"),
     ):  # fmt: skip
-        why = re.sub(rf"\b{theirs}\b" if theirs.isalpha() else re.escape(theirs), ours, why)
+        why = re.sub(rf"\b{term}\b" if term.isalpha() else re.escape(term), plain_term, why)
     return why
 
 
 def _check(target: TargetFile, lines: _Lines) -> None:
     """Refuse errors that types alone do not show."""
     if not 2 <= len(target.classes) <= MOST_CLASSES:
-        alone = "; 'rest: background' makes a class of all other pixels" * (
-            len(target.classes) == 1
-        )
+        hint = "; 'rest: background' makes a class of all other pixels"
+        hint = hint if len(target.classes) == 1 else ""
         lines.refuse(
-            "classes", f"expected 2 to {MOST_CLASSES} classes, not {len(target.classes)}{alone}"
+            "classes", f"expected 2 to {MOST_CLASSES} classes, not {len(target.classes)}{hint}"
         )
     _check_classes(target, lines)
     rendered = [name for name, has in zip(target.classes, target.rendered, strict=True) if has]
     for name in target.outlines:
         if name not in rendered:
-            what = "has no renders" if name in target.classes else "is no class"
-            lines.refuse(f"outlines.{name}", f"{what}; outlines are for {', '.join(rendered)}")
+            why = "has no 'renders'" if name in target.classes else "not a class"
+            lines.refuse(f"outlines.{name}", f"{why}; expected one of {', '.join(rendered)}")
     _check_splits(target, lines)
     for field in ("images", "labels"):
-        own = getattr(target, field)
-        for where, pattern in [(field, own)] if isinstance(own, str) else [
-            (f"{field}.{split}", pattern) for split, pattern in own.items() if isinstance(pattern, str)
+        files = getattr(target, field)
+        for where, pattern in [(field, files)] if isinstance(files, str) else [
+            (f"{field}.{split}", pattern) for split, pattern in files.items() if isinstance(pattern, str)
         ]:  # fmt: skip
             of_many = field == "labels" and target.format == "coco-json"
             _check_pattern(pattern, where, lines, of_many)
     if isinstance(target.images, dict) or isinstance(target.labels, dict):
         if not (isinstance(target.images, dict) and isinstance(target.labels, dict)):
             lines.refuse(
-                "labels", "expected the same of images and labels: patterns, or one for each split"
+                "labels", "images and labels must both be one pattern, or both a table of splits"
             )
         if set(target.images) != set(target.labels):
-            both = ", ".join(sorted(set(target.images) ^ set(target.labels)))
+            names = ", ".join(sorted(set(target.images) ^ set(target.labels)))
             lines.refuse(
-                "labels", f"expected the splits that images have; {both} stands in one of both"
+                "labels",
+                f"images and labels must have the same splits; only one of them has {names}",
             )
         for split in target.images:
             pair = target.images[split], target.labels[split]
             counts = [len(files) for files in pair if not isinstance(files, str)]
             if len(counts) == 1 or len({*counts}) == 2:
                 lines.refuse(
-                    f"labels.{split}", "expected a pattern, or as long a list, as of the images"
+                    f"labels.{split}",
+                    "expected the same as for the images: a pattern, or a list of the same length",
                 )
     if target.group is not None:
         if fault := expression_fault(target.group):
@@ -453,31 +457,30 @@ def _check_classes(target: TargetFile, lines: _Lines) -> None:
         if not _is_one(kind, value):
             lines.refuse(f"void[{k}]", f"expected {_ONE[kind]}, since labels are {target.format}")
         if value in owners:
-            lines.refuse(f"void[{k}]", f"{_shown(value)} stands there twice; once is right")
+            lines.refuse(f"void[{k}]", f"{_shown(value)} appears twice; remove one")
         owners[value] = "void"
     rendered: dict[str, str] = {}
-    for name, own in target.classes.items():
+    for name, target_class in target.classes.items():
         field = f"classes.{name}"
-        if not getattr(own, kind) and name != target.rest:
-            lines.refuse(field, f"lacks {kind}, by which labels of format {target.format} name it")
-        for k, value in enumerate(getattr(own, kind)):
+        if not getattr(target_class, kind) and name != target.rest:
+            lines.refuse(field, f"missing {kind}, its values in labels of format {target.format}")
+        for k, value in enumerate(getattr(target_class, kind)):
             if value in owners:
                 lines.refuse(
                     f"{field}.{kind}[{k}]",
-                    f"{_shown(value)} is in {owners[value]}, too; one is right",
+                    f"{_shown(value)} is also in {owners[value]}; keep one",
                 )
             owners[value] = name
-        for k, engine_class in enumerate(own.renders):
+        for k, engine_class in enumerate(target_class.renders):
             if engine_class not in engine.NAMES:
-                there = ", ".join(engine.NAMES)
                 lines.refuse(
                     f"{field}.renders[{k}]",
-                    f"the engine has no class {engine_class!r}; it has {there}",
+                    f"the engine has no class {engine_class!r}; it has {', '.join(engine.NAMES)}",
                 )
             if engine_class in rendered:
                 lines.refuse(
                     f"{field}.renders[{k}]",
-                    f"{engine_class!r} is rendered for {rendered[engine_class]}, too; one is right",
+                    f"{engine_class!r} is also in the renders of {rendered[engine_class]}; keep one",
                 )
             rendered[engine_class] = name
 
@@ -506,49 +509,50 @@ def _check_splits(target: TargetFile, lines: _Lines) -> None:
     if isinstance(target.splits, str):
         if "{split}" not in target.splits:
             lines.refuse(
-                "splits", "expected {split} in it, as in '{split}.txt'; or a table of splits"
+                "splits",
+                "expected {split} in the pattern, such as '{split}.txt', or a table of splits",
             )
         _check_path(target.splits, "splits", lines)
         return
-    for split, own in target.splits.items():
-        if isinstance(own, str):
-            _check_path(own, f"splits.{split}", lines)
-    kinds = Counter(type(own) for own in target.splits.values())
+    for split, rule in target.splits.items():
+        if isinstance(rule, str):
+            _check_path(rule, f"splits.{split}", lines)
+    kinds = {type(rule) for rule in target.splits.values()}
     if len(kinds) > 1:
-        lines.refuse("splits", "expected lists, groups or shares, of one kind for all splits")
+        lines.refuse("splits", "expected one kind for all splits: lists, groups or shares")
     if float in kinds:
         if TRAIN in target.splits:
-            lines.refuse(f"splits.{TRAIN}", "has what the other shares leave; give none")
+            lines.refuse(f"splits.{TRAIN}", "gets the remaining images; remove its share")
         if sum(cast(Any, target.splits.values())) >= 1:
             lines.refuse(
-                "splits", f"the shares leave nothing for {TRAIN}; together they must be below 1"
+                "splits", f"the shares leave nothing for {TRAIN}; their sum must be below 1"
             )
     if tuple in kinds:
-        of: dict[str, str] = {}
+        split_of: dict[str, str] = {}
         for split, groups in target.splits.items():
             for k, group in enumerate(cast(tuple[str, ...], groups)):
-                if group in of:
-                    lines.refuse(f"splits.{split}[{k}]", f"group {group!r} is in {of[group]}, too")
-                of[group] = split
+                if group in split_of:
+                    why = f"group {group!r} is also in {split_of[group]}; keep one"
+                    lines.refuse(f"splits.{split}[{k}]", why)
+                split_of[group] = split
     if target.splits and isinstance(target.images, dict):
-        lines.refuse(
-            "splits", "the tables of images and labels say the splits; leave one of both out"
-        )
+        lines.refuse("splits", "images and labels are tables of splits already; remove this field")
 
 
 def _check_pattern(pattern: str, field: str, lines: _Lines, of_many: bool) -> None:
     """Refuse a wrong pattern; ``of_many`` says whether one file may hold the labels of many images."""
     places = re.findall(r"\{(.*?)\}", pattern)
     if unknown := [place for place in places if place not in PLACES]:
-        known = ", ".join(f"{{{place}}}" for place in PLACES)
-        lines.refuse(field, f"{{{unknown[0]}}} stands for nothing; there are {known}")
+        places_text = ", ".join(f"{{{place}}}" for place in PLACES)
+        lines.refuse(field, f"unknown placeholder {{{unknown[0]}}}; expected {places_text}")
     if "name" not in places and not of_many:
         lines.refuse(
-            field, f"expected {{name}} in it, as in '{field.partition('.')[0]}/{{name}}.png'"
+            field,
+            f"expected {{name}} in the pattern, such as '{field.partition('.')[0]}/{{name}}.png'",
         )
     _check_path(pattern, field, lines)
 
 
 def _check_path(path: str, field: str, lines: _Lines) -> None:
     if Path(path).is_absolute() or ".." in Path(path).parts:
-        lines.refuse(field, "expected a path below the data's folder, without '..'")
+        lines.refuse(field, "expected a path inside the data folder, without '..'")

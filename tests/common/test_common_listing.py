@@ -135,7 +135,12 @@ def test_a_list_of_images_whose_groups_are_folders(tmp_path):
     assert groups(list_all(own, tmp_path)) == {"x_1": "x", "y_2": "y"}
     put(tmp_path, "t.txt", text="1\n2")
     refuses(
-        tmp_path, own, "train", "t.txt, line 2:", "i/x/2.jpg and", "have this name; write the path"
+        tmp_path,
+        own,
+        "train",
+        "t.txt, line 2:",
+        "i/x/2.jpg and",
+        "both have this name; write the path",
     )
 
 
@@ -148,7 +153,7 @@ def test_tables_of_images_and_labels(tmp_path):
     refuses(tmp_path, own, "b", "n/2.jpg: image without label", "m/2.png")
     (tmp_path / "n/1.jpg").unlink()
     refuses(tmp_path, own, "b", "t.yaml, images.b[0]: no image", "n/1.jpg")
-    refuses(tmp_path, own, "c", "no split 'c'; in t.yaml. Splits there: a, b")
+    refuses(tmp_path, own, "c", "no split 'c'; in t.yaml. Its splits: a, b")
 
 
 def test_names_with_signs_of_patterns_are_names(tmp_path):
@@ -180,10 +185,12 @@ def test_splits_by_group_leave_the_rest_for_training(tmp_path):
     assert not shared_groups(found)
     refuses(tmp_path, target(text + "splits: {test: [d]}"), "test", "no group 'd'", "has a, b, c")
     own = target(text + "splits: {test: [a], val: [b, c]}")
-    refuses(tmp_path, own, "val", "splits: nothing is left for train; there are 3 groups")
+    refuses(
+        tmp_path, own, "val", "splits: no images left for train, since every split needs a group"
+    )
     own = target(text + "splits: {train: [a], test: [c]}")
     assert names(list_all(own, tmp_path)) == {"train": ["a1", "a2"], "test": ["c1", "c2"]}
-    refuses(tmp_path, own, "val", "no split 'val'", "Splits there: train, test")
+    refuses(tmp_path, own, "val", "no split 'val'", "Its splits: train, test")
 
 
 @given(st.lists(st.integers(1, 9), min_size=3, max_size=12), st.sampled_from([0.1, 0.25, 0.5]))
@@ -206,7 +213,7 @@ def test_shares_never_split_a_group(tmp_path_factory, sizes, share):
 def test_a_share_of_one_group_leaves_nothing(tmp_path):
     put(tmp_path, "i/g_1.png", "l/g_1.png", "i/g_2.png", "l/g_2.png")
     own = target("images: 'i/{name}'\nlabels: 'l/{name}'\ngroup: '^.'\nsplits: {test: 0.5}")
-    refuses(tmp_path, own, "train", "nothing is left for train; there are 1 groups")
+    refuses(tmp_path, own, "train", "no images left for train, since every split")
 
 
 def test_published_lists_that_share_groups_are_told_once(tmp_path):
@@ -223,7 +230,7 @@ def test_what_is_missing_or_not_as_it_should_be(tmp_path):
         "images: '{split}/{name}.png'\nlabels: '{split}_l/{name}.png'\nsplits: '{split}.txt'"
     )
     refuses(tmp_path / "gone", own, "train", "gone: no such folder", "{split}/{name}.png and")
-    refuses(tmp_path, own, "train", "no split 'train'", "Splits there: none")
+    refuses(tmp_path, own, "train", "no split 'train'", "Its splits: none")
     put(
         tmp_path,
         "train/a.png",
@@ -238,18 +245,18 @@ def test_what_is_missing_or_not_as_it_should_be(tmp_path):
         own,
         "val",
         "no split 'val'; expected val.txt or val/{name}.png",
-        "Splits there: train, none",
+        "Its splits: train, none",
     )
     refuses(
-        tmp_path, own, "none", "zero images in split 'none'; expected none.txt or none/{name}.png"
+        tmp_path, own, "none", "no images in split 'none'; expected none.txt or none/{name}.png"
     )
     refuses(tmp_path, own, "train", "train/b.png: image without label; expected", "train_l/b.png")
     for text, words in {
-        "\n": ("zero images in split 'train'",), "a\na": ("line 2: a is listed twice",),
+        "\n": ("no images in split 'train'",), "a\na": ("line 2: a is listed twice",),
         "c": ("line 1: no image", "train/c.png; expected a name, a path"),
         "b": ("b.png: image without label",),
-        "../../a": ("line 1: ../../a leads out of",), "../a ../b": ("line 1: ../a leads out of",),
-        "/x/../../a.png /y/b.png": ("line 1:", "leads out of"),
+        "../../a": ("line 1: ../../a is outside",), "../a ../b": ("line 1: ../a is outside",),
+        "/x/../../a.png /y/b.png": ("line 1:", "is outside"),
         "x/d.png y/d.png": ("line 1: no image", "d.png"),
         "train/a.png y/a.png": ("a.png: image without label; expected", "y/a.png"),
     }.items():  # fmt: skip
@@ -261,7 +268,7 @@ def test_what_is_missing_or_not_as_it_should_be(tmp_path):
     refuses(tmp_path, own, "train", "t.txt: not a readable text file (")
     own = target("images: 'train/{name}.png'\nlabels: 'train/{name}.png'")
     assert names(list_all(own, tmp_path)) == {"train": ["a", "b"]}
-    refuses(tmp_path, own, "test", "no split 'test'; t.yaml names none. Splits there: train")
+    refuses(tmp_path, own, "test", "no split 'test'; t.yaml defines none. Its splits: train")
 
 
 def test_text_files_beside_lists_are_no_splits(tmp_path):
@@ -320,7 +327,7 @@ def test_no_place_of_a_pattern_leads_out(tmp_path):
     for split in ("..", "../x", "../data/a", str(tmp_path / "x")):
         refuses(root, own, split, f"no split {split!r}; expected a name, not a path")
     own = target("images: {'..': '{split}/{name}.png'}\nlabels: {'..': 'labels/{name}.png'}")
-    refuses(root, own, "..", "secret.png leads out of")
+    refuses(root, own, "..", "secret.png is outside")
 
 
 def test_an_image_without_a_label_names_the_field_that_leaves_it_out(tmp_path):

@@ -77,47 +77,47 @@ def test_the_format_follows_from_the_classes():
 
 
 @pytest.mark.parametrize(("old", "new", "words"), [
-    (TEXT, "", ("line 1:", "lacks the field images")),
+    (TEXT, "", ("line 1:", "missing field images")),
     (TEXT, "- images", ("line 1:", "expected fields such as")),
-    (TEXT, "a: [", ("line ", "is no YAML")),
-    (TEXT, "a: \x00", ("is no YAML",)),
-    ("void: [255]", "voids: [255]", ("line 5: voids:", "is no field; there are images, labels, classes")),
-    ("void: [255]", "source: a", ("line 5: source:", "no field")),
+    (TEXT, "a: [", ("line ", "not valid YAML")),
+    (TEXT, "a: \x00", ("not valid YAML",)),
+    ("void: [255]", "voids: [255]", ("line 5: voids:", "unknown field; expected one of images, la")),
+    ("void: [255]", "source: a", ("line 5: source:", "unknown field")),
     ("void: [255]", "void: 255", ("line 5: void:", "expected list, not whole number")),
     ("void: [255]", "void: [65536]", ("line 5: void[0]:", "whole number from 0 to 65535")),
     ("void: [255]", "void: [[0, 0, 0]]", ("line 5: void[0]:", "expected a whole number from 0", "ids")),
-    ("void: [255]", "void: [1]", ("line 9: classes.building.ids[0]:", "1 is in void, too")),
-    ("void: [255]", "void: [9, 255, 255]", ("line 5: void[2]:", "255 stands there twice; once is right")),
+    ("void: [255]", "void: [1]", ("line 9: classes.building.ids[0]:", "1 is also in void; keep one")),
+    ("void: [255]", "void: [9, 255, 255]", ("line 5: void[2]:", "255 appears twice; remove one")),
     ("[1, 7]", "[1, -7]", ("line 9: classes.building.ids[1]:", "expected whole number >= 0")),
     ("[1, 7]", "[1, two]", ("line 9: classes.building.ids[1]:", "expected whole number, not text")),
-    ("[1, 7]", "[1, 0]", ("line 9: classes.building.ids[1]:", "0 is in road, too; one is right")),
-    ("    ids: [1, 7]\n", "", ("line 8: classes.building:", "lacks ids")),
+    ("[1, 7]", "[1, 0]", ("line 9: classes.building.ids[1]:", "0 is also in road; keep one")),
+    ("    ids: [1, 7]\n", "", ("line 8: classes.building:", "missing ids, its values in labels")),
     ("wall", "walls", ("line 10: classes.building.renders[1]:", "no class 'walls'", "it has road, side")),
-    ("wall", "road", ("line 10: classes.building.renders[1]:", "'road' is rendered for road, too")),
-    ("    ids: [1, 7]", "    id: [1, 7]", ("line 9: classes.building.id:", "is no field", "ids, colours")),
-    ("lane mark", "road", ("line 11: classes.road:", "stands there twice; once is right")),
-    ("lane mark", "[a, b]", ("line 11:", "a name must be a word")),
+    ("wall", "road", ("line 10: classes.building.renders[1]:", "'road' is also in the renders of road")),
+    ("    ids: [1, 7]", "    id: [1, 7]", ("line 9: classes.building.id:", "unknown field", "ids, colours")),
+    ("lane mark", "road", ("line 11: classes.road:", "appears twice; remove one")),
+    ("lane mark", "[a, b]", ("line 11:", "expected a name, not a list")),
     ("{ids: [3]}", "[3]", ("line 11: classes.lane mark:", "expected table, not list")),
     ("road: {ids: [0], renders: [road]}", "road: &a {ids: [0]}\n  other: *a",
      ("line 7: classes.other:", "write it out")),
-    ("images/{name}", "images/{nam}", ("line 1: images:", "{nam} stands for nothing; there are {split}")),
-    ("images/{name}", "images/all", ("line 1: images:", "expected {name} in it")),
+    ("images/{name}", "images/{nam}", ("line 1: images:", "unknown placeholder {nam}; expected {split}")),
+    ("images/{name}", "images/all", ("line 1: images:", "expected {name} in the pattern")),
     ("labels/{name}", "../labels/{name}", ("line 2: labels:", "without '..'")),
     ("test: test.txt", "test: ../test.txt", ("line 3: splits.test:", "without '..'")),
-    ("{train: train.txt, test: test.txt}", "'/{split}.txt'", ("line 3: splits:", "below the data's folder")),
-    ("labels/{name}", "/labels/{name}", ("line 2: labels:", "below the data's folder")),
-    ("labels/{name}.png", "{train: a/{name}.png}", ("line 2:", "is no YAML")),
-    ("labels/{name}.png", "{train: 'a/{name}.png'}", ("line 2: labels:", "the same of images and labels")),
+    ("{train: train.txt, test: test.txt}", "'/{split}.txt'", ("line 3: splits:", "inside the data folder")),
+    ("labels/{name}", "/labels/{name}", ("line 2: labels:", "inside the data folder")),
+    ("labels/{name}.png", "{train: a/{name}.png}", ("line 2:", "not valid YAML")),
+    ("labels/{name}.png", "{train: 'a/{name}.png'}", ("line 2: labels:", "must both be one pattern")),
     ("^(.*)__", "^(.*__", ("line 4: group:", "no regular expression: missing )")),
-    ("{train: train.txt, test: test.txt}", "train.txt", ("line 3: splits:", "expected {split} in it")),
+    ("{train: train.txt, test: test.txt}", "train.txt", ("line 3: splits:", "expected {split} in the")),
     ("{train: train.txt, test: test.txt}", "{train: train.txt, test: 0.2}", ("line 3: splits:", "one kind")),
-    ("{train: train.txt, test: test.txt}", "{train: 0.5}", ("line 3: splits.train:", "give none")),
+    ("{train: train.txt, test: test.txt}", "{train: 0.5}", ("line 3: splits.train:", "remove its share")),
     ("{train: train.txt, test: test.txt}", "{val: 0.5, test: 0.5}", ("line 3: splits:", "leave nothing")),
     ("{train: train.txt, test: test.txt}", "{test: 1.5}", ("line 3: splits.test:", "number < 1")),
     ("{train: train.txt, test: test.txt}", "{test: []}", ("line 3: splits.test:", "length >= 1")),
-    ("{train: train.txt, test: test.txt}", "{a: [x], b: [y, x]}", ("splits.b[1]:", "'x' is in a, too")),
-    ("void: [255]", "fit: squash", ("line 5: fit:", "there is no 'squash'")),
-    ("void: [255]", "fit: blueprint", ("line 5: fit:", "there is no 'blueprint'")),
+    ("{train: train.txt, test: test.txt}", "{a: [x], b: [y, x]}", ("splits.b[1]:", "'x' is also in a")),
+    ("void: [255]", "fit: squash", ("line 5: fit:", "unknown value 'squash'")),
+    ("void: [255]", "fit: blueprint", ("line 5: fit:", "unknown value 'blueprint'")),
     ("void: [255]", "name: 7", ("line 5: name:", "expected text, not whole number")),
     ("void: [255]", "name: 2024-13-45", ("line 5: name:", "cannot be read")),
     ("void: [255]", "format: colours\nvoid: [255]", ("void[0]: expected a colour [red, green, blue]",)),
@@ -125,10 +125,10 @@ def test_the_format_follows_from_the_classes():
     ("void: [255]", "outlines: {road: 3}", ("line 5: outlines.road:", "0 to 10 % of the image's width")),
     ("void: [255]", "outlines: {road: 10.1 %}", ("outlines.road:", "such as 3 %, not 10.1 %")),
     ("void: [255]", "outlines: {road: -1 %}", ("line 5: outlines.road:", "0 to 10 %")),
-    ("void: [255]", "outlines:\n  road: 3 %\n  oak: 3 %", ("line 7: outlines.oak: is no class; outlines "
-     "are for road, building",)),
-    ("void: [255]", "outlines: {lane mark: 3 %}", ("line 5: outlines.lane mark: has no renders",)),
-    ("void: [255]", "format: colours", ("line 7: classes.road:", "lacks colours")),
+    ("void: [255]", "outlines:\n  road: 3 %\n  oak: 3 %", ("line 7: outlines.oak: not a class; expected "
+     "one of road, building",)),
+    ("void: [255]", "outlines: {lane mark: 3 %}", ("line 5: outlines.lane mark: has no 'renders'",)),
+    ("void: [255]", "format: colours", ("line 7: classes.road:", "missing colours")),
 ])  # fmt: skip
 def test_what_is_wrong_is_said_with_its_line_and_field(old, new, words):
     assert old in TEXT
@@ -144,15 +144,17 @@ def test_tables_of_splits():
     found = parse_target(text + labels, "t.yaml")
     assert isinstance(found.images, dict) and found.images["test"] == ("b/x.png", "b/y.png")
     refuses(
-        text + labels.replace("test", "val"), "line 2: labels:", "test, val stands in one of both"
+        text + labels.replace("test", "val"), "line 2: labels:", "only one of them has test, val"
     )
-    refuses(text + labels.replace(", d/y.png", ""), "line 2: labels.test:", "as long a list")
+    refuses(
+        text + labels.replace(", d/y.png", ""), "line 2: labels.test:", "a list of the same length"
+    )
     refuses(
         text + labels.replace("[d/x.png, d/y.png]", "'d/{name}.png'"),
         "labels.test:",
-        "as long a list",
+        "a list of the same length",
     )
-    refuses(f"{text}{labels}\nsplits: {{test: 0.5}}", "line 4: splits:", "leave one of both out")
+    refuses(f"{text}{labels}\nsplits: {{test: 0.5}}", "line 4: splits:", "remove this field")
     refuses(text.replace("y.png", "y.png, 7") + labels, "line 1: images.test[2]:", "expected text")
 
 
@@ -192,14 +194,14 @@ def test_a_file_beside_the_images_or_anywhere(tmp_path):
     refuses_call("no such folder", find_target, None, data, error=UserError)
     data.mkdir()
     said = (
-        r"no target\.yaml in it; sdr-jax doctor '.*my streets' --write .*names another file, "
+        r"has no target\.yaml; sdr-jax doctor '.*my streets' --write .*names another file, "
         "or one of camvid"
     )
     refuses_call(said, find_target, None, data, error=UserError)
     refuses_call(
         r"--target .*a\.yaml: no such file", find_target, tmp_path / "a.yaml", error=UserError
     )
-    refuses_call("neither a target nor a folder", find_target, None, error=UserError)
+    refuses_call("name a target, or the folder of its images", find_target, None, error=UserError)
     (data / "target.yaml").write_text(TEXT)
     (tmp_path / "other.yaml").write_text(f"name: theirs\n{TEXT}")
     assert find_target(None, data).name == "my streets"

@@ -418,7 +418,7 @@ def test_what_cannot_be_looked_at_is_refused_in_one_line(doctor, tmp_path, stree
     (streets / "target.yaml").write_text("images: 7\n")
     for words, message in (
         (("--write", "x.yaml"), "--target, --write and --out need DATA"),
-        ((tmp_path / "gone",), "gone does not exist; expected a folder with images and labels"),
+        ((tmp_path / "gone",), "gone: no such folder; expected one with images and labels"),
         ((empty,), "empty: no labelled images (the folder is empty); expected image and label"),
         ((tmp_path / "alone",), "alone: no labelled images (1 .png); expected"),
         ((streets, "--write", taken), "taken.yaml exists; remove it, or name another file"),
@@ -433,7 +433,7 @@ def test_what_cannot_be_looked_at_is_refused_in_one_line(doctor, tmp_path, stree
         code, _, err = doctor(*words)
         assert code == 2 and message in err and err.count("\n") == 1
     assert not (tmp_path / "out").exists()
-    refuses("gone does not exist", propose, tmp_path / "gone", error=UserError)
+    refuses("gone: no such folder", propose, tmp_path / "gone", error=UserError)
 
 
 @pytest.mark.parametrize("line", [

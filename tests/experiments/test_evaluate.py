@@ -184,7 +184,11 @@ def test_a_folder_with_a_target_file_and_a_net_of_the_engines_classes(tmp_path):
 
 def test_what_cannot_be_scored_is_refused(model, red, camvid, tmp_path, capsys):
     refused(
-        UserError, "--target mars: no such file, nor is it one of camvid", labelled, "mars", camvid
+        UserError,
+        "--target mars: no such file; expected a file, or one of camvid",
+        labelled,
+        "mars",
+        camvid,
     )
     message = "--group Z: split .* has no such group; it has B, C"
     refused(UserError, message, labelled, "camvid", camvid, (), ("Z",))

@@ -559,7 +559,7 @@ def test_what_cannot_be_fitted_is_one_line(folder: Path, tmp_path: Path, capsys)
     dinov2 = [str(folder), *out, "--net", "dinov2", "--weights", str(bad)]
     for arguments, message in (
         ([str(tmp_path / "none"), *out], "none: no such folder"),
-        ([str(tmp_path / "empty"), *out], "no target.yaml in it"),
+        ([str(tmp_path / "empty"), *out], "empty has no target.yaml"),
         ([str(folder), *out, "--target", str(bare)], "bare.yaml: no class has 'renders', so"),
         ([str(folder), *out, "--few", "9"], "--few must be 1 to 5"),
         ([str(folder), *out, "--size", "60x48"], "--size must be two multiples of 8, 32 or more"),

@@ -134,7 +134,7 @@ def test_limits_choose_a_subset_that_runs_of_all_seeds_share(tiny_camvid):
     (("--holdout", "Z"), ("--holdout 'Z'", "sequences A, B")),
     (("--holdout", "A", "--test-split", "test"), ("--holdout", "--test-split")),
     (("--test-split", "train"), ("4 images", "A_1", "--test-split", "--holdout")),
-    (("--test-split", "val"), ("no split 'val'", "val.txt", "Splits there: train, test")),
+    (("--test-split", "val"), ("no split 'val'", "val.txt", "Its splits: train, test")),
 ])  # fmt: skip
 def test_what_is_not_there_or_at_odds(fails, flags, words):
     fails(*words, flags=flags)
@@ -154,7 +154,7 @@ def test_a_missing_split_and_an_image_on_both_sides(fails, camvid):
     fails("1 images", "A_2")
     for name in ("test", "testannot"):
         (camvid / name).rename(camvid.parent / name)
-    fails("no split 'test'", "Splits there: train", "--holdout", "--test-split")
+    fails("no split 'test'", "Its splits: train", "--holdout", "--test-split")
 
 
 @given(names, names)
@@ -184,7 +184,7 @@ def flat(value: int, size=(12, 16)):
     (flat(0, (8, 8)), "trainannot/A_2.png", ("FILE", "8x8", "16x12")),
     (flat(77), "testannot/C_1.png", ("FILE", "label id 77 (192 pixels in 1 image)", "no class of camvid")),
     (flat(11), "testannot/*.png", ("camvid", "no pixel of the test images has a class", "); label a pixel")),
-    (Path.unlink, "train*/*.png", ("zero images", "train")),
+    (Path.unlink, "train*/*.png", ("no images in split 'train'",)),
 ])  # fmt: skip
 def test_what_is_wrong_on_disk(fails, camvid, change, files, words):
     found = sorted(camvid.glob(files))

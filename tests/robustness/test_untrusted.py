@@ -54,14 +54,14 @@ def test_a_list_of_images_does_not_lead_out_of_its_folder(name, tmp_path):
         (tmp_path / part / "a.png").write_bytes(bomb(1, 1))
     refused(
         UserError,
-        rf"train\.txt, line 2: {name} leads out of ",
+        rf"train\.txt, line 2: {name} is outside ",
         list_split,
         shipped("camvid"),
         tmp_path,
         "train",
     )
     (tmp_path / "train.txt").write_text(f"\n../{name}\n")
-    message = rf"train\.txt, line 2: \.\./{name} leads out of "
+    message = rf"train\.txt, line 2: \.\./{name} is outside "
     refused(UserError, message, list_split, shipped("labelmefacade"), tmp_path, "train")
 
 

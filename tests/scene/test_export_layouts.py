@@ -320,7 +320,7 @@ def test_damage_to_masks_and_polygons_is_found(exported, tmp_path):
 
 
 @pytest.mark.parametrize(("flags", "message"), [
-    ("--target nowhere", "--target nowhere: no such file, nor is it one of camvid"),
+    ("--target nowhere", "--target nowhere: no such file; expected a file, or one of camvid"),
     ("--target own.yaml", "target own: no class of it renders one of the engine's"),
     ("--target flat.yaml --format yolo-seg", "format yolo-seg has things only, and target flat has none"),
 ])  # fmt: skip

@@ -561,7 +561,7 @@ def test_what_is_wrong_in_a_file_of_coco(tmp_path):
             read_target(target, tmp_path, SIZE)
     for text, message in (
         ("{", "not valid JSON"), ("[" * 99_999, "no annotations of COCO: expected table, not list"),
-        ('{"shapes": []}', "lacks the field images"),
+        ('{"shapes": []}', "missing field images"),
     ):  # fmt: skip
         path.write_text(text)
         with pytest.raises(UserError, match=rf"coco\.json: .*{message}"):

@@ -80,7 +80,7 @@ def _folder(data: Path, target: str | None, write_to: Path | None, out: Path) ->
     if target is not None:
         target_file = find_target(target, data)
         if not data.is_dir():
-            raise UserError(f"{data} does not exist; expected a folder with images and labels")
+            raise UserError(f"{data}: no such folder; expected one with images and labels")
         proposal = Proposal("", [])
     else:
         proposal = propose(data)

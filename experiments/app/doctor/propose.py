@@ -97,7 +97,7 @@ def propose(root: Path) -> Proposal:
         UserError: no images with labels are found, or the folder's own file is wrong.
     """
     if not root.is_dir():
-        raise UserError(f"{root} does not exist; expected a folder with images and labels")
+        raise UserError(f"{root}: no such folder; expected one with images and labels")
     if (root / FILE).is_file():
         find_target(None, root)  # refuses a wrong file
         try:
