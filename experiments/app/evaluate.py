@@ -21,8 +21,8 @@ from experiments.targets.real import reported_split
 from scene.dataset.formats.png import encode
 from seg.boundary import SHARE, boundary_counts, boundary_iou
 from seg.classes import CITYSCAPES_19, IGNORE_LABEL, colorize, table_of
-from seg.data import DataError, Entry, LabelReader, list_split
-from seg.data.images import read_image
+from seg.data import Entry, LabelReader, list_split
+from seg.data.labelled import read_entry
 from seg.metrics import absent_classes, confusion_matrix, iou
 from seg.model import SEEN, Model, load_model
 
@@ -71,15 +71,12 @@ def labelled(
             shown = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
             where = f"split {', '.join(splits)} of {data}"
             raise UserError(f"--group {group}: {where} has no such group; it has {shown}")
-    read_labels, table = LabelReader(target), table_of(target)
+    reader, table = LabelReader(target), table_of(target)
 
     def read(entry: Entry) -> tuple[np.ndarray, np.ndarray]:
-        image, labels = read_image(entry.image_path), read_labels(entry.label_path, entry.image_path)
-        if labels.shape != image.shape[:2]:
-            raise DataError(
-                f"{entry.label_path} has {labels.shape[1]}x{labels.shape[0]} pixels, but its image "
-                f"{entry.image_path} has {image.shape[1]}x{image.shape[0]}; both must have the same size"
-            )
+        image, labels, unknown = read_entry(entry, reader)
+        if unknown:
+            raise reader.error([(entry.label_path, unknown)])
         return image, labels
 
     chosen = tuple(e for e in entries if not groups or e.sequence in groups)

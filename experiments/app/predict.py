@@ -19,7 +19,7 @@ from experiments.app.prelabels.files import CVAT, RANKING, STUDIO, write_files
 from experiments.app.prelabels.ranking import SCORES, Scores, ranked, refuse_unranked
 from experiments.config import parsers
 from scene.dataset.formats.png import encode
-from seg.data.frames import Frame, frames, list_sources, unread_words
+from seg.data.frames import Frame, frames, list_sources, unreadable_note
 from seg.model import PACKAGES, As, Model, load_model
 
 
@@ -73,7 +73,7 @@ def predict(
         job["rank"] = True
     total = sum(source.frames for source in sources)
     progress_bar = closing(Progress(total)) if progress else nullcontext()
-    unread = unread_words(images)
+    unread = unreadable_note(images)
     done = 0
     with opened(out, job, packages=PACKAGES), progress_bar as bar:
         if bar is not None and unread:

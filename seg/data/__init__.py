@@ -1,4 +1,4 @@
-"""Real labelled images, which are listed and read as their target's file says."""
+"""Real labelled images, listed and read as their target's file describes them."""
 
 from common.labels.listing import Entry, list_split
 from seg.data.labelled import (

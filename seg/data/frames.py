@@ -14,10 +14,8 @@ from seg.data.images import read_image
 from seg.errors import DataError
 
 VIDEOS = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg")
-
-
-PHOTOGRAPHS = (".heic", ".heif", ".avif", ".jp2", ".jxl", ".gif", ".dng", ".cr2", ".nef", ".arw")
-"""Endings of photographs that are not read."""
+UNREADABLE = (".heic", ".heif", ".avif", ".jp2", ".jxl", ".gif", ".dng", ".cr2", ".nef", ".arw")
+"""Extensions of photographs that OpenCV does not read."""
 
 
 class Source(NamedTuple):
@@ -36,7 +34,7 @@ class Source(NamedTuple):
 class Frame(NamedTuple):
     """An image of a source."""
 
-    name: str  # the image's name, or the video's with the number of the frame, `drive/000012`
+    name: str  # the image's name, or the video's and the number of the frame, `drive/000012`
     image: np.ndarray  # u8[h, w, 3] RGB
 
 
@@ -47,7 +45,7 @@ def list_sources(path: str | Path) -> tuple[Source, ...]:
         path: folder, image or video.
 
     Raises:
-        DataError: there is no such file, nothing to segment, a video without frames, or two files whose
+        DataError: there is no such file, no image or video, a video without frames, or two files whose
             results would have the same name.
     """
     path = Path(path)
@@ -57,51 +55,51 @@ def list_sources(path: str | Path) -> tuple[Source, ...]:
         paths = [p for p in files_below(path) if p.suffix.lower() in IMAGES + VIDEOS]
         if not paths:
             kinds = ", ".join(IMAGES + VIDEOS)
-            unread = f", and {unread_words(path)}" if unread_words(path) else ""
-            raise DataError(f"{path}: no images and no videos; expected files of {kinds}{unread}")
+            unreadable = f"; {note}" if (note := unreadable_note(path)) else ""
+            raise DataError(f"{path}: no images or videos; expected {kinds}{unreadable}")
         named = [(p.relative_to(path).with_suffix("").as_posix(), p) for p in paths]
     else:
         named = [(path.stem, path)]
-    seen: dict[str, Path] = {}
-    videos = {name: own for name, own in named if own.suffix.lower() in VIDEOS}
-    for name, own in named:
-        if name in seen:
-            raise DataError(f"{own}: {seen[name]} has the same name; names must differ")
-        seen[name] = own
-        above = name.rpartition("/")[0]
-        if above in videos:
+    by_name: dict[str, Path] = {}
+    videos = {name: file for name, file in named if file.suffix.lower() in VIDEOS}
+    for name, file in named:
+        if name in by_name:
+            raise DataError(f"{file} and {by_name[name]} have the same name; rename one")
+        by_name[name] = file
+        folder = name.rpartition("/")[0]
+        if folder in videos:
             raise DataError(
-                f"{own}: results of the video {videos[above]} go into a folder of the same name; names "
-                "must differ"
+                f"{file}: its folder is named like the video {videos[folder]}, whose results go into a "
+                "folder of that name; rename one"
             )
-    return tuple(Source(name, own, _frames(own)) for name, own in named)
+    return tuple(Source(name, file, _frames(file)) for name, file in named)
 
 
-def unread_words(path: Path) -> str:
-    """Say which photographs of a folder are not read, and what to do; empty if there are none."""
+def unreadable_note(path: Path) -> str:
+    """A note on photographs of a folder that cannot be read; empty if there are none."""
     if not path.is_dir():
         return ""
-    kinds = Counter(own.suffix.lower() for own in files_below(path))
-    counts = [f"{kinds[kind]} of {kind}" for kind in PHOTOGRAPHS if kinds[kind]]
-    return f"{', '.join(counts)} cannot be read: convert them to JPEG or PNG" if counts else ""
+    kinds = Counter(file.suffix.lower() for file in files_below(path))
+    counts = [f"{kinds[kind]} {kind}" for kind in UNREADABLE if kinds[kind]]
+    return f"cannot read {', '.join(counts)}: convert them to JPEG or PNG" if counts else ""
 
 
 def _frames(path: Path) -> int:
     if path.suffix.lower() not in VIDEOS:
         return 1
-    video = _opened(path)
+    video = _open(path)
     count = max(int(video.get(cv2.CAP_PROP_FRAME_COUNT)), 1)
     video.release()
     return count
 
 
-def _opened(path: Path) -> cv2.VideoCapture:
-    """Open a video at its first frame; DataError if it has none."""
+def _open(path: Path) -> cv2.VideoCapture:
+    """Open a video at its first frame. Raises DataError if it has none."""
     video = cv2.VideoCapture(str(path))
     if not video.isOpened() or not video.grab():
         raise DataError(
-            f"{path}: a video without frames, or in a format that OpenCV does not read; "
-            "put a readable video there, or its frames as images"
+            f"{path}: OpenCV cannot read this video, or it has no frames; convert it, or extract its frames "
+            "as images"
         )
     width, height = (
         int(video.get(k)) for k in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
@@ -124,16 +122,16 @@ def frames(source: Source, skip: Callable[[str], bool]) -> Iterator[Frame | None
     if not source.video:
         yield None if skip(source.name) else Frame(source.name, read_image(source.path))
         return
-    video = _opened(source.path)
-    number, there = 0, True
-    while there:
+    video = _open(source.path)
+    number, has_frame = 0, True
+    while has_frame:
         name = f"{source.name}/{number:06d}"
         if skip(name):
             yield None
         else:
             decoded, image = video.retrieve()
             if not decoded:
-                raise DataError(f"{source.path}: frame {number} cannot be decoded; it is damaged")
+                raise DataError(f"{source.path}: frame {number} is damaged")
             yield Frame(name, cv2.cvtColor(image, cv2.COLOR_BGR2RGB))
-        number, there = number + 1, video.grab()
+        number, has_frame = number + 1, video.grab()
     video.release()

@@ -1,4 +1,4 @@
-"""Decodes one image file into an array, or raises an error that says what is wrong with it."""
+"""Reads an image file as an array, or raises an error that says what is wrong with it."""
 
 import io
 from pathlib import Path
@@ -30,24 +30,24 @@ def read_file(path: Path) -> bytes:
         raise DataError(str(error)) from None
     why = too_large(data)
     if why is not None:
-        raise DataError(f"{path}: {why}; expected a photograph, or labels, of a smaller size")
+        raise DataError(f"{path}: {why}; resize it")
     return data
 
 
 ORIENTATION = 0x112
-"""EXIF's tag of how an image is turned; values of 5 and above lay it on its side."""
+"""EXIF's tag of the orientation of an image; values from 5 on swap width and height."""
 _BITS = 258
-"""TIFF's tag of the bits of each channel."""
+"""TIFF's tag of the bits per channel."""
 
 
 def upright(picture: Image.Image) -> tuple[int, int]:
-    """Width and height of an opened image as `read_image` turns it."""
+    """Width and height of an opened image as `read_image` rotates it."""
     width, height = picture.size
     return (height, width) if picture.getexif().get(ORIENTATION, 1) >= 5 else (width, height)
 
 
 def is_deep(path: Path) -> bool:
-    """Whether an image file has 16 bits a channel, by its header; OSError if it cannot be opened."""
+    """Whether an image file has 16 bits per channel, by its header. Raises OSError if it cannot be opened."""
     with Image.open(path) as picture:
         if picture.format == "PNG":
             with path.open("rb") as file:
@@ -59,10 +59,10 @@ def is_deep(path: Path) -> bool:
 
 
 def check_end(path: Path) -> None:
-    """Refuse an image that was cut off: a PNG or a JPEG by its last bytes alone, others by decoding them.
+    """Refuse a truncated image: a PNG or a JPEG by its last bytes alone, others by decoding them.
 
     Raises:
-        DataError: the file has no end, or is broken.
+        DataError: the file is truncated or broken.
         OSError: it cannot be read.
     """
     with path.open("rb") as file:
@@ -82,7 +82,7 @@ def check_end(path: Path) -> None:
 
 def _unreadable(path: Path, why: object) -> DataError:
     return DataError(
-        f"{path}: not a readable image, broken or truncated ({why}); put an intact copy there"
+        f"{path}: not a readable image, broken or truncated ({why}); replace it with an intact copy"
     )
 
 
@@ -90,7 +90,7 @@ def decode(path: Path, data: bytes, flags: int) -> np.ndarray:
     """Decode the bytes of an image file into pixels in OpenCV's layout.
 
     Raises:
-        DataError: they are no image, broken or truncated.
+        DataError: they are not an image, or are broken or truncated.
     """
     try:
         pixels = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
@@ -100,14 +100,14 @@ def decode(path: Path, data: bytes, flags: int) -> np.ndarray:
         mode = _mode(data)
         if mode.startswith("F"):
             raise DataError(
-                f"{path}: holds fractions (mode {mode}); expected 8 or 16 bits a channel"
+                f"{path}: has floating-point values (mode {mode}); expected 8 or 16 bits per channel"
             )
         raise _unreadable(path, "decoding failed" if data else "the file is empty")
     return pixels
 
 
 def _mode(data: bytes) -> str:
-    """The mode of an intact image file as Pillow has it, such as RGB, or F for fractions; else empty."""
+    """Pillow's mode of an intact image file, such as RGB, or F for floating point; else empty."""
     try:
         with Image.open(io.BytesIO(data)) as picture:
             picture.load()
@@ -117,7 +117,7 @@ def _mode(data: bytes) -> str:
 
 
 def read_image(path: Path) -> UInt8[np.ndarray, "h w 3"]:
-    """Read a photograph as RGB, turned as its EXIF orientation says.
+    """Read a photograph as RGB, rotated as its EXIF orientation says.
 
     Grey becomes three equal channels, 16 bits become 8.
 

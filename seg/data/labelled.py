@@ -22,7 +22,7 @@ from seg.data.images import read_image
 from seg.data.labels import LabelReader
 from seg.errors import DataError
 
-if TYPE_CHECKING:  # the nets load JAX
+if TYPE_CHECKING:  # networks load JAX
     from seg.nets.head import Maps
 
 Item = TypeVar("Item")
@@ -32,17 +32,17 @@ class LabelledImages(NamedTuple):
     """Images of one size with their labels."""
 
     images: UInt8[np.ndarray, "n h w 3"]  # RGB
-    labels: UInt8[np.ndarray, "n h w"]  # ids of a class table, 255 void
+    labels: UInt8[np.ndarray, "n h w"]  # ids of a class table, 255 ignored
     names: tuple[str, ...] = ()  # of each image, if known
     sequences: tuple[str, ...] = ()  # of each image, if known
     features: Maps | None = None
-    """Features of a frozen trunk, if known: the rows of all views, view after view (`seg.views`)."""
+    """Features of a frozen backbone, if known: the rows of all views, view after view (`seg.views`)."""
 
     def between(self, first: int, end: int) -> LabelledImages:
-        """The images first .. end - 1, with the features of all their views; those of one are no copy."""
+        """The images first .. end - 1 with the features of all their views; no copy if there is one view."""
         if self.features is not None and len(self.features[0]) > len(self.images):
             return self.take(range(first, end))
-        maps = self.features and tuple(own[first:end] for own in self.features)
+        maps = self.features and tuple(level[first:end] for level in self.features)
         names, sequences = self.names[first:end], self.sequences[first:end]
         return LabelledImages(
             self.images[first:end], self.labels[first:end], names, sequences, maps
@@ -50,20 +50,20 @@ class LabelledImages(NamedTuple):
 
     def take(self, indices: Sequence[int] | np.ndarray) -> LabelledImages:
         """A copy of some of the images, with the features of all their views."""
-        picked, count = np.asarray(indices, np.int64), len(self.images)
+        rows, count = np.asarray(indices, np.int64), len(self.images)
         names, sequences = (
-            tuple(column[k] for k in picked) if column else ()
+            tuple(column[k] for k in rows) if column else ()
             for column in (self.names, self.sequences)
         )
         maps = self.features
         if maps is not None:
             views = np.arange(0, len(maps[0]), count)[:, None]  # first row of each view
-            maps = tuple(own[(views + picked).ravel()] for own in maps)
-        return LabelledImages(self.images[picked], self.labels[picked], names, sequences, maps)
+            maps = tuple(level[(views + rows).ravel()] for level in maps)
+        return LabelledImages(self.images[rows], self.labels[rows], names, sequences, maps)
 
 
 def subset(entries: Sequence[Item], limit: int | None, seed: int = 0) -> tuple[Item, ...]:
-    """Pick a random subset, the same for the same seed, in the order of the list.
+    """Choose a random subset, the same for the same seed, in the order of the list.
 
     Args:
         entries: the whole split, or anything in order.
@@ -94,7 +94,7 @@ def resize_image(
 
 
 def cut(pixels: np.ndarray, aspect: float) -> np.ndarray:
-    """Cut out the largest part around the centre with an aspect, to the nearest pixel.
+    """Crop to the largest part around the centre with an aspect ratio, to the nearest pixel.
 
     Args:
         pixels: [h, w, ...], an image or its labels.
@@ -110,19 +110,18 @@ def cut(pixels: np.ndarray, aspect: float) -> np.ndarray:
 def fitted(
     image: UInt8[np.ndarray, "_h _w 3"], size: tuple[int, int]
 ) -> tuple[UInt8[np.ndarray, "_height _width 3"], tuple[int, int]]:
-    """Fit an image into another size and keep its aspect; give the rows and columns that show the image.
+    """Resize an image to fit a size with its aspect ratio; return also the rows and columns that it fills.
 
-    An image of another aspect touches the top and the left, and its last column or row is repeated in the
-    margin: nets make fewer mistakes there than beside a plain colour.
+    The image touches the top and the left. Its last column or row is repeated in the margin, where networks
+    make fewer errors than with a plain colour.
 
     Args:
         image: RGB.
         size: (height, width).
     """
-    scale = min(wanted / own for wanted, own in zip(size, image.shape[:2], strict=True))
+    scale = min(new / old for new, old in zip(size, image.shape[:2], strict=True))
     rows, columns = (
-        min(max(round(own * scale), 1), wanted)
-        for own, wanted in zip(image.shape[:2], size, strict=True)
+        min(max(round(old * scale), 1), new) for old, new in zip(image.shape[:2], size, strict=True)
     )
     canvas = cv2.copyMakeBorder(
         resize_image(image, (rows, columns)),
@@ -135,14 +134,14 @@ def fitted(
 def _fit(
     image: np.ndarray, label: np.ndarray, size: tuple[int, int], fit: Fit
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Bring an image and its label to a size (height, width) with their aspect kept."""
+    """Bring an image and its label to a size (height, width) with their aspect ratio."""
     if fit == "cut":
         image, label = (cut(pixels, size[1] / size[0]) for pixels in (image, label))
         return resize_image(image, size), _resize_label(label, size)
     image, inner = fitted(image, size)
-    whole = np.full(size, IGNORE_LABEL, np.uint8)
-    whole[: inner[0], : inner[1]] = _resize_label(label, inner)
-    return image, whole
+    padded = np.full(size, IGNORE_LABEL, np.uint8)
+    padded[: inner[0], : inner[1]] = _resize_label(label, inner)
+    return image, padded
 
 
 def _resize_label(label: np.ndarray, size: tuple[int, int]) -> np.ndarray:
@@ -152,19 +151,37 @@ def _resize_label(label: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     return cv2.resize(label, (size[1], size[0]), interpolation=cv2.INTER_NEAREST_EXACT)
 
 
+def read_entry(
+    entry: Entry, reader: LabelReader
+) -> tuple[UInt8[np.ndarray, "_h _w 3"], UInt8[np.ndarray, "_h _w"], Counter[str]]:
+    """Read an image and its label; values that no class names are ignored, and their pixels are counted.
+
+    Raises:
+        DataError: a file is missing, broken or of another kind, or the sizes differ.
+    """
+    image = read_image(entry.image_path)
+    label, unknown = reader.read(entry.label_path, entry.image_path)
+    if image.shape[:2] != label.shape:
+        raise DataError(
+            f"{entry.label_path}: {label.shape[1]}x{label.shape[0]} pixels, but its image "
+            f"{entry.image_path} has {image.shape[1]}x{image.shape[0]}; resize one of them"
+        )
+    return image, label, unknown
+
+
 def load(
     entries: Sequence[Entry],
     target: TargetFile,
     size: tuple[int, int] | None = None,
     fit: Fit | None = None,
 ) -> LabelledImages:
-    """Read images and labels; images are resized by area averages, labels by nearest pixel.
+    """Read images and labels; images are resized by area averages, labels to the nearest pixel.
 
     Args:
-        entries: from `list_split`, `subset`, or made by hand.
+        entries: from `list_split` or `subset`, or built by the caller.
         target: describes the label files.
         size: (height, width) in pixels; None keeps the size on disk, which must be the same for all.
-        fit: how images of another shape are treated; by default as the target's file says.
+        fit: how images of another aspect ratio are treated; by default as the target's file says.
 
     Returns:
         The images, in the order of the entries.
@@ -176,17 +193,11 @@ def load(
     if size is not None and (size[0] < 1 or size[1] < 1):
         raise ValueError(f"size must be a positive (height, width); got {size}")
     if not entries:
-        raise DataError("zero images to load; expected at least one entry")
+        raise DataError("no images to load; expected at least one entry")
     reader = LabelReader(target)
 
     def load_one(entry: Entry) -> tuple[np.ndarray, np.ndarray, Counter[str]]:
-        image = read_image(entry.image_path)
-        label, unknown = reader.read(entry.label_path, entry.image_path)
-        if image.shape[:2] != label.shape:
-            raise DataError(
-                f"{entry.label_path}: {label.shape[1]}x{label.shape[0]} pixels, but its image "
-                f"{entry.image_path} has {image.shape[1]}x{image.shape[0]}; both must agree"
-            )
+        image, label, unknown = read_entry(entry, reader)
         if size is not None:
             image, label = _fit(image, label, size, fit or target.fit)
         return image, label, unknown
@@ -203,7 +214,7 @@ def load(
         if label.shape != first:
             raise DataError(
                 f"{entry.image_path}: {label.shape[1]}x{label.shape[0]} pixels where "
-                f"{entries[0].image_path} has {first[1]}x{first[0]}; give a size to resize them all"
+                f"{entries[0].image_path} has {first[1]}x{first[0]}; pass a size to resize them all"
             )
     return LabelledImages(
         np.stack([image for image, _, _ in loaded]),
@@ -231,8 +242,8 @@ def read_split(
         limit: the number of images to keep; None keeps all.
         seed: seed of the choice.
     """
-    own = find_target(target) if isinstance(target, str) else target
-    return load(subset(list_split(own, root, split), limit, seed), own, size)
+    target_file = find_target(target) if isinstance(target, str) else target
+    return load(subset(list_split(target_file, root, split), limit, seed), target_file, size)
 
 
 class TargetData(NamedTuple):
@@ -256,32 +267,32 @@ def read_target(
         target: from `find_target`.
         root: the data's folder.
         size: (height, width) in pixels.
-        fit: how images of another shape are treated; by default as the target's file says.
+        fit: how images of another aspect ratio are treated; by default as the target's file says.
         splits: the splits to read; by default all.
 
     Raises:
         UserError: a file is wrong, or an image is in two splits.
     """
     names = tuple(splits) or split_names(target, Path(root)) or (TRAIN,)
-    listed = {split: list_split(target, root, split) for split in names}
-    read = {split: load(entries, target, size, fit) for split, entries in listed.items()}
-    refuse_shared(read)
-    note = shared_groups(listed)
-    return TargetData(read, table_of(target), (note,) if note else ())
+    entries = {split: list_split(target, root, split) for split in names}
+    images = {split: load(entries[split], target, size, fit) for split in names}
+    refuse_shared(images)
+    note = shared_groups(entries)
+    return TargetData(images, table_of(target), (note,) if note else ())
 
 
 def refuse_shared(sides: Mapping[str, LabelledImages]) -> None:
     """Raise UserError if two splits have an image with the same pixels; names may differ."""
-    seen: dict[bytes, tuple[str, str]] = {}
+    first_with: dict[bytes, tuple[str, str]] = {}
     shared: list[str] = []
-    for side, own in sides.items():
-        for k, image in enumerate(own.images):
-            name = own.names[k] if own.names else f"image {k + 1}"
+    for side, labelled in sides.items():
+        for k, image in enumerate(labelled.images):
+            name = labelled.names[k] if labelled.names else f"image {k + 1}"
             key = hashlib.sha256(image.tobytes()).digest()
-            first, other = seen.setdefault(key, (side, name))
+            first, other = first_with.setdefault(key, (side, name))
             if first != side:
                 shared.append(f"{other} in {first} is {name} in {side}")
     if shared:
         raise UserError(
-            f"{len(shared)} images are in two splits, such as {shared[0]}; leave each in one of them"
+            f"images in two splits: {len(shared)}, such as {shared[0]}; keep each in one split"
         )

@@ -1,4 +1,4 @@
-"""Reads label files of every format as ids of their target's classes."""
+"""Reads label files of every format as ids of the target's classes."""
 
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -22,7 +22,7 @@ from seg.errors import DataError
 _UNKNOWN = MOST_CLASSES
 """The id of a value that no class names; no class has this id."""
 _FAR = 100_000.0
-"""A corner of a polygon lies at most so many pixels outside the picture."""
+"""A corner of a polygon lies at most so many pixels outside the image."""
 
 
 class Values(NamedTuple):
@@ -43,11 +43,11 @@ class LabelReader:
     def __init__(self, target: TargetFile) -> None:
         self._target = target
         self._class_of: dict[Any, int] = dict.fromkeys(target.void, IGNORE_LABEL)
-        for k, own in enumerate(target.classes.values()):
-            self._class_of |= dict.fromkeys(getattr(own, target.kind), k)
+        for k, target_class in enumerate(target.classes.values()):
+            self._class_of |= dict.fromkeys(getattr(target_class, target.kind), k)
         names = target.class_names
         self._rest = _UNKNOWN if target.rest is None else names.index(target.rest)
-        self._table = np.zeros(0, np.uint8)  # of polygons each file has its own
+        self._table = np.zeros(0, np.uint8)  # polygons have one for each file
         if target.kind != "names":
             self._table = np.full(1 << (16 if target.kind == "ids" else 24), self._rest, np.uint8)
             for value, k in self._class_of.items():
@@ -89,11 +89,11 @@ class LabelReader:
             label = np.where(inside, self._table[np.where(inside, codes, 0)], np.uint8(self._rest))
         else:
             label = self._table[codes]
-        wrong = label == _UNKNOWN
+        unknown_mask = label == _UNKNOWN
         unknown: Counter[str] = Counter()
-        if wrong.any():
-            label = np.where(wrong, np.uint8(IGNORE_LABEL), label)
-            values, counts = np.unique(codes[wrong], return_counts=True)
+        if unknown_mask.any():
+            label = np.where(unknown_mask, np.uint8(IGNORE_LABEL), label)
+            values, counts = np.unique(codes[unknown_mask], return_counts=True)
             for value, count in zip(values.tolist(), counts.tolist(), strict=True):
                 unknown[self._shown(value, names)] = count
         return label, unknown
@@ -168,14 +168,14 @@ def read_colours(path: Path) -> Values:
 
 
 def read_labelme(path: Path) -> Values:
-    """Draw polygons and rectangles of LabelMe in order, later ones above; the rest is void."""
-    found = _table_at(path, _json(path), "")
+    """Draw polygons and rectangles of LabelMe in order, later ones above; the rest is ignored."""
+    content = _table_at(path, _json(path), "")
     polygons = []
-    for k, shape in enumerate(_list_at(path, found, "shapes")):
+    for k, item in enumerate(_list_at(path, content, "shapes")):
         where = f"shapes[{k}]"
-        own = _table_at(path, shape, where)
-        points = _points(path, own.get("points"), f"{where}.points")
-        kind = own.get("shape_type") or "polygon"
+        shape = _table_at(path, item, where)
+        points = _points(path, shape.get("points"), f"{where}.points")
+        kind = shape.get("shape_type") or "polygon"
         if kind == "rectangle" and len(points) == 2:
             (left, top), (right, bottom) = points
             points = [(left, top), (right, top), (right, bottom), (left, bottom)]
@@ -184,21 +184,21 @@ def read_labelme(path: Path) -> Values:
                 f"{path}: {where}.shape_type is {kind!r} of {len(points)} points; expected polygon, or "
                 "rectangle of two or four points"
             )
-        polygons.append((_name(path, own, where), points))
-    size = _size(path, found, "imageHeight", "imageWidth")
-    return _drawn(size, polygons)
+        polygons.append((_name(path, shape, where), points))
+    size = _size(path, content, "imageHeight", "imageWidth")
+    return _draw(size, polygons)
 
 
 def read_cityscapes_polygons(path: Path) -> Values:
     """Draw polygons of Cityscapes (``*_polygons.json``) in order, later ones above, without deleted ones."""
-    found = _table_at(path, _json(path), "")
+    content = _table_at(path, _json(path), "")
     polygons = []
-    for k, item in enumerate(_list_at(path, found, "objects")):
-        own = _table_at(path, item, f"objects[{k}]")
-        if not own.get("deleted"):
-            points = _points(path, own.get("polygon"), f"objects[{k}].polygon")
-            polygons.append((_name(path, own, f"objects[{k}]"), points))
-    return _drawn(_size(path, found, "imgHeight", "imgWidth"), polygons)
+    for k, item in enumerate(_list_at(path, content, "objects")):
+        region = _table_at(path, item, f"objects[{k}]")
+        if not region.get("deleted"):
+            points = _points(path, region.get("polygon"), f"objects[{k}].polygon")
+            polygons.append((_name(path, region, f"objects[{k}]"), points))
+    return _draw(_size(path, content, "imgHeight", "imgWidth"), polygons)
 
 
 FORMATS: dict[Format, Callable[[Path], Values]] = {
@@ -217,12 +217,12 @@ def _json(path: Path) -> Any:
     except ValueError as error:
         if isinstance(error, UserError):
             raise
-        raise DataError(f"{path}: no JSON ({error})") from None
+        raise DataError(f"{path}: not valid JSON ({error})") from None
 
 
 def _table_at(path: Path, value: Any, where: str) -> dict[str, Any]:
     if not isinstance(value, dict):
-        raise DataError(f"{path}: {where or 'the file'} must be a table of JSON, in braces")
+        raise DataError(f"{path}: {where or 'the file'} must be a JSON object")
     return value
 
 
@@ -241,11 +241,9 @@ def _name(path: Path, table: dict[str, Any], where: str) -> str:
 def _points(path: Path, value: Any, where: str) -> list[tuple[float, float]]:
     points: list[Any] = value if isinstance(value, list) else [None]
     for point in points:
-        right = isinstance(point, list) and len(point) == 2
-        if not right or not all(type(v) in (int, float) and abs(v) <= _FAR for v in point):
-            raise DataError(
-                f"{path}: {where} must be a list of points [x, y] in or near the picture"
-            )
+        is_pair = isinstance(point, list) and len(point) == 2
+        if not is_pair or not all(type(v) in (int, float) and abs(v) <= _FAR for v in point):
+            raise DataError(f"{path}: {where} must be a list of points [x, y] in or near the image")
     return [(float(x), float(y)) for x, y in points]
 
 
@@ -260,10 +258,10 @@ def _size(path: Path, table: dict[str, Any], *names: str) -> tuple[int, int]:
     return height, width
 
 
-def _drawn(
+def _draw(
     size: tuple[int, int], polygons: Sequence[tuple[str, list[tuple[float, float]]]]
 ) -> Values:
-    """Draw polygons in order as numbers of their names from 1, as the tools of both formats do."""
+    """Draw polygons in order, as numbers of their names from 1, as the tools of both formats do."""
     names = tuple(dict.fromkeys(name for name, _ in polygons))
     canvas = Image.new("I", (size[1], size[0]))
     pen = ImageDraw.Draw(canvas)

@@ -1,4 +1,4 @@
-"""Photographs without labels, which are enough for a reward by feature distance."""
+"""Photographs without labels, for a reward from feature distances."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,26 +16,26 @@ def list_unlabelled(root: str | Path) -> tuple[Path, ...]:
     """List the image files in a folder and its sub-folders, sorted by path, without reading them.
 
     Raises:
-        DataError: there is no such folder, it holds no image, or two images share their name.
+        DataError: there is no such folder, it has no images, or two images have the same name.
     """
     root = Path(root)
     if not root.is_dir():
         raise DataError(f"{root}: no such folder; expected one with images")
     paths = tuple(p for p in files_below(root) if p.suffix.lower() in IMAGES)
     if not paths:
-        raise DataError(f"{root}: zero images; expected {', '.join(IMAGES)}")
-    seen: dict[str, Path] = {}
+        raise DataError(f"{root}: no images; expected {', '.join(IMAGES)}")
+    by_name: dict[str, Path] = {}
     for path in paths:
-        if path.stem in seen:
-            raise DataError(f"{path}: {seen[path.stem]} has the same name; names must differ")
-        seen[path.stem] = path
+        if path.stem in by_name:
+            raise DataError(f"{path} and {by_name[path.stem]} have the same name; rename one")
+        by_name[path.stem] = path
     return paths
 
 
 def load_unlabelled(
     paths: Sequence[Path], size: tuple[int, int]
 ) -> UInt8[np.ndarray, "n height width 3"]:
-    """Read images as RGB, cut them to the aspect of (height, width) around their centre, and resize them.
+    """Read images as RGB, cropped around the centre to the aspect ratio of (height, width) and resized.
 
     Raises:
         DataError: a file is missing, broken or not an image.

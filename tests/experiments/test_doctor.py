@@ -826,9 +826,9 @@ def test_an_image_that_was_cut_off_is_found(tmp_path, ending):
 def test_fractions_are_not_called_broken(tmp_path):
     path = tmp_path / "a.tiff"
     Image.fromarray(np.random.default_rng(0).random((8, 8), np.float32)).save(path)
-    refuses(r"a.tiff: holds fractions \(mode F\)", read_image, path)
+    refuses(r"a.tiff: has floating-point values \(mode F\)", read_image, path)
     refuses(
-        r"a.tiff: holds fractions \(mode F\)",
+        r"a.tiff: has floating-point values \(mode F\)",
         LabelReader(
             parse_target(
                 "images: a/{name}\nlabels: b/{name}\nclasses: {a: {ids: [0]}, b: {ids: [1]}}", "x"

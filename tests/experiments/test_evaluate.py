@@ -201,7 +201,7 @@ def test_what_cannot_be_scored_is_refused(model, red, camvid, tmp_path, capsys):
     )
     refused(
         DataError,
-        "B_8.png has 9x9 pixels, but its image",
+        "B_8.png: 9x9 pixels, but its image",
         evaluate,
         model,
         labelled("camvid", camvid),

@@ -93,12 +93,12 @@ def test_photographs_that_are_not_read_are_counted(folder, images, tmp_path, cap
         (images / name).touch()
     assert main([folder, str(images), "--out", str(tmp_path / "out")]) == 0
     said = capsys.readouterr().out
-    assert "2 of .heic, 1 of .avif, 1 of .jp2 cannot be read: convert them to JPEG or PNG" in said
+    assert "cannot read 2 .heic, 1 .avif, 1 .jp2: convert them to JPEG or PNG" in said
     (tmp_path / "phone").mkdir()
     (tmp_path / "phone" / "x.heic").touch()
     assert main([folder, str(tmp_path / "phone"), "--out", str(tmp_path / "none")]) == 2
-    assert "expected files of .png, .jpg" in (error := capsys.readouterr().err)
-    assert "1 of .heic cannot be read" in error
+    assert "expected .png, .jpg" in (error := capsys.readouterr().err)
+    assert "cannot read 1 .heic" in error
 
 
 def test_colours_overlays_and_probabilities(model, images, tmp_path):
@@ -181,7 +181,7 @@ def test_a_video_gives_a_picture_of_each_frame(model, tmp_path):
 def test_a_video_without_frames_and_files_that_are_no_images(folder, tmp_path, capsys):
     (tmp_path / "drive.mp4").write_bytes(b"nothing")
     assert main([folder, str(tmp_path / "drive.mp4"), "--out", str(tmp_path / "out")]) == 2
-    assert "drive.mp4: a video without frames" in one_line(capsys)
+    assert "drive.mp4: OpenCV cannot read this video, or it has no frames" in one_line(capsys)
     (tmp_path / "photo.jpg").write_bytes(b"nothing")
     assert main([folder, str(tmp_path / "photo.jpg"), "--out", str(tmp_path / "out")]) == 2
     assert "photo.jpg: not a readable image" in one_line(capsys)
@@ -193,18 +193,18 @@ def test_folders_that_cannot_be_read_or_written(model, folder, images, tmp_path,
     (tmp_path / "empty").mkdir()
     refused(
         DataError,
-        "no images and no videos; expected files of .png",
+        "no images or videos; expected .png",
         list_sources,
         tmp_path / "empty",
     )
     refused(UserError, "is inside", predict, model, images, images / "out")
     (images / "b.jpg").write_bytes(b"")
-    refused(DataError, "b.png: .*b.jpg has the same name", list_sources, images)
+    refused(DataError, "b.png and .*b.jpg have the same name; rename one", list_sources, images)
     (images / "b.jpg").unlink()
     video(images / "drive.avi", 1)
     (images / "drive").mkdir()
     (images / "b.png").rename(images / "drive" / "000000.png")
-    refused(DataError, "000000.png: results of the video .*drive.avi go", list_sources, images)
+    refused(DataError, "000000.png: its folder is named like the video .*drive.avi", list_sources, images)
     (images / "drive" / "000000.png").rename(images / "b.png")
     (images / "drive.avi").unlink()
     (images / "drive").rmdir()

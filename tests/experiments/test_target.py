@@ -144,7 +144,7 @@ def test_an_image_on_both_sides_is_found_under_another_name(fails, camvid):
     for kind in ("", "annot"):
         image = (camvid / f"train{kind}" / "A_2.png").read_bytes()
         (camvid / f"test{kind}" / "Z_9.png").write_bytes(image)
-    fails("1 images are in two splits", "A_2 in the training images is Z_9 in the test images")
+    fails("images in two splits: 1", "A_2 in the training images is Z_9 in the test images")
 
 
 def test_a_missing_split_and_an_image_on_both_sides(fails, camvid):

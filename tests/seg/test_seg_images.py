@@ -96,7 +96,7 @@ def test_images_of_all_sizes_come_sorted_and_jpegs_with_bytes_after_their_end(tm
 
 def test_bad_folders_are_named(tmp_path):
     refuses_file("nowhere: no such folder", list_unlabelled, tmp_path / "nowhere")
-    refuses_file("zero images", list_unlabelled, tmp_path)
+    refuses_file("no images; expected .png", list_unlabelled, tmp_path)
     one, other = (tmp_path / name / "1.png" for name in "ab")
     write_image(one)
     write_image(other)

@@ -252,7 +252,7 @@ def test_images_of_three_shapes_come_at_one_size(tmp_path):
     assert shown == pytest.approx([1, 9 / 16, 5 / 12])
     assert not (load(entries, own(""), (12, 16), "cut").labels == 255).any()
     refuses_file(
-        r"i/1\.png: 12x16 pixels where .*0\.png has 16x12; give a size", load, entries, own("")
+        r"i/1\.png: 12x16 pixels where .*0\.png has 16x12; pass a size", load, entries, own("")
     )
 
 
@@ -307,7 +307,7 @@ def test_labels_of_another_size_and_what_is_missing(tmp_path):
     refuses_file(r"0006R0_2\.png: not a readable image", *read)
     label.unlink()
     refuses(r"0006R0_2\.png: image without label; expected .*0006R0_2\.png", *read, error=UserError)
-    refuses("zero images to load", load, (), shipped("camvid"))
+    refuses("no images to load", load, (), shipped("camvid"))
     entries = list_split(shipped("camvid"), tmp_path, "test")
     refuses(r"size must be a positive \(height, width\)", load, entries, shipped("camvid"), (0, 4))
 
@@ -328,7 +328,7 @@ def test_an_image_in_two_splits_is_found_by_its_pixels(tmp_path):
     for part in ("", "annot"):
         save(tmp_path / f"test{part}" / "new_1.png",
              np.asarray(Image.open(tmp_path / f"train{part}" / "0006R0_2.png")))  # fmt: skip
-    message = "1 images are in two splits, such as 0006R0_2 in train is new_1 in test"
+    message = "images in two splits: 1, such as 0006R0_2 in train is new_1 in test"
     refuses(message, read_target, shipped("camvid"), tmp_path, SIZE, error=UserError)
     assert list(read_target(shipped("camvid"), tmp_path, SIZE, splits=["test"]).splits) == ["test"]
 
@@ -409,7 +409,7 @@ def test_polygons_and_rectangles_of_labelme(tmp_path):
         ({"shapes": [shapes[0] | {"points": [[1, 2, 3]]}]}, r"shapes\[0\]\.points must be a list of points"),
         ({"shapes": [shapes[0] | {"points": [[1, 1e9]]}]}, r"shapes\[0\]\.points must be a list of points"),
         ({"shapes": [shapes[0] | {"label": 3}]}, r"shapes\[0\]\.label must be text"),
-        ({"shapes": [7]}, r"shapes\[0\] must be a table"), ({"shapes": {}}, "shapes must be a list"),
+        ({"shapes": [7]}, r"shapes\[0\] must be a JSON object"), ({"shapes": {}}, "shapes must be a list"),
         ({"imageWidth": None}, "imageWidth must be a positive whole number, not None"),
         ({"imageWidth": 10**8, "imageHeight": 10**8}, "100000000x100000000 is more than 50,000,000 pixels"),
     ):  # fmt: skip
@@ -417,7 +417,7 @@ def test_polygons_and_rectangles_of_labelme(tmp_path):
         refuses_file(r"e\.json: " + message, LabelReader(target), empty)
     for text in ("{", "[NaN]", "[" * 100_000):
         empty.write_text(text)
-        refuses_file(r"e\.json: no JSON", LabelReader(target), empty)
+        refuses_file(r"e\.json: not valid JSON", LabelReader(target), empty)
 
 
 COCO = """
