@@ -45,7 +45,7 @@ def card(config: Mapping[str, Any]) -> str:
     title = f"{config['net']} for {notes.get('target', 'streets')}"
     trained = plain_text(notes.get("trained_on", "images that its notes do not name"))
     if "labelled_images" in notes:
-        renders = " and renders beside them" if "+" in trained else ""
+        renders = " and renders" if "+" in trained else ""
         trained = f"{plain_text(notes['labelled_images'])} labelled images{renders}"
     version = plain_text(config["versions"].get("sdr-jax", "?"))
     lines = [

@@ -42,7 +42,7 @@ def test_every_row_of_the_tiny_form_is_measured(tmp_path):
     assert gpu.main(["--tiny", "--out", str(out), "--json", str(report)]) == 0
     rows = [json.loads(line) for line in out.read_text().splitlines()]
     assert json.loads(report.read_text())["rows"] == rows
-    ours = [row["what"] for row in rows if "PyTorch" not in row["what"]]
-    assert len(ours) == 9 and all(row["ms"] > 0 and row["first_s"] > 0 for row in rows)
-    assert ours == [figure.name for figure in figures(gpu.TINY) if "PyTorch" not in figure.name]
-    assert len(ours) == len([f for f in figures(FULL) if "PyTorch" not in f.name])
+    of_jax = [row["what"] for row in rows if "PyTorch" not in row["what"]]
+    assert len(of_jax) == 9 and all(row["ms"] > 0 and row["first_s"] > 0 for row in rows)
+    assert of_jax == [figure.name for figure in figures(gpu.TINY) if "PyTorch" not in figure.name]
+    assert len(of_jax) == len([f for f in figures(FULL) if "PyTorch" not in f.name])

@@ -39,18 +39,20 @@ refuses_file = partial(refuses, error=DataError)
 refuses_weights = partial(refuses, error=WeightsError)
 
 
-def same_function(ours, theirs, *inputs, atol=1e-5, of_gradients=1e-4, rtol=1e-7):
+def same_function(function, reference, *inputs, atol=1e-5, of_gradients=1e-4, rtol=1e-7):
     """Values agree, alone and on the way to a gradient, and so do the gradients of every input."""
-    (found, our_back), (expected, back) = (jax.vjp(f, *inputs) for f in (ours, theirs))
-    assert found.dtype == expected.dtype
-    for value in (found, ours(*inputs)):
+    (result, back), (expected, reference_back) = (
+        jax.vjp(f, *inputs) for f in (function, reference)
+    )
+    assert result.dtype == expected.dtype
+    for value in (result, function(*inputs)):
         assert_close(jnp.float32(value), jnp.float32(expected), rtol, atol)
     weight = normal(*expected.shape, seed=9).astype(expected.dtype)
-    assert_close(our_back(weight), back(weight), rtol, of_gradients)
+    assert_close(back(weight), reference_back(weight), rtol, of_gradients)
 
 
 def toy(count=2, size=(32, 32)):
-    """Two classes: a bright box on dark noise, at a place of its own; a strip of void."""
+    """Two classes: a bright box on dark noise, at a place of its own; a strip of ignored pixels."""
     labels = np.zeros((count, *size), np.uint8)
     columns = size[1] // 8
     for number, label in enumerate(labels):
@@ -63,10 +65,10 @@ def toy(count=2, size=(32, 32)):
 
 def filled(module, images, seed: int = 0):
     """Parameters of a module for such images."""
-    return drawn(jax.eval_shape(module.init, jax.random.key(0), images)["params"], seed)
+    return random_params(jax.eval_shape(module.init, jax.random.key(0), images)["params"], seed)
 
 
-def drawn(outline, seed: int = 0):
+def random_params(outline, seed: int = 0):
     """Parameters of ordinary sizes, none of them 0: drawing them with JAX would compile for a minute."""
     rng = np.random.default_rng(seed)
 
@@ -88,7 +90,7 @@ def narrow(monkeypatch):
     narrow_vgg16(monkeypatch, WIDTH, HIDDEN)
 
 
-def ours(seed=0):
+def vgg16_arrays(seed=0):
     rng = np.random.default_rng(seed)
     return {n: rng.normal(size=s).astype(np.float32) for n, s in vgg16.shapes().items()}
 
@@ -97,12 +99,12 @@ def run(source, out, *options):
     return main(["convert", str(source), "--out", str(out), *options])
 
 
-def check_ours(path, normalisation, layers=vgg16.LAYERS):
-    """The weights of `ours` for our images, bit by bit; returns the source that the file names."""
+def check_vgg16(path, normalisation, layers=vgg16.LAYERS):
+    """The weights of `vgg16_arrays` for our images, bit by bit; returns the source that the file names."""
     arrays = read_npz(path)
     assert str(arrays.pop("normalisation")) == normalisation
     source = str(arrays.pop("source"))
-    expected = {n: a for n, a in ours().items() if n.split("/")[0] in layers}
+    expected = {n: a for n, a in vgg16_arrays().items() if n.split("/")[0] in layers}
     if normalisation != "torchvision":
         first = "conv1_1/kernel", "conv1_1/bias"
         expected |= zip(first, from_bgr(*(expected[n] for n in first)), strict=True)

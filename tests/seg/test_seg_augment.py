@@ -1,4 +1,4 @@
-"""Augmentation keeps labels with their images, and does nothing where it is told to."""
+"""Augmentation keeps labels with their images, and does nothing where it is switched off."""
 
 import jax
 import jax.numpy as jnp
@@ -21,15 +21,15 @@ def random_batch(seed):
 
 
 def augmented(rng, images, labels, **switches):
-    given = map(jnp.asarray, (images, labels, draw(rng, len(images))))
-    return augment(*given, TrainSettings(**switches).augment_spec, jax.random.key(0))
+    arrays = map(jnp.asarray, (images, labels, draw(rng, len(images))))
+    return augment(*arrays, TrainSettings(**switches).augment_spec, jax.random.key(0))
 
 
 def test_mirror_and_blur_by_hand():
     labels = jnp.arange(6, dtype=jnp.uint8).reshape(2, 1, 3)
     flipped = mirrored(1.0 * labels[..., None], labels, jnp.array([0.4, 0.6]))
-    for found in (flipped[0][..., 0], flipped[1]):
-        np.testing.assert_array_equal(found[:, 0], [[2, 1, 0], [3, 4, 5]])
+    for mirrored_array in (flipped[0][..., 0], flipped[1]):
+        np.testing.assert_array_equal(mirrored_array[:, 0], [[2, 1, 0], [3, 4, 5]])
     spot = jnp.zeros((1, 3, 3, 1)).at[0, 1, 1].set(16)
     spread = blurred(spot, jnp.ones(1))[0, :, :, 0]
     np.testing.assert_allclose(spread, [[1, 2, 1], [2, 4, 2], [1, 2, 1]])
@@ -111,24 +111,26 @@ def test_mixing_keeps_grey_noise_has_its_size_and_draws_repeat():
 def test_views_are_the_images_then_augmented_ones():
     _, images, labels = random_batch(0)
 
-    def seen_of(settings, some=slice(None)):
-        x, y = images[some], labels[some]
-        both = view_images(x, settings), view_labels(x, y, settings)
-        for alone, beside in zip(both, views(x, y, settings), strict=True):
-            np.testing.assert_array_equal(alone, beside)
-        return both
+    def views_of(settings, indices=slice(None)):
+        x, y = images[indices], labels[indices]
+        arrays = view_images(x, settings), view_labels(x, y, settings)
+        for array, array_of_views in zip(arrays, views(x, y, settings), strict=True):
+            np.testing.assert_array_equal(array, array_of_views)
+        return arrays
 
-    seen, named = seen_of(TrainSettings(colour=False, blur=False, views=3))
+    view_rows, named = views_of(TrainSettings(colour=False, blur=False, views=3))
     turned = images[:, :, ::-1]
-    np.testing.assert_array_equal(seen, np.concatenate([images, turned, images]))
-    np.testing.assert_array_equal(named * 20, seen[..., 0])
+    np.testing.assert_array_equal(view_rows, np.concatenate([images, turned, images]))
+    np.testing.assert_array_equal(named * 20, view_rows[..., 0])
     full = TrainSettings(scale=True, mix=True, noise=True, views=2)
-    seen, named = seen_of(full)
-    assert seen.shape == (8, 6, 8, 3) and named.shape == (8, 6, 8) and seen.dtype == np.uint8
-    np.testing.assert_array_equal(seen[:4], images)
-    assert not np.array_equal(seen[4:], turned) and (named[4:] == 255).any()
-    np.testing.assert_array_equal(seen, seen_of(full)[0])
-    # An image's views do not depend on what stands beside it.
-    for part, whole in zip(seen_of(full, slice(1, 3)), (seen, named), strict=True):
+    view_rows, named = views_of(full)
+    assert (
+        view_rows.shape == (8, 6, 8, 3) and named.shape == (8, 6, 8) and view_rows.dtype == np.uint8
+    )
+    np.testing.assert_array_equal(view_rows[:4], images)
+    assert not np.array_equal(view_rows[4:], turned) and (named[4:] == 255).any()
+    np.testing.assert_array_equal(view_rows, views_of(full)[0])
+    # An image's views do not depend on the other images.
+    for part, whole in zip(views_of(full, slice(1, 3)), (view_rows, named), strict=True):
         np.testing.assert_array_equal(part, whole[[1, 2, 5, 6]])
-    np.testing.assert_array_equal(seen_of(TrainSettings(views=1))[0], images)
+    np.testing.assert_array_equal(views_of(TrainSettings(views=1))[0], images)

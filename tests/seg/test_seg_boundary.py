@@ -29,7 +29,7 @@ def test_strips_of_two_squares_by_hand():
 def test_sides_of_a_square_and_of_a_comb():
     whole = square(3, 3, side=4)
     comb = whole.copy()
-    comb[3:7, [4, 6]] = 255  # two of four columns are void
+    comb[3:7, [4, 6]] = 255  # two of four columns are ignored
     sides, areas = perimeters(np.stack([whole]), 2)
     assert sides.tolist() == [16, 16] and areas.tolist() == [144 - 16, 16]
     sides, areas = perimeters(np.stack([comb, whole]), 2)
@@ -38,30 +38,30 @@ def test_sides_of_a_square_and_of_a_comb():
 
 def test_wide_strips_are_the_classes_themselves():
     rng = np.random.default_rng(0)
-    labels, found = rng.integers(0, 3, (2, 12, 16)).astype(np.uint8)
+    labels, predictions = rng.integers(0, 3, (2, 12, 16)).astype(np.uint8)
     counts, confusion = (
-        boundary_counts(labels, found, 3, share=1.0),
-        confusion_matrix(labels, found, 3),
+        boundary_counts(labels, predictions, 3, share=1.0),
+        confusion_matrix(labels, predictions, 3),
     )
     np.testing.assert_allclose(boundary_iou(counts, confusion), iou(confusion))
 
 
 def test_void_belongs_to_no_class():
-    labels, found = square(3, 3), square(3, 3)
+    labels, predictions = square(3, 3), square(3, 3)
     labels[:, 5:] = 255
-    found[:, 5:] = 2
-    counts = boundary_counts(labels, found, 3)
+    predictions[:, 5:] = 2
+    counts = boundary_counts(labels, predictions, 3)
     assert counts[0].tolist() == counts[1].tolist() and counts[:, 2].tolist() == [0, 0]
-    assert np.isnan(boundary_iou(counts, confusion_matrix(labels, found, 3))[2])
+    assert np.isnan(boundary_iou(counts, confusion_matrix(labels, predictions, 3))[2])
 
 
 @given(SEEDS)
 def test_right_predictions_have_1_and_classes_can_change_their_names(seed):
-    labels, found = np.random.default_rng(seed).integers(0, 3, (2, 9, 11)).astype(np.uint8)
-    both, either = boundary_counts(labels, labels, 3)
-    np.testing.assert_array_equal(both, either)
+    labels, predictions = np.random.default_rng(seed).integers(0, 3, (2, 9, 11)).astype(np.uint8)
+    intersection, union = boundary_counts(labels, labels, 3)
+    np.testing.assert_array_equal(intersection, union)
     swapped = np.array([2, 0, 1], np.uint8)
     np.testing.assert_array_equal(
-        boundary_counts(swapped[labels], swapped[found], 3)[:, swapped],
-        boundary_counts(labels, found, 3),
+        boundary_counts(swapped[labels], swapped[predictions], 3)[:, swapped],
+        boundary_counts(labels, predictions, 3),
     )

@@ -36,9 +36,9 @@ TO_FACADE = {
 def test_sizes_labels_subsets_and_names_by_hand():
     for table, pairs in ((CAMVID_11, TO_CAMVID), (LABELMEFACADE_6, TO_FACADE)):
         assert set(pairs) == set(CITYSCAPES_19.classes)
-        for city, ours in pairs.items():
+        for city, name in pairs.items():
             mapped = table.from_train_id[CITYSCAPES_19.classes.index(city)]
-            assert mapped == (IGNORE_LABEL if ours is None else table.classes.index(ours))
+            assert mapped == (IGNORE_LABEL if name is None else table.classes.index(name))
     np.testing.assert_array_equal(CITYSCAPES_19.from_train_id[:19], np.arange(19))
     for table, count in ((CITYSCAPES_19, 19), (CAMVID_11, 11), (LABELMEFACADE_6, 6)):
         assert len(table.classes) == len(set(table.classes)) == count
@@ -57,8 +57,8 @@ def test_sizes_labels_subsets_and_names_by_hand():
 
 def test_a_table_is_found_by_its_text_which_names_outlines_only_where_there_are_some():
     text = "images: '{name}'\nlabels: '{name}'\nclasses: {a: {ids: [1], renders: [sky]}, b: {ids: [2]}}"
-    plain = parse_target(text, "t.yaml")
-    assert classes.table_text(plain) == (
+    target = parse_target(text, "t.yaml")
+    assert classes.table_text(target) == (
         '{"images":"{name}","labels":"{name}","classes":{"a":{"ids":[1],"colours":[],"names":[],'
         '"renders":["sky"]},"b":{"ids":[2],"colours":[],"names":[],"renders":[]}},"format":"ids",'
         '"void":[],"splits":{},"group":null,"fit":"pad","rest":null,"unlabelled":"refuse",'
@@ -67,7 +67,7 @@ def test_a_table_is_found_by_its_text_which_names_outlines_only_where_there_are_
     outlined = classes.table_text(parse_target(f"{text}\noutlines: {{a: 3 %}}", "t.yaml"))
     assert '"outlines":{"a":0.03}' in outlined
     assert classes.class_table(outlined).outlines == (((10,), 0.03),)
-    assert classes.class_table(classes.table_text(plain)).outlines == ()
+    assert classes.class_table(classes.table_text(target)).outlines == ()
     assert CAMVID_11.outlines == (((8, 9), 0.04),)
     assert classes.table_text(shipped("camvid")) == "camvid"
 
@@ -75,7 +75,7 @@ def test_a_table_is_found_by_its_text_which_names_outlines_only_where_there_are_
 @pytest.mark.parametrize("table", TABLES, ids=lambda table: table.name)
 def test_every_class_that_is_rendered_is_reached_and_the_rest_is_void(table):
     reached = table.from_train_id
-    rendered = {k for k, own in enumerate(shipped(table.name).rendered) if own}
+    rendered = {k for k, is_rendered in enumerate(shipped(table.name).rendered) if is_rendered}
     assert set(reached.tolist()) == {*rendered, IGNORE_LABEL}
     assert (reached[19:] == IGNORE_LABEL).all()
     with pytest.raises(ValueError, match="read-only"):

@@ -44,18 +44,18 @@ def tensors(c=C, seed=0):
         linear = dict.fromkeys(("query", "key", "value"), (c, c))
         linear = {f"attention.attention.{name}": shape for name, shape in linear.items()}
         linear |= {"attention.output.dense": (c, c), "mlp.fc1": (4 * c, c), "mlp.fc2": (c, 4 * c)}
-        own = {f"{name}.weight": shape for name, shape in linear.items()}
-        own |= {f"{name}.bias": shape[:1] for name, shape in linear.items()}
-        own |= {f"norm{i}.{part}": (c,) for i in (1, 2) for part in ("weight", "bias")}
-        own |= {f"layer_scale{i}.lambda1": (c,) for i in (1, 2)}
-        shapes |= {f"encoder.layer.{k}.{name}": shape for name, shape in own.items()}
+        layer = {f"{name}.weight": shape for name, shape in linear.items()}
+        layer |= {f"{name}.bias": shape[:1] for name, shape in linear.items()}
+        layer |= {f"norm{i}.{part}": (c,) for i in (1, 2) for part in ("weight", "bias")}
+        layer |= {f"layer_scale{i}.lambda1": (c,) for i in (1, 2)}
+        shapes |= {f"encoder.layer.{k}.{name}": shape for name, shape in layer.items()}
     rng = np.random.default_rng(seed)
-    made = {}
+    arrays = {}
     for name, shape in shapes.items():
         centre = float(("norm" in name and name.endswith("weight")) or "lambda" in name)
         scale = np.prod(shape[1:]) ** -0.5 if len(shape) in (2, 4) else 0.2
-        made[name] = rng.normal(centre, scale, shape).astype(np.float32)
-    return made
+        arrays[name] = rng.normal(centre, scale, shape).astype(np.float32)
+    return arrays
 
 
 @pytest.fixture
@@ -66,8 +66,8 @@ def file(tmp_path):
 
 
 def settings_of(path, **changes):
-    own = with_net(RECIPES["lite0-frozen"], net="dinov2", weights=str(path))
-    return replace(own, steps=40, batch=2, predict_batch=2, **changes)
+    settings = with_net(RECIPES["lite0-frozen"], net="dinov2", weights=str(path))
+    return replace(settings, steps=40, batch=2, predict_batch=2, **changes)
 
 
 @pytest.mark.parametrize("size", [(224, 224), (364, 490)])
@@ -82,49 +82,58 @@ def test_tokens_are_those_of_transformers(channels, depth, size, tmp_path):
         hidden_size=channels, num_attention_heads=channels // 64, num_hidden_layers=depth,
         image_size=518, patch_size=14,
     )  # fmt: skip
-    theirs = hub.Dinov2Model(config).eval()
+    reference = hub.Dinov2Model(config).eval()
     with torch.no_grad():
         generator = torch.Generator().manual_seed(0)
-        for name, value in theirs.named_parameters():
+        for name, value in reference.named_parameters():
             if value.ndim > 1 or "bias" in name:
                 scale = value[0].numel() ** -0.5 if value.ndim in (2, 4) else 0.2
                 value.copy_(scale * torch.randn(value.shape, generator=generator))
-    theirs.save_pretrained(tmp_path)
+    reference.save_pretrained(tmp_path)
     images = jnp.asarray(np.random.default_rng(1).random((2, *size, 3), np.float32))
     pixel_values = torch.from_numpy(np.array(normalise(images)).transpose(0, 3, 1, 2).copy())
     with torch.no_grad():
-        expected = theirs(pixel_values=pixel_values).last_hidden_state[:, 1:].numpy()
-    own = trunk("dinov2", str(tmp_path / "model.safetensors"))
-    (found,) = jax.jit(own.module.apply)({"params": own.load()}, images)
+        expected = reference(pixel_values=pixel_values).last_hidden_state[:, 1:].numpy()
+    backbone = trunk("dinov2", str(tmp_path / "model.safetensors"))
+    (tokens,) = jax.jit(backbone.module.apply)({"params": backbone.load()}, images)
     rows, cols = (side // 14 for side in size)
-    assert found.shape == (2, rows, cols, channels) and expected.std() > 0.5
-    np.testing.assert_allclose(found.reshape(expected.shape), expected, atol=1e-4)
+    assert tokens.shape == (2, rows, cols, channels) and expected.std() > 0.5
+    np.testing.assert_allclose(tokens.reshape(expected.shape), expected, atol=1e-4)
 
 
 def test_bicubic_is_the_identity_at_its_own_size_and_exact_for_lines():
     np.testing.assert_array_equal(bicubic(37, 37), np.eye(37))
-    found = bicubic(37, 16)
-    np.testing.assert_allclose(found.sum(1), 1, atol=1e-6)
+    matrix = bicubic(37, 16)
+    np.testing.assert_allclose(matrix.sum(1), 1, atol=1e-6)
     centres = (np.arange(16) + 0.5) * 37 / 16 - 0.5
-    np.testing.assert_allclose(found[1:-1] @ np.arange(37), centres[1:-1], atol=0.12)
+    np.testing.assert_allclose(matrix[1:-1] @ np.arange(37), centres[1:-1], atol=0.12)
     # By hand, half-way between two samples, for A = -0.75: -3/32, 19/32, 19/32, -3/32.
     row = bicubic(8, 4)[1]
     np.testing.assert_allclose(row, [0, -3 / 32, 19 / 32, 19 / 32, -3 / 32, 0, 0, 0][: len(row)])
 
 
 def test_images_are_filled_up_to_whole_patches(file):
-    own = trunk("dinov2", str(file))
-    assert (own.strides, own.channels, own.source["name"]) == ((14,), (C,), "DINOv2 ViT-tiny/14")
+    backbone = trunk("dinov2", str(file))
+    assert (backbone.strides, backbone.channels, backbone.source["name"]) == (
+        (14,),
+        (C,),
+        "DINOv2 ViT-tiny/14",
+    )
     images = jnp.asarray(pixels(1, 28, 42, 3) / np.float32(255))
     mean = jnp.broadcast_to(jnp.array([0.485, 0.456, 0.406]), (1, 28, 50, 3))
     wide = mean.at[:, :, :42].set(images)
-    tokens = [own.module.apply({"params": own.load()}, x)[0] for x in (wide, wide[:, :, :43])]
+    tokens = [
+        backbone.module.apply({"params": backbone.load()}, x)[0] for x in (wide, wide[:, :, :43])
+    ]
     assert tokens[0].shape == (1, 2, 4, C)
     whole = jnp.broadcast_to(mean[:, :, :1], (1, 28, 56, 3)).at[:, :, :50].set(wide)
-    (expected,) = own.module.apply({"params": own.load()}, whole)
+    (expected,) = backbone.module.apply({"params": backbone.load()}, whole)
     np.testing.assert_allclose(tokens[0], expected, atol=1e-4)
     np.testing.assert_allclose(tokens[1], expected, atol=1e-4)
-    assert DinoV2(C).clone(dtype=jnp.bfloat16).apply({"params": own.load()}, wide)[0].dtype == "f4"
+    assert (
+        DinoV2(C).clone(dtype=jnp.bfloat16).apply({"params": backbone.load()}, wide)[0].dtype
+        == "f4"
+    )
 
 
 def test_a_head_on_its_tokens_learns_and_its_model_is_loaded_where_the_file_is(file, tmp_path):

@@ -98,7 +98,7 @@ def test_an_accelerator_may_convolve_by_shifts_without_any_group(stride, monkeyp
     try:
 
         def gradients(x, kernel):  # a new function, since JAX keeps what it has traced
-            return jax.grad(lambda *both: depthwise(*both, stride).sum(), (0, 1))(x, kernel)
+            return jax.grad(lambda *inputs: depthwise(*inputs, stride).sum(), (0, 1))(x, kernel)
 
         text = jax.jit(gradients).trace(x, kernel).lower(lowering_platforms=("cuda",)).as_text()
         assert "stablehlo.convolution" not in text and "stablehlo.while" not in text
@@ -119,11 +119,11 @@ FAMILY = {
 
 def test_shapes_of_trunk_and_head():
     x = jnp.zeros((1, 45, 61, 3))
-    for name, (blocks, channels, parameters) in FAMILY.items():
-        own = blocks_of(SIZES[name])
-        assert len(own) == blocks and channels_of(own) == channels
-        assert [own[k].features for k in taps_of(own)[2:]] == list(channels[1:])
-        maps, variables = jax.eval_shape(Lite(own).init_with_output, jax.random.key(0), x)
+    for name, (count, channels, parameters) in FAMILY.items():
+        blocks = blocks_of(SIZES[name])
+        assert len(blocks) == count and channels_of(blocks) == channels
+        assert [blocks[k].features for k in taps_of(blocks)[2:]] == list(channels[1:])
+        maps, variables = jax.eval_shape(Lite(blocks).init_with_output, jax.random.key(0), x)
         sizes = [(6, 8), (3, 4), (2, 2)]
         assert [m.shape for m in maps] == [(1, *s, c) for s, c in zip(sizes, channels, strict=True)]
         assert sum(leaf.size for leaf in jax.tree.leaves(variables["params"])) == parameters
@@ -147,16 +147,16 @@ def test_the_head_is_its_formula_and_its_statistics_by_hand():
     maps = tuple(rng.normal(size=(1, 1, 1, c)).astype(np.float16) for c in (64, 112, 320))
     head = Head(3, STRIDES, width=8)
     shapes = jax.eval_shape(lambda: head.init(jax.random.key(0), maps))
-    drawn = jax.tree.map(lambda s: rng.normal(size=s.shape).astype(np.float32), shapes)
-    params, own = drawn["params"], drawn["statistics"]
-    own["deviation"] = np.abs(own["deviation"]) + 1
+    variables = jax.tree.map(lambda s: rng.normal(size=s.shape).astype(np.float32), shapes)
+    params, head_statistics = variables["params"], variables["statistics"]
+    head_statistics["deviation"] = np.abs(head_statistics["deviation"]) + 1
     x = np.concatenate([m[0, 0, 0] for m in maps]).astype(np.float32)
-    x = (x - own["mean"]) / own["deviation"]
+    x = (x - head_statistics["mean"]) / head_statistics["deviation"]
     x = np.maximum(x @ params["project"]["kernel"][0, 0] + params["project"]["bias"], 0)
     x = x * params["depthwise"]["kernel"][1, 1, 0] + params["depthwise"]["bias"]
     x = np.maximum(x @ params["mix"]["kernel"][0, 0] + params["mix"]["bias"], 0)
     expected = x @ params["score"]["kernel"][0, 0] + params["score"]["bias"]
-    scores = head.apply(drawn, maps)
+    scores = head.apply(variables, maps)
     assert scores.shape == (1, 1, 1, 3)
     np.testing.assert_allclose(scores[0, 0, 0], expected, rtol=1e-4, atol=1e-4)
     maps = tuple(np.full((2, 1, 1, 1), v, np.float16) for v in (1, 2, 3))
@@ -173,9 +173,9 @@ def test_the_heads_separable_convolution_is_a_whole_one_and_so_are_its_gradients
     shapes = [{"kernel": (3, 3, 1, 4), "bias": (4,)}, {"kernel": (1, 1, 4, 5), "bias": (5,)}]
     params = [{k: normal(*s, seed=9 - i) for k, s in p.items()} for i, p in enumerate(shapes)]
 
-    def ours(x, params):
-        for layer, own in zip(layers, params, strict=True):
-            x = layer.apply({"params": own}, x)
+    def separable(x, params):
+        for layer, layer_params in zip(layers, params, strict=True):
+            x = layer.apply({"params": layer_params}, x)
         return x
 
     def whole(x, params):
@@ -183,11 +183,13 @@ def test_the_heads_separable_convolution_is_a_whole_one_and_so_are_its_gradients
         kernel = depthwise.swapaxes(2, 3) * pointwise
         return xla_conv(x, kernel) + (bias @ pointwise[0, 0] + last)[None, None, None]
 
-    found, expected = (
-        jax.value_and_grad(lambda *given, of=of: jnp.sum(jnp.sin(of(*given))), (0, 1))(x, params)
-        for of in (ours, whole)
+    result, expected = (
+        jax.value_and_grad(
+            lambda *inputs, function=function: jnp.sum(jnp.sin(function(*inputs))), (0, 1)
+        )(x, params)
+        for function in (separable, whole)
     )
-    assert_close(found, expected, rtol=1e-4, atol=1e-4)
+    assert_close(result, expected, rtol=1e-4, atol=1e-4)
 
 
 @pytest.mark.parametrize(("rate", "share"), [(0.2, 51 / 256), (0.5, 0.5), (0.999, 255 / 256)])
@@ -198,9 +200,9 @@ def test_dropout_leaves_out_its_share_and_the_mean_stays(rate, share):
     assert abs(np.mean(kept == 0) - share) < error
     np.testing.assert_allclose(np.unique(kept), [0, 1 / (1 - share)], rtol=1e-2)
     # Other keys, and neighbours, are decided on independently.
-    both = share**2 + (1 - share) ** 2
-    assert abs(np.mean((kept == 0) == (other == 0)) - both) < error
-    assert abs(np.mean((kept[:, 1:] == 0) == (kept[:, :-1] == 0)) - both) < error
+    share_of_equal = share**2 + (1 - share) ** 2
+    assert abs(np.mean((kept == 0) == (other == 0)) - share_of_equal) < error
+    assert abs(np.mean((kept[:, 1:] == 0) == (kept[:, :-1] == 0)) - share_of_equal) < error
 
 
 @pytest.mark.parametrize("stride", [1, 2, 4])
@@ -218,20 +220,20 @@ def test_a_loss_with_a_stride_sees_a_part_of_the_pixels(stride):
 
 @pytest.mark.parametrize("name", SIZES)
 def test_imagenets_classes_are_right_on_photographs(name):
-    """Trunk, weights, input scale and classifier are the net's: 5 photographs that scikit-image brings.
+    """Trunk, weights, input scale and classifier are the network's: 5 photographs that scikit-image brings.
 
     A right class is among the three most likely of 1000; to lite2 the rocket is a drilling platform first.
     """
     data = pytest.importorskip("skimage.data", reason="scikit-image is not installed")
     left_and_right = data.stereo_motorcycle()[:2]
-    wanted = [
+    expected = [
         (data.cat(), {281, 282, 285}),  # tabby, tiger cat, Egyptian cat
         (data.coffee(), {967}),  # espresso
         (data.rocket(), {657, 744}),  # missile; projectile, missile
         *((picture, {665, 670}) for picture in left_and_right),  # moped, motor scooter
     ]
     pictures, side = [], 224
-    for picture, _ in wanted:
+    for picture, _ in expected:
         image = Image.fromarray(picture)
         size = [round(n * 256 / min(image.size)) for n in image.size]
         left, top = ((n - side) // 2 for n in size)
@@ -243,15 +245,17 @@ def test_imagenets_classes_are_right_on_photographs(name):
     classifier = weights.classifier
     x = last @ classifier["last"]["kernel"][0, 0] + classifier["last"]["bias"][None, None, None]
     logits = np.clip(x, 0, 6).mean((1, 2)) @ classifier["classes"]["kernel"][0, 0]
-    found = np.argsort(-(logits + classifier["classes"]["bias"]))[:, :3]
-    assert all(set(best.tolist()) & right for best, (_, right) in zip(found, wanted, strict=True))
+    likeliest = np.argsort(-(logits + classifier["classes"]["bias"]))[:, :3]
+    assert all(
+        set(best.tolist()) & right for best, (_, right) in zip(likeliest, expected, strict=True)
+    )
 
 
 def test_the_file_is_that_of_its_name_and_others_are_refused(tmp_path, monkeypatch):
     assert lite.SHA256["lite0"].startswith("57934424") and "57934424" in lite.path("lite0").name
     with pytest.raises(ValueError, match="read-only"):
         lite.load("lite0").trunk["stem"]["bias"][0] = 1
-    # Batch normalisation is folded into the convolutions, with 0.001 beside the variance.
+    # Batch normalisation is folded into the convolutions, with 0.001 added to the variance.
     raw, stem = dict(read(lite.path("lite0"))), lite.load("lite0").trunk["stem"]
     scale = raw["_bn0.weight"] / np.sqrt(raw["_bn0.running_var"] + 1e-3)
     kernel = raw["_conv_stem.weight"].transpose(2, 3, 1, 0) * scale
@@ -297,9 +301,9 @@ def test_two_classes_are_learnt_and_the_trunk_stays(fitted):
     before = jax.tree.map(np.array, trunk_params())
     assert set(fitted["params"]) == set(fitted["statistics"]) == {"head"}
     assert mean_iou(score(fitted, *TOY, SETTINGS, 2)) > 0.9
-    one, again, other = (train(k, *TOY, BRIEF, 2) for k in (0, 0, 1))
-    assert_same(one, again)
-    kernels = (net["params"]["head"]["mix"]["kernel"] for net in (one, other))
+    first, again, other = (train(k, *TOY, BRIEF, 2) for k in (0, 0, 1))
+    assert_same(first, again)
+    kernels = (net["params"]["head"]["mix"]["kernel"] for net in (first, other))
     assert not np.array_equal(*kernels)
     assert_same(before, trunk_params())
 
@@ -310,11 +314,11 @@ def assert_statistics(net, expected):
 
 def test_features_and_statistics_given_are_those_computed(fitted):
     images, labels = TOY
-    given = features(view_images(images, SETTINGS))
-    assert [m.dtype for m in given] == [np.float16] * 3 and len(given[0]) == 2 * len(images)
-    assert_same(*(train(0, images, labels, BRIEF, 2, features=maps) for maps in (None, given)))
+    maps = features(view_images(images, SETTINGS))
+    assert [m.dtype for m in maps] == [np.float16] * 3 and len(maps[0]) == 2 * len(images)
+    assert_same(*(train(0, images, labels, BRIEF, 2, features=maps) for maps in (None, maps)))
     assert_same(*(predict(fitted, images, SETTINGS, 2, features=f) for f in (MAPS(), None)))
-    assert_statistics(fitted, channel_statistics(given))
+    assert_statistics(fitted, channel_statistics(maps))
     settings = replace(BRIEF, weight_decay=0.1, head_statistics="target", average=0.9)
     other = channel_statistics(features(pixels(2, 48, 64, 3)))
     assert_statistics(train(0, images, labels, settings, 2, statistics=other), other)
@@ -335,8 +339,8 @@ def test_a_net_of_an_earlier_version_is_read_from_its_file(fitted, tmp_path):
     assert_same(variables_of(old_net), jax.tree.map(np.asarray, fitted))
     assert variables_of(fitted) is fitted
     images, labels = TOY
-    given = {"settings": SETTINGS, "classes": 2, "features": MAPS()}
-    assert_same(*(predict(each, images, **given) for each in (old_net, fitted)))
+    options = {"settings": SETTINGS, "classes": 2, "features": MAPS()}
+    assert_same(*(predict(network, images, **options) for network in (old_net, fitted)))
     assert_same(*(train(0, images, labels, BRIEF, 2, params=p) for p in (old_net, fitted)))
 
 
@@ -346,15 +350,18 @@ def test_no_update_touches_the_statistics_nor_has_the_optimiser_any_state_of_the
     images, labels = TOY
     data = Data(MAPS(), labels, np.ones(2, np.float32), np.uint32(0))
     variables = compiled.init(np.uint32(0), data.images).trained
-    own = {"mean": np.full(496, 0.5, np.float32), "deviation": np.full(496, 2.0, np.float32)}
-    state = compiled.resume({**variables, "statistics": {"head": own}})
+    head_statistics = {
+        "mean": np.full(496, 0.5, np.float32),
+        "deviation": np.full(496, 2.0, np.float32),
+    }
+    state = compiled.resume({**variables, "statistics": {"head": head_statistics}})
     before = jax.tree.map(np.array, state)
     assert jax.tree.structure(state.mean) == jax.tree.structure(state.params)
     for tree in (state.params, state.opt_state, state.mean):
         assert not any(leaf.shape == (496,) for leaf in jax.tree.leaves(tree))
     for i in range(2):
         state, _ = compiled.step(state, data, plan(0, len(images), settings).rows(i))
-    assert_same(state.trained["statistics"], {"head": own})
+    assert_same(state.trained["statistics"], {"head": head_statistics})
     assert not np.array_equal(
         state.params["head"]["score"]["bias"], before.params["head"]["score"]["bias"]
     )
@@ -388,11 +395,13 @@ def test_parameters_start_as_they_did_when_statistics_were_among_them(trunk):
 
 
 def test_training_augments_each_view_once(monkeypatch):
-    drawn = []
+    calls = []
     draws = seg.views._draws
-    monkeypatch.setattr("seg.views._draws", lambda *of: drawn.append(of) or draws(*of))
+    monkeypatch.setattr(
+        "seg.views._draws", lambda *arguments: calls.append(arguments) or draws(*arguments)
+    )
     train(0, *TOY, replace(BRIEF, views=3), 2)
-    assert len(drawn) == len(set(drawn)) == 2 * len(TOY[0])
+    assert len(calls) == len(set(calls)) == 2 * len(TOY[0])
 
 
 MAPS = cache(lambda: features(TOY[0]))
@@ -420,8 +429,8 @@ def test_features_of_other_images_are_refused():
 
 def test_training_from_params_needs_no_statistics(fitted):
     nets = (
-        train(0, *TOY, replace(BRIEF, head_statistics=of), 2, params=fitted)
-        for of in ("training", "target")
+        train(0, *TOY, replace(BRIEF, head_statistics=images), 2, params=fitted)
+        for images in ("training", "target")
     )
     assert_same(*nets)
 
@@ -433,11 +442,11 @@ def test_every_step_has_a_dropout_of_its_own():
         data = Data(MAPS(), TOY[1], np.ones(2, np.float32), np.uint32(0))
         state = compiled.init(np.uint32(0), data.images)
         row = plan(0, len(TOY[1]), settings).rows(0)._replace(lr=np.float32(0))
-        found = []
+        values = []
         for _ in range(3):  # of the same images and parameters
             state, loss = compiled.step(state, data, row)
-            found.append(float(loss))
-        return len(set(found))
+            values.append(float(loss))
+        return len(set(values))
 
     assert (losses(0.5), losses(0.0)) == (3, 1)
 
@@ -494,11 +503,11 @@ def test_a_tuned_lite_learns_in_bfloat16(monkeypatch):
     settings = replace(
         SETTINGS, net="narrow_lite", trunk="tuned", dtype="bfloat16", steps=12, warmup=0
     )
-    own = prepare(TrainingSet((LabelledImages(images, labels),)), settings, 2)
+    prepared = prepare(TrainingSet((LabelledImages(images, labels),)), settings, 2)
     compiled, rows = functions(settings, 2), plan(0, 2, settings)
-    data, losses = Data(images, labels, own.class_weights, np.uint32(0)), []
+    data, losses = Data(images, labels, prepared.class_weights, np.uint32(0)), []
     random = compiled.init(data.seed, images).params
-    start = first_variables(random, settings, own.statistics)
+    start = first_variables(random, settings, prepared.statistics)
     state = compiled.resume(jax.tree.map(jnp.array, start))
     for i in range(settings.steps):
         state, loss = compiled.step(state, data, rows.rows(i))

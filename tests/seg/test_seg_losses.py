@@ -1,4 +1,4 @@
-"""Cross-entropy and soft Jaccard loss with void, and class weights."""
+"""Cross-entropy and soft Jaccard loss with ignored pixels, and class weights."""
 
 import jax
 import jax.numpy as jnp
@@ -61,14 +61,14 @@ def test_loss_and_gradient_are_those_of_the_formula(seed):
     weights = jnp.asarray(rng.uniform(0.5, 2, CLASSES), jnp.float32)
 
     def formula(logits, weights):
-        picked = jax.nn.one_hot(labels, CLASSES)  # zeros where void
+        picked = jax.nn.one_hot(labels, CLASSES)  # zeros where ignored
         nats = -jnp.sum(picked * jax.nn.log_softmax(logits), axis=-1)
         return jnp.sum(nats * (picked @ weights)) / jnp.sum(picked @ weights)
 
-    def ours(logits, weights):
+    def loss_of(logits, weights):
         return cross_entropy(logits, labels, weights)
 
-    found, expected = (jax.value_and_grad(f, (0, 1))(logits, weights) for f in (ours, formula))
-    assert_close(found, expected, atol=1e-5)
-    plain = jax.value_and_grad(cross_entropy)(logits, labels)
-    assert_close(plain, jax.value_and_grad(formula)(logits, jnp.ones(CLASSES)), atol=1e-5)
+    result, expected = (jax.value_and_grad(f, (0, 1))(logits, weights) for f in (loss_of, formula))
+    assert_close(result, expected, atol=1e-5)
+    unweighted = jax.value_and_grad(cross_entropy)(logits, labels)
+    assert_close(unweighted, jax.value_and_grad(formula)(logits, jnp.ones(CLASSES)), atol=1e-5)

@@ -61,20 +61,20 @@ def one_by_one(seeds, sets, config):
 
 def check_same(seeds, sets, config, test):
     """Variables agree, and so do confusion matrices, but for pixels whose best classes are equally good."""
-    found = train_many(seeds, sets, config, CLASSES, test=test)
-    assert len(found) == len(seeds) and found.errors == (None,) * len(seeds)
+    networks = train_many(seeds, sets, config, CLASSES, test=test)
+    assert len(networks) == len(seeds) and networks.errors == (None,) * len(seeds)
     for k, expected in enumerate(one_by_one(seeds, sets, config)):
-        assert_close(found.variables(k), expected, rtol=2e-3, atol=2e-4)
+        assert_close(networks.variables(k), expected, rtol=2e-3, atol=2e-4)
         views = predict_heads(expected, test.images, config, CLASSES, features=test.features)
         for image in range(len(test.images)):
             matrix = confusion_matrix(test.labels[image], views[image, 0], CLASSES)
-            assert np.abs(found.by_image[k, image] - matrix).sum() <= 0.02 * matrix.sum()
-            assert (found.by_image[k, image].sum(1) == matrix.sum(1)).all()
+            assert np.abs(networks.by_image[k, image] - matrix).sum() <= 0.02 * matrix.sum()
+            assert (networks.by_image[k, image].sum(1) == matrix.sum(1)).all()
         for head in range(1, views.shape[1]):
             matrix = confusion_matrix(test.labels, views[:, head], CLASSES)
-            assert np.abs(found.by_head[k, head - 1] - matrix).sum() <= 0.02 * matrix.sum()
-    np.testing.assert_array_equal(found.confusions, found.by_image.sum(1))
-    return found
+            assert np.abs(networks.by_head[k, head - 1] - matrix).sum() <= 0.02 * matrix.sum()
+    np.testing.assert_array_equal(networks.confusions, networks.by_image.sum(1))
+    return networks
 
 
 @settings(max_examples=5)
@@ -101,8 +101,8 @@ def test_compact_networks_trained_at_once_are_those_trained_alone(seeds, share):
 def test_several_heads_means_mirror_images_and_a_rising_share_at_once():
     config = replace(HEAD, heads=2, average=0.5, average_mirror=True, last_share=0.9, jaccard=1.0)
     sets = [training_set(images_of(2, config, k), images_of(2, config, k + 3), 0.3) for k in (0, 6)]
-    found = check_same([3, 4], sets, config, images_of(3, config, 11, views=2))
-    assert found.by_head.shape == (2, 2, CLASSES, CLASSES)
+    networks = check_same([3, 4], sets, config, images_of(3, config, 11, views=2))
+    assert networks.by_head.shape == (2, 2, CLASSES, CLASSES)
 
 
 def test_neighbours_and_padding_change_nothing():
@@ -122,19 +122,19 @@ def test_a_network_that_diverges_spoils_no_other():
     test = images_of(2, HEAD, 11, views=1)
     expected = train_many([0, 1, 2], sets, HEAD, CLASSES, test=test)
     sets[1].features[0][:] = np.inf
-    found = train_many([0, 1, 2], sets, HEAD, CLASSES, test=test)
-    assert found.errors[::2] == (None, None)
+    networks = train_many([0, 1, 2], sets, HEAD, CLASSES, test=test)
+    assert networks.errors[::2] == (None, None)
     assert (
-        found.errors[1]
+        networks.errors[1]
         == "the loss is nan after 4 of 4 steps; a lower learning rate than 0.01 may help"
     )
     for k in (0, 2):
-        assert_same(found.variables(k), expected.variables(k))
-        np.testing.assert_array_equal(found.confusions[k], expected.confusions[k])
-    assert not found.confusions[1].any() and expected.confusions[1].any()
-    assert np.isnan(jax.tree.leaves(found.stacked["params"])[0][1]).any()
+        assert_same(networks.variables(k), expected.variables(k))
+        np.testing.assert_array_equal(networks.confusions[k], expected.confusions[k])
+    assert not networks.confusions[1].any() and expected.confusions[1].any()
+    assert np.isnan(jax.tree.leaves(networks.stacked["params"])[0][1]).any()
     with pytest.raises(TrainingError, match="loss is nan after 4 of 4"):
-        found.variables(1)
+        networks.variables(1)
 
 
 @given(st.integers(1, 10**6))

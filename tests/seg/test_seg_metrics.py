@@ -34,11 +34,11 @@ def test_cells_count_pixels_whatever_the_classes_are_called(seed):
     labels[rng.random(labels.shape) < 0.2] = 255
     order = rng.permutation(CLASSES).astype(np.uint8)
     renamed = np.where(labels == 255, 255, order[labels % CLASSES]).astype(np.uint8)
-    found = confusion_matrix(labels, guesses, CLASSES)
+    confusion = confusion_matrix(labels, guesses, CLASSES)
     after = confusion_matrix(renamed, order[guesses], CLASSES)
-    np.testing.assert_array_equal(after[np.ix_(order, order)], found)
-    assert mean_iou(after) == pytest.approx(mean_iou(found))
-    for (row, column), cell in np.ndenumerate(found):
+    np.testing.assert_array_equal(after[np.ix_(order, order)], confusion)
+    assert mean_iou(after) == pytest.approx(mean_iou(confusion))
+    for (row, column), cell in np.ndenumerate(confusion):
         assert cell == ((labels == row) & (guesses == column)).sum()
 
 

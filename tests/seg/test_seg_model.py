@@ -20,7 +20,7 @@ from seg.model import shipped as shipped_models
 from seg.train import _predictor, logits, outline, predict, train
 from tests.conftest import refused
 
-from .conftest import assert_same, drawn, pixels, toy
+from .conftest import assert_same, pixels, random_params, toy
 
 SIZE = (32, 40)
 COMPACT = TrainSettings(steps=2, batch=2, warmup=1, predict_batch=2)
@@ -37,10 +37,10 @@ CLASSES = label_classes(["road", "sky", "car"], ids=[7, 300, 0])
 
 
 def model_of(kind: str) -> Model:
-    """A trained net, or random weights in its place where a step of training compiles for long."""
+    """A trained network, or random weights in its place where a step of training compiles for long."""
     settings, (images, labels) = SETTINGS[kind], toy(2, SIZE)
     if settings.trunk == "tuned":
-        variables = drawn(outline(settings, 3))
+        variables = random_params(outline(settings, 3))
     else:
         variables = train(0, images, labels, settings, 3)
     return Model(settings, variables, SIZE, CLASSES)
@@ -59,15 +59,15 @@ def saved(compact, tmp_path):
 
 def test_weights_go_to_the_device_once(compact, saved, monkeypatch):
     assert all(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(load_model(saved).variables))
-    seen, run = [], _predictor(COMPACT.net_spec, 1, 3, "labels")
+    leaves, run = [], _predictor(COMPACT.net_spec, 1, 3, "labels")
 
-    def noting(variables, batch, size):
-        seen.append(jax.tree.leaves(variables))
+    def noting_predictor(variables, batch, size):
+        leaves.append(jax.tree.leaves(variables))
         return run(variables, batch, size)
 
-    monkeypatch.setattr(sys.modules["seg.train"], "_predictor", lambda *_: noting)
+    monkeypatch.setattr(sys.modules["seg.train"], "_predictor", lambda *_: noting_predictor)
     predict(jax.tree.map(np.asarray, compact.variables), pixels(4, *SIZE, 3), COMPACT, 3)
-    first, second = seen
+    first, second = leaves
     assert all(a is b and isinstance(a, jax.Array) for a, b in zip(first, second, strict=True))
 
 
@@ -80,9 +80,9 @@ def test_what_is_loaded_is_what_was_saved(kind, tmp_path):
     assert replace(again, variables=None) == replace(model, variables=None)
     assert again.digest == model.digest
     images = pixels(3, *SIZE, 3)
-    found = again.predict(images)
-    np.testing.assert_array_equal(found, predict(model.variables, images, model.settings, 3))
-    assert found.dtype == np.uint8 and len(np.unique(found)) > 1
+    predictions = again.predict(images)
+    np.testing.assert_array_equal(predictions, predict(model.variables, images, model.settings, 3))
+    assert predictions.dtype == np.uint8 and len(np.unique(predictions)) > 1
     names = load_file(tmp_path / "model" / WEIGHTS).keys()
     assert ("head/mean" in names) == (kind != "compact") and not any("params/" in n for n in names)
     size = (tmp_path / "model" / WEIGHTS).stat().st_size
@@ -90,25 +90,28 @@ def test_what_is_loaded_is_what_was_saved(kind, tmp_path):
     before = (tmp_path / "model" / WEIGHTS).read_bytes()
     again.save(tmp_path / "model")  # over the older one
     assert (tmp_path / "model" / WEIGHTS).read_bytes() == before
-    alone = load_model(tmp_path / "model", mirror=False)
-    assert not alone.settings.average_mirror
-    assert (alone.digest == model.digest) == (kind != "heads")
+    without_mirror = load_model(tmp_path / "model", mirror=False)
+    assert not without_mirror.settings.average_mirror
+    assert (without_mirror.digest == model.digest) == (kind != "heads")
     assert ("mirror image" in (tmp_path / "model" / "README.md").read_text()) == (kind == "heads")
 
 
 def test_images_of_any_size_give_labels_of_their_own(compact):
     shapes = [(64, 80), (9, 30), (50, 20), (1, 1), (32, 40)]
     images = [pixels(*shape, 3, seed=k) for k, shape in enumerate(shapes)]
-    found = compact.predict(images)
-    assert [labels.shape for labels in found] == shapes
+    predictions = compact.predict(images)
+    assert [labels.shape for labels in predictions] == shapes
     # Twice as large: the scores of the halved image, enlarged and compared.
     halved = images[0].reshape(32, 2, 40, 2, 3).astype(float).mean(axis=(1, 3))
     canvas, shown = fitted(images[0], SIZE)
     assert shown == SIZE and np.abs(canvas - halved).max() <= 0.51
     scores = logits(compact.variables, canvas[None], COMPACT, 3)[0]
     # At the corner bilinear interpolation repeats the first pixel.
-    assert found[0][0, 0] == scores[0, 0].argmax() and found[0][-1, -1] == scores[-1, -1].argmax()
-    np.testing.assert_array_equal(found[4], compact.predict(images[4][None])[0])
+    assert (
+        predictions[0][0, 0] == scores[0, 0].argmax()
+        and predictions[0][-1, -1] == scores[-1, -1].argmax()
+    )
+    np.testing.assert_array_equal(predictions[4], compact.predict(images[4][None])[0])
 
 
 def test_the_aspect_is_kept_and_the_edge_is_repeated():
@@ -121,11 +124,11 @@ def test_the_aspect_is_kept_and_the_edge_is_repeated():
 
 def test_probabilities_are_the_softmax_of_the_scores(compact):
     images = pixels(3, *SIZE, 3)
-    found = compact.probabilities(images)
+    probabilities = compact.probabilities(images)
     scores = logits(compact.variables, images, COMPACT, 3)
     expected = np.exp(scores) / np.exp(scores).sum(-1, keepdims=True)
-    np.testing.assert_allclose(found, expected, atol=1e-6)
-    np.testing.assert_array_equal(found.argmax(-1), compact.predict(images))
+    np.testing.assert_allclose(probabilities, expected, atol=1e-6)
+    np.testing.assert_array_equal(probabilities.argmax(-1), compact.predict(images))
     (odd,) = compact.probabilities([pixels(20, 70, 3)])
     assert odd.shape == (20, 70, 3) and np.abs(odd.sum(-1) - 1).max() < 1e-5
 
@@ -153,14 +156,20 @@ def test_labels_are_painted_as_label_files_have_them(compact):
 
 
 def test_classes_of_a_target_have_the_values_of_its_files():
-    cityscapes = {own.name: own for own in classes_of(shipped("cityscapes"))}
+    cityscapes = {
+        label_class.name: label_class for label_class in classes_of(shipped("cityscapes"))
+    }
     assert cityscapes["road"] == ("road", 7, (128, 64, 128)) and cityscapes["bicycle"].id == 33
-    assert [own.id for own in classes_of(shipped("camvid"))] == list(range(11))
+    assert [label_class.id for label_class in classes_of(shipped("camvid"))] == list(range(11))
     text = "images: 'a/{name}'\nlabels: 'b/{name}'\nformat: colours\nclasses:\n"
     mixed = text + "  road: {colours: [[1, 2, 3]]}\n  sky: {colours: [[9, 9, 9]], ids: [0]}\n"
-    assert [own.id for own in classes_of(parse_target(mixed, "x"))] == [0, 1]
+    assert [label_class.id for label_class in classes_of(parse_target(mixed, "x"))] == [0, 1]
     facade = classes_of(shipped("labelmefacade"))  # its files hold colours
-    assert [own.id for own in facade] == list(range(6)) and facade[3].color == (128, 64, 0)
+    assert [label_class.id for label_class in facade] == list(range(6)) and facade[3].color == (
+        128,
+        64,
+        0,
+    )
 
 
 @pytest.mark.parametrize(("changes", "message"), [
@@ -202,14 +211,16 @@ def test_its_card_is_read_by_hugging_face(tmp_path, compact):
     assert (result.dataset_name, result.metric_type, result.metric_value) == (
         "my: streets", "mean_iou", 37.51,
     )  # fmt: skip
-    assert "on 14 labelled images and renders beside them, by sdr-jax" in card.text
+    assert "on 14 labelled images and renders, by sdr-jax" in card.text
     assert "37.5 % mIoU on images that they have not seen (group a). Renders add" in card.text
-    assert all(f"| {own.id} | {own.name} |" in card.text for own in model.classes)
+    assert all(
+        f"| {label_class.id} | {label_class.name} |" in card.text for label_class in model.classes
+    )
     compact.save(tmp_path / "model")  # of one that tells nothing of itself
-    plain = hub.ModelCard.load(tmp_path / "model" / "README.md")
-    assert plain.data.eval_results is None and "mIoU" not in plain.text
-    ours = load_model("renders19")
-    assert (SHIPPED / "renders19" / "README.md").read_text() == card_of(ours.config())
+    reloaded = hub.ModelCard.load(tmp_path / "model" / "README.md")
+    assert reloaded.data.eval_results is None and "mIoU" not in reloaded.text
+    shipped_model = load_model("renders19")
+    assert (SHIPPED / "renders19" / "README.md").read_text() == card_of(shipped_model.config())
 
 
 def test_the_model_that_comes_with_the_package_is_there_and_small():

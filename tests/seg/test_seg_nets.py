@@ -1,4 +1,4 @@
-"""Nets: shapes and parameter counts at full size (without running), behaviour at a small one."""
+"""Networks: shapes and parameter counts at full size (without running), behaviour at a small one."""
 
 from functools import partial
 from itertools import pairwise
@@ -58,10 +58,10 @@ def test_parameters_are_as_many_as_published(classes):
 
 
 def test_vgg16_strides_and_factory_errors():
-    plain, atrous = (outline(VGG16(atrous=a), 1, 320, 640, 3)[0] for a in (False, True))
+    strided, atrous = (outline(VGG16(atrous=a), 1, 320, 640, 3)[0] for a in (False, True))
     channels = (64, 128, 256, 512, 512)
     expected = [(320 >> k, 640 >> k, c) for k, c in enumerate(channels, 1)]
-    assert [p.shape[1:] for p in plain] == expected
+    assert [p.shape[1:] for p in strided] == expected
     assert [p.shape[1] for p in atrous] == [160, 80, 40, 40, 40]
     refuses(r"unknown network 'unet'; .*: compact, deeplabv2, dinov2, fcn8s", net, "unet", 11)
     refuses("at least one class", net, "compact", 0)
@@ -101,12 +101,12 @@ def layers(monkeypatch, module, *shape):
 def test_sides_rates_and_strides_of_the_vgg_nets_as_published(monkeypatch):
     stages = {1: 2, 2: 2, 3: 3, 4: 3, 5: 3}
     names = [f"conv{stage}_{k}" for stage, count in stages.items() for k in range(1, count + 1)]
-    plain = dict.fromkeys(names, (3, 1))
+    of_fcn8s = dict.fromkeys(names, (3, 1))
     convolutions, pools = layers(monkeypatch, FCN8s(3), 1, 32, 32, 3)
-    assert convolutions == plain | {"fc6": (7, 1), "fc7": (1, 1)}
+    assert convolutions == of_fcn8s | {"fc6": (7, 1), "fc7": (1, 1)}
     assert pools == [(2, 2)] * 5
     convolutions, pools = layers(monkeypatch, DeepLabV2(3), 1, 32, 32, 3)
-    atrous = plain | dict.fromkeys(("conv5_1", "conv5_2", "conv5_3"), (3, 2))
+    atrous = of_fcn8s | dict.fromkeys(("conv5_1", "conv5_2", "conv5_3"), (3, 2))
     aspp = {f"fc6_{k}": (3, rate) for k, rate in enumerate((6, 12, 18, 24), 1)}
     assert convolutions == atrous | aspp | {f"fc7_{k}": (1, 1) for k in (1, 2, 3, 4)}
     assert pools == [(3, 2)] * 3 + [(3, 1)] * 2
@@ -121,28 +121,30 @@ def test_every_hidden_convolution_of_the_vgg_nets_has_a_relu(kind):
 
     def changed(tree, name, layer):
         return {
-            key: layer if key == name else changed(own, name, layer) if key == "vgg16" else own
-            for key, own in tree.items()
+            key: layer if key == name else changed(leaf, name, layer) if key == "vgg16" else leaf
+            for key, leaf in tree.items()
         }
 
-    hidden = params["vgg16"] | {k: own for k, own in params.items() if k.startswith(("fc6", "fc7"))}
+    hidden = params["vgg16"] | {
+        k: leaf for k, leaf in params.items() if k.startswith(("fc6", "fc7"))
+    }
     assert len(hidden) == 13 + (2 if kind is FCN8s else 8)
     for name, layer in hidden.items():
         zeros = jax.tree.map(np.zeros_like, layer)
         below = {**layer, "bias": zeros["bias"] - np.float32(1e6)}
-        found, expected = (
-            run({"params": changed(params, name, own)}, images) for own in (below, zeros)
+        result, expected = (
+            run({"params": changed(params, name, leaf)}, images) for leaf in (below, zeros)
         )
-        np.testing.assert_array_equal(found, expected, name)
+        np.testing.assert_array_equal(result, expected, name)
 
 
 @pytest.mark.parametrize(("dtype", "wide"), [(None, 1e-4), (jnp.bfloat16, 0.1)])
 def test_our_group_norm_and_its_gradients_are_flax_s(dtype, wide):
     x = 3 + normal(2, 5, 7, 6)
     kinds = [kind(num_groups=3, dtype=dtype, name="norm") for kind in (GroupNorm, nn.GroupNorm)]
-    ours, theirs = (kind.init(jax.random.key(0), x) for kind in kinds)
-    jax.tree.map(np.testing.assert_array_equal, ours, theirs)
-    params = jax.tree.map(lambda p: p + 0.5, ours)
+    variables, flax_variables = (kind.init(jax.random.key(0), x) for kind in kinds)
+    jax.tree.map(np.testing.assert_array_equal, variables, flax_variables)
+    params = jax.tree.map(lambda p: p + 0.5, variables)
     same = {"atol": wide, "of_gradients": wide, "rtol": wide}
     same_function(*(kind.apply for kind in kinds), params, x, **same)
 
@@ -154,15 +156,15 @@ def test_our_group_norm_and_its_gradients_are_flax_s(dtype, wide):
 def test_bilinear_and_its_gradient_are_those_of_jax(channels, times, stride):
     kept = np.s_[:, stride // 2 :: stride, stride // 2 :: stride]
 
-    def of_jax(x):
+    def reference(x):
         return jax.image.resize(x, (2, 3 * times, 5 * times, channels), "bilinear")[kept]
 
     x = normal(2, 3, 5, channels)
-    ours = partial(bilinear, times=times, stride=stride)
-    same_function(ours, of_jax, x, atol=2e-6, of_gradients=1e-5)
+    enlarge = partial(bilinear, times=times, stride=stride)
+    same_function(enlarge, reference, x, atol=2e-6, of_gradients=1e-5)
 
 
-@pytest.mark.parametrize(("ours", "side", "rate"), [
+@pytest.mark.parametrize(("convolve", "side", "rate"), [
     *((product_conv, 3, rate) for rate in (1, 2, 4, 6, 9)),  # 9 leaves the centre only
     *((product_conv, side, 1) for side in (1, 5, 7)),
     *((patch_conv, side, 1) for side in (1, 3, 7)),
@@ -170,24 +172,24 @@ def test_bilinear_and_its_gradient_are_those_of_jax(channels, times, stride):
     *((conv, 3, rate) for rate in (1, 2, 4)),
     *((conv, side, 1) for side in (1, 5, 7)),
 ])  # fmt: skip
-def test_our_convolutions_are_xla_s_with_their_gradients(ours, side, rate):
-    functions = (partial(f, rate=rate) for f in (ours, xla_conv))
+def test_our_convolutions_are_xla_s_with_their_gradients(convolve, side, rate):
+    functions = (partial(f, rate=rate) for f in (convolve, xla_conv))
     inputs = normal(2, 5, 7, 4), normal(side, side, 4, 6, seed=rate)
     same_function(*functions, *inputs, atol=1e-5 * max(1, side**2 / 9))
 
 
 @pytest.mark.parametrize(("dtype", "wide"), [(None, 1e-5), (jnp.bfloat16, 0.1)])
 @pytest.mark.parametrize(
-    ("ours", "side"), [(conv, 3), (product_conv, 3), (product_conv, 7), (patch_conv, 7)]
+    ("convolve", "side"), [(conv, 3), (product_conv, 3), (product_conv, 7), (patch_conv, 7)]
 )
-def test_our_convolutions_have_the_parameters_of_flax_s(ours, side, dtype, wide):
+def test_our_convolutions_have_the_parameters_of_flax_s(convolve, side, dtype, wide):
     key, x = jax.random.key(3), normal(2, 5, 7, 4)
-    drawn = {"kernel_init": nn.initializers.he_normal(), "dtype": dtype, "name": "conv"}
-    expected, theirs = nn.Conv(6, (side, side), **drawn).init_with_output(key, x)
-    found, same = Conv(6, ours, side, dtype=dtype, name="conv").init_with_output(key, x)
-    jax.tree.map(np.testing.assert_array_equal, same, theirs)
-    assert found.dtype == expected.dtype
-    np.testing.assert_allclose(found.astype(float), expected.astype(float), atol=wide)
+    options = {"kernel_init": nn.initializers.he_normal(), "dtype": dtype, "name": "conv"}
+    expected, flax_variables = nn.Conv(6, (side, side), **options).init_with_output(key, x)
+    features, same = Conv(6, convolve, side, dtype=dtype, name="conv").init_with_output(key, x)
+    jax.tree.map(np.testing.assert_array_equal, same, flax_variables)
+    assert features.dtype == expected.dtype
+    np.testing.assert_allclose(features.astype(float), expected.astype(float), atol=wide)
 
 
 @pytest.mark.parametrize("features", [1, 4, 5, 9])  # the narrower one is copied, x has 4
@@ -207,9 +209,9 @@ def test_max_pool_is_that_of_flax_with_its_gradient(side, stride, seed, equal):
     x = jnp.clip(jnp.round(1.5 * x), -2, 2) if equal else x
     window = {"window_shape": (side, side), "strides": (stride, stride)}
     flax_s = partial(nn.max_pool, **window, padding=[((side - 1) // 2,) * 2] * 2)
-    ours = partial(max_pool, side=side, stride=stride)
-    same_function(ours, flax_s, x, atol=0, of_gradients=1e-5, rtol=0)
-    half, back = jax.vjp(ours, x.astype(jnp.bfloat16))
+    pool = partial(max_pool, side=side, stride=stride)
+    same_function(pool, flax_s, x, atol=0, of_gradients=1e-5, rtol=0)
+    half, back = jax.vjp(pool, x.astype(jnp.bfloat16))
     assert half.dtype == back(half)[0].dtype == jnp.bfloat16
 
 

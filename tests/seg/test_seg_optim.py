@@ -33,8 +33,8 @@ def test_rates_are_positive_and_fall_after_the_warm_up(steps, power, warmup):
 ])  # fmt: skip
 def test_two_sgd_steps_by_hand(multipliers, of_fc8, of_biases, bias_decay):
     transform = optimizer("sgd", 0.9, weight_decay=0.1, lr_multipliers=multipliers)
-    one = {"kernel": jnp.array([1.0]), "bias": jnp.array([1.0])}
-    gradient = params = {"fc8_1": one, "vgg16": {"conv1_1": one}}
+    layer = {"kernel": jnp.array([1.0]), "bias": jnp.array([1.0])}
+    gradient = params = {"fc8_1": layer, "vgg16": {"conv1_1": layer}}
     state = transform.init(params)
     for _ in range(2):
         direction, state = transform.update(gradient, state, params)
@@ -45,22 +45,25 @@ def test_two_sgd_steps_by_hand(multipliers, of_fc8, of_biases, bias_decay):
         after = 1 - rate * first
         return after - rate * (0.9 * first + 1 + decay * after)
 
-    for found, rate in ((params["vgg16"]["conv1_1"], 0.5), (params["fc8_1"], 0.5 * of_fc8)):
-        wanted = {"kernel": by_hand(rate, 0.1), "bias": by_hand(rate * of_biases, bias_decay)}
-        assert_close(found, wanted, rtol=1e-5)
+    for params_of_layer, rate in (
+        (params["vgg16"]["conv1_1"], 0.5),
+        (params["fc8_1"], 0.5 * of_fc8),
+    ):
+        expected = {"kernel": by_hand(rate, 0.1), "bias": by_hand(rate * of_biases, bias_decay)}
+        assert_close(params_of_layer, expected, rtol=1e-5)
 
 
 @given(SEEDS)
 def test_adam_is_optax_adam(seed):
     rng = np.random.default_rng(seed)
-    ours, theirs = optimizer("adam"), optax.adam(0.01)
+    transform, reference = optimizer("adam"), optax.adam(0.01)
     a = b = {"w": jnp.asarray(rng.normal(size=3), jnp.float32)}
-    state_a, state_b = ours.init(a), theirs.init(b)
+    state_a, state_b = transform.init(a), reference.init(b)
     for _ in range(3):
         gradient = {"w": jnp.asarray(rng.normal(size=3), jnp.float32)}
-        direction, state_a = ours.update(gradient, state_a, a)
+        direction, state_a = transform.update(gradient, state_a, a)
         a = descend(a, direction, 0.01)
-        updates, state_b = theirs.update(gradient, state_b, b)
+        updates, state_b = reference.update(gradient, state_b, b)
         b = optax.apply_updates(b, updates)
     assert_close(a, b, rtol=1e-5)
 

@@ -1,6 +1,6 @@
-"""Ways to train the VGG nets: named recipes, weights, accumulation, bfloat16, GroupNorm, odd sizes.
+"""Ways to train the VGG networks: named recipes, weights, accumulation, bfloat16, GroupNorm, odd sizes.
 
-The nets are narrow here: the published ones have 40 to 134 million parameters.
+The networks are narrow here: the published ones have 40 to 134 million parameters.
 """
 
 from dataclasses import replace
@@ -21,7 +21,7 @@ from seg.step import accumulated, functions
 from seg.train import _predictor, train
 from seg.weights import check
 
-from .conftest import assert_close, filled, narrow_vgg16, normal, ours, pixels, refuses
+from .conftest import assert_close, filled, narrow_vgg16, normal, pixels, refuses, vgg16_arrays
 
 WIDTH, HIDDEN = 8, 16
 NARROW = {"width": WIDTH, "hidden": HIDDEN}
@@ -74,10 +74,10 @@ def test_the_paper_s_recipe_has_its_numbers_and_the_warm_up_fits_fewer_steps():
     assert paper.lr_multipliers == "deeplab" and paper.mirror and not paper.weighted
     assert not (paper.colour or paper.mix or paper.blur or paper.noise or paper.scale or paper.norm)
     assert paper.average == 0 and paper.dtype == "float32"
-    ours = replace(paper, optimizer="adam", lr=1e-4, weighted=True)
-    assert RECIPES["vgg-adam"] == ours
-    rates = {name: (own.optimizer, own.lr, own.warmup, own.weight_decay, own.power)
-             for name, own in RECIPES.items()}  # fmt: skip
+    expected = replace(paper, optimizer="adam", lr=1e-4, weighted=True)
+    assert RECIPES["vgg-adam"] == expected
+    rates = {name: (recipe.optimizer, recipe.lr, recipe.warmup, recipe.weight_decay, recipe.power)
+             for name, recipe in RECIPES.items()}  # fmt: skip
     assert rates == {
         "compact": ("adam", 1e-2, 20, 0, 0.9), "paper": ("sgd", 5e-4, 0, 1e-4, 0.9),
         "vgg-adam": ("adam", 1e-4, 0, 1e-4, 0.9), "scratch": ("adam", 1e-3, 50, 0, 0.9),
@@ -93,9 +93,9 @@ def test_the_paper_s_recipe_has_its_numbers_and_the_warm_up_fits_fewer_steps():
 def test_accumulated_steps_are_those_of_the_whole_batch(parts):
     whole = TrainSettings(optimizer="sgd", lr=0.1, steps=3, batch=4, warmup=0)
     losses = []
-    told = {"progress": lambda _, loss: losses.append(loss)}
+    options = {"progress": lambda _, loss: losses.append(loss)}
     settings = whole, replace(whole, accumulate=parts)
-    assert_close(*(train(0, *data(), own, 11, **told) for own in settings), atol=1e-5)
+    assert_close(*(train(0, *data(), changed, 11, **options) for changed in settings), atol=1e-5)
     assert losses[0] == pytest.approx(losses[1], rel=1e-5)
 
 
@@ -115,11 +115,11 @@ def test_accumulated_gradient_by_hand(weights, expected):
 
 @pytest.mark.parametrize("name", SMALL)
 def test_bfloat16_computes_about_the_same(name):
-    images, exact, brief = normal(1, 32, 32, 3), net(name, 5), net(name, 5, "bfloat16")
+    images, exact, half = normal(1, 32, 32, 3), net(name, 5), net(name, 5, "bfloat16")
     params = filled(exact, images, 1)
-    outline = jax.eval_shape(brief.init, jax.random.key(0), images)["params"]
+    outline = jax.eval_shape(half.init, jax.random.key(0), images)["params"]
     assert {leaf.dtype for leaf in jax.tree.leaves(outline)} == {jnp.dtype("float32")}
-    a, b = (jax.jit(m.apply)({"params": params}, images) for m in (exact, brief))
+    a, b = (jax.jit(m.apply)({"params": params}, images) for m in (exact, half))
     assert b.dtype == jnp.float32 and not np.array_equal(a, b)
     assert np.abs(a - b).max() < 0.05 * np.abs(a).max()
 
@@ -140,7 +140,7 @@ def test_images_of_any_size_are_segmented_whole(name):
 
 def write_weights(path, monkeypatch, only=""):
     narrow_vgg16(monkeypatch, WIDTH, HIDDEN)
-    arrays = {n: 0.01 * a for n, a in ours().items() if n.startswith(only)}
+    arrays = {n: 0.01 * a for n, a in vgg16_arrays().items() if n.startswith(only)}
     np.savez(path, **arrays, normalisation="torchvision")
     return arrays
 
@@ -150,14 +150,14 @@ def test_training_starts_from_weights(name, tmp_path, monkeypatch):
     arrays = write_weights(tmp_path / "vgg16.npz", monkeypatch, only="conv")
     settings = replace(RECIPES["paper"], net=name, steps=1, lr=1e-6, batch=2)
     started = replace(settings, weights=str(tmp_path / "vgg16.npz"))
-    params, other = (train(0, *data(2), own, 11)["params"] for own in (started, settings))
+    params, other = (train(0, *data(2), chosen, 11)["params"] for chosen in (started, settings))
     for layer in names.CONVS:
         kernel = arrays[f"{layer}/kernel"]
         np.testing.assert_allclose(params["vgg16"][layer]["kernel"], kernel, atol=1e-4)
         assert not np.allclose(other["vgg16"][layer]["kernel"], kernel, atol=1e-3)
     # What the file does not give is drawn as without it.
-    for drawn in ("fc6", "score_pool3") if name == "fcn8s" else ("fc6_1", "fc7_1"):
-        np.testing.assert_allclose(params[drawn]["kernel"], other[drawn]["kernel"], atol=1e-4)
+    for layer in ("fc6", "score_pool3") if name == "fcn8s" else ("fc6_1", "fc7_1"):
+        np.testing.assert_allclose(params[layer]["kernel"], other[layer]["kernel"], atol=1e-4)
 
 
 def test_weights_are_checked_before_they_are_needed(tmp_path, monkeypatch):

@@ -1,4 +1,4 @@
-"""Our nets give what the same nets in PyTorch give, and read what PyTorch saves."""
+"""Our networks give what the same networks in PyTorch give, and read what PyTorch saves."""
 
 import jax
 import numpy as np
@@ -22,24 +22,24 @@ NETS = [
 ]
 
 
-@pytest.mark.parametrize(("ours", "theirs", "size"), [
+@pytest.mark.parametrize(("module", "torch_module", "size"), [
     *((*nets, size) for nets in NETS for size in ((64, 96), (61, 75))),
     *((VGG16(8, atrous), torch_nets.VGG16(8, atrous), (64, 96)) for atrous in (False, True)),
 ])  # fmt: skip
-def test_logits_and_features_are_those_of_pytorch(ours, theirs, size):
+def test_logits_and_features_are_those_of_pytorch(module, torch_module, size):
     images = normal(2, *size, 3)
-    assert_as_in_pytorch(ours, theirs, images, filled(ours, images))
+    assert_as_in_pytorch(module, torch_module, images, filled(module, images))
 
 
-def assert_as_in_pytorch(ours, theirs, images, params, rtol=1e-7, **others):
+def assert_as_in_pytorch(module, torch_module, images, params, rtol=1e-7, **others):
     variables = {"params": params, **others}
     for collection in variables.values():
-        torch_nets.copy(collection, theirs)
+        torch_nets.copy(collection, torch_module)
     with torch.no_grad():
-        expected = jax.tree.leaves(theirs.eval()(torch_nets.images_of(np.asarray(images))))
+        expected = jax.tree.leaves(torch_module.eval()(torch_nets.images_of(np.asarray(images))))
     assert all(other.std() > 0.05 for other in expected)
-    found = jax.tree.leaves(jax.jit(ours.apply)(variables, images))
-    assert_close(found, [o.numpy().transpose(0, 2, 3, 1) for o in expected], rtol, atol=1e-4)
+    outputs = jax.tree.leaves(jax.jit(module.apply)(variables, images))
+    assert_close(outputs, [o.numpy().transpose(0, 2, 3, 1) for o in expected], rtol, atol=1e-4)
 
 
 @pytest.mark.parametrize(("name", "size"), [
@@ -49,12 +49,14 @@ def test_logits_of_a_lite_are_those_of_pytorch(name, size):
     rng = np.random.default_rng(0)  # noise has features like no photo's, so it is enlarged
     coarse = rng.random((2, size[0] // 8 + 2, size[1] // 8 + 2, 3)).astype(np.float32)
     pictures = jax.image.resize(coarse, (2, *size, 3), "linear")
-    images, ours = normalise(pictures), net(name, CLASSES, width=16)
-    params = filled(ours, images) | {"trunk": trunk(name).load()}
+    images, module = normalise(pictures), net(name, CLASSES, width=16)
+    params = filled(module, images) | {"trunk": trunk(name).load()}
     maps = jax.jit(trunk(name).module.apply)({"params": params["trunk"]}, pictures)
-    own = dict(zip(("mean", "deviation"), statistics(maps), strict=True))
-    theirs = torch_nets.Lite(CLASSES, name, width=16)
-    assert_as_in_pytorch(ours, theirs, images, params, rtol=1e-4, statistics={"head": own})
+    head_statistics = dict(zip(("mean", "deviation"), statistics(maps), strict=True))
+    torch_module = torch_nets.Lite(CLASSES, name, width=16)
+    assert_as_in_pytorch(
+        module, torch_module, images, params, rtol=1e-4, statistics={"head": head_statistics}
+    )
 
 
 @pytest.mark.parametrize("zipped", [True, False], ids=["zip", "legacy"])

@@ -51,19 +51,21 @@ def test_two_images_are_learnt_training_can_go_on_and_padding_changes_nothing(fi
     assert_same(fitted, before)
     assert_close(fitted, further, atol=2e-4)
     images, _ = toy(6)
-    whole, some, one = (predict(fitted, x, SETTINGS, 11) for x in (images, images[:5], images[5:]))
+    whole, first_five, last = (
+        predict(fitted, x, SETTINGS, 11) for x in (images, images[:5], images[5:])
+    )
     assert whole.shape == (6, 32, 32) and whole.dtype == np.uint8
-    np.testing.assert_array_equal(np.concatenate([some, one]), whole)
+    np.testing.assert_array_equal(np.concatenate([first_five, last]), whole)
 
 
 def test_same_seed_same_net_other_seed_another_and_progress_is_told(fitted):
-    told = []
-    again = train(0, *toy(), SETTINGS, 11, progress=lambda *args: told.append(args))
-    assert [step for step, _ in told] == [50, 100, 150] and told[-1][1] < told[0][1]
+    reports = []
+    again = train(0, *toy(), SETTINGS, 11, progress=lambda *args: reports.append(args))
+    assert [step for step, _ in reports] == [50, 100, 150] and reports[-1][1] < reports[0][1]
     assert_same(fitted, again)
     nets = (train(seed, *toy(), replace(SETTINGS, steps=3, warmup=1), 11) for seed in (0, 1))
-    one, other = (ravel_pytree(params)[0] for params in nets)
-    assert not np.array_equal(one, other)
+    first, other = (ravel_pytree(params)[0] for params in nets)
+    assert not np.array_equal(first, other)
 
 
 def test_every_step_has_noise_of_its_own_and_seeds_drawn_at_once_are_those_alone():
@@ -75,11 +77,11 @@ def test_every_step_has_noise_of_its_own_and_seeds_drawn_at_once_are_those_alone
         data = Data(images, labels, np.ones(11, np.float32), np.uint32(0))
         state = compiled.init(np.uint32(0), images)
         row = plan(0, len(images), settings).rows(0)._replace(lr=np.float32(0))
-        found = []
+        values = []
         for _ in range(3):  # of the same images and parameters
             state, loss = compiled.step(state, data, row)
-            found.append(float(loss))
-        return len(set(found))
+            values.append(float(loss))
+        return len(set(values))
 
     assert (losses(True), losses(False)) == (3, 1)
     init = partial(functions(SETTINGS, 11).init, images=images)
@@ -92,22 +94,28 @@ def test_every_step_has_noise_of_its_own_and_seeds_drawn_at_once_are_those_alone
 def test_heads_are_nets_of_their_own_whose_mean_logits_count():
     """The first is that of the same seed alone, and each has weights and an order of its own."""
     images, labels = (np.repeat(part, 2, axis=1).repeat(2, axis=2) for part in toy(4))
-    alone = TrainSettings(net="lite0", steps=4, batch=2, warmup=0, head_width=8)
-    settings = replace(alone, heads=3)
-    told = []
-    net = train(5, images, labels, settings, 11, progress=lambda *args: told.append(args[0]))
-    assert told == [4, 8, 12]
+    one_head = TrainSettings(net="lite0", steps=4, batch=2, warmup=0, head_width=8)
+    settings = replace(one_head, heads=3)
+    reported_steps = []
+    net = train(
+        5, images, labels, settings, 11, progress=lambda *args: reported_steps.append(args[0])
+    )
+    assert reported_steps == [4, 8, 12]
     heads = heads_of(net, settings.heads)
-    assert_same(heads[0], train(5, images, labels, alone, 11))
+    assert_same(heads[0], train(5, images, labels, one_head, 11))
     kernels = net["params"]["head"]["project"]["kernel"]
     assert len({kernel.tobytes() for kernel in np.asarray(kernels)}) == len(kernels) == 3
-    each = [logits(head, images, alone, 11) for head in heads]
-    np.testing.assert_allclose(logits(net, images, settings, 11), np.mean(each, 0), atol=1e-4)
-    found = predict_heads(net, images, settings, 11)
+    head_logits = [logits(head, images, one_head, 11) for head in heads]
+    np.testing.assert_allclose(
+        logits(net, images, settings, 11), np.mean(head_logits, 0), atol=1e-4
+    )
+    labels_of_heads = predict_heads(net, images, settings, 11)
     expected = [predict(net, images, settings, 11)]
-    expected += [predict(head, images, alone, 11) for head in heads]
-    assert (found == np.stack(expected, axis=1)).mean() > 0.999  # sums have another order
-    np.testing.assert_array_equal(predict_heads(heads[0], images, alone, 11), expected[1][:, None])
+    expected += [predict(head, images, one_head, 11) for head in heads]
+    assert (labels_of_heads == np.stack(expected, axis=1)).mean() > 0.999  # sums have another order
+    np.testing.assert_array_equal(
+        predict_heads(heads[0], images, one_head, 11), expected[1][:, None]
+    )
     shapes = jax.tree.map(lambda leaf: (leaf.shape, leaf.dtype), (net, outline(settings, 11)))
     assert shapes[0] == shapes[1]
     further = train(6, images, labels, replace(settings, lr=1e-6), 11, params=net)
@@ -131,36 +139,36 @@ def test_logits_are_the_mean_over_an_image_and_its_mirror_image(settings):
         settings = TrainSettings(**LITE0, steps=2, warmup=0, heads=2, head_width=8)
     images, labels = (part.repeat(2, axis=1).repeat(2, axis=2) for part in toy(3))
     images, labels = images[:, :, :57], labels[:, :, :57]  # the last cell of a map is cut
-    both = replace(settings, average_mirror=True)
+    averaged = replace(settings, average_mirror=True)
     net = train(0, images, labels, settings, 11)
     direct, mirrored = (logits(net, x, settings, 11) for x in (images, images[:, :, ::-1]))
     expected = (direct + mirrored[:, :, ::-1]) / 2
-    np.testing.assert_allclose(logits(net, images, both, 11), expected, atol=1e-4)
-    np.testing.assert_allclose(apply(net, jnp.asarray(images), both, 11), expected, atol=2e-3)
-    whole = predict(net, images, both, 11)
+    np.testing.assert_allclose(logits(net, images, averaged, 11), expected, atol=1e-4)
+    np.testing.assert_allclose(apply(net, jnp.asarray(images), averaged, 11), expected, atol=2e-3)
+    whole = predict(net, images, averaged, 11)
     assert (whole == expected.argmax(-1)).mean() > 0.999
-    np.testing.assert_array_equal(whole[:, :, ::-1], predict(net, images[:, :, ::-1], both, 11))
+    np.testing.assert_array_equal(whole[:, :, ::-1], predict(net, images[:, :, ::-1], averaged, 11))
     if settings.frozen and settings.has_trunk:
-        maps = features(with_mirror(images, both), both)
-        np.testing.assert_array_equal(predict(net, images, both, 11, features=maps), whole)
-        held = LabelledImages(images, labels, features=maps)
-        for some in (held.between(1, 3), held.take([1, 2])):
-            found = predict(net, some.images, both, 11, features=some.features)
-            np.testing.assert_array_equal(found, whole[1:3])
+        maps = features(with_mirror(images, averaged), averaged)
+        np.testing.assert_array_equal(predict(net, images, averaged, 11, features=maps), whole)
+        test_set = LabelledImages(images, labels, features=maps)
+        for part in (test_set.between(1, 3), test_set.take([1, 2])):
+            predictions = predict(net, part.images, averaged, 11, features=part.features)
+            np.testing.assert_array_equal(predictions, whole[1:3])
         with pytest.raises(ValueError, match="2 views of each"):
-            predict(net, images, both, 11, features=features(images, both))
+            predict(net, images, averaged, 11, features=features(images, averaged))
 
 
 def test_a_jaccard_loss_and_a_rising_share_change_the_net_and_nothing_else():
     images, labels = toy(4)
-    plain = replace(SETTINGS, steps=3, warmup=0)
-    nets = [train(0, images, labels, s, 11) for s in (plain, replace(plain, jaccard=1.0))]
+    brief = replace(SETTINGS, steps=3, warmup=0)
+    nets = [train(0, images, labels, s, 11) for s in (brief, replace(brief, jaccard=1.0))]
     assert any(map(np.any, jax.tree.leaves(jax.tree.map(np.subtract, *nets))))
-    beside, both = LabelledImages(images[2:], labels[2:]), LabelledImages(images[:2], labels[:2])
-    steps = replace(plain, steps=8)
-    sets = {"beside": beside, "share": 0.25}
+    extra, first = LabelledImages(images[2:], labels[2:]), LabelledImages(images[:2], labels[:2])
+    steps = replace(brief, steps=8)
+    sets = {"beside": extra, "share": 0.25}
     constant, same, rising = (
-        train(0, *both[:2], replace(steps, last_share=last), 11, **sets)
+        train(0, *first[:2], replace(steps, last_share=last), 11, **sets)
         for last in (None, 0.25, 1.0)
     )
     assert_same(constant, same)
@@ -191,18 +199,18 @@ def test_the_trained_net_is_the_mean_over_the_last_steps(average, averaged):
 
 def test_checkpoints_are_the_nets_of_their_steps_and_change_none():
     settings = replace(SETTINGS, steps=10, lr=1e-3, average=0.4)
-    seen = []
+    kept = []
 
     def train_(**more):
-        keep = {"at_checkpoint": lambda net: seen.append(jax.tree.map(np.array, net))}
+        keep = {"at_checkpoint": lambda net: kept.append(jax.tree.map(np.array, net))}
         return train(0, *toy(), settings, 11, **(keep | more))
 
-    plain = train_(at_checkpoint=None)
+    without = train_(at_checkpoint=None)
     for checkpoints in (1, 4):
-        assert_same(train_(checkpoints=checkpoints), plain)
-    one, first, second, third, last = seen  # after 2, 5, 7 and 10 steps; the last 4 are averaged
+        assert_same(train_(checkpoints=checkpoints), without)
+    one, first, second, third, last = kept  # after 2, 5, 7 and 10 steps; the last 4 are averaged
     for net in (one, last):
-        assert_same(net, plain)
+        assert_same(net, without)
     nets = []
     rows, compiled = plan(0, 2, settings), functions(settings, 11)
     weights = class_weights(toy()[1], 11)
@@ -211,8 +219,8 @@ def test_checkpoints_are_the_nets_of_their_steps_and_change_none():
     for i in range(10):
         state, _ = compiled.step(state, data, rows.rows(i))
         nets.append({"params": jax.tree.map(np.array, state.params)})
-    for found, step in ((first, 2), (second, 5), (third, 7)):
-        assert_same(found, nets[step - 1])
+    for network, step in ((first, 2), (second, 5), (third, 7)):
+        assert_same(network, nets[step - 1])
     for count in (0, 11):
         with pytest.raises(ValueError, match=rf"checkpoints must lie in 1\.\.10, .* got {count}"):
             train_(checkpoints=count)
@@ -224,7 +232,7 @@ def test_means_are_the_same_scanned_and_where_training_goes_on(fitted):
     assert_close(*ways, atol=1e-4)
     last = replace(settings, steps=1, warmup=0)
     ways = (train(0, *toy(), s, 11, params=fitted) for s in (last, replace(last, average=0.0)))
-    assert_same(*ways)  # not the mean with the parameters it went on from
+    assert_same(*ways)  # not the mean with the parameters at the start
 
 
 def test_all_void_labels_do_no_harm_and_a_loss_that_is_not_finite_is_an_error():

@@ -1,4 +1,4 @@
-"""The protocol of trunks, by one that a user adds: two maps, trained on, tuned, saved and exported."""
+"""The protocol of backbones, by one that a user adds: two maps, trained on, tuned, saved and exported."""
 
 from dataclasses import replace
 from typing import Any
@@ -52,8 +52,8 @@ def added(monkeypatch):
 
 
 def settings_of(tuning="frozen", **changes):
-    own = with_net(RECIPES["lite0-frozen"], net="patches", trunk=tuning)
-    return replace(own, steps=60, batch=2, predict_batch=2, **changes)
+    settings = with_net(RECIPES["lite0-frozen"], net="patches", trunk=tuning)
+    return replace(settings, steps=60, batch=2, predict_batch=2, **changes)
 
 
 @pytest.mark.parametrize("tuning", ["frozen", "tuned"])
@@ -68,7 +68,7 @@ def test_a_trunk_of_ones_own_is_all_that_a_trunk_is(tuning, tmp_path):
     assert mean_iou(score(net, images, labels, settings, 2)) > 0.6
     if tuning == "tuned":
         kernel, before = (
-            own["fine"]["kernel"] for own in (net["params"]["trunk"], patches(None).load())
+            params["fine"]["kernel"] for params in (net["params"]["trunk"], patches(None).load())
         )
         assert 0 < np.abs(kernel - before).max() < 60 * 1.1e-3  # at a tenth of the rate
     model = Model(settings, net, SIZE, label_classes(["road", "sky"]))

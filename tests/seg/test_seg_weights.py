@@ -1,4 +1,4 @@
-"""Files of ImageNet weights: read, checked layer by layer, converted, put into nets."""
+"""Files of ImageNet weights: read, checked layer by layer, converted, put into networks."""
 
 import io
 import itertools
@@ -24,7 +24,16 @@ from seg.weights.normalisation import CAFFE_MEANS, from_bgr
 from seg.weights.read import read, read_npz
 from seg.weights.vgg16 import LAYERS, SCHEMES, layers, shapes
 
-from .conftest import HIDDEN, WIDTH, check_bad, check_cut, check_ours, ours, refuses_weights, run
+from .conftest import (
+    HIDDEN,
+    WIDTH,
+    check_bad,
+    check_cut,
+    check_vgg16,
+    refuses_weights,
+    run,
+    vgg16_arrays,
+)
 
 pytestmark = pytest.mark.usefixtures("narrow")
 
@@ -38,19 +47,19 @@ def test_published_shapes(monkeypatch):
     assert sum(int(np.prod(s)) for s in sizes.values()) == 14_714_688 + 102_764_544 + 16_781_312
 
 
-def theirs(arrays, scheme="torchvision"):
+def renamed_arrays(arrays, scheme="torchvision"):
     """The same weights under torchvision's names, in PyTorch's layout."""
-    (known,) = (s for s in SCHEMES if s.name == scheme)
-    found = OrderedDict()
-    for mine, other in zip(LAYERS, known.layers, strict=True):
+    (naming,) = (s for s in SCHEMES if s.name == scheme)
+    renamed = OrderedDict()
+    for mine, other in zip(LAYERS, naming.layers, strict=True):
         kernel = np.ascontiguousarray(arrays[f"{mine}/kernel"].transpose(3, 2, 0, 1))
         flat = scheme == "torchvision" and mine.startswith("fc")
-        found[f"{other}.weight"] = kernel.reshape(len(kernel), -1) if flat else kernel
-        found[f"{other}.bias"] = arrays[f"{mine}/bias"]
+        renamed[f"{other}.weight"] = kernel.reshape(len(kernel), -1) if flat else kernel
+        renamed[f"{other}.bias"] = arrays[f"{mine}/bias"]
     last = "classifier.6" if scheme == "torchvision" else "head.fc"
-    found[f"{last}.weight"] = np.zeros((10, HIDDEN), np.float32)
-    found[f"{last}.bias"] = np.zeros(10, np.float32)
-    return found
+    renamed[f"{last}.weight"] = np.zeros((10, HIDDEN), np.float32)
+    renamed[f"{last}.bias"] = np.zeros(10, np.float32)
+    return renamed
 
 
 def save_safetensors(path, arrays):
@@ -111,26 +120,26 @@ SAVERS = {
 @pytest.mark.parametrize("scheme", ["torchvision", "timm"])
 @pytest.mark.parametrize("file", SAVERS)
 def test_every_kind_of_file_gives_the_same_weights(tmp_path, file, scheme):
-    SAVERS[file](tmp_path / file, theirs(ours(), scheme))
+    SAVERS[file](tmp_path / file, renamed_arrays(vgg16_arrays(), scheme))
     out = tmp_path / "vgg16.npz"
     assert convert(tmp_path / file, out) == (f"VGG16 of {file}", "torchvision", True)
-    assert check_ours(out, "torchvision") == f"VGG16 of {file}"
+    assert check_vgg16(out, "torchvision") == f"VGG16 of {file}"
 
 
 @pytest.mark.parametrize("prefix", ["features.", ""])  # "": torch.save(net.features.state_dict())
 @pytest.mark.parametrize("file", SAVERS)
 def test_convolutions_alone_leave_the_rest_at_random(tmp_path, capsys, file, prefix):
-    arrays = {n: a for n, a in theirs(ours()).items() if n.startswith("features.")}
+    arrays = {n: a for n, a in renamed_arrays(vgg16_arrays()).items() if n.startswith("features.")}
     arrays = {prefix + n.removeprefix("features."): a for n, a in arrays.items()}
     SAVERS[file](tmp_path / file, arrays)
     out = tmp_path / "o.npz"
     assert run(tmp_path / file, out, "--normalisation", "torchvision") == 0
-    alone = "the 13 convolutions alone, fc6 and fc7 start at random"
-    assert f"VGG16 of {file}; {alone}; expected torchvision's" in capsys.readouterr().out
+    message = "the 13 convolutions alone, fc6 and fc7 start at random"
+    assert f"VGG16 of {file}; {message}; expected torchvision's" in capsys.readouterr().out
     for net, module in (("fcn8s", FCN8s), ("deeplabv2", DeepLabV2)):
         loaded = load(out, net, blank(module(3, width=WIDTH, hidden=HIDDEN)))
         assert sum(bool(leaf.any()) for leaf in jax.tree.leaves(loaded)) == 26
-        assert described(replace(RECIPES["paper"], weights=str(out), net=net)).endswith(alone)
+        assert described(replace(RECIPES["paper"], weights=str(out), net=net)).endswith(message)
     assert described(RECIPES["paper"]) is None
 
 
@@ -142,29 +151,29 @@ def test_caffe_weights_see_the_same_colours_and_fc6_the_flattened_features_in_or
     expected = np.einsum("brci,rcio->bo", caffe, kernel) + bias
     new_kernel, new_bias = from_bgr(kernel, bias)
     images = np.asarray(normalise(jnp.asarray(rgb / 255)))
-    found = np.einsum("brci,rcio->bo", images, new_kernel) + new_bias
-    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-2)
+    converted_features = np.einsum("brci,rcio->bo", images, new_kernel) + new_bias
+    np.testing.assert_allclose(converted_features, expected, rtol=1e-4, atol=1e-2)
     # A fully connected layer on 7x7 features, and the convolution made of it, at one place.
-    arrays = ours()
+    arrays = vgg16_arrays()
     features = np.random.default_rng(1).normal(size=(7, 7, 8 * WIDTH)).astype(np.float32)
-    flat = theirs(arrays)["classifier.0.weight"] @ features.transpose(2, 0, 1).ravel()
-    kernel = layers(theirs(arrays), "x")["fc6/kernel"]
+    flat = renamed_arrays(arrays)["classifier.0.weight"] @ features.transpose(2, 0, 1).ravel()
+    kernel = layers(renamed_arrays(arrays), "x")["fc6/kernel"]
     np.testing.assert_allclose(np.einsum("rci,rcio->o", features, kernel), flat, rtol=2e-4)
 
 
 def test_own_names_need_the_normalisation_said(tmp_path, capsys):
     source, out = tmp_path / "w.npz", tmp_path / "o.npz"
-    np.savez(source, **ours())
+    np.savez(source, **vgg16_arrays())
     assert run(source, out) == 2
     assert "does not say which images it expects" in capsys.readouterr().err
     assert run(source, out, "--normalisation", "caffe") == 0
-    check_ours(out, "caffe")
+    check_vgg16(out, "caffe")
     assert run(out, tmp_path / "p.npz") == 2
     assert "is converted already" in capsys.readouterr().err
 
 
-def without(*gone):
-    return lambda arrays: {n: a for n, a in arrays.items() if n not in gone}
+def without(*names):
+    return lambda arrays: {n: a for n, a in arrays.items() if n not in names}
 
 
 def changed(name, shape, value=0.0):
@@ -186,20 +195,20 @@ RESNET = {"conv1.weight": np.zeros((4, 3, 7, 7), np.float32), "fc.bias": np.zero
     (lambda a: RESNET, r"no layer of VGG16 in it \(it holds conv1\.weight, fc\.bias"),
 ])  # fmt: skip
 def test_weights_that_are_not_of_vgg16(tmp_path, capsys, change, message):
-    np.savez(tmp_path / "w.npz", **change(theirs(ours())))
+    np.savez(tmp_path / "w.npz", **change(renamed_arrays(vgg16_arrays())))
     check_bad(tmp_path / "w.npz", message, capsys)
 
 
 @pytest.mark.parametrize("file", SAVERS)
 def test_files_cut_short_are_errors_at_any_length(tmp_path, file):
-    SAVERS[file](tmp_path / file, theirs(ours()))
+    SAVERS[file](tmp_path / file, renamed_arrays(vgg16_arrays()))
     check_cut(tmp_path / file)
 
 
 @pytest.mark.parametrize("file", ["zip.pth", "legacy.pth", "w.safetensors"])
 def test_damaged_files_are_errors_or_right(tmp_path, file):
     """Bytes of the part that describes the tensors are changed; nothing but our error may come."""
-    SAVERS[file](tmp_path / file, theirs(ours()))
+    SAVERS[file](tmp_path / file, renamed_arrays(vgg16_arrays()))
     data = (tmp_path / file).read_bytes()
     rng = np.random.default_rng(0)
     for _ in range(150):
@@ -255,7 +264,7 @@ def blank(module):
 
 @pytest.fixture
 def converted(tmp_path):
-    save_zip(tmp_path / "w.pth", theirs(ours()))
+    save_zip(tmp_path / "w.pth", renamed_arrays(vgg16_arrays()))
     convert(tmp_path / "w.pth", tmp_path / "vgg16.npz")
     return tmp_path / "vgg16.npz"
 
@@ -264,7 +273,7 @@ def converted(tmp_path):
     ("fcn8s", FCN8s, 30), ("deeplabv2", DeepLabV2, 26),
 ])  # fmt: skip
 def test_nets_take_their_layers(converted, net_name, kind, taken):
-    params, expected = blank(kind(3, width=WIDTH, hidden=HIDDEN)), ours()
+    params, expected = blank(kind(3, width=WIDTH, hidden=HIDDEN)), vgg16_arrays()
     loaded = load(converted, net_name, params)
     assert jax.tree.structure(loaded) == jax.tree.structure(params)
     assert not any(leaf.any() for leaf in jax.tree.leaves(params))
@@ -275,14 +284,14 @@ def test_nets_take_their_layers(converted, net_name, kind, taken):
 
 
 def test_nets_that_do_not_fit(converted, tmp_path):
-    wide = blank(DeepLabV2(3, width=4, hidden=HIDDEN))
+    wider = blank(DeepLabV2(3, width=4, hidden=HIDDEN))
     refuses_weights("the network compact has no VGG16 in it", load, converted, "compact", {})
     for name, message in (
         ("vgg16.npz", r"vgg16\.npz: conv1_1/kernel: float32\[3, 3, 3, 2\]; the network has"),
         ("w.pth", r"w\.pth: not converted yet: sdr-jax weights convert"),
         ("none.npz", r"none\.npz: No such file"),
     ):
-        refuses_weights(message, load, tmp_path / name, "deeplabv2", wide)
+        refuses_weights(message, load, tmp_path / name, "deeplabv2", wider)
     nowhere = tmp_path / "no" / "o.npz"
     with pytest.raises(OSError, match=r"No such file .*o\.npz"):
         convert(tmp_path / "w.pth", nowhere)
