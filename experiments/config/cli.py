@@ -47,7 +47,7 @@ TOPICS = {
         "asset_fraction",
         "asset_count",
     ),
-    "where it runs": ("renderer", "executor", "scheduler"),
+    "where it runs": ("renderer", "trainers", "executor", "scheduler"),
     "the search": ("groups", "default_width", "reward_kind", "search"),
     "size of rewards": ("reward",),
     "size of final networks": ("final",),

@@ -158,8 +158,7 @@ class Cache:
         return Cached(held, maps)
 
     def _parts_of_streets(self, most: int, task: tuple) -> list[tuple[Part]]:
-        recipe, units, seed, start = task
-        return parts_of(recipe, units, seed, most, self.renders, start)
+        return _pool_parts(*task, most, self.renders)
 
     def seconds(self, name: str, recipe: Recipe) -> float:
         """The core seconds in which the streets of a name were rendered, with their features."""
@@ -267,6 +266,14 @@ def statistics_of(held: Cached) -> Statistics:
     return channel_statistics(maps)
 
 
+def _pool_parts(
+    recipe: Recipe, units: np.ndarray, seed: int, start: int, most: int, folder: str | None
+) -> list[tuple[Part]]:
+    """Divide streets of a pool, which have one shot each, for renderers."""
+    one_shot = recipe._replace(fidelity=replace(recipe.fidelity, shots=1))
+    return parts_of(one_shot, units, seed, most, folder, start)
+
+
 def _made_streets(
     recipe: Recipe,
     units: np.ndarray,
@@ -275,7 +282,8 @@ def _made_streets(
     ready: Sequence[Rendered | Written] | None = None,
 ) -> dict[str, np.ndarray]:
     """Make some streets of a pool from an index on, and their features; runs in a worker."""
-    parts = ready or [render_part(*part) for part in parts_of(recipe, units, seed, 1, None, start)]
+    one_part = _pool_parts(recipe, units, seed, start, 1, None)
+    parts = ready or [render_part(*part) for part in one_part]
     images, labels, seconds = joined(parts)
     started, train = time.perf_counter(), recipe.fidelity.train
     maps = _features(images, train, True) if train.frozen else ()

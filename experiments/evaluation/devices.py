@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from common.errors import UserError
 from common.memory import in_words
+from common.workers.pool import gpus
 from experiments.config import Fidelity
 from experiments.config.limits import training_bytes
 
@@ -37,44 +38,49 @@ def jax_supports_cuda() -> bool:
     return allowed and any("cuda" in plugin.name for plugin in entry_points(group="jax_plugins"))
 
 
-def trainers_of(requested: int | None, gpus: Sequence[str]) -> int | None:
+def usable_gpus() -> list[str]:
+    """The GPUs of this machine that JAX is to use, by their CUDA names."""
+    return gpus() if jax_supports_cuda() else []
+
+
+def trainers_of(requested: int | None, names: Sequence[str]) -> int | None:
     """The number of separate trainers of this machine; None where workers render and train.
 
     Args:
         requested: the value of ``--trainers``.
-        gpus: the GPUs that JAX can use, by their CUDA names.
+        names: the GPUs that JAX is to use.
 
     Raises:
         UserError: there are more trainers than GPUs.
     """
-    if not gpus or requested is None:
-        return requested or len(gpus) or None
-    if requested > len(gpus):
-        few = "1 GPU" if len(gpus) == 1 else f"{len(gpus)} GPUs"
+    if not names or requested is None:
+        return requested or len(names) or None
+    if requested > len(names):
+        count = "1 GPU" if len(names) == 1 else f"{len(names)} GPUs"
         raise UserError(
-            f"--trainers {requested}: this machine has {few} (CUDA device {', '.join(gpus)}), and each "
-            f"trainer needs its own; use --trainers {len(gpus)}"
+            f"--trainers {requested}: this machine has {count} (CUDA device {', '.join(names)}), and each "
+            f"trainer needs its own; use --trainers {len(names)}"
         )
     return requested
 
 
-def refuse_unusable(found: Device, gpus: Sequence[str], fidelities: Mapping[str, Fidelity]) -> None:
+def refuse_unusable(found: Device, names: Sequence[str], trained: Mapping[str, Fidelity]) -> None:
     """Raise UserError for a trainer without the GPU that it was given, or with too little memory.
 
     Args:
         found: the trainer's device.
-        gpus: the GPUs that JAX can use, by their CUDA names.
-        fidelities: the fidelities that it trains at, by field.
+        names: the GPUs that JAX is to use.
+        trained: the fidelities at which it trains, by field.
     """
-    if found.backend == "cpu" and gpus:
+    if found.backend == "cpu" and names:
         raise UserError(
-            f"JAX cannot start CUDA although the driver lists GPU {', '.join(gpus)}: check that nvidia-smi "
-            "works and that its CUDA version is 12 or later, then pip install -U 'sdr-jax[cuda]'; or train on "
-            "the CPU with JAX_PLATFORMS=cpu"
+            f"JAX cannot start CUDA although the driver lists GPU {', '.join(names)}: check that nvidia-smi "
+            "works and shows CUDA version 12 or later, then pip install -U 'sdr-jax[cuda]'; or train on the "
+            "CPU with JAX_PLATFORMS=cpu"
         )
     if found.backend == "cpu" or found.memory is None:
         return
-    for name, fidelity in fidelities.items():
+    for name, fidelity in trained.items():
         need = training_bytes(fidelity)
         if need > found.memory:
             raise UserError(

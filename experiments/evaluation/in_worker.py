@@ -10,7 +10,9 @@ import math
 import os
 import pickle
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -20,6 +22,8 @@ import numpy as np
 
 from common.workers.pool import Workers
 from experiments.evaluation.cached import loaded
+from experiments.evaluation.compiling import compiled_once
+from experiments.evaluation.devices import device, out_of_memory
 from experiments.evaluation.job import Keeps, Recipe, Result, Source, rendered_of
 from experiments.evaluation.made_with import refuse_other
 from experiments.evaluation.predictions import predictions_of
@@ -28,13 +32,17 @@ from scene.dataset.render import Dataset, render_dataset
 from scene.proposal import Streets, draw
 from seg.beside import TrainingSet
 from seg.data import LabelledImages
+from seg.many import train_many
 from seg.metrics import confusion_matrix, iou, mean_iou
 from seg.pyramid import features
+from seg.settings import TrainSettings
 from seg.train import Params, TrainingError, predict_heads, train
 from seg.views import view_images
 
 _KEPT: dict[Any, LabelledImages] = {}
 """The last rendered dataset of this process, by everything that decides it."""
+AT_ONCE = (16, 4, 1)
+"""Numbers of networks that are trained at once; each is compiled once."""
 
 
 def parts_of(
@@ -91,9 +99,92 @@ def attempt(
         return Result(math.nan, [], 0.0, time.perf_counter() - started, str(error))
 
 
-def attempt_all(tasks: Sequence[tuple], ready: Sequence[Sequence[Rendered | Written]]) -> list[Any]:
-    """Make evaluations that are alike but for their training sets, seeds and rendered parts."""
-    return [attempt(*task, ready=parts) for task, parts in zip(tasks, ready, strict=True)]
+def attempt_all(
+    tasks: Sequence[tuple],
+    ready: Sequence[Sequence[Rendered | Written]],
+    at_once: bool | None = None,
+) -> list[Any]:
+    """Make evaluations that are alike but for their training sets, seeds and rendered parts.
+
+    Args:
+        tasks: arguments of `attempt`.
+        ready: the parts of their rendered sets.
+        at_once: whether to train several networks at once, which a GPU needs; by default on a GPU.
+    """
+    recipe = next(argument for argument in tasks[0] if isinstance(argument, Recipe))
+    if at_once is None:
+        at_once = jax.default_backend() != "cpu"
+    results: list[Any] = []
+    with compiled_once(recipe):
+        if not (at_once and _may_be_at_once(tasks[0])):
+            return [attempt(*task, ready=parts) for task, parts in zip(tasks, ready, strict=True)]
+        while len(results) < len(tasks):
+            done = len(results)
+            count = next(count for count in AT_ONCE if count <= len(tasks) - done)
+            results += _evaluated_at_once(tasks[done : done + count], ready[done : done + count])
+    return results
+
+
+def _may_be_at_once(task: tuple) -> bool:
+    """Whether `train_many` can make evaluations of this kind; large networks keep a GPU busy alone."""
+    evaluate, recipe, *_ = task
+    keeps = evaluate.keywords.get("keeps") if isinstance(evaluate, partial) else None
+    named = evaluate.func if isinstance(evaluate, partial) else evaluate
+    if named is not evaluate_miou or keeps == "predictions" or recipe.checkpoints > 1:
+        return False
+    settings: TrainSettings = recipe.fidelity.train
+    return settings.frozen or settings.net == "compact"
+
+
+def _evaluated_at_once(
+    tasks: Sequence[tuple], ready: Sequence[Sequence[Rendered | Written]]
+) -> list[Result]:
+    """Make evaluations by `evaluate_miou` with one call of `train_many`, which takes equal shares of its time."""
+    evaluate, recipe, _, _, real = tasks[0]
+    refuse_other(recipe.made_with)
+    sets, render_seconds = [], []
+    for (_, _, source, seed, _), parts in zip(tasks, ready, strict=True):
+        source = loaded(source)
+        rendered = joined(parts) if parts else None
+        images, seconds = timed_set(recipe, source, seed, rendered)
+        mixed = isinstance(source, TrainingSet)
+        sets.append(source._replace(parts=(images, *source.parts[1:])) if mixed else images)
+        render_seconds.append(seconds)
+    started, real = time.perf_counter(), loaded(real)
+    with _memory_named(recipe):
+        networks = train_many(
+            [seed for _, _, _, seed, _ in tasks],
+            sets,
+            recipe.fidelity.train,
+            len(recipe.classes.classes),
+            statistics=recipe.statistics,
+            test=real,
+        )
+    seconds = (time.perf_counter() - started) / len(tasks)
+    assert networks.by_image is not None
+    by_head = [()] * len(tasks) if networks.by_head is None else networks.by_head
+    kept = isinstance(evaluate, partial)  # the confusion matrix alone
+    return [
+        Result(math.nan, [], 0.0, seconds, error)
+        if error is not None
+        else _scored(by_image, heads, rendering, seconds)._replace(
+            predictions=predictions_of(by_image, None) if kept else None
+        )
+        for error, by_image, heads, rendering in zip(
+            networks.errors, networks.by_image, by_head, render_seconds, strict=True
+        )
+    ]
+
+
+@contextmanager
+def _memory_named(recipe: Recipe) -> Iterator[None]:
+    """Report the memory of a GPU that runs out as a user's error."""
+    try:
+        yield
+    except jax.errors.JaxRuntimeError as error:
+        if "RESOURCE_EXHAUSTED" not in str(error):
+            raise
+        raise out_of_memory(device(), recipe.fidelity) from None
 
 
 def render(recipe: Recipe, streets: Streets, seed: int, workers: int | Workers = 0) -> Dataset:
@@ -214,19 +305,20 @@ def trained(
     second: dict[str, Any] = {}
     if isinstance(source, TrainingSet):
         second = {"beside": source.parts[1], "share": source.shares[1]}
-    return train(
-        seed,
-        own.images,
-        own.labels,
-        recipe.fidelity.train,
-        len(recipe.classes.classes),
-        params=params,
-        features=own.features,
-        statistics=recipe.statistics,
-        checkpoints=recipe.checkpoints,
-        at_checkpoint=test,
-        **second,
-    )
+    with _memory_named(recipe):
+        return train(
+            seed,
+            own.images,
+            own.labels,
+            recipe.fidelity.train,
+            len(recipe.classes.classes),
+            params=params,
+            features=own.features,
+            statistics=recipe.statistics,
+            checkpoints=recipe.checkpoints,
+            at_checkpoint=test,
+            **second,
+        )
 
 
 def trained_net(recipe: Recipe, source: Any, seed: int, params: Params | None) -> Params | str:
@@ -254,17 +346,26 @@ def tested(
     predicted = predict_heads(params, real.images, settings, classes, features=real.features)
     pairs = zip(real.labels, predicted[:, 0], strict=True)
     by_image = np.stack([confusion_matrix(*pair, classes) for pair in pairs])
-    confusion = by_image.sum(axis=0)
-    heads = [confusion_matrix(real.labels, own, classes) for own in predicted.swapaxes(0, 1)[1:]]
+    by_head = [confusion_matrix(real.labels, own, classes) for own in predicted.swapaxes(0, 1)[1:]]
     seconds = train_seconds + time.perf_counter() - started
-    return Result(
-        mean_iou(confusion),
-        _class_iou(confusion),
-        render_seconds,
-        seconds,
-        heads=tuple(map(_class_iou, heads)),
-        predictions=keeps and predictions_of(by_image, predicted[:, 0], keeps == "predictions"),
-    )
+    result = _scored(by_image, by_head, render_seconds, seconds)
+    if keeps is None:
+        return result
+    whole = predicted[:, 0] if keeps == "predictions" else None
+    return result._replace(predictions=predictions_of(by_image, whole))
+
+
+def _scored(
+    by_image: np.ndarray,
+    by_head: Iterable[np.ndarray],
+    render_seconds: float,
+    train_seconds: float,
+) -> Result:
+    """The result of the confusion matrices of each image, and of each of several heads alone."""
+    confusion = by_image.sum(axis=0)
+    heads = tuple(map(_class_iou, by_head))
+    class_iou = _class_iou(confusion)
+    return Result(mean_iou(confusion), class_iou, render_seconds, train_seconds, heads=heads)
 
 
 def _class_iou(confusion: np.ndarray) -> list[float | None]:

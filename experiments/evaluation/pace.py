@@ -8,23 +8,25 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
+import jax
 import numpy as np
 
 from common.files import digest, write_json
 from common.workers.pool import ExecutorName, Workers
 from experiments.config import Fidelity
 from experiments.evaluation.cost import START_COST, Cost, cost_of, training_cost
+from experiments.evaluation.in_worker import parts_of
+from experiments.evaluation.job import Recipe
+from experiments.evaluation.renders import Part, Rendered, mean_seconds, render_part
+from scene.assets.catalogue import AssetPool
 from scene.attributes import default_unit
 from scene.compiled import kept
-from scene.dataset.render import render_dataset
-from scene.render import RenderSettings
 from seg.recipes import RECIPES, with_steps
 from seg.train import train
 
@@ -46,53 +48,53 @@ class Pace(NamedTuple):
         """Seconds of work on one core of this machine."""
         return cost.render * self.render + cost.train * self.train
 
-    def wall(self, cost: Cost, cores: int) -> float:
-        """Seconds of work on all cores of this machine, after its start."""
-        return self.seconds(cost) / max(cores, 1)
+    def wall(self, cost: Cost, workers: int, trainers: int | None = None) -> float:
+        """Seconds of work after its start.
 
-    def seconds_of(self, cost: Cost, cores: int) -> float:
+        Args:
+            cost: of the work.
+            workers: number of workers, each on a core of this machine.
+            trainers: number of separate trainers, which train while the workers render; by default workers
+                render and train.
+        """
+        if trainers is None:
+            return self.seconds(cost) / max(workers, 1)
+        rendering, training = cost.render * self.render, cost.train * self.train
+        return max(rendering / max(workers, 1), training / trainers)
+
+    def seconds_of(self, cost: Cost, workers: int, trainers: int | None = None) -> float:
         """Seconds of a whole command with its start, where the renderer has been compiled."""
-        return self.start(Cost(), cores) + self.wall(cost, cores)
+        return self.start(Cost(), workers, trainers) + self.wall(cost, workers, trainers)
 
-    def start(self, prepared: Cost, cores: int) -> float:
+    def start(self, prepared: Cost, workers: int, trainers: int | None = None) -> float:
         """Seconds until the first results: workers start, one compiles the renderer, all prepare images."""
         return (
             START_COST * self.train
             + prepared.render * self.render
-            + self.wall(Cost(train=prepared.train), cores)
+            + self.wall(Cost(train=prepared.train), workers, trainers)
         )
 
 
 REFERENCE = Pace(1.0, 1.0)
 """The machine of `cost`."""
+_MEASURED = Fidelity(*SIZE, streets=2, shots=1, samples=1, train=RECIPES["lite0-frozen"])
 
 
-def measure(seconds: float = SECONDS) -> Pace:
-    """Render streets and train networks for some seconds each; compilation does not count."""
-    streets = Fidelity(*SIZE, streets=2, shots=1, samples=1, train=RECIPES["lite0-frozen"])
-    settings = RenderSettings(*SIZE, 1)
-    units = np.tile(default_unit(), (streets.streets, 1))
-    rendered = render_dataset(units, 0, shots=1, settings=settings)  # compiles
-    # The same streets each time, so that their assets exist, as in a long job.
-    render = _ratio(
-        partial(render_dataset, units, 0, shots=1, settings=settings),
-        cost_of(streets) - training_cost(streets),
-        seconds,
-    )
-    brief = replace(streets, train=with_steps(streets.train, 20))
+def measured_part() -> Part:
+    """The streets whose rendering is measured, always the same: in a long job their assets exist, too."""
+    recipe = Recipe(_MEASURED, "cityscapes", "embree", AssetPool())
+    ((part,),) = parts_of(recipe, np.tile(default_unit(), (_MEASURED.streets, 1)), 0, 1, None)
+    return part
+
+
+def training_pace(seconds: float = SECONDS) -> float:
+    """Train networks for some seconds; this process's seconds for one of the machine of `cost`."""
+    rendered = render_part(measured_part())
+    assert isinstance(rendered, Rendered)
+    brief = replace(_MEASURED, train=with_steps(_MEASURED.train, 20))
     learn = partial(train, 0, rendered.images, rendered.labels, brief.train, 19)
-    learn()
-    return Pace(render, _ratio(learn, training_cost(brief), seconds))
-
-
-def _ratio(work: Callable[[], object], expected: float, seconds: float) -> float:
-    """CPU time of work divided by the expected time; other programs do not count."""
-    ends = time.perf_counter() + seconds
-    started, done = time.process_time(), 0
-    while not done or time.perf_counter() < ends:
-        work()
-        done += 1
-    return (time.process_time() - started) / done / expected
+    clock = time.process_time if jax.default_backend() == "cpu" else time.perf_counter
+    return mean_seconds(learn, (), seconds, clock) / training_cost(brief)
 
 
 def measured_by(workers: Workers) -> Pace:
@@ -100,9 +102,13 @@ def measured_by(workers: Workers) -> Pace:
 
     On two cores, each of two workers renders half as much again more slowly than one alone.
     """
-    count = max(workers.workers, 1)
-    paces = [pace for _, pace in workers.map(measure, [(SECONDS,)] * count, net=True)]
-    return Pace(*np.mean(paces, axis=0).tolist())
+    renderers = max(workers.workers, 1)
+    rendering_tasks = [(render_part, (measured_part(),), SECONDS)] * renderers
+    rendering = [seconds for _, seconds in workers.map(mean_seconds, rendering_tasks)]
+    expected = cost_of(_MEASURED) - training_cost(_MEASURED)
+    training_tasks = [(SECONDS,)] * (workers.trainers or renderers)
+    training = [pace for _, pace in workers.map(training_pace, training_tasks, net=True)]
+    return Pace(float(np.mean(rendering)) / expected, float(np.mean(training)))
 
 
 def kind(executor: ExecutorName, backend: str) -> str:

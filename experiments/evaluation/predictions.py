@@ -37,16 +37,15 @@ def picked(images: int) -> np.ndarray:
     return np.unique(np.linspace(0, images - 1, min(MOST, images)).round().astype(np.int32))
 
 
-def predictions_of(by_image: np.ndarray, predictions: np.ndarray, whole: bool) -> Predictions:
-    """Make the contents of a net's file.
+def predictions_of(by_image: np.ndarray, predictions: np.ndarray | None = None) -> Predictions:
+    """Make the contents of a network's file.
 
     Args:
         by_image: i64[n, classes, classes], the confusion matrix of every tested image.
-        predictions: u8[n, h, w].
-        whole: whether to keep some of the predictions, too.
+        predictions: u8[n, h, w], if some of them are to be kept, too.
     """
     found = Predictions(by_image.sum(axis=0), by_image=by_image.astype(np.int32))
-    if not whole:
+    if predictions is None:
         return found
     chosen = picked(len(by_image))
     miou = [mean_iou(own) if own.any() else np.nan for own in by_image[chosen]]

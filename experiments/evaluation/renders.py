@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -93,3 +93,22 @@ def _save(path: Path, array: np.ndarray) -> None:
     with path.open("wb") as file:
         np.lib.format.write_array_header_1_0(file, np.lib.format.header_data_from_array_1_0(array))
         file.write(np.ascontiguousarray(array).data)
+
+
+def mean_seconds(
+    work: Callable[..., object],
+    arguments: tuple,
+    seconds: float,
+    clock: Callable[[], float] = time.process_time,
+) -> float:
+    """Repeat work for some seconds, after a first time that compiles it; the mean time by a clock.
+
+    By default other programs do not count.
+    """
+    work(*arguments)
+    end = time.perf_counter() + seconds
+    started, times = clock(), 0
+    while not times or time.perf_counter() < end:
+        work(*arguments)
+        times += 1
+    return (clock() - started) / times

@@ -29,6 +29,7 @@ from common.workers.pool import Workers
 from experiments.config import RewardKind
 from experiments.evaluation.cache import Cache, by_target, sent
 from experiments.evaluation.cached import Cached
+from experiments.evaluation.compiling import announcement
 from experiments.evaluation.cost import job_cost
 from experiments.evaluation.in_worker import (
     attempt,
@@ -37,6 +38,7 @@ from experiments.evaluation.in_worker import (
     parts_of,
     rendered_set,
     trained_net,
+    worker_environment,
 )
 from experiments.evaluation.job import (
     Given,
@@ -123,6 +125,7 @@ class Runner:
             attempt_all,
         )
         self._prefetched: dict[str, _Prefetched] = {}
+        self._announced: set[str] = set()
         self._ended: set[str] = set()  # keys of those whose results came before their request
 
     def key(self, job: Job) -> str:
@@ -168,6 +171,7 @@ class Runner:
         }
         if not self._prefetched and sum(map(job_cost, new.values())) < LEAST:
             return
+        self._announce_compilation(list(new.values()))
         for key, job in new.items():
             future = self._workers.begin(attempt, *self._task([job]), split=self._split)
             if future is not None:
@@ -250,6 +254,7 @@ class Runner:
         work = _grouped(jobs, [indices[0] for indices in missing.values()])
         if not work:
             return
+        self._announce_compilation([jobs[indices[0]] for indices in work])
         tasks = [self._task([jobs[index] for index in indices]) for indices in work]
         rendered = [0.0] * len(tasks)
         idle = len(tasks) < self._workers.workers and not begun
@@ -267,6 +272,16 @@ class Runner:
                     known = self._remembered(key, jobs[twin], log)
                     assert known is not None
                     yield twin, key, known
+
+    def _announce_compilation(self, jobs: Sequence[Job]) -> None:
+        """Say that trainers of this machine compile for its GPU, once for each recipe."""
+        if self._workers.trainers is None or not self._workers.share_disk:
+            return
+        for recipe in dict.fromkeys(job.recipe for job in jobs):
+            text = announcement(recipe, worker_environment())
+            if text is not None and text not in self._announced:
+                self._announced.add(text)
+                self._progress().say(text)
 
     def _remembered(self, key: str, job: Job, log: Store) -> Result | None:
         """The known result of an evaluation; the log has a line for each of its jobs, by their notes."""

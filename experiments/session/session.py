@@ -20,7 +20,7 @@ from common.errors import UserError
 from common.progress import Progress, Stage, duration
 from common.workers.executors import workers_of
 from common.workers.pool import Workers
-from experiments.config import Config, FewConfig, Fidelity
+from experiments.config import Config, FewConfig, Fidelity, fidelities
 from experiments.evaluation import pace as paces
 from experiments.evaluation.cost import (
     COMPILE_COST,
@@ -30,6 +30,7 @@ from experiments.evaluation.cost import (
     prepare_cost,
     training_cost,
 )
+from experiments.evaluation.devices import device, refuse_unusable, trainers_of, usable_gpus
 from experiments.evaluation.in_worker import worker_environment
 from experiments.evaluation.job import Recipe, Source
 from experiments.evaluation.made_with import FIELD, MadeWith, asked
@@ -49,7 +50,7 @@ from seg.weights import described
 
 PACKAGES = ("sdr-jax", "trimesh", "pyrender")
 """Packages with versions in ``config.json``, beside those that decide evaluations."""
-FREE_FIELDS = ("out", "workers", "executor", "scheduler", "store", "from_scratch")
+FREE_FIELDS = ("out", "workers", "trainers", "executor", "scheduler", "store", "from_scratch")
 """Fields that may differ when a job is continued."""
 AnyConfig = TypeVar("AnyConfig", bound=Config)
 
@@ -138,10 +139,10 @@ class Session(Generic[AnyConfig]):
         lines = self.evaluations.records + self.finals.records
         elapsed = max((line.get("elapsed", 0.0) for line in lines), default=0.0)
         stages = [Stage(work.what, work.nets, work.cost) for work in plan]
-        cost, workers = total_of(plan), max(self.workers.workers, 1)
+        cost, (workers, trainers) = total_of(plan), self._crew
         self.progress = Progress(sum(cost), elapsed, label, stages=stages, workers=workers)
         pace, start = paces.read(self._kind), self._prepare_cost()
-        self.progress.say(plan_text(plan, workers, pace or REFERENCE, start))
+        self.progress.say(plan_text(plan, workers, pace or REFERENCE, start, trainers))
         if self.workers.dashboard is not None:
             self.progress.say(f"Dashboard: {self.workers.dashboard}")
         shared = "" if self.store is None else f" | {self._held(self.store)}"
@@ -156,12 +157,16 @@ class Session(Generic[AnyConfig]):
         start = start._replace(render=0.0)
         if pace is None and sum(cost) > WORTH:
             pace = _measured(self.workers, self._kind, self.progress.say)
-            self.progress.say(time_text(cost, workers, pace, start))
+            self.progress.say(time_text(cost, workers, pace, start, trainers))
         self._expect(cost, pace or REFERENCE, start)
 
     def _expect(self, cost: Cost, pace: Pace, start: Cost) -> None:
-        workers = max(self.workers.workers, 1)
-        self.progress.expect(pace.wall(cost, workers), pace.start(start, workers))
+        self.progress.expect(pace.wall(cost, *self._crew), pace.start(start, *self._crew))
+
+    @property
+    def _crew(self) -> tuple[int, int | None]:
+        """The numbers of workers and of separate trainers, as `Pace` takes them."""
+        return max(self.workers.workers, 1), self.workers.trainers
 
     @property
     def _kind(self) -> str:
@@ -182,7 +187,9 @@ class Session(Generic[AnyConfig]):
         return f"{store.path} holds {len(store)}{note}"
 
 
-def plan_text(plan: Sequence[Work], workers: int, pace: Pace, start: Cost) -> str:
+def plan_text(
+    plan: Sequence[Work], workers: int, pace: Pace, start: Cost, trainers: int | None = None
+) -> str:
     """The plan in words: one line per kind of net, the weights, and the approximate time.
 
     Args:
@@ -190,6 +197,7 @@ def plan_text(plan: Sequence[Work], workers: int, pace: Pace, start: Cost) -> st
         workers: number of workers.
         pace: the pace of each.
         start: the cost of what precedes the nets.
+        trainers: number of separate trainers, if there are any.
     """
     lines = ["Plan, in CPU seconds:"]
     for what, nets, fidelity, each in plan:
@@ -200,16 +208,19 @@ def plan_text(plan: Sequence[Work], workers: int, pace: Pace, start: Cost) -> st
     starts = (described(work.fidelity.train) for work in plan)
     lines += [f"  {start}" for start in dict.fromkeys(starts) if start]
     lines.append(
-        f"{time_text(total_of(plan), workers, pace, start)}; known evaluations take no time"
+        f"{time_text(total_of(plan), workers, pace, start, trainers)}; known evaluations take no time"
     )
     return "\n".join(lines)
 
 
-def time_text(cost: Cost, workers: int, pace: Pace, start: Cost) -> str:
+def time_text(
+    cost: Cost, workers: int, pace: Pace, start: Cost, trainers: int | None = None
+) -> str:
     """The approximate time of a plan in words; arguments as of `plan_text`."""
-    first = pace.start(start, workers)
-    whole = duration(first + pace.wall(cost, workers))
-    return f"About {whole} on {workers} worker(s), {duration(first)} of it to start and compile"
+    first = pace.start(start, workers, trainers)
+    whole = duration(first + pace.wall(cost, workers, trainers))
+    kinds = "worker(s)" if trainers is None else f"renderer(s) and {trainers} trainer(s)"
+    return f"About {whole} on {workers} {kinds}, {duration(first)} of it to start and compile"
 
 
 def _measured(workers: Workers, kind: str, say: Callable[[str], None]) -> Pace:
@@ -241,16 +252,23 @@ def measured_here(workers: int, say: Callable[[str], None] = lambda text: None) 
     set_up_process()
     import jax  # after the environment is set
 
-    with workers_of("processes", workers, None, worker_environment()) as pool:
+    environment, trainers = worker_environment(), trainers_of(None, usable_gpus())
+    with workers_of("processes", workers, None, environment, trainers=trainers) as pool:
         compile_first(pool, Config.renderer)
         return _measured(pool, paces.kind("processes", jax.default_backend()), say)
 
 
 def workers_for(config: Config) -> Workers:
-    """The workers: at least one process, since nets must not train in JAX's callback."""
-    workers = max(config.workers, 1)
+    """The workers: at least one process, since nets must not train in JAX's callback.
+
+    Raises:
+        UserError: as `workers_of` and `trainers_of`.
+    """
+    workers, trainers = max(config.workers, 1), config.trainers
+    if config.executor == "processes":
+        trainers = trainers_of(trainers, usable_gpus())
     return workers_of(
-        config.executor, workers, config.scheduler, worker_environment(), picture_versions
+        config.executor, workers, config.scheduler, worker_environment(), picture_versions, trainers
     )
 
 
@@ -298,12 +316,21 @@ def open(
         target.at(config.reward.height, config.reward.width)
         if target.real:
             print(title, flush=True)
-        ((_, own),) = answer
-        plain[FIELD] = dict(own)
+        ((_, made_with),) = answer
+        plain[FIELD] = dict(made_with)
+        if workers.trainers is not None:
+            names = usable_gpus() if config.executor == "processes" else []
+            ((_, found),) = workers.map(device, [()], net=True)
+            refuse_unusable(found, names, fidelities(config))
         with folder.opened(config.out, plain, free=FREE_FIELDS, packages=PACKAGES):
             evaluations, finals = (Store(config.out / name) for name in LOGS)
-            run = Session(config, target, workers, evaluations, finals, store, Progress(1.0), own)
+            run = Session(
+                config, target, workers, evaluations, finals, store, Progress(1.0), made_with
+            )
             try:
                 yield run
             finally:
                 run.progress.close()
+                if workers.trainers is not None:
+                    workers.close()
+                    run.runner.cache.remove_renders()
