@@ -13,19 +13,19 @@ from tests.conftest import printed
 CODE = """
 import contextlib, io, json, sys
 from experiments.__main__ import COMMANDS, STUDIES, main
-found = {}
+results = {}
 for name in ["", "study", *COMMANDS]:
     words = ["study", name] if name in STUDIES else [name] if name else []
     for flag in ("--help", "--help-all", "--no-such-flag"):
-        said = io.StringIO()
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        output = io.StringIO()
+        with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
             try:
                 code = main([*words, flag])
             except SystemExit as end:
                 code = end.code
         loaded = sorted({module.split(".")[0] for module in sys.modules})
-        found[f"{name} {flag}"] = code, said.getvalue(), loaded
-print(json.dumps(found))
+        results[f"{name} {flag}"] = code, output.getvalue(), loaded
+print(json.dumps(results))
 """
 HEAVY = {"jax", "jaxlib", "flax", "optax", "matplotlib", "trimesh", "embreex"}
 MOST = 20
@@ -33,7 +33,7 @@ MOST = 20
 
 
 @pytest.fixture(scope="module")
-def said() -> dict[str, tuple[int, str, list[str]]]:
+def helps() -> dict[str, tuple[int, str, list[str]]]:
     """Exit code, words and loaded modules, by command and flag; all of one process, one after the other."""
     return json.loads(printed(CODE, COLUMNS="80")[-1])
 
@@ -43,39 +43,39 @@ def options(text: str) -> set[str]:
 
 
 @pytest.mark.parametrize("name", ["", "study", *COMMANDS])
-def test_neither_help_nor_a_wrong_flag_needs_jax(name, said):
+def test_neither_help_nor_a_wrong_flag_needs_jax(name, helps):
     for flag, code in (("--help", 0), ("--help-all", 0), ("--no-such-flag", 2)):
-        own = said[f"{name} {flag}"]
-        assert not set(own[2]) & HEAVY, flag
+        exit_code, text, loaded = helps[f"{name} {flag}"]
+        assert not set(loaded) & HEAVY, flag
         if (
             flag == "--help-all"
             and name in COMMANDS
-            and "--help-all" not in said[f"{name} --help"][1]
+            and "--help-all" not in helps[f"{name} --help"][1]
         ):
             code = 2  # there is no more to tell
-        assert own[0] == code and own[1].endswith("\n")
+        assert exit_code == code and text.endswith("\n")
         if code:
-            assert own[1].count("\n") == 1 and own[1].startswith("sdr-jax")
+            assert text.count("\n") == 1 and text.startswith("sdr-jax")
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_a_help_is_short_and_fits_into_80_columns(name, said):
-    short, whole = (said[f"{name} {flag}"][1] for flag in ("--help", "--help-all"))
+def test_a_help_is_short_and_fits_into_80_columns(name, helps):
+    short, whole = (helps[f"{name} {flag}"][1] for flag in ("--help", "--help-all"))
     assert short.startswith(f"usage: sdr-jax {'study ' * (name in STUDIES)}{name}")
     assert max(map(len, (short + whole).splitlines())) <= 80
     assert len(options(short)) <= MOST
     if "--help-all" in short:
         assert options(short) < options(whole)
-        told = int(re.search(r"show (\d+) more options", short)[1])
-        assert told == len(options(whole) - options(short)) >= 1
+        count = int(re.search(r"show (\d+) more options", short)[1])
+        assert count == len(options(whole) - options(short)) >= 1
 
 
-def test_defaults_are_shown(said):
+def test_defaults_are_shown(helps):
     for name, part in (
         ("camvid", "(default: runs/camvid-quick)"), ("table", "(default: compact)"),
         ("render", "(default: 640x320)"), ("playground", "(default: 8420)"), ("fit", "(default: 3)"),
     ):  # fmt: skip
-        assert part in said[f"{name} --help"][1], name
+        assert part in helps[f"{name} --help"][1], name
 
 
 def test_parsers_of_commands_are_called_as_the_commands_are():

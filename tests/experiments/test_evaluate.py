@@ -43,15 +43,15 @@ TRUTH = {
     "a": [[0, 0, 1, 1], [0, 0, 1, 255]],
     "b": [[0, 0, 0], [1, 1, 1]],
 }
-FOUND = {
+PREDICTED = {
     "a": [[0, 0, 1, 0], [0, 0, 1, 0]],  # one of the three pixels of sky is taken for road
     "b": [[0, 2, 2], [1, 1, 1]],  # two of the three of road for cars
 }
 
 
-def read(own: Entry) -> tuple[np.ndarray, np.ndarray]:
-    found = np.array(FOUND[own.name], np.uint8)
-    return np.stack([found, found, found], axis=-1), np.array(TRUTH[own.name], np.uint8)
+def read(image: Entry) -> tuple[np.ndarray, np.ndarray]:
+    pixels = np.array(PREDICTED[image.name], np.uint8)
+    return np.stack([pixels, pixels, pixels], axis=-1), np.array(TRUTH[image.name], np.uint8)
 
 
 DATA = Labelled(
@@ -73,15 +73,15 @@ def test_two_images_by_hand(red, tmp_path):
     assert second["classes"] == {"road": 33.33, "sky": 100.0, "car": None}
     # Strips of one pixel are all of images of two rows.
     assert scores["boundary_iou"]["classes"] == scores["classes"]
-    assert [own["name"] for own in scores["worst"]] == ["b", "a"]
+    assert [image["name"] for image in scores["worst"]] == ["b", "a"]
     assert scores["worst"][0] == {
         "name": "b", "group": "two", "miou": 66.67, "picture": "worst_1.png",
     }  # fmt: skip
     row = np.asarray(Image.open(tmp_path / "worst" / "worst_1.png"))
-    image, truth, found = np.split(row, 3, axis=1)
+    image, truth, prediction = np.split(row, 3, axis=1)
     np.testing.assert_array_equal(image, read(DATA.entries[1])[0])
     np.testing.assert_array_equal(truth, DATA.colors[TRUTH["b"]])
-    np.testing.assert_array_equal(found, DATA.colors[FOUND["b"]])
+    np.testing.assert_array_equal(prediction, DATA.colors[PREDICTED["b"]])
     again = evaluate(red, DATA._replace(entries=DATA.entries[:1]), tmp_path / "worst")
     assert len(again["worst"]) == len(list((tmp_path / "worst").iterdir())) == 1
 
@@ -94,9 +94,9 @@ def test_classes_in_another_order_are_brought_to_those_of_the_data(red):
 @pytest.mark.parametrize(("table", "gone"), [(CAMVID_11, 1), (LABELMEFACADE_6, 8)])
 def test_the_engines_classes_are_brought_to_those_of_the_data(table, gone, red):
     data = DATA._replace(classes=table.classes, of_engine=table.from_train_id[:19])
-    among, found = mapping(replace(red, classes=classes_of(shipped("cityscapes"))), data)
+    among, indices = mapping(replace(red, classes=classes_of(shipped("cityscapes"))), data)
     assert len(among) == 19 - gone
-    np.testing.assert_array_equal(found[:19], table.from_train_id[:19])
+    np.testing.assert_array_equal(indices[:19], table.from_train_id[:19])
 
 
 def test_a_model_of_other_classes_is_refused(red):
@@ -122,24 +122,24 @@ def test_the_command_writes_what_the_function_returns(model, camvid, tmp_path, c
     assert main([str(tmp_path / "model"), str(camvid), *flags]) == 0
     scores = json.loads(file.read_text())
     data = labelled("camvid", camvid, ("train", "test"), ("B",))
-    assert [own.name for own in data.entries] == ["B_1", "B_2", "B_8"]
+    assert [image.name for image in data.entries] == ["B_1", "B_2", "B_8"]
     expected = evaluate(model, data)
     assert {key: scores[key] for key in expected} == expected
     assert scores["images"] == 3 and list(scores["groups"]) == ["B"]
     assert scores["splits"] == ["train", "test"] and labelled("camvid", camvid).splits == ("test",)
-    said = capsys.readouterr().out
-    assert f"mean             {scores['miou']:6.2f}" in said and str(file) in said
+    output = capsys.readouterr().out
+    assert f"mean             {scores['miou']:6.2f}" in output and str(file) in output
 
 
 def test_images_that_the_net_was_trained_on_are_counted_and_told(model, camvid, tmp_path, capsys):
     file, flags = tmp_path / "f", "--target camvid --split train test --group B".split()
     files = [file_digest(camvid / "train" / f"{name}.png") for name in ("B_1", "B_2")]
-    for known, count in ((files, 2), (files[:1], 1), (["0" * 64], 0), (7, 0)):
-        replace(model, notes={SEEN: known}).save(tmp_path / "model")
+    for digests, count in ((files, 2), (files[:1], 1), (["0" * 64], 0), (7, 0)):
+        replace(model, notes={SEEN: digests}).save(tmp_path / "model")
         assert main([str(tmp_path / "model"), str(camvid), *flags, "--json", str(file)]) == 0
         assert json.loads(file.read_text())["trained_on"] == count
-        said = f"The model was trained on {count} of these 3 images, so these scores are higher"
-        assert (said in capsys.readouterr().out) == bool(count)
+        sentence = f"The model was trained on {count} of these 3 images, so these scores are higher"
+        assert (sentence in capsys.readouterr().out) == bool(count)
 
 
 def test_labels_at_their_own_size_and_predictions_at_the_images(model, camvid):
@@ -179,7 +179,7 @@ def test_a_folder_with_a_target_file_and_a_net_of_the_engines_classes(tmp_path):
     scores = evaluate(red, data)
     # All is taken for ground: 4 of 6 pixels of each image are; no net of renders knows a shop.
     assert scores["classes"] == {"ground": 66.67, "shop": 0.0} and scores["miou"] == 33.33
-    assert {k: own["images"] for k, own in scores["groups"].items()} == {"down": 1, "up": 2}
+    assert {k: group["images"] for k, group in scores["groups"].items()} == {"down": 1, "up": 2}
 
 
 def test_what_cannot_be_scored_is_refused(model, red, camvid, tmp_path, capsys):
@@ -193,9 +193,9 @@ def test_what_cannot_be_scored_is_refused(model, red, camvid, tmp_path, capsys):
     message = "--group Z: split .* has no such group; it has B, C"
     refused(UserError, message, labelled, "camvid", camvid, (), ("Z",))
     refused(UserError, "no split 'x'", labelled, "camvid", camvid, ("x",))
-    void = DATA._replace(read=lambda own: (read(own)[0], np.full((2, 4), 255, np.uint8)))
-    void = void._replace(entries=void.entries[:1])
-    refused(UserError, "all labels are ignored pixels", evaluate, red, void)
+    unlabelled = DATA._replace(read=lambda image: (read(image)[0], np.full((2, 4), 255, np.uint8)))
+    unlabelled = unlabelled._replace(entries=unlabelled.entries[:1])
+    refused(UserError, "all labels are ignored pixels", evaluate, red, unlabelled)
     Image.open(camvid / "testannot" / "B_8.png").resize((9, 9)).save(
         camvid / "testannot" / "B_8.png"
     )

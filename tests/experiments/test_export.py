@@ -40,8 +40,8 @@ def model_of(settings: TrainSettings) -> Model:
         )  # what features are divided or multiplied by
         return rng.normal(centre, scale, leaf.shape).astype(np.float32)
 
-    drawn = jax.tree_util.tree_map_with_path(draw, outline(settings, 3))
-    return Model(settings, drawn, SIZE, CLASSES)
+    variables = jax.tree_util.tree_map_with_path(draw, outline(settings, 3))
+    return Model(settings, variables, SIZE, CLASSES)
 
 
 @pytest.mark.parametrize("kind", [
@@ -56,18 +56,18 @@ def test_the_file_gives_the_same_labels(kind, tmp_path):
     session = runtime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
     images = np.random.default_rng(1).integers(0, 256, (3, *SIZE, 3), np.uint8)
     labels, scores = (
-        np.concatenate(own)
-        for own in zip(*(session.run(None, {"image": x[None]}) for x in images), strict=True)
+        np.concatenate(outputs)
+        for outputs in zip(*(session.run(None, {"image": x[None]}) for x in images), strict=True)
     )
-    ours = logits(model.variables, images, model.settings, 3)
-    np.testing.assert_allclose(scores, ours, atol=2e-3 * np.abs(ours).max())
-    found = model.predict(images)
-    assert labels.dtype == np.uint8 and (len(np.unique(found)) > 1 or kind in VGG_NETS)
-    # Where they differ two classes are level, to the rounding of the sums.
-    ordered = np.sort(ours, axis=-1)
-    level = ordered[..., -1] - ordered[..., -2] < 2e-3 * np.abs(ours).max()
-    np.testing.assert_array_equal(labels[~level], found[~level])
-    assert level.mean() < 0.05
+    expected = logits(model.variables, images, model.settings, 3)
+    np.testing.assert_allclose(scores, expected, atol=2e-3 * np.abs(expected).max())
+    predictions = model.predict(images)
+    assert labels.dtype == np.uint8 and (len(np.unique(predictions)) > 1 or kind in VGG_NETS)
+    # Where they differ, two classes are tied up to rounding.
+    ordered = np.sort(expected, axis=-1)
+    tied = ordered[..., -1] - ordered[..., -2] < 2e-3 * np.abs(expected).max()
+    np.testing.assert_array_equal(labels[~tied], predictions[~tied])
+    assert tied.mean() < 0.05
 
 
 def test_the_file_says_what_its_labels_mean(tmp_path):
@@ -75,14 +75,14 @@ def test_the_file_says_what_its_labels_mean(tmp_path):
     model = model_of(NETS["compact"])
     export(model, tmp_path / "net.onnx")
     read = onnx.load(tmp_path / "net.onnx")
-    about = {own.key: own.value for own in read.metadata_props}
+    about = {entry.key: entry.value for entry in read.metadata_props}
     assert json.loads(about["classes"])[1] == {"name": "sky", "id": 23, "color": [0, 128, 0]}
     assert about["model"] == model.digest
     (image,) = read.graph.input
-    assert [own.dim_value for own in image.type.tensor_type.shape.dim] == [1, *SIZE, 3]
+    assert [axis.dim_value for axis in image.type.tensor_type.shape.dim] == [1, *SIZE, 3]
     # Depthwise convolutions are nodes, and not the sums of copies that XLA's CPU backend is given.
     export(model_of(NETS["frozen"]), tmp_path / "lite0.onnx")
-    kinds = [own.op_type for own in onnx.load(tmp_path / "lite0.onnx").graph.node]
+    kinds = [node.op_type for node in onnx.load(tmp_path / "lite0.onnx").graph.node]
     assert kinds.count("Conv") == 17 and len(kinds) < 400
 
 

@@ -70,18 +70,21 @@ def test_a_moved_slider_changes_its_attribute_only_and_what_is_saved_is_loaded()
 
 
 def test_sliders_take_the_moments_of_probabilities_and_that_is_said(tmp_path, capsys):
-    own = Histogram(np.tile(np.float32([0.25, 0.5, 0.25]), (23, 1)))
+    histogram = Histogram(np.tile(np.float32([0.25, 0.5, 0.25]), (23, 1)))
     file = tmp_path / "attributes.json"
-    for streets, told in ((own, True), (mixture((0.25, 0.75), (default_proposal(), own)), True),
-                          (MIXED.streets, False)):  # fmt: skip
+    for streets, is_reported in (
+        (histogram, True),
+        (mixture((0.25, 0.75), (default_proposal(), histogram)), True),
+        (MIXED.streets, False),
+    ):
         file.write_text(json.dumps(describe(streets)))
         state = command.first_state(command.parser().parse_args(["--attributes", str(file)]))
-        said = (
+        message = (
             f"{file}: the file has probabilities, which sliders cannot show; they show, and save,"
         )
-        assert (said in capsys.readouterr().out) == told
-        if told:
-            np.testing.assert_array_equal(state.proposals[-1], moments(own))
+        assert (message in capsys.readouterr().out) == is_reported
+        if is_reported:
+            np.testing.assert_array_equal(state.proposals[-1], moments(histogram))
             assert shown(state, "car_interval", state.unit)[0]
 
 
@@ -90,10 +93,10 @@ def test_the_picture_is_the_one_of_the_dataset_and_a_quick_one_is_half_as_large(
     state, unit = MIXED._replace(view=view), draw(default_proposal(), 3, 3)[2]
     frame = render_street(unit, 3, 2, 2, view.settings, "embree", view.pool)[1]
     assert not (frame.label == TrainId.CAR).any()
-    made, quick = pictures(request_for(state)), pictures(request_for(state, quick=True))
-    label = cv2.imdecode(np.frombuffer(made.label, np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
+    full, quick = pictures(request_for(state)), pictures(request_for(state, quick=True))
+    label = cv2.imdecode(np.frombuffer(full.label, np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
     np.testing.assert_array_equal(label, colorize(frame.label))
-    assert made.shares == shares(frame.label)
+    assert full.shares == shares(frame.label)
     assert cv2.imdecode(np.frombuffer(quick.image, np.uint8), 1).shape == (16, 32, 3)
 
 
@@ -120,10 +123,10 @@ def test_the_copied_command_makes_the_picture(change, tmp_path, monkeypatch):
     assert render([*words[2:], "--workers", "1"]) == 0
     labels = read_dataset(tmp_path / "street").labels
     assert len(labels) == 2 * VIEW.shots + VIEW.shot + 1
-    made = cv2.imdecode(
+    label = cv2.imdecode(
         np.frombuffer(pictures(request_for(state)).label, np.uint8), cv2.IMREAD_COLOR
     )
-    np.testing.assert_array_equal(made[..., ::-1], colorize(labels[-1]))
+    np.testing.assert_array_equal(label[..., ::-1], colorize(labels[-1]))
 
 
 def test_the_command_names_what_is_not_usual():
@@ -147,29 +150,31 @@ def test_the_first_picture_is_of_the_first_street_with_a_free_view(monkeypatch):
     near, label = np.full((4, 4), 1.0, np.float32), np.full((4, 4), TrainId.VEGETATION, np.uint8)
     assert not free(near, label) and free(0 * near, label) and free(near + 2, label)
     assert free(near, np.full_like(label, TrainId.ROAD))  # it may be near
-    asked = []
+    shapes = []
 
     def judged(depth, label):
-        asked.append(depth.shape)
-        return len(asked) == 4
+        shapes.append(depth.shape)
+        return len(shapes) == 4
 
     monkeypatch.setattr("experiments.app.playground.rendering.free", judged)
-    assert first_free(MIXED) == VIEW.street + 3 and asked == [(24, 48)] * 4
-    asked[:] = [None] * 4
+    assert first_free(MIXED) == VIEW.street + 3 and shapes == [(24, 48)] * 4
+    shapes[:] = [None] * 4
     assert first_free(MIXED) == VIEW.street  # none is free
 
 
 def test_of_wishes_that_wait_only_the_last_is_made_and_then_refined():
-    async def make(wanted):
+    async def make(request):
         await asyncio.sleep(0.02)
 
-    async def drag(seen):
-        wanted = LatestOnly(make, lambda wanted, *_: seen.append((wanted.view.seed, wanted.quick)))
-        wishes = (
+    async def drag(answered):
+        latest = LatestOnly(
+            make, lambda request, *_: answered.append((request.view.seed, request.quick))
+        )
+        requests = (
             request_for(MIXED, quick=True)._replace(view=VIEW._replace(seed=k)) for k in range(5)
         )
-        await asyncio.gather(*map(wanted.ask, wishes))
-        return seen
+        await asyncio.gather(*map(latest.ask, requests))
+        return answered
 
     assert asyncio.run(drag([])) == [(0, True), (4, True), (4, False)]
 
@@ -215,8 +220,8 @@ def test_what_is_wrong_is_one_line_and_code_2(arguments, complaint, tmp_path, ca
     if arguments == []:
         monkeypatch.setattr(command, "find_spec", lambda name: None)
     with socket.create_server(("127.0.0.1", 0)) as taken:
-        known = {"TAKEN": str(taken.getsockname()[1]), "BAD": str(tmp_path / "bad.json")}
-        assert command.main([known.get(word, word) for word in arguments]) == 2
+        values = {"TAKEN": str(taken.getsockname()[1]), "BAD": str(tmp_path / "bad.json")}
+        assert command.main([values.get(word, word) for word in arguments]) == 2
     message = capsys.readouterr().err
     assert complaint in message and message.count("\n") == 1
 
@@ -251,8 +256,8 @@ def test_the_page_needs_no_network_moves_saves_and_refuses_in_one_message(page, 
     page.wait_for_selector(f".q-notification:has-text('sdr-jax render --attributes {FILE}')")
     with page.expect_download() as saved:
         page.get_by_role("button", name="save").click()
-    found = json.loads(saved.value.path().read_text())["components"][0]["attributes"]
-    assert found["camera_position_y"]["physical"]["high"] == 1.7728
+    attributes = json.loads(saved.value.path().read_text())["components"][0]["attributes"]
+    assert attributes["camera_position_y"]["physical"]["high"] == 1.7728
 
     row.locator(".reset").click()
     page.wait_for_selector("[data-attribute=camera_position_y] .ends:has-text('1.26 – 1.74 m')")
@@ -272,8 +277,8 @@ def test_the_page_needs_no_network_moves_saves_and_refuses_in_one_message(page, 
     page.wait_for_selector(".q-notification:has-text(\"bad.json: unknown attribute 'nonsense'\")")
     page.set_input_files("input[type=file]", tmp_path / "good.json")
     page.wait_for_selector("text=component 1 · 25%")
-    own = Histogram(np.tile(np.float32([0.25, 0.5, 0.25]), (23, 1)))
-    (tmp_path / "bins.json").write_text(json.dumps(describe(own)))
+    histogram = Histogram(np.tile(np.float32([0.25, 0.5, 0.25]), (23, 1)))
+    (tmp_path / "bins.json").write_text(json.dumps(describe(histogram)))
     page.set_input_files("input[type=file]", tmp_path / "bins.json")
     page.wait_for_selector('.q-notification:has-text("bins.json: the file has probabilities")')
     assert page.request.post(page.url, data=b"x" * (MOST_BYTES + 1)).status == 413

@@ -63,9 +63,9 @@ def video(path: Path, count: int = 5) -> None:
 
 
 def pictures(out: Path) -> dict[str, np.ndarray]:
-    found = sorted(out.rglob("*.png"))
+    paths = sorted(out.rglob("*.png"))
     return {
-        str(path.relative_to(out).with_suffix("")): np.asarray(Image.open(path)) for path in found
+        str(path.relative_to(out).with_suffix("")): np.asarray(Image.open(path)) for path in paths
     }
 
 
@@ -78,22 +78,25 @@ def one_line(capsys) -> str:
 def test_each_image_gets_labels_of_its_size(model, folder, images, tmp_path, capsys):
     out = tmp_path / "out"
     assert main([folder, str(images), "--out", str(out)]) == 0
-    said = capsys.readouterr().out.splitlines()
-    assert said[-1] == f"{out}: labels of 4 images as ids; classes: road, sky" and "left" in said[0]
-    found = pictures(out)
-    assert found.keys() == SHAPES.keys()
+    output = capsys.readouterr().out.splitlines()
+    assert (
+        output[-1] == f"{out}: labels of 4 images as ids; classes: road, sky"
+        and "left" in output[0]
+    )
+    labels_by_name = pictures(out)
+    assert labels_by_name.keys() == SHAPES.keys()
     for name, shape in SHAPES.items():
         (labels,) = model.predict([read_image(images / f"{name}.png")])
-        np.testing.assert_array_equal(found[name], np.where(labels == 0, 7, 23))
-        assert found[name].shape == shape
+        np.testing.assert_array_equal(labels_by_name[name], np.where(labels == 0, 7, 23))
+        assert labels_by_name[name].shape == shape
 
 
 def test_photographs_that_are_not_read_are_counted(folder, images, tmp_path, capsys):
     for name in ("x.HEIC", "y.heic", "z.avif", "w.jp2"):
         (images / name).touch()
     assert main([folder, str(images), "--out", str(tmp_path / "out")]) == 0
-    said = capsys.readouterr().out
-    assert "cannot read 2 .heic, 1 .avif, 1 .jp2: convert them to JPEG or PNG" in said
+    output = capsys.readouterr().out
+    assert "cannot read 2 .heic, 1 .avif, 1 .jp2: convert them to JPEG or PNG" in output
     (tmp_path / "phone").mkdir()
     (tmp_path / "phone" / "x.heic").touch()
     assert main([folder, str(tmp_path / "phone"), "--out", str(tmp_path / "none")]) == 2
@@ -104,7 +107,7 @@ def test_photographs_that_are_not_read_are_counted(folder, images, tmp_path, cap
 def test_colours_overlays_and_probabilities(model, images, tmp_path):
     image = read_image(images / "b.png")
     (labels,) = model.predict([image])
-    colours = np.array([own.color for own in CLASSES])[labels]
+    colours = np.array([label.color for label in CLASSES])[labels]
     assert predict(model, images / "b.png", tmp_path / "c", "colours", probabilities=True) == 1
     np.testing.assert_array_equal(pictures(tmp_path / "c")["b"], colours)
     likely = np.load(tmp_path / "c" / "b.npy")
@@ -123,13 +126,13 @@ def test_what_is_there_is_kept_and_only_the_rest_is_made(model, folder, images, 
     whole, out = tmp_path / "whole", tmp_path / "out"
     predict(model, images, whole)
     predict(model, images, out)
-    kept, gone = out / "a" / "x.png", out / "b.png"
-    kept.write_bytes(b"as it was")
-    gone.unlink()
+    unchanged, removed = out / "a" / "x.png", out / "b.png"
+    unchanged.write_bytes(b"as it was")
+    removed.unlink()
     (out / "b.png.part").write_bytes(b"half")  # as a kill leaves it
     assert predict(folder, images, out) == 4
-    assert kept.read_bytes() == b"as it was"
-    assert gone.read_bytes() == (whole / "b.png").read_bytes()
+    assert unchanged.read_bytes() == b"as it was"
+    assert removed.read_bytes() == (whole / "b.png").read_bytes()
     assert not list(out.rglob("*.part"))
 
 
@@ -149,18 +152,18 @@ def test_killed_at_any_time_it_goes_on(model, folder, tmp_path):
     ]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])}
     process = subprocess.Popen(words, cwd=ROOT, env=environment, stdout=subprocess.DEVNULL)
-    while len(pictures_there := list(out.rglob("*.png"))) < 5:
+    while len(finished := list(out.rglob("*.png"))) < 5:
         assert process.poll() is None
     process.send_signal(signal.SIGKILL)
     process.wait()
-    assert len(pictures_there) < 40
+    assert len(finished) < 40
     before = {path: path.stat().st_mtime_ns for path in out.rglob("*.png")}
     assert predict(folder, images, out) == 40
     assert all(path.stat().st_mtime_ns == time for path, time in before.items())
     predict(model, images, tmp_path / "whole")
-    ours, theirs = pictures(out), pictures(tmp_path / "whole")
-    assert ours.keys() == theirs.keys()
-    assert all(np.array_equal(ours[name], theirs[name]) for name in ours)
+    resumed, whole = pictures(out), pictures(tmp_path / "whole")
+    assert resumed.keys() == whole.keys()
+    assert all(np.array_equal(resumed[name], whole[name]) for name in resumed)
 
 
 def test_a_video_gives_a_picture_of_each_frame(model, tmp_path):

@@ -57,14 +57,14 @@ def test_only_pictures_of_the_run_are_shown(run):
     secret = run.with_name("secret.png")
     Image.new("RGB", (64, 32), (250, 3, 7)).save(secret)
     data = b64encode(secret.read_bytes()).decode()
-    seen = read_json(run / "pictures/seen.json")
-    images = [image for shown in seen["streets"].values() for image in shown]
+    index = read_json(run / "pictures/seen.json")
+    images = [image for shown in index["streets"].values() for image in shown]
     (run / "pictures/link.png").symlink_to(secret)
     (run / "pictures/text.txt").write_text("a secret text")
     names = (str(secret), "../../secret.png", "link.png", "text.txt", "../config.json")
     for image, name in zip(images, names, strict=False):
         image["image"] = name
-    write_json(run / "pictures/seen.json", seen)
+    write_json(run / "pictures/seen.json", index)
     assert main([str(run)]) == 0
     text = (run / "report.html").read_text()
     assert data not in text and b64encode(b"a secret text").decode() not in text
@@ -76,8 +76,8 @@ def test_the_figures_are_those_of_the_summary(run):
     assert "do not carry over to real data" in page.text and "sdr-jax cityscapes" in page.text
     for row in ROWS:
         entry = summary["rows"][row]
-        said = [f"{entry['mean']:.1f}", interval(entry["ci95"]) or TOO_FEW]
-        assert any(cells[1:] == said for cells in page.rows)
+        cells_shown = [f"{entry['mean']:.1f}", interval(entry["ci95"]) or TOO_FEW]
+        assert any(cells[1:] == cells_shown for cells in page.rows)
         means = [t["x"] for t in page.plots[0]["data"] if t["y"] == [SHORT[row]]]
         assert means == [[entry["mean"]]]
     assert advice(summary) in page.text
@@ -87,25 +87,25 @@ def test_the_figures_are_those_of_the_summary(run):
     assert rewards == pytest.approx(logged)
     for plot in page.plots:  # the library knows all that they ask for, but colours of the page
         for view in plot.get("views", [plot]):
-            plain = json.loads(re.sub(r'"@[\w/.]+"', '"#123456"', json.dumps(view)))
-            go.Figure(data=plain["data"], layout=plain["layout"])
+            figure = json.loads(re.sub(r'"@[\w/.]+"', '"#123456"', json.dumps(view)))
+            go.Figure(data=figure["data"], layout=figure["layout"])
 
 
 def test_confusions_and_predictions_are_those_of_the_nets_that_were_scored(run):
-    summary, seen = (read_json(run / name) for name in ("summary.json", "pictures/seen.json"))
+    summary, index = (read_json(run / name) for name in ("summary.json", "pictures/seen.json"))
     finals = [line for line in lines(run / "finals.jsonl") if line["nets"] == "final"]
-    found = {line["key"]: load(file_of(run, line["key"])) for line in finals}
+    predictions = {line["key"]: load(file_of(run, line["key"])) for line in finals}
     for line in finals:
-        wanted = [np.nan if v is None else v for v in line["class_iou"]]
-        np.testing.assert_allclose(iou(found[line["key"]].confusion), wanted)
-        assert (found[line["key"]].predictions is None) == (line["seed"] != 0)
+        expected = [np.nan if v is None else v for v in line["class_iou"]]
+        np.testing.assert_allclose(iou(predictions[line["key"]].confusion), expected)
+        assert (predictions[line["key"]].predictions is None) == (line["seed"] != 0)
     for row in ROWS:
-        total = sum(found[line["key"]].confusion for line in finals if line["row"] == row)
-        assert seen["confusion"][row] == {"nets": 2, "pixels": total.tolist()}
-    first = found[next(f["key"] for f in finals if (f["row"], f["seed"]) == ("learnt", 0))]
-    told = [image["predictions"]["learnt"]["miou"] for image in seen["worst"]["images"]]
-    assert told == pytest.approx(sorted(100 * first.miou)[:6], abs=0.01)
-    assert seen["worst"]["of"] == summary["test_images"] == 8
+        total = sum(predictions[line["key"]].confusion for line in finals if line["row"] == row)
+        assert index["confusion"][row] == {"nets": 2, "pixels": total.tolist()}
+    first = predictions[next(f["key"] for f in finals if (f["row"], f["seed"]) == ("learnt", 0))]
+    shown = [image["predictions"]["learnt"]["miou"] for image in index["worst"]["images"]]
+    assert shown == pytest.approx(sorted(100 * first.miou)[:6], abs=0.01)
+    assert index["worst"]["of"] == summary["test_images"] == 8
 
 
 def test_a_page_is_made_anew_from_the_folder_and_of_an_older_run_without_what_it_lacks(run, capsys):
@@ -116,27 +116,27 @@ def test_a_page_is_made_anew_from_the_folder_and_of_an_older_run_without_what_it
     assert page.read_bytes() == before
     for name in ("nets", "pictures"):
         shutil.rmtree(run / name)
-    kept = read_json(run / "summary.json")
+    summary = read_json(run / "summary.json")
     chosen = {
         "chosen_candidate": "seen",
         "candidates": {"seen": [20.0, 30.0]},
     }  # by model selection
-    write_json(run / "summary.json", kept | chosen)
+    write_json(run / "summary.json", summary | chosen)
     assert main([str(run), "--out", str(run / "old.html")]) == 0
     old = Page(run / "old.html")
     assert "Confusion:" not in old.text
     assert "Centre of each proposed interval" in old.text
     titles = [a["id"] for t, a in old.tags if t == "section"]
-    known = ["result", "search", "attributes", "classes", "cost", "made"]  # none is empty
-    assert [title for title in titles if title != "importance"] == known
+    sections = ["result", "search", "attributes", "classes", "cost", "made"]  # none is empty
+    assert [title for title in titles if title != "importance"] == sections
     assert [a["href"] for t, a in old.tags if t == "a"] == [f"#{name}" for name in titles]
     assert not [t for t, _ in old.tags if t == "img"] and len(old.plots) >= 5
 
 
 def test_a_few_labels_come_first_and_what_it_is_told_is_escaped(run):
     summary = read_json(run / "summary.json")
-    own = {f"few+{row}": summary["nets"][row] for row in ("random", "default", "learnt")}
-    summary["nets"] = {**summary["nets"], "few": summary["nets"]["random"], **own}
+    with_few = {f"few+{row}": summary["nets"][row] for row in ("random", "default", "learnt")}
+    summary["nets"] = {**summary["nets"], "few": summary["nets"]["random"], **with_few}
     write_json(run / "summary.json", summary | {
         "few_images": ["a", "b"], "few_share": 0.5, "note": "<script>alert(1)</script>",
     })  # fmt: skip
@@ -149,8 +149,8 @@ def test_a_few_labels_come_first_and_what_it_is_told_is_escaped(run):
 
 def test_answers_of_a_method_that_is_gone_are_refused(run, error_line):
     summary = read_json(run / "summary.json")
-    own = Histogram(np.full((len(ATTRIBUTES), 4), 0.25, np.float32))
-    for answer in (own, mixture((0.5, 0.5), (own, random_proposal()))):
+    histogram = Histogram(np.full((len(ATTRIBUTES), 4), 0.25, np.float32))
+    for answer in (histogram, mixture((0.5, 0.5), (histogram, random_proposal()))):
         write_json(run / "summary.json", summary | describe(answer))
         assert main([str(run)]) == 2
         assert "is not one interval for each attribute" in error_line(begun=True)
@@ -183,17 +183,17 @@ def test_the_next_commands_are_ones_that_there_are(run, capsys):
     summary, config = read_json(run / "summary.json"), read_json(run / "config.json")
     write_json(run / "config.json", config | {"out": str(run)})
     assert main([str(run)]) == 0
-    own = shlex.join(["--attributes", str(run / "attributes.json"), "--images", "1000"])
+    flags = shlex.join(["--attributes", str(run / "attributes.json"), "--images", "1000"])
     texts = Page(run / "report.html").texts
     (command,) = (text for text in texts if text.startswith("sdr-jax render"))
-    assert command == f"sdr-jax render {own} --out {run / 'streets'}" and not summary["real"]
+    assert command == f"sdr-jax render {flags} --out {run / 'streets'}" and not summary["real"]
     assert parsers.render().parse_args(shlex.split(command)[2:]).images == 1000
     assert "sdr-jax doctor DATA" in texts
 
 
 def test_the_page_of_a_run_under_way_has_what_is_known_and_is_read_anew(run):
     whole = read(run)
-    known = {
+    first_fields = {
         key: whole.summary[key]
         for key in (
             "note",
@@ -207,14 +207,16 @@ def test_the_page_of_a_run_under_way_has_what_is_known_and_is_read_anew(run):
             "starts",
         )
     }
-    early = RunFolder(run, known, whole.config, whole.evaluations[:5], [], None, None, None, None)
-    for found, sections in (
+    early = RunFolder(
+        run, first_fields, whole.config, whole.evaluations[:5], [], None, None, None, None
+    )
+    for folder, sections in (
         (early._replace(evaluations=[]), ["made"]),
         (early, ["search", "cost", "made"]),
         (early._replace(finals=whole.finals), ["so_far", "search", "cost", "made"]),
     ):
         (run / "live.html").write_text(
-            page.under_way(found, page.Status(0.25, "search: update 2/6"))
+            page.under_way(folder, page.Status(0.25, "search: update 2/6"))
         )
         shown = Page(run / "live.html")
         assert [a["id"] for t, a in shown.tags if t == "section"] == sections
@@ -222,8 +224,8 @@ def test_the_page_of_a_run_under_way_has_what_is_known_and_is_read_anew(run):
             "This run is not finished yet" in shown.text
             and "25 %: search: update 2/6." in shown.text
         )
-        (again,) = (a for t, a in shown.tags if a.get("http-equiv") == "refresh")
-        assert again["content"] == str(page.EVERY)
+        (refresh,) = (a for t, a in shown.tags if a.get("http-equiv") == "refresh")
+        assert refresh["content"] == str(page.EVERY)
     assert ["final networks: random", "2"] in [row[:2] for row in shown.rows]
 
 
@@ -235,18 +237,18 @@ def test_the_page_is_served_to_this_machine_alone_as_it_is_at_the_moment(tmp_pat
         try:
             assert server.stdout.readline() == f"http://127.0.0.1:{port} (press Ctrl-C to stop)\n"
 
-            def asked(path="/", **headers):
-                there = HTTPConnection("127.0.0.1", port)
-                there.request("GET", path, headers=headers)
-                answer = there.getresponse()
+            def get(path="/", **headers):
+                connection = HTTPConnection("127.0.0.1", port)
+                connection.request("GET", path, headers=headers)
+                answer = connection.getresponse()
                 return answer.status, answer.read().decode()
 
-            assert asked()[0] == 200 and "no report.html yet" in asked()[1]
+            assert get()[0] == 200 and "no report.html yet" in get()[1]
             (tmp_path / "report.html").write_text("so far")
-            assert asked() == (200, "so far")
-            assert asked("/config.json")[0] == 404
-            assert asked(host="elsewhere.example")[0] == 400
-            assert asked(origin="http://elsewhere.example")[0] == 403
+            assert get() == (200, "so far")
+            assert get("/config.json")[0] == 404
+            assert get(host="elsewhere.example")[0] == 400
+            assert get(origin="http://elsewhere.example")[0] == 403
         finally:
             server.terminate()
 
@@ -262,7 +264,7 @@ def test_what_cannot_be_served_is_refused(flags, complaint, tmp_path, error_line
     assert complaint in error_line() and not [*tmp_path.iterdir()]
 
 
-@pytest.mark.parametrize(("left", "complaint"), [
+@pytest.mark.parametrize(("files", "complaint"), [
     (None, "does not exist; pass the --out of a run"),
     ({}, "is not the folder of a run: it has no config.json"),
     ({"config.json": {}}, "the run is not finished; run its command again"),
@@ -271,13 +273,13 @@ def test_what_cannot_be_served_is_refused(flags, complaint, tmp_path, error_line
     ({"config.json": {"version": 2}, "summary.json": {}}, "config.json has version 2, and this program"),
     ({"config.json": {}, "summary.json": {"nets": 3}}, "is not the result of a run"),
 ])  # fmt: skip
-def test_a_folder_that_is_no_finished_run_is_refused(left, complaint, tmp_path, error_line):
+def test_a_folder_that_is_no_finished_run_is_refused(files, complaint, tmp_path, error_line):
     folder = tmp_path / "folder"
-    if left is not None:
+    if files is not None:
         folder.mkdir()
-        for name, value in left.items():
+        for name, value in files.items():
             write_json(folder / name, value)
     assert main([str(folder)]) == 2
-    said = error_line()
-    assert str(folder) in said and complaint in said
-    assert left is None or not (folder / "report.html").exists()
+    message = error_line()
+    assert str(folder) in message and complaint in message
+    assert files is None or not (folder / "report.html").exists()

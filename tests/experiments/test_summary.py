@@ -45,8 +45,13 @@ def made(
     logs[1] += [{**line, "key": "failed", "failed": "the loss is nan"}] * 2 * failed
     config = defaults(MainConfig, "twin", "smoke", seeds=seeds)
     evaluations, finals = (SimpleNamespace(records=log) for log in logs)
-    own = {"evaluations": evaluations, "finals": finals, "progress": SimpleNamespace(elapsed=99.25)}
-    run = SimpleNamespace(config=config, target=target, **own)
+    run = SimpleNamespace(
+        config=config,
+        target=target,
+        evaluations=evaluations,
+        finals=finals,
+        progress=SimpleNamespace(elapsed=99.25),
+    )
     return derive(scores(run, rows, slide(np.full(learnt, 0.5), 0.1)))
 
 
@@ -117,13 +122,17 @@ def test_a_line_says_which_streets_to_use(means, over_default, line):
 @pytest.mark.parametrize("learnt", [23, 40])
 @pytest.mark.parametrize(("twin", "hidden"), [("near", 23), ("far", 40)])
 def test_recovery_is_about_the_attributes_that_twin_and_search_share(twin, hidden, learnt):
-    found = made(twin=twin, learnt=learnt)["recovery"]
-    both = min(learnt, hidden)
-    wanted = np.abs(0.5 - twin_world(0, twin).centre[:both])
-    assert found["by_attribute"] == pytest.approx(
-        dict(zip(names("extended"), wanted, strict=False)), abs=1e-4
+    recovery = made(twin=twin, learnt=learnt)["recovery"]
+    shared = min(learnt, hidden)
+    errors = np.abs(0.5 - twin_world(0, twin).centre[:shared])
+    assert recovery["by_attribute"] == pytest.approx(
+        dict(zip(names("extended"), errors, strict=False)), abs=1e-4
     )
-    assert found["learnt_error"] == found["centre_error"] == pytest.approx(wanted.mean(), abs=1e-4)
+    assert (
+        recovery["learnt_error"]
+        == recovery["centre_error"]
+        == pytest.approx(errors.mean(), abs=1e-4)
+    )
 
 
 def test_the_table_says_whether_data_are_real():
