@@ -125,9 +125,7 @@ def _leg(body: Body, outfit: Outfit, joints: Bones) -> Asset:
     radii = radii * body.height * body.girth**0.8 * (1 + 0.06 * body.curves * (_LEG_RINGS < 0.6))
     leg = skin(circles(_on_bones(joints, _LEG_RINGS), radii, sides), outfit.legs)
     bare = int((covered >= _LEG_RINGS).sum())
-    return paint_bands(leg, sides, max(bare - 1, 0), len(_LEG_RINGS) - 1, outfit.skin, "skin") if (
-        bare < len(_LEG_RINGS)
-    ) else leg  # fmt: skip
+    return paint_bands(leg, sides, max(bare - 1, 0), len(_LEG_RINGS) - 1, outfit.skin, "skin")
 
 
 def _arm(body: Body, outfit: Outfit, joints: Bones) -> Asset:
@@ -142,8 +140,6 @@ def _arm(body: Body, outfit: Outfit, joints: Bones) -> Asset:
     if outfit.bands is not None:
         arm = paint_bands(arm, sides, 3, 4, outfit.bands, "paint")
     bare = int((covered >= _ARM_RINGS).sum())
-    if bare == len(_ARM_RINGS):
-        return arm
     return paint_bands(arm, sides, max(bare - 1, 0), len(_ARM_RINGS) - 1, outfit.skin, "skin")
 
 

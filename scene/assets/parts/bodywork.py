@@ -221,31 +221,16 @@ def roof(b: Body, s: np.ndarray, c: np.ndarray) -> np.ndarray:
 
 def stations(b: Body) -> np.ndarray:
     """Return the shares of the length at which the shell has a section."""
-    span = b.roof_rear - b.roof_front
-    marks = [
-        0,
-        0.03,
-        0.08,
-        0.6 * b.cowl,
-        b.cowl,
-        b.cowl + 0.012,
-        b.roof_front - 0.012,
-        b.roof_front,
-    ]
-    marks += [b.roof_front + 0.12 * span, b.roof_front + 0.35 * span, b.roof_rear - 0.3 * span]
-    marks += [
-        b.roof_rear,
-        b.roof_rear + 0.12 * (b.tail - b.roof_rear),
-        b.tail - 0.08 * (b.tail - b.roof_rear),
-    ]
-    marks += [0.5 * (b.cowl + b.roof_front), b.tail, 0.97, 1.0, *b.glass]
+    span, fall = b.roof_rear - b.roof_front, b.tail - b.roof_rear
+    marks = [0, 0.03, 0.08, 0.97, 1.0, *b.glass, *(b.bed or ())]
+    marks += [0.6 * b.cowl, b.cowl, b.cowl + 0.012, 0.5 * (b.cowl + b.roof_front)]
+    marks += [b.roof_front + d for d in (-0.012, 0, 0.12 * span, 0.35 * span)]
+    marks += [b.roof_rear + d for d in (-0.3 * span, 0, 0.12 * fall, 0.4 * fall, 0.7 * fall)]
+    marks += [b.tail - 0.08 * fall, b.tail]
     marks += [p + d for p in b.pillars for d in (-_POST, _POST)]
-    marks += [b.roof_rear + d * (b.tail - b.roof_rear) for d in (0.4, 0.7)]
-    if b.bed:
-        marks += [b.bed[0], b.bed[1]]
-    line = np.sort(np.clip(np.concatenate([marks, _arch_marks(b)]), 0, 1)).tolist()
-    sections = line[:1]
-    for mark in line[1:]:
+    marks = np.sort(np.clip(np.concatenate([marks, _arch_marks(b)]), 0, 1)).tolist()
+    sections = marks[:1]
+    for mark in marks[1:]:
         if mark - sections[-1] > _MIN_SPACING:
             sections.append(mark)
     return np.array(sections)
