@@ -81,7 +81,7 @@ def predict(
         scores = None if rank is None else Scores(out / SCORES, len(model.classes))
 
         def is_done(name: str) -> bool:
-            return _label(out, name).exists() and (scores is None or name in scores.known)
+            return _label(out, name).exists() and (scores is None or name in scores.by_name)
 
         all_frames = chain.from_iterable(frames(source, is_done) for source in sources)
         for batch in _batches(all_frames, model.settings.predict_batch):

@@ -1,4 +1,4 @@
-"""`sdr-jax predict --rank`: which images come first, and files that annotation tools import."""
+"""`sdr-jax predict --rank`: the ranking, and files that annotation tools import."""
 
 import csv
 import io
@@ -29,32 +29,32 @@ CLASSES = label_classes(NAMES, ids=[7, 40000], colors=[(128, 64, 128), (70, 130,
 
 
 def unpacked(rle: list[int]) -> np.ndarray:
-    """The bytes that runs stand for, by the description of rle-pack."""
+    """Decode the bytes of runs, by the description of rle-pack."""
     bits = np.unpackbits(np.array(rle, np.uint8))
-    place = 0
+    position = 0
 
     def read(count: int) -> int:
-        nonlocal place
-        place += count
-        return int("".join(map(str, bits[place - count : place])), 2)
+        nonlocal position
+        position += count
+        return int("".join(map(str, bits[position - count : position])), 2)
 
-    found: list[int] = []
+    values: list[int] = []
     total, word = read(32), read(5) + 1
     sizes = [read(4) + 1 for _ in range(4)]
-    while len(found) < total:
+    while len(values) < total:
         same = read(1)
         length = read(sizes[read(2)]) + 1
-        found += [read(word)] * length if same else [read(word) for _ in range(length)]
-    assert len(bits) - place < 8 and len(found) == total
-    return np.array(found, np.uint8)
+        values += [read(word)] * length if same else [read(word) for _ in range(length)]
+    assert len(bits) - position < 8 and len(values) == total
+    return np.array(values, np.uint8)
 
 
 def colors_in(label_map: str) -> dict[tuple[int, ...], str]:
     """Names by colour, as CVAT's documentation describes the file."""
     lines = [line for line in label_map.splitlines() if line and not line.startswith("#")]
-    fields = [line.split(":") for line in lines]
-    assert all(len(own) == 4 and own[2:] == ["", ""] for own in fields)
-    return {tuple(map(int, color.split(","))): name for name, color, *_ in fields}
+    rows = [line.split(":") for line in lines]
+    assert all(len(row) == 4 and row[2:] == ["", ""] for row in rows)
+    return {tuple(map(int, color.split(","))): name for name, color, *_ in rows}
 
 
 @pytest.mark.parametrize("mask", [
@@ -62,8 +62,8 @@ def colors_in(label_map: str) -> dict[tuple[int, ...], str]:
     np.random.default_rng(0).random((31, 17)) < 0.5,
 ])  # fmt: skip
 def test_a_brush_mask_is_the_pictures_four_channels(mask):
-    found = unpacked(label_studio.runs(mask)).reshape(*mask.shape, 4)
-    np.testing.assert_array_equal(found, np.repeat(255 * mask[..., None], 4, axis=-1))
+    channels = unpacked(label_studio.runs(mask)).reshape(*mask.shape, 4)
+    np.testing.assert_array_equal(channels, np.repeat(255 * mask[..., None], 4, axis=-1))
 
 
 def test_names_in_the_ranking_have_no_control_characters(model, tmp_path):
@@ -85,13 +85,13 @@ def test_images_are_in_order_and_their_labels_in_the_files_of_both_tools(
     head, *rows = csv.reader(io.StringIO((out / "ranking.csv").read_text()))
     assert head == ["rank", "image", "uncertainty"] and len(rows) == len(SHAPES)
     files = sorted(SHAPES)
-    own = [
+    uncertainties = [
         uncertainty(scores)
         for name in files
         for scores, _ in model._scores([read_image(images / f"{name}.png")])
     ]
-    values = dict(zip(files, (each.margin for each in own), strict=True))
-    order = [files[k] for k in in_order(own, 3)]
+    values = dict(zip(files, (score.margin for score in uncertainties), strict=True))
+    order = [files[k] for k in in_order(uncertainties, 3)]
     assert values[order[0]] == max(values.values())
     assert [row[1] for row in rows] == [f"images/{name}.png" for name in order]
     assert [float(row[2]) for row in rows] == pytest.approx([values[n] for n in order], abs=1e-6)
@@ -99,19 +99,19 @@ def test_images_are_in_order_and_their_labels_in_the_files_of_both_tools(
 
     with zipfile.ZipFile(out / "cvat.zip") as file:
         assert file.read("ImageSets/Segmentation/default.txt").decode().split() == order[:3]
-        known = colors_in(file.read("labelmap.txt").decode())
-        assert known.pop((0, 0, 0)) == "background" and len(known) == 2
+        name_of = colors_in(file.read("labelmap.txt").decode())
+        assert name_of.pop((0, 0, 0)) == "background" and len(name_of) == 2
         for name, labels in expected.items():
-            painted = np.asarray(Image.open(file.open(f"SegmentationClass/{name}.png")))
-            for place, told in enumerate(("b/w road old", "sky")):
-                (color,) = (c for c, own in known.items() if own == told)
-                np.testing.assert_array_equal((painted == color).all(axis=-1), labels == place)
+            classes = np.asarray(Image.open(file.open(f"SegmentationClass/{name}.png")))
+            for index, class_name in enumerate(("b/w road old", "sky")):
+                (color,) = (c for c, listed in name_of.items() if listed == class_name)
+                np.testing.assert_array_equal((classes == color).all(axis=-1), labels == index)
             objects = np.asarray(Image.open(file.open(f"SegmentationObject/{name}.png")))
-            ours, theirs = (np.unique(p.reshape(-1, 3), axis=0) for p in (painted, objects))
-            assert len(ours) == len(theirs)
+            counts = [len(np.unique(p.reshape(-1, 3), axis=0)) for p in (classes, objects)]
+            assert counts[0] == counts[1]
     raw = json.loads((out / "cvat_labels.json").read_text())
     assert [entry["name"] for entry in raw] == ["b/w road old", "sky"]
-    assert {tuple(bytes.fromhex(entry["color"][1:])) for entry in raw} == set(known)
+    assert {tuple(bytes.fromhex(entry["color"][1:])) for entry in raw} == set(name_of)
 
     tasks = json.loads((out / "label_studio.json").read_text())
     view = ElementTree.parse(out / "label_studio.xml").getroot()
@@ -122,7 +122,7 @@ def test_images_are_in_order_and_their_labels_in_the_files_of_both_tools(
     for name, task in zip(order, tasks, strict=False):
         where = parse_qs(urlsplit(task["data"][image.get("value")[1:]]).query)["d"]
         assert where == [f"images/{name}.png"]
-        found = np.full(SHAPES[name], 255)
+        labels = np.full(SHAPES[name], 255)
         for region in task["predictions"][0]["result"]:
             assert (region["from_name"], region["to_name"]) == (
                 brush.get("name"),
@@ -131,12 +131,12 @@ def test_images_are_in_order_and_their_labels_in_the_files_of_both_tools(
             assert brush.get("toName") == image.get("name") and region["type"] == "brushlabels"
             size = region["original_height"], region["original_width"]
             on = unpacked(region["value"]["rle"]).reshape(*size, 4)[..., 3] == 255
-            found[on] = NAMES.index(region["value"]["brushlabels"][0])
-        np.testing.assert_array_equal(found, expected[name])
+            labels[on] = NAMES.index(region["value"]["brushlabels"][0])
+        np.testing.assert_array_equal(labels, expected[name])
     assert len(tasks) == 3
 
 
-def test_stopped_it_goes_on_and_ends_the_same(model, images, tmp_path):
+def test_a_stopped_ranking_resumes_and_ends_the_same(model, images, tmp_path):
     whole, out = tmp_path / "whole", tmp_path / "out"
     predict(model, images, whole, rank=2)
     predict(model, images, out, rank=2)
@@ -147,15 +147,15 @@ def test_stopped_it_goes_on_and_ends_the_same(model, images, tmp_path):
     assert predict(model, images, out, rank=2) == 4
     for name in ("ranking.csv", "cvat.zip", "label_studio.json", "a/x.png"):
         assert (out / name).read_bytes() == (whole / name).read_bytes()
-    predict(model, images, out, rank=4)  # pre-labels of more, and nothing else is made
+    predict(model, images, out, rank=4)  # only adds pre-labels
     assert len(json.loads((out / "label_studio.json").read_text())) == 4
 
 
 def test_colours_that_a_mask_could_not_tell_apart_are_replaced():
     same = label_classes(["a", "background"], colors=[(0, 0, 0), (9, 9, 9)])
-    found = colors_in(cvat.label_map(same))
-    assert len(found) == 2 and (0, 0, 0) not in found and set(found.values()) == {"a", "background"}
-    assert cvat.colors_of(CLASSES) == [own.color for own in CLASSES]
+    names = colors_in(cvat.label_map(same))
+    assert len(names) == 2 and (0, 0, 0) not in names and set(names.values()) == {"a", "background"}
+    assert cvat.colors_of(CLASSES) == [row.color for row in CLASSES]
 
 
 def test_what_cannot_be_ranked_is_one_line(folder, images, tmp_path, capsys):
@@ -164,10 +164,10 @@ def test_what_cannot_be_ranked_is_one_line(folder, images, tmp_path, capsys):
     for flags, message in (
         (
             ["--as", "overlay"],
-            "--rank makes pre-labels from label pictures of ids; leave out --as overlay",
+            "--rank writes label images of ids; leave out --as overlay",
         ),
         (["--probabilities"], "leave out --probabilities"),
-        (["--first", "0"], "--first must be 1 or more, not 0"),
+        (["--first", "0"], "--first must be at least 1, not 0"),
     ):
         assert main([*words, *flags]) == 2
         assert message in one_line(capsys)
@@ -177,13 +177,13 @@ def test_what_cannot_be_ranked_is_one_line(folder, images, tmp_path, capsys):
         assert capsys.readouterr().err.endswith("error: --first needs --rank\n")
     video(tmp_path / "drive.avi")
     assert main([folder, str(tmp_path / "drive.avi"), "--rank", "--out", str(out)]) == 2
-    assert "drive.avi is a video; put its frames" in one_line(capsys)
+    assert "drive.avi is a video; extract its frames" in one_line(capsys)
     assert not out.exists()
     assert main(words) == 0
     (out / "b.png").write_bytes(cv2.imencode(".png", np.zeros((4, 4, 3), np.uint8))[1].tobytes())
     capsys.readouterr()
     assert main(words) == 2
-    assert "b.png is damaged; remove it, and the same command makes it" in one_line(capsys)
+    assert "b.png is damaged; remove it, and run the same command again" in one_line(capsys)
     (out / "scores.jsonl").write_text("{}\n")
     assert main(words) == 2
-    assert "scores.jsonl: line 1 is no score" in one_line(capsys)
+    assert "scores.jsonl: line 1 is not a score" in one_line(capsys)

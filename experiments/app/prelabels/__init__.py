@@ -1,1 +1,1 @@
-"""Pre-labels for annotation tools: a net's labels for people to correct."""
+"""Pre-labels for annotation tools: labels from a network, for people to correct."""

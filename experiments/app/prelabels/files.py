@@ -1,4 +1,4 @@
-"""The files of `sdr-jax predict --rank` beside label pictures: the order, and files for annotation tools."""
+"""Files of `sdr-jax predict --rank` besides label images: the ranking, and files for annotation tools."""
 
 from __future__ import annotations
 
@@ -22,36 +22,36 @@ STUDIO, STUDIO_LABELS = "label_studio.json", "label_studio.xml"
 
 
 class Ranked(NamedTuple):
-    """An image of the order."""
+    """An image of the ranking."""
 
     name: str  # of its results, without suffix
     file: str  # its path below the parent of the images' folder
-    uncertainty: float  # in [0, 1], 0 for certainty in all pixels
+    uncertainty: float  # in [0, 1], 0 if certain in all pixels
     labels: Path  # its PNG of ids
 
 
 def write_files(out: Path, ranked: Sequence[Ranked], first: int, model: Model) -> None:
-    """Write the order of all images, and pre-labels of the first ones.
+    """Write the ranking of all images, and pre-labels of the first ones.
 
     Args:
         out: the folder.
-        ranked: the images in the order of labelling.
+        ranked: the images, the first to label first.
         first: number of images with pre-labels in the tools' files.
         model: the model that made the labels.
 
     Raises:
-        UserError: a label picture is damaged.
+        UserError: a label image is damaged.
         OSError: a file cannot be written; the error names it.
     """
-    classes, some = model.classes, ranked[:first]
-    rows = ((k, printable(own.file), f"{own.uncertainty:.6f}") for k, own in enumerate(ranked, 1))
+    classes, chosen = model.classes, ranked[:first]
+    rows = ((k, printable(row.file), f"{row.uncertainty:.6f}") for k, row in enumerate(ranked, 1))
     table = io.StringIO()
     csv.writer(table, lineterminator="\n").writerows([("rank", "image", "uncertainty"), *rows])
-    write(out / CVAT, cvat.archive(_labelled(some, classes), classes))
+    write(out / CVAT, cvat.archive(_labelled(chosen, classes), classes))
     write(out / CVAT_LABELS, cvat.constructor(classes))
     tasks = (
-        label_studio.Task(own.file, labels, 1 - own.uncertainty)
-        for own, (_, labels) in zip(some, _labelled(some, classes), strict=True)
+        label_studio.Task(row.file, labels, 1 - row.uncertainty)
+        for row, (_, labels) in zip(chosen, _labelled(chosen, classes), strict=True)
     )
     write(out / STUDIO, label_studio.tasks(tasks, classes, f"sdr-jax {model.digest[:8]}"))
     write(out / STUDIO_LABELS, label_studio.interface(classes))
@@ -61,14 +61,12 @@ def write_files(out: Path, ranked: Sequence[Ranked], first: int, model: Model) -
 def _labelled(
     ranked: Sequence[Ranked], classes: Sequence[LabelClass]
 ) -> Iterator[tuple[str, np.ndarray]]:
-    """Names, and indices of classes u8[h, w] from the pictures of ids."""
-    place = np.full(2**16, IGNORE_LABEL, np.uint8)
-    place[[own.id for own in classes]] = np.arange(len(classes))
-    for own in ranked:
-        data = np.frombuffer(read_bytes(own.labels), np.uint8)
+    """Names, and indices of classes u8[h, w] from the label images of ids."""
+    class_of = np.full(2**16, IGNORE_LABEL, np.uint8)
+    class_of[[row.id for row in classes]] = np.arange(len(classes))
+    for image in ranked:
+        data = np.frombuffer(read_bytes(image.labels), np.uint8)
         ids = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if len(data) else None
         if ids is None or ids.ndim != 2:
-            raise UserError(
-                f"{own.labels} is damaged; remove it, and the same command makes it again"
-            )
-        yield own.name, place[ids]
+            raise UserError(f"{image.labels} is damaged; remove it, and run the same command again")
+        yield image.name, class_of[ids]

@@ -1,9 +1,9 @@
 """Label Studio's tasks with brush predictions, and their labelling interface.
 
-A brush mask encodes the picture's RGBA bytes, 0 or 255, as runs: 32 bits for their number, 5 for the size of
-a value less 1, four times 4 for the sizes of lengths less 1; then for each run a bit 1, 2 bits that choose a
-size, the length less 1, and the value. Sources: labelstud.io, "Import pre-annotations" and "BrushLabels"; the
-package rle-pack of thi.ng/umbrella for the runs.
+A brush mask encodes the RGBA bytes of the image, 0 or 255, as runs: 32 bits for their number, 5 for the size
+of a value minus 1, four times 4 for the sizes of lengths minus 1; then for each run a bit 1, 2 bits that
+choose a size, the length minus 1, and the value. Sources: labelstud.io, "Import pre-annotations" and
+"BrushLabels"; the package rle-pack of thi.ng/umbrella for the runs.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Task(NamedTuple):
 
     file: str  # below the folder that Label Studio serves
     labels: np.ndarray  # u8[h, w], indices of classes
-    score: float  # in [0, 1], lower for a less certain net
+    score: float  # in [0, 1], lower for a less certain network
 
 
 def runs(mask: np.ndarray) -> list[int]:
@@ -45,7 +45,9 @@ def runs(mask: np.ndarray) -> list[int]:
         value = "11111111" if on else "00000000"
         for part in (*[most] * (length // most), length % most):
             if part:
-                size = next(k for k, own in enumerate(SIZES) if part <= 2**own)
+                size = next(
+                    k for k, bits_of_length in enumerate(SIZES) if part <= 2**bits_of_length
+                )
                 bits.append(f"1{size:02b}{part - 1:0{SIZES[size]}b}{value}")
     text = "".join(bits)
     text += "0" * (-len(text) % 8)
@@ -53,8 +55,8 @@ def runs(mask: np.ndarray) -> list[int]:
 
 
 def interface(classes: Sequence[LabelClass]) -> str:
-    """The labelling interface; the user pastes it under Settings, Labeling Interface, Code."""
-    rows = zip((own.name for own in classes), colors_of(classes), strict=True)
+    """The labelling interface, to paste under Settings, Labeling Interface, Code."""
+    rows = zip((row.name for row in classes), colors_of(classes), strict=True)
     labels = [
         f"    <Label value={quoteattr(name)} background={quoteattr('#' + bytes(color).hex())}/>"
         for name, color in rows
@@ -70,20 +72,20 @@ def interface(classes: Sequence[LabelClass]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def tasks(own: Iterable[Task], classes: Sequence[LabelClass], model: str) -> Iterator[str]:
+def tasks(rows: Iterable[Task], classes: Sequence[LabelClass], model: str) -> Iterator[str]:
     """Yield the file of tasks in pieces; images are served as local files.
 
     Args:
-        own: the tasks in the order of labelling.
+        rows: the tasks, the first to label first.
         classes: classes of their labels.
         model: name of the model that made the labels.
     """
     yield "["
-    for number, task in enumerate(own):
+    for number, task in enumerate(rows):
         height, width = task.labels.shape
         result = [
             {
-                "id": f"{number}-{place}",
+                "id": f"{number}-{index}",
                 "type": "brushlabels",
                 "from_name": LABEL,
                 "to_name": IMAGE,
@@ -92,12 +94,12 @@ def tasks(own: Iterable[Task], classes: Sequence[LabelClass], model: str) -> Ite
                 "image_rotation": 0,
                 "value": {
                     "format": "rle",
-                    "rle": runs(task.labels == place),
-                    "brushlabels": [classes[place].name],
+                    "rle": runs(task.labels == index),
+                    "brushlabels": [classes[index].name],
                 },
             }
-            for place in np.unique(task.labels).tolist()
-            if place < len(classes)
+            for index in np.unique(task.labels).tolist()
+            if index < len(classes)
         ]
         prediction = {"model_version": model, "score": round(task.score, 6), "result": result}
         where = f"/data/local-files/?d={quote(task.file)}"

@@ -1,4 +1,4 @@
-"""The order of images for labelling, from a net's uncertainties in a file."""
+"""The ranking of images for labelling, from the uncertainties of a network in a file."""
 
 from __future__ import annotations
 
@@ -13,43 +13,43 @@ from seg.model import As
 from seg.uncertainty import PARTS, Uncertainty, order
 
 SCORES = "scores.jsonl"
-"""File of the net's uncertainty about each image."""
+"""File of the network's uncertainty about each image."""
 
 
 def refuse_unranked(
     sources: Sequence[Source], how: As | None, probabilities: bool, rank: int
 ) -> As:
-    """The format of label pictures beside a ranking; UserError for images that cannot be ranked."""
+    """The format of label images with a ranking. Raises UserError for images that cannot be ranked."""
     if rank < 1:
-        raise UserError(f"--first must be 1 or more, not {rank}")
+        raise UserError(f"--first must be at least 1, not {rank}")
     if how not in (None, "ids") or probabilities:
         flag = "--probabilities" if probabilities else f"--as {how}"
-        raise UserError(f"--rank makes pre-labels from label pictures of ids; leave out {flag}")
+        raise UserError(f"--rank writes label images of ids; leave out {flag}")
     for source in sources:
         if source.video:
             raise UserError(
-                f"--rank orders images, and {source.path} is a video; put its frames there as images"
+                f"--rank needs images, but {source.path} is a video; extract its frames"
             )
     return "ids"
 
 
 class Scores:
-    """The net's uncertainty about each image, in a file that outlives a kill.
+    """The network's uncertainty about each image, in a file that survives a kill.
 
     Args:
         path: the file.
-        classes: the net's number of classes.
+        classes: the network's number of classes.
 
     Attributes:
-        known: uncertainties by name of the image.
+        by_name: uncertainties by name of the image.
 
     Raises:
-        UserError: a line is no score.
+        UserError: a line is not a score.
     """
 
     def __init__(self, path: Path, classes: int) -> None:
         self._lines, self._length = JsonLines(path), PARTS**2 * classes
-        self.known = dict(map(self._parsed, range(len(self._lines.lines))))
+        self.by_name = dict(map(self._parsed, range(len(self._lines.lines))))
 
     def _parsed(self, number: int) -> tuple[str, Uncertainty]:
         line = self._lines.lines[number]
@@ -58,16 +58,16 @@ class Scores:
             numbers = [v for v in (margin, *layout) if isinstance(v, int | float) and 0 <= v <= 1]
             if len(numbers) == 1 + self._length:
                 return name, Uncertainty(numbers[0], tuple(numbers[1:]))
-        raise UserError(f"{self._lines.where(number)} is no score; {CURE}")
+        raise UserError(f"{self._lines.where(number)} is not a score; {CURE}")
 
-    def add(self, found: Mapping[str, Uncertainty]) -> None:
-        """Record the scores of some images, rounded, so that a stop does not change the order."""
+    def add(self, scores: Mapping[str, Uncertainty]) -> None:
+        """Record the scores of some images, rounded, so that a stop does not change the ranking."""
         rounded = {
-            name: Uncertainty(round(own.margin, 6), tuple(round(v, 6) for v in own.layout))
-            for name, own in found.items()
+            name: Uncertainty(round(score.margin, 6), tuple(round(v, 6) for v in score.layout))
+            for name, score in scores.items()
         }
-        self._lines.append(*({"name": name, **own._asdict()} for name, own in rounded.items()))
-        self.known |= rounded
+        self._lines.append(*({"name": name, **score._asdict()} for name, score in rounded.items()))
+        self.by_name |= rounded
 
 
 def ranked(
@@ -77,22 +77,22 @@ def ranked(
     labels: Callable[[str], Path],
     first: int,
 ) -> list[Ranked]:
-    """Order all images for labelling.
+    """Rank all images for labelling.
 
     Args:
         sources: the images.
         scores: the score of each.
         images: their folder, or the single file.
-        labels: gives the label picture of a name.
+        labels: returns the label image of a name.
         first: number of images that are labelled together.
     """
-    base = Path(images.resolve().name)
+    folder = Path(images.resolve().name)
     return [
         Ranked(
             sources[k].name,
-            (base / sources[k].path.relative_to(images)).as_posix(),
-            scores.known[sources[k].name].margin,
+            (folder / sources[k].path.relative_to(images)).as_posix(),
+            scores.by_name[sources[k].name].margin,
             labels(sources[k].name),
         )
-        for k in order([scores.known[source.name] for source in sources], first)
+        for k in order([scores.by_name[source.name] for source in sources], first)
     ]
