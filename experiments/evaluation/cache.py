@@ -158,7 +158,8 @@ class Cache:
         return Cached(held, maps)
 
     def _parts_of_streets(self, most: int, task: tuple) -> list[tuple[Part]]:
-        return _pool_parts(*task, most, self.renders)
+        recipe, units, seed, start = task
+        return _pool_parts(recipe, units, seed, start, most, self.renders)
 
     def seconds(self, name: str, recipe: Recipe) -> float:
         """The core seconds in which the streets of a name were rendered, with their features."""
