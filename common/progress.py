@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -29,6 +30,8 @@ def duration(seconds: float) -> str:
     return f"{seconds / 3600:.1f} h"
 
 
+LINE = 20.0
+"""Seconds without a result after which a plain line tells how far unfinished pieces are."""
 TRUST = 0.1
 """The share of the work after which the measured pace counts as much as the expected one."""
 
@@ -82,6 +85,8 @@ class Progress:
         self._stages, self._workers = stages, workers
         self.standing = ""
         self._done = self._worked = self._expected = self._start = 0.0
+        self._under_way = self._furthest = 0.0  # units of unfinished pieces; the most units shown
+        self._line_time = -math.inf  # of the last plain line about them
         self._nets = 0
         self._started = self._paced = self._latest = time.perf_counter()
         self._stream = stream or sys.stdout
@@ -93,6 +98,7 @@ class Progress:
         self._told: Callable[[float, str], None] | None = None
         self._every = self._due = 0.0
         self._shown = ""  # the percentage of the last plain line
+        self._text = ""  # of the last update
 
     def tell(self, every: float, told: Callable[[float, str], None]) -> None:
         """Tell someone else, too, where the job is: at the next update, then once in a while.
@@ -119,21 +125,27 @@ class Progress:
 
         Without an expected time it is None until a hundredth is done, since the first pieces compile.
         """
-        left, spent = max(self._total - self._done, 0.0), time.perf_counter() - self._paced
+        under_way = self._under_way if self._worked else 0.0  # the first piece also starts workers
+        left, spent = (
+            max(self._total - self._done - under_way, 0.0),
+            time.perf_counter() - self._paced,
+        )
+        worked = self._worked + under_way
         if self._expected:
             trust = TRUST * self._total
             pace = self._expected / self._total
-            if self._worked <= 0:
+            if worked <= 0:
                 return max(self._start - spent, 0.0) + left * pace
-            return left * (spent + trust * pace) / (self._worked + trust)
-        if self._worked <= 0 or self._worked < self._total / 100:
+            return left * (spent + trust * pace) / (worked + trust)
+        if worked <= 0 or worked < self._total / 100:
             return None
-        return left * spent / self._worked
+        return left * spent / worked
 
     def advance(self, units: float = 1.0, *, replayed: bool = False) -> None:
         """Count work as done; replayed work and its time do not enter the estimate."""
         now = time.perf_counter()
         self._done += units
+        self._under_way = max(self._under_way - units, 0.0)
         if replayed:
             self._paced += now - self._latest
         else:
@@ -142,6 +154,16 @@ class Progress:
             self._worked += units
             self._nets += 1
         self._latest = now
+
+    def under_way(self, units: float) -> None:
+        """Show the work done of unfinished pieces, which `advance` counts once they are finished."""
+        self._under_way = max(units, self._furthest - self._done, 0.0)  # shown progress never falls
+        self._furthest = max(self._furthest, self._done + self._under_way)
+        if self._live and self._text:
+            self.update(self._text)
+        elif units > 0 and time.perf_counter() >= max(self._line_time, self._latest) + LINE:
+            self.update("training", minor=True)
+            self._line_time = time.perf_counter()
 
     def say(self, text: str) -> None:
         """Print a line that stays, or several."""
@@ -153,8 +175,9 @@ class Progress:
 
     def update(self, text: str, *, minor: bool = False) -> None:
         """Show the state of the job; a minor one has no line of its own while the percentage is the same."""
-        text = printable(text)
-        share = min(self._done / self._total, 1) if self._total > 0 else 1.0
+        self._text = text = printable(text)
+        done = self._done + self._under_way
+        share = min(done / self._total, 1) if self._total > 0 else 1.0
         left = [] if self.left is None else [f"{duration(self.left)} left"]
         if self._told is not None and time.perf_counter() >= self._due:
             self._told(share, " | ".join([text, *left]))
@@ -185,7 +208,7 @@ class Progress:
 
     def _by_stage(self) -> Iterable[tuple[Stage, float]]:
         """The units done of each stage; work fills the stages in order."""
-        left = self._done
+        left = self._done + self._under_way
         for stage in self._stages:
             done = min(max(left, 0.0), stage.units)
             left -= stage.units

@@ -11,6 +11,7 @@ from typing import Any
 from common.errors import UserError
 from common.lines import JsonLines
 from common.sent import here
+from common.workers.under_way import ending_report, report
 
 
 def square(x):
@@ -100,3 +101,11 @@ def add_alone(path, name, ready, counts):
             log.append({"name": name, "k": k})
             counts.put(name)
     counts.put(None)
+
+
+def reports_and_waits(path: str) -> None:
+    """Report two units of work, then wait until a file exists."""
+    with ending_report():
+        report(2.0)
+        while not Path(path).exists():
+            time.sleep(0.01)

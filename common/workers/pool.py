@@ -25,6 +25,7 @@ from typing import Any, Literal, TypeVar
 
 from common.cores import Cores
 from common.memory import refuse_larger
+from common.workers import under_way
 from common.workers.pipeline import Pipeline, Split
 
 ExecutorName = Literal["processes", "dask"]
@@ -32,6 +33,8 @@ Self = TypeVar("Self", bound="Workers")
 LESS_URGENT = 10
 """Niceness of processes for work of low priority, if the system has it. With the greatest, 19, a net that was
 begun would wait for hours beside programs of others."""
+TICK = 2.0
+"""Seconds between two looks at tasks under way."""
 AHEAD = 2
 """Tasks per worker that are begun before their results are taken."""
 UNGUARDED = 78
@@ -58,6 +61,8 @@ class Workers:
     """Whether they read and write the files of this process."""
     dashboard: str | None = None
     """A page that shows the work, if there is one."""
+    watch: Callable[[float], None] | None = None
+    """Called while results are awaited with the units of work that unfinished tasks have reported."""
     _patience: float | None = None
     """Seconds after which a wait checks that the workers still exist."""
     _pipeline: Pipeline | None = None
@@ -75,6 +80,10 @@ class Workers:
     def cpu_share(self) -> float | None:
         """Stop; returns the share of their cores that was used since they opened, or None if unknown."""
         return None
+
+    def under_way(self) -> float:
+        """The units of work that unfinished tasks have reported (`common.workers.under_way`)."""
+        return 0.0
 
     def share(self, path: str) -> str:
         """The name for tasks of a file or folder of this machine, whose content must not change."""
@@ -188,7 +197,10 @@ class Workers:
         """Yield results and empty the dictionary."""
         left = {future: index for index, future in futures.items()}
         while left:
-            ready, _ = wait(left, timeout=self._patience, return_when=FIRST_COMPLETED)
+            patience = self._patience if self.watch is None else TICK
+            ready, _ = wait(left, timeout=patience, return_when=FIRST_COMPLETED)
+            if self.watch is not None:
+                self.watch(self.under_way())
             if not ready:
                 self._refuse_lost()
             while ready:
@@ -287,8 +299,13 @@ class WorkerPool(Workers):
         # Threads of OpenBLAS spin, which makes XLA's Cholesky 300 times slower on shared cores.
         self._environment = {"OPENBLAS_NUM_THREADS": "1", **(environment or {})}
         self._executors: dict[Kind, ProcessPoolExecutor] = {}
+        self._reported: dict[Kind, Any] = {}  # units of each process
         self._lock = threading.RLock()  # the pipeline's thread starts processes, too
         self._cores = Cores()
+
+    def under_way(self) -> float:
+        """The units of work that unfinished tasks have reported."""
+        return float(sum(map(sum, list(self._reported.values()))))
 
     def cpu_share(self) -> float:
         """Stop; returns the share of their cores, with this process, that was used since they opened."""
@@ -304,6 +321,7 @@ class WorkerPool(Workers):
     def _stop(self, kind: Kind) -> None:
         with self._lock:
             executor = self._executors.pop(kind)
+            self._reported.pop(kind)
             processes = list((executor._processes or {}).values())
             for process in processes:
                 process.terminate()
@@ -336,13 +354,15 @@ class WorkerPool(Workers):
                     UNGUARDED
                 )  # ``_stop`` explains it; an exception would print a traceback each
             context = multiprocessing.get_context("spawn")
-            count = self.trainers if kind == "trainers" else self.workers
+            count = (self.trainers or 0) if kind == "trainers" else self.workers
             sees_gpu = kind == "trainers" or self.trainers is None
+            nice = LESS_URGENT if kind == "behind" else 0
+            reported = self._reported[kind] = context.Array("d", count, lock=False)
             self._executors[kind] = ProcessPoolExecutor(
                 count,
                 mp_context=context,
                 initializer=_start,
-                initargs=(context.Value("i", 0), LESS_URGENT if kind == "behind" else 0, sees_gpu),
+                initargs=(context.Value("i", 0), nice, sees_gpu, reported),
             )
         return self._executors[kind]
 
@@ -384,13 +404,14 @@ def _inherited(environment: dict[str, str]) -> Iterator[None]:
                 os.environ[name] = value
 
 
-def _start(counter: Any, nice: int, sees_gpu: bool) -> None:
+def _start(counter: Any, nice: int, sees_gpu: bool, reported: Any) -> None:
     """Set up a worker: one thread, one GPU or none, no Ctrl-C, and an end with its parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     with counter.get_lock():
         number = counter.value
         counter.value += 1
+    under_way.connect(reported, number)
     import cv2  # the main process may not need it
 
     cv2.setNumThreads(1)

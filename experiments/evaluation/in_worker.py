@@ -21,8 +21,10 @@ import jax
 import numpy as np
 
 from common.workers.pool import Workers
+from common.workers.under_way import ending_report, report
 from experiments.evaluation.cached import loaded
 from experiments.evaluation.compiling import compiled_once
+from experiments.evaluation.cost import head_cost
 from experiments.evaluation.devices import device, out_of_memory
 from experiments.evaluation.job import Keeps, Recipe, Result, Source, rendered_of
 from experiments.evaluation.made_with import refuse_other
@@ -305,13 +307,16 @@ def trained(
     second: dict[str, Any] = {}
     if isinstance(source, TrainingSet):
         second = {"beside": source.parts[1], "share": source.shares[1]}
-    with _memory_named(recipe):
+    fidelity = recipe.fidelity
+    per_step = head_cost(fidelity) / (fidelity.train.steps * fidelity.train.heads)
+    with _memory_named(recipe), ending_report():
         return train(
             seed,
             own.images,
             own.labels,
             recipe.fidelity.train,
             len(recipe.classes.classes),
+            lambda steps, loss: report(steps * per_step),
             params=params,
             features=own.features,
             statistics=recipe.statistics,

@@ -112,6 +112,7 @@ class Runner:
     ) -> None:
         self._target, self._workers, self._folder = target, workers, folder
         self._finals, self._store, self._progress = finals, store, progress
+        workers.watch = lambda units: progress().under_way(units)
         self.cache = Cache(workers, folder, lambda text: progress().update(text, minor=True))
         self._features = features
         self._net: FeatureNet | None = None

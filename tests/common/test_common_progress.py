@@ -191,3 +191,38 @@ def test_names_of_files_send_no_codes_to_the_terminal():
     assert stream.getvalue().split("\n") == [
         "a\\x1b[2Jb", "c", "[ 50 %] net \\x1b]0;x\\x07\\r of a\\nb | 0 s left", ""
     ]  # fmt: skip
+
+
+def test_unfinished_work_counts_until_it_is_done_and_progress_never_falls(clock):
+    stream = io.StringIO()
+    job = Progress(total=10, stream=stream)
+    job.advance(2)
+    job.update("network 1")
+    clock.now += 20
+    job.under_way(1.0)  # 20 s without a result
+    clock.now += 10
+    job.under_way(2.0)  # the line before is 10 s old
+    clock.now += 10
+    job.under_way(3.0)
+    job.under_way(0.5)  # a worker begins the next piece before the result arrives
+    clock.now += 20
+    job.under_way(0.6)
+    job.advance(4)
+    job.update("network 2")
+    lines = stream.getvalue().splitlines()
+    assert lines[0].startswith("[ 20 %] network 1")
+    assert [line[:16] for line in lines[1:]] == [
+        "[ 30 %] training",
+        "[ 50 %] training",
+        "[ 60 %] network ",
+    ]
+    assert job.left == pytest.approx(60 / 6 * 4)
+
+
+def test_a_bar_moves_while_a_piece_is_under_way(clock, terminal):
+    job = Progress(total=10, stream=terminal)
+    job.advance(1)
+    job.update("network 1")
+    job.under_way(4.0)
+    job.close()
+    assert "50 % 0 s left | network 1" in terminal.visible()[-1]

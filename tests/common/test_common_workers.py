@@ -8,6 +8,7 @@ from concurrent.futures import CancelledError
 import pytest
 
 from common.errors import UserError
+from common.workers import pool
 from common.workers.pipeline import Split
 from common.workers.pool import LESS_URGENT, WorkerError, WorkerPool
 from tests.conftest import refused
@@ -19,6 +20,7 @@ from tests.tasks import (
     gathered,
     gathered_at,
     ready_and,
+    reports_and_waits,
     square,
     surroundings,
     wait_for,
@@ -173,3 +175,24 @@ def test_dropped_work_of_trainers_ends_and_the_next_begins():
         answers.close()  # as when an error ends the job
         assert waiting.done() and isinstance(waiting.exception(), CancelledError)
         assert list(pool.map(square, [(3,)], net=True)) == [(0, 9)]
+
+
+@pytest.mark.parametrize("trainers", [None, 1])
+def test_work_under_way_is_seen_before_its_result(tmp_path, monkeypatch, trainers):
+    monkeypatch.setattr(pool, "TICK", 0.05)
+    file, seen = tmp_path / "file", []
+
+    def watch(units: float) -> None:
+        seen.append(units)
+        if units == 4.0:
+            file.touch()
+
+    with WorkerPool(2, trainers=trainers) as workers:
+        workers.watch = watch
+        net = {"net": True} if trainers else {}
+        tasks = [(str(file),)] * 2
+        if trainers:  # which works on one of them
+            monkeypatch.setattr(workers, "watch", lambda units: watch(2 * units))
+        assert [result for _, result in workers.map(reports_and_waits, tasks, **net)] == [None] * 2
+        assert workers.under_way() == 0 and 4.0 in seen
+    assert workers.under_way() == 0  # of no process
