@@ -37,9 +37,11 @@ from experiments.targets.few import spread
 from experiments.targets.folder import parts_of, reader
 from seg import pyramid
 from seg.data import LabelledImages
+from seg.inference import logits, score
 from seg.metrics import mean_iou
 from seg.nets.head import Maps
-from seg.train import Params, logits, score, train
+from seg.step import Params
+from seg.train import train
 from seg.uncertainty import order, uncertainty
 from seg.views import view_images
 

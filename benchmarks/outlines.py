@@ -54,10 +54,12 @@ from scene.version import ENGINE
 from seg.boundary import perimeters
 from seg.classes import colorize, table_of
 from seg.data import DataError, LabelledImages, load
+from seg.inference import score
 from seg.metrics import iou, mean_iou
 from seg.pyramid import features
 from seg.recipes import RECIPES, with_steps
-from seg.train import TrainingError, TrainSettings, score, train
+from seg.settings import TrainSettings
+from seg.train import TrainingError, train
 from seg.views import view_images
 
 Variant = TypeVar("Variant")

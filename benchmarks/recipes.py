@@ -40,10 +40,12 @@ from experiments.tables.stats import paired_gain
 from seg.check import check_settings
 from seg.classes import table_of
 from seg.data import DataError, LabelledImages
+from seg.inference import predict_heads
 from seg.metrics import confusion_matrix, mean_iou
 from seg.pyramid import features
 from seg.recipes import RECIPES
-from seg.train import TrainingError, TrainSettings, predict_heads, train
+from seg.settings import TrainSettings
+from seg.train import TrainingError, train
 from seg.views import LOOKS, view_images, with_mirror
 
 ON = ("labels", "labels+renders", "renders", "all")

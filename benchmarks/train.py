@@ -46,6 +46,7 @@ from experiments.targets.real import REPORTED, real_target
 from scene.proposal import random_proposal
 from seg.classes import class_table
 from seg.data import LabelledImages
+from seg.inference import score
 from seg.metrics import mean_iou
 from seg.nets import net_of, normalise
 from seg.nets.ops.normalise import MEAN, STD
@@ -53,7 +54,7 @@ from seg.pyramid import features
 from seg.recipes import RECIPES, with_net, with_steps
 from seg.settings import VGG_NETS, NetName, TrainSettings, Trunk
 from seg.step import Data, Functions, TrainState, functions, plan
-from seg.train import score, train
+from seg.train import train
 from seg.views import view_images
 
 CLASSES = 11

@@ -20,6 +20,9 @@ from .data import read_target as read_target
 from .errors import DataError as DataError
 from .errors import ModelError as ModelError
 from .errors import WeightsError as WeightsError
+from .inference import predict as predict
+from .inference import predict_heads as predict_heads
+from .inference import score as score
 from .losses import class_weights as class_weights
 from .losses import cross_entropy as cross_entropy
 from .many import TrainedNetworks as TrainedNetworks
@@ -39,7 +42,4 @@ from .nets.trunks import Trunk as Trunk
 from .recipes import RECIPES as RECIPES
 from .settings import TrainSettings as TrainSettings
 from .train import TrainingError as TrainingError
-from .train import predict as predict
-from .train import predict_heads as predict_heads
-from .train import score as score
 from .train import train as train

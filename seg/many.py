@@ -15,6 +15,7 @@ from seg.beside import TrainingSet, training_set
 from seg.check import check_settings
 from seg.classes import IGNORE_LABEL
 from seg.data import LabelledImages
+from seg.inference import heads_of, mean_logits, prediction_inputs
 from seg.prepare import (
     check_arrays,
     check_labels,
@@ -24,7 +25,7 @@ from seg.prepare import (
 from seg.pyramid import Statistics
 from seg.settings import NetSpec, TrainSettings
 from seg.step import Variables
-from seg.train import TrainingError, heads_of, mean_logits, prediction_inputs
+from seg.train import TrainingError
 
 
 @dataclass(frozen=True)

@@ -30,10 +30,11 @@ from seg.check import check_net
 from seg.classes import IGNORE_LABEL, colorize
 from seg.data.labelled import fitted, resize_image
 from seg.errors import ModelError
+from seg.inference import logits, outline
 from seg.names import As
 from seg.nets.trunks import trunk_of
 from seg.settings import TrainSettings
-from seg.train import Params, logits, outline
+from seg.step import Params
 from seg.uncertainty import Uncertainty, uncertainty
 
 FORMAT = 1

@@ -15,8 +15,8 @@ import numpy as np
 from jax.extend.core import Literal
 
 from seg.errors import ModelError
+from seg.inference import apply
 from seg.model import Model
-from seg.train import apply
 
 OPSET, IR = 18, 9
 """Versions of the files; onnxruntime 1.15 and newer reads both."""

@@ -20,9 +20,11 @@ from scene.proposal import draw, streets_named
 from scene.render import RenderSettings
 from seg.classes import ClassTable, table_of
 from seg.data import LabelledImages, load
+from seg.inference import score
 from seg.pyramid import features
 from seg.recipes import RECIPES, with_steps
-from seg.train import TrainSettings, score, train
+from seg.settings import TrainSettings
+from seg.train import train
 from seg.views import view_images
 
 BLOCKS = 5

@@ -34,11 +34,13 @@ from scene.dataset.render import Dataset, render_dataset
 from scene.proposal import Streets, draw
 from seg.beside import TrainingSet
 from seg.data import LabelledImages
+from seg.inference import predict_heads
 from seg.many import train_many
 from seg.metrics import confusion_matrix, iou, mean_iou
 from seg.pyramid import features
 from seg.settings import TrainSettings
-from seg.train import Params, TrainingError, predict_heads, train
+from seg.step import Params
+from seg.train import TrainingError, train
 from seg.views import view_images
 
 _KEPT: dict[Any, LabelledImages] = {}

@@ -32,7 +32,8 @@ from scene.proposal import Streets, random_proposal
 from seg.features import features
 from seg.mmd import mmd2
 from seg.recipes import with_steps
-from seg.train import TrainingError, TrainSettings, train
+from seg.settings import TrainSettings
+from seg.train import TrainingError, train
 
 FILE = "feature-net.npz"
 """File of the net's parameters in the run folder."""

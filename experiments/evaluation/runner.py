@@ -71,7 +71,7 @@ from scene.version import ENGINE
 from sdr_jax import refuse_failures
 from seg.beside import TrainingSet
 from seg.data import LabelledImages
-from seg.train import Params
+from seg.step import Params
 
 LEAST = 60.0
 """CPU seconds of nets from which new workers pay, since one takes ten to start."""

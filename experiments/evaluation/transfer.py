@@ -15,7 +15,8 @@ from experiments.evaluation.in_worker import attempt, tested, timed_set, trained
 from experiments.evaluation.job import Recipe, Result, Start
 from experiments.evaluation.renders import Rendered
 from seg.data import LabelledImages
-from seg.train import Params, TrainingError
+from seg.step import Params
+from seg.train import TrainingError
 
 
 def transfer(

@@ -11,9 +11,9 @@ import pytest
 import seg
 from common.errors import UserError
 from experiments.app.export import export, main
+from seg.inference import logits, outline
 from seg.model import Model, label_classes
 from seg.settings import VGG_NETS, TrainSettings
-from seg.train import logits, outline
 from tests.conftest import refused
 
 SIZE = (36, 44)  # no multiple of any stride
@@ -91,7 +91,9 @@ def test_what_cannot_be_written_is_refused(tmp_path, capsys, monkeypatch):
     model.save(tmp_path / "model")
     refused(UserError, "is a folder; name a file", export, model, tmp_path)
     half = replace(model, settings=replace(model.settings, dtype="bfloat16"))
-    refused(UserError, "a network of bfloat16 cannot be written", export, half, tmp_path / "net.onnx")
+    refused(
+        UserError, "a network of bfloat16 cannot be written", export, half, tmp_path / "net.onnx"
+    )
     monkeypatch.setitem(sys.modules, "onnx", None)
     assert main([str(tmp_path / "model"), "--onnx", str(tmp_path / "net.onnx")]) == 2
     (line,) = capsys.readouterr().err.splitlines()

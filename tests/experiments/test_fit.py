@@ -50,8 +50,8 @@ from scene.proposal import Streets, describe, draw, streets_named
 from scene.version import ENGINE
 from seg.beside import TrainingSet
 from seg.data import LabelledImages
+from seg.inference import outline
 from seg.model import Model, label_classes, load_model
-from seg.train import outline
 from tests.layouts import save, write
 
 from .conftest import Page, never

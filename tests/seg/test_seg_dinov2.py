@@ -10,13 +10,14 @@ from safetensors.numpy import save_file
 
 from experiments.app.export import export
 from seg import RECIPES, mean_iou, predict, score
+from seg.inference import logits
 from seg.model import Model, label_classes, load_model
 from seg.nets.dinov2 import VARIANTS, DinoV2, Variant, bicubic
 from seg.nets.ops.normalise import normalise
 from seg.nets.trunks import trunk
 from seg.pyramid import features
 from seg.recipes import with_net
-from seg.train import logits, train
+from seg.train import train
 from seg.weights.dinov2 import weights_of
 
 from .conftest import assert_same, pixels, refuses, refuses_weights, toy

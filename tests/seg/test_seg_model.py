@@ -2,7 +2,6 @@
 
 import json
 import os
-import sys
 from dataclasses import replace
 
 import jax
@@ -12,12 +11,13 @@ from safetensors.numpy import load_file
 
 import seg
 from common.labels.target_file import parse_target, shipped
-from seg import ModelError, TrainSettings
+from seg import ModelError, TrainSettings, inference
 from seg.card import card as card_of
 from seg.data.labelled import fitted
+from seg.inference import _predictor, logits, outline, predict
 from seg.model import CONFIG, SHIPPED, WEIGHTS, Model, classes_of, label_classes, load_model
 from seg.model import shipped as shipped_models
-from seg.train import _predictor, logits, outline, predict, train
+from seg.train import train
 from tests.conftest import refused
 
 from .conftest import assert_same, pixels, random_params, toy
@@ -65,7 +65,7 @@ def test_weights_go_to_the_device_once(compact, saved, monkeypatch):
         leaves.append(jax.tree.leaves(variables))
         return run(variables, batch, size)
 
-    monkeypatch.setattr(sys.modules["seg.train"], "_predictor", lambda *_: noting_predictor)
+    monkeypatch.setattr(inference, "_predictor", lambda *_: noting_predictor)
     predict(jax.tree.map(np.asarray, compact.variables), pixels(4, *SIZE, 3), COMPACT, 3)
     first, second = leaves
     assert all(a is b and isinstance(a, jax.Array) for a, b in zip(first, second, strict=True))

@@ -15,10 +15,11 @@ import seg.nets
 import seg.step
 import seg.weights.vgg16 as names
 from seg import RECIPES, TrainSettings, WeightsError, check_settings, predict
+from seg.inference import _predictor
 from seg.nets import Compact, DeepLabV2, FCN8s, net
 from seg.recipes import with_net
 from seg.step import accumulated, functions
-from seg.train import _predictor, train
+from seg.train import train
 from seg.weights import check
 
 from .conftest import assert_close, filled, narrow_vgg16, normal, pixels, refuses, vgg16_arrays

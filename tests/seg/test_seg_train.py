@@ -25,10 +25,11 @@ from seg import (
     score,
 )
 from seg.data import LabelledImages, list_split, load, read_split
+from seg.inference import apply, heads_of, logits, outline, predict_heads
 from seg.prepare import check_arrays
 from seg.pyramid import features
 from seg.step import Data, functions, plan
-from seg.train import apply, heads_of, logits, outline, predict_heads, train
+from seg.train import train
 from seg.views import with_mirror
 
 from .conftest import assert_close, assert_same, refuses, toy

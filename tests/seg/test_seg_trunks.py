@@ -11,11 +11,12 @@ from flax import linen as nn
 
 from experiments.app.export import export
 from seg import RECIPES, ModelError, check_settings, mean_iou, predict, score
+from seg.inference import logits
 from seg.model import Model, label_classes, load_model
 from seg.nets.trunks import TRUNKS, Trunk, trunk
 from seg.pyramid import features
 from seg.recipes import with_net
-from seg.train import logits, train
+from seg.train import train
 from seg.weights import check
 
 from .conftest import assert_same, pixels, refuses, toy

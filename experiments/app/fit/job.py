@@ -33,8 +33,9 @@ from seg.beside import TrainingSet
 from seg.classes import class_table, colorize
 from seg.data import LabelledImages
 from seg.errors import ModelError
+from seg.inference import heads_of, stacked
 from seg.model import SEEN, Model, classes_of, load_model, refuse_others
-from seg.train import Params, heads_of, stacked
+from seg.step import Params
 
 RANKED_BY: Row = "labels+renders"
 """The report shows the best, the median and the worst image of this row's first network."""
