@@ -143,7 +143,7 @@ def _may_be_at_once(task: tuple) -> bool:
 def _evaluated_at_once(
     tasks: Sequence[tuple], ready: Sequence[Sequence[Rendered | Written]]
 ) -> list[Result]:
-    """Make evaluations by `evaluate_miou` with one call of `train_many`; with equal shares of its time."""
+    """Make evaluations by `evaluate_miou` with one call of `train_many`; they share its time equally."""
     evaluate, recipe, _, _, real = tasks[0]
     refuse_other(recipe.made_with)
     sets, render_seconds = [], []

@@ -27,11 +27,11 @@ def test_what_a_net_saw_is_left_whole_or_not_at_all(tmp_path):
     assert load(path) is None
     predictions = np.array([[[0, 0]], [[1, 1]]], np.uint8)
     by_image = np.array([[[1, 0], [1, 0]], np.zeros((2, 2))], np.int64)  # the second is all void
-    save(path, predictions_of(by_image, predictions, whole=False))
+    save(path, predictions_of(by_image))
     found = load(path)
     assert found.predictions is None
     np.testing.assert_array_equal(found.confusion, by_image[0])
-    save(path, predictions_of(by_image, predictions, whole=True))
+    save(path, predictions_of(by_image, predictions))
     found = load(path)
     np.testing.assert_array_equal(found.by_image, by_image)
     np.testing.assert_array_equal(found.miou, [0.25, np.nan])  # IoU 1/2 and 0; all void

@@ -2,8 +2,12 @@
 
 import json
 import os
+import re
+import threading
+import time
 from dataclasses import asdict, replace
 from functools import partial
+from importlib.metadata import EntryPoint
 from unittest.mock import Mock
 
 import jax
@@ -16,7 +20,16 @@ from common.workers.pool import WorkerPool
 from experiments.app.main_job import RUN
 from experiments.app.stores import main as merge_stores
 from experiments.config import MainConfig
+from experiments.config.cli import command as command_line
 from experiments.config.presets import defaults
+from experiments.evaluation import compiling, devices
+from experiments.evaluation.devices import (
+    Device,
+    device,
+    out_of_memory,
+    refuse_unusable,
+    trainers_of,
+)
 from experiments.evaluation.in_worker import trained, worker_environment
 from experiments.evaluation.job import Recipe
 from experiments.evaluation.made_with import made_with
@@ -27,7 +40,8 @@ from scene.assets.catalogue import AssetPool
 from scene.proposal import random_proposal
 from scene.render import RendererError
 from seg.data import LabelledImages
-from tests.conftest import printed
+from seg.recipes import RECIPES
+from tests.conftest import printed, refused
 
 from .conftest import formula, main_job, never, results_of
 from .tasks import gradient
@@ -192,3 +206,109 @@ def test_a_worker_in_which_jax_cannot_start_says_what_helps():
             UserError, match=r"'tpu'.*memory of a GPU is full, give fewer --workers"
         ):
             next(pool.map(made_with, [()], net=True))
+
+
+GPU = Device("gpu", "NVIDIA H200", 10**9)
+
+
+def test_the_number_of_trainers_is_that_of_the_gpus_unless_told():
+    assert [trainers_of(None, []), trainers_of(3, [])] == [None, 3]  # a CPU: in workers, or apart
+    assert [trainers_of(None, ["0", "3"]), trainers_of(1, ["0", "3"])] == [2, 1]
+    message = r"--trainers 2: this machine has 1 GPU \(CUDA device 5\), .*; use --trainers 1"
+    refused(UserError, message, trainers_of, 2, ["5"])
+    refused(UserError, "has 2 GPUs .*0, 1.*; use --trainers 2", trainers_of, 3, ["0", "1"])
+
+
+def test_a_trainer_without_its_gpu_or_with_too_little_memory_is_refused():
+    large = replace(FINAL, width=640, height=480, streets=2000)
+    refuse_unusable(GPU, ["0"], {"final": FINAL})
+    for found in (GPU._replace(memory=None), GPU._replace(memory=10**12)):
+        refuse_unusable(found, ["0"], {"final": large})
+    refuse_unusable(Device("cpu", "cpu", None), [], {"final": large})
+    message = r"--final: training on \d+ images of 640x480 takes at least .* H200 offers 1 GB: use a smaller"
+    refused(UserError, message, refuse_unusable, GPU, ["0"], {"reward": FINAL, "final": large})
+    refused(UserError, r"cannot start CUDA although the driver lists GPU 0, 1: .*JAX_PLATFORMS=cpu",
+            refuse_unusable, Device("cpu", "cpu", None), ["0", "1"], {})  # fmt: skip
+    assert re.match(r"NVIDIA H200 ran out of its 1 GB of memory while training compact on images of",
+                    str(out_of_memory(GPU, FINAL)))  # fmt: skip
+    assert device().backend == "cpu"  # where the tests run
+
+
+def test_memory_that_runs_out_is_the_users_error(monkeypatch):
+    def fail(*_, **__):
+        raise jax.errors.JaxRuntimeError(message)
+
+    monkeypatch.setattr("experiments.evaluation.in_worker.train", fail)
+    real = LabelledImages(np.zeros((2, 8, 8, 3), np.uint8), np.zeros((2, 8, 8), np.uint8))
+    recipe = Recipe(FINAL, "camvid", "embree", AssetPool())
+    message = "RESOURCE_EXHAUSTED: Out of memory while trying to allocate 3.5GiB."
+    refused(UserError, "ran out of its memory while training", trained, recipe, real, 0)
+    message = "INTERNAL: something else"
+    refused(jax.errors.JaxRuntimeError, "something else", trained, recipe, real, 0)
+
+
+@pytest.mark.parametrize(("platforms", "plugins", "expected"), [
+    ("", ["xla_cuda12"], ["0"]), ("cuda,cpu", ["xla_cuda12"], ["0"]), ("cpu", ["xla_cuda12"], []),
+    ("", ["rocm"], []), ("", [], []),
+])  # fmt: skip
+def test_gpus_count_if_jax_is_to_use_them(platforms, plugins, expected, monkeypatch):
+    installed = [EntryPoint(name, "", "jax_plugins") for name in plugins]
+    monkeypatch.setattr(devices, "entry_points", lambda group: installed)
+    monkeypatch.setattr(devices, "gpus", lambda: ["0"])
+    monkeypatch.setenv("JAX_PLATFORMS", platforms)
+    assert devices.usable_gpus() == expected
+
+
+def test_one_process_compiles_for_a_gpu_and_others_wait(tmp_path, monkeypatch):
+    environment = {compiling.VARIABLE: str(tmp_path / "xla")}
+    monkeypatch.setenv(*next(iter(environment.items())))
+    cpu = Recipe(FINAL, "camvid", "embree", AssetPool(), made_with=made_with())
+    gpu = cpu._replace(made_with=(("backend", "gpu"), *made_with()[1:]))
+    assert compiling.marker(cpu, environment) is compiling.announcement(cpu, environment) is None
+    assert compiling.announcement(gpu, {}) is None
+    with compiling.compiled_once(cpu):
+        assert not (tmp_path / "xla").exists()
+    assert compiling.announcement(gpu, environment) == (
+        "Compiling compact for the GPU (once): about 25 s"
+    )
+    order, started, others = [], threading.Barrier(3), []
+
+    def compile_and_train(name):
+        started.wait()
+        with compiling.compiled_once(gpu):
+            order.append(f"{name} begins")
+            time.sleep(0.2)
+            order.append(f"{name} ends")
+
+    for name in "abc":
+        others.append(threading.Thread(target=compile_and_train, args=(name,)))
+        others[-1].start()
+    for thread in others:
+        thread.join()
+    first = order[0][0]
+    assert order[1] == f"{first} ends"  # no other has begun
+    assert compiling.announcement(gpu, environment) is None
+    tuned = replace(FINAL, train=replace(RECIPES["lite0-tuned"]))
+    assert "lite0 for the GPU (once): about 140 s" in compiling.announcement(
+        gpu._replace(fidelity=tuned), environment
+    )
+    failed = gpu._replace(table="cityscapes")
+    with pytest.raises(ZeroDivisionError), compiling.compiled_once(failed):
+        _ = 1 / 0
+    assert compiling.announcement(failed, environment) is not None  # the next compiles
+    with compiling.compiled_once(failed):
+        pass
+    assert compiling.announcement(failed, environment) is None
+
+
+@pytest.mark.parametrize(("flags", "complaint"), [
+    (("--trainers", "0"), "--trainers must be 1 or more, not 0"),
+    (("--trainers", "2"), "--trainers 2: this machine has 1 GPU (CUDA device 7)"),
+    (("--trainers", "1", "--executor", "dask", "--scheduler", "tcp://127.0.0.1:9"),
+     "--trainers is for --executor processes; on a cluster start trainers with"),
+])  # fmt: skip
+def test_trainers_that_cannot_be_are_one_line(flags, complaint, out, error_line, monkeypatch):
+    monkeypatch.setattr(session, "usable_gpus", lambda: ["7"])
+    words = ("--preset", "smoke", "--out", str(out), *flags)
+    assert command_line("cityscapes", words) == 2
+    assert complaint in error_line() and not out.exists()

@@ -16,7 +16,8 @@ from experiments.config import LearntConfig, read_attributes
 from experiments.config.jobs import defaults_of
 from experiments.config.presets import defaults
 from experiments.evaluation import pace as paces
-from experiments.evaluation.cost import Cost
+from experiments.evaluation import renders
+from experiments.evaluation.cost import Cost, cost_of, training_cost
 from experiments.evaluation.job import Result
 from experiments.evaluation.pace import REFERENCE, Pace
 from experiments.evaluation.store import LOGS, Store
@@ -408,15 +409,37 @@ def test_other_files_are_neither_attributes_nor_reports(config, out, content, at
     assert not out.exists()
 
 
-def test_the_pace_is_measured_with_all_workers_busy():
+def test_separate_trainers_train_while_renderers_render(tmp_path):
+    final = defaults(LearntConfig, "camvid", "quick").final
+    pace, cost = Pace(2.0, 3.0), Cost(160.0, 70.0)
+    assert [pace.wall(cost, 16), pace.wall(cost, 16, 1), pace.wall(cost, 2, 2)] == [
+        (320 + 210) / 16, 210, 160
+    ]  # fmt: skip
+    text = plan_text([Work("nets", 1, final, cost)], 2, pace, Cost(), 2)
+    # max(320 / 2, 210 / 2) + 3 x 12 s of start
+    assert "About 3 min on 2 renderer(s) and 2 trainer(s), 36 s of it to start" in text
+
+
+@pytest.mark.parametrize("trainers", [None, 1])
+def test_the_pace_is_measured_with_all_workers_busy(trainers):
     class TwoWorkers:
         workers = 2
 
-        def map(self, function, tasks, *, net):
-            assert function is paces.measure and net
-            yield from enumerate([Pace(1.0, 3.0), Pace(3.0, 4.0)][: len(tasks)])
+        def map(self, function, tasks, *, net=False):
+            if net:
+                assert function is paces.training_pace
+                yield from enumerate([3.0, 4.0][: len(tasks)])
+            else:
+                assert function is renders.mean_seconds and {work for work, *_ in tasks} == {
+                    renders.render_part
+                }
+                yield from enumerate([expected, 3 * expected][: len(tasks)])
 
-    assert paces.measured_by(TwoWorkers()) == Pace(2.0, 3.5)
+    fidelity = paces._MEASURED
+    expected = cost_of(fidelity) - training_cost(fidelity)
+    busy = TwoWorkers()
+    busy.trainers = trainers
+    assert paces.measured_by(busy) == Pace(pytest.approx(2.0), 3.0 if trainers else 3.5)
 
 
 def test_a_long_job_measures_the_pace_of_the_machine_once(config, monkeypatch, tmp_path, capsys):
