@@ -2,11 +2,10 @@
 
     python -m scripts.pictures --out docs --run runs/demo
 
-`strip.jpg` has streets of the twin, their labels, and what a net sees in them that has seen neither the
-twin nor a photograph (`renders19`). `streets.jpg` has the images of `sdr-jax render --images 8`. The tops
-of `report.png` and `playground.png`, screenshots that lie in the folder, become `report_small.jpg` and
-`playground_small.jpg`. With `--run`, a finished `make demo`, `search_streets.webp` shows two streets as the
-search changes their attributes, next to the same streets with the attributes that it should find.
+`strip.jpg` has streets of the twin, their labels, and the predictions of `renders19`, which was trained on
+neither the twin nor photographs. `streets.jpg` has the images of `sdr-jax render --images 8`. With `--run`, a
+finished `make demo`, `search_streets.webp` shows two streets as the search changes their attributes, next to
+the same streets with the attributes that it should find.
 """
 
 from __future__ import annotations
@@ -42,8 +41,6 @@ EVERY = 5
 CAPTION = 26
 """Pixels of the bar above a frame."""
 GAP = 4
-SMALL = (500, 620)
-"""Height and width, at most, of the small screenshots."""
 
 
 def main() -> None:
@@ -58,8 +55,6 @@ def main() -> None:
     out.mkdir(parents=True, exist_ok=True)
     if options.run is not None:
         search(options.run, out / "search_streets.webp")
-    for name in ("report", "playground"):
-        save(out / f"{name}_small.jpg", small(out / f"{name}.png"))
     save(out / "strip.jpg", strip())
     save(out / "streets.jpg", streets())
 
@@ -74,15 +69,15 @@ def strip() -> np.ndarray:
         )
     first = [street * world.shots for street in TWIN_STREETS]
     images, labels = [twin.images[k] for k in first], [twin.labels[k] for k in first]
-    seen = [model.painted(found, "colours") for found in model.predict(images)]
-    told = [model.painted(label, "colours") for label in labels]
-    return grid(list(zip(images, told, seen, strict=True)))
+    predictions = [model.painted(classes, "colours") for classes in model.predict(images)]
+    truth = [model.painted(label, "colours") for label in labels]
+    return grid(list(zip(images, truth, predictions, strict=True)))
 
 
 def streets() -> np.ndarray:
     """The eight images of `sdr-jax render --images 8`, at half their size, u8[rows, 1292, 3]."""
-    made = scene.stream("default", seed=0, size=(640, 320), images=8, workers=2)
-    half = [cv2.resize(image, (320, 160), interpolation=cv2.INTER_AREA) for image, *_ in made]
+    samples = scene.stream("default", seed=0, size=(640, 320), images=8, workers=2)
+    half = [cv2.resize(image, (320, 160), interpolation=cv2.INTER_AREA) for image, *_ in samples]
     return grid([half[:4], half[4:]])
 
 
@@ -123,15 +118,6 @@ def _frame(caption: str, centre: np.ndarray, targets: Sequence[np.ndarray]) -> n
             bar, text, (left, CAPTION - 8), cv2.FONT_HERSHEY_SIMPLEX, 0.6, (60,) * 3, 1, cv2.LINE_AA
         )
     return np.vstack([bar, images])
-
-
-def small(screenshot: Path) -> np.ndarray:
-    """The top of a screenshot, no larger than `SMALL`."""
-    read = cv2.imread(str(screenshot))
-    assert read is not None
-    whole = read[:, :, ::-1]
-    height = round(whole.shape[0] * SMALL[1] / whole.shape[1])
-    return cv2.resize(whole, (SMALL[1], height), interpolation=cv2.INTER_AREA)[: SMALL[0]]
 
 
 def grid(rows: Sequence[Sequence[np.ndarray]]) -> np.ndarray:
