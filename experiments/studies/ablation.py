@@ -1,13 +1,13 @@
-"""The paper's ablation: the loss of the search without one of its parts.
+"""The paper's ablation: how much mIoU the search loses without each of its parts.
 
     sdr-jax study ablation --target camvid --data DIR --holdout 0006R0
     sdr-jax study ablation --target camvid --data DIR --method sdr       # the paper's search
     sdr-jax study ablation --target twin --preset smoke                  # a minute or two
-    sdr-jax study ablation --rederive runs/a/ablation.json --out runs/b  # no net at all
+    sdr-jax study ablation --rederive runs/a/ablation.json --out runs/b  # no training
 
 Every variant is a search with the same number of evaluations: without relaxation, with all attributes in one
-group, with groups that ignore correlation, and with environment, positions or densities left random. Nets
-trained on their answers are tested on the test images, paired. The same command continues a killed run.
+group, with groups that ignore correlation, and with environment, positions or densities left random. Networks
+trained on the streets found are tested in pairs on the test images. The same command resumes a killed run.
 """
 
 from __future__ import annotations
@@ -43,24 +43,25 @@ from experiments.tables.form import (
     target_of,
     words,
 )
-from experiments.tables.skeleton import Made, Row, Search, do, of_rows
+from experiments.tables.row_names import TRAINED_ON
+from experiments.tables.skeleton import Answers, Row, Search, do, of_rows
 from experiments.tables.stats import statistics
 from experiments.targets.base import Target
 from scene.attributes import names
 
 FULL: Variant = "full"
-"""The full method, from which losses are measured."""
+"""The full method, with which variants are compared."""
 RANDOM: Variant = "random"
 """All attributes random, without a search."""
 TITLES: dict[Variant, str] = {
     FULL: "the full method",
     "no_relaxation": "no relaxation",
     "no_groups": "no groups: all attributes in one",
-    "shuffled_groups": "shuffled groups: no regard to correlation",
+    "shuffled_groups": "shuffled groups: correlation ignored",
     "no_environment": "environment not optimised",
     "no_positions": "positions not optimised",
     "no_densities": "densities not optimised",
-    RANDOM: "random attributes: no search",
+    RANDOM: f"{TRAINED_ON['random']}: no search",
 }
 FIXED: dict[Variant, tuple[str, ...]] = {
     "no_environment": ENVIRONMENT,
@@ -84,14 +85,14 @@ SHUFFLE = 2020
 def check(config: AblationConfig) -> None:
     """Raise UserError with the flag for a field out of range."""
     if config.search.method == "random_attributes":
-        raise UserError("--search.method random_attributes searches for nothing")
+        raise UserError("--search.method random_attributes does not search: the row random has it")
     if FULL not in config.variants:
-        raise UserError(f"--variants must hold {FULL}, from which losses are measured")
-    planned(config)
+        raise UserError(f"--variants must include {FULL}, with which the others are compared")
+    plan_all(config)
 
 
 def without(config: AblationConfig, variant: Variant) -> AblationConfig:
-    """The configuration of a variant's search; `subset_of` gives its attributes."""
+    """Configure a variant's search; `subset_of` returns its attributes."""
     if variant == "no_relaxation":
         return replace(config, search=replace(config.search, relaxation=0.0))
     if variant == "no_groups":
@@ -102,7 +103,7 @@ def without(config: AblationConfig, variant: Variant) -> AblationConfig:
 
 
 def subset_of(variant: Variant, config: AblationConfig) -> tuple[str, ...]:
-    """The attributes that a variant optimises."""
+    """Return the attributes that a variant optimises."""
     return tuple(name for name in config.varied if name not in FIXED.get(variant, ()))
 
 
@@ -117,15 +118,15 @@ def shuffled(
         seed: seed of the choice.
     """
     order = np.random.default_rng([SHUFFLE, seed]).permutation(len(names))
-    dealt = iter(names[k] for k in order)
-    return tuple(tuple(next(dealt) for _ in group) for group in groups)
+    shuffled_names = iter(names[k] for k in order)
+    return tuple(tuple(next(shuffled_names) for _ in group) for group in groups)
 
 
-def planned(config: AblationConfig) -> dict[Variant, SearchPlan]:
-    """Plan the search of every variant that has one; all begin with the same key.
+def plan_all(config: AblationConfig) -> dict[Variant, SearchPlan]:
+    """Plan the search of every variant that has one; all start from the same random key.
 
     Raises:
-        UserError: evaluations that do not fit its groups, or an option that the method lacks.
+        UserError: the evaluations do not fit the groups, or the method lacks an option.
     """
     method = config.search.method
     return {
@@ -142,23 +143,23 @@ def planned(config: AblationConfig) -> dict[Variant, SearchPlan]:
 
 
 def searches(config: AblationConfig) -> dict[str, Search]:
-    """The search of every variant."""
-    return {variant: partial(search, plan=plan) for variant, plan in planned(config).items()}
+    """Make the search of every variant."""
+    return {variant: partial(search, plan=plan) for variant, plan in plan_all(config).items()}
 
 
 def work(config: AblationConfig) -> list[Work]:
-    """The nets of these searches."""
-    return [plans.work_of(config, list(planned(config).values()))]
+    """Plan the networks of these searches."""
+    return [plans.work_of(config, list(plan_all(config).values()))]
 
 
 def rows(config: AblationConfig, _: Target) -> list[Row]:
-    """The final nets of every variant's answer."""
+    """Make a row for the final networks of every variant."""
 
     def row(variant: Variant) -> Row:
         return Row(
             {"variant": variant},
-            lambda run, made, seed: (
-                config.streets(RANDOM) if variant == RANDOM else made[variant].solution
+            lambda run, answers, seed: (
+                config.streets(RANDOM) if variant == RANDOM else answers[variant].solution
             ),
             config.final,
             what="ablation",
@@ -169,12 +170,12 @@ def rows(config: AblationConfig, _: Target) -> list[Row]:
     return [row(variant) for variant in config.variants]
 
 
-def report(run: Session[AblationConfig], made: Made, rows: list[Report]) -> Report:
+def report(run: Session[AblationConfig], answers: Answers, rows: list[Report]) -> Report:
     """Report the mIoU of every variant with its search."""
     config = run.config
     for row in rows:
-        found = made.get(row["variant"])
-        row["search"] = None if found is None else _search(config, row["variant"], found)
+        answer = answers.get(row["variant"])
+        row["search"] = None if answer is None else _search(config, row["variant"], answer)
     return {
         "method": config.search.method,
         "evaluations": config.evaluations,
@@ -183,15 +184,15 @@ def report(run: Session[AblationConfig], made: Made, rows: list[Report]) -> Repo
     }
 
 
-def _search(config: AblationConfig, variant: Variant, found: Found) -> Report:
-    own, subset = without(config, variant), subset_of(variant, config)
-    intervals = np.round(np.stack(found.solution, axis=-1).astype(float), 6).tolist()
+def _search(config: AblationConfig, variant: Variant, answer: Found) -> Report:
+    changed, subset = without(config, variant), subset_of(variant, config)
+    intervals = np.round(np.stack(answer.solution, axis=-1).astype(float), 6).tolist()
     return {
         "attributes": len(subset),
-        "groups": [[name for name in group if name in subset] for group in own.groups],
-        "relaxation": own.search.relaxation,
-        "rewards": rewards(found),
-        "core_seconds": core_seconds(found),
+        "groups": [[name for name in group if name in subset] for group in changed.groups],
+        "relaxation": changed.search.relaxation,
+        "rewards": rewards(answer),
+        "core_seconds": core_seconds(answer),
         # Centre and width of every attribute; random ones have 0.5 and 1.
         "solution": dict(zip(names(config.space), intervals, strict=True)),
     }
@@ -211,7 +212,7 @@ COLUMNS: list[Column] = [
     ("variant", lambda row: TITLES[row["variant"]]),
     *estimate("mIoU"),
     *estimate(
-        "less the full method",
+        "difference from the full method",
         lambda row: row["gain"] if row["variant"] != FULL else None,
         "+.1f",
     ),
@@ -221,18 +222,18 @@ COLUMNS: list[Column] = [
 
 
 def text(report: Report) -> str:
-    """The table, in Markdown."""
+    """Write the table in Markdown."""
     rows = report["rows"]
     lines = [
         f"{introduction(report)} Each variant is one search by {words(report['method'])} with "
-        f"{report['evaluations']} rewards at {report['rewards_at']}: intervals do not hold what another "
-        "search of the same variant would have found.",
+        f"{report['evaluations']} rewards at {report['rewards_at']}: another search of the same variant may "
+        "find other streets, which the intervals do not cover.",
         "",
         *table(COLUMNS, rows),
         "",
-        "The paper's own differences are NOT of this run: another engine, nets with ImageNet weights, "
-        "300 policy updates. Rewards are of the search's datasets: without relaxation or with fewer "
-        "attributes they are other datasets, so only the nets' mIoU compares variants.",
+        "The paper's own differences are NOT of this run: another engine, networks with ImageNet weights, "
+        "300 policy updates. Compare variants by mIoU, not by rewards: without relaxation or with fewer "
+        "attributes, rewards come from other datasets.",
         *failures(rows),
         *failed_evaluations(row["search"]["rewards"] for row in rows if row["search"]),
     ]
@@ -240,31 +241,31 @@ def text(report: Report) -> str:
 
 
 def picture(report: Report) -> bytes:
-    """Draw mIoU and loss of every variant with the paper's losses, as PNG."""
+    """Plot mIoU and difference of every variant, with the paper's differences, as PNG."""
     rows = report["rows"]
     figure, (left, right) = plt.subplots(
         1, 2, figsize=(13, 1.6 + 0.5 * len(rows)), sharey=True, layout="constrained"
     )
-    known = [(k, row) for k, row in enumerate(rows) if row["mean"] is not None]
+    shown = [(k, row) for k, row in enumerate(rows) if row["mean"] is not None]
     left.barh(
-        [k for k, _ in known], [row["mean"] for _, row in known],
-        xerr=[half(row) for _, row in known], capsize=3,
-        color=["C0" if row["variant"] == FULL else "0.7" for _, row in known],
+        [k for k, _ in shown], [row["mean"] for _, row in shown],
+        xerr=[half(row) for _, row in shown], capsize=3,
+        color=["C0" if row["variant"] == FULL else "0.7" for _, row in shown],
     )  # fmt: skip
     left.set_yticks(range(len(rows)), [TITLES[row["variant"]] for row in rows])
     left.invert_yaxis()
     left.set(xlabel="mIoU on the test images, %, 95 % intervals")
-    lost = [(k, row["gain"]) for k, row in known if row["gain"] and row["variant"] != FULL]
+    gains = [(k, row["gain"]) for k, row in shown if row["gain"] and row["variant"] != FULL]
     right.errorbar(
-        [gain["mean"] for _, gain in lost], [k for k, _ in lost],
-        xerr=[half(gain) for _, gain in lost],
+        [gain["mean"] for _, gain in gains], [k for k, _ in gains],
+        xerr=[half(gain) for _, gain in gains],
         fmt="o", capsize=3, label="here, paired seeds",
     )  # fmt: skip
     paper = [(row["paper"], k) for k, row in enumerate(rows) if row["paper"] is not None]
-    places = [[each[axis] for each in paper] for axis in (0, 1)]
+    places = [[point[axis] for point in paper] for axis in (0, 1)]
     right.plot(*places, "D", color="0.6", mfc="none", label="the paper's own")
     right.axvline(0, color="0.7", lw=0.8)
-    right.set(xlabel="mIoU points against the full method")
+    right.set(xlabel="difference from the full method, mIoU points")
     right.legend(fontsize=8)
     figure.suptitle(
         f"{target_of(report)}, {words(report['method'])}, "

@@ -20,7 +20,7 @@ __all__ = ["curve", "curves", "plt", "png"]
 
 
 def curve(axis: Axes, places: Sequence[float], rows: Sequence[Report], label: str) -> None:
-    """Draw means of a report's rows against their places, with intervals; skip rows without a mean."""
+    """Plot means of a report's rows against their places, with intervals; skip rows without a mean."""
     pairs = [(x, row) for x, row in zip(places, rows, strict=True) if row["mean"] is not None]
     points = sorted((x, row["mean"], half(row)) for x, row in pairs)
     x, y, bars = np.array(points).reshape(-1, 3).T
@@ -35,22 +35,22 @@ def curves(
     title: str,
     log: bool = False,
 ) -> bytes:
-    """Draw the mIoU of several groups of rows against their places, with intervals, as PNG.
+    """Plot the mIoU of several groups of rows against their places, with intervals, as PNG.
 
     Args:
         groups: rows by label.
-        place: gives the place of a row.
+        place: returns the place of a row.
         ticks: labels of places.
         across: label of the horizontal axis.
-        title: title of the figure.
+        title: title of the plot.
         log: whether places are on a logarithmic scale.
     """
     figure, axis = plt.subplots(figsize=(7, 4.5), layout="constrained")
     for k, (label, rows) in enumerate(groups.items()):
-        # Groups are shifted, so that intervals do not overlap.
-        aside = k - (len(groups) - 1) / 2
+        # Groups are shifted so that intervals do not overlap.
+        shift = k - (len(groups) - 1) / 2
         places = map(place, rows)
-        curve(axis, [x * 1.025**aside if log else x + 0.05 * aside for x in places], rows, label)
+        curve(axis, [x * 1.025**shift if log else x + 0.05 * shift for x in places], rows, label)
     if log:
         axis.set_xscale("log")
     axis.set_xticks(list(ticks), list(ticks.values()))
@@ -62,7 +62,7 @@ def curves(
 
 
 def png(figure: Figure, dpi: int = 110, tight: bool = False) -> bytes:
-    """Write a figure as PNG, if asked without its empty margins, and close it."""
+    """Write a figure as PNG, if `tight` without its empty margins, and close it."""
     data = io.BytesIO()
     figure.savefig(data, dpi=dpi, format="png", bbox_inches="tight" if tight else None)
     plt.close(figure)

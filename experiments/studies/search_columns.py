@@ -1,4 +1,4 @@
-"""Fields of searches in the reports of studies."""
+"""What reports of studies say about their searches."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ Rewards = list[float | None]
 """Rewards of one search in percent, in the order of its evaluations; None for failed ones."""
 
 
-def rewards(found: Found) -> Rewards:
-    """The rewards of a search."""
-    return [None if o.failed else 100 * o.reward for o in found.results]
+def rewards(answer: Found) -> Rewards:
+    """Return the rewards of a search."""
+    return [None if result.failed else 100 * result.reward for result in answer.results]
 
 
-def core_seconds(found: Found) -> float:
-    """Core seconds of the rewards, with those from other runs."""
-    return round(sum(result.seconds for result in found.results), 2)
+def core_seconds(answer: Found) -> float:
+    """Sum the core seconds of the rewards, those from other runs included."""
+    return round(sum(result.seconds for result in answer.results), 2)
 
 
 def thirds(values: Sequence[float | None]) -> tuple[float | None, float | None]:
-    """The mean rewards of the first and the last third of a search."""
+    """Compute the mean rewards of the first and the last third of a search."""
     third = max(len(values) // 3, 1)
     return mean(values[:third]), mean(values[-third:])
 
@@ -42,6 +42,6 @@ REWARDS: list[Column] = [
 
 
 def failed_evaluations(searches: Iterable[Rewards]) -> list[str]:
-    """A sentence on the failed evaluations, if there are any."""
+    """Write a sentence on the failed evaluations, if there are any."""
     failed = sum(values.count(None) for values in searches)
-    return ["", f"{failed} evaluations failed and are left out of their update."] if failed else []
+    return ["", f"Left out of their update: {failed} failed evaluations."] if failed else []

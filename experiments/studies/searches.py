@@ -1,16 +1,16 @@
-"""Compares several searches of several methods, at equal numbers of rewards or at equal cost.
+"""Compares search methods, each in several searches, at equal numbers of rewards or at equal cost.
 
     sdr-jax study searches --target camvid --data DIR --holdout 0006R0 --space extended
     sdr-jax study searches --target camvid --data DIR --methods intervals --searches 3
     sdr-jax study searches --target camvid --data DIR --core-minutes 15   # methods at equal cost
     sdr-jax study searches --target twin --preset smoke                   # about a minute
-    sdr-jax study searches --rederive runs/a/searches.json --out runs/b   # no net at all
+    sdr-jax study searches --rederive runs/a/searches.json --out runs/b   # no training
 
 The k-th search of every method has the seed --seed + k and equals the search of the main job with that seed
 and method: with its --store, nothing is evaluated twice. With --core-minutes a search has as many rewards as
-take so long; --subset then optimises some attributes alone. Final nets of all answers, of random attributes,
-of the hand-set street and of the reward images share their seeds, and intervals are over searches and nets.
-The same command continues a killed run.
+take so long; --subset then optimises only some attributes. Final networks of the optimised streets, of random
+streets, of the default street and of the real images share their seeds, and intervals are over searches and
+networks. The same command resumes a killed run.
 """
 
 from __future__ import annotations
@@ -47,46 +47,36 @@ from experiments.tables.form import (
     target_of,
     words,
 )
-from experiments.tables.skeleton import Made, Row, Search, do, of_rows
+from experiments.tables.row_names import TRAINED_ON
+from experiments.tables.skeleton import Answers, Row, Search, do, of_rows
 from experiments.tables.stats import Table, bounded, gain, less, mean, over_both
 from experiments.targets.base import Target
 from scene.attributes import names
 from scene.proposal import describe
 
-BASELINES = {
-    "random": "random attributes",
-    "default": "hand-set attributes",
-    "few": "the few labelled images alone",
-    "real": "the reward images themselves",
-}
-"""Rows without a search."""
 OVER = ("random", "default")
 """Rendered rows without a search, over which gains are measured."""
+BASELINES = {row: TRAINED_ON[row] for row in (*OVER, few_rows.FEW, "real")}
+"""Rows without a search."""
 
 
 def check(config: ManyConfig) -> None:
     """Raise UserError with the flag for a field out of range."""
     if "random_attributes" in config.methods:
-        raise UserError("--methods random_attributes searches for nothing: it is the row random")
-    if config.subset is not None:
-        check_subset(config.subset, config)
-    for name, own in configured(config).items():
-        check_flags(own)
-        plan_of(own, name)
-
-
-def check_subset(subset: tuple[str, ...], config: ManyConfig) -> None:
-    """Raise UserError for attributes that are unknown or held, or for a subset that has no effect."""
+        raise UserError("--methods random_attributes does not search: the row random has it")
     attributes = names(config.space)
-    for name in subset:
+    for name in config.subset or ():
         if name not in attributes:
             raise UserError(f"--subset: unknown attribute {name!r}; known: {', '.join(attributes)}")
         if name in config.held:
             raise UserError(f"--subset: attribute {name} is held by --fix")
+    for name, search_config in configure_all(config).items():
+        check_flags(search_config)
+        plan_of(search_config, name)
 
 
-def configured(config: ManyConfig) -> dict[str, ManyConfig]:
-    """The configuration of every search by name."""
+def configure_all(config: ManyConfig) -> dict[str, ManyConfig]:
+    """Configure every search, by name."""
     return {
         f"{method}-{seed}": replace(config, seed=seed, search=replace(config.search, method=method))
         for seed in range(config.seed, config.seed + config.searches)
@@ -98,7 +88,7 @@ def plan_of(config: ManyConfig, name: str) -> SearchPlan:
     """Plan one of the searches.
 
     Raises:
-        UserError: an option out of range, or too few core minutes.
+        UserError: an option is out of range, or the core minutes are too few.
     """
     if config.core_minutes is None:
         return learn.plan_of(config, name)
@@ -108,37 +98,37 @@ def plan_of(config: ManyConfig, name: str) -> SearchPlan:
 
 
 def searches(config: ManyConfig) -> dict[str, Search]:
-    """Every search."""
+    """Make every search."""
     return {
-        name: partial(learn.learn, config=own, name=name, plan=plan_of(own, name))
-        for name, own in configured(config).items()
+        name: partial(learn.learn, config=one, name=name, plan=plan_of(one, name))
+        for name, one in configure_all(config).items()
     }
 
 
 def work(config: ManyConfig) -> list[Work]:
     """Plan the rewards of all searches."""
-    found: dict[str, list[Work]] = {}
-    for name, own in configured(config).items():
-        for kind in learn.work_of(own, plan_of(own, name)):
-            found.setdefault(kind.what, []).append(kind)
+    by_kind: dict[str, list[Work]] = {}
+    for name, search_config in configure_all(config).items():
+        for stage in learn.work_of(search_config, plan_of(search_config, name)):
+            by_kind.setdefault(stage.what, []).append(stage)
     return [
-        kind[0]._replace(what=f"{what}, {len(kind)} searches", nets=sum(each.nets for each in kind))
-        for what, kind in found.items()
+        stages[0]._replace(what=f"{what}, {len(stages)} searches", nets=sum(s.nets for s in stages))
+        for what, stages in by_kind.items()
     ]
 
 
 def rows(config: ManyConfig, target: Target) -> list[Row]:
-    """Rows of every answer, beside the few labelled images if there are any, and rows without a search."""
+    """Make rows for every search, plus the labelled subset if there is one, and rows without a search."""
 
-    def images(side: Any, run: Session[ManyConfig], made: Made, seed: int) -> Source:
+    def images(side: Any, run: Session[ManyConfig], answers: Answers, seed: int) -> Source:
         return run.images(config.final, side)
 
-    def streets(name: str, run: Session[ManyConfig], made: Made, seed: int) -> Source:
+    def streets(name: str, run: Session[ManyConfig], answers: Answers, seed: int) -> Source:
         return run.with_few(config.final, config.streets(name))
 
-    def answer(name: str, run: Session[ManyConfig], made: Made, seed: int) -> Source:
-        found: Found = made[name]
-        return run.with_few(config.final, found.solution)
+    def optimised(name: str, run: Session[ManyConfig], answers: Answers, seed: int) -> Source:
+        answer: Found = answers[name]
+        return run.with_few(config.final, answer.solution)
 
     def row(name: str, source: Any, after: str = "", real: bool = False) -> Row:
         return Row({"name": name}, source, config.final, "searches", name, after, real)
@@ -146,13 +136,13 @@ def rows(config: ManyConfig, target: Target) -> list[Row]:
     return [
         *([row(few_rows.FEW, partial(images, "few"), real=True)] if target.few_names else []),
         *(row(name, partial(streets, name)) for name in OVER),
-        *(row(name, partial(answer, name), name) for name in configured(config)),
+        *(row(name, partial(optimised, name), name) for name in configure_all(config)),
         row("real", partial(images, "labelled"), real=True),
     ]
 
 
-def report(run: Session[ManyConfig], made: Made, rows: list[Report]) -> Report:
-    """Report the mIoU of every search's nets, and the course of the search."""
+def report(run: Session[ManyConfig], answers: Answers, rows: list[Report]) -> Report:
+    """Report the mIoU of every search's networks, and the course of the search."""
     config = run.config
     scored = {row["name"]: row["nets"] for row in rows}
     return {
@@ -162,39 +152,39 @@ def report(run: Session[ManyConfig], made: Made, rows: list[Report]) -> Report:
         "subset": config.subset,
         "evaluations": None if config.core_minutes else learn.plan_of(config).evaluations,
         "space": config.space,
-        "baselines": {name: own for name, own in scored.items() if name in BASELINES},
+        "baselines": {name: nets for name, nets in scored.items() if name in BASELINES},
         "searches": [
             {
-                "method": own.search.method,
-                "seed": own.seed,
-                "rewards": rewards(made[name]),
-                "core_seconds": core_seconds(made[name]),
-                **describe(made[name].solution),
+                "method": one.search.method,
+                "seed": one.seed,
+                "rewards": rewards(answers[name]),
+                "core_seconds": core_seconds(answers[name]),
+                **describe(answers[name].solution),
                 "nets": scored[name],
             }
-            for name, own in configured(config).items()
+            for name, one in configure_all(config).items()
         ],
     }
 
 
 def derive(report: Report) -> Report:
-    """Add a row for each method, over its searches and nets, and each search's gain to the report.
+    """Add a row for each method, over its searches and networks, and each search's gain to the report.
 
-    Earlier versions chose a search's answer by model selection; of their reports the method's own is shown.
+    Earlier versions chose a search's streets by model selection; of their reports the method's own are shown.
     """
-    baselines = {name: miou(own) for name, own in report["baselines"].items()}
+    baselines = {name: miou(nets) for name, nets in report["baselines"].items()}
     real = mean(baselines["real"])
 
     def row(name: str, values: Table, searches: int) -> Report:
-        own = bounded(over_both(values))
+        scores = bounded(over_both(values))
         gains = {
             f"gain_over_{base}": None
             if name in BASELINES
             else over_both(less(values, baselines[base]))
             for base in OVER
         }
-        share = None if own["mean"] is None or not real else 100 * own["mean"] / real
-        return {"name": name, "searches": searches, **own, **gains, "of_real": share}
+        share = None if scores["mean"] is None or not real else 100 * scores["mean"] / real
+        return {"name": name, "searches": searches, **scores, **gains, "of_real": share}
 
     rows = [row(name, [values], 0) for name, values in baselines.items() if name != "real"]
     searches = []
@@ -210,14 +200,14 @@ def derive(report: Report) -> Report:
 
 
 def _nets(search: Report) -> list[Report | None]:
-    """Scores of the nets of a search's answer; in earlier reports another may have been chosen instead."""
+    """Return scores of the networks of a search's own streets; earlier reports may have chosen others."""
     scored: list[Report | None] = search["own_nets" if "own_nets" in search else "nets"]
     return scored
 
 
 def _title(row: Report) -> str:
-    """The training set of a row in words."""
-    return BASELINES.get(row["name"], f"learnt by {words(row['name'])}")
+    """Write the training set of a row in words."""
+    return BASELINES.get(row["name"], f"optimised by {words(row['name'])}")
 
 
 def _best(search: Report) -> float | None:
@@ -225,11 +215,11 @@ def _best(search: Report) -> float | None:
 
 
 COLUMNS: list[Column] = [
-    ("nets trained on", _title),
+    ("trained on", _title),
     ("searches", lambda row: str(row["searches"] or "")),
     *estimate("mIoU"),
     *estimate("gain over random", lambda row: row["gain_over_random"], "+.1f"),
-    *estimate("gain over hand-set", lambda row: row["gain_over_default"], "+.1f"),
+    *estimate("gain over default", lambda row: row["gain_over_default"], "+.1f"),
     ("of real, %", lambda row: number(row["of_real"], ".0f")),
 ]
 EACH: list[Column] = [
@@ -237,7 +227,7 @@ EACH: list[Column] = [
     ("seed", lambda search: str(search["seed"])),
     ("mIoU", lambda search: number(search["learnt"])),
     estimate("over random", lambda search: search["over_random"], "+.1f")[0],
-    estimate("over hand-set", lambda search: search["over_default"], "+.1f")[0],
+    estimate("over default", lambda search: search["over_default"], "+.1f")[0],
     ("rewards", lambda search: str(len(search["rewards"]))),
     ("reward, first third", lambda search: number(thirds(search["rewards"])[0])),
     ("last third", lambda search: number(thirds(search["rewards"])[1])),
@@ -246,33 +236,33 @@ EACH: list[Column] = [
 
 
 def text(report: Report) -> str:
-    """The tables, in Markdown."""
-    searches, beside = report["searches"], len(report.get("few_images", ()))
+    """Write the tables in Markdown."""
+    searches, labels = report["searches"], len(report.get("few_images", ()))
     nets = [*report["baselines"].values(), *map(_nets, searches)]
     lines = [
         introduction(report),
         "",
         f"{_spent(report)} at {report['rewards_at']} in the space {report['space']}{_subset(report)}. "
         + _intervals(report),
-        *([f"All rendered sets stand beside {beside} labelled images."] if beside else []),
+        *([f"All rendered sets are mixed with {labels} labelled images."] if labels else []),
         "",
         *table(COLUMNS, report["rows"]),
         "",
-        "Every search, mIoU of its nets and rewards in percent:",
+        "Every search: mIoU of its networks, and its rewards, in percent:",
         "",
         *table(EACH, searches),
-        *failures([{"nets": own} for own in nets]),
+        *failures([{"nets": row_nets} for row_nets in nets]),
         *failed_evaluations(search["rewards"] for search in searches),
     ]
     return "\n".join(lines)
 
 
 def _intervals(report: Report) -> str:
-    """What the intervals are over, in words."""
+    """Say what the intervals are over."""
     if _many(report):
         return (
-            "Intervals of methods are over searches and seeds of nets, both drawn at random: a two-way "
-            "analysis of variance with Satterthwaite's degrees of freedom."
+            "Intervals of methods are over searches and seeds of networks, both random: a two-way analysis "
+            "of variance with Satterthwaite's degrees of freedom."
         )
     return ONE_SEARCH
 
@@ -283,7 +273,7 @@ def _many(report: Report) -> bool:
 
 
 def _spent(report: Report) -> str:
-    """What every search had, in words."""
+    """Say what every search had."""
     if report.get("core_minutes"):
         return f"Every search had rewards for {report['core_minutes']:g} minutes of a core"
     counts = sorted({len(search["rewards"]) for search in report["searches"]})
@@ -291,27 +281,26 @@ def _spent(report: Report) -> str:
 
 
 def _subset(report: Report) -> str:
-    """Which attributes were optimised, in words; nothing where all were."""
+    """Say which attributes were optimised; empty if all were."""
     subset = report.get("subset")
     return f"; {', '.join(subset)} were optimised, the others are random" if subset else ""
 
 
 def picture(report: Report) -> bytes:
-    """Draw the mIoU of every row with its interval, and of every search, as PNG."""
+    """Plot the mIoU of every row with its interval, and of every search, as PNG."""
     rows = [row for row in report["rows"] if row["mean"] is not None]
     figure, axis = plt.subplots(figsize=(8, 1.2 + 0.45 * len(rows)), layout="constrained")
     for place, row in enumerate(rows):
         color = "0.4" if row["name"] in BASELINES else "C0"
         bar = half(row)
         axis.errorbar(row["mean"], place, xerr=bar, fmt="o", capsize=4, color=color, zorder=3)
-        own = [s["learnt"] for s in report["searches"] if s["method"] == row["name"]]
-        axis.plot(own, [place + 0.2] * len(own), "|", color=color, ms=9, alpha=0.7)
+        searches = [s["learnt"] for s in report["searches"] if s["method"] == row["name"]]
+        axis.plot(searches, [place + 0.2] * len(searches), "|", color=color, ms=9, alpha=0.7)
     axis.set_yticks(range(len(rows)), list(map(_title, rows)))
     axis.invert_yaxis()
     axis.grid(axis="x", alpha=0.3)
-    over = "searches and nets" if _many(report) else "nets"
-    told = f"95 % intervals over {over}; strokes: searches"
-    axis.set(xlabel=f"mIoU on the test images, %\n{told}")
+    over = "searches and networks" if _many(report) else "networks"
+    axis.set(xlabel=f"mIoU on the test images, %\n95 % intervals over {over}; strokes: searches")
     axis.set_title(target_of(report), fontsize=10)
     return png(figure)
 

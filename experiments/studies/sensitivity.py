@@ -1,11 +1,11 @@
-"""Finds from recorded rewards which of the 23 attributes matter, and which of them together.
+"""Finds which attributes matter, alone and together, from recorded rewards.
 
     sdr-jax study sensitivity --target camvid --records benchmarks/data/camvid.jsonl
     sdr-jax study sensitivity --target camvid --data DIR --holdout 0006R0 --store FILE
     sdr-jax study sensitivity --target twin --preset smoke                # a minute or two
 
-With --records nothing is rendered and no data are needed. Otherwise rewards come from the store and the run
-folder, and missing ones are made first. The same command continues a killed run.
+With --records nothing is rendered, and no data are needed. Otherwise rewards come from the store and the run
+folder, after missing ones have been made. The same command resumes a killed run.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from experiments.config.cli import command
 from experiments.config.jobs import SensitivityConfig
 from experiments.evaluation.cost import cost_of
 from experiments.evaluation.job import Job, Result
-from experiments.evaluation.job import verdict as told
+from experiments.evaluation.job import verdict as outcome
 from experiments.evaluation.runner import refuse_failed
 from experiments.session.session import FREE_FIELDS, PACKAGES, Session, Work
 from experiments.studies.figure import plt, png
@@ -46,7 +46,7 @@ from scene.held import in_words
 from scene.version import ENGINE
 
 SENSITIVITY_SEED = 20_000_000
-"""The first seed, above those of a run's rows and of the measurement of fidelity."""
+"""The first seed, above those of a run's rows and of the study of fidelity."""
 TOP_PAIRS = 10
 ACROSS = 6
 """Number of panels in a row."""
@@ -62,26 +62,27 @@ def analyse(config: SensitivityConfig) -> Report:
     if not config.records or config.rederive is not None:
         return do(STUDY, config)
     check_all(STUDY, config)
-    where = ", ".join(map(str, config.records))
-    records = enough(read(config.records, config, config.target_name, config.records_config), where)
+    origin = ", ".join(map(str, config.records))
+    records = read(config.records, config, config.target_name, config.records_config)
+    records = enough(records, origin)
     real = config.target != "twin"
-    words = config.target if real else f"the {config.target_name}, NOT real data"
-    plain = {"engine": ENGINE, **asdict(config)}
-    with folder.opened(config.out, plain, free=FREE_FIELDS, packages=PACKAGES):
-        scores = _report(config, real, f"{words}, recorded in {where}", records)
+    target = config.target if real else f"the {config.target_name}, NOT real data"
+    settings = {"engine": ENGINE, **asdict(config)}
+    with folder.opened(config.out, settings, free=FREE_FIELDS, packages=PACKAGES):
+        scores = _report(config, real, f"{target}, recorded in {origin}", records)
         report = write_report(FORM, scores, config.out)
     print(f"{FORM.text(report)}\n{config.out / 'sensitivity.md'}", flush=True)
     return report
 
 
 def _report(config: SensitivityConfig, real: bool, note: str, records: Records) -> Report:
-    said = {"target": config.target_name, "real": real, "note": note, "preset": config.preset}
-    return {**said, "held": in_words(config.held), **summarize(records)}
+    about = {"target": config.target_name, "real": real, "note": note, "preset": config.preset}
+    return {**about, "held": in_words(config.held), **summarize(records)}
 
 
 def plan(config: SensitivityConfig, _: Any = None) -> list[Work]:
-    """Plan all rewards at most; the store may have some."""
-    return [Work.at("rewards of random attributes at most", config.evaluations, config.reward)]
+    """Plan all rewards; the store may already have some."""
+    return [Work.at("rewards of random streets, at most", config.evaluations, config.reward)]
 
 
 def scores(run: Session[SensitivityConfig], _: Any) -> Report:
@@ -99,25 +100,25 @@ def record(run: Session[SensitivityConfig]) -> Records:
         for k, proposal in enumerate(random_bins(config, config.evaluations))
     ]
     # Rewards of other runs at this fidelity count, too.
-    own = run.runner.about(jobs[0])["config"]
-    drawn = {run.runner.key(job) for job in jobs}
+    name = run.runner.about(jobs[0])["config"]
+    job_keys = {run.runner.key(job) for job in jobs}
     others = sum(
-        line["config"] == own and None not in (line["reward"], line["centre"])
-        for key, line in _known(run).items()
-        if key not in drawn
+        line["config"] == name and None not in (line["reward"], line["centre"])
+        for key, line in _records(run).items()
+        if key not in job_keys
     )
-    wanted = jobs[: max(config.evaluations - others, 0)]
-    run.progress.advance(cost_of(config.reward) * (len(jobs) - len(wanted)), replayed=True)
+    missing = jobs[: max(config.evaluations - others, 0)]
+    run.progress.advance(cost_of(config.reward) * (len(jobs) - len(missing)), replayed=True)
 
-    def said(index: int, result: Result) -> str:
-        return f"reward {index + 1}/{len(wanted)} | {told(result)}"
+    def progress_line(index: int, result: Result) -> str:
+        return f"reward {index + 1}/{len(missing)} | {outcome(result)}"
 
-    refuse_failed(run.runner.run(wanted, say=said), len(wanted))
-    return choose(_known(run).values(), run.target.name, config.space, own, str(config.out))
+    refuse_failed(run.runner.run(missing, say=progress_line), len(missing))
+    return choose(_records(run).values(), run.target.name, config.space, name, str(config.out))
 
 
-def _known(run: Session[SensitivityConfig]) -> dict[str, dict[str, Any]]:
-    """The evaluations of store and run by key."""
+def _records(run: Session[SensitivityConfig]) -> dict[str, dict[str, Any]]:
+    """Return the evaluations of store and run by key."""
     stored = [] if run.store is None else run.store.records
     lines = (*stored, *run.finals.records)
     return {line["key"]: line for line in lines if holds(line, run.config)}
@@ -140,7 +141,7 @@ COLUMNS: list[Column] = [
     ("95 % interval", lambda row: _interval(row["total"])),
     ("best value", lambda row: f"{row['best']:.3g} {row['unit']}"),
     ("90 % range", lambda row: "{:.3g} to {:.3g}".format(*row["range90"])),
-    ("worth, mIoU points", lambda row: f"{row['worth']:.1f}"),
+    ("gain, mIoU points", lambda row: f"{row['worth']:.1f}"),
 ]
 PAIRS: list[Column] = [
     ("attributes", lambda row: " × ".join(map(words, row["names"]))),
@@ -150,16 +151,16 @@ PAIRS: list[Column] = [
 
 
 def text(report: Report) -> str:
-    """The tables, in Markdown."""
+    """Write the tables in Markdown."""
     records, r2, noise = report["records"], report["r2"], report["noise"]
     failed = f", {records['failed']} failed ones left out" if records["failed"] else ""
     value, ci95 = number(r2["value"], ".2f") or "undefined", interval(r2["ci95"], ".2f")
-    between = ci95 and f" (95 % interval {ci95})"
-    repeats = "no proposal was scored twice"
+    range_ = ci95 and f" (95 % interval {ci95})"
+    repeats = "no proposal was evaluated twice"
     if noise["repeats"] is not None:
         repeats = (
-            f"{noise['repeats']:.2f} by proposals scored more than once ({noise['degrees']} degrees of "
-            "freedom)"
+            f"{noise['repeats']:.2f} from proposals evaluated more than once ({noise['degrees']} degrees "
+            "of freedom)"
         )
     signal, interactions = report["signal"], report["interactions"]
     ranked = [{"rank": k, **row} for k, row in enumerate(report["attributes"], 1)]
@@ -167,20 +168,19 @@ def text(report: Report) -> str:
         f"Target: {report['note']}. {records['rewards']} rewards of {records['proposals']} proposals"
         f"{failed}, mean {records['mean']:.1f}, standard deviation {records['sd']:.2f} mIoU points: "
         f"{records['words']}.",
-        *(f"Left aside: {aside}." for aside in records["left_aside"]),
+        *(f"Not analysed: {aside}." for aside in records["left_aside"]),
         *([starts(report).strip()] if starts(report) else []),
         "",
-        f"Cross-validated R²: {value}{between}, over {r2['folds']} folds. {verdict(r2)}",
-        f"Noise of one reward (standard deviation, mIoU points): {noise['model']:.2f} by the model, which "
-        f"is off by {r2['error']:.2f} on rewards that it has not seen; "
-        f"{repeats}.",
-        f"Were all attributes uniform over their ranges, the signal would be {_value(signal)} % of the "
-        f"rewards' variance ({_interval(signal)}), and interactions {_value(interactions)} % of the signal "
-        f"({_interval(interactions)}).",
+        f"Cross-validated R²: {value}{range_}, over {r2['folds']} folds. {verdict(r2)}",
+        f"Noise of one reward (standard deviation, mIoU points): {noise['model']:.2f} from the model, whose "
+        f"error is {r2['error']:.2f} on rewards that it has not seen; {repeats}.",
+        "If all attributes were uniform over their ranges, the signal would be "
+        f"{_value(signal)} % of the rewards' variance ({_interval(signal)}), and interactions "
+        f"{_value(interactions)} % of the signal ({_interval(interactions)}).",
         "",
-        "Shares are Sobol indices of the expected model, their intervals those of its posterior: where one "
-        "begins at 0.0, the attribute may do nothing. Best values are of the attribute alone, averaged "
-        "over all others; what it is worth is the way from its worst to its best value.",
+        "Shares are Sobol indices of the expected model with intervals of its posterior: an attribute whose "
+        "interval starts at 0.0 may have no effect. Best value and gain (from the worst to the best value) "
+        "are those of the attribute alone, averaged over all others.",
         "",
         *table(COLUMNS, ranked),
         "",
@@ -192,7 +192,7 @@ def text(report: Report) -> str:
 
 
 def picture(report: Report) -> bytes:
-    """Draw the picture as PNG."""
+    """Plot shares and main effects of all attributes, as PNG."""
     rows = report["attributes"]
     down = -(-len(rows) // ACROSS)
     # Margins are fixed, since an automatic layout takes ten seconds for so many axes.
@@ -208,13 +208,13 @@ def picture(report: Report) -> bytes:
 
 
 def _bars(figure: Figure | SubFigure, rows: list[Report]) -> None:
-    """Draw shares alone and with interactions, with their intervals, the largest on top."""
+    """Plot shares alone and with interactions, with their intervals, the largest on top."""
     axis = figure.subplots(gridspec_kw={"left": 0.36, "right": 0.97, "bottom": 0.07, "top": 0.92})
     places = np.arange(len(rows))
     for offset, kind, label in ((-0.2, "share", "alone"), (0.2, "total", "with interactions")):
         values = np.array([row[kind]["value"] for row in rows])
         ends = np.array([row[kind]["ci95"] for row in rows]).T
-        # The mean of a skew posterior may lie outside its interval.
+        # The mean of a skewed posterior may lie outside its interval.
         wings = np.maximum([values - ends[0], ends[1] - values], 0)
         axis.barh(places + offset, values, 0.4, xerr=wings, label=label, error_kw={"lw": 0.8})
     axis.set_yticks(places, [words(row["name"]) for row in rows], fontsize=8)
@@ -225,7 +225,7 @@ def _bars(figure: Figure | SubFigure, rows: list[Report]) -> None:
 
 
 def _curves(figure: Figure | SubFigure, report: Report, down: int) -> None:
-    """Draw main effects of all attributes, in the order of the bars, on one scale of rewards."""
+    """Plot main effects of all attributes, in the order of the bars, on one scale of rewards."""
     margins = {"left": 0.05, "right": 0.99, "bottom": 0.05, "top": 0.92}
     spaces = {"hspace": 0.4, "wspace": 0.08}
     axes = figure.subplots(down, ACROSS, sharey=True, gridspec_kw=margins | spaces).ravel()

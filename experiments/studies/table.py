@@ -1,14 +1,13 @@
-"""The paper's table 2: tests nets of different training sets on the target's test images.
+"""The paper's table 2: tests networks of different training sets on the target's test images.
 
     sdr-jax study table --target camvid --data DIR --holdout 0006R0
     sdr-jax study table --target camvid --data DIR --gta5 DIR --synthia DIR --nets compact fcn8s
     sdr-jax study table --target twin --preset smoke                     # a minute or two
-    sdr-jax study table --rederive runs/a/table.json --out runs/b        # no net at all
+    sdr-jax study table --rederive runs/a/table.json --out runs/b        # no training
 
-Training sets are SceneX with random attributes, with the hand-set street and with learnt attributes, other
-data sets, and the reward images themselves. Attributes are learnt first, unless --learnt names those of an
-earlier run; with its --store, that run's nets are not trained again.
-The same command continues a killed run.
+Training sets are SceneX (random streets, the default street, optimised streets), other data sets, and the
+labelled images themselves. The search runs first, unless --learnt names the streets of an earlier run; with
+its --store, that run's networks are not trained again. The same command resumes a killed run.
 """
 
 from __future__ import annotations
@@ -50,15 +49,7 @@ from experiments.tables.form import (
     target_of,
 )
 from experiments.tables.nets import with_net
-from experiments.tables.skeleton import (
-    LEARNT,
-    Made,
-    Row,
-    attributes,
-    do,
-    learnt_from,
-    of_rows,
-)
+from experiments.tables.skeleton import LEARNT, Answers, Row, attributes, do, learnt_from, of_rows
 from experiments.tables.stats import gain, mean, statistics
 from experiments.targets.base import Target
 from seg.classes import CITYSCAPES_19, IGNORE_LABEL, SYNTHIA_13, SYNTHIA_16, class_table
@@ -66,9 +57,9 @@ from seg.data import LabelledImages, load, subset
 from seg.settings import VGG_NETS, NetName
 from seg.weights import described
 
-BASELINE, EYE = "random", "default"
+BASELINE, DEFAULT = "random", "default"
 """Rows over which gains are measured."""
-RENDERED = (BASELINE, EYE, LEARNT)
+RENDERED = (BASELINE, DEFAULT, LEARNT)
 """Rows whose training sets are rendered."""
 OTHERS = ("gta5", "synthia", "kitti")
 """Rows of other data sets, which are also the names of flags and layouts."""
@@ -79,12 +70,11 @@ TRAINED_ON = {
 }
 """Training sets in the order of the table."""
 SUBSETS = {"16": SYNTHIA_16, "13": SYNTHIA_13}
-"""Classes over which nets trained on SYNTHIA are compared on labels of Cityscapes."""
+"""Classes over which networks trained on SYNTHIA are compared on labels of Cityscapes."""
 
 PAPER_NOTE = (
-    "The paper's own numbers, NOT of this run: nets with ImageNet weights, 20,000 steps, test images at "
-    "480x360 (CamVid) or 1024x512 (Cityscapes). They say which way differences go, not how high ours "
-    "should be."
+    "The paper's own numbers, NOT of this run: networks with ImageNet weights, 20,000 steps, test images at "
+    "480x360 (CamVid) or 1024x512 (Cityscapes). Compare the direction of differences, not their size."
 )
 PAPER: dict[str, dict[str, tuple[int, float, float]]] = {
     "camvid": {
@@ -112,87 +102,87 @@ def check(config: TableConfig) -> None:
 
 
 def fidelity_of(config: TableConfig, name: NetName) -> Fidelity:
-    """The fidelity of a net with its recipe: its own, or the final one."""
+    """Return the fidelity of a network with its recipe: its own, or the final one."""
     vgg = name in VGG_NETS
-    own = config.vgg if vgg else config.compact if name == "compact" else config.final
+    fidelity = config.vgg if vgg else config.compact if name == "compact" else config.final
     if name == config.final.train.net or (vgg and config.final.train.net in VGG_NETS):
-        own = config.final
-    return with_net(own, name, str(config.weights) if config.weights else None)
+        fidelity = config.final
+    return with_net(fidelity, name, str(config.weights) if config.weights else None)
 
 
 def others(config: TableConfig, target: Target, fidelity: Fidelity) -> dict[str, LabelledImages]:
-    """Other data sets as training sets, as large as a net's rendered ones, with ids of the target's table.
+    """Read other data sets as training sets, as large as a rendered one, with ids of the target's classes.
 
     Raises:
         UserError, DataError: the data are wrong.
     """
     limit = None if config.all_images else fidelity.images
     size = (fidelity.height, fidelity.width)
-    found = {}
+    data_sets = {}
     for layout, root in zip(OTHERS, (config.gta5, config.synthia, config.kitti), strict=True):
         if root is not None:
             files = shipped(layout)
-            listed = [entry for own in list_all(files, root).values() for entry in own]
+            listed = [entry for split in list_all(files, root).values() for entry in split]
             entries = subset(sorted(listed), limit, config.seed)
-            of = f"images of {fidelity.size} (--no-all-images takes {fidelity.images})"
-            refuse_larger(f"--{layout}", len(entries), lambda n: 4 * n * size[0] * size[1], of)
+            what = f"images of {fidelity.size} (--no-all-images takes {fidelity.images})"
+            refuse_larger(f"--{layout}", len(entries), lambda n: 4 * n * size[0] * size[1], what)
             data = load(entries, files, size)
             labels = class_table(target.table).from_train_id[data.labels]
             if np.all(labels == IGNORE_LABEL):
-                raise UserError(f"--{layout} {root}: all labels are void")
-            found[layout] = LabelledImages(data.images, labels)
-    return found
+                raise UserError(f"--{layout} {root}: no pixel has a class of {target.name}")
+            data_sets[layout] = LabelledImages(data.images, labels)
+    return data_sets
 
 
 def rows(config: TableConfig, target: Target) -> list[Row]:
-    """Rows of each net: rendered sets, these beside the few images if there are any, and sets of images."""
-    read: dict[tuple[int, int, int], dict[str, LabelledImages]] = {}  # nets of one size share them
-    found = []
+    """Make the rows of each network: rendered sets, alone and mixed with labels, and sets of real images."""
+    by_shape: dict[tuple[int, int, int], dict[str, LabelledImages]] = {}  # read once for each size
+    table_rows = []
     for net in config.nets:
         at = fidelity_of(config, net)
         shape = (at.height, at.width, at.images)
-        if shape not in read:
-            read[shape] = others(config, target, at)
-        some = len(target.few_names)
-        alone = {few_rows.FEW: some} if some else {}
-        alone |= {name: len(own.images) for name, own in read[shape].items()}
-        alone["real"] = len(target.reward_names) + some
-        beside = [f"{few_rows.FEW}+{name}" for name in RENDERED] if some else []
-        for name in sorted([*RENDERED, *beside, *alone], key=[*TRAINED_ON].index):
-            images = alone.get(name, at.images + some * (name in beside))
+        if shape not in by_shape:
+            by_shape[shape] = others(config, target, at)
+        few = len(target.few_names)
+        real = {few_rows.FEW: few} if few else {}
+        real |= {name: len(data.images) for name, data in by_shape[shape].items()}
+        real["real"] = len(target.reward_names) + few
+        mixed = [f"{few_rows.FEW}+{name}" for name in RENDERED] if few else []
+        for name in sorted([*RENDERED, *mixed, *real], key=[*TRAINED_ON].index):
+            images = real.get(name, at.images + few * (name in mixed))
             place = {"net": net, "trained_on": name, "images": images}
             row = Row(
                 {**place, "size": at.size, "steps": at.train.steps},
-                partial(_source, name, at, read[shape]),
+                partial(_source, name, at, by_shape[shape]),
                 at,
                 what=f"table, {net}",
                 name=name,
                 after=LEARNT if name.endswith(LEARNT) else "",
-                real=name in alone,
+                real=name in real,
             )
-            found.append(row)
-    return found
+            table_rows.append(row)
+    return table_rows
 
 
 def _source(
     name: str,
     at: Fidelity,
-    given: dict[str, LabelledImages],
+    data_sets: dict[str, LabelledImages],
     run: Session[TableConfig],
-    made: Made,
+    answers: Answers,
     seed: int,
 ) -> Source:
-    """The training set of a row's net."""
-    if name in given:
-        return given[name]
+    """Make the training set of a row's network."""
+    if name in data_sets:
+        return data_sets[name]
     if name in (few_rows.FEW, "real"):
         return run.images(at, "few" if name == few_rows.FEW else "labelled")
-    rendered = attributes(run, made, name.removeprefix(f"{few_rows.FEW}+"))
+    rendered = attributes(run, answers, name.removeprefix(f"{few_rows.FEW}+"))
     return rendered if name in RENDERED else run.with_few(at, rendered)
 
 
-def report(run: Session[TableConfig], _: Made, rows: list[Report]) -> Report:
-    """Report the mIoU, and the weights from which nets start."""
+def report(run: Session[TableConfig], _: Answers, rows: list[Report]) -> Report:
+    """Report the mIoU, and the weights from which networks start."""
     config = run.config
     starts = [described(fidelity_of(config, name).train) for name in config.nets]
     return {
@@ -204,46 +194,50 @@ def report(run: Session[TableConfig], _: Made, rows: list[Report]) -> Report:
 
 
 def subset_miou(scored: Sequence[Report | None], classes: Sequence[int]) -> list[float | None]:
-    """Every net's mean IoU over some classes in percent, as `seg.metrics.mean_iou`.
+    """Compute every network's mean IoU over some classes in percent, as `seg.metrics.mean_iou`.
 
-    It is None if the net failed, or if all of the classes are absent from the ground truth.
+    It is None if the network failed, or if all of the classes are absent from the ground truth.
     """
     return [None if net is None else mean([net["class_iou"][k] for k in classes]) for net in scored]
 
 
 def derive(report: Report) -> Report:
     """Add means, intervals and gains of the nets' mIoU to the report."""
-    classes, known = report["classes"], PAPER.get(report["target"])
-    own = {(row["net"], row["trained_on"]): row["nets"] for row in report["rows"]}
+    classes, paper = report["classes"], PAPER.get(report["target"])
+    scored = {(row["net"], row["trained_on"]): row["nets"] for row in report["rows"]}
     subsets = SUBSETS if classes == list(CITYSCAPES_19.classes) else {}
     rows = []
     for row in report["rows"]:
-        scored, baseline, eye = row["nets"], own[row["net"], BASELINE], own.get((row["net"], EYE))
+        nets, baseline = row["nets"], scored[row["net"], BASELINE]
+        default = scored.get((row["net"], DEFAULT))
         over = {
-            name: statistics(subset_miou(scored, ids), subset_miou(baseline, ids))
+            name: statistics(subset_miou(nets, ids), subset_miou(baseline, ids))
             for name, ids in subsets.items()
         }
-        found = {
-            "size": row.get("size", report["scored_at"]),  # older reports have none
-            "gain_over_default": eye and gain(miou(scored), miou(eye)),
-            "over_classes": over,
-            "class_iou": class_means(scored, classes),
-        }
-        rows.append({**row, **statistics(miou(scored), miou(baseline)), **found})
-    paper = known and [
+        rows.append(
+            {
+                **row,
+                **statistics(miou(nets), miou(baseline)),
+                "size": row.get("size", report["scored_at"]),  # older reports have none
+                "gain_over_default": default and gain(miou(nets), miou(default)),
+                "over_classes": over,
+                "class_iou": class_means(nets, classes),
+            }
+        )
+    paper_rows = paper and [
         {"trained_on": name, **dict(zip(("images", "fcn8s", "deeplabv2"), values, strict=True))}
-        for name, values in known.items()
+        for name, values in paper.items()
     ]
     absent = [name for name in classes if all(row["class_iou"][name] is None for row in rows)]
     return {
         **report,
         "rows": rows,
         "classes_absent_from_truth": absent,
-        "paper": {"note": PAPER_NOTE, "rows": paper} if known else None,
+        "paper": {"note": PAPER_NOTE, "rows": paper_rows} if paper else None,
     }
 
 
-NET: Column = ("net", lambda row: row["net"])
+NET: Column = ("network", lambda row: row["net"])
 SET: Column = ("trained on", lambda row: TRAINED_ON[row["trained_on"]])
 COLUMNS: list[Column] = [
     NET,
@@ -257,8 +251,10 @@ COLUMNS: list[Column] = [
         "+.1f",
     ),
     *estimate(
-        "over hand-set",
-        lambda row: row["gain_over_default"] if row["trained_on"] not in (BASELINE, EYE) else None,
+        "over default",
+        lambda row: (
+            row["gain_over_default"] if row["trained_on"] not in (BASELINE, DEFAULT) else None
+        ),
         "+.1f",
     ),
 ]
@@ -269,7 +265,7 @@ def _present(report: Report) -> list[str]:
 
 
 def text(report: Report) -> str:
-    """The tables, in Markdown."""
+    """Write the tables in Markdown."""
     absent, classes = report["classes_absent_from_truth"], _present(report)
     subsets = list(report["rows"][0]["over_classes"])
     over = [
@@ -288,20 +284,20 @@ def text(report: Report) -> str:
     ]
     lines += table([NET, SET, *by_class], report["rows"])
     if absent:
-        lines += ["", f"Never in the truth, and so in no mean: {', '.join(absent)}."]
+        lines += ["", f"Not in the test labels, and so in no mean: {', '.join(absent)}."]
     lines += failures(report["rows"])
     if report["paper"]:
-        own = [
+        paper = [
             [TRAINED_ON[r["trained_on"]], *(str(r[c]) for c in ("images", "fcn8s", "deeplabv2"))]
             for r in report["paper"]["rows"]
         ]
         lines += ["", report["paper"]["note"], ""]
-        lines += markdown(["trained on", "images", "FCN8s", "DeepLabv2"], own)
+        lines += markdown(["trained on", "images", "FCN8s", "DeepLabv2"], paper)
     return "\n".join(lines)
 
 
 def picture(report: Report) -> bytes:
-    """Draw the mIoU of every training set and net, and the IoU of each class, as PNG."""
+    """Plot the mIoU of every training set and network, and the IoU of each class, as PNG."""
     names = list(dict.fromkeys(row["net"] for row in report["rows"]))
     sets = list(dict.fromkeys(row["trained_on"] for row in report["rows"]))
     classes = _present(report)
@@ -311,8 +307,8 @@ def picture(report: Report) -> bytes:
         down, across, figsize=(6 * across, (1.5 + 0.3 * max(len(classes), 8)) * down),
         layout="constrained", squeeze=False,
     )  # fmt: skip
-    axis, *others = axes.flat
-    for unused in others[len(names) :]:
+    axis, *panels = axes.flat
+    for unused in panels[len(names) :]:
         unused.set_axis_off()
     thick = 0.8 / len(names)
     for k, net in enumerate(names):
@@ -323,22 +319,23 @@ def picture(report: Report) -> bytes:
         means = [row["mean"] or 0.0 for row in rows]
         bars = [half(row) for row in rows]
         axis.barh(places, means, thick, xerr=bars, capsize=3, color=f"C{k}", label=net)
-        own = others[k]
+        panel = panels[k]
         values = np.array([[row["class_iou"][c] for row in rows] for c in classes], float)
-        image = own.imshow(values, aspect="auto", vmin=0, vmax=100, cmap="viridis")
+        image = panel.imshow(values, aspect="auto", vmin=0, vmax=100, cmap="viridis")
         for (y, x), value in np.ndenumerate(values):
             color = "white" if value < 60 else "black"
-            own.text(x, y, f"{value:.0f}", ha="center", va="center", fontsize=7, color=color)
-        own.set_xticks(range(len(rows)), [row["trained_on"] for row in rows], fontsize=8)
-        own.set_yticks(range(len(classes)), classes, fontsize=8)
-        own.set_title(f"{net} at {rows[0]['size']}: IoU of each class, %")
-        figure.colorbar(image, ax=own, shrink=0.8)
+            panel.text(x, y, f"{value:.0f}", ha="center", va="center", fontsize=7, color=color)
+        ticks = [row_names.SHORT.get(row["trained_on"], row["trained_on"]) for row in rows]
+        panel.set_xticks(range(len(rows)), ticks, fontsize=8)
+        panel.set_yticks(range(len(classes)), classes, fontsize=8)
+        panel.set_title(f"{net} at {rows[0]['size']}: IoU of each class, %")
+        figure.colorbar(image, ax=panel, shrink=0.8)
     axis.set_yticks(range(len(sets)), [TRAINED_ON[name] for name in sets])
     axis.invert_yaxis()
     axis.set(xlabel="mIoU on the test images, %, 95 % intervals", title="training sets")
     if len(names) > 1:
         axis.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=len(names))
-    figure.suptitle(f"{target_of(report)}, {report['seeds']} nets each")
+    figure.suptitle(f"{target_of(report)}, {report['seeds']} networks each")
     return png(figure)
 
 

@@ -1,4 +1,4 @@
 """Tables of networks: rows with paired seeds, their plan, statistics and report.
 
-What `experiments.app` and `experiments.studies` share, so that neither imports the other.
+`experiments.app` and `experiments.studies` share them, so that neither imports the other.
 """

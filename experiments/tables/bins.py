@@ -1,4 +1,4 @@
-"""Proposals of given or random bins, by ``--search.bins`` and ``--search.relaxation``."""
+"""Proposals from bins, as ``--search.bins`` and ``--search.relaxation`` define them."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from scene.proposal import Proposal
 
 
 def relaxed(config: Any, bins: np.ndarray) -> list[Proposal]:
-    """Proposals f32[attributes] of bins i[n, attributes]."""
+    """Make proposals f32[attributes] of bins i[n, attributes]."""
     space = sdr_jax.space(names(config.space), config.search.bins)
-    found = jax.device_get(sdr_jax.relax(space, bins, config.search.relaxation))
-    return [Proposal(*pair) for pair in zip(*found, strict=True)]
+    intervals = jax.device_get(sdr_jax.relax(space, bins, config.search.relaxation))
+    return [Proposal(*pair) for pair in zip(*intervals, strict=True)]
 
 
 def random_bins(config: Any, count: int) -> list[Proposal]:
     """Draw proposals f32[attributes] with random bins for all attributes that are not held.
 
-    A larger count begins with the same proposals.
+    A larger count starts with the same proposals.
     """
     rng = np.random.default_rng(config.seed)
     size = (count, len(SPACES[config.space]))
-    found = relaxed(config, rng.integers(0, config.search.bins, size))
-    return [hold(own, config.held) for own in found]
+    proposals = relaxed(config, rng.integers(0, config.search.bins, size))
+    return [hold(proposal, config.held) for proposal in proposals]

@@ -1,6 +1,6 @@
-"""The files of a job: ``NAME.json``, ``NAME.md`` and its figure, all from the scores of single nets.
+"""The files of a job: ``NAME.json``, ``NAME.md`` and its plot, all from the scores of single networks.
 
-The JSON holds every net's mIoU and class IoU, so that table and figure can be derived from it again without
+The JSON holds the mIoU and class IoU of every network, so that table and plot can be derived from it without
 rendering: `sdr-jax study NAME --rederive FILE.json --out DIR`.
 """
 
@@ -21,10 +21,8 @@ from seg.classes import class_table
 from seg.weights import described
 
 Report = dict[str, Any]
-ONE_SEARCH = (
-    "Intervals of one search are over its nets; "
-    "they do not hold what another search would have found."
-)
+
+ONE_SEARCH = "Intervals of one search are over its networks; another search may find other streets."
 
 
 class Form(NamedTuple):
@@ -34,11 +32,11 @@ class Form(NamedTuple):
     derive: Callable[[Report], Report]  # adds what follows from the scores; idempotent
     text: Callable[[Report], str]  # the table, in Markdown
     figures: Mapping[str, Callable[[Report], bytes | str]]  # by file name
-    pages: Mapping[str, Callable[[Report, Path], str]] = {}  # from other files, too
+    pages: Mapping[str, Callable[[Report, Path], str]] = {}  # made from other files as well
 
 
 def write_report(form: Form, scores: Report, folder: Path) -> Report:
-    """Derive the report and write its files, the JSON last, since it marks the others as done."""
+    """Derive the report and write its files; the JSON comes last, since it marks the others as complete."""
     report = form.derive({"study": form.name, **scores})
     write(folder / f"{form.name}.md", form.text(report) + "\n")
     for name, draw in form.figures.items():
@@ -50,7 +48,7 @@ def write_report(form: Form, scores: Report, folder: Path) -> Report:
 
 
 def rewrite(form: Form, file: Path, folder: Path) -> Report:
-    """Derive the report anew from the scores in an earlier one, and write its files.
+    """Derive the report from the scores in an earlier one, and write its files.
 
     Raises:
         UserError: the file is missing, or is another report.
@@ -62,12 +60,12 @@ def rewrite(form: Form, file: Path, folder: Path) -> Report:
     except UserError as error:
         raise UserError(f"--rederive: {error}") from None
     if not isinstance(scores, dict) or scores.get("study", form.name) != form.name:
-        raise UserError(f"--rederive {file} is no report of the study {form.name}")
+        raise UserError(f"--rederive {file} is not a report of the study {form.name}")
     try:
         form.text(form.derive(scores))
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise UserError(
-            f"--rederive {file} does not hold what the study {form.name} writes ({error!r})"
+            f"--rederive {file} is not a complete report of the study {form.name} ({error!r})"
         ) from None
     with naming(folder):
         folder.mkdir(parents=True, exist_ok=True)
@@ -75,11 +73,11 @@ def rewrite(form: Form, file: Path, folder: Path) -> Report:
 
 
 def about(run: Session[Any], fidelity: Fidelity) -> Report:
-    """The first fields of every report.
+    """Make the first fields of every report.
 
     Args:
         run: the finished run.
-        fidelity: the fidelity of its tested nets.
+        fidelity: the fidelity of its tested networks.
     """
     config, target = run.config, run.target
     return {
@@ -97,26 +95,26 @@ def about(run: Session[Any], fidelity: Fidelity) -> Report:
     }
 
 
-def nets(outcomes: Sequence[Result], heads: int = 1) -> list[Report | None]:
-    """Scores of single nets in percent, in the order of the seeds; None if training failed.
+def nets(results: Sequence[Result], heads: int = 1) -> list[Report | None]:
+    """Return scores of single networks in percent, in the order of the seeds; None if training failed.
 
     Args:
-        outcomes: the nets.
+        results: the networks.
         heads: with more than one, the scores are those of each head alone.
     """
-    found: list[Report | None] = []
-    for outcome in outcomes:
-        if outcome.failed:
-            found += [None] * heads
+    scored: list[Report | None] = []
+    for result in results:
+        if result.failed:
+            scored += [None] * heads
         elif heads > 1:
-            found += [_net(mean(class_iou), class_iou) for class_iou in outcome.heads]
+            scored += [_net(mean(class_iou), class_iou) for class_iou in result.heads]
         else:
-            found.append(_net(outcome.reward, outcome.class_iou))
-    return found
+            scored.append(_net(result.reward, result.class_iou))
+    return scored
 
 
 def _net(reward: float | None, class_iou: Sequence[float | None]) -> Report | None:
-    """The scores of a net in percent."""
+    """Return the scores of a network in percent."""
     if reward is None:
         return None
     return {
@@ -126,12 +124,12 @@ def _net(reward: float | None, class_iou: Sequence[float | None]) -> Report | No
 
 
 def miou(scored: Sequence[Report | None]) -> list[float | None]:
-    """Every net's mIoU in percent."""
+    """Return every network's mIoU in percent."""
     return [None if net is None else net["miou"] for net in scored]
 
 
 def class_means(scored: Sequence[Report | None], classes: Sequence[str]) -> dict[str, float | None]:
-    """Mean IoU of each class in percent; None for classes that are absent from the ground truth."""
+    """Return the mean IoU of each class in percent; None for classes absent from the ground truth."""
     return {
         name: mean([net["class_iou"][index] for net in scored if net is not None])
         for index, name in enumerate(classes)
@@ -139,34 +137,34 @@ def class_means(scored: Sequence[Report | None], classes: Sequence[str]) -> dict
 
 
 def number(value: float | None, form: str = ".1f") -> str:
-    """A figure in a table; empty for None."""
+    """Format a number of a table; empty for None."""
     return "" if value is None else format(value, form)
 
 
 def interval(ci95: Sequence[float] | None, form: str = ".1f") -> str:
-    """An interval in a table."""
+    """Format an interval of a table; empty for None."""
     return "" if ci95 is None else f"{ci95[0]:{form}} to {ci95[1]:{form}}"
 
 
 def cells(entry: Report | None, form: str = ".1f") -> list[str]:
-    """Mean and interval of a row or a gain as two cells of a table; only the mean has a sign."""
+    """Format mean and interval of a row or a gain as two cells; only the mean has a sign."""
     if entry is None or entry["mean"] is None:
         return ["", ""]
     return [number(entry["mean"], form), interval(entry["ci95"], form.lstrip("+")) or TOO_FEW]
 
 
 def half(row: Report) -> float:
-    """Half the interval of a row for error bars; 0 without one."""
+    """Return half the interval of a row, for error bars; 0 without one."""
     return row["mean"] - row["ci95"][0] if row["ci95"] else 0.0
 
 
 def words(name: str) -> str:
-    """The name of an attribute, method or variant for people."""
+    """Write the name of an attribute, method or variant in words."""
     return name.replace("_", " ")
 
 
 def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """The lines of a table in Markdown."""
+    """Return the lines of a table in Markdown."""
     lines = [head, ["---"] * len(head), *rows]
     return ["| " + " | ".join(cells) + " |" for cells in lines]
 
@@ -176,45 +174,45 @@ Column = tuple[str, Callable[[Report], str]]
 
 
 def estimate(
-    head: str, of: Callable[[Report], Report | None] = lambda row: row, form: str = ".1f"
+    head: str, part: Callable[[Report], Report | None] = lambda row: row, form: str = ".1f"
 ) -> list[Column]:
-    """Two columns: the mean and interval of a row or of a part of it."""
+    """Make two columns: the mean and interval of a row or of a part of it."""
     return [
-        (head, lambda row: cells(of(row), form)[0]),
-        ("95 % interval", lambda row: cells(of(row), form)[1]),
+        (head, lambda row: cells(part(row), form)[0]),
+        ("95 % interval", lambda row: cells(part(row), form)[1]),
     ]
 
 
 def table(columns: Sequence[Column], rows: Sequence[Report]) -> list[str]:
-    """The lines of a table in Markdown, one for each row of a report."""
+    """Return the lines of a table in Markdown, one for each row of a report."""
     lines = [[cell(row) for _, cell in columns] for row in rows]
     return markdown([head for head, _ in columns], lines)
 
 
 def failures(rows: Sequence[Report]) -> list[str]:
-    """A sentence on the failed nets of all rows, if there are any."""
+    """Return a sentence on the failed networks of all rows, if there are any."""
     failed = sum(net is None for row in rows for net in row["nets"])
-    return ["", f"{failed} nets failed in training and are left out."] if failed else []
+    return ["", f"Left out: {failed} networks whose training failed."] if failed else []
 
 
 def introduction(report: Report) -> str:
-    """The first sentences of a report: the target, the test images and the intervals."""
-    learnt = report.get("learnt_from")
+    """Write the first sentences of a report: the target, the test images and the intervals."""
+    origin = report.get("learnt_from")
     return (
         f"Target: {report['note']}. mIoU in percent at {report['scored_at']} on {report['test_images']} "
         f"test images, {report['seeds']} paired seeds, 95 % intervals by Student's t."
-        + ("" if learnt is None else f" Learnt attributes are from {learnt}.")
+        + ("" if origin is None else f" Optimised streets are from {origin}.")
         + starts(report)
     )
 
 
 def starts(report: Report) -> str:
-    """Sentences on the weights from which nets start, and on held attributes, if there are any."""
+    """Write sentences on the weights from which networks start, and on held attributes, if there are any."""
     held = report.get("held")
-    said = [*report.get("starts", ()), *([f"Held in all streets: {held}"] if held else [])]
-    return "".join(f" {sentence}." for sentence in said)
+    sentences = [*report.get("starts", ()), *([f"Held in all streets: {held}"] if held else [])]
+    return "".join(f" {sentence}." for sentence in sentences)
 
 
 def target_of(report: Report) -> str:
-    """The target in the title of a figure."""
+    """Write the target for the title of a plot."""
     return report["target"] + ("" if report["real"] else " (not real data)")

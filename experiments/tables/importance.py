@@ -1,4 +1,4 @@
-"""Which attributes matter for recorded rewards, alone and together, by a model of the rewards (`sobol`)."""
+"""Analyse which attributes matter, alone and together, by a model of recorded rewards (`sobol`)."""
 
 from __future__ import annotations
 
@@ -21,31 +21,31 @@ POINTS = 41
 """Number of unit values at which main effects are reported."""
 DRAW_SEED = 0
 """Seed of folds, draws and the bootstrap."""
-NOTHING = 0.05
-"""A cross-validated R^2 below this means no prediction."""
+NO_PREDICTION = 0.05
+"""A model with a cross-validated R^2 below this predicts nothing."""
 
 
-def enough(records: Records, where: str) -> Records:
-    """Return the records if they suffice.
+def enough(records: Records, origin: str) -> Records:
+    """Return the records if they suffice for a model.
 
     Raises:
-        UserError: there are too few to fit a model, or all rewards are equal.
+        UserError: there are too few, or all rewards are equal.
     """
     rows = np.concatenate([records.centre, records.width], axis=1)
     different = len(np.unique(rows, axis=0))
     if different < LEAST:
         raise UserError(
-            f"{where} holds rewards of {different} proposals; {LEAST} are the least to fit a model to"
+            f"{origin} holds rewards of {different} proposals; a model needs {LEAST} or more"
         )
     if np.ptp(records.rewards) == 0:
-        raise UserError(f"{where}: all {len(rows)} rewards are equal, so no attribute matters")
+        raise UserError(f"{origin}: all {len(rows)} rewards are equal, so no attribute matters")
     return records
 
 
 def summarize(records: Records) -> Report:
-    """The content of ``sensitivity.json`` on the records; shares of variance in percent.
+    """Make what ``sensitivity.json`` says about the records; shares of variance are in percent.
 
-    Attributes with the same value in all of them are left out.
+    Attributes with the same value in all records are left out.
 
     Args:
         records: records of one configuration, whose rewards differ.
@@ -58,14 +58,14 @@ def summarize(records: Records) -> Report:
     proposals = _proposals(records)
     fitted = sobol.fit(layout, x, records.rewards)
     weights = sobol.draw_weights(fitted, DRAWS, DRAW_SEED)
-    found = sobol.shares(layout, fitted.weights, weights)
-    totals = [sobol.totals(layout, part) for part in (found.effects, found.drawn)]
+    shares = sobol.shares(layout, fitted.weights, weights)
+    totals = [sobol.totals(layout, part) for part in (shares.effects, shares.drawn)]
     grid = np.linspace(0, 1, POINTS)
     curves = sobol.curves(layout, weights, grid)
     attributes = [
         {
             "name": attribute.name,
-            "share": _percent(found.effects[k], found.drawn[:, k]),
+            "share": _percent(shares.effects[k], shares.drawn[:, k]),
             "total": _percent(totals[0][k], totals[1][:, k]),
             **_best(attribute, curves[:, k], grid),
         }
@@ -74,12 +74,12 @@ def summarize(records: Records) -> Report:
     pairs = [
         {
             "names": [rows[i].name, rows[j].name],
-            "share": _percent(found.effects[k], found.drawn[:, k]),
+            "share": _percent(shares.effects[k], shares.drawn[:, k]),
         }
         for k, (i, j) in enumerate(layout.pairs, count)
     ]
-    together = [part[..., count:].sum(axis=-1) for part in (found.effects, found.drawn)]
-    signal = [np.array(found.signal), found.drawn_signal]
+    together = [part[..., count:].sum(axis=-1) for part in (shares.effects, shares.drawn)]
+    signal = [np.array(shares.signal), shares.drawn_signal]
     return {
         "records": {
             "config": records.config,
@@ -121,30 +121,32 @@ def _proposals(records: Records) -> np.ndarray:
 def _cross_validated(
     layout: sobol.Layout, x: np.ndarray, rewards: np.ndarray, proposals: np.ndarray
 ) -> Report:
-    """R^2 on proposals that the model has not seen, over all records.
+    """Compute R^2 on proposals that the model has not seen, over all records.
 
     1 - sum (r - prediction)^2 / sum (r - mean)^2, with the interval of the bootstrap over proposals.
     """
     # All rewards of a proposal are in one fold, since they are alike.
     places = np.random.default_rng(DRAW_SEED).permutation(proposals.max() + 1)
-    predicted = sobol.cross_validated(layout, x, rewards, places[proposals] % FOLDS)
-    misfit = (rewards - predicted) ** 2
+    predictions = sobol.cross_validated(layout, x, rewards, places[proposals] % FOLDS)
+    misfit = (rewards - predictions) ** 2
 
-    of = np.split(np.argsort(proposals, kind="stable"), np.cumsum(np.bincount(proposals))[:-1])
+    records_of = np.split(
+        np.argsort(proposals, kind="stable"), np.cumsum(np.bincount(proposals))[:-1]
+    )
 
-    def r2(drawn: np.ndarray) -> float:
-        chosen = np.concatenate([of[k] for k in drawn])
-        own = rewards[chosen]
-        square = ((own - own.mean()) ** 2).sum()
-        return float(1 - misfit[chosen].sum() / square) if square > 0 else np.nan
+    def r2(resampled: np.ndarray) -> float:
+        records = np.concatenate([records_of[k] for k in resampled])
+        sample = rewards[records]
+        square = ((sample - sample.mean()) ** 2).sum()
+        return float(1 - misfit[records].sum() / square) if square > 0 else np.nan
 
-    value, ci95 = bootstrap((len(of),), r2, DRAW_SEED)
+    value, ci95 = bootstrap((len(records_of),), r2, DRAW_SEED)
     error = _round(np.sqrt(misfit.mean()))
     return {"value": value, "ci95": ci95, "error": error, "folds": FOLDS}
 
 
 def _repeats(rewards: np.ndarray, proposals: np.ndarray) -> Report:
-    """The noise of proposals that were evaluated more than once, and its degrees of freedom."""
+    """Compute the noise of proposals that were evaluated more than once, and its degrees of freedom."""
     counts = np.bincount(proposals)
     degrees = int((counts - 1).sum())
     if degrees == 0:
@@ -155,7 +157,7 @@ def _repeats(rewards: np.ndarray, proposals: np.ndarray) -> Report:
 
 
 def _best(attribute: Attribute, curves: np.ndarray, grid: np.ndarray) -> Report:
-    """The place of a main effect's maximum f64[draws, points], and its range of rewards."""
+    """Find the maximum of a main effect f64[draws, points], and its range of rewards."""
     mean = curves.mean(axis=0)
     peaks = np.quantile(grid[curves.argmax(axis=1)], [0.05, 0.95])
     return {
@@ -166,9 +168,9 @@ def _best(attribute: Attribute, curves: np.ndarray, grid: np.ndarray) -> Report:
     }
 
 
-def _percent(value: Any, drawn: np.ndarray) -> Report:
-    """A share and the 95 % interval of its draws in percent, which begins at 0 if the share may be 0."""
-    ends = np.quantile(drawn, [0.025, 0.975]).clip(0, 1)  # draws may lie outside [0, 1]
+def _percent(value: Any, samples: np.ndarray) -> Report:
+    """Return a share and its 95 % interval in percent; the interval starts at 0 where the share may be 0."""
+    ends = np.quantile(samples, [0.025, 0.975]).clip(0, 1)  # samples may lie outside [0, 1]
     return {"value": _round(100 * value), "ci95": _rounded(100 * ends)}
 
 
@@ -181,12 +183,12 @@ def _rounded(values: Any) -> list[float]:
 
 
 def verdict(r2: Report) -> str:
-    """A sentence on what the cross-validated R^2 means for the other figures."""
-    if r2["value"] is None or r2["value"] < NOTHING:
+    """Say what the cross-validated R^2 means for the other numbers."""
+    if r2["value"] is None or r2["value"] < NO_PREDICTION:
         return (
-            "**The model predicts no reward that it has not seen (R² near zero): from these records "
-            "nothing is known about any attribute, and the ranking below is one of chance.**"
+            "**The model predicts none of the rewards that it has not seen (R² near zero): these records "
+            "say nothing about any attribute, and the ranking below is noise.**"
         )
     if r2["ci95"] is not None and r2["ci95"][0] < 0:
-        return "The interval of R² holds zero: take the ranking below for a guess."
-    return "Shares tell apart what the model explains, not the noise."
+        return "The interval of R² contains zero: the ranking below is a guess."
+    return "Shares are of what the model explains, without the noise."

@@ -1,4 +1,4 @@
-"""Jobs of nets on named training sets with the same seeds."""
+"""Jobs of networks on named training sets with the same seeds."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ def jobs_of(
     """Make one job for each seed and training set.
 
     Args:
-        what: the nets' kind in the run folder and in progress, such as "table, compact".
+        what: kind of the networks in the run folder and in progress, such as "table, compact".
         sources: training sets by name.
-        recipe: sizes, net, training and assets.
-        seeds: seeds of streets and nets; the k-th nets of all sets share one.
-        side: the target's images for the test.
+        recipe: sizes, network, training and assets.
+        seeds: seeds of streets and networks; the k-th networks of all sets share one.
+        side: the target's images to test on.
         kind: kind of the reward.
-        once: names of sets for which the first seed is enough.
-        keeps: whether to keep confusion matrices, and for the first seed predictions.
+        once: names of sets that only need the first seed.
+        keeps: whether to keep confusion matrices, and predictions for the first seed.
     """
     return [
         Job(
@@ -56,31 +56,31 @@ def jobs_of(
 
 
 def by_row(jobs: Sequence[Job], results: Sequence[Result]) -> dict[str, list[Result]]:
-    """Results by name of the training set, in the order of the seeds, with failed ones."""
-    found: dict[str, list[Result]] = {}
+    """Group results by training set, in the order of the seeds; failed ones are included."""
+    by_name: dict[str, list[Result]] = {}
     for job, result in zip(jobs, results, strict=True):
-        found.setdefault(job.notes["row"], []).append(result)
-    return found
+        by_name.setdefault(job.notes["row"], []).append(result)
+    return by_name
 
 
 def paired_seeds(run: Session[Any]) -> list[int]:
-    """The seeds of a result's rows."""
+    """Return the seeds that all rows of a result share."""
     return [run.config.seed + k for k in range(run.config.seeds)]
 
 
 def training_sets(
     run: Session[Any], learnt: Streets | None, fidelity: Fidelity | None = None, **others: Source
 ) -> dict[str, Source]:
-    """The training sets to compare.
+    """Make the training sets to compare.
 
-    These are random, default and learnt attributes, the same beside the labelled subset if there is one,
+    These are random, default and optimised streets, the same mixed with the labelled subset if there is one,
     other sets, and all labelled images.
 
     Args:
         run: the job.
-        learnt: the learnt attributes; None leaves out sets that depend on them.
+        learnt: the optimised streets; None leaves out sets that depend on them.
         fidelity: the fidelity with the size of real images; by default the final one.
-        others: sets by name.
+        others: other sets by name.
     """
     config: SearchConfig = run.config
     fidelity = fidelity or config.final
@@ -95,12 +95,12 @@ def training_sets(
 
 
 def with_net(fidelity: Fidelity, name: NetName, weights: str | None = None) -> Fidelity:
-    """A fidelity with another net, trained by the recipe that suits it (``seg.recipes.with_net``).
+    """Return a fidelity with another network, trained by the recipe that suits it (``seg.recipes.with_net``).
 
     Args:
-        fidelity: sizes, and the training of its own net.
-        name: name of the net.
-        weights: file of weights for VGG nets or dinov2, instead of the fidelity's.
+        fidelity: sizes, and the training of its own network.
+        name: name of the other network.
+        weights: file of weights for VGG networks or dinov2, instead of the fidelity's.
     """
     changes = {"net": name} if weights is None else {"net": name, "weights": weights}
     return replace(fidelity, train=recipes.with_net(fidelity.train, **changes))

@@ -23,7 +23,7 @@ from scene.attributes import SPACES, SpaceName, names
 from scene.proposal import shortest
 
 BINS = "bins"
-"""The configuration's name for lines of bins, which have none."""
+"""The name of the configuration of lines of bins, which have none."""
 
 
 class Records(NamedTuple):
@@ -35,28 +35,28 @@ class Records(NamedTuple):
     config: str
     words: str  # description of the configuration
     failed: int  # number of failed evaluations, which are left out
-    aside: tuple[str, ...]  # other configurations in words
+    aside: tuple[str, ...]  # descriptions of other configurations
 
 
-def read(paths: Sequence[Path], config: Any, target: str, wanted: str | None = None) -> Records:
+def read(paths: Sequence[Path], config: Any, target: str, name: str | None = None) -> Records:
     """Read the rewards of one configuration from files.
 
     Args:
         paths: stores, run folders, or files of bins; they may overlap.
         config: the configuration of the bins.
         target: name of the target of the rewards.
-        wanted: name of the configuration; by default the one with the most rewards.
+        name: name of the configuration; by default the one with the most rewards.
 
     Raises:
         UserError: a file cannot be read, or no reward fits.
     """
     bins = [path for path in paths if path.is_file() and BINS in _first_line(path)]
-    stored = [store.read(path) for path in paths if path not in bins]
-    known = store.merged(entry for found in stored for entry in found.values())
-    records = [record for record, _ in known.values()]
+    stores = [store.read(path) for path in paths if path not in bins]
+    merged = store.merged(entry for entries in stores for entry in entries.values())
+    records = [record for record, _ in merged.values()]
     records += [record for path in bins for record in _read_bins(path, config)]
     held = [record for record in records if holds(record, config)]
-    return choose(held, target, config.space, wanted, ", ".join(map(str, paths)))
+    return choose(held, target, config.space, name, ", ".join(map(str, paths)))
 
 
 def holds(record: Record, config: Config) -> bool:
@@ -65,21 +65,21 @@ def holds(record: Record, config: Config) -> bool:
     if not held or record["centre"] is None:
         return not held
     rows = zip(names("extended"), record["centre"], record["width"], strict=False)
-    own = {name: (centre, width) for name, centre, width in rows}
-    return all(own.get(name) == (shortest(value), 0.0) for name, value in held.items())
+    intervals = {name: (centre, width) for name, centre, width in rows}
+    return all(intervals.get(name) == (shortest(value), 0.0) for name, value in held.items())
 
 
 def choose(
-    records: Iterable[Record], target: str, space: SpaceName, wanted: str | None, where: str
+    records: Iterable[Record], target: str, space: SpaceName, name: str | None, origin: str
 ) -> Records:
-    """Choose the records of one configuration: mIoU of proposals on the reward images of a target.
+    """Choose the records of one configuration: mIoU of proposals on a target's validation images.
 
     Args:
         records: lines of a store.
         target: name of the target.
         space: space of the proposals.
-        wanted: name of the configuration; by default the one with the most rewards.
-        where: origin of the lines, for errors.
+        name: name of the configuration; by default the one with the most rewards.
+        origin: where the lines come from, for errors.
 
     Raises:
         UserError: there are none.
@@ -88,36 +88,35 @@ def choose(
     needed = {"target": target, "side": "reward", "kind": "miou"}
     fitting = {
         # Records of real images have no proposal.
-        name: [record for record in own if len(record["centre"] or ()) == len(SPACES[space])]
-        for name, own in kinds.items()
-        if all(own[0].get(field, value) == value for field, value in needed.items())
+        kind: [record for record in lines if len(record["centre"] or ()) == len(SPACES[space])]
+        for kind, lines in kinds.items()
+        if all(lines[0].get(field, value) == value for field, value in needed.items())
     }
-    fitting = {name: own for name, own in fitting.items() if own}
-    listed = "; ".join(_words(name, own) for name, own in kinds.items()) or "nothing"
-    if wanted is not None and wanted not in fitting:
+    fitting = {kind: lines for kind, lines in fitting.items() if lines}
+    listed = "; ".join(_words(kind, lines) for kind, lines in kinds.items()) or "nothing"
+    if name is not None and name not in fitting:
         raise UserError(
-            f"--records-config {wanted!r}: {where} has no such rewards of {target}, but {listed}"
+            f"--records-config {name!r}: {origin} has no such rewards of {target}, but {listed}"
         )
     if not fitting:
         raise UserError(
-            f"{where} holds no rewards of target {target} in --space {space}, but {listed}"
+            f"{origin} holds no rewards of target {target} in --space {space}, but {listed}"
         )
-    most = max(sorted(fitting), key=lambda n: sum(r["reward"] is not None for r in fitting[n]))
-    name = most if wanted is None else wanted
-    own = fitting[name]
-    aside = tuple(_words(other, kinds[other]) for other in kinds if other != name)
-    known = [r for r in own if r["reward"] is not None]
-    rows = sorted((*r["centre"], *r["width"], 100 * r["reward"]) for r in known)
+    if name is None:
+        name = max(sorted(fitting), key=lambda n: sum(r["reward"] is not None for r in fitting[n]))
+    chosen = fitting[name]
+    aside = tuple(_words(kind, lines) for kind, lines in kinds.items() if kind != name)
+    scored = [r for r in chosen if r["reward"] is not None]
+    rows = sorted((*r["centre"], *r["width"], 100 * r["reward"]) for r in scored)
     count = len(SPACES[space])
     table = np.asarray(rows, float).reshape(len(rows), 2 * count + 1)
     centre, width, rewards = np.split(table, [count, 2 * count], axis=1)
-    return Records(
-        centre, width, rewards[:, 0], name, _words(name, own), len(own) - len(known), aside
-    )
+    failed = len(chosen) - len(scored)
+    return Records(centre, width, rewards[:, 0], name, _words(name, chosen), failed, aside)
 
 
 def _words(name: str, records: Sequence[Record]) -> str:
-    """Describe a configuration."""
+    """Describe a configuration in words."""
     if name == BINS:
         return f"{len(records)} rewards of bins"
     fields = ("target", "side", "size", "images", "steps", "engine")
@@ -132,30 +131,30 @@ def _first_line(path: Path) -> Any:
     with naming(path), open(path, "rb") as file:
         line = file.readline()
     try:
-        found = parse_json(line)
+        record = parse_json(line)
     except ValueError:
         return {}
-    return found if isinstance(found, dict) else {}
+    return record if isinstance(record, dict) else {}
 
 
 def _read_bins(path: Path, config: Any) -> list[Record]:
-    """Read lines of bins as lines of a store."""
+    """Read a file of bins as lines of a store."""
     bins, rewards, count = [], [], len(SPACES[config.space])
     with naming(path):
         lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
     for number, line in enumerate(lines, 1):
         try:
             record = parse_json(line)
-            chosen, reward = record["bins"], float(record["reward"])
-            whole = all(type(k) is int and 0 <= k < config.search.bins for k in chosen)
-            if not (whole and len(chosen) == count and math.isfinite(reward)):
+            row, reward = record["bins"], float(record["reward"])
+            in_range = all(type(k) is int and 0 <= k < config.search.bins for k in row)
+            if not (in_range and len(row) == count and math.isfinite(reward)):
                 raise ValueError
         except (ValueError, KeyError, TypeError):
             raise UserError(
                 f"{path}: line {number} must hold a reward and {count} bins from 0 to "
                 f"{config.search.bins - 1} (--search.bins)"
             ) from None
-        bins.append(chosen)
+        bins.append(row)
         rewards.append(reward / 100)
     return [
         {"config": BINS, "centre": centre.tolist(), "width": width.tolist(), "reward": reward}

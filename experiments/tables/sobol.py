@@ -29,16 +29,16 @@ STEPS = 30
 SIGNAL, PAIR_SHARE = 0.5, 0.3
 """Its start: the signal's share of the variance, and the interactions' share of the signal."""
 LEAST_SIGNAL = 0.1
-"""The least signal of a draw of which effects are shares, as a share of the expected model's."""
+"""The least signal by which a draw's effects are divided, as a share of the expected model's."""
 SHRINK = (1.0, 10.0)
 """Pseudo-weights that pull each effect's scale towards the mean of its kind: attributes, or the many pairs,
-some of which chance would favour otherwise. On the recorded rewards 10 predicts better than 1."""
+some of which would otherwise stand out by chance. On the recorded rewards 10 predicts better than 1."""
 NOISE_SHARE, NOISE_WEIGHT = 0.5, 4.0
 """Prior of the noise: its share of the variance, and its weight in rewards."""
 
 
 class Layout(NamedTuple):
-    """The effect of each weight: the attributes, then the pairs (constants)."""
+    """The effect that each weight belongs to: the attributes, then the pairs (constants)."""
 
     attributes: int
     pairs: np.ndarray  # i[pairs, 2]
@@ -52,7 +52,7 @@ class Layout(NamedTuple):
 
 
 class Fit(NamedTuple):
-    """The normal posterior of the weights, in a form of the size of the records, which are fewer."""
+    """The normal posterior of the weights, stored at the size of the records, which are fewer."""
 
     x: np.ndarray  # f64[n, features], centred
     center: np.ndarray  # f64[features], mean of the features
@@ -72,9 +72,9 @@ class Shares(NamedTuple):
     """Shares of the reward's variance under attributes that are uniform on the unit cube."""
 
     effects: np.ndarray  # f64[effects] of the expected model: attributes, pairs; they sum to 1
-    drawn: np.ndarray  # f64[draws, effects], draws from the posterior around these
+    drawn: np.ndarray  # f64[draws, effects], samples of the posterior around these
     signal: float  # the whole variance
-    drawn_signal: np.ndarray  # f64[draws], in draws from the posterior
+    drawn_signal: np.ndarray  # f64[draws], in samples of the posterior
 
 
 def lay_out(attributes: int) -> Layout:
@@ -82,17 +82,20 @@ def lay_out(attributes: int) -> Layout:
 
     The prior's variance falls with the square of the orders, so that smooth functions are likelier.
     """
-    own = 1 / np.arange(1, DEGREE + 1) ** 2
-    both = np.array([1 / (p * q) ** 2 for p, q in PAIR_ORDERS])
+    single = 1 / np.arange(1, DEGREE + 1) ** 2
+    paired = np.array([1 / (p * q) ** 2 for p, q in PAIR_ORDERS])
     pairs = np.array(list(combinations(range(attributes), 2)), int).reshape(-1, 2)
     effects = np.arange(attributes + len(pairs))
-    effect = effects[:attributes].repeat(DEGREE), effects[attributes:].repeat(len(both))
-    relative = np.tile(own / own.sum(), attributes), np.tile(both / both.sum(), len(pairs))
+    effect = effects[:attributes].repeat(DEGREE), effects[attributes:].repeat(len(paired))
+    relative = (
+        np.tile(single / single.sum(), attributes),
+        np.tile(paired / paired.sum(), len(pairs)),
+    )
     return Layout(attributes, pairs, np.concatenate(effect), np.concatenate(relative))
 
 
 def waves(unit: np.ndarray, width: np.ndarray | float = 0.0) -> np.ndarray:
-    """Means of `sqrt(2) cos(pi m u)` over intervals, m = 1..DEGREE.
+    """Compute means of `sqrt(2) cos(pi m u)` over intervals, m = 1..DEGREE.
 
     Args:
         unit: centres f[*shape] in [0, 1].
@@ -107,19 +110,19 @@ def waves(unit: np.ndarray, width: np.ndarray | float = 0.0) -> np.ndarray:
 
 
 def features(layout: Layout, centre: np.ndarray, width: np.ndarray) -> np.ndarray:
-    """Features f64[n, features] of proposals f[n, attributes]; attributes of a street are independent."""
-    own = waves(centre, width)
-    first, second = own[:, layout.pairs[:, 0]], own[:, layout.pairs[:, 1]]
+    """Compute features f64[n, features] of proposals f[n, attributes] with independent attributes."""
+    single = waves(centre, width)
+    first, second = single[:, layout.pairs[:, 0]], single[:, layout.pairs[:, 1]]
     products = np.stack([first[..., p - 1] * second[..., q - 1] for p, q in PAIR_ORDERS], axis=-1)
-    n = len(own)
-    return np.concatenate([own.reshape(n, -1), products.reshape(n, -1)], axis=1)
+    n = len(single)
+    return np.concatenate([single.reshape(n, -1), products.reshape(n, -1)], axis=1)
 
 
 def fit(layout: Layout, x: np.ndarray, rewards: np.ndarray) -> Fit:
     """Fit the weights, the scale of each effect and the noise to the same records.
 
     The prior is w ~ N(0, scale of the effect * relative variance). Expectation maximisation finds the scales
-    and the noise of the highest evidence.
+    and the noise with the highest evidence.
 
     Args:
         layout: layout of the features.
@@ -133,56 +136,57 @@ def fit(layout: Layout, x: np.ndarray, rewards: np.ndarray) -> Fit:
     pull = np.asarray(SHRINK)[kind]
     degrees = len(rewards) - 1
     y = rewards - rewards.mean()
-    # If all rewards are equal, any scale is as good as another.
+    # If all rewards are equal, any scale will do.
     spread = (y @ y / degrees) or 1.0
     shares = np.array([1 - PAIR_SHARE, PAIR_SHARE]) / np.maximum(np.bincount(kind, minlength=2), 1)
     scales, noise = SIGNAL * spread * shares[kind], (1 - SIGNAL) * spread
 
-    def believed() -> Fit:
+    def posterior() -> Fit:
         variance = relative * scales[effect]
         center = x.mean(axis=0)
-        own = x - center
-        covariance = (own * variance) @ own.T + noise * np.eye(len(y))
+        centred = x - center
+        covariance = (centred * variance) @ centred.T + noise * np.eye(len(y))
         factor = cholesky(covariance, lower=True)
-        return Fit(own, center, y, float(rewards.mean()), variance, factor, float(np.sqrt(noise)))
+        mean_reward = float(rewards.mean())
+        return Fit(centred, center, y, mean_reward, variance, factor, float(np.sqrt(noise)))
 
     for _ in range(STEPS):
-        belief = believed()
-        weights = belief.weights
-        seen = solve_triangular(belief.factor, belief.x, lower=True)
-        # The part of the prior's variance that remains.
-        unknown = 1 - belief.variance * (seen**2).sum(axis=0)
-        squares = (weights**2 + belief.variance * unknown) / relative
+        model = posterior()
+        weights = model.weights
+        whitened = solve_triangular(model.factor, model.x, lower=True)
+        # The share of the prior's variance that remains.
+        unknown = 1 - model.variance * (whitened**2).sum(axis=0)
+        squares = (weights**2 + model.variance * unknown) / relative
         sums = np.bincount(effect, squares, layout.effects)
         kinds = np.bincount(kind, sums, 2) / counts_of_kind
         scales = (sums + pull * kinds[kind]) / (counts + pull)
-        misfit = ((y - belief.x @ weights) ** 2).sum() + noise * (1 - unknown).sum()
+        misfit = ((y - model.x @ weights) ** 2).sum() + noise * (1 - unknown).sum()
         noise = (misfit + NOISE_WEIGHT * NOISE_SHARE * spread) / (degrees + NOISE_WEIGHT)
-    return believed()
+    return posterior()
 
 
 def predict(model: Fit, x: np.ndarray) -> np.ndarray:
-    """Expected rewards f64[n] of features f64[n, features]."""
+    """Predict rewards f64[n] of features f64[n, features]."""
     return model.mean_reward + (x - model.center) @ model.weights
 
 
 def draw_weights(model: Fit, count: int, seed: int) -> np.ndarray:
     """Draw weights f64[count, features] from the posterior.
 
-    A draw from the prior is corrected by its errors on the records (Matheron's rule).
+    A sample of the prior is corrected by its errors on the records (Matheron's rule).
     """
     rng = np.random.default_rng(seed)
     prior = rng.normal(size=(count, len(model.variance))) * np.sqrt(model.variance)
     rewards = prior @ model.x.T + model.noise * rng.normal(size=(count, len(model.rewards)))
-    missing = cho_solve((model.factor, True), (model.rewards - rewards).T)
-    return prior + (model.x.T @ missing).T * model.variance
+    errors = cho_solve((model.factor, True), (model.rewards - rewards).T)
+    return prior + (model.x.T @ errors).T * model.variance
 
 
 def shares(layout: Layout, expected: np.ndarray, drawn: np.ndarray) -> Shares:
-    """Sobol indices of the expected model, and their spread under the posterior.
+    """Compute Sobol indices of the expected model, and their spread under the posterior.
 
-    Squares of uncertain weights add up in a drawn model, most of all over the many pairs. The mean of this
-    excess is subtracted, so that draws of an absent effect lie around zero.
+    Squares of uncertain weights add up in a sampled model, most of all over the many pairs. The mean of this
+    excess is subtracted, so that samples of an absent effect lie around zero.
 
     Args:
         layout: layout of the features.
@@ -190,27 +194,27 @@ def shares(layout: Layout, expected: np.ndarray, drawn: np.ndarray) -> Shares:
         drawn: weights f64[draws, features] from the posterior.
     """
     belongs = (layout.effect[:, None] == np.arange(layout.effects)).astype(float)
-    own = expected**2 @ belongs
-    around = (drawn**2 - drawn.var(axis=0)) @ belongs
-    signal = max(float(own.sum()), np.finfo(float).tiny)
-    # A share is one of the same draw's signal; where that is hardly any, of the least that counts.
-    whole = around.sum(axis=1)
-    return Shares(
-        own / signal, around / np.maximum(whole, LEAST_SIGNAL * signal)[:, None], signal, whole
-    )
+    variances = expected**2 @ belongs
+    sampled = (drawn**2 - drawn.var(axis=0)) @ belongs
+    signal = max(float(variances.sum()), np.finfo(float).tiny)
+    # Each sample is divided by its own signal, or by the least that counts where it has hardly any.
+    signals = sampled.sum(axis=1)
+    divisors = np.maximum(signals, LEAST_SIGNAL * signal)[:, None]
+    return Shares(variances / signal, sampled / divisors, signal, signals)
 
 
 def totals(layout: Layout, effects: np.ndarray) -> np.ndarray:
-    """Total shares f64[*batch, attributes] of attributes, alone and in pairs, from those of effects."""
-    takes_part = (layout.pairs[:, :, None] == np.arange(layout.attributes)).any(axis=1)
+    """Sum shares of effects to total shares f64[*batch, attributes] of attributes, alone and in pairs."""
+    in_pair = (layout.pairs[:, :, None] == np.arange(layout.attributes)).any(axis=1)
     alone, together = np.split(effects, [layout.attributes], axis=-1)
-    return alone + together @ takes_part
+    return alone + together @ in_pair
 
 
 def curves(layout: Layout, weights: np.ndarray, grid: np.ndarray) -> np.ndarray:
-    """Main effects f_i f64[draws, attributes, points] with mean 0 at unit values f64[points]."""
-    own = weights[:, : layout.attributes * DEGREE].reshape(len(weights), layout.attributes, DEGREE)
-    return np.einsum("dam,pm->dap", own, waves(grid))
+    """Compute main effects f_i f64[draws, attributes, points] with mean 0 at unit values f64[points]."""
+    single = weights[:, : layout.attributes * DEGREE]
+    coefficients = single.reshape(len(weights), layout.attributes, DEGREE)
+    return np.einsum("dam,pm->dap", coefficients, waves(grid))
 
 
 def cross_validated(

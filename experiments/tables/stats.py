@@ -1,4 +1,4 @@
-"""Means, confidence intervals and tests of a few repeats."""
+"""Means, confidence intervals and tests for a few repeats."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from seg.metrics import mean_iou
 
 
 def mean_ci95(values: Sequence[float]) -> tuple[float, list[float] | None]:
-    """Mean and its 95 % confidence interval [low, high] by Student's t; None for one value.
+    """Compute the mean and its 95 % confidence interval [low, high] by Student's t; None for one value.
 
     mean +- t(0.975, n - 1) s / sqrt(n), with s the sample standard deviation.
     """
@@ -26,37 +26,37 @@ def mean_ci95(values: Sequence[float]) -> tuple[float, list[float] | None]:
 
 
 def paired_gain(ours: Sequence[float], theirs: Sequence[float]) -> tuple[float, list[float] | None]:
-    """Mean and 95 % interval of the differences of paired repeats."""
+    """Compute mean and 95 % interval of the differences of paired repeats."""
     if len(ours) != len(theirs):
         raise ValueError(f"{len(ours)} values cannot be paired with {len(theirs)}")
     return mean_ci95([a - b for a, b in zip(ours, theirs, strict=True)])
 
 
 Values = Sequence[float | None]
-"""Values of single nets, one for each seed; None for a failed net, which no mean includes."""
+"""Values of single networks, one for each seed; None for a failed network, which no mean includes."""
 
 
 def mean(values: Values) -> float | None:
-    """The mean of the known values."""
-    known = [v for v in values if v is not None]
-    return float(np.mean(known)) if known else None
+    """Compute the mean of the values that are not None."""
+    valid = [v for v in values if v is not None]
+    return float(np.mean(valid)) if valid else None
 
 
 def estimated(values: Values) -> dict[str, Any]:
-    """``mean`` and its 95 % interval ``ci95`` over seeds, or None."""
-    known = [v for v in values if v is not None]
-    average, ci95 = mean_ci95(known) if known else (None, None)
+    """Compute ``mean`` and its 95 % interval ``ci95`` over seeds, or None."""
+    valid = [v for v in values if v is not None]
+    average, ci95 = mean_ci95(valid) if valid else (None, None)
     return {"mean": average, "ci95": ci95}
 
 
-TOO_FEW = "too few nets for an interval"
+TOO_FEW = "too few networks for an interval"
 """The words in place of an interval that is None."""
 
 
 def bounded(entry: dict[str, Any]) -> dict[str, Any]:
-    """The estimate of an mIoU in percent; an interval that leaves [0, 100] becomes None.
+    """Replace the interval of an mIoU in percent by None where it leaves [0, 100].
 
-    Student's t knows no bounds: so wide an interval comes of a few nets that differ much.
+    Student's t knows no bounds: an interval so wide comes from a few networks that differ much.
     """
     ci95 = entry["ci95"]
     outside = ci95 is not None and (ci95[0] < 0 or ci95[1] > 100)
@@ -64,14 +64,14 @@ def bounded(entry: dict[str, Any]) -> dict[str, Any]:
 
 
 def gain(ours: Values, theirs: Values) -> dict[str, Any] | None:
-    """``mean`` and ``ci95`` of the differences of paired nets; None without a known pair."""
+    """Compute ``mean`` and ``ci95`` of the differences of paired networks; None without a complete pair."""
     pairs = zip(ours, theirs, strict=True)
     differences = [a - b for a, b in pairs if a is not None and b is not None]
     return estimated(differences) if differences else None
 
 
 def statistics(values: Values, baseline: Values | None = None) -> dict[str, Any]:
-    """The estimate of an mIoU in percent, and its ``gain`` over a baseline with the same seeds."""
+    """Estimate an mIoU in percent, and its ``gain`` over a baseline with the same seeds."""
     return {
         **bounded(estimated(values)),
         "gain": None if baseline is None else gain(values, baseline),
@@ -79,7 +79,7 @@ def statistics(values: Values, baseline: Values | None = None) -> dict[str, Any]
 
 
 def crossed(values: Sequence[Sequence[float]]) -> tuple[float, list[float] | None]:
-    """Mean over searches and seeds, and its 95 % interval for both as random samples.
+    """Compute the mean over searches and seeds, and its 95 % interval with both as random samples.
 
     The values are y_ij = m + a_i + b_j + e_ij, with random searches a, seeds b and residuals e. With the mean
     squares A, B and E of the two-way analysis of variance,
@@ -112,23 +112,23 @@ def crossed(values: Sequence[Sequence[float]]) -> tuple[float, list[float] | Non
         ((y - rows - columns + mean) ** 2).sum(),
     ]) / free  # fmt: skip
     a, b, e = squares
-    whole = a + b - e
-    if whole >= squares.max():
-        degrees = whole**2 / (squares**2 / free).sum() if whole > 0 else float(free.min())
+    combined = a + b - e
+    if combined >= squares.max():
+        degrees = combined**2 / (squares**2 / free).sum() if combined > 0 else float(free.min())
     else:
         degrees = float(free[squares.argmax()])
-    pairs = [(max(whole, squares.max()), max(degrees, 1.0))]
+    pairs = [(max(combined, squares.max()), max(degrees, 1.0))]
     if min(searches, seeds) == 2:
         pairs += zip(squares, free, strict=True)
-    half = float(max(stats.t.ppf(0.975, own) * math.sqrt(square / y.size) for square, own in pairs))
+    half = float(max(stats.t.ppf(0.975, df) * math.sqrt(square / y.size) for square, df in pairs))
     return mean, [mean - half, mean + half]
 
 
 def reached(counts: Sequence[float], curve: Sequence[float], value: float) -> float:
-    """The number of labels at which a curve first reaches a value.
+    """Find the number of labels at which a curve first reaches a value.
 
-    The curve is linear in log N between its points. If the first value is higher already, the result is the
-    first number; if no value is as high, it is the last number.
+    The curve is linear in log N between its points. If its first value is already higher, the result is the
+    first number; if none is as high, it is the last number.
 
     Args:
         counts: numbers of labels above 0, in the order of the curve.
@@ -146,69 +146,66 @@ def reached(counts: Sequence[float], curve: Sequence[float], value: float) -> fl
 
 
 GRID = 201
-"""Numbers of labels, evenly spaced in log N, for paired intervals beside those of the nets."""
+"""Numbers of labels, evenly spaced in log N, for paired intervals between those of the networks."""
 
 
-def worth(
-    counts: Sequence[int], alone: np.ndarray, ours: np.ndarray
+def equivalent_labels(
+    counts: Sequence[int], alone: np.ndarray, others: np.ndarray
 ) -> tuple[float | None, list[float | None] | None]:
-    """The number of labels alone for nets as good as others, and its 95 % confidence interval.
+    """Estimate how many labels alone give networks as good as others, with a 95 % confidence interval.
 
     It is the number at which the mean curve of labels alone first reaches the others' mean. The interval
     inverts a paired t test: it spans all numbers of labels N at which the paired t interval of (others -
-    labels alone) holds 0, with each seed's curve linear in log N between its nets. In simulations of 3, 5 and
-    10 seeds it covers the truth in 95 to 98 %. If the test does not exclude the first or the last number,
-    numbers beyond may be as good, and this end is None.
+    labels alone) contains 0, with each seed's curve linear in log N between its networks. In simulations of
+    3, 5 and 10 seeds it covers the truth in 95 to 98 %. If the test does not exclude the first or the last
+    number, numbers beyond may be as good, and this end is None.
 
     Args:
         counts: numbers of labels above 0, ascending.
-        alone: mIoU f64[counts, seeds] of nets on so many labels alone.
-        ours: mIoU f64[seeds] of the others.
+        alone: mIoU f64[counts, seeds] of networks on so many labels alone.
+        others: mIoU f64[seeds] of the others.
 
     Returns:
-        Value and interval; None without a seed, and no interval for a single one.
+        Value and interval; None without a seed, and no interval for a single seed.
 
     Source: Fieller (1954), "Some problems in interval estimation": a confidence set by inverting a t test.
     """
-    seeds = len(ours)
+    seeds = len(others)
     if seeds == 0:
         return None, None
-    value = reached(counts, alone.mean(axis=1).tolist(), float(ours.mean()))
+    value = reached(counts, alone.mean(axis=1).tolist(), float(others.mean()))
     if seeds == 1:
         return value, None
     first, last = counts[0], counts[-1]
     grid = np.union1d(np.geomspace(first, last, GRID), counts)
-    curves = [np.interp(np.log(grid), np.log(counts), own) for own in alone.T]
-    differences = ours[:, None] - np.array(curves)
+    curves = [np.interp(np.log(grid), np.log(counts), scores) for scores in alone.T]
+    differences = others[:, None] - np.array(curves)
     mean = differences.mean(axis=0)
     half = stats.t.ppf(0.975, seeds - 1) * differences.std(axis=0, ddof=1) / math.sqrt(seeds)
-    low = reached(
-        grid.tolist(), (half - mean).tolist(), 0.0
-    )  # no longer significantly better than labels alone
-    high = reached(
-        grid[::-1].tolist(), (half + mean)[::-1].tolist(), 0.0
-    )  # the last that is not significantly worse
+    # Where the others stop being significantly better than labels alone, and start being worse.
+    low = reached(grid.tolist(), (half - mean).tolist(), 0.0)
+    high = reached(grid[::-1].tolist(), (half + mean)[::-1].tolist(), 0.0)
     return value, [None if low <= first else low, None if high >= last else high]
 
 
 Table = Sequence[Values]
-"""Values of nets: a row for each search, with the same seeds."""
+"""Values of networks: a row for each search, with the same seeds."""
 
 
 def over_both(values: Table) -> dict[str, Any]:
-    """``mean`` and ``ci95`` over searches and seeds by `crossed`, without seeds with a failed net."""
-    known = [column for column in zip(*values, strict=True) if None not in column]
-    if not known:
+    """Compute ``mean`` and ``ci95`` by `crossed`, without the seeds of failed networks."""
+    columns = [column for column in zip(*values, strict=True) if None not in column]
+    if not columns:
         return {"mean": None, "ci95": None}
-    average, ci95 = crossed(np.array(known, float).T.tolist())
+    average, ci95 = crossed(np.array(columns, float).T.tolist())
     return {"mean": average, "ci95": ci95}
 
 
 def less(values: Table, baseline: Values) -> Table:
-    """Gains over a baseline's nets with the same seeds."""
+    """Subtract a baseline's networks with the same seeds."""
     return [
-        [None if a is None or b is None else a - b for a, b in zip(own, baseline, strict=True)]
-        for own in values
+        [None if a is None or b is None else a - b for a, b in zip(row, baseline, strict=True)]
+        for row in values
     ]
 
 
@@ -232,8 +229,8 @@ def welch(ours: Sequence[float], theirs: Sequence[float]) -> Welch | None:
     a, b = np.asarray(ours, float), np.asarray(theirs, float)
     if min(len(a), len(b)) < 2 or (np.ptp(a) == 0 and np.ptp(b) == 0):
         return None
-    found = stats.ttest_ind(a, b, equal_var=False)
-    values = (a.mean() - b.mean(), found.statistic, found.df, found.pvalue)
+    test = stats.ttest_ind(a, b, equal_var=False)
+    values = (a.mean() - b.mean(), test.statistic, test.df, test.pvalue)
     return Welch(*(float(value) for value in values))
 
 
@@ -252,7 +249,7 @@ def holm(p_values: Sequence[float]) -> list[float]:
 
 
 def stars(p_value: float) -> str:
-    """The paper's marks: ** for p < 0.01, * for p < 0.05."""
+    """Return the paper's marks: ** for p < 0.01, * for p < 0.05."""
     return "**" if p_value < 0.01 else "*" if p_value < 0.05 else ""
 
 
@@ -268,7 +265,7 @@ class Estimate(NamedTuple):
 
 
 def bootstrap(counts: Sequence[int], statistic: Callable[..., float], seed: int) -> Estimate:
-    """A statistic of one or more sets, with the interval of the percentile bootstrap.
+    """Compute a statistic of one or more sets, with the interval of the percentile bootstrap.
 
     It needs sets of about fourteen or more: for rank correlations of so many pairs it covers the truth in 94
     to 99 % of simulations, for statistics of 3, 5 and 10 seeds in about 74, 84 and 91 %.
@@ -282,11 +279,11 @@ def bootstrap(counts: Sequence[int], statistic: Callable[..., float], seed: int)
     if not math.isfinite(value):
         return Estimate(None, None)
     rng = np.random.default_rng(seed)
-    drawn = np.array(
+    samples = np.array(
         [statistic(*(rng.integers(0, n, n) for n in counts)) for _ in range(RESAMPLES)]
     )
-    drawn = drawn[np.isfinite(drawn)]
-    ends = np.quantile(drawn, [0.025, 0.975]).tolist() if len(drawn) else None
+    samples = samples[np.isfinite(samples)]
+    ends = np.quantile(samples, [0.025, 0.975]).tolist() if len(samples) else None
     return Estimate(value, ends)
 
 
@@ -295,18 +292,18 @@ UNITS = 14
 
 
 def over_units(ours: np.ndarray, theirs: np.ndarray) -> Estimate:
-    """The gain in mIoU, in points, of one net over another, with its bootstrap over what both are tested on.
+    """Compute the gain in mIoU points of one network over another, with its bootstrap over the test images.
 
     Args:
         ours: confusion matrices i64[units, classes, classes] of images or groups of images.
-        theirs: those of the other net.
+        theirs: those of the other network.
     """
 
-    def gained(drawn: np.ndarray) -> float:
-        return 100 * (mean_iou(ours[drawn].sum(axis=0)) - mean_iou(theirs[drawn].sum(axis=0)))
+    def gain_of(units: np.ndarray) -> float:
+        return 100 * (mean_iou(ours[units].sum(axis=0)) - mean_iou(theirs[units].sum(axis=0)))
 
-    found = bootstrap([len(ours)], gained, seed=0)
-    return found if len(ours) >= UNITS else found._replace(ci95=None)
+    estimate = bootstrap([len(ours)], gain_of, seed=0)
+    return estimate if len(ours) >= UNITS else estimate._replace(ci95=None)
 
 
 DRAWS = 10_000
@@ -326,28 +323,28 @@ class Pairing(NamedTuple):
 
 
 def spearman(x: np.ndarray, y: np.ndarray) -> float:
-    """Rank correlation of f64[n] and f64[n], NaN if one of them is constant."""
+    """Compute the rank correlation of f64[n] and f64[n]; NaN if one of them is constant."""
     if len(x) < 3 or np.ptp(x) == 0 or np.ptp(y) == 0:
         return math.nan
     return float(np.corrcoef(stats.rankdata(x), stats.rankdata(y))[0, 1])
 
 
 def noise_variance(table: np.ndarray) -> float:
-    """Variance f64[proposals, seeds] -> of one proposal's rewards over seeds: var(b) + var(e)."""
+    """Compute the variance of a proposal's rewards f64[proposals, seeds] over seeds, var(b) + var(e)."""
     return float(table.var(axis=1, ddof=1).mean()) if min(table.shape, default=0) > 0 else math.nan
 
 
 def residual_variance(table: np.ndarray) -> float:
-    """Variance of the residuals of both means: var(e)."""
+    """Compute the variance of the residuals of both means, var(e)."""
     p, s = table.shape
     if p < 2 or s < 2:
         return math.nan
-    left = table - table.mean(1, keepdims=True) - table.mean(0, keepdims=True) + table.mean()
-    return float((left**2).sum() / ((p - 1) * (s - 1)))
+    residuals = table - table.mean(1, keepdims=True) - table.mean(0, keepdims=True) + table.mean()
+    return float((residuals**2).sum() / ((p - 1) * (s - 1)))
 
 
 def pairing(table: np.ndarray) -> Pairing | None:
-    """The effect of shared seeds on differences of proposals.
+    """Measure the effect of shared seeds on differences of proposals.
 
     Args:
         table: rewards f64[proposals, seeds], at least 2 of each.
@@ -355,15 +352,15 @@ def pairing(table: np.ndarray) -> Pairing | None:
     p, s = table.shape
     if p < 2 or s < 2:
         return None
-    left = residual_variance(table)
+    residual = residual_variance(table)
     seeds = p * float(table.mean(axis=0).var(ddof=1))
     degrees = s - 1, (p - 1) * (s - 1)
-    p_value = float(stats.f.sf(seeds / left, *degrees)) if left > 0 else math.nan
-    return Pairing(2 * left, 2 * noise_variance(table), p_value)
+    p_value = float(stats.f.sf(seeds / residual, *degrees)) if residual > 0 else math.nan
+    return Pairing(2 * residual, 2 * noise_variance(table), p_value)
 
 
 def signal_to_noise(rewards: np.ndarray, table: np.ndarray, seed: int) -> Estimate:
-    """The spread of proposals' true values divided by the noise of one reward.
+    """Divide the spread of proposals' true values by the noise of one reward.
 
     sqrt(max(var(rewards) - var(e), 0) / (var(b) + var(e))), where the denominator is the variance of one
     proposal's rewards.
@@ -381,16 +378,16 @@ def signal_to_noise(rewards: np.ndarray, table: np.ndarray, seed: int) -> Estima
     Source: Weerahandi (1993), "Generalized confidence intervals".
     """
     n, (p, s) = len(rewards), table.shape
-    noise, left = noise_variance(table), residual_variance(table)
+    noise, residual = noise_variance(table), residual_variance(table)
     if n < 2 or p < 2 or s < 2 or noise <= 0:
         return Estimate(None, None)
     spread = float(rewards.var(ddof=1))
-    value = math.sqrt(max(spread - left, 0.0) / noise)
+    value = math.sqrt(max(spread - residual, 0.0) / noise)
     seeds = p * float(table.mean(axis=0).var(ddof=1))  # estimates p var(b) + var(e)
     rng = np.random.default_rng(seed)
     u, b, e = (
         square * free / rng.chisquare(free, DRAWS)
-        for square, free in ((spread, n - 1), (seeds, s - 1), (left, (p - 1) * (s - 1)))
+        for square, free in ((spread, n - 1), (seeds, s - 1), (residual, (p - 1) * (s - 1)))
     )
     ratios = np.sqrt(np.maximum(u - e, 0.0) / ((np.maximum(b, e) + (p - 1) * e) / p))
     return Estimate(value, np.quantile(ratios, [0.025, 0.975]).tolist())

@@ -24,7 +24,7 @@ def test_every_variant_has_the_whole_budget(target, preset, method):
     if preset == "smoke":  # two for each of the six groups
         config = replace(config, evaluations=12, variants=VARIANTS)
     job.check(config)
-    for made in job.planned(config).values():
+    for made in job.plan_all(config).values():
         assert made.evaluations == config.evaluations and made.method == method
 
 
@@ -49,7 +49,7 @@ def test_variants_leave_out_what_they_say():
     for variant in VARIANTS:
         assert job.without(config, variant) == changed.get(variant, config)
         assert set(job.subset_of(variant, config)) == set(NAMES) - set(left_out.get(variant, ()))
-    made = job.planned(config)
+    made = job.plan_all(config)
     assert made["no_positions"].subset == job.subset_of("no_positions", config)
     assert made["no_relaxation"].options.relaxation == 0
 
@@ -61,7 +61,7 @@ def test_an_ablation_leaves_its_figures(tiny, counted, capsys):
     rows = {row["variant"]: row for row in do(job.STUDY, config)["rows"]}
     assert "no_relaxation: update 2/2 | mIoU" in capsys.readouterr().out
     assert tuple(rows) == VARIANTS and rows["random"]["search"] is None
-    for name in job.planned(config):
+    for name in job.plan_all(config):
         found = rows[name]["search"]
         assert len(found["rewards"]) == 4 and found["core_seconds"] == 8
         widths = {attribute: wide for attribute, (_, wide) in found["solution"].items()}
@@ -88,5 +88,5 @@ def test_what_failed_is_told_and_left_out(tiny, counted):
     report["rows"][1]["search"]["rewards"][0] = None
     found = job.FORM.derive(report)
     assert found["rows"][1]["mean"] is None and "2 nets failed" in job.FORM.text(found)
-    assert "1 evaluations failed and are left out of their update" in job.FORM.text(found)
+    assert "Left out of their update: 1 failed evaluations" in job.FORM.text(found)
     assert job.FORM.figures["ablation.png"](found).startswith(b"\x89PNG")

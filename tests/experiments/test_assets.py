@@ -52,7 +52,7 @@ def test_a_study_leaves_its_figures(assets):
     gain, interval = paired_gain(full, half)
     assert report["rows"][0]["more_assets"] is None and gain > 0
     assert report["rows"][1]["more_assets"] == {"mean": gain, "ci95": interval}
-    assert "| 4 | 2 | 50 % |" in text and "hand-set attributes" in text
+    assert "| 4 | 2 | 50 % |" in text and "default streets" in text
     # Nets that failed are told and left out.
     report["rows"][1]["nets"] = [None, None]
     found = FORM.derive(report)
@@ -65,7 +65,7 @@ def test_streets_are_drawn_from_what_is_asked_for(assets, out, learnt_file):
     report, text, calls = assets(*flags, "--fractions", "1")
     assert len(calls) == 2 and calls[0][1].centre.max() == pytest.approx(0.9)
     assert len(report["rows"]) == 1 and report["rows"][0]["more_assets"] is None
-    assert f"learnt attributes, from {learnt_file}" in text
+    assert f"optimised streets from {learnt_file}" in text
     with pytest.raises(UserError, match=f"{learnt_file} holds attributes of --space scenex, not"):
         read_attributes("--learnt", learnt_file, "extended")
     out.rename(out.with_name("learnt"))

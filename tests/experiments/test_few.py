@@ -63,7 +63,7 @@ def test_the_few_give_no_reward(tiny_camvid):
 
 @pytest.mark.parametrize(("flags", "words"), [
     (("--few", "9"), "--few 9 is more than the 4 labelled images of camvid; 3 leave one"),
-    (("--few", "4"), "--few 4 selects all 4 labelled images of camvid, and none is left"),
+    (("--few", "4"), "--few 4 selects all 4 labelled images of camvid, which leaves none"),
     (("--few", "1.0"), "--few 1.0 selects all 4 labelled images"),
     (("--few", "0.1"), "--few 0.1 selects none of the 4 labelled images of camvid; 0.25 or more"),
     (("--few", "0"), "--few must be a number of images, 1 or more, or a share in (0, 1], not 0"),
@@ -72,7 +72,7 @@ def test_the_few_give_no_reward(tiny_camvid):
     (("--few", "2", "--reward-kind", "mmd"), "--few needs rewards of labelled images"),
     (("--few", "2", "--few-share", "0"), "--few-share must lie in (0, 1), not 0"),
     (("--few", "2", "--few-share", "0.01"), "0.01 takes none of the 48 images of --reward.train.steps 12"),
-    (("--few", "2", "--few-share", "0.995"), "makes all of the 48 images"),
+    (("--few", "2", "--few-share", "0.995"), "takes all of the 48 images"),
 ])  # fmt: skip
 def test_bad_input_is_one_line(flags, words, camvid, out, error_line):
     assert main_job("camvid", "--data", str(camvid), "--out", str(out), *flags) == 2

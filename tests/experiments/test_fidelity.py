@@ -159,7 +159,7 @@ def test_every_proposal_is_scored_on_every_rung(scored, scored_by, tiny):
     report["rungs"][0]["rewards"] |= {"random": [9, None], "draw-1": [None, 8], "draw-5": [None]}
     report = module.derive(report)  # one repeated proposal is left
     assert report["rungs"][0]["failed"] == 3 and report["rungs"][0]["noise"] is None
-    assert "3 evaluations failed" in module.text(report)
+    assert "Left out: 3 failed evaluations" in module.text(report)
     assert Image.open(BytesIO(module.picture(report))).width > 600
 
 

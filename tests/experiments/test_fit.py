@@ -107,7 +107,7 @@ def test_no_two_folds_hold_copies_of_one_image(images: list[tuple[str, int]]) ->
     groups, contents = zip(*sorted(images), strict=True)
     first = [contents.index(content) for content in contents]
     if len(set(contents)) == 1:
-        with pytest.raises(UserError, match=r"1 labelled image and (a copy|\d+ copies) of it, "):
+        with pytest.raises(UserError, match=r"1 labelled image and (a copy|\d+ copies) of it; "):
             cut(groups, Path("data"), first)
         return
     folds, note = cut(groups, Path("data"), first)

@@ -9,7 +9,7 @@ import pytest
 from experiments.config.jobs import defaults_of
 from experiments.evaluation.job import rendered_of
 from experiments.studies.labels import FORM, counts_of
-from experiments.tables.stats import reached, worth
+from experiments.tables.stats import equivalent_labels, reached
 from experiments.targets.base import Target
 from scene.proposal import Mixture, describe, streets_named
 from seg.beside import TrainingSet
@@ -51,8 +51,8 @@ def test_labels_that_renders_are_worth_by_hand():
     assert by[0, "default"]["renders_add"] is None and by[14, "none"]["renders_add"] is None
     assert by[14, "default"]["of_all"] == pytest.approx(100 * 34 / 35)
     text = FORM.text(found)
-    assert "alone are worth 10 labelled images" in text
-    assert "| 14 | hand-set attributes | 34.0 |" in text and "+4.0" in text
+    assert "Renders alone (default streets) are as good as 10 labelled images" in text
+    assert "| 14 | default streets | 34.0 |" in text and "+4.0" in text
     beyond = report({7: 20, 14: 30}, {0: 5, 14: 40})
     assert beyond["rows"][0]["of_all"] is None  # of the 28 labels that there are, no net has all
     ends = [(end["labels"], end["bound"]) for end in beyond["worth"]]
@@ -79,16 +79,23 @@ def test_the_interval_is_where_the_paired_t_test_holds_by_hand():
     # t(0.975, 1) 2 / sqrt(2) = 12.706 sqrt(2) at every x: 1.797 on either side of the value, as an x.
     alone = np.array([[20.0, 20.0], [30, 30], [40, 40], [50, 50]])
     counts, half = (7, 14, 28, 56), 12.7062 * math.sqrt(2)
-    value, (low, high) = worth(counts, alone, np.array([38 - math.sqrt(2), 38 + math.sqrt(2)]))
+    value, (low, high) = equivalent_labels(
+        counts, alone, np.array([38 - math.sqrt(2), 38 + math.sqrt(2)])
+    )
     assert value == pytest.approx(7 * 2**1.8)
     assert (low, high) == (pytest.approx(7 * 2 ** (1.8 - half / 10), rel=1e-5), None)
-    _, (low, high) = worth(counts, alone, np.array([31 - math.sqrt(2), 31 + math.sqrt(2)]))
+    _, (low, high) = equivalent_labels(
+        counts, alone, np.array([31 - math.sqrt(2), 31 + math.sqrt(2)])
+    )
     assert (low, high) == (None, pytest.approx(7 * 2 ** (1.1 + half / 10), rel=1e-5))
-    assert worth(counts, alone, np.array([20.0, 50.0]))[1] == [None, None]
-    assert worth(counts, alone[:, :1], np.array([30.0])) == (pytest.approx(14), None)  # one seed
+    assert equivalent_labels(counts, alone, np.array([20.0, 50.0]))[1] == [None, None]
+    assert equivalent_labels(counts, alone[:, :1], np.array([30.0])) == (
+        pytest.approx(14),
+        None,
+    )  # one seed
     # Where labels alone go down again, the interval spans all that is not excluded.
     bent = np.array([[20.0, 20.0], [30, 30], [26, 26], [36, 36]])
-    value, ends = worth(counts, bent, np.array([28.0, 28.0]))
+    value, ends = equivalent_labels(counts, bent, np.array([28.0, 28.0]))
     assert value == pytest.approx(7 * 2**0.8)
     assert ends == [pytest.approx(7 * 2**0.8), pytest.approx(28 * 2**0.2)]
 
@@ -103,7 +110,7 @@ def test_the_interval_covers_what_renders_are_worth_as_often_as_it_says(seeds, l
     for _ in range(runs):
         seed = 0.6 * rng.normal(size=seeds)  # what a seed's nets have in common
         alone = curve[:, None] + seed + rng.normal(size=(len(counts), seeds))
-        low, high = worth(counts, alone, truth + seed + rng.normal(size=seeds))[1]
+        low, high = equivalent_labels(counts, alone, truth + seed + rng.normal(size=seeds))[1]
         held += (low is None or low <= labels) and (high is None or labels <= high)
     assert 0.935 <= held / runs <= 0.99  # gaps in the set count as held
 
@@ -148,7 +155,7 @@ def test_renders_may_be_half_random_and_half_by_eye(reported):
     assert (
         sum(isinstance(each, Mixture) and describe(each) == describe(own) for each in renders) == 6
     )
-    assert "| 0 | half of them random, half hand-set |" in words
+    assert "| 0 | half random, half default streets |" in words
 
 
 def test_every_net_sees_its_labels_and_pairs_share_them(reported):

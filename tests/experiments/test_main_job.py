@@ -82,9 +82,7 @@ def test_a_run_on_photographs_with_labels_in_colours(start_job, labelmefacade, t
     job = start_job(tmp_path / "run", *flags, experiment="labelmefacade")
     code, stdout, stderr = job.finish()
     assert code == 0, stderr
-    assert stdout.startswith(
-        "Target: labelmefacade, 4 images for the search, tested on split test"
-    )
+    assert stdout.startswith("Target: labelmefacade, 4 images for the search, tested on split test")
     summary = read_json(tmp_path / "run" / "summary.json")
     assert (summary["reward_images"], summary["test_images"]) == (4, 2)
     assert set(summary["rows"]) == set(ROWS)

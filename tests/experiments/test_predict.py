@@ -207,7 +207,12 @@ def test_folders_that_cannot_be_read_or_written(model, folder, images, tmp_path,
     video(images / "drive.avi", 1)
     (images / "drive").mkdir()
     (images / "b.png").rename(images / "drive" / "000000.png")
-    refused(DataError, "000000.png: its folder is named like the video .*drive.avi", list_sources, images)
+    refused(
+        DataError,
+        "000000.png: its folder is named like the video .*drive.avi",
+        list_sources,
+        images,
+    )
     (images / "drive" / "000000.png").rename(images / "b.png")
     (images / "drive.avi").unlink()
     (images / "drive").rmdir()

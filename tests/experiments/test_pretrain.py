@@ -260,10 +260,10 @@ def test_attributes_may_be_learnt_from_the_share_that_nets_are_tuned_on(
     assert scratch == [[half.tolist(), [0, 1, 2, 3]]] * 2
     assert learnt == [[half.tolist()]] * 2 + [[[0, 1, 2, 3]]] * 2
     made = [(row["row"], row["images"]) for row in report["rows"][2:]]
-    assert made == [("learnt", 2), ("learnt", 4)] and "of that share alone" in text
+    assert made == [("learnt", 2), ("learnt", 4)] and "with its labels alone" in text
     kept = sorted(path.name for path in (out / "attributes").iterdir())
     assert kept == ["learnt-0.5.json", "learnt-1.json"]
     assert command("pretrain", out, *flags, evaluate=never, transfer=never) == 0  # all is known
     both = ("--learn-on", "share", "--learnt", str(learnt_file))
     assert command("pretrain", tmp_path / "other", *both) == 2
-    assert "leave out --learnt" in error_line(begun=True)
+    assert "--learnt has no effect with --learn-on share" in error_line(begun=True)

@@ -42,14 +42,14 @@ def test_a_method_has_a_row_over_its_searches_and_nets():
     found = report(search(0, nets(34.0, 36.0)), search(1, nets(36.0, 38.0)))
     rows = {row["name"]: row for row in found["rows"]}
     assert rows["sdr"]["mean"] == 36.0 and rows["sdr"]["gain_over_default"]["mean"] == 1.0
-    assert "learnt by sdr | 2 | 36.0" in text(found)
+    assert "optimised by sdr | 2 | 36.0" in text(found)
 
 
 def test_of_reports_with_model_selection_the_methods_own_answers_are_shown():
     own = {"chosen_candidate": "default", "own_nets": nets(31.0, 33.0)}
     found = report(search(0, nets(34.0, 36.0), **own))
     assert [each["learnt"] for each in found["searches"]] == [32.0]
-    assert "learnt by sdr | 1 | 32.0" in text(found)
+    assert "optimised by sdr | 1 | 32.0" in text(found)
 
 
 def test_methods_of_other_libraries_need_a_checkout(monkeypatch):
@@ -87,7 +87,7 @@ def test_searches_at_equal_core_minutes():
 def test_failed_evaluations_are_told():
     failing = search(0, nets(36.0, 38.0), rewards=[None, 30.0, 40.0])
     page = text(report(failing, core_minutes=15.0))
-    assert "1 evaluations failed and are left out of their update." in page
+    assert "Left out of their update: 1 failed evaluations." in page
 
 
 def test_at_equal_cost_some_attributes_are_searched_and_the_others_random(command, out):

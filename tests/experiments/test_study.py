@@ -154,7 +154,7 @@ def test_a_recorded_report_is_derived_anew(recorded, out):
     ("table", ("--weights", "/no.npz", "--nets", "fcn8s"), "/no.npz: No such file"),
     ("table", ("--learnt", "/nowhere.json"), "--learnt /nowhere.json: No such file"),
     ("table", ("--data", "/nowhere"), "/nowhere"),
-    ("pretrain", ("--fractions", "0.1"), "0.1 selects none of the 4 reward images; 0.25 or"),
+    ("pretrain", ("--fractions", "0.1"), "0.1 selects none of the 4 real images; 0.25 or"),
     ("pretrain", ("--fractions", "nan"), "--fractions must lie in (0, 1], not nan"),
     ("pretrain", ("--rows", "scratch", "scratch"), "names one of them twice"),
     ("pretrain", ("--finetune-steps", "0"), "--finetune-steps must be 1 or more"),
@@ -166,14 +166,14 @@ def test_a_recorded_report_is_derived_anew(recorded, out):
     ("assets", ("--fractions", "0"), "--fractions must lie in (0, 1], not 0"),
     ("assets", ("--fractions", "1.5"), "--fractions must lie in (0, 1], not 1.5"),
     ("assets", ("--learnt", "FILE"), "--learnt has no effect with --attributes default"),
-    ("labels", ("--counts", "0", "2"), "--counts needs at least two numbers above 0"),
+    ("labels", ("--counts", "0", "2"), "--counts needs two or more numbers above 0"),
     ("labels", ("--counts", "2", "5"), "--counts 5 is more than the 4 labelled images of camvid"),
     ("labels", ("--counts", "1", "2", "-1"), "--counts must be 0 or more, not -1"),
     ("labels", ("--renders", "random", "--learnt", "FILE"), "has no effect with --renders random"),
     ("labels", ("--few-share", "1"), "--few-share must lie in (0, 1), not 1"),
     ("searches", ("--searches", "0"), "--searches must be 1 or more, not 0"),
     ("searches", ("--methods", "sdr", "sdr"), "--methods sdr sdr names one of them twice"),
-    ("searches", ("--methods", "random_attributes"), "searches for nothing"),
+    ("searches", ("--methods", "random_attributes"), "does not search"),
     ("searches", ("--groups", "car_position"), "--groups: in no group"),
     ("searches", ("--core-minutes", "0.0001"), "0.0001 are too few for one update of intervals"),
     ("searches", ("--subset", "car_position"), "--subset needs --core-minutes"),
@@ -181,9 +181,9 @@ def test_a_recorded_report_is_derived_anew(recorded, out):
     ("searches", ("--subset", "bend", "bend", "--core-minutes", "1"), "--subset bend bend names one"),
     ("table", ("--few", "4"), "--few 4 selects all 4 labelled images of camvid"),
     ("ablation", ("--variants", "full", "full"), "--variants full full names one of them twice"),
-    ("ablation", ("--variants", "no_groups"), "--variants must hold full"),
+    ("ablation", ("--variants", "no_groups"), "--variants must include full"),
     ("ablation", ("--method", "sdr"), "--evaluations 4 are too few for sdr on 23 attributes"),
-    ("ablation", ("--method", "random_attributes"), "random_attributes searches for nothing"),
+    ("ablation", ("--method", "random_attributes"), "random_attributes does not search"),
     ("ablation", ("--evaluations", "0"), "--evaluations must be 1 or more, not 0"),
     ("ablation", ("--evaluations", "3"), "multiple of --search.datasets-per-update 2, not 3"),
     ("fidelity", ("--proposals", "1"), "--proposals must be 2 or more"),
@@ -367,7 +367,7 @@ def test_statistics_leave_failed_nets_out_and_figures_in_tables_by_hand():
     row = {"mean": 12.34, "ci95": [11.0, 13.68]}
     assert form.cells(row) == ["12.3", "11.0 to 13.7"] and form.half(row) == pytest.approx(1.34)
     assert form.cells(row, "+.2f") == ["+12.34", "11.00 to 13.68"]
-    none = "too few nets for an interval"
+    none = "too few networks for an interval"
     assert form.cells({"mean": 12.0, "ci95": None}) == ["12.0", none]  # one net
     # 3 and 6: 4.5 +- 12.706 x 1.5, below 0; as a gain it may be.
     assert form.cells(statistics([3.0, 6.0])) == ["4.5", none]

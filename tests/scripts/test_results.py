@@ -138,7 +138,7 @@ def test_parts_of_one_kind_have_a_table_with_their_means(tmp_path):
         (tmp_path / part.name).mkdir()
         write_json(tmp_path / part.name / "searches.json", {"rows": rows})
     page = text(wanted, {part.name for part in wanted}, "abc", tmp_path)
-    none = "too few nets for an interval"
+    none = "too few networks for an interval"
     assert f"| far-1 |  | 10.0 | 20.0 | 31.0 | 40.0 | +2.0 | {none} | +2.0 | {none} |" in page
     assert "| mean of 2 far |  | 10.0 | 20.0 | 30.5 | 40.0 | +1.0 | -11.7 to 13.7 | +1.0 |" in page
     assert "mean of 1" not in page and "- near: `sdr-jax study searches`" in page

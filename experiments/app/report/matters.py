@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from common.errors import UserError
 from common.lines import Record
 from experiments.tables.form import Report
-from experiments.tables.importance import NOTHING, enough, summarize, verdict
+from experiments.tables.importance import NO_PREDICTION, enough, summarize, verdict
 from experiments.tables.recorded import choose
 from scene.attributes import SpaceName
 
@@ -29,7 +29,7 @@ def matters(records: Sequence[Record], target: str, space: SpaceName) -> Report:
         return {"said": f"Not known: {error}.", "rewards": 0, "attributes": []}
     sensitivity = summarize(chosen)
     r2 = sensitivity["r2"]
-    significant = r2["value"] is not None and r2["value"] >= NOTHING
+    significant = r2["value"] is not None and r2["value"] >= NO_PREDICTION
     fit = "" if r2["value"] is None else f"Cross-validated R² {r2['value']:.2f}. "
     words = verdict(r2) if significant else "These rewards do not show which attributes matter."
     return {
