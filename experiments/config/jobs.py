@@ -222,7 +222,7 @@ class Job(NamedTuple):
 
     kind: type[Config]
     module: str  # whose docstring is the help's first part
-    work: str  # the function of the configuration, ``module:name``
+    work: str  # the study, or another function of the configuration, as ``module:name``
     called: str  # the command after ``sdr-jax``
     changes: Mapping[Preset, Table] = {}  # differences from the main job by preset
     target: TargetName | None = None  # of a command without --target
@@ -234,9 +234,11 @@ def _main(name: str, target: TargetName, with_data: TargetName | None = None) ->
     return Job(MainConfig, module, work, name, {}, target, with_data)
 
 
-def _study(name: str, kind: type[Config], changes: Mapping[Preset, Table]) -> Job:
+def _study(
+    name: str, kind: type[Config], changes: Mapping[Preset, Table], work: str = "STUDY"
+) -> Job:
     module = f"experiments.studies.{name}"
-    return Job(kind, module, f"{module}:RUN", f"study {name}", changes)
+    return Job(kind, module, f"{module}:{work}", f"study {name}", changes)
 
 
 # Ten images of each street, as in the paper's presets, divide all numbers of images.
@@ -274,10 +276,10 @@ STUDIES: dict[str, Job] = {
     }),
     "sensitivity": _study("sensitivity", SensitivityConfig, {
         "smoke": {"evaluations": 12}, "quick": {"evaluations": 128}, "paper": {"evaluations": 300},
-    }),
+    }, "analyse"),
     "fidelity": _study("fidelity", FidelityConfig, {
         "smoke": {"proposals": 3, "repeated": 2, "repeats": 2},
-    }),
+    }, "measure"),
 }  # fmt: skip
 """The studies of the paper, `sdr-jax study NAME`, in the order of the help."""
 

@@ -44,7 +44,7 @@ from experiments.tables.form import (
     words,
 )
 from experiments.tables.row_names import TRAINED_ON
-from experiments.tables.skeleton import Answers, Row, Search, do, of_rows
+from experiments.tables.skeleton import Answers, Row, Search, of_rows
 from experiments.tables.stats import statistics
 from experiments.targets.base import Target
 from scene.attributes import names
@@ -276,7 +276,6 @@ def picture(report: Report) -> bytes:
 
 FORM = Form("ablation", derive, text, {"ablation.png": picture})
 STUDY = of_rows(FORM, rows, report, check, searches, work)
-RUN = partial(do, STUDY)
 
 if __name__ == "__main__":
     sys.exit(command("ablation"))

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import sys
 from dataclasses import replace
-from functools import partial
 from itertools import product
 
 from common.errors import UserError
@@ -33,7 +32,7 @@ from experiments.tables.form import (
     target_of,
 )
 from experiments.tables.row_names import TRAINED_ON
-from experiments.tables.skeleton import LEARNT, Answers, Row, attributes, do, learnt_from, of_rows
+from experiments.tables.skeleton import LEARNT, Answers, Row, attributes, learnt_from, of_rows
 from experiments.tables.stats import bounded, estimated, gain
 from experiments.targets.base import Target
 
@@ -133,7 +132,6 @@ def picture(report: Report) -> bytes:
 
 FORM = Form("assets", derive, text, {"assets.png": picture})
 STUDY = of_rows(FORM, rows, report, check)
-RUN = partial(do, STUDY)
 
 if __name__ == "__main__":
     sys.exit(command("assets"))

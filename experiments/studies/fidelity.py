@@ -332,7 +332,5 @@ def measure(config: FidelityConfig) -> Report:
     return report
 
 
-RUN = measure
-
 if __name__ == "__main__":
     sys.exit(command("fidelity"))

@@ -37,7 +37,7 @@ from experiments.tables.form import (
     target_of,
 )
 from experiments.tables.row_names import TRAINED_ON
-from experiments.tables.skeleton import LEARNT, Answers, Row, attributes, do, learnt_from, of_rows
+from experiments.tables.skeleton import LEARNT, Answers, Row, attributes, learnt_from, of_rows
 from experiments.tables.stats import bounded, equivalent_labels, estimated, gain, mean
 from experiments.targets.base import Target
 from experiments.targets.few import spread
@@ -238,7 +238,6 @@ def picture(report: Report) -> bytes:
 
 FORM = Form("labels", derive, text, {"labels.png": picture})
 STUDY = of_rows(FORM, rows, report, check)
-RUN = partial(do, STUDY)
 
 if __name__ == "__main__":
     sys.exit(command("labels"))

@@ -17,7 +17,6 @@ import math
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from itertools import product
 from typing import Any
 
@@ -48,7 +47,7 @@ from experiments.tables.form import (
 )
 from experiments.tables.nets import paired_seeds
 from experiments.tables.row_names import TRAINED_ON
-from experiments.tables.skeleton import Study, do, learnt_attributes, learnt_from, learnt_work
+from experiments.tables.skeleton import Study, learnt_attributes, learnt_from, learnt_work
 from experiments.tables.stats import holm, stars, statistics, welch
 from experiments.targets.base import Target, with_reward
 from scene.proposal import Streets
@@ -336,7 +335,6 @@ def picture(report: Report) -> bytes:
 
 FORM = Form("pretrain", derive, text, {"pretrain.png": picture})
 STUDY = Study(FORM, plan, scores, check, refuse_empty)
-RUN = partial(do, STUDY)
 
 if __name__ == "__main__":
     sys.exit(command("pretrain"))

@@ -48,7 +48,7 @@ from experiments.tables.form import (
     words,
 )
 from experiments.tables.row_names import TRAINED_ON
-from experiments.tables.skeleton import Answers, Row, Search, do, of_rows
+from experiments.tables.skeleton import Answers, Row, Search, of_rows
 from experiments.tables.stats import Table, bounded, gain, less, mean, over_both
 from experiments.targets.base import Target
 from scene.attributes import names
@@ -307,7 +307,6 @@ def picture(report: Report) -> bytes:
 
 FORM = Form("searches", derive, text, {"searches.png": picture})
 STUDY = of_rows(FORM, rows, report, check, searches, work)
-RUN = partial(do, STUDY)
 
 if __name__ == "__main__":
     sys.exit(command("searches"))

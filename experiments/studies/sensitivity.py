@@ -248,7 +248,6 @@ def _curves(figure: Figure | SubFigure, report: Report, down: int) -> None:
 FORM = Form("sensitivity", lambda report: report, text, {"sensitivity.png": picture})
 """The JSON holds all figures, but not the records."""
 STUDY = Study(FORM, plan, scores)
-RUN = analyse
 
 if __name__ == "__main__":
     sys.exit(command("sensitivity"))

@@ -49,7 +49,7 @@ from experiments.tables.form import (
     target_of,
 )
 from experiments.tables.nets import with_net
-from experiments.tables.skeleton import LEARNT, Answers, Row, attributes, do, learnt_from, of_rows
+from experiments.tables.skeleton import LEARNT, Answers, Row, attributes, learnt_from, of_rows
 from experiments.tables.stats import gain, mean, statistics
 from experiments.targets.base import Target
 from seg.classes import CITYSCAPES_19, IGNORE_LABEL, SYNTHIA_13, SYNTHIA_16, class_table
@@ -341,7 +341,6 @@ def picture(report: Report) -> bytes:
 
 FORM = Form("table", derive, text, {"table.png": picture})
 STUDY = of_rows(FORM, rows, report, check)
-RUN = partial(do, STUDY)
 
 if __name__ == "__main__":
     sys.exit(command("table"))

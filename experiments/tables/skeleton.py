@@ -50,6 +50,10 @@ class Study(Generic[AnyConfig]):
     target: Callable[[AnyConfig, Workers], Target] = named_target
     """Finds the target; raises UserError or DataError."""
 
+    def __call__(self, config: AnyConfig) -> Report:
+        """Do the whole job, as `do`."""
+        return do(self, config)
+
 
 def do(study: Study[AnyConfig], config: AnyConfig) -> Report:
     """Do a whole job, or the rest of it, and return its report; with ``--rederive`` only derive the report.
