@@ -13,7 +13,7 @@ from common.files import read_json
 from experiments.attribute_search.plans import plan, schedule
 from experiments.config.jobs import defaults_of
 from experiments.evaluation.cost import cost_of
-from experiments.studies.searches import check, configured, derive, plan_of, rows, text, work
+from experiments.studies.searches import check, configure_all, derive, plan_of, rows, text, work
 from scene.attributes import NAMES
 
 from .conftest import lines
@@ -68,7 +68,7 @@ def test_searches_at_equal_core_minutes():
         core_minutes=15.0, methods=("intervals", "random_search", "sdr"), searches=2,
     )  # fmt: skip
     check(config)
-    plans = {name: plan_of(own, name) for name, own in configured(config).items()}
+    plans = {name: plan_of(own, name) for name, own in configure_all(config).items()}
     assert list(plans) == [f"{m}-{k}" for k in (0, 1) for m in config.methods]
     seconds = [plan.evaluations * cost_of(config.reward) for plan in plans.values()]
     assert all(0.75 * 15 * 60 < each <= 15 * 60 for each in seconds)
