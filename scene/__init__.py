@@ -7,7 +7,7 @@
     dataset = scene.render_dataset(units, 0, shots=2, settings=scene.RenderSettings(160, 120, 2))
     dataset.images, dataset.labels  # u8[8, 120, 160, 3], u8[8, 120, 160] train ids
 
-Names are imported on first use, so that the table of attributes loads no renderer; ``__init__.pyi`` lists
+Names are imported on first use, so that the table of attributes loads no renderer. ``__init__.pyi`` lists
 them.
 """
 

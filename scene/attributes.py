@@ -1,10 +1,10 @@
 """The global attributes of a street: names, ranges, units, defaults. The only place with ranges.
 
-Two spaces: ``scenex`` has the paper's 23; ``extended`` has those and then what else real streets and
-cameras differ in. It grows at its end: what was written without the last ones has those at their defaults.
-In ``scenex`` the others stand at their defaults, so a hand-set street is the same in
-both. Everything outside this file handles attributes as unit values in [0, 1]; ``street_params`` turns
-them into metres, radians and probabilities. Source: section 3 of the paper for the 23; the ranges are ours.
+Two spaces: ``scenex`` has the paper's 23; ``extended`` adds more properties of real streets and cameras. New
+attributes go to its end: files without them get their defaults. In ``scenex`` the others have their defaults,
+so the default street is the same in both spaces. All other code handles attributes as unit values in [0, 1];
+``street_params`` converts them to metres, radians and probabilities. Source: section 3 of the paper for the 23;
+the ranges are ours.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Attribute(NamedTuple):
     low: float
     high: float
     scale: str  # "linear" or "log"
-    default: float  # a hand-set street
+    default: float  # of the default street
     unit: str
     meaning: str
 
@@ -140,15 +140,15 @@ class StreetParams(NamedTuple):
     parked_share: float = BY_NAME["parked_share"].default
     queue_share: float = BY_NAME["queue_share"].default
     open_share: float = BY_NAME["open_share"].default
-    bare_tree_share: float | None = None  # None: as the catalogue has it
-    overcast_share: float | None = None  # None: as the table of skies has it
+    bare_tree_share: float | None = None  # None: that of the catalogue
+    overcast_share: float | None = None  # None: that of the table of skies
     asphalt_sidewalk_share: float = BY_NAME["asphalt_sidewalk_share"].default
     green_verge_share: float = BY_NAME["green_verge_share"].default
     road_wear: float = BY_NAME["road_wear"].default
 
     @property
     def space(self) -> SpaceName:
-        """The space that they come from; only ``extended`` has a field of view."""
+        """The space of the attributes; only ``extended`` has a field of view."""
         return "scenex" if self.field_of_view is None else "extended"
 
 
@@ -158,28 +158,28 @@ def names(space: SpaceName) -> tuple[str, ...]:
 
 
 def space_of(count: int) -> SpaceName:
-    """The space of arrays with ``count`` attributes.
+    """The space with ``count`` attributes.
 
     Raises:
-        ValueError: there is none.
+        ValueError: no space has this number.
     """
     for space, rows in SPACES.items():
         if len(rows) == count:
             return space
-    known = " or ".join(f"{len(rows)} ({space})" for space, rows in SPACES.items())
-    raise ValueError(f"attributes must have {known} values, not {count}")
+    sizes = " or ".join(f"{len(rows)} ({space})" for space, rows in SPACES.items())
+    raise ValueError(f"attributes must have {sizes} values, not {count}")
 
 
 def default_unit(space: SpaceName = "scenex") -> np.ndarray:
-    """The hand-set street, f32[attributes] unit values."""
+    """The default street, f32[attributes] unit values."""
     return np.array([a.to_unit(a.default) for a in SPACES[space]], np.float32)
 
 
 def check_unit(unit: np.ndarray) -> np.ndarray:
-    """``unit`` as f32[..., attributes] of one of the spaces, see `space_of`.
+    """Return ``unit`` as f32[..., attributes] of one of the spaces, see `space_of`.
 
     Raises:
-        ValueError: wrong number of attributes, or a value that is NaN or outside [0, 1], by name.
+        ValueError: the number of attributes is wrong, or a value is NaN or outside [0, 1].
     """
     unit = np.asarray(unit, np.float32)
     rows = SPACES[space_of(unit.shape[-1] if unit.ndim else 0)]

@@ -1,9 +1,9 @@
-"""Keeps arrays that take long to make on disk between processes: shapes of assets, textures, cloud maps.
+"""Cache arrays that take long to compute on disk: shapes of assets, textures, cloud maps.
 
-They lie in ``$SDR_JAX_CACHE``, by default ``sdr-jax`` in ``$XDG_CACHE_HOME`` or ``~/.cache``; ``off`` keeps
-nothing. All files there may be deleted at any moment. Each version of the engine, and each state of its
-sources, has its own folder. Files are written whole or not at all, so that processes can share them; nothing
-is unpickled; arrays that cannot be read or written are made anew, as without a cache.
+The cache is in ``$SDR_JAX_CACHE``, by default ``sdr-jax`` in ``$XDG_CACHE_HOME`` or ``~/.cache``; ``off``
+disables it. All its files may be deleted at any time. Each version of the engine, and each state of its
+sources, has its own folder. Files are written atomically, so that processes can share them; nothing is
+unpickled; arrays that cannot be read or written are computed, as without a cache.
 """
 
 from __future__ import annotations
@@ -24,57 +24,57 @@ from scene.version import ENGINE
 
 VARIABLE = "SDR_JAX_CACHE"
 MOST = 512 * 2**20
-"""The most bytes of all files; beyond it the oldest are deleted."""
+"""Largest size of all files in bytes; above it, the oldest are deleted."""
 KEPT = 0.75
-"""Share of these bytes that stays."""
+"""Share of this size that is kept then."""
 LOOK = 100
-"""Number of files that a process writes between two checks of the total size."""
+"""Number of files that a process writes between two checks of the size."""
 
 OURS = f"[0-9]*-{'[0-9a-f]' * 16}/*"
-"""Where the files of this module are below its root, in which others may lie."""
+"""Pattern of this module's files below its root, which may hold other files."""
 SUFFIXES = (".npz", ".new")
-"""Their endings; the second is of unfinished ones."""
+"""Their endings; the second is for unfinished files."""
 
 Arrays = dict[str, np.ndarray]
 _written = 0
 
 
-def kept(
-    name: str, make: Callable[[], Arrays], sound: Callable[[Arrays], bool] = lambda found: True
+def cached(
+    name: str, make: Callable[[], Arrays], is_valid: Callable[[Arrays], bool] = lambda arrays: True
 ) -> Arrays:
-    """The arrays of ``make()``, from disk if they are there.
+    """The arrays of ``make()``, from disk if possible.
 
     Args:
-        name: name of the file; the same name must always stand for the same arrays.
-        make: makes the arrays.
-        sound: whether arrays from disk can be used.
+        name: name of the file; the same name must always mean the same arrays.
+        make: computes the arrays.
+        is_valid: whether arrays from disk can be used.
     """
     folder = _folder(os.environ.get(VARIABLE, ""), os.environ.get("XDG_CACHE_HOME", ""))
     if folder is None:
         return make()
     path = folder / f"{name}.npz"
-    found = _read(path)
-    if found is None or not sound(found):
-        found = make()
-        _write(path, found)
-    return found
+    arrays = _read(path)
+    if arrays is None or not is_valid(arrays):
+        arrays = make()
+        _write(path, arrays)
+    return arrays
 
 
 @cache
-def _folder(wanted: str, caches: str) -> Path | None:
-    """The folder of this engine's files; None if none are kept."""
-    if wanted == "off":
+def _folder(setting: str, caches: str) -> Path | None:
+    """The folder of this engine's files, or None without a cache."""
+    if setting == "off":
         return None
     try:
-        root = Path(wanted) if wanted else Path(caches or Path.home() / ".cache") / "sdr-jax"
+        root = Path(setting) if setting else Path(caches or Path.home() / ".cache") / "sdr-jax"
         return root / f"{ENGINE}-{_sources()}"
-    except (OSError, RuntimeError):  # no home, or sources that cannot be read
+    except (OSError, RuntimeError):  # no home, or unreadable sources
         return None
 
 
 @cache
 def _sources() -> str:
-    """A digest of the code that makes these arrays."""
+    """A digest of the code that computes these arrays."""
     digest = hashlib.sha256(np.__version__.encode())
     package = Path(__file__).parent
     for path in sorted(package.rglob("*.py")):
@@ -83,7 +83,7 @@ def _sources() -> str:
 
 
 def _read(path: Path) -> Arrays | None:
-    """Read the arrays of a file, or None. The file's checksums tell whether it is whole."""
+    """Read the arrays of a file, or None. Its checksums show whether it is complete."""
     try:
         with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
             return {name: file[name] for name in file.files}
@@ -92,9 +92,9 @@ def _read(path: Path) -> Arrays | None:
 
 
 def _write(path: Path, arrays: Arrays) -> None:
-    """Write a file under a temporary name and rename it when it is whole; ignore failures."""
+    """Write a file under a temporary name and rename it when it is complete; ignore failures."""
     global _written
-    if _written < 0:  # nothing can be written here
+    if _written < 0:  # an earlier write failed
         return
     temporary = None
     try:
@@ -114,14 +114,14 @@ def _write(path: Path, arrays: Arrays) -> None:
 
 
 def _bound(root: Path) -> None:
-    """Delete the oldest files of arrays if all take more than ``MOST`` bytes."""
+    """Delete the oldest files if all take more than ``MOST`` bytes."""
     files = []
     for path in root.glob(OURS):
         if path.suffix not in SUFFIXES:
             continue
         try:
             status = path.stat()
-        except OSError:  # another process was faster
+        except OSError:  # another process has deleted it
             continue
         files.append((status.st_mtime, status.st_size, path))
     total = sum(size for _, size, _ in files)

@@ -1,7 +1,7 @@
-"""The renderer as a JAX function: unit attributes and seeds in, images and labels out.
+"""The renderer as a JAX function from unit attributes and seeds to images and labels.
 
-This is the only file of the engine that uses JAX. The renderer is pure and has no gradient, so it goes
-through ``jax.pure_callback``; it runs on the host, one call per batch.
+This is the only file of the engine that uses JAX. The renderer is pure and has no gradient, so it is called
+through ``jax.pure_callback``, on the host, once per batch.
 """
 
 from __future__ import annotations
@@ -33,11 +33,12 @@ def render_fn(
 ) -> RenderFn:
     """Make a function ``(unit f32[n, attributes], seeds u32[n]) -> (images, labels)`` for use inside jit.
 
-    Values outside [0, 1] are clipped, since raising inside a callback breaks the program around it;
+    Values outside [0, 1] are clipped, since an exception inside a callback breaks the surrounding program;
     NaN becomes 0.5.
 
     Raises:
-        ValueError: settings, shots or renderer out of range; raised here, not inside the callback.
+        ValueError: settings or shots are out of range, or the renderer is unknown; raised here, not in the
+            callback.
     """
     check_settings(settings)
     renderer(renderer_name)
@@ -62,7 +63,7 @@ def render_fn(
         space_of(unit.shape[-1])
         if unit.ndim != 2 or seeds.shape != unit.shape[:1]:
             raise ValueError(
-                f"expected unit [n, attributes] and seeds [n], got {unit.shape}, {seeds.shape}"
+                f"expected unit [n, attributes] and seeds [n], got {unit.shape} and {seeds.shape}"
             )
         n = unit.shape[0]
         shapes = (

@@ -1,9 +1,9 @@
-"""Checks that the files of an exported dataset are whole, and that all its labels agree.
+"""Check that the files of a dataset are complete and that its labels agree.
 
     sdr-jax check streets
-    sdr-jax check --overlaps 300   # no dataset: do objects of streets overlap?
+    sdr-jax check --overlaps 300   # without a dataset: count overlapping objects of streets
 
-It prints one line for each finding. Exit code 0: no fault found; 1: findings; 2: not a dataset.
+Prints one line per fault. Exit code 0: no faults; 1: faults; 2: not a dataset.
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ from scene.street.instances import standing
 from scene.street.street import sample_street
 
 LEAST_LIFT = 2.2
-"""Least ratio of depth jumps on id edges to chance. Ours: 4 to 5; labels off by one pixel: 1.6."""
+"""Least ratio of depth jumps on id edges to chance. Typical: 4 to 5; labels off by one pixel: 1.6."""
 ENOUGH_JUMPS = 1000
-"""Least number of depth jumps on id edges for this check."""
+"""Least number of depth jumps on id edges that this check needs."""
 EVERYWHERE = ("road", "sidewalk", "sky")
-"""Classes that every dataset of ``ENOUGH_IMAGES`` has."""
+"""Classes in every dataset of ``ENOUGH_IMAGES``."""
 ENOUGH_IMAGES = 20
 SLACK = 0.02
 """Share of its pixels that the outline of an object may miss."""
 DEEP = 0.05
-"""Metres by which footprints of touching objects may overlap."""
+"""Metres by which footprints may overlap."""
 ENOUGH_PLACED = 100
-"""Number of objects of a class in the streets of a dataset from which at least one must be visible."""
+"""From this number of objects of a class in all streets, at least one must be visible."""
 
 
 def findings(folder: Path) -> Iterator[str]:
@@ -56,27 +56,27 @@ def findings(folder: Path) -> Iterator[str]:
     """
     dataset = describe(folder)
     yield from _stray_files(dataset)
-    known: dict[str, Any] = {}
+    entries: dict[str, Any] = {}
     for name, path in dataset.layout.summary_paths(dataset.split).items():
         try:
             if not path.endswith(".json"):
                 yield from _text(dataset, name, dataset.folder / path)
                 continue
-            known[name] = _by_stem(dataset, name, read_json(dataset.folder / path))
+            entries[name] = _by_stem(dataset, name, read_json(dataset.folder / path))
         except FileNotFoundError:
             if name != "card":
                 yield f"{dataset.folder / path} is missing"
         except (OSError, ValueError) as error:
             yield str(error)
         except (LookupError, TypeError, AttributeError) as error:
-            yield f"{dataset.folder / path} is not as the format wants it: {error!r}"
+            yield f"{dataset.folder / path} is not valid for its format: {error!r}"
     pixels, containing, edges, complete = Counter[int](), Counter[int](), Overlap(), True
     enclosed, objects = np.zeros(len(dataset.labels.names)), "objects" in dataset.layout.files
     for stem in dataset.stems:
         planes, faults = load(dataset, stem)
         yield from faults
-        told = {name: by_stem.get(stem, []) for name, by_stem in known.items()}
-        yield from (f"{stem}: {fault}" for fault in verify(planes, told, dataset.labels))
+        image_entries = {name: by_stem.get(stem, []) for name, by_stem in entries.items()}
+        yield from (f"{stem}: {fault}" for fault in verify(planes, image_entries, dataset.labels))
         if "panoptic" in planes:
             ids = ids_of(planes["panoptic"])
             classes = dataset.labels.of_engine[TRAIN_OF_LABEL[label_ids(ids)]]
@@ -97,8 +97,8 @@ def findings(folder: Path) -> Iterator[str]:
         yield from _statistics(dataset, pixels, containing)
     if edges.aligned + edges.shifted > ENOUGH_JUMPS and edges.lift < LEAST_LIFT:
         yield (
-            f"label and depth edges disagree: {edges.lift:.1f} times as many meet as by chance, "
-            f"{LEAST_LIFT} is the least"
+            f"label and depth edges disagree: they coincide {edges.lift:.1f} times as often as by chance, "
+            f"but should at least {LEAST_LIFT} times"
         )
 
 
@@ -106,7 +106,7 @@ def _stray_files(dataset: Described) -> Iterator[str]:
     """Report files in the folders of images that belong to no image."""
     if dataset.rows is not None:
         for name in sorted(set(dataset.rows) - set(dataset.stems)):
-            yield f"{dataset.rows[name].shard}: {name} is no image of dataset.json"
+            yield f"{dataset.rows[name].shard}: {name} is not an image of dataset.json"
         return
     expected = {dataset.path(k, s) for s in dataset.stems for k in dataset.layout.files}
     for folder in sorted({path.parent for path in expected}):
@@ -117,18 +117,18 @@ def _stray_files(dataset: Described) -> Iterator[str]:
 
 
 def _text(dataset: Described, name: str, path: Path) -> Iterator[str]:
-    """Compare the list of classes with ``dataset.json``; users may edit other texts."""
+    """Compare the list of classes with ``dataset.json``; users may edit other text files."""
     summary = dataset.layout.summaries[name]
     about = About(lambda: (), dataset.split, dataset.size, dataset.labels, dataset.description)
-    found = read_bytes(path)
-    if name == "classes" and found != "".join(summary.text(about)).encode():
-        yield f"{path} does not say what dataset.json says"
+    content = read_bytes(path)
+    if name == "classes" and content != "".join(summary.text(about)).encode():
+        yield f"{path} and dataset.json disagree on the classes"
 
 
-def _by_stem(dataset: Described, name: str, found: Any) -> dict[str, list[dict[str, Any]]]:
-    """The entries of a file about all images, by image."""
+def _by_stem(dataset: Described, name: str, content: Any) -> dict[str, list[dict[str, Any]]]:
+    """Group the entries of a file about all images by image."""
     stem_of = {}
-    for image in found["images"]:
+    for image in content["images"]:
         file = Path(image["file_name"]).name
         stem_of[image["id"]] = file.split(".")[0].split("_leftImg8bit")[0].split("_gtFine")[0]
         if (image["width"], image["height"]) != dataset.size:
@@ -137,25 +137,28 @@ def _by_stem(dataset: Described, name: str, found: Any) -> dict[str, list[dict[s
     if missing:
         raise ValueError(f"{dataset.folder}: {name} and dataset.json differ on {missing[0]}")
     by_stem: dict[str, list[dict[str, Any]]] = {stem: [] for stem in dataset.stems}
-    for annotation in found["annotations"]:
-        told = annotation["segments_info"] if name == "panoptic" else [annotation]
-        if not all(isinstance(entry["id"], int) for entry in told):
-            raise TypeError("an id that is no whole number")
-        by_stem[stem_of[annotation["image_id"]]] += told
+    for annotation in content["annotations"]:
+        entries = annotation["segments_info"] if name == "panoptic" else [annotation]
+        if not all(isinstance(row["id"], int) for row in entries):
+            raise TypeError("an id is not a whole number")
+        by_stem[stem_of[annotation["image_id"]]] += entries
     return by_stem
 
 
-def _enclosed(dataset: Described, found: np.ndarray) -> Iterator[str]:
+def _enclosed(dataset: Described, enclosed: np.ndarray) -> Iterator[str]:
     """Compare the pixels f64[classes] inside the outlines of things with the rendered ones."""
-    told = dataset.description.get("class_frequency")
+    shares = dataset.description.get("class_frequency")
     total = len(dataset.stems) * dataset.size[0] * dataset.size[1]
     for k in dataset.labels.things:
         name = dataset.labels.names[k]
-        says = told.get(name) if isinstance(told, dict) else None
-        if not isinstance(says, int | float) or abs(says * total - found[k]) > SLACK * found[k] + 1:
+        share = shares.get(name) if isinstance(shares, dict) else None
+        if (
+            not isinstance(share, int | float)
+            or abs(share * total - enclosed[k]) > SLACK * enclosed[k] + 1
+        ):
             yield (
-                f"dataset.json: class_frequency of {name} is {says}, but outlines enclose "
-                f"{found[k] / total:.9f}"
+                f"dataset.json: class_frequency of {name} is {share}, but the outlines enclose "
+                f"{enclosed[k] / total:.9f}"
             )
 
 
@@ -164,53 +167,55 @@ def _statistics(
 ) -> Iterator[str]:
     """Compare the labels with ``dataset.json``, and look for missing classes."""
     total = len(dataset.stems) * dataset.size[0] * dataset.size[1]
-    told = {
+    recorded = {
         key: value if isinstance(value := dataset.description.get(key), dict) else {}
         for key in ("class_frequency", "images_with_class", "placed")
     }
-    placed, rendered = Counter[str](), dataset.labels.rendered
-    for name, number in told["placed"].items():
+    placed_counts, rendered = Counter[str](), dataset.labels.rendered
+    for name, number in recorded["placed"].items():
         if name in rendered and isinstance(number, int):
-            own = int(dataset.labels.of_engine[rendered.index(name)])
-            placed.update({dataset.labels.names[own]: number} if own != VOID else {})
+            class_id = int(dataset.labels.of_engine[rendered.index(name)])
+            placed_counts.update(
+                {dataset.labels.names[class_id]: number} if class_id != VOID else {}
+            )
     for k, name in enumerate(dataset.labels.names):
         share = round(pixels[k] / total, 9)
-        for key, seen in (("class_frequency", share), ("images_with_class", containing[k])):
-            says = told[key].get(name)
-            if not isinstance(says, int | float) or abs(says - seen) > 1e-8:
-                yield f"dataset.json: {key} of {name} is {says}, but {seen} in the labels"
-        if not containing[k] and placed[name] >= ENOUGH_PLACED:
-            yield f"{name}: {placed[name]} stand in the streets, and none is in any image"
+        for key, measured in (("class_frequency", share), ("images_with_class", containing[k])):
+            stated = recorded[key].get(name)
+            if not isinstance(stated, int | float) or abs(stated - measured) > 1e-8:
+                yield f"dataset.json: {key} of {name} is {stated}, but the labels have {measured}"
+        if not containing[k] and placed_counts[name] >= ENOUGH_PLACED:
+            yield f"{name}: no image shows any of the {placed_counts[name]} in the streets"
         everywhere = name in EVERYWHERE and dataset.description.get("target") is None
         if not containing[k] and everywhere and len(dataset.stems) >= ENOUGH_IMAGES:
             yield f"{name} is in no image"
 
 
 def overlaps(units: np.ndarray, pool: AssetPool) -> Counter[str]:
-    """Count the pairs of families that overlap by more than ``DEEP`` in streets.
+    """Count overlaps of more than ``DEEP`` metres in streets, by pair of families.
 
     Args:
         units: f32[streets, attributes] attributes, in [0, 1].
         pool: the assets of the streets.
     """
-    found = Counter[str]()
+    counts = Counter[str]()
     for seed, unit in enumerate(units):
         street = sample_street(street_params(unit), seed, 1, pool)
         objects, rectangles = standing(street.placements)
         for pair in pairs(rectangles, DEEP).tolist():
-            found[" and ".join(sorted(objects[k].family for k in pair))] += 1
-    return found
+            counts[" and ".join(sorted(objects[k].family for k in pair))] += 1
+    return counts
 
 
 def _report_overlaps(count: int, space: SpaceName, pool: AssetPool) -> int:
-    """Print overlaps in hand-set and in random streets; 1 if there are any, else 0."""
+    """Print overlaps in default and random streets; returns 1 if there are any, else 0."""
     total = 0
-    hand_set = np.tile(default_unit(space), (count, 1))
-    for name, units in (("hand-set", hand_set), ("random", draw(random_proposal(space), 0, count))):
-        found = overlaps(units, pool)
-        total += found.total()
-        print(f"{count} {name} streets ({space}): {found.total()} pairs meet by more than {DEEP} m")
-        for families, number in found.most_common():
+    default = np.tile(default_unit(space), (count, 1))
+    for name, units in (("default", default), ("random", draw(random_proposal(space), 0, count))):
+        counts = overlaps(units, pool)
+        total += counts.total()
+        print(f"{count} {name} streets ({space}): {counts.total()} overlaps of more than {DEEP} m")
+        for families, number in counts.most_common():
             print(f"  {families}: {number}")
     return int(total > 0)
 
@@ -220,7 +225,7 @@ def main(arguments: Arguments = None) -> int:
     command = parsers.check()
     options = command.parse_args(arguments)
     if (options.dataset is None) == (options.overlaps is None):
-        command.error("name either a dataset or --overlaps N")
+        command.error("pass either a dataset or --overlaps N")
     if options.overlaps is not None and options.overlaps < 1:
         command.error(f"--overlaps must be 1 or more, not {options.overlaps}")
 
@@ -229,13 +234,13 @@ def main(arguments: Arguments = None) -> int:
             return _report_overlaps(
                 options.overlaps, options.space, AssetPool(overlap=options.overlap)
             )
-        found = 0
+        count = 0
         for line in findings(options.dataset):
             print(line, flush=True)
-            found += 1
-        if not found:
-            print(f"{options.dataset}: no fault found: all files are whole, all labels agree")
-        return int(found > 0)
+            count += 1
+        if not count:
+            print(f"{options.dataset}: no faults: all files are complete and all labels agree")
+        return int(count > 0)
 
     return exit_code(work, users=(ValueError,), debug=options.debug, goes_on=False)
 

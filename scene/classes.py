@@ -39,19 +39,19 @@ class TrainId(IntEnum):
 CLASS_NAMES: tuple[str, ...] = NAMES
 
 OWN = len(CLASS_NAMES)
-"""Train id of a user's own class, if there is one."""
+"""Train id of the user's own class, if there is one."""
 LONGEST = 40
-"""The most characters of its name."""
+"""The largest number of characters of its name."""
 
-LABEL_IDS = np.array([own.file_id for own in CLASSES], np.uint8)
+LABEL_IDS = np.array([row.file_id for row in CLASSES], np.uint8)
 """u8[19]: the value of each train id in ``*_gtFine_labelIds.png``."""
 
-COLORS = np.array([own.colour for own in CLASSES], np.uint8)
+COLORS = np.array([row.colour for row in CLASSES], np.uint8)
 """u8[19, 3]: the published colour (sRGB) of each train id."""
 
 
 def colorize(label: np.ndarray) -> np.ndarray:
-    """Colour a label image u8[..., h, w] of train ids, u8[..., h, w, 3]; void is black."""
+    """Colour a label image u8[..., h, w] of train ids, u8[..., h, w, 3]; ignored pixels are black."""
     table = np.zeros((256, 3), np.uint8)
     table[: len(COLORS)] = COLORS
     table[OWN] = OWN_ROW.colour
@@ -62,19 +62,15 @@ def check_class_name(name: str) -> str:
     """Return the name of a user's own class if it is valid.
 
     Raises:
-        UserError: it is empty, too long or has several lines, or another class has it.
+        UserError: it is empty, too long, has several lines, or is the name of another class.
     """
     if not name.strip() or name != " ".join(name.split()) or not name.isprintable():
-        raise UserError(
-            f"own class {name!r} has no name that can be read: use words, a space between them"
-        )
+        raise UserError(f"own class {name!r}: a name must be words, separated by single spaces")
     if len(name) > LONGEST:
         raise UserError(
             f"own class {name!r}: a name has at most {LONGEST} characters, not {len(name)}"
         )
-    known = (*CLASS_NAMES, "void")
-    if name.replace("_", " ").lower() in known:
-        raise UserError(
-            f"own class {name!r}: there is such a class already; taken: {', '.join(known)}"
-        )
+    taken = (*CLASS_NAMES, "void")
+    if name.replace("_", " ").lower() in taken:
+        raise UserError(f"own class {name!r}: this class already exists; taken: {', '.join(taken)}")
     return name

@@ -1,7 +1,7 @@
-"""Keeps compiled functions on disk between processes.
+"""Cache compiled functions on disk.
 
-Numba checks only a function's own file to see whether its cache is valid. Our functions call functions and
-use constants of other files, so each state of the sources has its own folder.
+Numba checks only a function's own file to see whether its cache is valid. Our functions use functions and
+constants of other files, so each state of the sources has its own folder.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ import numba
 
 VARIABLE = "NUMBA_CACHE_DIR"
 NAME = "kernels-"
-"""Prefix of the folders' names; a digest follows."""
+"""Prefix of folder names; a digest follows."""
 WITHOUT = ("assets", "preview")
-"""Folders of ``scene`` without compiled functions and without constants of these."""
+"""Folders of ``scene`` without compiled functions and without constants that these use."""
 
 
 def njit(**options: Any) -> Any:
@@ -42,23 +42,23 @@ def njit(**options: Any) -> Any:
 
 
 def first_use(renderer: str) -> Path | None:
-    """The file that marks that a renderer's functions are kept, if they are not yet; else None.
+    """The marker file of a renderer if its functions are not compiled yet, else None.
 
-    Who makes the file has rendered with it.
+    The caller creates it after rendering.
     """
-    marker = kept(renderer)
+    marker = cache_file(renderer)
     return None if marker.exists() else marker
 
 
-def kept(name: str) -> Path:
-    """A file of this kind of processor that is kept as long as the compiled functions."""
+def cache_file(name: str) -> Path:
+    """The path of a file for this kind of processor that lives as long as the compiled functions."""
     cpu = llvmlite.binding.get_host_cpu_name()
     return Path(_folder()) / f"{numba.__version__}-{cpu}-{name}"
 
 
 @cache
 def _folder() -> str:
-    """The first folder that can be written: the user's choice, beside the sources, in the home."""
+    """The first writable folder: the user's choice, next to the sources, in the home."""
     package = Path(__file__).parent
     name = NAME + _sources(package)
     for root in _roots(package):
@@ -68,21 +68,21 @@ def _folder() -> str:
             tempfile.TemporaryFile(dir=folder).close()
         except OSError:
             continue
-        if root.parent == package:  # earlier states of the same sources
+        if root.parent == package:  # remove earlier states of the same sources
             for other in root.glob(NAME + "*"):
                 if other != folder:
                     shutil.rmtree(other, ignore_errors=True)
         return str(folder)
-    # An unpredictable name, since files there are run. Child processes find it, too.
-    made = os.environ[VARIABLE] = tempfile.mkdtemp(prefix="sdr-jax-")
-    atexit.register(shutil.rmtree, made, ignore_errors=True)
+    # An unpredictable name, since code in this folder is run. Child processes inherit the variable.
+    temporary = os.environ[VARIABLE] = tempfile.mkdtemp(prefix="sdr-jax-")
+    atexit.register(shutil.rmtree, temporary, ignore_errors=True)
     print(
-        f"Neither {package} nor a home folder can be written to: functions are compiled for this run only, "
-        f"which takes a minute. Set {VARIABLE} to a folder that can be.",
+        f"Neither {package} nor a home folder is writable, so functions are compiled for this run only, "
+        f"which takes a minute. Set {VARIABLE} to a writable folder.",
         file=sys.stderr,
         flush=True,
     )
-    return str(Path(made) / name)
+    return str(Path(temporary) / name)
 
 
 def _roots(package: Path) -> Iterator[Path]:
@@ -95,9 +95,9 @@ def _roots(package: Path) -> Iterator[Path]:
 
 def _sources(package: Path) -> str:
     """A digest of all files on which compiled functions depend."""
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for path in sorted(package.rglob("*.py")):
-        own = path.relative_to(package)
-        if own.parts[0] not in WITHOUT:
-            found.update(f"{own.as_posix()} ".encode() + path.read_bytes() + b"\0")
-    return found.hexdigest()[:16]
+        relative = path.relative_to(package)
+        if relative.parts[0] not in WITHOUT:
+            digest.update(f"{relative.as_posix()} ".encode() + path.read_bytes() + b"\0")
+    return digest.hexdigest()[:16]

@@ -1,7 +1,7 @@
-"""One street in a few lines of Python: sample it, add objects, render it with any camera.
+"""One street in a few lines of Python: sample it, add objects, render it from any camera.
 
-World frame: metres, x along the road at its begin, y left, z up. A camera's pose is 4x4, camera to world,
-with axes as in OpenCV: x right, y down, z forward.
+World frame: metres, x along the road at its start, y left, z up. A camera's pose is a 4x4 matrix from camera
+to world, with axes as in OpenCV: x right, y down, z forward.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ PASSES = {
     "image": "image", "classes": "label", "instances": "instance", "depth": "depth",
     "normals": "normal",
 }  # fmt: skip
-"""Passes, and the field of a frame that each is."""
+"""Passes by name, with their field of a frame."""
 
 
 ASPECT = 2e-3
@@ -55,26 +55,24 @@ class Instance(NamedTuple):
     class_name: str
     asset: str
     box: tuple[int, int, int, int]  # left, top, width and height in pixels
-    pixels: int  # that show it
+    pixels: int  # number of visible pixels
 
 
 class Rendered(NamedTuple):
-    """A picture of a street; passes that were not asked for are None."""
+    """One rendered image of a street; passes that were not requested are None."""
 
     image: np.ndarray | None  # u8[h, w, 3] sRGB
-    classes: np.ndarray | None  # u8[h, w] train ids, 255 is void
+    classes: np.ndarray | None  # u8[h, w] train ids, 255 is ignored
     instances: np.ndarray | None  # u16[h, w], 0 is the sky
     depth: np.ndarray | None  # f32[h, w] metres along the optical axis, 0 for the sky
-    normals: (
-        np.ndarray | None
-    )  # f32[h, w, 3] unit: x right, y up, z towards the camera; 0 for the sky
-    table: tuple[Instance, ...]  # what is seen, by id, without the sky
-    intrinsics: np.ndarray  # f64[3, 3] pixels; the middle of the first pixel is (0, 0)
+    normals: np.ndarray | None  # f32[h, w, 3] x right, y up, z towards the camera; 0 for the sky
+    table: tuple[Instance, ...]  # visible objects by id, without the sky
+    intrinsics: np.ndarray  # f64[3, 3] in pixels; the centre of the first pixel is (0, 0)
     pose: np.ndarray  # f64[4, 4] camera to world, axes as in OpenCV
 
 
 class LabelledStreet:
-    """A street to which objects can be added, and which renders itself; see `sample`."""
+    """A street that can be extended with objects and rendered; made by `sample`."""
 
     def __init__(self, street: Street, pool: AssetPool) -> None:
         self.street = street
@@ -87,20 +85,21 @@ class LabelledStreet:
         position: Sequence[float],
         yaw: float = 0.0,
     ) -> int:
-        """Place an object on the ground; nothing else moves.
+        """Place an object on the ground; no other object moves.
 
         Args:
-            mesh: a mesh of trimesh or an `Asset` (metres, z up, front along x), a mesh file, or family and
-                number of an asset of ours, as ``("car", 3)``.
-            class_name: its class in labels, such as ``car``; or the own class of ``assets``.
-            position: metres along the road and left of its centre line; a third number lifts it.
-            yaw: degrees left of the road's direction.
+            mesh: a trimesh mesh or an `Asset` (metres, z up, front along x), a mesh file, or the family and
+                number of a built-in asset, such as ``("car", 3)``.
+            class_name: its class in the labels, such as ``car``, or your own class if ``assets`` has one.
+            position: metres along the road and to the left of its centre line, and optionally above the
+                ground.
+            yaw: degrees to the left of the road's direction.
 
         Returns:
             Its id in ``instances``.
 
         Raises:
-            UserError: an unknown class or asset, a bad mesh, position or yaw.
+            UserError: the class or asset is unknown, or the mesh, position or yaw is invalid.
         """
         train_id = self._train_id(class_name)
         place = np.asarray(position, float)
@@ -124,20 +123,20 @@ class LabelledStreet:
         samples: int = 1,
         renderer_name: str = "embree",
     ) -> Rendered:
-        """Render one picture.
+        """Render one image.
 
         Args:
-            camera: number of one of the street's own, a `Camera`, or intrinsics [3, 3] in pixels (the middle
-                of the first pixel is (0, 0)) and pose [4, 4], camera to world: x right, y down, z forward.
-                Pixels are square; the principal point may be anywhere in the image. With the intrinsics
-                and pose of camera 0, the images are those of camera 0.
+            camera: the number of one of the street's cameras, a `Camera`, or a pair of intrinsics [3, 3] in
+                pixels (the centre of the first pixel is (0, 0)) and pose [4, 4] from camera to world (x
+                right, y down, z forward). Pixels are square; the principal point may be anywhere in the
+                image. The intrinsics and pose of camera 0 give the same arrays as camera 0.
             size: width and height in pixels.
-            passes: of ``image``, ``classes``, ``instances``, ``depth``, ``normals``.
+            passes: any of ``image``, ``classes``, ``instances``, ``depth``, ``normals``.
             samples: rays per pixel along each axis.
             renderer_name: ``embree`` or ``opengl``.
 
         Raises:
-            UserError: an unknown pass, a bad size, or a camera that cannot be.
+            UserError: a pass is unknown, or the size or camera is invalid.
         """
         for name in passes:
             if name not in PASSES:
@@ -168,17 +167,17 @@ class LabelledStreet:
         )
 
     def _train_id(self, class_name: str) -> int:
-        own = self.pool.own_class
-        known = (*CLASS_NAMES, *([own.name] if own else []))
-        if class_name not in known:
-            near = get_close_matches(str(class_name), known, 1)
-            hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(known)}"
+        own_class = self.pool.own_class
+        class_names = (*CLASS_NAMES, *([own_class.name] if own_class else []))
+        if class_name not in class_names:
+            similar = get_close_matches(str(class_name), class_names, 1)
+            hint = f"did you mean {similar[0]}?" if similar else f"known: {', '.join(class_names)}"
             raise UserError(f"class_name {class_name!r} is unknown; {hint}")
-        return known.index(class_name)
+        return class_names.index(class_name)
 
     def _table(self, frame: Frame) -> tuple[Instance, ...]:
-        own = self.pool.own_class
-        class_names = (*CLASS_NAMES, own.name if own else "")
+        own_class = self.pool.own_class
+        class_names = (*CLASS_NAMES, own_class.name if own_class else "")
         ground = [class_names[k] for k in GROUND_INSTANCES.values()]
         assets = {k: (name, name) for k, name in enumerate(ground, start=1)}
         for p in self.street.placements:
@@ -198,18 +197,18 @@ def sample(
     shots: int = 1,
     **attributes: float,
 ) -> LabelledStreet:
-    """Sample a street, the first of a dataset with this seed.
+    """Sample a street: the first one of a dataset with this seed.
 
     Args:
-        seed: decides all random choices.
-        space: ``scenex``, or ``extended`` for its further attributes.
-        assets: the assets that may appear, or a folder of your own.
-        weather: ``clear``, ``fog``, ``rain``, ``snow`` or ``night``; by default left to chance.
+        seed: random seed.
+        space: ``scenex``, or ``extended`` for more attributes.
+        assets: the assets to use, or a folder of your own.
+        weather: ``clear``, ``fog``, ``rain``, ``snow`` or ``night``; by default random.
         shots: number of cameras along the road.
-        attributes: by name, in the units of the table of attributes; the others as in the default street.
+        attributes: values by name, in the units of the table of attributes; the others keep their defaults.
 
     Raises:
-        UserError: an unknown attribute, or a value out of range.
+        UserError: an attribute is unknown, or a value is out of range.
     """
     if seed < 0:
         raise UserError(f"seed must be 0 or more, not {seed}")
@@ -232,7 +231,7 @@ def sample(
 
 
 def _reference(mesh: Any) -> tuple[str, int | str]:
-    """Family and reference of what is to be added."""
+    """Family and reference of the asset to add."""
     if isinstance(mesh, str | Path):
         if not Path(mesh).is_file():
             raise UserError(f"mesh {mesh} is not a file")
@@ -242,7 +241,7 @@ def _reference(mesh: Any) -> tuple[str, int | str]:
     if isinstance(mesh, tuple) and not isinstance(mesh, Asset):
         if len(mesh) != 2 or mesh[0] not in FAMILIES or not isinstance(mesh[1], int) or mesh[1] < 0:
             raise UserError(
-                f"mesh {mesh!r}: an asset is a family and a number from 0, as ('car', 3); families: "
+                f"mesh {mesh!r}: an asset is a family and a number from 0, such as ('car', 3); families: "
                 f"{', '.join(FAMILIES)}"
             )
         return mesh

@@ -1,7 +1,7 @@
-"""Draws labels as annotators do: an outline around a whole crown, with the holes through which the sky shows.
+"""Draw labels as annotators do: one outline around a tree, including the gaps where the sky shows through.
 
-Rendered labels are exact to the pixel. An `Outline` closes those holes of a class and drops its loose twigs;
-every pixel that changes gets class and instance of another pixel of the image. Holes before a house stay:
+Rendered labels are exact to the pixel. An `Outline` closes such gaps of a class and drops its loose twigs;
+every changed pixel gets class and instance of another pixel of the image. Gaps in front of a house stay open:
 annotators label the house behind a bare tree (`benchmarks.outlines`).
 """
 
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 LEAST = 12 / (240 * 176)
 """Connected parts of an outlined class with a smaller share of the image are loose twigs."""
 RADIUS = 3
-"""Wider kernels are made of several of this radius in pixels, in a tenth of the time."""
+"""Wider kernels are composed of several of this radius in pixels, which takes a tenth of the time."""
 SMALLEST = 3
 """The smallest width of a kernel in pixels."""
 
 
 def outlined(frame: Frame, outlines: Sequence[Outline]) -> Frame:
-    """The frame with classes and instances as annotators draw them; image, depth and normals are kept."""
+    """The frame with classes and instances as annotators draw them; image, depth and normals stay."""
     if not outlines:
         return frame
     source = sources(frame.label, frame.depth, outlines)
@@ -36,11 +36,11 @@ def outlined(frame: Frame, outlines: Sequence[Outline]) -> Frame:
 
 
 def sources(label: np.ndarray, depth: np.ndarray, outlines: Sequence[Outline]) -> np.ndarray:
-    """The pixel i64[h, w] of the flat image from which every pixel takes its class.
+    """The index i64[h, w] into the flat image from which every pixel takes its class.
 
-    For each outline, the sky inside the closing of the class, by an ellipse as wide as the outline, takes
-    the class of the nearest pixel that had it. Connected parts that are still smaller than `LEAST` take that
-    of their deepest neighbour.
+    For each outline, the class is closed with an ellipse as wide as the outline; sky inside takes the class
+    of the nearest pixel that had it. Connected parts that are still smaller than `LEAST` take the class of
+    their deepest neighbour.
 
     Args:
         label: train ids u8[h, w].
@@ -56,30 +56,30 @@ def sources(label: np.ndarray, depth: np.ndarray, outlines: Sequence[Outline]) -
         if inside.any():
             window = _window(inside)
             inside, sky = inside[window], current[window] == TrainId.SKY
-            surface, taken = nearness[window], source[window]
+            surface, window_source = nearness[window], source[window]
             holes = sky & (_closed(inside, width * label.shape[1]) > inside)
             twigs = _small_parts(inside | holes, LEAST * label.size)
             holes &= twigs == 0
             if holes.any():
-                taken[holes] = taken.take(_nearest(inside)[holes])
-            _drop(twigs * inside, (inside | holes) == 0, surface, taken)
+                window_source[holes] = window_source.take(_nearest(inside)[holes])
+            _drop(twigs * inside, (inside | holes) == 0, surface, window_source)
             current = label.take(source)
     return source
 
 
 def _inverse(depth: np.ndarray) -> np.ndarray:
-    """1 over depth f32[h, w], which is 0 for the sky."""
+    """1 / depth f32[h, w], 0 for the sky."""
     return np.divide(1, depth, out=np.zeros(depth.shape, np.float32), where=depth > 0)
 
 
 def _window(inside: np.ndarray) -> tuple[slice, slice]:
-    """The rows and columns of a mask that has some pixels, with a margin of one."""
+    """The rows and columns of a non-empty mask, with a margin of one pixel."""
     rows, columns = (np.flatnonzero(inside.any(axis=axis)) for axis in (1, 0))
     return slice(max(rows[0] - 1, 0), rows[-1] + 2), slice(max(columns[0] - 1, 0), columns[-1] + 2)
 
 
 def _closed(mask: np.ndarray, size: float) -> np.ndarray:
-    """A mask u8[h, w] closed by an ellipse of an odd width in pixels; holes go on beyond the image."""
+    """Close a mask u8[h, w] with an ellipse of an odd width in pixels; the image is extended at its edges."""
     radius = max(round((size - 1) / 2), SMALLEST // 2)
     rounds = max(radius // RADIUS, 1)
     side = 2 * round(radius / rounds) + 1
@@ -90,7 +90,7 @@ def _closed(mask: np.ndarray, size: float) -> np.ndarray:
 
 
 def _nearest(inside: np.ndarray) -> np.ndarray:
-    """The nearest pixel i64[h, w] of a mask that has some, for every pixel of the flat image."""
+    """The flat index i64[h, w] of the nearest pixel of a non-empty mask."""
     _, number = cv2.distanceTransformWithLabels(
         1 - inside, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
     )
@@ -101,14 +101,14 @@ def _nearest(inside: np.ndarray) -> np.ndarray:
 
 
 def _small_parts(mask: np.ndarray, least: float) -> np.ndarray:
-    """The number i32[h, w] of the connected part of each pixel of a mask, 0 for parts of ``least`` pixels."""
+    """The number i32[h, w] of the connected part of each pixel, 0 for parts of ``least`` pixels or more."""
     _, parts, statistics, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
     numbers = np.arange(len(statistics), dtype=np.int32)
     return np.where(statistics[:, cv2.CC_STAT_AREA] < least, numbers, 0).take(parts)
 
 
 def _drop(parts: np.ndarray, outside: np.ndarray, nearness: np.ndarray, source: np.ndarray) -> None:
-    """Let each numbered part take the class of its deepest neighbour outside, in place."""
+    """Give each numbered part the class of its deepest neighbour outside, in place."""
     rows, columns = np.nonzero(parts)
     if not len(rows):
         return
@@ -116,9 +116,9 @@ def _drop(parts: np.ndarray, outside: np.ndarray, nearness: np.ndarray, source: 
     steps = np.array([(dy, dx) for dy in (-1, 0, 1) for dx in (-1, 0, 1) if dy or dx])
     y = np.clip(rows + steps[:, :1], 0, height - 1)
     x = np.clip(columns + steps[:, 1:], 0, width - 1)
-    beside = outside[y, x]
-    part = np.broadcast_to(parts[rows, columns], y.shape)[beside]
-    neighbours = (y * width + x)[beside]
+    is_outside = outside[y, x]
+    part = np.broadcast_to(parts[rows, columns], y.shape)[is_outside]
+    neighbours = (y * width + x)[is_outside]
     order = np.lexsort((neighbours, nearness.take(neighbours), part))
     with_neighbours, first = np.unique(part[order], return_index=True)
     deepest = np.full(parts.max() + 1, -1)

@@ -1,4 +1,4 @@
-"""The command lines of `scene` without their work: a help text loads no renderer."""
+"""The command lines of `scene`, apart from their work: a help text loads no renderer."""
 
 from __future__ import annotations
 
@@ -16,31 +16,30 @@ from scene.names import HELD, OVERLAPS, OWN_EVERY, PLACES, RENDERERS, USES, WEAT
 from scene.proposal import NAMES
 
 TARGET = (
-    "write labels of these classes, in the ids or colours of its label files: "
-    f"{', '.join(SHIPPED)}, or a target's file"
+    f"label images with the classes and values of a target: {', '.join(SHIPPED)}, or a target file"
 )
 OWN = (
-    "GLB of a class of your own; about eleven stand in a street, one on every "
-    f"{OWN_EVERY} m where there is room"
+    f"GLB file of your own class; a street has about eleven of them, one every {OWN_EVERY} m where there "
+    "is room"
 )
 MODES = ("--sweep", "--theme", "--asset")
-"""What a preview may show instead of streets."""
+"""Options of a preview that shows something else than streets."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Assets:
-    """What streets draw from."""
+    """Assets and weather that streets draw from."""
 
     assets: Annotated[str, Option("DIR")] = ""
     """folder of your own assets, see docs/howto/assets.md"""
     asset_use: Annotated[str, Option(choices=USES)] = "both"
-    """which assets may appear"""
+    """assets to use"""
     overlap: Annotated[str, Option(choices=OVERLAPS)] = ""
-    """whether objects may stand in each other; by default they may in space scenex only"""
+    """whether objects may overlap; by default only in space scenex"""
     weather: Annotated[str, Option(choices=WEATHERS)] = ""
-    """of all streets; by default each has its own"""
+    """weather of all streets; by default it varies"""
     asset_fraction: Annotated[float, Option("SHARE")] = 1.0
-    """of the assets, used"""
+    """share of the assets to use"""
 
 
 ASSETS = ("assets", "asset_use", "overlap", "weather", "asset_fraction")
@@ -53,41 +52,41 @@ class Render(Assets):
     out: Annotated[Path, Option("DIR")]
     """folder of the dataset"""
     attributes: Annotated[str, Option("NAME|FILE")] = "default"
-    """default (around a hand-set street), random, mixed (half of either), or a JSON file: a run's
-    attributes.json, or every attribute's name with a value in [0, 1]"""
+    """default, random, mixed (half default, half random), or a JSON file: a run's attributes.json, or a
+    value in [0, 1] for every attribute"""
     space: SpaceName | None = None
-    """attributes of streets given by name (default: scenex)"""
+    """attributes of default, random or mixed streets (default: scenex)"""
     fix: Annotated[tuple[str, ...], REPEATED, Option("NAME=VALUE", help=HELD)] = ()
     images: Annotated[int, Option("N")] = 180
-    """images in all; each shows a different street, unless --shots says otherwise"""
+    """number of images; each shows a different street unless --shots is set"""
     shots: Annotated[int, Option("N")] = 1
-    """images along each street"""
+    """images per street"""
     size: Size = (640, 320)
-    """in pixels"""
+    """image size in pixels"""
     format: Annotated[str, Option(choices=FORMATS)] = "cityscapes"
-    """layout, see docs/datasets.md"""
+    """dataset layout, see docs/datasets.md"""
     target: Annotated[str | None, Option("NAME|FILE", help=TARGET)] = None
     split: Annotated[str, Option(choices=SPLITS)] = "train"
-    """what the dataset calls its images"""
+    """name of the split"""
     seed: Annotated[int, Option("N")] = 0
-    """seed of all random choices"""
+    """random seed"""
     workers: Annotated[int, Option("N")] = 2
-    """processes; no file depends on it"""
+    """number of processes; the files do not depend on it"""
     renderer: Annotated[str, Option(choices=RENDERERS)] = "embree"
-    """who traces the rays"""
+    """rendering engine"""
     samples: Annotated[int, Option("N")] = 2
     """rays per pixel along each axis"""
     executor: ExecutorName = "processes"
-    """who works: processes of this machine, or a Dask cluster, see docs/cluster.md"""
+    """where to render: processes on this machine or a Dask cluster, see docs/cluster.md"""
     scheduler: Annotated[str | None, Option("ADDRESS")] = None
-    """of the cluster, such as tcp://10.0.0.1:8786"""
+    """address of the Dask scheduler, such as tcp://10.0.0.1:8786"""
     asset_count: Annotated[int | None, Option("N")] = None
-    """built-in assets of each family; by default all"""
+    """number of built-in assets per family; by default all"""
     own_asset: Annotated[str | None, Option("FILE", help=OWN)] = None
     own_class: Annotated[str | None, Option("NAME")] = None
-    """its name in labels, beside the 19 classes"""
+    """name of your own class, in addition to the 19 classes"""
     own_place: Annotated[str | None, Option(choices=PLACES)] = None
-    """where it stands; by default the sidewalk"""
+    """where to place your own class; by default on the sidewalk"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,9 +96,9 @@ class Check:
     dataset: Annotated[Path | None, ARGUMENT, Option("DIR", nargs="?")] = None
     """folder of the dataset"""
     overlaps: Annotated[int | None, Option("N")] = None
-    """instead of a dataset: count overlaps in N hand-set and N random streets"""
+    """instead of checking a dataset, count overlapping objects in N default and N random streets"""
     overlap: Annotated[str, Option(choices=OVERLAPS, needs=("--overlaps",))] = ""
-    """whether their objects may; see render"""
+    """whether objects of these streets may overlap, as in render"""
     space: Annotated[SpaceName, Option(needs=("--overlaps",))] = "extended"
     """attributes of these streets"""
 
@@ -109,13 +108,13 @@ class Stats:
     """Options of `sdr-jax stats`."""
 
     dataset: Annotated[Path, ARGUMENT, Option("DIR")]
-    """folder that `sdr-jax render` wrote"""
+    """folder written by `sdr-jax render`"""
     against: Annotated[Path | None, Option("DIR")] = None
-    """folder of CamVid, of Cityscapes or of another dataset"""
+    """folder to compare with: CamVid, Cityscapes or another rendered dataset"""
     only: Annotated[tuple[str, ...], REPEATED, Option("PREFIX")] = ()
-    """of real images, only those called PREFIX...; may be given again"""
+    """use only real images whose names start with PREFIX; may be repeated"""
     json: Annotated[Path | None, Option("FILE")] = None
-    """file for the same figures"""
+    """also write the statistics to this file"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,31 +124,31 @@ class Preview(Assets):
     out: Annotated[Path, Option("FILE")]
     """PNG or JPEG file to write"""
     sweep: Annotated[str | None, ONE_OF, Option("ATTRIBUTE")] = None
-    """an attribute from 0 to 1; or 'all'"""
+    """vary an attribute from 0 to 1, or 'all' in turn"""
     theme: Annotated[str | None, ONE_OF, Option("THEME")] = None
-    """more of one thing, such as bends; or 'all'"""
+    """streets with more of one feature, such as bends, or 'all' themes"""
     asset: Annotated[str | None, ONE_OF, Option("CLASS")] = None
-    """assets of a class or family; or 'all'"""
+    """assets of a class or family, or of 'all'"""
     attributes: Annotated[str, Option(choices=NAMES, excludes=MODES)] = "default"
     """attributes of the streets"""
     streets: Annotated[int, Option("N")] = 3
-    """streets of the page"""
+    """number of streets"""
     shots: Annotated[int, Option("N")] = 4
     """images per street"""
     size: Size | None = None
-    """size of images; by default what suits the page"""
+    """image size in pixels; by default it suits the page"""
     seed: Annotated[int, Option("N")] = 0
-    """seed of all random choices"""
+    """random seed"""
     space: Annotated[SpaceName, Option(excludes=MODES)] = "scenex"
     """attributes of the streets"""
     renderer: Annotated[str, Option(choices=(*RENDERERS, "both"))] = "embree"
-    """who traces the rays"""
+    """rendering engine"""
     steps: Annotated[int, Option("N", needs=("--sweep",))] = 7
-    """values of a sweep"""
+    """number of values in a sweep"""
     count: Annotated[int, Option("N", needs=("--asset",))] = 12
-    """assets of a class"""
+    """number of assets per class"""
     columns: Annotated[int | None, Option("N", needs=("--asset",))] = None
-    """assets in a row"""
+    """assets per row"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,21 +156,21 @@ class Catalogue:
     """Options of `sdr-jax catalogue`."""
 
     json: Annotated[bool, ONE_OF, SWITCH] = False
-    """print {class: count}"""
+    """print the number of assets of each class as JSON"""
     closest: Annotated[str | None, ONE_OF, Option("CLASS")] = None
-    """class or family; 'all' for every one"""
+    """print the most similar assets of a class or family, or of 'all'"""
     pairs: Annotated[int, Option("N", needs=("--closest",))] = 10
-    """pairs to print with --closest"""
+    """number of pairs to print"""
 
 
 render = partial(command_line, "render", Render, "scene.render", {
-    "where and how it renders": ("renderer", "samples", "executor", "scheduler"),
+    "rendering": ("renderer", "samples", "executor", "scheduler"),
     "assets": (*ASSETS, "asset_count", "own_asset", "own_class", "own_place"),
 })  # fmt: skip
 check = partial(command_line, "check", Check, "scene.check")
 stats = partial(command_line, "stats", Stats, "scene.stats")
 preview = partial(command_line, "preview", Preview, "scene.preview", {
-    "what is on the page": ("space", "renderer", "steps", "count", "columns"), "assets": ASSETS,
+    "page": ("space", "renderer", "steps", "count", "columns"), "assets": ASSETS,
 })  # fmt: skip
 catalogue = partial(command_line, "catalogue", Catalogue, "scene.assets")
-"""What makes each command line."""
+"""Functions that make the command lines."""

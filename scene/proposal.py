@@ -1,9 +1,9 @@
 """The streets of a dataset: a distribution over [0, 1] per attribute, and draws from it.
 
-The same idea as the search's proposals, in NumPy and drawn street by street, so that any street of a
-dataset can be made again without those before it. An attribute is uniform on an interval (`Proposal`) or on
-each of several bins (`Histogram`); a mixture takes its streets from several of them. What ``describe``
-writes, ``parse_streets`` reads, and ``draw`` makes the same streets of.
+The same idea as the search's proposals, but in NumPy and drawn street by street, so that any street of a
+dataset can be rendered without those before it. An attribute is uniform on an interval (`Proposal`) or on
+each of several bins (`Histogram`); a mixture takes its streets from several of them. ``parse_streets`` reads
+what ``describe`` writes, and ``draw`` draws the same streets from it.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ from scene.attributes import (
 
 log = logging.getLogger(__name__)
 RELAXATION = 0.15
-"""Width of the intervals around the hand-set street, as a share of each range."""
+"""Width of the intervals around the default street, as a share of each range."""
 NAMES = ("default", "random", "mixed")
 """Names of streets for `streets_named`."""
 BELOW_ONE = float(np.nextafter(np.float32(1), np.float32(0)))
 ROUNDING = 1e-5
-"""An interval in a file may stick out of [0, 1] by so much, since its ends are rounded."""
+"""An interval in a file may exceed [0, 1] by this much, since its ends are rounded."""
 NORMED = 1e-4
-"""The sum of an attribute's probabilities in a file may differ from 1 by so much."""
+"""The sum of an attribute's probabilities in a file may differ from 1 by this much."""
 NO_ATTRIBUTES = "expected a JSON object of attribute names and unit values"
 GOLDEN = (math.sqrt(5) - 1) / 2
 """The golden ratio minus one, whose multiples fill [0, 1) evenly."""
@@ -59,11 +59,11 @@ class Histogram(NamedTuple):
 
     probabilities: np.ndarray  # f32[attributes bins], 2 bins or more; rows add up to 1
     held: tuple[tuple[int, float], ...] = ()
-    """Attributes, by index, that have one unit value in all streets, whatever their bins are."""
+    """Index and unit value of attributes that are fixed in all streets, whatever their bins are."""
 
 
 Component = Proposal | Histogram
-"""Attributes that are independent of one another."""
+"""A distribution with independent attributes."""
 
 
 class Mixture(NamedTuple):
@@ -85,26 +85,30 @@ def mixture(shares: Sequence[float], proposals: Sequence[Component]) -> Streets:
         proposals: the components, one for each share.
 
     Raises:
-        ValueError: shares out of range, or proposals of different spaces.
+        ValueError: shares are out of range, or proposals have different spaces.
     """
     if not shares or len(shares) != len(proposals):
-        raise ValueError(f"a mixture has a share for each component, 1 or more, not {len(shares)}")
+        raise ValueError(f"a mixture needs one share for each of its components, not {len(shares)}")
     if any(not 0 < share <= 1 for share in shares) or abs(math.fsum(shares) - 1) > 1e-6:
         raise ValueError(
             f"shares must be above 0 and add up to 1, not {' + '.join(f'{s:g}' for s in shares)}"
         )
     if len({len(proposal[0]) for proposal in proposals}) > 1:
-        raise ValueError("components are of different spaces")
-    known: dict[tuple[Any, ...], tuple[float, Component]] = {}
+        raise ValueError("components have different spaces")
+    merged: dict[tuple[Any, ...], tuple[float, Component]] = {}
     for share, proposal in zip(shares, proposals, strict=True):
         key = type(proposal), *(np.asarray(part, np.float32).tobytes() for part in proposal)
-        known[key] = known.get(key, (0.0, proposal))[0] + share, proposal
-    own, kinds = zip(*known.values(), strict=True)
-    return kinds[0] if len(kinds) == 1 else Mixture(own, kinds)
+        merged[key] = merged.get(key, (0.0, proposal))[0] + share, proposal
+    merged_shares, merged_components = zip(*merged.values(), strict=True)
+    return (
+        merged_components[0]
+        if len(merged_components) == 1
+        else Mixture(merged_shares, merged_components)
+    )
 
 
 def components(streets: Streets) -> tuple[tuple[float, Component], ...]:
-    """Shares and components; streets that are no mixture are their own component."""
+    """Shares and components; streets that are not a mixture are their only component."""
     if isinstance(streets, Mixture):
         return tuple(zip(*streets, strict=True))
     return ((1.0, streets),)
@@ -116,9 +120,9 @@ def space_in(streets: Streets) -> SpaceName:
 
 
 def slide(centre: np.ndarray, width: np.ndarray | float) -> Proposal:
-    """Make a proposal, and move intervals that stick out of [0, 1] inside at full width.
+    """Make a proposal, and move intervals that exceed [0, 1] inside at full width.
 
-    Sliding a second time changes nothing.
+    It is idempotent.
     """
     centre = np.asarray(centre, np.float32)
     width = np.clip(np.broadcast_to(np.asarray(width, np.float32), centre.shape), 0, 1)
@@ -126,12 +130,12 @@ def slide(centre: np.ndarray, width: np.ndarray | float) -> Proposal:
 
 
 def moments(component: Component) -> Proposal:
-    """The intervals with the mean and the variance of each attribute; a proposal's are its own.
+    """The intervals with the mean and variance of each attribute; for a proposal, its own.
 
         centre = sum_k p_k c_k,   width = sqrt(12 sum_k p_k (c_k - centre)^2 + 1 / K^2)
 
-    with c_k the bins' centres, slid into [0, 1]: uniform attributes give all of [0, 1], certain ones their
-    bin, held ones their value.
+    with c_k the centres of the bins, slid into [0, 1]: uniform attributes give all of [0, 1], certain ones
+    their bin, fixed ones their value.
     """
     if isinstance(component, Proposal):
         return slide(*component)
@@ -158,9 +162,9 @@ def random_proposal(space: SpaceName = "scenex") -> Proposal:
 
 
 def default_proposal(width: float = RELAXATION, space: SpaceName = "scenex") -> Proposal:
-    """Intervals of one ``width`` around the hand-set street; attributes beyond the 23 have its exact value.
+    """Intervals of one ``width`` around the default street; attributes beyond the 23 have its exact value.
 
-    So both spaces have the same hand-set streets up to random choices.
+    So both spaces have the same default streets up to random choices.
     """
     centre = default_unit(space)
     widths = np.full(len(centre), width)
@@ -169,7 +173,7 @@ def default_proposal(width: float = RELAXATION, space: SpaceName = "scenex") -> 
 
 
 def named(name: str, space: SpaceName, width: float = RELAXATION) -> Proposal:
-    """The proposal ``random``, or ``default``: intervals of one ``width`` around the hand-set street."""
+    """The proposal ``random``, or ``default``: intervals of one ``width`` around the default street."""
     return random_proposal(space) if name == "random" else default_proposal(width, space)
 
 
@@ -177,7 +181,7 @@ def streets_named(name: str, space: SpaceName, width: float = RELAXATION) -> Str
     """The streets of `named`, or ``mixed``: half ``default``, half ``random``.
 
     Raises:
-        ValueError: unknown name.
+        ValueError: the name is unknown.
     """
     if name not in NAMES:
         raise ValueError(f"unknown streets {name!r}; known: {', '.join(NAMES)}")
@@ -189,13 +193,16 @@ def streets_named(name: str, space: SpaceName, width: float = RELAXATION) -> Str
 def describe(streets: Streets) -> dict[str, Any]:
     """Streets in the form of ``attributes.json``: the space, and each component's share and attributes."""
     space = space_in(streets)
-    rows = [{"share": share, "attributes": _rows(own, space)} for share, own in components(streets)]
+    rows = [
+        {"share": share, "attributes": _rows(component, space)}
+        for share, component in components(streets)
+    ]
     return {"space": space, "components": rows}
 
 
 def _rows(component: Component, space: SpaceName) -> dict[str, dict[str, Any]]:
     rows: dict[str, dict[str, Any]] = {}
-    # Slid, so that a file holds no intervals that would be refused.
+    # Slid, so that the file has no intervals that would be refused.
     centres, widths = (part.tolist() for part in moments(component))
     for attribute, centre, width in zip(SPACES[space], centres, widths, strict=True):
         low, high = max(centre - width / 2, 0.0), min(centre + width / 2, 1.0)
@@ -210,53 +217,52 @@ def _rows(component: Component, space: SpaceName) -> dict[str, dict[str, Any]]:
             "meaning": attribute.meaning,
         }
     if isinstance(component, Histogram):
-        held = dict(component.held)
+        fixed = dict(component.held)
         for k, (row, shares) in enumerate(zip(rows.values(), component.probabilities, strict=True)):
-            if k not in held:
+            if k not in fixed:
                 row["unit"]["probabilities"] = [shortest(share) for share in shares]
     return rows
 
 
 def shortest(value: float) -> float:
-    """The shortest number that is read back as the same float32."""
+    """The shortest decimal number that reads back as the same float32."""
     exact = np.float32(value)
     short = float(str(exact))
     return short if np.float32(short) == exact else float(exact)
 
 
 def parse_streets(value: Any, where: str = "attributes") -> Streets:
-    """The streets in a file: ``components``, each with ``share`` and ``attributes``, or one's attributes.
+    """Read streets from JSON: ``components``, each with ``share`` and ``attributes``, or attributes alone.
 
-    ``space`` beside them names their space; without, they are of the smallest that has them all. Attributes
-    stand by name, with a unit value or an interval; those of ``LATER`` that are not there have their
-    defaults, and a log line that begins with ``where`` names them. A number is the value of all streets. An
-    interval is ``{"centre": c, "width": w}``, or that below ``"unit"``, as in the ``attributes.json`` of a
-    run. Where ``probabilities`` of equal bins of [0, 1] stand there, they decide, and centre and width are
-    not read; beside attributes that have them, others must have one value.
+    ``space`` names their space; without it, they have the smallest that has them all. Attributes map names to
+    a unit value, the same in all streets, or to an interval ``{"centre": c, "width": w}``, possibly below
+    ``"unit"`` as in the ``attributes.json`` of a run. Missing attributes of ``LATER`` get their defaults, and
+    a log line that starts with ``where`` names them. ``probabilities`` of equal bins of [0, 1] replace centre
+    and width; if one attribute has them, all without must have one value.
 
     Raises:
-        ValueError: not an object, shares or probabilities that do not add up, an unknown space, an unknown
-            or missing attribute, or an interval outside [0, 1], by name.
+        ValueError: it is not an object, shares or probabilities do not add up, the space is unknown, or an
+            attribute is unknown, missing or outside [0, 1].
     """
     if not isinstance(value, dict):
         raise ValueError(NO_ATTRIBUTES)
     space = value.get("space")
     if space not in (None, *SPACES):
         raise ValueError(f"unknown space {space!r}; known: {', '.join(SPACES)}")
-    lacking: dict[str, None] = {}
+    missing: dict[str, None] = {}
     if "components" in value:
-        found = _mixed(value["components"], space, lacking)
+        streets = _mixed(value["components"], space, missing)
     else:
-        found = _parsed({k: v for k, v in value.items() if k != "space"}, space, lacking)
-    if lacking:
-        log.warning("%s: no %s; taken at their defaults", where, ", ".join(lacking))
-    return found
+        streets = _parsed({k: v for k, v in value.items() if k != "space"}, space, missing)
+    if missing:
+        log.warning("%s: no %s; using their defaults", where, ", ".join(missing))
+    return streets
 
 
-def _mixed(rows: Any, space: SpaceName | None, lacking: dict[str, None]) -> Streets:
-    """The streets of a list of components; see `_parsed`."""
+def _mixed(rows: Any, space: SpaceName | None, missing: dict[str, None]) -> Streets:
+    """Read the streets of a list of components; see `_parsed`."""
     if not isinstance(rows, list) or not rows:
-        raise ValueError("components: expected a list of objects with share and attributes")
+        raise ValueError("components must be a list of objects with share and attributes")
     shares, proposals = [], []
     for number, row in enumerate(rows):
         where = f"components[{number}]"
@@ -266,7 +272,7 @@ def _mixed(rows: Any, space: SpaceName | None, lacking: dict[str, None]) -> Stre
         if isinstance(share, bool) or not isinstance(share, int | float) or not 0 < share <= 1:
             raise ValueError(f"{where}: share is {share!r}, but must be a number in (0, 1]")
         try:
-            proposals.append(_parsed(row["attributes"], space, lacking))
+            proposals.append(_parsed(row["attributes"], space, missing))
         except ValueError as error:
             raise ValueError(f"{where}: {error}") from None
         shares.append(float(share))
@@ -277,10 +283,10 @@ def _mixed(rows: Any, space: SpaceName | None, lacking: dict[str, None]) -> Stre
 
 
 def streets_in(path: Path) -> Streets:
-    """The streets that a JSON file describes, see `parse_streets`.
+    """Read the streets that a JSON file describes, see `parse_streets`.
 
     Raises:
-        ValueError: the file is no JSON, or not of attributes, by name.
+        ValueError: the file is not JSON, or does not describe streets; the message names it.
         OSError: it cannot be read.
     """
     try:
@@ -291,7 +297,7 @@ def streets_in(path: Path) -> Streets:
 
 
 def read_streets(source: str, space: SpaceName | None) -> Streets:
-    """The streets of a name (`NAMES`) in a space, by default scenex, or of a file, which has its own.
+    """Read the streets of a name (`NAMES`) in a space, by default scenex, or of a file, which has its own.
 
     Raises:
         OSError: the file cannot be read.
@@ -301,49 +307,51 @@ def read_streets(source: str, space: SpaceName | None) -> Streets:
         return streets_named(source, space or "scenex")
     streets = streets_in(Path(source))
     if space not in (None, space_in(streets)):
-        raise ValueError(f"{source} has attributes of space {space_in(streets)}, not {space}")
+        raise ValueError(f"{source} has the attributes of space {space_in(streets)}, not {space}")
     return streets
 
 
-def _parsed(value: Any, space: SpaceName | None, lacking: dict[str, None]) -> Component:
-    """The component of an object of attributes; those that it is too old to have go to ``lacking``."""
+def _parsed(value: Any, space: SpaceName | None, missing: dict[str, None]) -> Component:
+    """Read one component; names of attributes that its file is too old to have are added to ``missing``."""
     if not isinstance(value, dict):
         raise ValueError(NO_ATTRIBUTES)
-    known = names(space or "extended")
+    known_names = names(space or "extended")
     for name in value:
-        if name not in known:
-            raise ValueError(f"unknown attribute {name!r}; known: {', '.join(known)}")
-    wanted = names("scenex") if not space and set(value) <= set(names("scenex")) else known
-    for name in wanted:
+        if name not in known_names:
+            raise ValueError(f"unknown attribute {name!r}; known: {', '.join(known_names)}")
+    expected_names = (
+        names("scenex") if not space and set(value) <= set(names("scenex")) else known_names
+    )
+    for name in expected_names:
         if name in value:
             continue
         if BY_NAME[name] not in LATER:
-            raise ValueError(f"attribute {name} is missing; all {len(wanted)} must be given")
-        lacking[name] = None
+            raise ValueError(f"attribute {name} is missing; all {len(expected_names)} are required")
+        missing[name] = None
         value = {**value, name: BY_NAME[name].to_unit(BY_NAME[name].default)}
-    units = {name: _unit(value[name]) for name in wanted}
+    units = {name: _unit(value[name]) for name in expected_names}
     binned = [name for name, unit in units.items() if "probabilities" in unit]
     if binned:
         return _histogram(binned[0], units, value)
-    rows = [_interval(name, value[name]) for name in wanted]
+    rows = [_interval(name, value[name]) for name in expected_names]
     centre, width = np.array(rows, np.float32).T
-    return slide(check_unit(centre), width)  # by a rounding at most
+    return slide(check_unit(centre), width)  # slides by rounding errors at most
 
 
 def _unit(entry: Any) -> dict[str, Any]:
-    """The object with the unit values of an attribute; empty if it has none."""
+    """The object with the unit values of an attribute, or an empty one."""
     unit = entry.get("unit", entry) if isinstance(entry, dict) else None
     return unit if isinstance(unit, dict) else {}
 
 
 def _histogram(first: str, units: dict[str, dict[str, Any]], value: dict[str, Any]) -> Histogram:
-    """The histogram of attributes; ``first`` has probabilities, and attributes without any have one value.
+    """Make a histogram; attribute ``first`` has probabilities, those without any must have one value.
 
-    Probabilities stay as they are, even if their sum differs from 1 by `NORMED`, so that a file is read back
+    Probabilities are not normalised, even if their sum differs from 1 by `NORMED`, so that a file reads back
     exactly; `draw` divides by their sum.
     """
     bins = len(_probabilities(first, units[first]["probabilities"]))
-    rows, held = [], []
+    rows, fixed = [], []
     for k, (name, unit) in enumerate(units.items()):
         if "probabilities" in unit:
             rows.append(_probabilities(name, unit["probabilities"]))
@@ -351,33 +359,33 @@ def _histogram(first: str, units: dict[str, dict[str, Any]], value: dict[str, An
             centre, width = _interval(name, value[name])
             if width:
                 raise ValueError(
-                    f"attribute {name} has no probabilities, but {first} has; beside attributes that have "
-                    "them, others must have one value (width 0)"
+                    f"attribute {name} has no probabilities, but {first} has; attributes without "
+                    "probabilities must then have one value (width 0)"
                 )
-            held.append((k, float(np.float32(centre))))
+            fixed.append((k, float(np.float32(centre))))
             rows.append([1 / bins] * bins)
         if len(rows[-1]) != bins:
             raise ValueError(
-                f"attribute {name} has {len(rows[-1])} probabilities, but must have as many as the first "
-                f"attribute, {bins}"
+                f"attribute {name} has {len(rows[-1])} probabilities, but must have {bins}, as many as "
+                f"{first}"
             )
-    return Histogram(np.array(rows, np.float32), tuple(held))
+    return Histogram(np.array(rows, np.float32), tuple(fixed))
 
 
-def _probabilities(name: str, found: Any) -> list[float]:
-    """Probabilities of the bins of one attribute."""
-    if not isinstance(found, list) or len(found) < 2:
-        raise ValueError(f"attribute {name}: probabilities must be a list of 2 numbers or more")
-    for number in found:
+def _probabilities(name: str, probabilities: Any) -> list[float]:
+    """Check the probabilities of the bins of one attribute."""
+    if not isinstance(probabilities, list) or len(probabilities) < 2:
+        raise ValueError(f"attribute {name}: probabilities must be a list of two or more numbers")
+    for number in probabilities:
         if isinstance(number, bool) or not isinstance(number, int | float) or not 0 <= number < 2:
             raise ValueError(
-                f"attribute {name} has the probability {number!r}; they are numbers in [0, 1]"
+                f"attribute {name} has the probability {number!r}, which must be a number in [0, 1]"
             )
-    if abs(math.fsum(found) - 1) > NORMED:
+    if abs(math.fsum(probabilities) - 1) > NORMED:
         raise ValueError(
-            f"attribute {name} has probabilities that add up to {math.fsum(found):.6g}, but must to 1"
+            f"attribute {name} has probabilities that add up to {math.fsum(probabilities):.6g}, not 1"
         )
-    return found
+    return probabilities
 
 
 def _interval(name: str, entry: Any) -> tuple[float, float]:
@@ -386,15 +394,15 @@ def _interval(name: str, entry: Any) -> tuple[float, float]:
         unit = entry.get("unit", entry)
         if not isinstance(unit, dict) or "centre" not in unit:
             raise ValueError(f"attribute {name}: expected a number, or centre and width")
-        found = (unit["centre"], unit.get("width", 0.0))
+        numbers = (unit["centre"], unit.get("width", 0.0))
     else:
-        found = (entry, 0.0)
-    for number in found:
+        numbers = (entry, 0.0)
+    for number in numbers:
         if isinstance(number, bool) or not isinstance(number, int | float):
             raise ValueError(f"attribute {name} is {number!r}; unit values are numbers in [0, 1]")
         if not 0 <= number <= 1:
             raise ValueError(f"attribute {name} is {number}; unit values must lie in [0, 1]")
-    centre, width = float(found[0]), float(found[1])
+    centre, width = float(numbers[0]), float(numbers[1])
     low, high = centre - width / 2, centre + width / 2
     if low < -ROUNDING or high > 1 + ROUNDING:
         raise ValueError(
@@ -405,21 +413,21 @@ def _interval(name: str, entry: Any) -> tuple[float, float]:
 
 
 def draw(streets: Streets, seed: int, count: int, start: int = 0) -> np.ndarray:
-    """Draw attributes f32[count, attributes] in [0, 1) of the streets from ``start`` on.
+    """Draw attributes f32[count, attributes] in [0, 1) of ``count`` streets from ``start`` on.
 
     Street ``k`` depends on (streets, seed, k) only.
     """
-    drawn = [_drawn_from(own) for _, own in components(streets)]
+    inverses = [_inverse_distribution(component) for _, component in components(streets)]
     units = np.empty((count, len(components(streets)[0][1][0])), np.float32)
     for street in range(start, start + count):
         rng = streams.units(seed, street)
         uniform = rng.random(units.shape[1], dtype=np.float32)
-        units[street - start] = drawn[component_of(streets, street)](uniform)
+        units[street - start] = inverses[component_of(streets, street)](uniform)
     return np.clip(units, 0.0, BELOW_ONE)  # rounding could reach 1
 
 
-def _drawn_from(component: Component) -> Callable[[np.ndarray], np.ndarray]:
-    """The inverse distribution function of the attributes, from f32[attributes] in [0, 1) to the same."""
+def _inverse_distribution(component: Component) -> Callable[[np.ndarray], np.ndarray]:
+    """The inverse distribution function of the attributes: f32[attributes] in [0, 1) to the same."""
     if isinstance(component, Proposal):
         centre, width = slide(*component)
         return lambda uniform: centre - width / 2 + width * uniform
@@ -430,22 +438,22 @@ def _drawn_from(component: Component) -> Callable[[np.ndarray], np.ndarray]:
     rows = np.arange(len(ends))
 
     def inverse(uniform: np.ndarray) -> np.ndarray:
-        chosen = (ends[:, 1:] <= uniform[:, None]).sum(axis=1)  # never a bin with probability 0
-        begin, end = ends[rows, chosen], ends[rows, chosen + 1]
+        index = (ends[:, 1:] <= uniform[:, None]).sum(axis=1)  # never a bin with probability 0
+        begin, end = ends[rows, index], ends[rows, index + 1]
         inside = (uniform - begin) / (end - begin)
-        drawn = np.minimum(((chosen + inside) / bins).astype(np.float32), last[chosen])
+        values = np.minimum(((index + inside) / bins).astype(np.float32), last[index])
         for where, value in component.held:
-            drawn[where] = value
-        return drawn
+            values[where] = value
+        return values
 
     return inverse
 
 
 def component_of(streets: Streets, street: int) -> int:
-    """The component of street ``k``.
+    """The index of the component of a street.
 
-    It is the one in whose part of [0, 1] the fraction of (k + 1) times the golden ratio lies, so that every
-    beginning of a dataset has about the shares, whatever its seed and size.
+    The fractional part of (street + 1) times the golden ratio chooses it, so that the first streets of a
+    dataset have about the right shares, whatever their number and the seed.
     """
     point = (street + 1) * GOLDEN % 1.0
     ends = np.cumsum([share for share, _ in components(streets)])

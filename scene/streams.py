@@ -1,7 +1,7 @@
-"""The streams of random numbers of a street by name; no two names share a stream.
+"""The random streams of a street by name; no two names share a stream.
 
 ``numpy.random.SeedSequence`` pads short keys with zeros: ``[s]``, ``[s, 0]`` and ``[s, 0, 0]`` are the same
-key. So all keys of a street have the same length: seed, number of the name, part.
+key. So all keys of a street have the same length: seed, number of the stream, part.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ STREAMS = {
     "noise": 40,  # of one shot's image
     "camera": 2**16,  # how it responds
 }
-"""Number of each stream; a new one takes a new number."""
+"""Number of each stream; a new one needs a new number."""
 TABLES = {"grain": 7, "textures": 19, "clouds": 41, "leaves": 43}
-"""Number of what is drawn once for all streets."""
+"""Number of each stream that is drawn once for all streets."""
 
 
 def stream(seed: int, name: str, part: int = 0) -> np.random.Generator:
@@ -38,7 +38,7 @@ def stream(seed: int, name: str, part: int = 0) -> np.random.Generator:
     Args:
         seed: seed of the street.
         name: a name of ``STREAMS``.
-        part: number of the stream with this name: a side of the road, an ingredient, a shot.
+        part: which of the streams with this name: a side of the road, an ingredient, a shot.
     """
     return np.random.default_rng([seed, STREAMS[name], part])
 
@@ -49,7 +49,7 @@ def seeded(seed: int) -> np.random.Generator:
 
 
 def child(rng: np.random.Generator) -> np.random.Generator:
-    """A separate stream for one part, so that its draws change no others; takes one number of ``rng``."""
+    """A separate stream for one part, so that its draws do not affect others; draws once from ``rng``."""
     return seeded(int(rng.integers(2**32)))
 
 

@@ -1,4 +1,4 @@
-"""The versions that decide pictures on this machine."""
+"""The versions that determine images on this machine."""
 
 from __future__ import annotations
 
@@ -10,5 +10,5 @@ from scene.version import ENGINE, MAKERS
 
 @lru_cache(maxsize=1)
 def picture_versions() -> dict[str, int | str]:
-    """The engine's version and those of the libraries that make pictures, by name."""
+    """Versions of the engine and of the libraries that determine images, by name."""
     return {"engine": ENGINE, **versions(MAKERS)}

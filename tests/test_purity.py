@@ -23,7 +23,7 @@ SHELL = (
     "benchmarks/", "common/", "experiments/",
     "scene/cache.py", "scene/callback.py", "scene/check.py", "scene/compiled.py",
     "scene/stats.py", "scene/assets/library.py", "scene/dataset/", "scene/render/",
-    "scene/mesh/beside.py", "scene/mesh/bombs.py", "scene/mesh/file.py",
+    "scene/mesh/siblings.py", "scene/mesh/bombs.py", "scene/mesh/file.py",
     "sdr_jax/ask_tell.py", "sdr_jax/tune/", "seg/data/", "seg/model.py", "seg/weights/",
 )  # fmt: skip
 JAX = frozenset({"flax", "jax", "jaxlib", "optax"})

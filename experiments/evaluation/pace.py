@@ -26,7 +26,7 @@ from experiments.evaluation.job import Recipe
 from experiments.evaluation.renders import Part, Rendered, mean_seconds, render_part
 from scene.assets.catalogue import AssetPool
 from scene.attributes import default_unit
-from scene.compiled import kept
+from scene.compiled import cache_file
 from seg.recipes import RECIPES, with_steps
 from seg.train import train
 
@@ -133,4 +133,4 @@ def keep(kind: str, pace: Pace) -> None:
 
 
 def _file(kind: str) -> Path:
-    return kept(f"pace-{kind}.json")
+    return cache_file(f"pace-{kind}.json")

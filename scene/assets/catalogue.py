@@ -19,7 +19,7 @@ from scene.assets import library, own_class
 from scene.assets.families import FAMILIES
 from scene.assets.own_class import OwnClass
 from scene.attributes import StreetParams
-from scene.cache import Arrays, kept
+from scene.cache import Arrays, cached
 from scene.classes import CLASS_NAMES
 from scene.look.surfaces import ROADS, SIDEWALKS, TERRAINS
 from scene.mesh.asset import Asset
@@ -255,7 +255,7 @@ def bounds(family: str, ref: int | str) -> np.ndarray:
 
     built_in = isinstance(ref, int)
     name = f"bounds-{family}-{ref}".replace(" ", "_")
-    corners = (kept(name, make) if built_in else make())["corners"]
+    corners = (cached(name, make) if built_in else make())["corners"]
     corners.setflags(write=False)
     return corners
 

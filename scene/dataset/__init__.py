@@ -1,1 +1,1 @@
-"""Datasets of labelled images of many streets: rendering, writing, reading and checking."""
+"""Datasets of labelled images: rendering, writing, reading and checking."""

@@ -1,4 +1,4 @@
-"""``dataset.json``: the plan of a dataset, which decides everything in it, and its outcome."""
+"""``dataset.json``: the settings that determine a dataset, and its statistics."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Plan(NamedTuple):
     settings: RenderSettings
     renderer: str
     pool: AssetPool
-    target: dict[str, Any] | None = None  # the target of the labels' classes, as in `dataset.json`
+    target: dict[str, Any] | None = None  # entry of the labels' target in `dataset.json`
 
     @property
     def layout(self) -> Layout:
@@ -56,19 +56,19 @@ class Plan(NamedTuple):
 
     @property
     def labels(self) -> Labels:
-        """The classes of label pictures."""
-        own = self.pool.own_class
-        told = {"target": self.target, "own_class": own and own._asdict()}
-        return labels_of(told, self.layout.published)
+        """The classes of label images."""
+        own_class = self.pool.own_class
+        description = {"target": self.target, "own_class": own_class and own_class._asdict()}
+        return labels_of(description, self.layout.published)
 
     @property
     def work(self) -> Path:
-        """The inner folder that exists during the export."""
+        """The folder that exists during the export only."""
         return self.folder / WORK
 
     @property
-    def own(self) -> str:
-        """The folder of own assets, if they may appear."""
+    def own_folder(self) -> str:
+        """The folder of own assets if they are used, else empty."""
         return "" if self.pool.use == "built-in" else self.pool.own
 
     def record(self, street: int) -> Path:
@@ -76,12 +76,12 @@ class Plan(NamedTuple):
         return self.work / "streets" / f"{street:06d}.json"
 
     def shots_of(self, street: int) -> int:
-        """Images of one street; the last may be cut short."""
+        """Number of images of one street; the last street may have fewer."""
         return min(self.shots, self.images - street * self.shots)
 
 
 def settings(plan: Plan, units: np.ndarray, streets: Streets | None) -> dict[str, Any]:
-    """All settings that decide the files, as in ``dataset.json``."""
+    """All settings that determine the files, as in ``dataset.json``."""
     of_target = {} if plan.target is None else {"target": plan.target}
     of_own = (
         {} if plan.pool.own_class is None else {"own_class": own_class_entry(plan.pool.own_class)}
@@ -101,8 +101,8 @@ def settings(plan: Plan, units: np.ndarray, streets: Streets | None) -> dict[str
         "renderer": plan.renderer,
         "render": plain(render),
         "assets": {**pool, "own": Path(plan.pool.own).name},
-        "own_assets": _own_assets(plan.own),
-        "own_files": own_files(plan.own),
+        "own_assets": _own_assets(plan.own_folder),
+        "own_files": own_files(plan.own_folder),
         "attributes": None if streets is None else _units(streets),
         "streets": [[shortest(value) for value in row] for row in units.tolist()],
     }
@@ -111,22 +111,22 @@ def settings(plan: Plan, units: np.ndarray, streets: Streets | None) -> dict[str
 def _units(streets: Streets) -> dict[str, Any]:
     """Streets in the form for `scene.proposal.parse_streets`, without physical values."""
     rows = [
-        {**row, "attributes": {name: own["unit"] for name, own in row["attributes"].items()}}
+        {**row, "attributes": {name: entry["unit"] for name, entry in row["attributes"].items()}}
         for row in describe(streets)["components"]
     ]
     attributes: dict[str, Any] = rows[0]["attributes"]
     return {"components": rows} if len(rows) > 1 else attributes
 
 
-def own_class_entry(own: OwnClass) -> dict[str, Any]:
+def own_class_entry(own_class: OwnClass) -> dict[str, Any]:
     """The entry of a user's own class: its ids and colour in labels, and its asset."""
-    file = Path(own.file)
+    file = Path(own_class.file)
     return {
-        "name": own.name,
+        "name": own_class.name,
         "train_id": OWN,
         "label_id": OWN_ROW.file_id,
         "colour": list(OWN_ROW.colour),
-        "place": own.place,
+        "place": own_class.place,
         "file": file.name,
         "sha256": folder_digest(file),
     }
@@ -147,7 +147,7 @@ def _own_assets(folder: str) -> list[dict[str, Any]]:
 
 
 def outcome(streets: Iterable[dict[str, Any]], pixels: int, labels: Labels) -> dict[str, Any]:
-    """The outcome: classes' shares and numbers of images, mean colour, placed objects, retaken shots.
+    """Statistics of a dataset: shares and image counts of classes, mean colour, objects, retaken shots.
 
     Args:
         streets: the records of all streets.
@@ -162,9 +162,11 @@ def outcome(streets: Iterable[dict[str, Any]], pixels: int, labels: Labels) -> d
     for street in streets:
         placed.update(street["placed"])
         for record in street["images"]:
-            here = np.bincount(of_engine, record["pixels"], minlength=VOID + 1).astype(np.int64)
-            count += here
-            containing += here > 0
+            image_counts = np.bincount(of_engine, record["pixels"], minlength=VOID + 1).astype(
+                np.int64
+            )
+            count += image_counts
+            containing += image_counts > 0
             rgb += record["rgb"]
             retaken += record["retaken"] > 0
             refused += record["refused"]
@@ -185,7 +187,7 @@ def _by_class(labels: Labels, values: np.ndarray) -> dict[str, Any]:
 
 
 def versions(more: tuple[str, ...] = ()) -> dict[str, str]:
-    """Versions of everything that affects the bytes, and the processor for which shading is compiled."""
+    """Versions of all that affects the bytes, and the processor for which the shader is compiled."""
     cpu = llvmlite.binding.get_host_cpu_name()
-    found = files.versions((*PACKAGES, *more))
-    return {"python": platform.python_version(), "processor": cpu, **found}
+    libraries = files.versions((*PACKAGES, *more))
+    return {"python": platform.python_version(), "processor": cpu, **libraries}

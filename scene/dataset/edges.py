@@ -1,7 +1,7 @@
-"""Checks that labels and depth show the same outlines, by a count without tuned thresholds.
+"""Check that labels and depth show the same outlines, without tuned thresholds.
 
-Where depth jumps, one thing usually ends and another begins, so id edges lie on depth jumps. If labels were
-shifted against depth by a few pixels, no more edges would lie there than by chance.
+Where depth jumps, one object usually ends and another begins, so id edges coincide with depth jumps. If
+labels were shifted against depth by a few pixels, they would coincide no more often than by chance.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 JUMP = float(np.log(1.25))
-"""A jump in depth: one of two neighbouring pixels is a quarter farther away."""
+"""A jump in depth: one of two neighbouring pixels is a quarter farther away (log ratio)."""
 SHIFT = 4
-"""Pixels by which labels are shifted to measure chance."""
+"""Pixels by which labels are shifted to count coincidences by chance."""
 
 
 class Overlap(NamedTuple):
@@ -41,9 +41,9 @@ def overlap(ids: np.ndarray, depth: np.ndarray) -> Overlap:
     """
     aligned = shifted = 0.0
     for i, d in ((ids, depth), (ids.T, depth.T)):
-        seen = (d[:, 1:] > 0) & (d[:, :-1] > 0)
+        visible = (d[:, 1:] > 0) & (d[:, :-1] > 0)
         log = np.log(np.maximum(d, 1).astype(np.float32))
-        jumps = seen & (np.abs(np.diff(log)) > JUMP)
+        jumps = visible & (np.abs(np.diff(log)) > JUMP)
         edges = np.diff(i) != 0
         if edges.shape[1] <= SHIFT:
             continue

@@ -1,4 +1,4 @@
-"""Reads an exported dataset."""
+"""Read an exported dataset."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from scene.render.protocol import MAX_PIXELS
 
 DESCRIPTION = "dataset.json"
 MOST_IMAGES = 10_000_000
-"""The most images; a larger number is taken for a typing error."""
+"""The largest number of images; more is taken for a typing error."""
 WORK = ".export"
 """Folder inside an unfinished dataset."""
 
 
 COLOURED = ("image", "panoptic", "color", "normals")
-"""Kinds of pictures with three channels."""
+"""Kinds of images with three channels."""
 DEEP = ("instance_ids", "depth", "disparity")
-"""Kinds of pictures with 16 bits per pixel."""
+"""Kinds of images with 16 bits per pixel."""
 
 
 class Described(NamedTuple):
@@ -42,77 +42,102 @@ class Described(NamedTuple):
     split: str
     stems: tuple[str, ...]  # of all images, in order
     size: tuple[int, int]  # width, height in pixels
-    labels: Labels  # the classes of label pictures
-    rows: dict[str, parquet.Place] | None = None  # places of packed pictures by stem
-    framing: tuple[float, float] | None = None  # shares of retaken shots, and without a street
+    labels: Labels  # the classes of label images
+    rows: dict[str, parquet.Place] | None = None  # places of packed images by stem
+    framing: tuple[float, float] | None = (
+        None  # shares of retaken shots, and of shots without a street
+    )
 
     def path(self, kind: str, name: str) -> Path:
         """The file of one kind of the image ``name``."""
         return self.folder / self.layout.paths(self.split, name)[kind]
 
     def picture(self, kind: str, name: str) -> np.ndarray:
-        """Read one picture of the image ``name``.
+        """Read one kind of array of the image ``name``.
 
         Raises:
-            ValueError, OSError: it is damaged, missing, or of another size or kind of pixels; the message
-                names it.
+            ValueError, OSError: its file is damaged, missing, or has another size or kind of pixels; the
+                message names it.
         """
         if self.rows is None:
-            where, found = f"{self.path(kind, name)}", read_png(self.path(kind, name))
+            where, pixels = f"{self.path(kind, name)}", read_png(self.path(kind, name))
         elif name in self.rows:
             where = f"{self.folder}: {kind} of {name}"
             place = self.rows[name]
-            found = decode(parquet.picture(place, kind), f"{place.shard}: {kind} of {name}")
+            pixels = decode(parquet.picture(place, kind), f"{place.shard}: {kind} of {name}")
         else:
             raise ValueError(f"{self.folder}: no row of image {name} in data/")
-        (height, width), channels = found.shape[:2], found.shape[2:]
+        (height, width), channels = pixels.shape[:2], pixels.shape[2:]
         if (width, height) != self.size:
-            wanted = "x".join(map(str, self.size))
-            raise ValueError(f"{where} is {width}x{height}, not {wanted}")
-        dtype, right = np.dtype("u2" if kind in DEEP else "u1"), (3,) if kind in COLOURED else ()
+            expected = "x".join(map(str, self.size))
+            raise ValueError(f"{where} is {width}x{height}, not {expected}")
+        dtype, expected_channels = (
+            np.dtype("u2" if kind in DEEP else "u1"),
+            (3,) if kind in COLOURED else (),
+        )
         if kind == "label_ids":
-            dtype, right = self.labels.values.dtype, self.labels.values.shape[1:]
-        if (found.dtype, channels) != (dtype, right):
-            ours, theirs = ((*shape, 1)[0] for shape in (channels, right))
-            raise ValueError(
-                f"{where} is {found.dtype} with {ours} channels, not {dtype} with {theirs}"
+            dtype, expected_channels = self.labels.values.dtype, self.labels.values.shape[1:]
+        if (pixels.dtype, channels) != (dtype, expected_channels):
+            channel_count, expected_count = (
+                (*shape, 1)[0] for shape in (channels, expected_channels)
             )
-        return found
+            raise ValueError(
+                f"{where} is {pixels.dtype} with {channel_count} channels, not {dtype} with {expected_count}"
+            )
+        return pixels
 
 
 def describe(folder: Path) -> Described:
     """Open an exported dataset.
 
     Raises:
-        ValueError: the folder holds none, or its ``dataset.json`` was changed.
+        ValueError: the folder has no dataset, or its ``dataset.json`` was changed.
     """
     path = folder / DESCRIPTION
     if not path.is_file():
         unfinished = (folder / WORK).exists()
-        why = "an unfinished export: the command that began it continues it" if unfinished else ""
-        raise ValueError(f"{folder}: {why or f'not a dataset, it has no {DESCRIPTION}'}")
-    found = read_json(path)
+        why = (
+            "an unfinished export; run the command that started it to resume" if unfinished else ""
+        )
+        raise ValueError(f"{folder}: {why or f'not a dataset, since it has no {DESCRIPTION}'}")
+    description = read_json(path)
     try:
-        images, shots = int(found["images"]), int(found["shots"])
-        size = (int(found["render"]["width"]), int(found["render"]["height"]))
-        sound = found["format"] in FORMATS and found["split"] in SPLITS
+        images, shots = int(description["images"]), int(description["shots"])
+        size = (int(description["render"]["width"]), int(description["render"]["height"]))
+        is_valid = description["format"] in FORMATS and description["split"] in SPLITS
         most = images <= MOST_IMAGES and size[0] * size[1] <= MAX_PIXELS
-        if not sound or not most or min(images, shots, *size) < 1:
+        if not is_valid or not most or min(images, shots, *size) < 1:
             raise ValueError("format, split, images, shots or size")
-        own = layout(found["format"])
-        classes = labels_of(found, own.published)
-        again = [float(found[key]) for key in ("shots_retaken", "shots_refused") if key in found]
+        dataset_layout = layout(description["format"])
+        classes = labels_of(description, dataset_layout.published)
+        framing_shares = [
+            float(description[key])
+            for key in ("shots_retaken", "shots_refused")
+            if key in description
+        ]
     except (LookupError, TypeError, ValueError, OverflowError) as error:
         raise ValueError(f"{path} does not describe a dataset: {error}") from None
     stems = tuple(stem(k // shots, k % shots) for k in range(images))
-    own.check()
-    rows = parquet.places(folder, found["split"]) if own.pack is not None else None
-    framing = (again[0], again[1]) if len(again) == 2 else None  # older datasets lack it
-    return Described(folder, found, own, found["split"], stems, size, classes, rows, framing)
+    dataset_layout.check()
+    rows = parquet.places(folder, description["split"]) if dataset_layout.pack is not None else None
+    framing = (
+        (framing_shares[0], framing_shares[1]) if len(framing_shares) == 2 else None
+    )  # older datasets lack it
+    return Described(
+        folder,
+        description,
+        dataset_layout,
+        description["split"],
+        stems,
+        size,
+        classes,
+        rows,
+        framing,
+    )
 
 
 def labels(dataset: Described, name: str) -> np.ndarray:
-    """Read classes u8[h, w] of one image, as numbers of ``dataset.labels``.
+    """Read classes u8[h, w] of one image, as indices of ``dataset.labels``.
 
     Raises:
         ValueError, OSError: the file is damaged or missing (the message names it), or the format has no
@@ -123,12 +148,12 @@ def labels(dataset: Described, name: str) -> np.ndarray:
         return dataset.labels.of_engine[TRAIN_OF_LABEL[label_ids(ids)]]
     if "label_ids" not in dataset.layout.files:
         raise ValueError(
-            f"{dataset.folder}: the format {dataset.description['format']} has no label of every pixel"
+            f"{dataset.folder}: the format {dataset.description['format']} does not label every pixel"
         )
-    found = dataset.labels.classes_of(dataset.picture("label_ids", name))
-    if (found == ILLEGAL).any():
-        raise ValueError(f"{dataset.folder}: labels of {name} hold a value that is of no class")
-    return found
+    classes = dataset.labels.classes_of(dataset.picture("label_ids", name))
+    if (classes == ILLEGAL).any():
+        raise ValueError(f"{dataset.folder}: the label image of {name} has a value of no class")
+    return classes
 
 
 def pictures(
@@ -136,7 +161,7 @@ def pictures(
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield images u8[h, w, 3] and classes u8[h, w] of an exported dataset; raises as `labels`.
 
-    Outlines of a target are drawn with the dataset's depth.
+    The outlines of a target are drawn with the dataset's depth.
     """
     for name in dataset.stems:
         label = labels(dataset, name)

@@ -1,4 +1,4 @@
-"""Reads real images for comparison with a dataset: CamVid, or the layout of Cityscapes."""
+"""Read real images for comparison with a dataset: CamVid, or the layout of Cityscapes."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from scene.dataset.read import DESCRIPTION, describe, pictures
 CAMVID: tuple[str, ...] = shipped("camvid").class_names
 """The 11 classes of CamVid that are common in the literature."""
 CAMVID_OF_TRAIN = np.full(256, VOID, np.uint8)
-"""u8[256]: train id -> CamVid's class; trains are void there."""
+"""u8[256]: train id -> CamVid's class; trains are ignored there."""
 CAMVID_OF_TRAIN[: len(CLASS_NAMES)] = shipped("camvid").of_engine
 
 
 class Pictures(NamedTuple):
-    """Images u8[h, w, 3] with labels u8[h, w], and the names of the classes; ``VOID`` has none."""
+    """Images u8[h, w, 3] with labels u8[h, w], and the class names; ``VOID`` is ignored."""
 
     classes: tuple[str, ...]
     pairs: Iterator[tuple[np.ndarray, np.ndarray]]
@@ -37,27 +37,27 @@ def open_pictures(folder: Path, prefixes: tuple[str, ...] = ()) -> Pictures:
 
     Args:
         folder: the folder.
-        prefixes: take only real images whose file name begins with one of these; by default all.
+        prefixes: use only real images whose file names start with one of these; by default all.
 
     Raises:
-        ValueError: it is none of these (the message names what is expected), or a file is damaged.
+        ValueError: it is none of these, or a file is damaged.
     """
     if (folder / DESCRIPTION).is_file():
         dataset = describe(folder)
         return Pictures(dataset.labels.names, pictures(dataset), dataset.framing)
     if (folder / "train").is_dir() and (folder / "trainannot").is_dir():
-        found, tail, labels, ending = "train/*.[jp][pn]g", "", "trainannot", ""
+        pattern, tail, labels, ending = "train/*.[jp][pn]g", "", "trainannot", ""
         classes, legal = CAMVID, np.arange(256, dtype=np.uint8)
         legal[len(CAMVID) :] = VOID
     elif (folder / "leftImg8bit").is_dir():
-        found, tail = "leftImg8bit/*/*/*_leftImg8bit.png", "_leftImg8bit"
+        pattern, tail = "leftImg8bit/*/*/*_leftImg8bit.png", "_leftImg8bit"
         labels, ending = "gtFine", "_gtFine_labelIds"
         classes, legal = CLASS_NAMES, TRAIN_OF_LABEL
     else:
         raise ValueError(
             f"{folder}: expected {DESCRIPTION}, train/ with trainannot/ (CamVid), or leftImg8bit/"
         )
-    images = [p for p in sorted(folder.glob(found)) if p.name.startswith(prefixes or "")]
+    images = [p for p in sorted(folder.glob(pattern)) if p.name.startswith(prefixes or "")]
     if not images:
         called = f" called {', '.join(prefixes)}" if prefixes else ""
         raise ValueError(f"{folder}: no images{called}")

@@ -1,6 +1,6 @@
-"""Renders attribute vectors to a labelled dataset in worker processes.
+"""Render attribute vectors to a labelled dataset in worker processes.
 
-A dataset is a list of attribute vectors, one per street. The bytes depend on the vectors, the seed, the size
+A dataset is a list of attribute vectors, one per street. Its bytes depend on the vectors, the seed, the size
 and the renderer, but not on the number of workers.
 """
 
@@ -28,7 +28,7 @@ class Dataset(NamedTuple):
     """Images and labels in the order of streets; shots of one street are consecutive."""
 
     images: np.ndarray  # u8[n, h, w, 3] sRGB
-    labels: np.ndarray  # u8[n, h, w] train ids; 19 is a pool's own class, 255 void
+    labels: np.ndarray  # u8[n, h, w] train ids; 19 is a pool's own class, 255 is ignored
 
 
 def street_of(unit: np.ndarray, seed: int, index: int, shots: int, pool: AssetPool) -> Street:
@@ -61,10 +61,10 @@ def images_and_labels(outlines: Sequence[Outline], *task: Any) -> tuple[np.ndarr
 
 
 def compile_first(workers: Workers, renderer_name: str) -> None:
-    """Compile a renderer on its first use on this machine, and say so, since it takes minutes.
+    """Compile a renderer on its first use on this machine, with a message, since it takes a minute.
 
-    One of the workers does it before all others begin, which then find what it has kept. Workers of a cluster
-    compile where they are.
+    One worker compiles before the others start, which then load its cache. Workers of a cluster compile on
+    their own machines.
     """
     if isinstance(workers, WorkerPool) and first_use(renderer_name) is not None:
         print(COMPILING, file=sys.stderr, flush=True)
@@ -72,13 +72,13 @@ def compile_first(workers: Workers, renderer_name: str) -> None:
 
 
 def _compile(renderer_name: str) -> None:
-    """Render one street of each kind for which other functions are needed: straight, bent, at night."""
+    """Render one street of each kind that needs different functions: straight, bent, at night."""
     settings, pool = RenderSettings(64, 48), AssetPool(size=1)
     params = street_params(default_unit())
     straight = params._replace(bend=0.0, gradient=0.0)
     night = pool._replace(weather="night")
-    for of, assets in ((straight, pool), (params._replace(bend=20.0), pool), (params, night)):
-        renderer(renderer_name).render(sample_street(of, 0, 1, assets), settings)
+    for variant, assets in ((straight, pool), (params._replace(bend=20.0), pool), (params, night)):
+        renderer(renderer_name).render(sample_street(variant, 0, 1, assets), settings)
     marker = first_use(renderer_name)
     if marker is not None:
         marker.touch()
@@ -90,7 +90,7 @@ def check_request(
     """Check a request; returns its attributes f32[streets, attributes].
 
     Raises:
-        ValueError: attributes, size or shots out of range, unknown renderer.
+        ValueError: attributes, size or shots are out of range, or the renderer is unknown.
         RendererError: this machine lacks what the renderer needs.
     """
     units = check_unit(units)
@@ -121,17 +121,17 @@ def render_dataset(
 
     Args:
         units: f32[streets, attributes] attributes of each street, in [0, 1].
-        seed: decides, with the street's index, all random choices.
+        seed: random seed.
         shots: images per street.
         settings: size and quality.
         renderer_name: ``embree`` or ``opengl``.
-        pool: the assets that may appear.
-        outlines: classes to draw as a whole, as `engine_outlines` of a target; by default labels are exact.
-        workers: processes to render in; 0 renders here, ``Workers`` are used and left open.
+        pool: the assets to use.
+        outlines: classes with closed outlines, as `engine_outlines` of a target; by default labels are exact.
+        workers: number of processes; 0 renders in this process. ``Workers`` are used and left open.
         progress: called with (streets done, streets).
 
     Raises:
-        ValueError: attributes, size or shots out of range, unknown renderer.
+        ValueError: attributes, size or shots are out of range, or the renderer is unknown.
         RendererError: this machine lacks what the renderer needs.
         WorkerError: worker processes keep dying.
     """

@@ -1,4 +1,4 @@
-"""A stream of labelled images without files, the same as those of an export."""
+"""A stream of labelled images without files; they equal those of an export."""
 
 from __future__ import annotations
 
@@ -37,16 +37,16 @@ EXTRA = ("depth", "instances", "normals", "camera")
 
 class _Sample(NamedTuple):
     image: np.ndarray  # u8[h, w, 3] sRGB
-    label: np.ndarray  # u8[h, w] class numbers, 255 is void
+    label: np.ndarray  # u8[h, w] class indices, 255 is ignored
     street: np.ndarray  # f32[attributes] of its street, in [0, 1]
 
 
 class Sample(_Sample):
     """One image of a stream; it unpacks into image, label and street.
 
-    What ``passes`` asks for are further attributes, else None: ``depth`` f32[h, w] metres along
-    the optical axis (0: sky), ``instances`` u16[h, w] (0: sky), ``normals`` f32[h, w, 3] in the camera's
-    frame (x right, y up, z towards the camera), ``camera``, a `Camera`.
+    The requested ``passes`` are attributes, the others None: ``depth`` f32[h, w] in metres along the optical
+    axis (0: sky), ``instances`` u16[h, w] (0: sky), ``normals`` f32[h, w, 3] in the camera's frame (x right,
+    y up, z towards the camera), and ``camera``, a `Camera`.
     """
 
     depth: np.ndarray | None = None
@@ -71,35 +71,36 @@ def stream(
     workers: int | Workers = 0,
     passes: Sequence[str] = (),
 ) -> Generator[Sample, None, None]:
-    """Render images one by one: the k-th equals the k-th of an export with the same settings.
+    """Render images one by one; image k equals image k of an export with the same settings.
 
     Args:
-        streets: the distribution of the streets' attributes; or ``default``, ``random``, ``mixed`` or a JSON
-            file, as in ``--attributes`` of ``sdr-jax render``.
-        seed: decides, with the image's number, all random choices.
+        streets: the distribution of the streets' attributes, or ``default``, ``random``, ``mixed`` or a JSON
+            file, as ``--attributes`` of ``sdr-jax render``.
+        seed: random seed.
         size: width and height in pixels.
-        settings: size and quality; they replace ``size``.
+        settings: size and quality; overrides ``size``.
         shots: images per street.
-        start: number of the first image, to continue a stream.
-        images: number of images; by default the stream is endless.
-        space: space of streets given by name, by default scenex.
+        start: index of the first image, to resume a stream.
+        images: number of images; by default endless.
+        space: space of ``default``, ``random`` or ``mixed`` streets, by default scenex.
         renderer_name: ``embree`` or ``opengl``.
-        pool: the assets that may appear, and the user's own class, whose label is 19.
-        target: the target, or its name or file, of the labels' classes; by default labels are train ids.
-        workers: processes to render in, which work a few streets ahead; 0 renders here, ``Workers`` are used
-            and left open.
-        passes: what else samples hold: ``depth``, ``instances``, ``normals``, ``camera``.
+        pool: the assets to use, and the user's own class, whose label is 19.
+        target: a target, its name or its file, whose classes the labels have; by default labels are train
+            ids.
+        workers: number of processes, which render a few streets ahead; 0 renders in this process. ``Workers``
+            are used and left open.
+        passes: additional arrays in samples: ``depth``, ``instances``, ``normals``, ``camera``.
 
     Yields:
-        Image, label and the attributes of its street; and the passes, by name.
+        Samples of image, label, the attributes of its street, and the passes.
 
     Raises:
-        ValueError: attributes, numbers or size out of range, unknown renderer.
+        ValueError: an argument is out of range, or the renderer is unknown.
         OSError: the JSON file cannot be read.
         RendererError: this machine lacks what the renderer needs.
         WorkerError: worker processes keep dying.
     """
-    drawn = read_streets(str(streets), space) if isinstance(streets, str | Path) else streets
+    distribution = read_streets(str(streets), space) if isinstance(streets, str | Path) else streets
     settings = settings or RenderSettings(*size)
     for name, value in (("start", start), ("images", images or 0), ("seed", seed)):
         if value < 0:
@@ -107,23 +108,33 @@ def stream(
     for name in passes:
         if name not in EXTRA:
             raise UserError(f"passes: {name!r} is unknown; known: {', '.join(EXTRA)}")
-    check_request(draw(drawn, seed, 1), shots, settings, renderer_name)
+    check_request(draw(distribution, seed, 1), shots, settings, renderer_name)
     pool = check_pool(pool or AssetPool())
     if target is None:
-        own = engine_labels(True, pool.own_class and pool.own_class.name)
+        classes = engine_labels(True, pool.own_class and pool.own_class.name)
     else:
         entry = target_entry(target)
         if pool.own_class is not None:
             refuse_with_target(pool.own_class.name, entry["name"])
-        own = target_labels(entry)
+        classes = target_labels(entry)
     last = None if images is None else start + images
     return _samples(
-        drawn, seed, start, last, shots, settings, renderer_name, pool, own, workers, tuple(passes)
+        distribution,
+        seed,
+        start,
+        last,
+        shots,
+        settings,
+        renderer_name,
+        pool,
+        classes,
+        workers,
+        tuple(passes),
     )
 
 
 def _samples(
-    drawn: Streets,
+    distribution: Streets,
     seed: int,
     start: int,
     last: int | None,
@@ -138,20 +149,30 @@ def _samples(
     first = start // shots
 
     def units(index: int) -> np.ndarray:
-        return draw(drawn, seed, 1, start=index)[0]
+        return draw(distribution, seed, 1, start=index)[0]
 
     streets = count(first) if last is None else range(first, -(-last // shots))
     number = first * shots
     with opened(workers) as processes:
         compile_first(processes, renderer_name)
-        sent = pool.with_paths(processes.share)
+        shared_pool = pool.with_paths(processes.share)
         tasks: Iterator[tuple[Any, ...]] = (
-            (passes, classes.outlines, units(k), seed, k, shots, settings, renderer_name, sent)
+            (
+                passes,
+                classes.outlines,
+                units(k),
+                seed,
+                k,
+                shots,
+                settings,
+                renderer_name,
+                shared_pool,
+            )
             for k in streets
         )
-        for index, shown in enumerate(processes.in_order(_shown, tasks), start=first):
+        for index, shot_arrays in enumerate(processes.in_order(_shown, tasks), start=first):
             street = units(index)
-            for image, label, extra in shown:
+            for image, label, extra in shot_arrays:
                 if start <= number and (last is None or number < last):
                     sample = Sample(image, classes.of_engine[label], street)
                     vars(sample).update(extra)
@@ -162,7 +183,7 @@ def _samples(
 def _shown(
     passes: tuple[str, ...], outlines: Sequence[Outline], *task: Any
 ) -> list[tuple[np.ndarray, np.ndarray, dict[str, Any]]]:
-    """Image, label and further passes of each shot of a street, rendered with `render_street`'s arguments."""
+    """Render a street with `render_street`'s arguments: image, label and passes of each shot."""
     fields = {"depth": "depth", "instances": "instance", "normals": "normal", "camera": "camera"}
     frames = [outlined(frame, outlines) for frame in render_street(*task)]
     return [

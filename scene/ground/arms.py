@@ -1,4 +1,4 @@
-"""The surfaces of a junction, in road coordinates: carriageways, kerbs and sidewalks, land, and paint."""
+"""The surfaces of a junction in road coordinates: carriageways, kerbs, sidewalks, land, and paint."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from scene.mesh.quads import Quads, grid, quads, rectangles
 ARC = 12
 """Pieces of a rounded corner; even."""
 CLEAR, CLEAR_STREET = 9.0, 28.0
-"""Metres beyond the corners without crossings, driveways or words of the road's own, and without side
-streets, which would run into the houses of the arms."""
+"""Metres beyond the corners without crossings, driveways or words of the road, and without side streets,
+which would run into the houses of the arms."""
 LIP = 0.05
-"""Metres that the outer edges of sidewalks reach down."""
+"""Height of the outer edges of sidewalks, metres."""
 LAP = 0.01
-"""Metres that surfaces reach over each other where their corners do not meet, or hairs of land show."""
+"""Metres by which surfaces overlap where their corners do not meet, so that no gaps show."""
 Array = np.ndarray
 
 
 def with_junction(ground: Ground, junction: Junction) -> Ground:
-    """The ground with a junction, without what it had near its place."""
+    """Add a junction to the ground, and remove details near it."""
 
     def clear(place: float, spare: float = CLEAR) -> bool:
         return abs(place - junction.x) > junction.corner + spare
@@ -40,8 +40,8 @@ def with_junction(ground: Ground, junction: Junction) -> Ground:
     )
 
 
-def kept(part: Quads, junction: Junction) -> Quads:
-    """The faces beside the road that do not lie in the junction."""
+def outside_junction(part: Quads, junction: Junction) -> Quads:
+    """The faces along the road that are not in the junction."""
     x, y = part.corners[..., :2].mean(axis=1).T
     armed = [(y > 0 if side > 0 else y < 0) for side in junction.arms]
     free = (np.abs(x - junction.x) > junction.corner) | ~np.logical_or.reduce(armed)
@@ -49,7 +49,7 @@ def kept(part: Quads, junction: Junction) -> Quads:
 
 
 def turned(part: Quads, junction: Junction, side: float) -> Quads:
-    """Faces drawn along an arm, metres from the centre line and left of its middle, where they lie."""
+    """Move faces from the frame of an arm (metres along and left of its middle) to the road's."""
     corners = part.corners.copy()
     corners[..., 0] = junction.x + part.corners[..., 1]
     corners[..., 1] = side * part.corners[..., 0]
@@ -57,7 +57,7 @@ def turned(part: Quads, junction: Junction, side: float) -> Quads:
 
 
 def arm_road(ground: Ground, junction: Junction, rng: np.random.Generator) -> list[Quads]:
-    """Carriageways of the arms and the rounded corners before them."""
+    """Carriageways of the arms and their rounded corners."""
     half, begin = junction.half_width, junction.road_half_width
     begin += TUCK if ground.path.bends else 0.0
     base = np.asarray(ground.road.color)
@@ -69,13 +69,13 @@ def arm_road(ground: Ground, junction: Junction, rng: np.random.Generator) -> li
         cells = 1 + 0.045 * wavy(rng, along[:-1], 14.0)[:, None] + np.zeros((len(along) - 1, 6))
         color = (cells * dirt).reshape(-1, 1) * base
         level = np.zeros((len(along), 7))
-        found = [quads(grid(along, across, level), color, ground.road.material)]
+        pieces = [quads(grid(along, across, level), color, ground.road.material)]
         mouth = rectangles(*np.array([begin, junction.mouth, -half - LAP, half + LAP]))
-        found.append(_level(mouth, 0.0, base, ground.road.material))
+        pieces.append(_level(mouth, 0.0, base, ground.road.material))
         for hand in (-1.0, 1.0):
             outline = _fan(np.array([half, junction.road_half_width]), _arc(junction, 0.0))
-            found.append(_level(_handed(outline, hand), 0.0, 0.86 * base, ground.road.material))
-        parts += [turned(part, junction, side) for part in found]
+            pieces.append(_level(_handed(outline, hand), 0.0, 0.86 * base, ground.road.material))
+        parts += [turned(part, junction, side) for part in pieces]
     return parts
 
 
@@ -85,14 +85,14 @@ def _level(outline: Array, z: float, color: Array, material: str) -> Quads:
 
 
 def _handed(outline: Array, hand: float) -> Array:
-    """Outlines [..., 2] of (from the arm's middle, from the road's centre line) along the arm."""
+    """Convert outlines [..., 2] of (from the arm's middle, from the centre line) to the arm's frame."""
     return np.stack([outline[..., 1], hand * outline[..., 0]], axis=-1)
 
 
 def _arc(junction: Junction, inset: float) -> Array:
-    """The kerb around a corner f64[ARC + 1, 2], from the road to the arm, ``inset`` metres behind it.
+    """The kerb around a corner f64[ARC + 1, 2], from the road to the arm, ``inset`` metres behind its edge.
 
-    Metres from the arm's middle and from the road's centre line.
+    Coordinates are metres from the arm's middle and from the road's centre line.
     """
     angle = np.linspace(0, np.pi / 2, ARC + 1)
     centre = np.array([junction.half_width, junction.road_half_width]) + junction.radius
@@ -100,20 +100,20 @@ def _arc(junction: Junction, inset: float) -> Array:
 
 
 def _fan(tip: Array, rim: Array) -> Array:
-    """Outlines [n, 4, 2] that fill what lies between a point and a line of an odd number of points."""
+    """Outlines [n, 4, 2] that fill the area between a point and a line of an odd number of points."""
     first, middle, last = rim[:-2:2], rim[1:-1:2], rim[2::2]
     return np.stack([np.broadcast_to(tip, first.shape), first, middle, last], axis=1)
 
 
 def corners(ground: Ground, junction: Junction) -> list[Quads]:
-    """Kerb and paving around the corners, one on each hand of every arm."""
+    """Kerb and paving around the corners, one on each side of every arm."""
     lines = [_kerb_line(junction, inset) for inset in (0.0, 0.02, KERB_WIDTH)]
     rim = lines[2]
     tip = np.array([junction.corner, junction.mouth]) + LAP
     straight = [np.linspace(rim[k], rim[k + 1], 3) for k in (0, -2)]
     paved = _whole(np.concatenate([_fan(tip, line) for line in (rim[1:-1], *straight)]))
-    whole = np.linalg.norm(np.diff(lines[0], axis=0), axis=1) > 1e-6
-    stone = np.array([0.76, 0.95]).repeat(whole.sum())[:, None] * np.asarray(ground.kerb)
+    has_length = np.linalg.norm(np.diff(lines[0], axis=0), axis=1) > 1e-6
+    stone = np.array([0.76, 0.95]).repeat(has_length.sum())[:, None] * np.asarray(ground.kerb)
     base = np.asarray(ground.sidewalk.color)
     rear = np.array([(tip[0], rim[0, 1]), tip, (rim[-1, 0], tip[1])])
     high = ground.kerb_height
@@ -126,19 +126,20 @@ def corners(ground: Ground, junction: Junction) -> list[Quads]:
                 for line, z in zip(lines, heights, strict=True)
             ]
             faces = [
-                np.stack([a[:-1], a[1:], b[1:], b[:-1]], axis=1)[whole] for a, b in pairwise(edges)
+                np.stack([a[:-1], a[1:], b[1:], b[:-1]], axis=1)[has_length]
+                for a, b in pairwise(edges)
             ]
-            found = [
+            pieces = [
                 quads(np.concatenate(faces), stone, "concrete"),
                 _level(_handed(paved, hand), high, base, ground.sidewalk.material),
                 _lip(_handed(rear, hand), high, base, ground.sidewalk.material),
             ]
-            parts += [turned(part, junction, side) for part in found]
+            parts += [turned(part, junction, side) for part in pieces]
     return parts
 
 
 def _lip(line: Array, height: float, color: Array, material: str) -> Quads:
-    """The edge below a line [n, 2] ``height`` metres high."""
+    """The edge below a line [n, 2] at ``height`` metres."""
     top, low = (np.column_stack([line, np.full(len(line), height - d)]) for d in (0, LIP))
     return quads(np.stack([top[:-1], top[1:], low[1:], low[:-1]], axis=1), color, material)
 
@@ -154,14 +155,14 @@ def _kerb_line(junction: Junction, inset: float) -> Array:
 
 
 def _whole(outline: Array) -> Array:
-    """The outlines that have an area."""
+    """The outlines with an area above zero."""
     x, y = outline[..., 0], outline[..., 1]
     area = np.abs((x * np.roll(y, -1, 1) - y * np.roll(x, -1, 1)).sum(axis=1))
     return outline[area > 1e-4]
 
 
 def arm_land(ground: Ground, junction: Junction, rng: np.random.Generator) -> list[Quads]:
-    """Land beside the arms and behind their ends."""
+    """Land along the arms and behind their ends."""
     base = np.asarray(ground.terrain.color)
     low = ground.kerb_height - 0.01
     parts = []
@@ -192,7 +193,7 @@ def arm_land(ground: Ground, junction: Junction, rng: np.random.Generator) -> li
 
 
 def kept_free(junction: Junction, side: float | None = None) -> tuple[tuple[float, float], ...]:
-    """Where the road's lines end: in its middle, or along the kerb of one side."""
+    """Stretches of the road without painted lines: in its middle, or along the kerb of one side."""
     if side is None:
         reach = junction.half_width + 1.5
     elif side in junction.arms:
@@ -208,9 +209,9 @@ def paint(ground: Ground, junction: Junction) -> tuple[list[Array], list[Array]]
     """Outlines [n, 4, 2] in white and in yellow, road coordinates."""
     half, white = junction.half_width, []
     for side in junction.arms:
-        ours = ground.drive * side  # the side of its middle on which the arm's traffic comes up
+        near_side = ground.drive * side  # side on which the arm's traffic approaches
         marks = []
-        low, high = sorted((0.15 * ours, (half - 0.35) * ours))
+        low, high = sorted((0.15 * near_side, (half - 0.35) * near_side))
         if junction.control == "give way":
             marks.append(markings.give_way(junction.stop, low, high, -1.0))
         else:
@@ -218,9 +219,9 @@ def paint(ground: Ground, junction: Junction) -> tuple[list[Array], list[Array]]
         if junction.crossings[0] != "none":
             marks.append(_across(junction.crossings[0], junction.arm_crossing, half))
         if junction.lane_line:
-            painted, bare = ground.dash
-            start = np.arange(junction.stop + 0.5, REACH - painted, painted + bare)
-            marks.append(rectangles(start, start + painted, np.array(-0.06), np.array(0.06)))
+            dash, gap = ground.dash
+            start = np.arange(junction.stop + 0.5, REACH - dash, dash + gap)
+            marks.append(rectangles(start, start + dash, np.array(-0.06), np.array(0.06)))
         if ground.edge_lines:
             start = np.arange(junction.stop, REACH - 5, 5.0)
             marks += [rectangles(start, start + 5.0, np.array(y - 0.05), np.array(y + 0.05))
@@ -228,7 +229,7 @@ def paint(ground: Ground, junction: Junction) -> tuple[list[Array], list[Array]]
         for outline in marks:
             at = np.stack([junction.x + outline[..., 1], side * outline[..., 0]], axis=-1)
             white.append(at)
-    for heading in (-1.0, 1.0):  # of the traffic that comes up to it
+    for heading in (-1.0, 1.0):  # of approaching traffic
         if junction.crossings[1] != "none":
             middle = junction.x - heading * junction.road_crossing
             white.append(_across(junction.crossings[1], middle, ground.half_width))

@@ -1,7 +1,8 @@
-"""The ground of one street: what is drawn by chance.
+"""The ground of one street: its random parameters.
 
-The carriageway reaches ``half_width`` from the centre line, then comes the sidewalk behind a kerb, which
-drops at driveways and side streets, then terrain; hills close the horizon. All of it follows the road's path.
+The carriageway extends ``half_width`` from the centre line. It is followed by a kerb, which drops at
+driveways and side streets, the sidewalk, and terrain; hills close the horizon. All of it follows the road's
+path.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ TRAMS, LITTERED, PUDDLED = 0.05, 0.3, 0.12
 
 
 class Ground(NamedTuple):
-    """What varies from one street's ground to the next; places in metres along the road."""
+    """The parameters of a street's ground; places in metres along the road."""
 
     half_width: float  # of the carriageway, m
     footway: float  # width of each sidewalk, m
@@ -56,52 +57,52 @@ class Ground(NamedTuple):
     sidewalk: Coat
     terrain: Coat
     kerb: Color
-    strip: float  # the sidewalk along the kerb is this much lighter or darker
-    lane_shade: float  # how much lighter one lane is than the other
-    dash: tuple[float, float]  # metres painted, metres bare, on the centre line
+    strip: float  # factor on the brightness of the sidewalk along the kerb
+    lane_shade: float  # difference in brightness of the lanes
+    dash: tuple[float, float]  # length and gap of dashes on the centre line, metres
     centre: str  # "dashed", "double", "one side", "hatched" or "none"
     edge_lines: int  # 0 none, 1 one line, 2 double line along each kerb
     edge_yellow: bool
     crosswalks: tuple[float, ...]
     crossing: str  # "zebra" or "studs"
     give_way: bool  # teeth rather than stop lines before crossings
-    drive: float  # the side (1 left, -1 right) whose traffic goes forward
+    drive: float  # side (1 left, -1 right) of the traffic that drives forward
     parking: tuple[str, str]  # right and left: "none", "boxes" or "ticks"
     cycle_lane: str  # "none", "line", "green" or "red"
     legends: tuple[Legend, ...]
-    boxes: tuple[tuple[float, float], ...]  # box junctions, from and to
+    boxes: tuple[tuple[float, float], ...]  # box junctions, start and end
     side_streets: tuple[tuple[float, float], ...]  # place and side
     driveways: tuple[tuple[float, float], ...]  # place and side
     patches: int  # repairs
-    covers: int  # manholes; 0 leaves the gratings out, too
+    covers: int  # manholes; 0 also removes gratings
     hills: float  # m
-    seed: int  # of wear and shades
+    seed: int  # seed of wear and shades
     wear: float = BY_NAME["road_wear"].default  # age of the road, 0 .. 1
-    dust: float = 0.0  # how much of the colour along kerbs is dust, 0 .. 1
-    leaves: int = 0  # fallen ones on road, and on sidewalks
+    dust: float = 0.0  # share of dust in the colour along kerbs, 0 .. 1
+    leaves: int = 0  # number of fallen leaves, on the road and on sidewalks
     puddles: int = 0
     kerb_height: float = KERB_HEIGHT  # of the sidewalks and the land above the road, m
-    rails: float = 0.0  # the middle of tram tracks from the centre line, m; 0: none
-    sides: tuple[Side, Side] = NO_SIDES  # what lies along the sidewalks, right and left
+    rails: float = 0.0  # middle of tram tracks from the centre line, m; 0: none
+    sides: tuple[Side, Side] = NO_SIDES  # strips along the sidewalks, right and left
     path: Path = STRAIGHT
     junction: Junction | None = None
 
     @property
     def shaped(self) -> bool:
-        """Whether its surfaces bend, slope or have a junction, with open land around them."""
+        """Whether the road bends, slopes or has a junction, so that open land surrounds it."""
         return not self.path.straight or self.junction is not None
 
     @property
     def outer(self) -> float:
-        """Where the sidewalks end, metres from the centre line."""
+        """Outer edge of the sidewalks, metres from the centre line."""
         return self.half_width + self.footway
 
     def side(self, side: float) -> Side:
-        """What lies along the sidewalk of one side, 1 left and -1 right."""
+        """The strips along the sidewalk of one side, 1 left and -1 right."""
         return self.sides[int(side > 0)]
 
     def rear(self, side: float) -> float:
-        """Where paving ends on one side, metres from the centre line."""
+        """Outer edge of the paving on one side, metres from the centre line."""
         return max(self.outer, self.side(side).rear)
 
 
@@ -135,15 +136,15 @@ def kerb_heights(ground: Ground, x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 def along(ground: Ground, step: float) -> np.ndarray:
     """Places along the road where cells of about ``step`` metres meet."""
-    found = stations(step, STRIP_END if ground.shaped else GROUND_END)
+    places = stations(step, STRIP_END if ground.shaped else GROUND_END)
     if ground.junction is None:
-        return found
+        return places
     at, reach = ground.junction.x, ground.junction.corner
-    return np.unique(np.append(found, [at - reach, at + reach]))
+    return np.unique(np.append(places, [at - reach, at + reach]))
 
 
 def plain(ground: Ground) -> Ground:
-    """The same surfaces with nothing painted or built into them, and level to the horizon."""
+    """The same surfaces without markings and details, and level to the horizon."""
     return ground._replace(
         centre="none", edge_lines=0, crosswalks=(), parking=("none", "none"), cycle_lane="none",
         legends=(), boxes=(), side_streets=(), driveways=(), patches=0, covers=0, hills=0.0,
@@ -154,12 +155,12 @@ def plain(ground: Ground) -> Ground:
 def _places(
     rng: np.random.Generator, first: tuple[float, float], gap: tuple[float, float], end: float = 150
 ) -> list[float]:
-    """Places along the road, ``gap`` metres apart, the first of them ``first`` metres on."""
-    found, x = [], float(rng.uniform(*first))
+    """Random places along the road: ranges of the first place and of the gaps, metres."""
+    places, x = [], float(rng.uniform(*first))
     while x < end:
-        found.append(x)
+        places.append(x)
         x += float(rng.uniform(*gap))
-    return found
+    return places
 
 
 def _either_side(rng: np.random.Generator, places: list[float]) -> tuple[tuple[float, float], ...]:
@@ -167,7 +168,7 @@ def _either_side(rng: np.random.Generator, places: list[float]) -> tuple[tuple[f
 
 
 def _legends(rng: np.random.Generator, lane: float, crosswalks: list[float]) -> list[Legend]:
-    """Words and arrows in the lanes, of which one is at ``lane``, clear of crossings."""
+    """Words and arrows in the lanes at ``lane`` metres on either side, clear of crossings."""
     marks = []
     for x in _places(rng, (6, 30), (14, 45), 110):
         heading = 1.0 if rng.random() < 0.65 else -1.0
@@ -190,22 +191,22 @@ def sample_ground(
 
     Args:
         rng: consumed.
-        share: of the surfaces of each table that may be drawn (the half-asset study).
-        drive: the side, 1 left or -1 right, whose traffic goes forward.
-        widths: of carriageway and sidewalks, as factors on the usual ones.
+        share: share of each table of surfaces to draw from (for the half-asset study).
+        drive: side, 1 left or -1 right, of the traffic that drives forward.
+        widths: factors on the usual widths of carriageway and sidewalks.
         wear: age of the road, 0 new .. 1 worn out.
-        asphalt: probability that the sidewalks are of asphalt, as dark as the road.
+        asphalt: probability of asphalt sidewalks, as dark as the road.
     """
     half_width = float(rng.uniform(*HALF_WIDTHS)) * widths[0]
     crosswalks = _places(rng, (5, 60), (40, 90)) if rng.random() < 0.65 else []
     boxes = _places(rng, (15, 60), (200, 300)) if rng.random() < 0.12 else []
     side_streets = _places(rng, (12, 50), (35, 90)) if rng.random() < 0.6 else []
     driveways = _places(rng, (4, 25), (9, 40), 100) if rng.random() < 0.6 else []
-    beside = str(rng.choice(["none", "edge", "parking", "cycle"], p=[0.22, 0.4, 0.23, 0.15]))
+    kerb_use = str(rng.choice(["none", "edge", "parking", "cycle"], p=[0.22, 0.4, 0.23, 0.15]))
     styles = rng.choice(["none", "boxes", "ticks"], 2, p=[0.2, 0.5, 0.3])
     stone = rng.uniform(0.5, 1.2)
     no_line = 0.04 + 0.2 * wear
-    found = Ground(
+    ground = Ground(
         half_width=half_width,
         footway=float(rng.uniform(*FOOTWAYS)) * widths[1],
         road=sample_coat(rng, ROADS, share, ROAD_TONE, wear),
@@ -221,14 +222,14 @@ def sample_ground(
                 p=[0.78 - no_line, 0.1, 0.07, 0.05, no_line],
             )
         ),
-        edge_lines=int(rng.integers(1, 3)) if beside == "edge" else 0,
+        edge_lines=int(rng.integers(1, 3)) if kerb_use == "edge" else 0,
         edge_yellow=bool(rng.random() < 0.6),
         crosswalks=tuple(crosswalks),
         crossing="zebra" if rng.random() < 0.6 else "studs",
         give_way=bool(rng.random() < 0.25),
         drive=drive,
-        parking=(str(styles[0]), str(styles[1])) if beside == "parking" else ("none", "none"),
-        cycle_lane=str(rng.choice(["line", "green", "red"])) if beside == "cycle" else "none",
+        parking=(str(styles[0]), str(styles[1])) if kerb_use == "parking" else ("none", "none"),
+        cycle_lane=str(rng.choice(["line", "green", "red"])) if kerb_use == "cycle" else "none",
         legends=tuple(_legends(rng, 0.46 * half_width * drive, crosswalks + boxes))
         if rng.random() < 0.5
         else (),
@@ -241,19 +242,19 @@ def sample_ground(
         seed=int(rng.integers(2**32)),
         wear=wear,
     )
-    return _aged(found, asphalt, child(rng))
+    return _aged(ground, asphalt, child(rng))
 
 
 def _aged(ground: Ground, asphalt: float, rng: np.random.Generator) -> Ground:
-    """The ground with dust and kerbs; by chance tram tracks, leaves, puddles, asphalt sidewalks."""
+    """Add dust and kerbs, and by chance tram tracks, leaves, puddles and asphalt sidewalks."""
     tram, off = rng.random() < TRAMS, float(rng.uniform(1.4, 1.9))
     dust = float(rng.uniform(0, 0.8)) * ground.wear
     paved, stone = rng.random() < asphalt, float(rng.uniform(0.35, 1.0))
-    beside = asphalt_beside(rng, ground.road)
-    if paved:  # stones of a footway of asphalt are little lighter than it
-        tone = grey(beside.color)
+    footway_coat = asphalt_beside(rng, ground.road)
+    if paved:  # kerb stones of an asphalt footway are only a little lighter
+        tone = grey(footway_coat.color)
         red, green, blue = (stone * k + (1 - stone) * tone for k in ground.kerb)
-        ground = ground._replace(sidewalk=beside, kerb=(red, green, blue))
+        ground = ground._replace(sidewalk=footway_coat, kerb=(red, green, blue))
     wide = ground.half_width > off + 1.6 and ground.centre != "hatched"
     autumn, rain = rng.random(2) < (LITTERED, PUDDLED)
     ground = ground._replace(
@@ -272,13 +273,13 @@ def with_sides(
     fronts: tuple[float | None, float | None],
     rngs: tuple[np.random.Generator, np.random.Generator],
 ) -> Ground:
-    """The ground with what lies along its sidewalks.
+    """Add the strips along the sidewalks.
 
     Args:
-        ground: without.
+        ground: the ground without them.
         share: probability of a verge on each side.
-        fronts: where houses begin right and left, metres from the centre line; None: open.
-        rngs: of the two sides, consumed.
+        fronts: distance of the house fronts right and left, metres from the centre line; None: open.
+        rngs: streams of the two sides, consumed.
     """
     inner = ground.half_width + KERB_WIDTH
     right, left = (

@@ -1,7 +1,7 @@
-"""A junction: where streets at right angles meet the road, and what is drawn of it by chance.
+"""A junction, where streets meet the road at right angles: its random parameters.
 
-An arm is a street of its own on one side of the road. Its carriageway joins the road's with rounded corners;
-around each corner sidewalk reaches from one street's to the other's.
+An arm is a street on one side of the road. Its carriageway joins the road's with rounded corners; a sidewalk
+around each corner connects those of both streets.
 """
 
 from __future__ import annotations
@@ -11,47 +11,47 @@ from typing import NamedTuple
 import numpy as np
 
 REACH = 90.0
-"""Metres from the centre line of the road to where arms end."""
+"""Length of arms in metres from the centre line of the road."""
 ARM_STRIP, ARM_END = 30.0, 104.0
-"""Land goes with an arm this far to each side of its middle, and along it."""
+"""The land follows an arm this far to each side of its middle, and along it."""
 PLACES = (22.0, 90.0)
-"""Metres along the road between which its middle lies."""
+"""Range of the junction's middle in metres along the road."""
 ARM_HALF_WIDTHS, ARM_FOOTWAYS = (0.68, 1.0), (0.75, 1.1)
-"""Of arms, as factors on the road's own."""
+"""Ranges of factors on the road's widths for arms."""
 RADII = (4.0, 8.0)
-"""Of the corners of the kerb, metres."""
+"""Range of the radius of kerb corners, metres."""
 CROSSING_DEPTH = 3.0
-"""Of a crossing over an arm or beside the junction, metres."""
+"""Depth of a crossing over an arm or at the junction, metres."""
 
 
 class Junction(NamedTuple):
-    """Where arms join the road; metres."""
+    """A junction; all lengths in metres."""
 
-    x: float  # of their middle, along the road
-    arms: tuple[float, ...]  # sides that have one, 1 left and -1 right
-    half_width: float  # of their carriageways
-    footway: float  # width of their sidewalks
+    x: float  # middle of the arms, along the road
+    arms: tuple[float, ...]  # sides with an arm, 1 left and -1 right
+    half_width: float  # of the carriageways of arms
+    footway: float  # width of the sidewalks of arms
     radius: float  # of the kerb around the corners
-    road_half_width: float  # of the road they join
+    road_half_width: float  # of the road that the arms join
     road_footway: float
     control: str  # "lights", "stop" or "give way"
     crossings: tuple[str, str]  # over arms, and over the road: "zebra", "studs" or "none"
-    box: bool  # painted to be kept free
-    lane_line: bool  # the arms' directions are divided by a line
+    box: bool  # whether a box junction is painted
+    lane_line: bool  # whether a line divides the directions of arms
 
     @property
     def outer(self) -> float:
-        """Where the arms' sidewalks end, from their middle."""
+        """Outer edge of the arms' sidewalks, from their middle."""
         return self.half_width + self.footway
 
     @property
     def corner(self) -> float:
-        """Where the road's own sidewalk begins again, from the arms' middle."""
+        """Where the road's sidewalk continues, from the arms' middle."""
         return self.half_width + max(self.radius, self.footway)
 
     @property
     def mouth(self) -> float:
-        """Where the arms' own sidewalks begin, from the road's centre line."""
+        """Where the arms' sidewalks start, from the road's centre line."""
         return self.road_half_width + max(self.radius, self.road_footway)
 
     @property
@@ -61,7 +61,7 @@ class Junction(NamedTuple):
 
     @property
     def stop(self) -> float:
-        """Where traffic of an arm waits, from the road's centre line."""
+        """Stop line of an arm, from the road's centre line."""
         return self.mouth + (0.8 if self.crossings[0] == "none" else CROSSING_DEPTH + 1.6)
 
     @property
@@ -71,7 +71,7 @@ class Junction(NamedTuple):
 
     @property
     def road_stop(self) -> float:
-        """Where traffic of the road waits for a light, from the arms' middle."""
+        """Stop line of the road at lights, from the arms' middle."""
         return self.corner + (0.8 if self.crossings[1] == "none" else CROSSING_DEPTH + 1.6)
 
     def paved(self, x: float | np.ndarray, y: float | np.ndarray, spare: float = 0.0) -> np.ndarray:
@@ -87,7 +87,7 @@ class Junction(NamedTuple):
         return arm & ((u < self.half_width + spare) | around)
 
     def beside(self, x: float | np.ndarray, y: float | np.ndarray) -> np.ndarray:
-        """Whether the land at places (x, y) goes with an arm."""
+        """Whether the land at places (x, y) follows an arm."""
         along = (np.abs(y) <= ARM_END) & np.isin(np.sign(y), self.arms)
         return along & (np.abs(x - self.x) <= ARM_STRIP)
 
@@ -101,12 +101,12 @@ class Junction(NamedTuple):
 def sample_junction(
     rng: np.random.Generator, share: float, half_width: float, footway: float
 ) -> Junction | None:
-    """Draw a junction, or with the rest of ``share`` none.
+    """Draw a junction with the probability ``share``, else None.
 
     Args:
         rng: consumed.
-        share: probability that there is one.
-        half_width: of the road's carriageway, metres.
+        share: probability of a junction.
+        half_width: half the width of the road's carriageway, metres.
         footway: width of the road's sidewalks, metres.
     """
     if rng.random() >= share:

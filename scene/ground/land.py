@@ -1,8 +1,8 @@
-"""Ground of a street that is not straight, level and alone: bent surfaces, and the land around them.
+"""Ground of a street that bends, slopes or has a junction: bent surfaces, and the land around them.
 
-Near the road all surfaces follow it, corner by corner. Farther away the inner side of a bend would fold
-over, so there lies open land of its own, a little lower, which smooths the heights of the road and
-rises to hills far away.
+Near the road, all surfaces follow it corner by corner. Farther away, the inner side of a bend would fold
+over, so a separate open land, a little lower, smooths the heights of the road and rises to hills in the
+distance.
 """
 
 from __future__ import annotations
@@ -22,25 +22,25 @@ from scene.mesh.quads import Quads, joined
 CHORD = 2.0
 """Longest face along a bent road, metres."""
 LOWER = 0.6
-"""Metres that the open land lies below the strip along the road."""
+"""Metres by which the open land is below the strip along the road."""
 NEAR_CELL, FAR_CELL = 16.0, 70.0
 """Sides of the open land's cells, metres."""
 MARGIN, SIDE = 70.0, 420.0
-"""Metres around the road with near cells, and all the open land."""
+"""Metres around the road with near cells, and of the whole open land."""
 HILLS_FROM, HILLS_TO = 90.0, 320.0
-"""Metres from the road between which hills rise."""
+"""Range of distances from the road in which hills rise, metres."""
 RASTER = 4.0
-"""Side of the cells in which the height below a point is looked up, metres."""
+"""Side of the cells for looking up heights, metres."""
 
 
 def bent(part: Quads, path: Path) -> Quads:
-    """Faces in road coordinates, in the world."""
+    """Convert faces from road to world coordinates."""
     return part._replace(corners=_bent(part.corners.reshape(-1, 3), course(path)).reshape(-1, 4, 3))
 
 
 @njit(cache=True)
 def _bent(points: Array, line: Course) -> Array:
-    """Points f64[n, 3] in road coordinates, in the world."""
+    """Convert points f64[n, 3] from road to world coordinates."""
     out = np.empty_like(points)
     for n in range(len(points)):
         at, y = on_line(line, points[n, 0]), points[n, 1]
@@ -53,7 +53,7 @@ def _bent(points: Array, line: Course) -> Array:
 
 
 def above_road(part: Quads, path: Path) -> Quads:
-    """Faces in the world, each corner as high as it lies above the nearest place of the road."""
+    """World faces whose corners have their height above the nearest place of the road."""
     if not path.slopes:
         return part
     corners = part.corners.copy()
@@ -62,15 +62,15 @@ def above_road(part: Quads, path: Path) -> Quads:
 
 
 def pieces(parts: list[Quads]) -> Quads:
-    """Faces cut so that no edge runs more than ``CHORD`` along the road, which then can bend."""
+    """Cut faces so that no edge extends more than ``CHORD`` along the road, which can then bend."""
     part = joined(parts)
-    corners, of = _cut(part.corners)
-    return Quads(corners, part.color[of], part.material[of])
+    corners, source = _cut(part.corners)
+    return Quads(corners, part.color[source], part.material[source])
 
 
 @njit(cache=True)
 def _cut(corners: Array) -> tuple[Array, Array]:
-    """Pieces f64[k, 4, 3] of faces f64[n, 4, 3], and of which face i64[k] each is one."""
+    """Cut faces f64[n, 4, 3] into pieces f64[k, 4, 3]; also returns the face i64[k] of each piece."""
     n = len(corners)
     counts = np.empty((2, n), np.int64)
     for i in range(n):
@@ -81,7 +81,7 @@ def _cut(corners: Array) -> tuple[Array, Array]:
             )
             counts[side, i] = max(math.ceil(edge / CHORD - 1e-6), 1)
     total = (counts[0] * counts[1]).sum()
-    out, of = np.empty((total, 4, 3)), np.empty(total, np.int64)
+    out, source = np.empty((total, 4, 3)), np.empty(total, np.int64)
     at = 0
     for i in np.argsort(counts[0] * 2**20 + counts[1], kind="mergesort"):
         rows, columns = counts[0, i], counts[1, i]
@@ -93,29 +93,29 @@ def _cut(corners: Array) -> tuple[Array, Array]:
                         near = (1 - v) * corners[i, 0, d] + v * corners[i, 3, d]
                         far = (1 - v) * corners[i, 1, d] + v * corners[i, 2, d]
                         out[at, k, d] = (1 - u) * near + u * far
-                of[at] = i
+                source[at] = i
                 at += 1
-    return out, of
+    return out, source
 
 
 def open_lines(path: Path) -> tuple[Array, Array]:
-    """Where the cells of the open land meet, east f64[n] and north f64[m]: fine near the road."""
+    """Grid lines of the open land, east f64[n] and north f64[m]; fine near the road."""
     line = course(path)
     part = (line.x >= GROUND_START) & (line.x <= STRIP_END)
-    found = []
+    lines = []
     for values in (line.east[part], line.north[part]):
         low, high = values.min() - MARGIN, values.max() + MARGIN
         near = np.linspace(low, high, round((high - low) / NEAR_CELL) + 1)
         far = np.linspace(0, SIDE - MARGIN, round((SIDE - MARGIN) / FAR_CELL) + 1)[1:]
-        found.append(np.concatenate([low - far[::-1], near, high + far]))
-    return found[0], found[1]
+        lines.append(np.concatenate([low - far[::-1], near, high + far]))
+    return lines[0], lines[1]
 
 
 def land_height(path: Path, points: Array, junction: Junction | None = None) -> Array:
-    """Height f64[n] of the open land at world points f64[n, 2], but for hills.
+    """Height f64[n] of the open land at world points f64[n, 2], without hills.
 
-    The heights of the road and its arms, the nearer the more: sum h / d^6 over sum 1 / d^6 for places
-    along them.
+    The heights of the road and its arms, weighted by distance: sum h / d^6 over sum 1 / d^6 for places along
+    them.
     """
     return _land_height(np.asarray(points, float), *_known(path, junction))
 
@@ -146,7 +146,7 @@ def _known(path: Path, junction: Junction | None) -> tuple[Array, Array]:
 
 
 def rise(path: Path, points: Array, junction: Junction | None = None) -> Array:
-    """How far from 0 to 1 hills have risen at world points f64[n, 2]."""
+    """Share of the hills' height at world points f64[n, 2], from 0 near the road to 1 far away."""
     _, away = nearest(path, points, GROUND_START, STRIP_END)
     if junction:
         arms = to_world(path, *junction.line.T)
@@ -157,7 +157,7 @@ def rise(path: Path, points: Array, junction: Junction | None = None) -> Array:
 
 
 class _Raster(NamedTuple):
-    """Heights of the road nearest to the corners of a raster, NaN where nobody has asked yet."""
+    """Heights of the road nearest to the corners of a raster, NaN where not computed yet."""
 
     east: Array  # of its rows, metres
     north: Array  # of its columns
@@ -174,7 +174,7 @@ def _raster(path: Path) -> _Raster:
 
 
 def road_height(path: Path, points: Array) -> Array:
-    """Height f32[n] of the carriageway nearest to world points f32[n, >= 2], to some centimetres."""
+    """Height f32[n] of the carriageway nearest to world points f32[n, >= 2], accurate to centimetres."""
     raster = _raster(path)
     rows, columns = _unknown(points, raster)
     if len(rows):
@@ -187,7 +187,7 @@ def road_height(path: Path, points: Array) -> Array:
 @njit(cache=True, inline="always")
 def _cell(points: Array, n: int, raster: _Raster) -> tuple[float, float]:
     """Row and column of a point in a raster, with their fractions."""
-    single = points.dtype.type  # what is asked in f32 is told in f32
+    single = points.dtype.type  # f32 in, f32 out
     u = (points[n, 0] - single(raster.east[0])) / single(RASTER)
     v = (points[n, 1] - single(raster.north[0])) / single(RASTER)
     most_u, most_v = single(len(raster.east) - 1.001), single(len(raster.north) - 1.001)
@@ -196,25 +196,25 @@ def _cell(points: Array, n: int, raster: _Raster) -> tuple[float, float]:
 
 @njit(cache=True)
 def _unknown(points: Array, raster: _Raster) -> tuple[Array, Array]:
-    """Rows and columns i64[k] of corners that points lie between and nobody has asked for."""
-    wanted = np.zeros(raster.heights.shape, np.bool_)
-    found = np.empty((2, wanted.size), np.int64)
+    """Rows and columns i64[k] of the corners around points that are not computed yet."""
+    requested = np.zeros(raster.heights.shape, np.bool_)
+    cells = np.empty((2, requested.size), np.int64)
     count = 0
     for n in range(len(points)):
         u, v = _cell(points, n, raster)
         i, j = int(u), int(v)
         for row in range(i, i + 2):
             for column in range(j, j + 2):
-                if np.isnan(raster.heights[row, column]) and not wanted[row, column]:
-                    wanted[row, column] = True
-                    found[0, count], found[1, count] = row, column
+                if np.isnan(raster.heights[row, column]) and not requested[row, column]:
+                    requested[row, column] = True
+                    cells[0, count], cells[1, count] = row, column
                     count += 1
-    return found[0, :count], found[1, :count]
+    return cells[0, :count], cells[1, :count]
 
 
 @njit(cache=True)
 def _looked_up(points: Array, raster: _Raster) -> Array:
-    """Heights f32[n] of points between the corners of a raster."""
+    """Interpolate heights f32[n] of points between the corners of a raster."""
     heights = raster.heights
     out = np.empty(len(points), np.float32)
     for n in range(len(points)):

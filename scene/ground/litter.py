@@ -1,4 +1,4 @@
-"""What lies loose on road and sidewalk: fallen leaves, mostly along the kerb, and puddles."""
+"""Fallen leaves on road and sidewalk, mostly along the kerb, and puddles."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from scene.ground.ground import Ground
 from scene.mesh.quads import Quads, discs, flat, strokes
 
 FROM, TO = -4.0, 70.0
-"""Where it lies, metres along the road; farther away it is smaller than a pixel."""
+"""Range along the road in metres; farther away they are smaller than a pixel."""
 LEAVES = ((0.10, 0.06, 0.02), (0.17, 0.11, 0.03), (0.06, 0.04, 0.02), (0.20, 0.15, 0.05))
 """Linear colours."""
 GATHERED = 0.55
@@ -18,7 +18,7 @@ WATER = (0.03, 0.032, 0.034)
 
 
 def leaves(ground: Ground, rng: np.random.Generator, road: bool) -> list[Quads]:
-    """Leaves on the road, or on the sidewalks; not on what is no paving."""
+    """Leaves on the road, or on the paving of the sidewalks."""
     count = ground.leaves
     if not count:
         return []
@@ -29,16 +29,18 @@ def leaves(ground: Ground, rng: np.random.Generator, road: bool) -> list[Quads]:
     inner = ground.half_width + KERB_WIDTH + 0.5  # beyond the ramp of dropped kerbs
     y = ground.half_width - away if road else inner + away
     low, high = np.array([ground.side(s).verge for s in (-1.0, 1.0)])[(side > 0).astype(int)].T
-    lies = (y > 0.2) if road else (y < ground.outer - 0.1) & ((y < low - 0.1) | (y > high + 0.1))
-    middle = np.stack([x, side * y], axis=1)[lies]
-    reach = (size[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1))[lies]
+    on_paving = (
+        (y > 0.2) if road else (y < ground.outer - 0.1) & ((y < low - 0.1) | (y > high + 0.1))
+    )
+    middle = np.stack([x, side * y], axis=1)[on_paving]
+    reach = (size[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1))[on_paving]
     outlines = strokes(middle - reach / 2, middle + reach / 2, 0.06)
     height = PAINT_LIFT + 0.002 if road else ground.kerb_height + PAINT_LIFT
-    return [flat(outlines, height, color[lies], "plain")]
+    return [flat(outlines, height, color[on_paving], "plain")]
 
 
 def puddles(ground: Ground, rng: np.random.Generator) -> list[Quads]:
-    """Water in the hollows of the road, most of it along the kerbs."""
+    """Puddles in the hollows of the road, most of them along the kerbs."""
     count, sides = ground.puddles, 16
     if not count:
         return []

@@ -1,7 +1,7 @@
 """Paint on the road: lines, crossings, arrows, words, parking bays, box junctions and hatching.
 
-All shapes are outlines [n, 4, 2] in world metres. Words and arrows are drawn for a driver: u to the
-right, v ahead, and turned to the lane they lie in.
+All shapes are outlines [n, 4, 2] in world metres. Words and arrows are drawn as the driver sees them, u to
+the right and v ahead, and turned to the direction of their lane.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from scene.mesh.quads import rectangles, strokes
 WIDTH = 0.12
 """Width of a painted line, metres."""
 LINES_START, LINES_END = -6.0, 200.0
-"""Where lines are painted, metres along the road; beyond they are thinner than a pixel."""
+"""Range of lines in metres along the road; beyond, they are thinner than a pixel."""
 SEGMENT = 5.0
-"""Long lines are painted in pieces of this length, each worn in its own way, metres."""
+"""Length of the pieces of long lines in metres; each piece is worn differently."""
 
 # Strokes of capital letters in a box of 1 x 1: (u, v) to (u, v).
 _FONT: dict[str, str] = {
@@ -37,15 +37,15 @@ WORDS: tuple[tuple[str, ...], ...] = (
     ("STOP",),
     ("SCHOOL",),
 )
-"""Words that roads are painted with, line by line as they appear to the driver."""
+"""Words on roads, line by line as they appear to the driver."""
 
 
 class Legend(NamedTuple):
     """A word or arrow in a lane."""
 
-    kind: str  # of ARROWS, or a word of WORDS joined by a blank
-    x: float  # metres along the road, of its foot
-    y: float  # metres left of the centre line, of its middle
+    kind: str  # of ARROWS, or of WORDS joined by spaces
+    x: float  # foot, metres along the road
+    y: float  # middle, metres left of the centre line
     heading: float  # 1 with the camera's traffic, -1 against it
 
 
@@ -53,7 +53,7 @@ def _letter_strokes(letter: str) -> np.ndarray:
     numbers = _FONT[letter].replace("-", " ")
     tokens: list[float] = []
     for token in numbers.split():
-        # Two digits side by side are two whole coordinates.
+        # Two adjacent digits are two integer coordinates.
         tokens += (
             [float(c) for c in token] if token.isdigit() and len(token) > 1 else [float(token)]
         )
@@ -61,7 +61,7 @@ def _letter_strokes(letter: str) -> np.ndarray:
 
 
 def word(lines: tuple[str, ...], letter_width: float = 0.42, height: float = 2.0) -> np.ndarray:
-    """A word in letters stretched along the road, as they are painted; the first line lies farthest."""
+    """A word in letters stretched along the road; the first line is the farthest."""
     parts = []
     for row, text in enumerate(lines):
         for k, letter in enumerate(text):
@@ -99,25 +99,25 @@ ARROWS: dict[str, Callable[[], np.ndarray]] = {
 
 
 def legend(mark: Legend) -> np.ndarray:
-    """The outlines of a word or arrow where it lies."""
+    """The outlines of a word or arrow on the road."""
     local = ARROWS[mark.kind]() if mark.kind in ARROWS else word(tuple(mark.kind.split()))
     x = mark.x + mark.heading * local[..., 1]
     return np.stack([x, mark.y - mark.heading * local[..., 0]], axis=2)
 
 
-def dashes(y: float, painted: float, bare: float, width: float = WIDTH) -> np.ndarray:
+def dashes(y: float, dash: float, gap: float, width: float = WIDTH) -> np.ndarray:
     """A broken line ``y`` metres from the centre line."""
-    start = np.arange(LINES_START, LINES_END, painted + bare)
-    return rectangles(start, start + painted, np.array(y - width / 2), np.array(y + width / 2))
+    start = np.arange(LINES_START, LINES_END, dash + gap)
+    return rectangles(start, start + dash, np.array(y - width / 2), np.array(y + width / 2))
 
 
 def line(y: float, width: float = WIDTH) -> np.ndarray:
-    """An unbroken line, in pieces."""
+    """A continuous line, in pieces."""
     return dashes(y, SEGMENT, 0.0, width)
 
 
 def clear_of(outlines: np.ndarray, places: tuple[tuple[float, float], ...]) -> np.ndarray:
-    """The outlines that reach into none of ``places``, each from and to metres along the road."""
+    """The outlines that do not reach into ``places``: start and end in metres along the road."""
     low, high = outlines[..., 0].min(axis=1), outlines[..., 0].max(axis=1)
     keep = np.ones(len(outlines), bool)
     for start, end in places:
@@ -140,7 +140,7 @@ def studs(x: float, half_width: float, depth: float = 2.6) -> np.ndarray:
 
 
 def give_way(x: float, y0: float, y1: float, heading: float) -> np.ndarray:
-    """A row of teeth across a lane, pointing at the driver who has to wait."""
+    """A row of teeth across a lane that point at the waiting driver."""
     y = np.arange(y0 + 0.2, y1 - 0.5, 0.75)
     teeth = np.stack([_triangle((x, v), (x - 0.6 * heading, v + 0.25), (x, v + 0.5))[0] for v in y])
     return teeth
@@ -171,7 +171,7 @@ def hatching(x0: float, x1: float, half: float = 0.55) -> np.ndarray:
 
 
 def box_junction(x0: float, x1: float, half_width: float) -> np.ndarray:
-    """A rectangle of crossing diagonals that is to be kept free."""
+    """A box junction: a rectangle of crossing diagonals."""
     edge = half_width - 0.35
     corners = np.array([[x0, -edge], [x1, -edge], [x1, edge], [x0, edge]])
     frame = strokes(corners, np.roll(corners, -1, axis=0), 0.15)

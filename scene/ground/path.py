@@ -1,7 +1,7 @@
-"""The way a road takes: curvature and slope along it, and from road coordinates to the world.
+"""The course of a road: curvature and slope along it, and conversion from road to world coordinates.
 
-Road coordinates are x metres along the centre line, y metres left of it. At x = 0 the road is at the
-world's origin, level with it, and runs along the world's x axis; those of a straight road are the world's.
+Road coordinates are x metres along the centre line and y metres left of it. At x = 0 the road is at the
+world's origin and height and runs along the world's x axis; on a straight road both coordinates agree.
 """
 
 from __future__ import annotations
@@ -16,33 +16,33 @@ from scene.compiled import njit
 
 Array = np.ndarray
 Knots = tuple[tuple[float, float], ...]
-"""Metres along the road, and the value there; straight between knots, as at the ends beyond them."""
+"""Metres along the road, and the value there; linear between knots, constant beyond the ends."""
 
 FROM, TO, STEP = -80.0, 700.0, 0.5
-"""Where the centre line is integrated, and in what steps, metres along the road."""
+"""Range and step of the integration of the centre line, metres along the road."""
 EASE = 10.0
-"""Metres over which a bend tightens and opens."""
+"""Metres over which the curvature of a bend grows and falls."""
 LEAST_TURN, MOST_TURN = math.radians(20), math.radians(90)
-"""How far a bend turns the road."""
+"""Range of the angle of a bend."""
 FIRST, LAST = -30.0, 95.0
-"""Between which a bend begins, metres along the road."""
+"""Range of the start of a bend, metres along the road."""
 LEVEL_FROM, KNOT = 260.0, 45.0
-"""Where slopes have ended, and how far apart they change, metres along the road."""
+"""Where slopes end, and the distance between their knots, metres along the road."""
 CREST = 0.0013
-"""Most that the slope changes in a metre: crests and dips have a radius of 770 m."""
+"""Largest change of the slope per metre: crests and dips have a radius of 770 m."""
 CALM, LEVEL = 34.0, 20.0
-"""Metres to both sides of a junction where the road is straight, and where it is level."""
+"""Metres to both sides of a junction in which the road is straight, and level."""
 
 
 class Path(NamedTuple):
-    """A road's course; without knots it is straight and level."""
+    """The course of a road; without knots it is straight and level."""
 
     bends: Knots = ()  # curvature, 1/m, left positive
     slopes: Knots = ()  # rise over run
 
     @property
     def straight(self) -> bool:
-        """Whether road coordinates are the world's."""
+        """Whether road and world coordinates agree."""
         return not self.bends and not self.slopes
 
 
@@ -50,7 +50,7 @@ STRAIGHT = Path()
 
 
 class Course(NamedTuple):
-    """A path in steps, f64[n] each."""
+    """An integrated path in steps, f64[n] each."""
 
     x: Array  # metres along the road
     east: Array  # the centre line in the world, metres
@@ -61,12 +61,12 @@ class Course(NamedTuple):
 
 @lru_cache(maxsize=64)
 def course(path: Path) -> Course:
-    """The path integrated from the origin both ways."""
+    """Integrate a path from the origin in both directions."""
     x = np.arange(FROM, TO + STEP / 2, STEP)
     origin = int(np.argmin(np.abs(x)))
     curvature, slope = _values(path.bends, x), _values(path.slopes, x)
     heading = _summed((curvature[1:] + curvature[:-1]) / 2, origin)
-    # The mean over a step bends, too: its middle turns a little less than its ends' mean.
+    # Second order: the heading at the middle of a step differs from the mean of its ends.
     middle = (heading[1:] + heading[:-1]) / 2 - STEP / 8 * np.diff(curvature)
     return Course(
         x,
@@ -106,7 +106,7 @@ def slope_at(path: Path, x: float | Array) -> Array:
 
 
 def road_axes(path: Path, x: float) -> Array:
-    """Rows: the directions ahead, left and up of the road in the world, f64[3, 3], as of a car on it."""
+    """Rows: the directions ahead, left and up of a car on the road in the world, f64[3, 3]."""
     heading, rise = float(heading_at(path, x)), math.atan(float(slope_at(path, x)))
     ahead = math.cos(rise) * math.cos(heading), math.cos(rise) * math.sin(heading), math.sin(rise)
     left = -math.sin(heading), math.cos(heading), 0.0
@@ -132,7 +132,7 @@ class Place(NamedTuple):
 
 
 def place_at(path: Path, x: float, y: float = 0.0) -> Place:
-    """What ``to_world``, ``heading_at`` and ``height_at`` say of one place, to the bit, and sooner."""
+    """Equals ``to_world``, ``heading_at`` and ``height_at`` for one place to the bit, but is faster."""
     table = _table(path)
     k = min(max(int((x - FROM) / STEP), 0), len(table) - 2)
     east, north, heading, height = table[k] if x < TO else table[k + 1]
@@ -156,7 +156,7 @@ def _table(path: Path) -> list[list[float]]:
 
 @njit(cache=True)
 def on_line(line: Course, x: float) -> Place:
-    """What ``place_at`` says of a place on the centre line, for compiled code."""
+    """``place_at`` for a place on the centre line, for compiled code."""
     on = min(max((x - FROM) / STEP, 0.0), len(line.x) - 1.0)
     k = min(int(on), len(line.x) - 2)
     on -= k
@@ -171,9 +171,9 @@ def on_line(line: Course, x: float) -> Place:
 def nearest(
     path: Path, points: Array, first: float = FROM, last: float = TO
 ) -> tuple[Array, Array]:
-    """Of world points f64[n, 2] the nearest place on the centre line, x f64[n], and how far it is.
+    """The place on the centre line nearest to world points f64[n, 2]: x f64[n], and its distance f64[n].
 
-    Only the road from ``first`` to ``last`` counts.
+    Only the road from ``first`` to ``last`` is searched.
     """
     line = course(path)
     part = np.flatnonzero((line.x >= first) & (line.x <= last))
@@ -185,8 +185,8 @@ def nearest(
 def _nearest(
     points: Array, line: Course, bend: Array, first: int, last: int
 ) -> tuple[Array, Array]:
-    """See ``nearest``; the road from step ``first`` to ``last`` counts, and ``bend`` is its curvature."""
-    found, far = np.empty(len(points)), np.empty(len(points))
+    """See ``nearest``; searches steps ``first`` to ``last``, and ``bend`` is the curvature."""
+    places, far = np.empty(len(points)), np.empty(len(points))
     for n in range(len(points)):
         least, best = np.inf, first
         for k in range(first, last + 1, 4):
@@ -199,14 +199,14 @@ def _nearest(
         c, s = math.cos(line.heading[best]), math.sin(line.heading[best])
         # On the inner side of a bend the same step along the road is shorter.
         on = (x * c + y * s) / max(1 - bend[best] * (y * c - x * s), 0.1)
-        found[n] = line.x[best] + min(max(on, -2 * STEP), 2 * STEP)
-        foot = on_line(line, found[n])
+        places[n] = line.x[best] + min(max(on, -2 * STEP), 2 * STEP)
+        foot = on_line(line, places[n])
         far[n] = math.sqrt((points[n, 0] - foot.east) ** 2 + (points[n, 1] - foot.north) ** 2)
-    return found, far
+    return places, far
 
 
 def folded(path: Path, x: Array, y: Array) -> Array:
-    """Which of the places (x, y) f64[n] lie beyond the middle of a bend, nearer to another place of it."""
+    """Whether places (x, y) f64[n] are beyond the centre of a bend, so that other road is nearer."""
     _, away = nearest(path, to_world(path, x, y))
     return away < np.abs(y) - 1.0
 
@@ -214,13 +214,13 @@ def folded(path: Path, x: Array, y: Array) -> Array:
 def sample_path(
     rng: np.random.Generator, bend: float, gradient: float, calm: float | None = None
 ) -> Path:
-    """Draw a course: a bend, perhaps one back after it, and rises and falls.
+    """Draw a course: a bend, perhaps a second one in the other direction, and slopes.
 
     Args:
         rng: consumed.
         bend: the sharpest curvature, 1/m.
         gradient: the steepest slope, rise over run.
-        calm: metres along the road where a junction wants it straight and level.
+        calm: place of a junction, which needs a straight and level road, metres along it.
     """
     draws = rng.uniform(size=16)
     bends = _bends(draws[:8], bend, calm) if bend > 0 else ()
@@ -229,7 +229,7 @@ def sample_path(
 
 
 def _bends(draws: Array, sharpest: float, calm: float | None) -> Knots:
-    """Curvature of a bend and, by chance, of one the other way."""
+    """Curvature of a bend and, by chance, of another one in the other direction."""
     sign = 1.0 if draws[0] < 0.5 else -1.0
     curvature = sharpest * (0.15 + 0.85 * float(draws[1]))
     turn = LEAST_TURN + (MOST_TURN - LEAST_TURN) * float(draws[2])
@@ -242,7 +242,7 @@ def _bends(draws: Array, sharpest: float, calm: float | None) -> Knots:
     knots: list[tuple[float, float]] = []
     late = 0.0
     for start, value, angle in arcs:
-        # As long as it takes with half the curvature over each ease.
+        # The length for this angle, with half the curvature on average over each ease.
         end = start + late + angle / abs(value) + EASE
         start += late
         if calm is not None and start < calm + CALM and end > calm - CALM:
@@ -256,7 +256,7 @@ def _bends(draws: Array, sharpest: float, calm: float | None) -> Knots:
 
 
 def _slopes(draws: Array, steepest: float, calm: float | None) -> Knots:
-    """One slope all along, or one that changes."""
+    """One constant slope, or one that changes."""
     at = np.arange(-60.0, LEVEL_FROM - 20, KNOT)
     value = steepest * (2 * draws[1 : 1 + len(at)] - 1)
     if draws[0] < 0.5:

@@ -1,4 +1,4 @@
-"""Beside the road: kerb stones, the sidewalk, and the land up to the hills on the horizon."""
+"""Surfaces along the road: kerb stones, the sidewalk, and the land up to the hills on the horizon."""
 
 from __future__ import annotations
 
@@ -25,25 +25,25 @@ from scene.mesh.quads import Quads, flat, grid, quads, rectangles
 DROPPED = 0.025
 """Height of a dropped kerb, metres."""
 RAMP = 0.5
-"""Metres over which the sidewalk falls to a dropped kerb."""
+"""Length of the ramp to a dropped kerb, metres."""
 WALKED = 1.8
 """Metres to each side of a crossing without a verge."""
 DRIVE_LIFT = 0.006
-"""Driveways lie this far above the land before a house."""
+"""Height of driveways above the land in front of a house."""
 FLAT_SIDE, FLAT_END = 100.0, 330.0
-"""Beyond these the land may rise, metres to each side and along the road."""
+"""Distances beyond which the land may rise, metres to each side and along the road."""
 FIELDS = ((0.05, 0.085, 0.025), (0.10, 0.105, 0.04), (0.03, 0.05, 0.018), (0.13, 0.11, 0.06))
 """Colours of distant fields and woods."""
 
 
 def sidewalk_quads(ground: Ground, rng: np.random.Generator) -> list[Quads]:
-    """Kerb stones and paving on both sides, and what lies on it."""
+    """Kerb stones, paving and leaves on both sides."""
     parts = [part for side in (-1.0, 1.0) for part in _one_side(ground, side, rng)]
     return parts + leaves(ground, rng, road=False)
 
 
 def _drops(ground: Ground, side: float) -> list[tuple[float, float]]:
-    """Where the kerb is dropped, from and to, metres along the road."""
+    """Stretches with a dropped kerb: start and end, metres along the road."""
     return [(x - 1.8, x + 1.8) for x, s in ground.driveways if s == side] + [
         (x - 5.0, x + 5.0) for x, s in ground.side_streets if s == side
     ]
@@ -51,7 +51,7 @@ def _drops(ground: Ground, side: float) -> list[tuple[float, float]]:
 
 def _one_side(ground: Ground, side: float, rng: np.random.Generator) -> list[Quads]:
     stones, drops = along(ground, 1.8), _drops(ground, side)
-    # In a bend, paving meets the ramp corner by corner.
+    # In a bend, paving and ramp must share their corners.
     bays = None if ground.shaped or ground.side(side).green else stations(4.5)
     parts = _footway(ground, side, stones, bays, drops, rng)
     places = list(ground.crosswalks)
@@ -72,10 +72,10 @@ def arm_sides(ground: Ground, junction: Junction, rng: np.random.Generator) -> l
     parts = []
     for side in junction.arms:
         for hand in (-1.0, 1.0):
-            found = _footway(arm, hand, stones, None, drops, rng)
+            pieces = _footway(arm, hand, stones, None, drops, rng)
             if crossing:
-                found.append(_blisters(arm, junction.arm_crossing, hand))
-            parts += [turned(part, junction, side) for part in found]
+                pieces.append(_blisters(arm, junction.arm_crossing, hand))
+            parts += [turned(part, junction, side) for part in pieces]
     return parts
 
 
@@ -90,11 +90,11 @@ def _footway(
     """Kerb, ramp and paving on one side.
 
     Args:
-        ground: how wide, and of what.
+        ground: widths and coats.
         side: 1 left, -1 right.
-        stones: where kerb stones meet, metres along the street.
-        bays: where the paving's cells meet; None, where the stones do.
-        drops: where the kerb is dropped, from and to.
+        stones: joints of kerb stones, metres along the street.
+        bays: joints of the paving's cells; None: those of the stones.
+        drops: stretches with a dropped kerb, start and end.
         rng: consumed.
     """
     x = np.unique(np.concatenate([stones, np.ravel(drops), _breaks(drops)]))
@@ -114,13 +114,15 @@ def _footway(
 
     ramp = grid(x, side * np.array([inner, inner + RAMP]),
                 np.stack([np.minimum(top, high), np.full(len(x), high)], axis=1))  # fmt: skip
-    coat, base, own = ground.sidewalk, np.asarray(ground.sidewalk.color), ground.side(side)
+    coat, base, roadside = ground.sidewalk, np.asarray(ground.sidewalk.color), ground.side(side)
     edge = (1 + 0.05 * wavy(rng, x[:-1], 9.0))[:, None] * base * ground.strip
-    at_kerb = own.green is not None and own.verge[0] <= inner  # the verge takes the ramp's place
+    at_kerb = (
+        roadside.green is not None and roadside.verge[0] <= inner
+    )  # the verge replaces the ramp
     paved = free if at_kerb else np.ones(len(edge), bool)
     parts.append(quads(ramp[paved], edge[paved], coat.material))
 
-    ends = {inner + RAMP, (inner + RAMP + ground.outer) / 2, ground.outer, *own.verge}
+    ends = {inner + RAMP, (inner + RAMP + ground.outer) / 2, ground.outer, *roadside.verge}
     across = np.array(sorted(y for y in ends if y >= inner + RAMP))
     columns = len(across) - 1
     shade = 1 + 0.05 * wavy(rng, bays[:-1], 9.0)[:, None]
@@ -129,53 +131,53 @@ def _footway(
     level = np.full((len(bays), columns + 1), high)
     cells = grid(bays, side * across, level)
     middle = (across[1:] + across[:-1]) / 2
-    green = (middle > own.verge[0]) & (middle < own.verge[1])
+    green = (middle > roadside.verge[0]) & (middle < roadside.verge[1])
     paved = (free[:, None] | ~green).ravel()
     parts.append(quads(cells[paved], shade.reshape(-1, 3)[paved], coat.material))
     rear = ground.rear(side)
-    if own.court:
+    if roadside.court:
         court = grid(bays, side * np.array([ground.outer, rear]), level[:, :2])
-        color = rng.uniform(0.95, 1.03, (len(court), 1)) * np.asarray(own.court.color)
-        parts.append(quads(court, color, own.court.material))
-    if ground.shaped:  # the land begins a little lower
+        color = rng.uniform(0.95, 1.03, (len(court), 1)) * np.asarray(roadside.court.color)
+        parts.append(quads(court, color, roadside.court.material))
+    if ground.shaped:  # the land is a little lower
         lip = grid(bays, side * np.array([rear, rear]), level[:, :2] - [0, LIP])
         parts.append(quads(lip, 0.93 * base, coat.material))
     return parts
 
 
 def _breaks(drops: list[tuple[float, float]]) -> list[float]:
-    """Where the kerb begins to fall to a dropped one, and has risen again."""
+    """Places where the kerb starts to fall to a dropped one, and where it is at full height again."""
     return [b + d for drop in drops for b, d in zip(drop, (-0.6, 0.6), strict=True)]
 
 
 def _green_cells(
     ground: Ground, side: float, x: np.ndarray, drops: list[tuple[float, float]]
 ) -> np.ndarray:
-    """bool[n - 1]: where a verge lies between places ``x`` f64[n]; not where one walks or drives over it."""
+    """bool[n - 1]: whether a verge is between places ``x`` f64[n]; not at crossings and driveways."""
     middle = (x[1:] + x[:-1]) / 2
-    found = np.full(len(middle), ground.side(side).green is not None)
+    green = np.full(len(middle), ground.side(side).green is not None)
     walked = [(place - WALKED, place + WALKED) for place in ground.crosswalks]
     for start, end in [*((a - 0.6, b + 0.6) for a, b in drops), *walked]:
-        found &= (middle < start) | (middle > end)
-    return found
+        green &= (middle < start) | (middle > end)
+    return green
 
 
 def _verge(ground: Ground, side: float, rng: np.random.Generator) -> list[Quads]:
     """The strip of grass or earth along the sidewalk of one side."""
-    own = ground.side(side)
-    if own.green is None:
+    roadside = ground.side(side)
+    if roadside.green is None:
         return []
     drops = _drops(ground, side)
     x = np.unique(np.concatenate([along(ground, 1.8), np.ravel(drops), _breaks(drops)]))
-    cells = grid(x, side * np.array(own.verge), np.full((len(x), 2), ground.kerb_height))
+    cells = grid(x, side * np.array(roadside.verge), np.full((len(x), 2), ground.kerb_height))
     shade = 1 + 0.12 * wavy(rng, x[:-1], 5.0) + rng.uniform(-0.05, 0.05, len(x) - 1)
     keep = _green_cells(ground, side, x, drops)
-    color = shade[keep, None] * np.asarray(own.green.color)
-    return [quads(cells[keep], color, own.green.material)]
+    color = shade[keep, None] * np.asarray(roadside.green.color)
+    return [quads(cells[keep], color, roadside.green.material)]
 
 
 def _blisters(ground: Ground, x: float, side: float) -> Quads:
-    """Tactile paving beside a crossing."""
+    """Tactile paving at a crossing."""
     inner = ground.half_width + KERB_WIDTH
     y0, y1 = sorted((side * inner, side * (inner + 0.8)))
     outline = rectangles(*np.array([x - 1.2, x + 1.2, y0, y1]))
@@ -184,18 +186,18 @@ def _blisters(ground: Ground, x: float, side: float) -> Quads:
 
 def _drive(ground: Ground, x: float, side: float) -> Quads:
     """A driveway over the sidewalk to the house."""
-    own = ground.side(side)
+    roadside = ground.side(side)
     begin = ground.half_width + KERB_WIDTH + RAMP
-    y0, y1 = sorted((side * begin, side * max(own.drive_end, ground.outer)))
+    y0, y1 = sorted((side * begin, side * max(roadside.drive_end, ground.outer)))
     outline = rectangles(*np.array([x - 1.6, x + 1.6, y0, y1]))
-    coat = own.drive or ground.sidewalk._replace(material="concrete")
+    coat = roadside.drive or ground.sidewalk._replace(material="concrete")
     return flat(
         outline, ground.kerb_height + DRIVE_LIFT, 0.85 * np.asarray(coat.color), coat.material
     )
 
 
 def terrain_quads(ground: Ground, rng: np.random.Generator) -> list[Quads]:
-    """Land on both sides in patches of near shades, and hills of fields and woods far away."""
+    """Land on both sides in patches of similar shades, and distant hills of fields and woods."""
     if ground.shaped:
         strips = [_strip(ground, side, rng) for side in (-1.0, 1.0)]
         return strips + [part for side in (-1.0, 1.0) for part in _verge(ground, side, rng)]
@@ -203,7 +205,7 @@ def terrain_quads(ground: Ground, rng: np.random.Generator) -> list[Quads]:
     x = stations(8.0)
     parts = []
     for side in (-1.0, 1.0):
-        # Wide streets leave out what they cover.
+        # Wide streets omit cells that they cover.
         y = side * np.array([ground.rear(side), *_beyond(ground, side), 26.0, 50.0, FLAT_SIDE])
         shape = (len(x) - 1, len(y) - 1)
         shade = 1 + 0.12 * wavy(rng, x[:-1], 20.0)[:, None] + rng.uniform(-0.06, 0.06, shape)
@@ -221,16 +223,16 @@ def terrain_quads(ground: Ground, rng: np.random.Generator) -> list[Quads]:
 
 
 def _beyond(ground: Ground, side: float) -> list[float]:
-    """Of 11 and 16 metres from the centre line those that lie clear of paving."""
+    """Those of 11 and 16 metres from the centre line that are clear of paving."""
     return [y for y in (11.0, 16.0) if y > ground.rear(side) + 0.4]
 
 
 def _strip(ground: Ground, side: float, rng: np.random.Generator) -> Quads:
-    """The land along a road that bends or slopes, to where it steps down to the open land."""
+    """The land along a road that bends or slopes, up to the open land."""
     x = along(ground, 8.0)
     y = np.array([ground.rear(side) - TUCK, *_beyond(ground, side), STRIP, STRIP + 0.5])
     z = np.full((len(x), len(y)), ground.kerb_height)
-    z[:, 0] -= 0.01  # it begins below the sidewalk
+    z[:, 0] -= 0.01  # it starts below the sidewalk
     z[:, -1] -= 3.0
     shape = (len(x) - 1, len(y) - 1)
     shade = 1 + 0.12 * wavy(rng, x[:-1], 20.0)[:, None] + rng.uniform(-0.06, 0.06, shape)
@@ -239,7 +241,7 @@ def _strip(ground: Ground, side: float, rng: np.random.Generator) -> Quads:
 
 
 def open_land(ground: Ground, rng: np.random.Generator) -> list[Quads]:
-    """Land around a road that bends or slopes, in the world: level with it nearby, hills far away."""
+    """Land around a road that bends or slopes, in world coordinates, with distant hills."""
     east, north = open_lines(ground.path)
     points = np.stack(np.meshgrid(east, north, indexing="ij"), axis=-1).reshape(-1, 2)
     share = rise(ground.path, points, ground.junction)

@@ -1,4 +1,4 @@
-"""The carriageway: cells of asphalt, repairs, iron covers, and what is painted on it."""
+"""The carriageway: cells of asphalt, repairs, iron covers, and markings."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ IRON, STEEL = (0.07, 0.065, 0.06), (0.12, 0.12, 0.124)
 TINTS = {"green": (0.055, 0.10, 0.07), "red": (0.14, 0.065, 0.052)}
 """Colours of a tinted cycle lane."""
 FADED = 0.75
-"""Share of the paint that the worst lines of the oldest road have lost."""
+"""Share of lost paint of the most worn lines on the oldest roads."""
 CYCLE_LANE = 1.5
 """Width of a cycle lane along the kerb, metres."""
 GAUGE = 1.435
-"""Between the rails of a tram track, metres."""
+"""Distance between the rails of a tram track, metres."""
 SIDE_STREET = 6.0
 """Width of a side street, metres."""
 
@@ -51,7 +51,7 @@ def road_quads(ground: Ground, rng: np.random.Generator) -> list[Quads]:
 
 
 def _carriageway(ground: Ground, rng: np.random.Generator) -> Quads:
-    """Cells a little lighter or darker each; dirt gathers at the kerb, lanes differ in age."""
+    """Cells of slightly different brightness; dirt along the kerb, lanes of different age."""
     x = along(ground, 4.0)
     y = np.array([-5.0, -4.55, -2.5, 0.0, 2.5, 4.55, 5.0]) * ground.half_width / 5
     if ground.shaped:
@@ -62,7 +62,7 @@ def _carriageway(ground: Ground, rng: np.random.Generator) -> Quads:
         1 + 0.045 * wavy(rng, x[:-1], 14.0)[:, None] + rng.uniform(-0.012, 0.012, (len(x) - 1, 6))
     )
     cells = cells * across
-    if ground.junction:  # no dirt gathers where there is no kerb
+    if ground.junction:  # no dirt without a kerb
         mouth = np.abs((x[1:] + x[:-1]) / 2 - ground.junction.x) < ground.junction.corner
         for side in ground.junction.arms:
             cells[mouth, 5 if side > 0 else 0] /= 0.72
@@ -74,7 +74,7 @@ def _carriageway(ground: Ground, rng: np.random.Generator) -> Quads:
 
 
 def _patches(ground: Ground, rng: np.random.Generator) -> Quads:
-    """Trenches and potholes that were closed with another mix."""
+    """Trenches and potholes that were filled with another mix."""
     n = ground.patches
     length = np.exp(rng.uniform(np.log(0.8), np.log(14), n))
     width = rng.uniform(0.4, 1.6, n)
@@ -109,7 +109,7 @@ def _covers(ground: Ground, rng: np.random.Generator) -> list[Quads]:
 
 
 def _rails(ground: Ground) -> Quads:
-    """Two tram tracks, each rail a line of steel beside a dark groove."""
+    """Two tram tracks; each rail is a line of steel next to a dark groove."""
     x, parts = stations(8.0), []
     for track, rail in product((-1, 1), (-1, 1)):
         y = track * ground.rails + rail * GAUGE / 2
@@ -121,13 +121,13 @@ def _rails(ground: Ground) -> Quads:
 
 
 def _side_street(ground: Ground, x: float, side: float) -> Quads:
-    """A street that comes in over the sidewalk: the kerb drops and the road rises to meet it."""
+    """A side street across the sidewalk: the kerb drops and the road rises to meet it."""
     lift, end = 0.004, STRIP if ground.shaped else 45.0
     y = side * np.array(
         [ground.half_width, ground.half_width + 0.5, ground.outer, ground.outer + 4, end]
     )
     z = np.array([0.0, *[ground.kerb_height] * 4]) + lift
-    # Its corners are rounded off.
+    # Its corners are rounded.
     half = SIDE_STREET / 2 + np.array([2.5, 1.3, 0.4, 0.0, 0.0])
     left, right = (np.stack([x + s * half, y, z], axis=1) for s in (-1, 1))
     corners = np.stack([left[:-1], right[:-1], right[1:], left[1:]], axis=1)
@@ -180,25 +180,25 @@ def _paint(ground: Ground, rng: np.random.Generator) -> list[Quads]:
 def _worn(
     ground: Ground, rng: np.random.Generator, outlines: np.ndarray, color: tuple
 ) -> np.ndarray:
-    """Colours f64[n, 3] of paint through which the road is seen, the more the older it is."""
+    """Colours f64[n, 3] of paint that shows the road below, more so if it is older."""
     left = rng.uniform(1 - FADED * ground.wear, 1.0, (len(outlines), 1))
     return left * np.asarray(color) + (1 - left) * np.asarray(ground.road.color)
 
 
 def _centre(ground: Ground) -> list[np.ndarray]:
-    """What divides the two directions."""
-    painted, bare = ground.dash
+    """The line between the two directions."""
+    dash, gap = ground.dash
     if ground.centre == "double":
         return [markings.line(-0.12, 0.1), markings.line(0.12, 0.1)]
     if ground.centre == "one side":
-        return [markings.line(-0.13, 0.1), markings.dashes(0.13, painted, bare, 0.1)]
+        return [markings.line(-0.13, 0.1), markings.dashes(0.13, dash, gap, 0.1)]
     if ground.centre == "hatched":
         return [markings.hatching(markings.LINES_START, NEAR_END)]
-    return [markings.dashes(0.0, painted, bare)] if ground.centre == "dashed" else []
+    return [markings.dashes(0.0, dash, gap)] if ground.centre == "dashed" else []
 
 
 def _crossing(ground: Ground, x: float) -> list[np.ndarray]:
-    """A crossing, and before it on each side a stop line or teeth across the lane that comes up."""
+    """A crossing, and on each side a stop line or teeth across the approaching lane."""
     half = ground.half_width
     across = markings.zebra if ground.crossing == "zebra" else markings.studs
     parts = [across(x, half)]

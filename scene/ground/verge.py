@@ -1,4 +1,4 @@
-"""What lies along a sidewalk: a strip of grass or earth, or paving up to the houses."""
+"""The strips along a sidewalk: grass or earth, or paving up to the houses."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ import numpy as np
 from scene.look.surfaces import DRIVES, FORECOURTS, SIDEWALK_TONE, VERGES, Coat, sample_coat
 
 LEAST, LEAST_FOOTWAY = 0.55, 1.2
-"""Of a verge's width, and of the paving that stays beside it, metres."""
+"""Smallest width of a verge, and of the paving next to it, metres."""
 DEEPEST = 10.0
-"""Houses farther behind the sidewalk than this have land before them, metres."""
+"""Houses farther than this behind the sidewalk have land in front of them, metres."""
 UNDER = 1.5
-"""Paving reaches below houses so far, since they stand a little back, metres."""
+"""Metres by which paving reaches below houses, since they are set back a little."""
 PLACES = {"kerb": 0.65, "rear": 0.27, "whole": 0.08}
-"""Where a verge lies: between kerb and sidewalk, behind the sidewalk, or there is no sidewalk beside it."""
+"""Probabilities of a verge between kerb and sidewalk, behind the sidewalk, or instead of it."""
 
 
 class Side(NamedTuple):
     """One side of the road; metres from the centre line."""
 
-    verge: tuple[float, float] = (0.0, 0.0)  # from and to; no verge where both are one
-    green: Coat | None = None  # the verge's
-    rear: float = 0.0  # to where paving goes on behind the sidewalk
-    court: Coat | None = None  # that paving's
-    drive: Coat | None = None  # of driveways; None: as concrete as the sidewalk
-    drive_end: float = 0.0  # to where they go
+    verge: tuple[float, float] = (0.0, 0.0)  # start and end; no verge if they are equal
+    green: Coat | None = None  # of the verge
+    rear: float = 0.0  # end of paving behind the sidewalk
+    court: Coat | None = None  # of that paving
+    drive: Coat | None = None  # of driveways; None: concrete like the sidewalk
+    drive_end: float = 0.0  # end of driveways
 
 
 NO_SIDES = (Side(), Side())
@@ -44,13 +44,13 @@ def sample_side(
 
     Args:
         rng: consumed.
-        share: probability of a verge; with the rest, paving reaches up to houses that are near.
-        inner: where the kerb ends, metres from the centre line.
-        outer: where the sidewalk ends.
-        front: where the houses begin; None on an open side.
-        sidewalk: its coat.
+        share: probability of a verge; otherwise, paving extends to nearby houses.
+        inner: outer edge of the kerb, metres from the centre line.
+        outer: outer edge of the sidewalk.
+        front: front of the houses; None on an open side.
+        sidewalk: coat of the sidewalk.
     """
-    wanted, place = rng.random() < share, str(rng.choice(list(PLACES), p=list(PLACES.values())))
+    has_verge, place = rng.random() < share, str(rng.choice(list(PLACES), p=list(PLACES.values())))
     part, same, paved_drive = rng.uniform(0.3, 0.65), rng.random() < 0.6, rng.random() < 0.6
     green, court, drive = (
         sample_coat(rng, rows, tone=tone)
@@ -61,7 +61,7 @@ def sample_side(
         drive=drive if paved_drive else None,
         drive_end=front - 0.3 if near and front is not None else outer,
     )
-    if not wanted:
+    if not has_verge:
         if not near or front is None:
             return side
         return side._replace(rear=front + UNDER, court=sidewalk if same else court)

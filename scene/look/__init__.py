@@ -1,1 +1,1 @@
-"""What surfaces look like: patterns, materials, coats of the ground."""
+"""The look of surfaces: patterns, materials, coats of the ground."""

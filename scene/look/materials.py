@@ -1,7 +1,7 @@
 """Surface materials: a tileable luminance texture, its scale in metres, and how much sky it mirrors.
 
-A material multiplies a face's own colour; the face's colour says what is red, the material says what
-is brick. Both renderers read this table.
+The texture of a material multiplies a face's own colour: the face is red, the material is brick. Both
+renderers read this table.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from scene.streams import table_row
 TEXTURE_SIZE = 256
 """Pixels along each side of every texture."""
 DARKEST, BRIGHTEST = 0.05, 2.4
-"""Factors that no texture goes beyond."""
+"""Smallest and largest factor of a texture."""
 
 
 class Material(NamedTuple):
@@ -52,7 +52,7 @@ MATERIALS: tuple[Material, ...] = (
     Material("roof", "tiles", 2.4, 0.6, 0.0, 0.0),
     Material("lamp", "flat", 1.0, 0.0, 0.10, 0.0),
     # The ground, see ``surfaces.py``; those with wheel tracks cover the width of the carriageway. None
-    # is glossy: seen along the ground even a slight gloss makes a mirror of it.
+    # is glossy: at grazing angles even a slight gloss turns the ground into a mirror.
     Material("fresh asphalt", "fresh", 6.0, 0.26, 0.0, 0.0),
     Material("patched asphalt", "patched", LANE_TILE, 0.32, 0.0, 0.0),
     Material("tarred asphalt", "seams", LANE_TILE, 0.3, 0.0, 0.0),
@@ -69,7 +69,7 @@ MATERIALS: tuple[Material, ...] = (
     Material("gravel", "gravel", 2.0, 0.6, 0.0, 0.0),
     Material("fallen leaves", "litter", 3.0, 0.9, 0.0, 0.0),
     Material("iron", "grating", 0.5, 0.7, 0.0, 0.0),
-    # The exception: it mirrors the sky where it is seen along its surface.
+    # The exception: water mirrors the sky at grazing angles.
     Material("water", "flat", 1.0, 0.0, 0.03, 0.0),
     Material("mended asphalt", "mended", 7.0, 0.3, 0.0, 0.0),
     Material("fine chippings", "gravel", 1.5, 0.3, 0.0, 0.0),
@@ -86,11 +86,11 @@ def material_id(name: str) -> int:
 
 
 def _texture(index: int, material: Material) -> np.ndarray:
-    """A multiplier f32[size, size] around 1; nearly all of it within 1 -+ 0.8 contrast."""
+    """A multiplier f32[size, size] around 1; nearly all of it is within 1 -+ 0.8 contrast."""
     rng = table_row("textures", index)
     pattern = PATTERNS[material.pattern](rng, TEXTURE_SIZE).astype(np.float32)
     centred = pattern - pattern.mean()
-    # Not the maximum: a few dark cracks should not pale all the rest.
+    # Not the maximum: a few dark cracks must not flatten the rest.
     span = max(float(np.quantile(np.abs(centred), 0.98)), 1e-6)
     texture = (1 + 0.8 * material.contrast * centred / span).clip(DARKEST, BRIGHTEST)
     return texture / texture.mean()

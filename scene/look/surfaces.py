@@ -1,4 +1,4 @@
-"""What roads, sidewalks and the land beside them are made of."""
+"""Surfaces of roads, sidewalks and the land next to them."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ class Surface(NamedTuple):
     material: str
     dark: Color
     light: Color
-    weight: float  # how often it is met, beside the others of its table
-    wear: float = 0.5  # of the roads on which it is met most, 0 new .. 1 worn out
+    weight: float  # relative frequency in its table
+    wear: float = 0.5  # age of the roads on which it is most frequent, 0 new .. 1 worn out
 
 
 class Coat(NamedTuple):
@@ -51,14 +51,14 @@ SIDEWALKS: tuple[Surface, ...] = (
     Surface("concrete", "concrete", (0.16, 0.155, 0.145), (0.28, 0.27, 0.25), 2),
     Surface("cobbles", "cobbles", (0.09, 0.088, 0.084), (0.18, 0.172, 0.16), 0.7),
 )
-"""Footways, but for those of asphalt."""
+"""Footways other than asphalt."""
 
 ASPHALT: tuple[Surface, ...] = (
     Surface("even asphalt", "fresh asphalt", (0.82, 0.76, 0.67), (1.38, 1.28, 1.13), 3),
     Surface("patched asphalt", "mended asphalt", (0.77, 0.72, 0.63), (1.33, 1.24, 1.09), 3),
     Surface("chippings", "fine chippings", (0.92, 0.86, 0.75), (1.47, 1.37, 1.2), 1),
 )
-"""Footways of asphalt; their colours are factors on the road's grey."""
+"""Asphalt footways; their colours are factors on the road's grey."""
 
 VERGES: tuple[Surface, ...] = (
     Surface("mown grass", "grass", (0.040, 0.075, 0.016), (0.075, 0.125, 0.03), 4),
@@ -78,7 +78,7 @@ FORECOURTS: tuple[Surface, ...] = (
     Surface("concrete", "concrete", (0.15, 0.145, 0.135), (0.27, 0.26, 0.24), 2),
     Surface("setts", "setts", (0.09, 0.086, 0.08), (0.17, 0.16, 0.148), 1),
 )
-"""Paving between a sidewalk and houses, where it is not the sidewalk's own."""
+"""Paving between a sidewalk and houses, where it differs from the sidewalk."""
 
 DRIVES: tuple[Surface, ...] = (
     Surface("asphalt", "fresh asphalt", (0.07, 0.07, 0.07), (0.15, 0.148, 0.145), 3),
@@ -88,9 +88,9 @@ DRIVES: tuple[Surface, ...] = (
 """Driveways over a sidewalk."""
 
 DUST = (0.15, 0.128, 0.10)
-"""Linear colour of what gathers along a kerb."""
+"""Linear colour of dust along a kerb."""
 AGES = 0.33
-"""How far a road's age may be from that of a surface: one standard deviation."""
+"""Standard deviation of a road's age around that of its surface."""
 
 TERRAINS: tuple[Surface, ...] = (
     Surface("lawn", "grass", (0.040, 0.075, 0.016), (0.075, 0.125, 0.03), 4),
@@ -101,7 +101,7 @@ TERRAINS: tuple[Surface, ...] = (
     Surface("gravel", "gravel", (0.17, 0.148, 0.112), (0.29, 0.255, 0.20), 0.5),
     Surface("meadow", "long grass", (0.09, 0.105, 0.03), (0.15, 0.16, 0.055), 2),
 )
-"""What lies beyond the sidewalk."""
+"""Land beyond the sidewalk."""
 
 
 ROAD_TONE, SIDEWALK_TONE = 0.78, 0.66
@@ -117,23 +117,23 @@ def sample_coat(
 ) -> Coat:
     """Draw one of the first ``share`` of ``surfaces``, at least one, and its colour times ``tone``.
 
-    With ``wear``, the age of a road in [0, 1], those met at such an age are likelier.
+    With ``wear``, the age of a road in [0, 1], surfaces of about this age are more likely.
     """
-    known = surfaces[: max(1, round(share * len(surfaces)))]
-    weights = np.array([s.weight for s in known], float)
+    choices = surfaces[: max(1, round(share * len(surfaces)))]
+    weights = np.array([s.weight for s in choices], float)
     if wear is not None:
-        weights *= np.exp(-0.5 * (np.array([s.wear - wear for s in known]) / AGES) ** 2)
-    surface = known[int(rng.choice(len(known), p=weights / weights.sum()))]
+        weights *= np.exp(-0.5 * (np.array([s.wear - wear for s in choices]) / AGES) ** 2)
+    surface = choices[int(rng.choice(len(choices), p=weights / weights.sum()))]
     dark, light = np.array(surface.dark), np.array(surface.light)
     red, green, blue = tone * (dark + rng.random() * (light - dark)) * rng.uniform(0.97, 1.03, 3)
     return Coat(surface.name, surface.material, (float(red), float(green), float(blue)))
 
 
 def grey(color: tuple[float, float, float]) -> float:
-    """How light a linear colour is."""
+    """The luminance of a linear colour."""
     return float(np.dot(color, (0.3, 0.59, 0.11)))
 
 
 def asphalt_beside(rng: np.random.Generator, road: Coat) -> Coat:
-    """Draw a sidewalk of asphalt about as dark as a road."""
+    """Draw an asphalt sidewalk about as dark as a road."""
     return sample_coat(rng, ASPHALT, tone=grey(road.color))

@@ -1,1 +1,1 @@
-"""What things are made of: coloured triangles, solids, mesh files."""
+"""Coloured triangles, solids and mesh files."""

@@ -1,6 +1,6 @@
-"""What an asset is, and what can be done to one.
+"""Assets, and operations on them.
 
-An asset lives in its own frame: x forward (the way the car drives), y left, z up, metres, standing on
+An asset has its own frame: x forward (the way the car drives), y left, z up, metres, standing on
 z = 0. Colours are linear RGB in [0, 1], one per face, as is the material (see ``look/materials.py``).
 """
 
@@ -23,7 +23,7 @@ class Asset(NamedTuple):
     mesh: Mesh
     color: np.ndarray  # f32[faces, 3] linear RGB
     material: np.ndarray  # u8[faces] index into MATERIALS
-    ignored: np.ndarray | None = None  # bool[faces] that labels leave void; None: no face
+    ignored: np.ndarray | None = None  # bool[faces] ignored in labels; None: no face
 
 
 def solid(vertices: np.ndarray, faces: np.ndarray, color: Color, material: str) -> Asset:
@@ -36,7 +36,7 @@ def solid(vertices: np.ndarray, faces: np.ndarray, color: Color, material: str) 
 
 
 def merge(*parts: Asset) -> Asset:
-    """One asset of all ``parts``, in order."""
+    """Merge ``parts`` into one asset, in order."""
     meshes = [p.mesh for p in parts]
     sizes = [len(m.vertices) for m in meshes]
     first = np.cumsum([0, *sizes[:-1]]).repeat([len(m.faces) for m in meshes])
@@ -57,12 +57,12 @@ def merge(*parts: Asset) -> Asset:
 
 
 def ignore(asset: Asset) -> Asset:
-    """The asset with all its faces void in labels, for what its class does not include."""
+    """The asset with all its faces ignored in labels, for what its class does not include."""
     return asset._replace(ignored=np.ones(len(asset.color), bool))
 
 
 def reshaped(asset: Asset, vertices: np.ndarray) -> Asset:
-    """The asset with its ``vertices`` [v, 3] elsewhere."""
+    """The asset with new ``vertices`` [v, 3]."""
     return asset._replace(mesh=Mesh(np.ascontiguousarray(vertices, np.float64), asset.mesh.faces))
 
 

@@ -1,4 +1,4 @@
-"""Mesh files that say more than they hold, refused before a loader believes them."""
+"""Refuse mesh files that declare more than they hold, before a loader allocates memory for them."""
 
 from __future__ import annotations
 
@@ -11,31 +11,31 @@ from common.errors import UserError
 from common.files import parse_json
 
 MOST_BYTES = 500_000_000
-"""Of a mesh file, or of a texture beside it."""
+"""Largest size of a mesh file or its texture."""
 MOST_NODES = 100_000
-"""Places in a glTF scene."""
+"""Largest number of nodes in a glTF scene."""
 
 
 class MeshError(UserError):
-    """A mesh file cannot be used; the message says why, but not which file."""
+    """A mesh file cannot be used; the message says why, without naming the file."""
 
 
 def refuse_bomb(path: Path) -> None:
-    """Raise MeshError for a file whose counts its size cannot bear; OSError if it cannot be read."""
+    """Raise MeshError for a file with counts that its size cannot hold; OSError if it cannot be read."""
     size = path.stat().st_size
     if size > MOST_BYTES:
-        raise MeshError(f"has {size:,} bytes; at most {MOST_BYTES:,} are read")
+        raise MeshError(f"has {size:,} bytes; the limit is {MOST_BYTES:,}")
     suffix = path.suffix.lower()
     if suffix == ".ply":
         for name, count in _elements(path):
-            if count > size:  # each takes a byte at least
-                raise MeshError(f"broken: says {count:,} of {name}, in {size:,} bytes")
+            if count > size:  # each takes at least a byte
+                raise MeshError(f"broken: declares {count:,} of {name} in {size:,} bytes")
     if suffix in (".glb", ".gltf"):
         _refuse_large_gltf(gltf_content(path))
 
 
 def _elements(path: Path) -> Iterator[tuple[str, int]]:
-    """What a PLY's header counts."""
+    """Names and counts of the elements in a PLY header."""
     with path.open("rb") as file:
         for line in file:
             words = line.split()
@@ -49,35 +49,35 @@ def gltf_content(path: Path) -> dict[str, Any]:
     """The JSON of a ``.gltf``, or of the first chunk of a ``.glb``.
 
     Raises:
-        MeshError: there is none, or its lists are not of objects.
+        MeshError: it is missing or malformed.
     """
     data = path.read_bytes()
     if path.suffix.lower() == ".glb":
         if len(data) < 20:
-            raise MeshError("broken: cut short")
+            raise MeshError("broken: truncated")
         data = data[20 : 20 + struct.unpack_from("<I", data, 12)[0]]
     try:
         content = parse_json(data)
     except ValueError as error:
         raise MeshError(f"broken: {error}") from error
     if not isinstance(content, dict):
-        raise MeshError("broken: its JSON is no object")
+        raise MeshError("broken: its JSON is not an object")
     for name in ("accessors", "buffers", "images", "nodes"):
         rows = content.get(name, [])
         if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
-            raise MeshError(f"broken: {name} is no list of objects")
+            raise MeshError(f"broken: {name} is not a list of objects")
     for row in (*content.get("buffers", []), *content.get("images", [])):
         if not isinstance(row.get("uri", ""), str):
-            raise MeshError("broken: a uri that is no text")
+            raise MeshError("broken: a uri is not a string")
     return content
 
 
 def _refuse_large_gltf(content: dict[str, Any]) -> None:
-    """An accessor without bytes is zeros, so its count says how much memory it takes; nodes are a tree."""
+    """Check counts: an accessor without bytes means zeros, so its count alone takes memory."""
     for row in content.get("accessors", []):
         count = row.get("count", 0)
         if not isinstance(count, int) or not 0 <= count <= MOST_BYTES // 64:
-            raise MeshError(f"broken: an accessor of {count!r} elements")
+            raise MeshError(f"broken: an accessor with {count!r} elements")
     nodes = content.get("nodes", [])
     children: list[Any] = []
     for node in nodes:

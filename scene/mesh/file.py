@@ -1,8 +1,8 @@
 """Mesh files as assets: one colour per face, metres, z up, front along x, standing on the ground.
 
-Textures are read once for each face, at points spread over it; the engine draws flat-coloured faces.
-glTF is y up with its front along z, and its colours are linear; everywhere else z is up, the front
-along x, and colours are sRGB. Colours are not mixed: a face is opaque, left out or glass.
+Textures are sampled at a few points of each face, since the engine draws faces of one colour. glTF is y up
+with its front along z and linear colours; in all other formats z is up, the front along x, and colours are
+sRGB. There is no blending: a face is opaque, left out or glass.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ if TYPE_CHECKING:
     import trimesh
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
-"""Formats that are read."""
+"""Supported formats."""
 GLTF = (".glb", ".gltf")
 MOST_FACES = 200_000
-"""A heavier mesh is refused: a street holds hundreds of assets."""
+"""A larger mesh is refused, since a street has hundreds of assets."""
 AXES = {
     f"{sign}{name}": factor * np.eye(3)[k]
     for k, name in enumerate("xyz")
@@ -38,54 +38,55 @@ AXES = {
 }
 """Names of directions in a file: x, -x, y, ..."""
 GREY = (0.4, 0.4, 0.4)
-"""Linear RGB of what has no colour of its own."""
+"""Linear RGB of faces without a colour."""
 SAMPLES = np.array([[1, 1, 1], [4, 1, 1], [1, 4, 1], [1, 1, 4]]) / [[3], [6], [6], [6]]
-"""Barycentric coordinates at which a face reads its texture."""
+"""Barycentric coordinates at which the texture of a face is sampled."""
 CLEAR = 0.9
-"""Below this opacity a plain colour is glass."""
+"""Faces of one colour below this opacity are glass."""
 HOLE = 0.5
-"""Below this opacity a textured face is left out: it is the air between the leaves."""
+"""Textured faces below this opacity are left out, such as gaps between leaves."""
 CUTOFF = 0.5
-"""Below this opacity a texel of glTF's mode MASK is not there, unless the material says otherwise."""
+"""Default opacity below which texels in glTF's mode MASK are transparent."""
 
 
 def read_mesh(
     path: Path, *, up: str = "", forward: str = "", scale: float = 1.0, root: Path | None = None
 ) -> Asset:
-    """The asset in a file, not moved yet.
+    """Read the asset in a file, at its original position.
 
     Args:
         path: a file with one of ``SUFFIXES``.
-        up: which way is up in the file, one of ``AXES``; by default y in glTF and z elsewhere.
-        forward: where its front looks; by default z in glTF and x elsewhere.
+        up: direction in the file that is up, one of ``AXES``; by default y in glTF and z elsewhere.
+        forward: direction of its front; by default z in glTF and x elsewhere.
         scale: metres per unit of the file.
-        root: folder that the files it refers to must lie in; by default its own.
+        root: folder that must contain the files it refers to; by default its own.
 
     Raises:
-        MeshError: broken or empty file, missing texture, one outside ``root``, too many faces, odd axes.
+        MeshError: the file is broken or empty, a texture is missing or outside ``root``, it has too many
+            faces, or the axes are invalid.
     """
-    import trimesh  # takes a second, which streets of built-in assets need not wait for
+    import trimesh  # takes a second, which streets of built-in assets do not need
 
-    from scene.mesh.beside import Beside
+    from scene.mesh.siblings import Siblings
 
-    beside = Beside(path.parent, root or path.parent)
+    siblings = Siblings(path.parent, root or path.parent)
     refuse_bomb(path)
     try:
         for name in referenced(path):
-            beside.check(name)
+            siblings.check(name)
         kind, gltf = path.suffix[1:].lower(), path.suffix.lower() in GLTF
         source, placements = readable(path) if gltf else (io.BytesIO(path.read_bytes()), [])
-        loaded = trimesh.load_scene(source, file_type=kind, resolver=beside, process=False)
+        loaded = trimesh.load_scene(source, file_type=kind, resolver=siblings, process=False)
         libraries = _looks(path) if kind == "obj" else {}
         pieces, left = [], MOST_FACES
         for geometry, matrix in _placed(loaded):
             left -= len(geometry.faces)
-            if left < 0:  # one mesh may stand in many places
-                raise MeshError(f"has more than {MOST_FACES:,} faces, the most that are allowed")
+            if left < 0:  # a mesh may have many instances
+                raise MeshError(f"has more than {MOST_FACES:,} faces, which is the limit")
             pieces.append(_piece(geometry, np.asarray(matrix), gltf, libraries, placements))
     except MeshError:
         raise
-    except Exception as error:  # loaders raise whatever their formats make them stumble over
+    except Exception as error:  # loaders raise all kinds of exceptions
         raise MeshError(f"broken: {error}") from error
     pieces = [piece for piece in pieces if len(piece.color)]
     if not pieces:
@@ -93,29 +94,31 @@ def read_mesh(
     for piece in pieces:
         faces, count = np.asarray(piece.mesh.faces), len(piece.mesh.vertices)
         if faces.min() < 0 or faces.max() >= count:
-            raise MeshError(f"has a face with a vertex that is none of its {count}")
-    whole = merge(*pieces)
-    vertices = whole.mesh.vertices @ (scale * _axes(path, up, forward)).T
+            raise MeshError(f"has a face with a vertex index outside of its {count} vertices")
+    merged = merge(*pieces)
+    vertices = merged.mesh.vertices @ (scale * _axes(path, up, forward)).T
     if not np.isfinite(vertices).all():
         raise MeshError("has vertices that are not finite numbers")
-    mesh = trimesh.Trimesh(vertices, whole.mesh.faces, process=False)
+    mesh = trimesh.Trimesh(vertices, merged.mesh.faces, process=False)
     mesh.remove_unreferenced_vertices()
-    return whole._replace(mesh=Mesh(np.asarray(mesh.vertices), np.asarray(mesh.faces)))
+    return merged._replace(mesh=Mesh(np.asarray(mesh.vertices), np.asarray(mesh.faces)))
 
 
 def from_trimesh(mesh: trimesh.Trimesh | trimesh.Scene) -> Asset:
-    """The asset of a mesh in memory: metres, z up, front along x; colours are sRGB.
+    """Convert a mesh in memory to an asset: metres, z up, front along x; colours are sRGB.
 
     Raises:
-        MeshError: no faces, too many, or vertices that are not finite.
+        MeshError: it has no faces, too many, or vertices that are not finite.
     """
     import trimesh
 
-    whole = mesh if isinstance(mesh, trimesh.Scene) else trimesh.Scene(mesh)
-    placed = list(_placed(whole))
-    if sum(len(own.faces) for own, _ in placed) > MOST_FACES:
-        raise MeshError(f"has more than {MOST_FACES:,} faces, the most that are allowed")
-    pieces = [_piece(own, np.asarray(matrix), False, {}, []) for own, matrix in placed]
+    loaded = mesh if isinstance(mesh, trimesh.Scene) else trimesh.Scene(mesh)
+    geometries = list(_placed(loaded))
+    if sum(len(geometry.faces) for geometry, _ in geometries) > MOST_FACES:
+        raise MeshError(f"has more than {MOST_FACES:,} faces, which is the limit")
+    pieces = [
+        _piece(geometry, np.asarray(matrix), False, {}, []) for geometry, matrix in geometries
+    ]
     pieces = [piece for piece in pieces if len(piece.color)]
     if not pieces:
         raise MeshError("has no faces")
@@ -141,7 +144,7 @@ def _axes(path: Path, up: str, forward: str) -> np.ndarray:
 
 
 def referenced(path: Path) -> Iterator[str]:
-    """Files that a mesh file needs beside itself."""
+    """Names of the files that a mesh file refers to."""
     suffix = path.suffix.lower()
     if suffix in GLTF:
         content = gltf_content(path)
@@ -155,29 +158,29 @@ def referenced(path: Path) -> Iterator[str]:
 
 
 def _looks(path: Path) -> dict[str, Look]:
-    """What an OBJ's libraries say of its materials, by name."""
-    found: dict[str, Look] = {}
-    from scene.mesh.beside import path_beside
+    """Read the material libraries of an OBJ file: materials by name."""
+    looks_by_name: dict[str, Look] = {}
+    from scene.mesh.siblings import sibling_path
 
     for library in _words_after(path, "mtllib"):
-        with path_beside(path.parent, library).open(encoding="utf-8", errors="replace") as file:
-            found |= looks(file)
-    return found
+        with sibling_path(path.parent, library).open(encoding="utf-8", errors="replace") as file:
+            looks_by_name |= looks(file)
+    return looks_by_name
 
 
 def _words_after(path: Path, keyword: str) -> Iterator[str]:
-    """What follows a keyword at the start of lines of a text file (its beginning, for a binary)."""
+    """The text after a keyword at the start of lines; in binary files, of the header."""
     with path.open("rb") as file:
         for line in file:
             text = line.decode("utf-8", "replace").strip()
             if text.startswith(keyword + " ") and text[len(keyword) :].strip():
                 yield text[len(keyword) :].strip()
-            if text == "end_header":  # of a PLY: data from here on
+            if text == "end_header":  # data follows in a PLY file
                 return
 
 
 def _placed(loaded: trimesh.Scene) -> Iterator[tuple[trimesh.Trimesh, np.ndarray]]:
-    """Every mesh of a loaded file with its pose; points and lines are passed over."""
+    """Every mesh of a loaded file with its pose; points and lines are skipped."""
     import trimesh
 
     for node in loaded.graph.nodes_geometry:
@@ -194,16 +197,18 @@ def _piece(
     libraries: dict[str, Look],
     placements: list[TexturePlacement],
 ) -> Asset:
-    """One mesh of a file in the file's own axes, its see-through faces left out."""
-    own = getattr(mesh.visual, "material", None)
-    look = libraries.get(getattr(own, "name", ""), Look())
-    placement = placements[int(own.name)] if gltf and own is not None else None
+    """Convert one mesh of a file, in the file's axes, without transparent faces."""
+    loaded_material = getattr(mesh.visual, "material", None)
+    look = libraries.get(getattr(loaded_material, "name", ""), Look())
+    placement = (
+        placements[int(loaded_material.name)] if gltf and loaded_material is not None else None
+    )
     rgba, textured = _colors(mesh, gltf, look, placement)
-    mode = getattr(own, "alphaMode", None) or ("OPAQUE" if gltf else "BLEND")
+    mode = getattr(loaded_material, "alphaMode", None) or ("OPAQUE" if gltf else "BLEND")
     if mode == "OPAQUE":
         rgba[..., 3] = 1
     if mode == "MASK":
-        cutoff = getattr(own, "alphaCutoff", None)
+        cutoff = getattr(loaded_material, "alphaCutoff", None)
         rgba[..., 3] = rgba[..., 3] >= (CUTOFF if cutoff is None else cutoff)
     rgba = rgba.mean(axis=1)
     cut = textured or mode == "MASK"
@@ -233,7 +238,7 @@ def _of_vertices(mesh: trimesh.Trimesh, colors: np.ndarray) -> np.ndarray:
     """Mean linear RGB and opacity f64[faces, 4] of the corners of each face."""
     shares = colors / np.iinfo(colors.dtype).max if colors.dtype.kind in "iu" else colors
     if not np.isfinite(shares).all():
-        raise MeshError("has colours of vertices that are not finite numbers")
+        raise MeshError("has vertex colours that are not finite numbers")
     opaque = np.ones((len(shares), 4))
     opaque[:, : shares.shape[1]] = shares
     return opaque[np.asarray(mesh.faces)].mean(axis=1)
@@ -242,14 +247,14 @@ def _of_vertices(mesh: trimesh.Trimesh, colors: np.ndarray) -> np.ndarray:
 def _of_material(
     mesh: trimesh.Trimesh, linear: bool, look: Look, placement: TexturePlacement | None
 ) -> tuple[np.ndarray, bool]:
-    """Linear RGB and opacity f64[faces, points, 4] by colour and texture, and whether there is one."""
+    """Linear RGB and opacity f64[faces, points, 4] by colour and texture, and whether it has a texture."""
     count = len(mesh.faces)
     visual = mesh.visual
-    plain = np.tile((*GREY, 1.0), (count, 1, 1))
+    grey = np.tile((*GREY, 1.0), (count, 1, 1))
     if visual.kind in ("vertex", "face"):
         return _linear(np.asarray(visual.face_colors, float)[:, None] / 255, linear), False
     if visual.kind != "texture":
-        return plain, False
+        return grey, False
     material = getattr(visual, "material", None)
     picture = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
     factor = getattr(material, "baseColorFactor", None)
@@ -259,7 +264,7 @@ def _of_material(
         np.ones(4) if factor is None else _linear(np.asarray(factor, float)[None] / 255, linear)[0]
     )
     if picture is None or visual.uv is None:
-        return (np.tile(tint, (count, 1, 1)) if factor is not None else plain), False
+        return (np.tile(tint, (count, 1, 1)) if factor is not None else grey), False
     if picture.width * picture.height > MOST_PIXELS:
         raise MeshError(f"has a texture of more than {MOST_PIXELS:,} pixels")
     pixels = np.asarray(picture.convert("RGBA"))
@@ -275,7 +280,7 @@ def _of_material(
 
 
 def _linear(rgba: np.ndarray, linear: bool) -> np.ndarray:
-    """Colours with sRGB decoded, unless they are ``linear``; opacity stays."""
+    """Decode sRGB colours unless they are ``linear``; opacity stays."""
     if linear:
         return rgba
     rgb = rgba[..., :3]

@@ -1,4 +1,4 @@
-"""What a glTF says beyond what its loader reads: refused by name, or written so that it is read.
+"""Features of glTF that its loader does not read: they are refused by name, or rewritten so that it does.
 
 Source: the glTF 2.0 specification, sections 3.6.2 (accessors), 3.7.2 (meshes) and 3.9 (materials), and its
 extension KHR_texture_transform.
@@ -19,21 +19,21 @@ import numpy as np
 from scene.mesh.bombs import MeshError, gltf_content
 
 READ = ("KHR_texture_transform", "EXT_texture_webp", "KHR_materials_")
-"""Extensions that a file may require; of those of materials only the base colour counts."""
+"""Extensions that a file may require; of material extensions only the base colour is used."""
 FLOAT = 5126
-"""The type of an accessor's numbers as they are."""
+"""Component type of an accessor of floats."""
 JSON_CHUNK = b"JSON"
 
 
 class TexturePlacement(NamedTuple):
-    """Where a material's texture lies on its coordinates."""
+    """The transform of a material's texture coordinates."""
 
     offset: tuple[float, float] = (0.0, 0.0)
     rotation: float = 0.0  # radians, counter-clockwise
     scale: tuple[float, float] = (1.0, 1.0)
 
     def of(self, uv: np.ndarray) -> np.ndarray:
-        """Coordinates f64[n, 2] of the texture, v up as the loader has it, from those of a mesh."""
+        """Transform coordinates f64[n, 2] of a mesh to those of the texture, with v up as in the loader."""
         u, v = (np.column_stack([uv[:, 0], 1 - uv[:, 1]]) * self.scale).T
         cos, sin = math.cos(self.rotation), math.sin(self.rotation)
         across, down = cos * u + sin * v + self.offset[0], cos * v - sin * u + self.offset[1]
@@ -41,20 +41,20 @@ class TexturePlacement(NamedTuple):
 
 
 def readable(path: Path) -> tuple[io.BytesIO, list[TexturePlacement]]:
-    """The file for the loader, and how each material lays its texture, by the material's name: its number.
+    """The file for the loader, and the texture placement of each material; material names become indices.
 
-    A primitive without a material gets the standard's, which is white; coordinates of another set than the
-    first take the first one's place where the base colour's texture uses them.
+    A primitive without a material gets the default one of the standard, which is white. If the texture of the
+    base colour uses another set of coordinates than the first, it replaces the first.
 
     Raises:
-        MeshError: it needs what is not read, by name.
+        MeshError: it needs a feature that is not supported.
     """
     content = gltf_content(path)
     try:
         _refuse_unread(content)
         placements = _rewrite(content)
     except (AttributeError, LookupError, TypeError, ValueError) as error:
-        raise MeshError(f"broken: its JSON is not that of a glTF ({error})") from error
+        raise MeshError(f"broken: its JSON is not valid glTF ({error})") from error
     text = json.dumps(content).encode()
     if path.suffix.lower() != ".glb":
         return io.BytesIO(text), placements
@@ -68,16 +68,16 @@ def readable(path: Path) -> tuple[io.BytesIO, list[TexturePlacement]]:
 def _refuse_unread(content: dict[str, Any]) -> None:
     for name in content.get("extensionsRequired", []):
         if not str(name).startswith(READ):
-            raise MeshError(f"requires {name}, which is not read; export it without")
+            raise MeshError(f"requires {name}, which is not supported; export it without")
     accessors = content.get("accessors", [])
     for primitive in _primitives(content):
         used = [*primitive["attributes"].values(), primitive.get("indices", -1)]
         if any("sparse" in accessors[k] for k in used if k >= 0):
-            raise MeshError("has sparse accessors, which are not read; export it without")
+            raise MeshError("has sparse accessors, which are not supported; export it without")
         for name, k in primitive["attributes"].items():
             of_place = name == "POSITION" or name.startswith("TEXCOORD_")
             if of_place and accessors[k]["componentType"] != FLOAT:
-                raise MeshError(f"has {name} as whole numbers, which are not read; export floats")
+                raise MeshError(f"has {name} as integers, which are not supported; export floats")
 
 
 def _primitives(content: dict[str, Any]) -> Iterator[dict[str, Any]]:
@@ -86,7 +86,7 @@ def _primitives(content: dict[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 def _rewrite(content: dict[str, Any]) -> list[TexturePlacement]:
-    """Number the materials, give one to every primitive, and put the used coordinates first."""
+    """Number the materials, give one to every primitive, and put the coordinates in use first."""
     materials = content.setdefault("materials", [])
     if any("material" not in primitive for primitive in _primitives(content)):
         for primitive in _primitives(content):
@@ -123,9 +123,9 @@ def _rewrite(content: dict[str, Any]) -> list[TexturePlacement]:
 
 
 def _refuse_texture(content: dict[str, Any], texture: dict[str, Any]) -> None:
-    """Raise MeshError for a texture of which there is no picture of a format that is read."""
+    """Raise MeshError for a texture without an image in a supported format."""
     others = [name for name in texture.get("extensions", {}) if name not in READ]
     if "source" not in texture and others:
-        raise MeshError(f"has a texture in {others[0]}, which is not read; export PNG or JPEG")
+        raise MeshError(f"has a texture in {others[0]}, which is not supported; export PNG or JPEG")
     if "source" in texture and content["images"][texture["source"]].get("mimeType") == "image/ktx2":
-        raise MeshError("has a texture in KTX2, which is not read; export PNG or JPEG")
+        raise MeshError("has a texture in KTX2, which is not supported; export PNG or JPEG")

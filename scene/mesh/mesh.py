@@ -1,4 +1,4 @@
-"""Triangles as plain arrays, and the small geometry that solids are computed with."""
+"""Triangles as arrays, and the geometry functions for solids."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 @dataclass(eq=False, slots=True)
 class Mesh:
-    """Triangles as plain arrays: a vehicle has hundreds of parts, and each of them is one."""
+    """Triangles as arrays; plain and fast, since a vehicle has hundreds of parts that are meshes."""
 
     vertices: np.ndarray  # f64[v, 3]
     faces: np.ndarray  # i64[f, 3]
@@ -24,13 +24,13 @@ class Mesh:
 
 
 def frozen(array: np.ndarray) -> np.ndarray:
-    """The array itself, read-only from now on: what is cached is shared."""
+    """Make an array read-only, since cached arrays are shared."""
     array.setflags(write=False)
     return array
 
 
 def unit(vector: np.ndarray) -> np.ndarray:
-    """The vector f64[3] in unit length; quicker than by ``np.linalg.norm``."""
+    """Normalise a vector f64[3]; faster than with ``np.linalg.norm``."""
     return vector / math.sqrt(vector.dot(vector))
 
 

@@ -1,4 +1,4 @@
-"""Materials of OBJ files, as far as their loader leaves them unread: options of textures, and opacity."""
+"""Properties of OBJ materials that the loader does not read: texture options and opacity."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _OPTION = re.compile(
 
 
 class Look(NamedTuple):
-    """What a library says of a material."""
+    """A material of a library."""
 
     texture: str = ""  # its file
     scale: tuple[float, float] = (1.0, 1.0)  # of texture coordinates
@@ -24,7 +24,7 @@ class Look(NamedTuple):
 
 
 def texture(text: str) -> Look:
-    """A texture from what stands after `map_Kd`: options, then the file's name, spaces included."""
+    """Parse the text after `map_Kd`: options, then the file name, which may contain spaces."""
     pairs = {"s": [1.0, 1.0], "o": [0.0, 0.0], "t": [0.0, 0.0]}
     text = text.strip()
     while option := _OPTION.match(text):
@@ -36,10 +36,10 @@ def texture(text: str) -> Look:
 
 
 def looks(lines: Iterable[str]) -> dict[str, Look]:
-    """The materials of a library by name; where `d` and `Tr`, its opposite, both stand, `d` counts.
+    """Parse the materials of a library by name; `d` takes precedence over `Tr`, its opposite.
 
     Raises:
-        ValueError: an opacity that is no number.
+        ValueError: an opacity is not a number.
     """
     texts: dict[str, dict[str, str]] = {}  # by material and key
     name = ""
@@ -48,10 +48,10 @@ def looks(lines: Iterable[str]) -> dict[str, Look]:
         if key.lower() == "newmtl":
             name = " ".join(rest.split())
         texts.setdefault(name, {})[key.lower()] = rest
-    found = {}
-    for name, own in texts.items():
-        opacity = 1 - float(own.get("tr") or 0)
-        if own.get("d"):
-            opacity = float(own["d"].split()[-1])  # perhaps after `-halo`
-        found[name] = texture(own.get("map_kd", ""))._replace(opacity=opacity)
-    return found
+    materials = {}
+    for name, fields in texts.items():
+        opacity = 1 - float(fields.get("tr") or 0)
+        if fields.get("d"):
+            opacity = float(fields["d"].split()[-1])  # perhaps after `-halo`
+        materials[name] = texture(fields.get("map_kd", ""))._replace(opacity=opacity)
+    return materials

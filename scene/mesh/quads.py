@@ -1,4 +1,4 @@
-"""Flat ground from many four-cornered faces at once, each with a colour of its own."""
+"""The ground as many four-cornered faces at once, each with its own colour."""
 
 from __future__ import annotations
 
@@ -77,19 +77,19 @@ def discs(centre: np.ndarray, radius: float, sides: int = 12) -> np.ndarray:
 
 
 def joined(parts: list[Quads]) -> Quads:
-    """All faces, in order."""
+    """Join all faces, in order."""
     return Quads(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
 
 def to_asset(parts: list[Quads]) -> Asset:
-    """All faces as one asset, two triangles each."""
-    whole = joined(parts) if len(parts) > 1 else parts[0]
-    count = len(whole.corners)
+    """Convert all faces to one asset, two triangles each."""
+    merged = joined(parts) if len(parts) > 1 else parts[0]
+    count = len(merged.corners)
     faces = np.empty((count, 2, 3), np.int64)
     faces[:] = [[0, 1, 2], [0, 2, 3]]
     faces += 4 * np.arange(count)[:, None, None]
     return Asset(
-        Mesh(whole.corners.reshape(-1, 3), faces.reshape(-1, 3)),
-        np.clip(whole.color, 0, 1).astype(np.float32).repeat(2, axis=0),
-        whole.material.repeat(2),
+        Mesh(merged.corners.reshape(-1, 3), faces.reshape(-1, 3)),
+        np.clip(merged.color, 0, 1).astype(np.float32).repeat(2, axis=0),
+        merged.material.repeat(2),
     )

@@ -1,4 +1,4 @@
-"""The solids that asset families are put together from: metres, linear RGB, one material each."""
+"""The solids from which assets are built: metres, linear RGB, one material each."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Pictures to look at: contact sheets of streets, sweeps of attributes, pages of assets."""
+"""Pages of images: contact sheets of streets, sweeps of attributes, assets."""

@@ -1,6 +1,6 @@
-"""Pictures to look at.
+"""Write a page of streets, attribute sweeps or assets as one image.
 
-    sdr-jax preview --out sheet.png                         # hand-set streets, labels, depth
+    sdr-jax preview --out sheet.png                         # default streets, labels, depth
     sdr-jax preview --attributes random --renderer opengl --out sheet.png
     sdr-jax preview --sweep car_interval --out sweep.png    # one attribute from 0 to 1
     sdr-jax preview --sweep all --out sweeps.jpg            # all attributes
@@ -9,7 +9,7 @@
     sdr-jax preview --asset all --out assets.jpg            # some of every class
     sdr-jax preview --asset car --assets DIR --asset-use own --out mine.png
 
-What is written is PNG, or JPEG where the file's name ends in .jpg.
+Writes PNG, or JPEG if the file name ends in .jpg.
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ from scene.render import RENDERERS, RendererError, RenderSettings, check_setting
 
 FORMATS = (".png", ".jpg", ".jpeg")
 MOST = 400
-"""The most of each number that a page is asked for."""
+"""The largest number of streets, shots, assets, columns or steps on a page."""
 SIZES = {"streets": (320, 240), "sweep": (320, 160), "sweep all": (224, 112), "theme": (480, 360),
          "theme all": (480, 360), "asset": (240, 180), "asset all": (200, 140)}  # fmt: skip
-"""Pixels of each picture where --size does not say; themes are shown at two thirds of it."""
+"""Default size of each image in pixels; themes are shown at two thirds of it."""
 BOTH = "both"
-"""In place of a renderer: all of them, one below the other."""
+"""Value of --renderer for all of them, one below the other."""
 
 
 def page(options: argparse.Namespace) -> np.ndarray:
-    """The picture that the options ask for, u8[h, w, 3] RGB.
+    """Make the page that the options describe, u8[h, w, 3] RGB.
 
     Raises:
         ValueError: an option out of range, or own assets that cannot be used.
@@ -67,10 +67,10 @@ def page(options: argparse.Namespace) -> np.ndarray:
         )
     )
     modes = {name: getattr(options, name) for name in ("sweep", "theme", "asset")}
-    mode = next((name for name, wanted in modes.items() if wanted), "streets")
+    mode = next((name for name, argument in modes.items() if argument), "streets")
     everything = "all" in modes.values()
     if options.renderer == BOTH and mode != "theme":
-        raise ValueError(f"--renderer {BOTH} goes with --theme only")
+        raise ValueError(f"--renderer {BOTH} works with --theme only")
     width, height = options.size or SIZES[f"{mode} all" if everything else mode]
     settings = check_settings(RenderSettings(width, height, samples=2))
     columns = options.columns or (8 if everything else min(options.count, 6))
@@ -99,19 +99,19 @@ def page(options: argparse.Namespace) -> np.ndarray:
 
 def main(arguments: Arguments = None) -> int:
     """The command line; returns the exit code."""
-    line = parser()
-    options = line.parse_args(arguments)
+    command = parser()
+    options = command.parse_args(arguments)
     if options.out.suffix.lower() not in FORMATS:
-        line.error(f"--out must end in {', '.join(FORMATS)}, not {options.out.name!r}")
+        command.error(f"--out must end in {', '.join(FORMATS)}, not {options.out.name!r}")
     if not options.out.absolute().parent.is_dir():
-        line.error(f"--out: there is no folder {options.out.parent}")
+        command.error(f"--out: the folder {options.out.parent} does not exist")
 
     def work() -> None:
         files.check_file("--out", options.out)
         picture = page(options)
         missing = missing_families(AssetPool(own=options.assets, use=options.asset_use))
         if missing:
-            print(f"No own assets, so left out: {', '.join(missing)}")
+            print(f"Left out, since there are no own assets of them: {', '.join(missing)}")
         save(picture, options.out)
 
     users = (ValueError, RendererError)

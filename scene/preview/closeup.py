@@ -1,4 +1,4 @@
-"""Single assets, surfaces and skies, each in a bare street of its own, as pages of the catalogue."""
+"""Pages of single assets, surfaces and skies, each in an empty street of its own."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ from scene.street.street import Street
 SUN_AZIMUTH = math.radians(-110)
 """From behind the viewer's shoulder."""
 SUNS = (38.0, 12.0, 4.0, 70.0)
-"""Elevations (degrees) at which a sky is looked for; some weathers come with a low sun only."""
+"""Elevations (degrees) at which skies are searched; some weathers need a low sun."""
 TRIES = 400
-"""Seeds among which a sky of a given name is looked for."""
+"""Number of seeds that are searched for a sky."""
 RESPONSE = CameraResponse(noise=0.0, variation=0.0)
-"""A camera that is the same for all."""
+"""The same camera response for all assets."""
 FINE = "clear"
-"""The weather that assets are shown in."""
+"""The weather in which assets are shown."""
 PLACE = 20.0
 """Metres along the road where assets stand."""
 EYE = 0.35
 """The least height of the viewer, metres."""
 FILL = 0.88
-"""Share of the picture that an asset fills."""
+"""Share of the image that an asset fills."""
 
 
 VIEWPOINTS = {
@@ -46,11 +46,11 @@ VIEWPOINTS = {
     "terrain": Camera((0.0, 10.0, 1.7), math.radians(-55), math.radians(14)),
     "sky": Camera((0.0, 0.0, 1.5), 0.0, math.radians(-16)),
 }
-"""From where surfaces are seen."""
+"""Cameras that show surfaces."""
 
 
 def bare(road: int = 0, sidewalk: int = 0, terrain: int = 0) -> Ground:
-    """An unpainted ground of the surfaces in these rows of their tables, as wide as the stages say."""
+    """An unpainted ground with the surfaces in these rows of their tables."""
     rng = seeded(0)
     return plain(sample_ground(rng))._replace(
         half_width=5.0,
@@ -63,7 +63,7 @@ def bare(road: int = 0, sidewalk: int = 0, terrain: int = 0) -> Ground:
 
 @cache
 def named_sky(name: str) -> Sky:
-    """The first sky with the weather of this name that comes up.
+    """The first sky with the weather ``name``.
 
     Raises:
         ValueError: unknown name.
@@ -73,21 +73,21 @@ def named_sky(name: str) -> Sky:
     for elevation in SUNS:
         for seed in range(TRIES):
             rng = seeded(seed)
-            found = sample_sky(
+            sky = sample_sky(
                 rng, intensity=1.0, elevation=math.radians(elevation), azimuth=SUN_AZIMUTH
             )
-            if found.weather == name:
-                return found
-    raise ValueError(f"weather {name!r} never comes up")
+            if sky.weather == name:
+                return sky
+    raise ValueError(f"no sky with weather {name!r} was drawn")
 
 
 def asset_street(family: str, ref: int | str, aspect: float, fov: float) -> Street:
-    """A bare street with one asset, seen so that it fills a picture of ``aspect`` (w / h).
+    """An empty street with one asset that fills an image of ``aspect`` (w / h).
 
     Args:
         family: of the asset.
         ref: index, or name of an own asset.
-        aspect: width over height of the picture.
+        aspect: width over height of the image.
         fov: horizontal field of view, degrees.
     """
     row, ground = FAMILIES[family], bare()
@@ -101,8 +101,8 @@ def asset_street(family: str, ref: int | str, aspect: float, fov: float) -> Stre
         Placement(name, part, catalogue.train_id(name, part), FIRST_INSTANCE + k, pose)
         for k, (name, part) in enumerate(parts)
     )
-    shown = parts[:1] if row.front == "back" else parts  # a sign itself, not its post
-    boxes = np.stack([catalogue.bounds(*part) for part in shown])
+    framed_parts = parts[:1] if row.front == "back" else parts  # a sign itself, not its post
+    boxes = np.stack([catalogue.bounds(*part) for part in framed_parts])
     low, high = boxes[:, 0].min(axis=0) + pose[:3, 3], boxes[:, 1].max(axis=0) + pose[:3, 3]
     camera = fit(low, high, stage.azimuth, stage.elevation, aspect, fov)
     return Street(placements, (camera,), named_sky(FINE), ground, seed=0)
@@ -111,14 +111,14 @@ def asset_street(family: str, ref: int | str, aspect: float, fov: float) -> Stre
 def fit(
     low: np.ndarray, high: np.ndarray, azimuth: float, elevation: float, aspect: float, fov: float
 ) -> Camera:
-    """The nearest camera that has a box in full view, looking at its middle.
+    """The nearest camera that shows a whole box, looking at its centre.
 
     Args:
         low: lowest corner, metres.
         high: highest corner.
         azimuth: where the viewer stands, degrees from +x, left positive.
         elevation: degrees above the box's middle.
-        aspect: width over height of the picture.
+        aspect: width over height of the image.
         fov: horizontal field of view, degrees.
     """
     a, e = math.radians(azimuth), math.radians(elevation)
@@ -136,7 +136,7 @@ def fit(
 
 
 def surface_street(name: str, row: int) -> Street:
-    """An empty street with the ``row``-th road, sidewalk, terrain or sky, looked at."""
+    """An empty street with the ``row``-th road, sidewalk, terrain or sky in view."""
     below = {
         "road": lambda: bare(road=row),
         "sidewalk": lambda: bare(sidewalk=row),
@@ -157,25 +157,25 @@ def class_page(name: str, count: int, columns: int, studio: Studio) -> np.ndarra
     studio = studio._replace(settings=settings)
     surfaces = catalogue.surfaces().get(name)
     if surfaces:
-        shown = [
+        entries = [
             (f"{name}: {text}", surface_street(name, row))
             for row, text in enumerate(surfaces[:count])
         ]
     else:
         aspect = settings.width / settings.height
-        shown = [
+        entries = [
             (f"{family} {_number(ref)}: {kind(family, ref)}",
              asset_street(family, ref, aspect, settings.fov))
             for family, ref in _refs(name, count, studio.pool)
         ]  # fmt: skip
-    if not shown:
+    if not entries:
         raise ValueError(f"the asset pool has no {name}")
-    pictures = [captioned(studio.shoot(s), text) for text, s in shown]
-    return grid(pictures, columns)
+    images = [captioned(studio.shoot(s), text) for text, s in entries]
+    return grid(images, columns)
 
 
 def all_classes(columns: int, studio: Studio) -> np.ndarray:
-    """A page with one row for each of the 19 classes that the pool has."""
+    """A page with one row per class in the pool."""
     rows = []
     for name in CLASS_NAMES:
         if name in catalogue.surfaces() or _refs(name, 1, studio.pool):
@@ -184,16 +184,16 @@ def all_classes(columns: int, studio: Studio) -> np.ndarray:
 
 
 def _refs(name: str, count: int, pool: AssetPool) -> list[tuple[str, int | str]]:
-    """The first assets of a class, its own ones first, evenly from its families."""
+    """The first assets of a class, the user's own first, evenly from its families."""
     families = families_of(name)
-    found: list[tuple[str, int | str]] = []
+    assets: list[tuple[str, int | str]] = []
     for k, family in enumerate(families):
         share = (count + len(families) - 1 - k) // len(families)
         refs: list[int | str] = list(own_assets(pool, family))
         if pool.use != "own":
             refs += range(pool.first, pool.first + share)
-        found += [(family, ref) for ref in refs[:share]]
-    return found
+        assets += [(family, ref) for ref in refs[:share]]
+    return assets
 
 
 def _number(ref: int | str) -> str:

@@ -32,10 +32,10 @@ def write_sheet(folder: Path) -> Path:
 
 
 def sheet(dataset: Described, images: int = IMAGES) -> np.ndarray:
-    """Images in a row, labels and depth below each where the format has them, u8[h, w, 3] RGB."""
+    """Make the sheet u8[h, w, 3] RGB: images in rows, with labels and depth below if the format has them."""
     count = min(images, len(dataset.stems))
-    picked = np.linspace(0, len(dataset.stems) - 1, count).round().astype(int)
-    columns = [_column(dataset, dataset.stems[k]) for k in picked]
+    selected = np.linspace(0, len(dataset.stems) - 1, count).round().astype(int)
+    columns = [_column(dataset, dataset.stems[k]) for k in selected]
     return grid(columns, min(count, COLUMNS))
 
 

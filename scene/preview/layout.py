@@ -1,4 +1,4 @@
-"""Pictures put together: captions, grids, and one frame with all that is known about it."""
+"""Pages from images: captions, grids, and frames with their label and depth."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from scene.render import Frame, RenderSettings, renderer
 from scene.street.street import Street
 
 FAR = 80.0
-"""Metres at which the depth picture is black."""
+"""Metres at which the depth image is black."""
 CAPTION = 15
 """Height of a caption, pixels."""
 PAPER, INK = (255, 255, 255), (20, 20, 20)
 JPEG = (cv2.IMWRITE_JPEG_QUALITY, 75, cv2.IMWRITE_JPEG_PROGRESSIVE, 1, cv2.IMWRITE_JPEG_OPTIMIZE, 1)
-"""Options that keep a page small; at twice its size it looks like its PNG."""
+"""Options that keep a page small."""
 FONT, FONT_SCALE = cv2.FONT_HERSHEY_SIMPLEX, 0.36
 
 
 class Studio(NamedTuple):
-    """With what pictures are made."""
+    """Settings with which the images of a page are rendered."""
 
     settings: RenderSettings
     renderer: str = "embree"
@@ -49,22 +49,22 @@ def depth_image(metres: np.ndarray) -> np.ndarray:
     return np.repeat((255 * near[..., None]).astype(np.uint8), 3, axis=2)
 
 
-def captioned(picture: np.ndarray, text: str) -> np.ndarray:
-    """A picture u8[h, w, 3] with a line of text above it, cut where the picture ends."""
-    bar = np.full((CAPTION, picture.shape[1], 3), PAPER, np.uint8)
+def captioned(image: np.ndarray, text: str) -> np.ndarray:
+    """Put a line of text above an image u8[h, w, 3]; it is cut where the image ends."""
+    bar = np.full((CAPTION, image.shape[1], 3), PAPER, np.uint8)
     cv2.putText(bar, text, (3, CAPTION - 4), FONT, FONT_SCALE, INK, 1, cv2.LINE_AA)
-    return np.concatenate([bar, picture])
+    return np.concatenate([bar, image])
 
 
-def grid(pictures: Sequence[np.ndarray], columns: int) -> np.ndarray:
-    """Pictures of one size in rows of ``columns``; the last row is filled up with paper."""
-    blank = np.full_like(pictures[0], 255)
-    rows = zip_longest(*[iter(pictures)] * columns, fillvalue=blank)
+def grid(images: Sequence[np.ndarray], columns: int) -> np.ndarray:
+    """Arrange images of one size in rows of ``columns``; the last row is padded with white."""
+    blank = np.full_like(images[0], 255)
+    rows = zip_longest(*[iter(images)] * columns, fillvalue=blank)
     return np.concatenate([np.concatenate(row, axis=1) for row in rows])
 
 
 def stack(rows: Sequence[np.ndarray]) -> np.ndarray:
-    """Pictures of any width one below the other, filled up with paper on the right."""
+    """Stack images of any width, padded with white on the right."""
     width = max(row.shape[1] for row in rows)
     padded = [
         np.pad(row, ((0, 0), (0, width - row.shape[1]), (0, 0)), constant_values=255)
@@ -73,17 +73,17 @@ def stack(rows: Sequence[np.ndarray]) -> np.ndarray:
     return np.concatenate(padded)
 
 
-def save(picture: np.ndarray, path: Path) -> None:
-    """Write a picture u8[h, w, 3] RGB in the format of the file's name.
+def save(image: np.ndarray, path: Path) -> None:
+    """Write an image u8[h, w, 3] RGB in the format of the file's name.
 
     Raises:
-        ValueError: the format has no pictures of this size.
+        ValueError: the image is too large for the format.
         OSError: it cannot be written; the error names it.
     """
     suffix = path.suffix.lower()
     try:
-        _, data = cv2.imencode(suffix, picture[..., ::-1], () if suffix == ".png" else JPEG)
+        _, data = cv2.imencode(suffix, image[..., ::-1], () if suffix == ".png" else JPEG)
     except cv2.error:
-        height, width = picture.shape[:2]
+        height, width = image.shape[:2]
         raise ValueError(f"{path}: {width}x{height} pixels are too many for {suffix}") from None
     files.write(path, data.tobytes())

@@ -11,17 +11,19 @@ from scene.street.street import sample_street
 
 
 def contact_sheet(rows: np.ndarray, seed: int, shots: int, studio: Studio) -> np.ndarray:
-    """One row of pictures, labels and depths for each street of unit attributes, u8[h, w, 3] RGB."""
+    """Make a page u8[h, w, 3] with a row of images, labels and depth maps for each row of unit attributes."""
 
     def row(k: int) -> np.ndarray:
-        own = render_street(rows[k], seed, k, shots, studio.settings, studio.renderer, studio.pool)
-        return np.concatenate([tile(frame) for frame in own], axis=1)
+        frames = render_street(
+            rows[k], seed, k, shots, studio.settings, studio.renderer, studio.pool
+        )
+        return np.concatenate([tile(frame) for frame in frames], axis=1)
 
     return np.concatenate([row(k) for k in range(len(rows))])
 
 
 def sweep(name: str, steps: int, seed: int, studio: Studio) -> np.ndarray:
-    """One attribute from 0 to 1 in ``steps``, all else at its default and left to the same seed.
+    """Vary one attribute from 0 to 1 in ``steps``; all others stay at their defaults, with the same seed.
 
     Source: figure 2 of the paper.
 
@@ -31,14 +33,14 @@ def sweep(name: str, steps: int, seed: int, studio: Studio) -> np.ndarray:
     if name not in BY_NAME:
         raise ValueError(f"unknown attribute {name!r}; known: {', '.join(BY_NAME)}")
     row, where = BY_NAME[name], list(BY_NAME).index(name)
-    pictures = []
+    images = []
     for k, share in enumerate(np.linspace(0, 1, steps)):
         unit = default_unit("scenex" if name in NAMES else "extended")
         unit[where] = share
         street = sample_street(street_params(unit), seed, 1, studio.pool)
         value = f"{row.physical(share):.3g} {row.unit}"
-        pictures.append(captioned(studio.shoot(street), f"{name}: {value}" if k == 0 else value))
-    return grid(pictures, steps)
+        images.append(captioned(studio.shoot(street), f"{name}: {value}" if k == 0 else value))
+    return grid(images, steps)
 
 
 def all_sweeps(steps: int, seed: int, studio: Studio) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Pages of what streets can have beside their lines: one theme a row, by one renderer or by both."""
+"""Pages of what streets can have in addition to their lines: one theme per row and renderer."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from scene.street.extras import MIX
 from scene.street.street import sample_street
 
 SHOWN = 2 / 3
-"""Size on the page, as a share of what is rendered."""
+"""Size on the page, as a share of the rendered size."""
 VIEW = {
     "field_of_view": 65.0,
     "camera_position_y": 2.2,
@@ -28,7 +28,7 @@ VIEW = {
 
 
 class Theme(NamedTuple):
-    """What hand-set streets are given more of."""
+    """What default streets get more of."""
 
     title: str
     attributes: dict[str, float]  # physical values
@@ -45,7 +45,7 @@ THEMES = {
 
 
 def themed(theme: Theme, seed: int, streets: int) -> np.ndarray:
-    """Unit attributes f32[streets, attributes] of hand-set streets that have what a theme says."""
+    """Unit attributes f32[streets, attributes] of default streets with a theme."""
     rows = draw(default_proposal(space="extended"), seed, streets)
     for name, value in {**VIEW, **theme.attributes}.items():
         rows[:, list(BY_NAME).index(name)] = BY_NAME[name].to_unit(value)
@@ -60,19 +60,19 @@ def theme_page(name: str, streets: int, seed: int, studios: list[Studio]) -> np.
     """
     if name not in THEMES:
         raise ValueError(f"unknown theme {name!r}; known: {', '.join(THEMES)}")
-    theme, found = THEMES[name], []
-    seed += list(THEMES).index(name)  # other streets for each
+    theme, rows = THEMES[name], []
+    seed += list(THEMES).index(name)  # different streets for each theme
     mix = MIX._replace(**theme.mix)
     for studio in studios:
-        pictures = []
+        images = []
         for k, unit in enumerate(themed(theme, seed, streets)):
             street = sample_street(street_params(unit), street_seed(seed, k), 1, studio.pool, mix)
             small = cv2.resize(
                 studio.shoot(street), None, fx=SHOWN, fy=SHOWN, interpolation=cv2.INTER_AREA
             )
-            pictures.append(captioned(small, f"{theme.title}, {studio.renderer}" if k == 0 else ""))
-        found.append(grid(pictures, streets))
-    return stack(found)
+            images.append(captioned(small, f"{theme.title}, {studio.renderer}" if k == 0 else ""))
+        rows.append(grid(images, streets))
+    return stack(rows)
 
 
 def all_themes(streets: int, seed: int, studios: list[Studio]) -> np.ndarray:

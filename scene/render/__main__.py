@@ -1,4 +1,4 @@
-"""Renders a labelled dataset into a folder; the same command continues one that was cut short.
+"""Render a labelled dataset into a folder; run the same command again to resume.
 
 sdr-jax render --images 8 --out streets           # eight streets, one image of each
 sdr-jax render --attributes runs/main/attributes.json --format coco --out streets
@@ -36,44 +36,44 @@ if TYPE_CHECKING:
 
 OWN_FLAGS = ("own_asset", "own_class", "own_place")
 STREET = 2000
-"""Bytes that are kept of a street until all are rendered, at least: its attributes."""
+"""Bytes of memory per street until all are rendered, at least: its attributes."""
 
 
 def reporter(progress: Progress) -> Callable[[int, int, int], None]:
-    """Tells how far the export is; what an earlier call has finished took this one no time."""
+    """Make a function that reports the progress of an export; earlier calls' images count as replayed."""
     before: list[int] = []
 
-    def report(done: int, images: int, written: int) -> None:
+    def report(done: int, images: int, bytes_written: int) -> None:
         progress.advance(done - (before[-1] if before else 0), replayed=not before)
         before.append(done)
-        progress.update(f"{done} of {images} images | {written / 1e6:.1f} MB")
+        progress.update(f"{done} of {images} images | {bytes_written / 1e6:.1f} MB")
 
     return report
 
 
 def own_class_of(options: argparse.Namespace) -> OwnClass | None:
-    """The class of the user's own that the options ask for.
+    """The user's own class that the options describe, or None.
 
     Raises:
-        UserError: one of its flags goes without the other.
+        UserError: a flag of the class is missing.
     """
     flags = {f"--{name.replace('_', '-')}": getattr(options, name) for name in OWN_FLAGS}
-    given = [flag for flag, value in flags.items() if value is not None]
-    if not given:
+    given_flags = [flag for flag, value in flags.items() if value is not None]
+    if not given_flags:
         return None
     for flag in ("--own-asset", "--own-class"):
         if flags[flag] is None:
             raise UserError(
-                f"{given[0]} needs {flag} beside it: a class of one's own has a file and a name"
+                f"{given_flags[0]} needs {flag}, too: your own class has a file and a name"
             )
     return OwnClass(options.own_class, options.own_asset, options.own_place or PLACES[0])
 
 
 def export(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    """What ``dataset.json`` says of the dataset that the options ask for.
+    """Render the dataset that the options describe; returns the content of ``dataset.json``.
 
     Raises:
-        ValueError, OSError, RendererError, WorkerError: what went wrong.
+        ValueError, OSError, RendererError, WorkerError: the options are wrong, or rendering failed.
     """
     if not 1 <= options.images <= MOST_IMAGES:
         raise ValueError(f"--images must lie in 1..{MOST_IMAGES:,}, not {options.images}")
@@ -87,17 +87,17 @@ def export(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     refuse_large_images("--samples", settings)
     refuse_many_shots("--shots", options.shots, settings)
     refuse_larger("--images", options.images, lambda n: n * STREET // options.shots, "streets")
-    chosen = read_streets(options.attributes, options.space)
-    held = read_fixed(options.fix, space_in(chosen))
-    if held:
-        progress.say(f"Held: {in_words(held)}")
-    chosen = hold(chosen, held)
+    streets = read_streets(options.attributes, options.space)
+    fixed = read_fixed(options.fix, space_in(streets))
+    if fixed:
+        progress.say(f"Fixed: {in_words(fixed)}")
+    streets = hold(streets, fixed)
     kind = options.executor, options.workers, options.scheduler
     with workers_of(*kind, versions=picture_versions) as workers:
         if workers.dashboard is not None:
             progress.say(f"Dashboard: {workers.dashboard}")
         return export_dataset(
-            draw(chosen, options.seed, -(-options.images // options.shots)),
+            draw(streets, options.seed, -(-options.images // options.shots)),
             options.seed,
             options.out,
             shots=options.shots,
@@ -116,7 +116,7 @@ def export(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
                 own_class=own_class,
             ),
             target=options.target,
-            streets=chosen,
+            streets=streets,
             workers=workers,
             progress=reporter(progress),
         )
@@ -124,24 +124,25 @@ def export(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 def main(arguments: Arguments = None) -> int:
     """The command line; returns the exit code."""
-    from common.progress import Progress, duration  # its library is nothing for worker processes
+    from common.progress import Progress, duration  # worker processes do not need its library
 
     options = parser().parse_args(arguments)
 
     def work() -> None:
         progress = Progress(options.images)
         try:
-            found = export(options, progress)
+            description = export(options, progress)
         finally:
             progress.close()
         seconds = duration(progress.elapsed)
-        each = "one image" if options.shots == 1 else f"up to {options.shots} images"
-        of = f"{found['images']} images of {len(found['streets'])} streets, {each} of each,"
-        print(f"{of} in {seconds}: {options.out / DESCRIPTION}", flush=True)
+        per_street = "one" if options.shots == 1 else f"up to {options.shots}"
+        streets = f"{len(description['streets'])} streets, {per_street} per street"
+        summary = f"{description['images']} images of {streets}, in {seconds}"
+        print(f"{summary}: {options.out / DESCRIPTION}", flush=True)
         print(f"Contact sheet: {write_sheet(options.out)}", flush=True)
-        if options.own_class and options.own_class not in found["placed"]:
+        if options.own_class and options.own_class not in description["placed"]:
             print(
-                f"No {options.own_class} stands in any street: there was no room for one",
+                f"No street has a {options.own_class}: there was no room for one",
                 flush=True,
             )
 

@@ -1,4 +1,4 @@
-"""Reading arrays where they lie: compiled code that follows addresses in a table."""
+"""Read arrays in place: compiled code that follows addresses in a table."""
 
 from __future__ import annotations
 

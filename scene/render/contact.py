@@ -1,8 +1,8 @@
 """Contact shadows: where wheels, feet and posts meet the ground, and below vehicles.
 
-Rays into the open are few, and their mean over 8 x 8 pixels (see ``visibility``) is wider than the dark strip
-below a car. What stands on the ground is therefore also known as some boxes, and the sky that a box hides
-from a place on the ground is a short formula.
+Sky rays are few, and their mean over 8 x 8 pixels (see ``visibility``) is wider than the dark strip below a
+car. Objects on the ground are therefore also approximated by boxes, for which a short formula gives the
+hidden share of the sky.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from scene.render.geometry import AssetKey, Geometry, asset_shape
 from scene.render.visibility import DARKEST
 
 FOOT = 0.1
-"""Metres above the ground below which a shape touches it."""
+"""Height in metres below which a shape touches the ground."""
 CELL = 0.05
-"""Metres of the raster on which feet are told apart."""
+"""Cell size in metres of the raster that separates feet."""
 LARGEST = 6.0
-"""Metres; what is longer, a house, darkens the ground so far that rays see it."""
+"""Metres; larger objects such as houses darken the ground so far that rays suffice."""
 UNDERSIDE, LEAST = 0.7, 2.0
-"""Metres below which level faces are a vehicle's underside, and square metres that it has at least."""
+"""Height in metres below which level faces are a vehicle's underside, and its least area in square metres."""
 TALL = 1.5
-"""Metres of height that count."""
+"""Largest height that counts, metres."""
 REACH = 0.6
 """Metres from a box within which it darkens the ground."""
 FAR, TILE = 40.0, 1.0
@@ -40,14 +40,14 @@ ZERO, HALF, ONE = f32(0), f32(0.5), f32(1)
 
 @lru_cache(maxsize=2048)
 def boxes(key: AssetKey) -> np.ndarray:
-    """Boxes f32[n, 6] by which an asset darkens the ground, metres in its own frame.
+    """Boxes f32[n, 6] with which an asset darkens the ground, metres in its own frame.
 
-    Middle x and y, half length and width, height of the underside (0: it touches the ground) and of the top.
+    Centre x and y, half length and width, height of the underside (0: it touches the ground) and of the top.
     """
     shape = asset_shape(*key)
     vertices, faces = shape.vertices, shape.faces
     (left, back, _), (right, front, high) = shape.box[0], shape.box[-1]
-    found: list[tuple[float, ...]] = []
+    result: list[tuple[float, ...]] = []
     top = min(float(high), TALL)
     if high < 2 * FOOT:  # a tile
         return np.zeros((0, 6), np.float32)
@@ -58,7 +58,7 @@ def boxes(key: AssetKey) -> np.ndarray:
         for x, y, wide, deep, _ in cv2.connectedComponentsWithStats(touched)[2][1:].tolist():
             long, across = CELL * wide / 2, CELL * deep / 2
             if max(long, across) < LARGEST / 2:
-                found.append(
+                result.append(
                     (left + CELL * x + long, back + CELL * y + across, long, across, 0.0, top)
                 )
     corners = vertices[faces]
@@ -73,15 +73,15 @@ def boxes(key: AssetKey) -> np.ndarray:
             corners[level].reshape(-1, 3).max(axis=0),
         )
         under = float((area * heights[level].mean(axis=1)).sum() / area.sum())
-        found.append((*(low + end)[:2] / 2, *(end - low)[:2] / 2, under, top))
-    return np.array(found, np.float32).reshape(-1, 6)
+        result.append((*(low + end)[:2] / 2, *(end - low)[:2] / 2, under, top))
+    return np.array(result, np.float32).reshape(-1, 6)
 
 
 @njit(cache=True)
 def _mark(
     vertices: np.ndarray, faces: np.ndarray, left: float, back: float, touched: np.ndarray
 ) -> None:
-    """Set cells that hold part of a face lower than ``FOOT`` to 1."""
+    """Set cells with part of a face below ``FOOT`` to 1."""
     for f in range(len(faces)):
         low_x, low_y, high_x, high_y = 1e9, 1e9, -1e9, -1e9
         for k in range(3):
@@ -101,18 +101,18 @@ def _mark(
 
 
 def standing_boxes(geometry: Geometry) -> np.ndarray:
-    """Boxes f32[n, 16] of all that stands in a street.
+    """Boxes f32[n, 16] of all objects of a street.
 
-    World -> frame of the box with its middle at the origin (3 rows of 4); half length and width, underside
+    World -> frame of the box with its centre at the origin (3 rows of 4); half length and width, underside
     and top, see ``boxes``.
     """
-    own = [boxes(key) for key in geometry.assets]
-    skip = len(geometry.shapes) - len(own)
+    asset_boxes = [boxes(key) for key in geometry.assets]
+    skip = len(geometry.shapes) - len(asset_boxes)
     shape = geometry.shape[1 + skip :] - skip
-    many = np.array([len(rows) for rows in own], np.int64)[shape]
+    many = np.array([len(rows) for rows in asset_boxes], np.int64)[shape]
     if not many.sum():
         return np.zeros((0, 16), np.float32)
-    box = np.concatenate([own[k] for k in shape])
+    box = np.concatenate([asset_boxes[k] for k in shape])
     pose = np.repeat(geometry.pose[1 + skip :], many, axis=0)
     turn = pose[:, :, :3].transpose(0, 2, 1)
     move = -np.einsum("nij,nj->ni", turn, pose[:, :, 3])
@@ -129,10 +129,10 @@ def darken(
     standing: np.ndarray,
     origin: np.ndarray,
 ) -> np.ndarray:
-    """Share f32[m] of open sky, of spots on the ground at most what boxes leave.
+    """Share f32[m] of visible sky; for spots on the ground, at most what boxes leave.
 
     Args:
-        opened: f32[m] share of open sky by rays.
+        opened: f32[m] share of visible sky by rays.
         points: f32[m, 3] in the world, metres.
         instance: i32[m].
         train_id: u8[instances].
@@ -160,7 +160,7 @@ def _darken(
     count = 0
     for n in range(len(standing)):
         b = standing[n]
-        # The middle in the world: its frame is turned and, of some buses, reflected.
+        # The centre in the world: the frame is rotated and, for some buses, reflected.
         x = -(b[0] * b[3] + b[4] * b[7] + b[8] * b[11])
         y = -(b[1] * b[3] + b[5] * b[7] + b[9] * b[11])
         long, wide = b[12] + f32(REACH), b[13] + f32(REACH)
@@ -209,10 +209,10 @@ def _hidden(
     under: np.float32,
     top: np.float32,
 ) -> np.float32:
-    """Share of the sky's light that a box hides from a place ``u``, ``v`` from its middle.
+    """Share of the sky's light that a box hides from a place ``u``, ``v`` from its centre.
 
-    The view factor of a strip is (sin a + sin b) / 2 by the angles to its two edges; that of a rectangle is
-    nearly the product of two. From beside, a box reaches up to its top.
+    The view factor of a strip is (sin a + sin b) / 2 with the angles to its two edges; that of a rectangle is
+    nearly the product of two. From the side, a box reaches up to its top.
     """
     off_u, off_v = max(u - long, ZERO), max(v - wide, ZERO)
     off = off_u * off_u + off_v * off_v
@@ -225,7 +225,7 @@ def _hidden(
 
 @njit(cache=True, fastmath=True, error_model="numpy", inline="always")
 def _strip(u: np.float32, half: np.float32, away: np.float32, top: np.float32) -> np.float32:
-    """View factor of a strip ``u`` from its middle, the square root of ``away`` from its plane."""
+    """View factor of a strip ``u`` from its centre, the square root of ``away`` from its plane."""
     far, near = half + u, half - u
     high = away if near > ZERO else top * top
     least = f32(1e-6)

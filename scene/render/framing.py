@@ -1,7 +1,7 @@
-"""Chooses the place of a shot along the road, so that it shows a street.
+"""Choose the place of a shot along the road, so that it shows a street.
 
-The choice uses a small label image, whatever the renderer and the size of the picture, so that all show the
-same place. Rays of Embree find the objects of the street, the depth buffer the ground below them.
+The choice uses a small label image, so that it does not depend on renderer and image size. Rays of Embree
+find the objects of the street, the depth buffer the ground below them.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from scene.street.street import Street
 WIDTH, HEIGHT = 64, 48
 """Size of the label image in pixels."""
 LEAST_GROUND = 0.08
-"""The least share of the image for road, sidewalk and terrain together."""
+"""Least share of the image for road, sidewalk and terrain together."""
 MOST_OF_ONE = 0.85
-"""The largest share of the image for one class."""
+"""Largest share of the image for one class."""
 MAY_FILL = [TrainId.SKY, TrainId.BUILDING, TrainId.ROAD]
 """Classes that may have a larger share."""
 GROUND = list(GROUND_INSTANCES.values())
@@ -41,7 +41,7 @@ def framed(
     """The street with one camera per shot, at the first place that shows a street.
 
     A shot with too little ground, or too much of one class, is retaken ``further`` along the road; if no
-    place will do, it is the one with the most ground. A camera without such places stays as it is.
+    place qualifies, the one with the most ground is used. A camera without such places does not change.
 
     Args:
         street: the street with all places.
@@ -88,8 +88,8 @@ def class_shares(
     }
     hits = nearest(geometry._replace(**ground), camera, small, rays)
     reach = np.where(hits.instance > 0, hits.distance, np.float32(np.inf))
-    met = first_met(bvh, rays.origin[None], rays.directions, _order(), reach)
-    instance = np.where(met == NOTHING, hits.instance, FIRST_INSTANCE + met)
+    hit_ids = first_met(bvh, rays.origin[None], rays.directions, _order(), reach)
+    instance = np.where(hit_ids == NOTHING, hits.instance, FIRST_INSTANCE + hit_ids)
     label = geometry.train_id[instance]
     return np.bincount(label, minlength=OWN + 1) / label.size
 

@@ -1,7 +1,7 @@
-"""A street as flat arrays: every distinct mesh once, and where each instance of it stands.
+"""A street as flat arrays: every distinct mesh once, and the pose of each instance.
 
-Nothing is copied per instance: a renderer that knows instancing pays for an asset's triangles once,
-and ``world`` merges them for one that does not.
+Nothing is copied per instance: a renderer with instancing stores the triangles of an asset once, and
+``world`` merges them for one without.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from scene.assets import catalogue
-from scene.cache import Arrays, kept
+from scene.cache import Arrays, cached
 from scene.classes import TrainId
 from scene.compiled import njit
 from scene.ground.build import GROUND_INSTANCES, ground_surfaces
@@ -27,41 +27,41 @@ from scene.street.street import Street
 f32 = np.float32
 SKY_INSTANCE = 0
 CREASE = 40.0
-"""Degrees between faces below which the surface is shaded as a curved one."""
+"""Angle in degrees between faces below which the surface is shaded as curved."""
 
 
 SMALL = 0.12
-"""Square metres below which a triangle may be left out far away."""
+"""Area in square metres below which a triangle may be left out far away."""
 THIN = 0.25
 """Share of its small triangles that a far tree keeps."""
 LEAF = 0.008
-"""Square metres of each of the leaves that take the place of a card seen from near."""
+"""Area in square metres of the leaves that replace a card seen from near."""
 MOST = 12
-"""Leaves that do so."""
+"""Largest number of leaves per card."""
 ROW = 16
 """Floats in a row of a surface: 64 bytes, one line of a processor's cache."""
 IGNORED = 0.5
-"""What a face that labels ignore adds to its material, which is a whole number."""
+"""Added to the material index, a whole number, of faces that labels ignore."""
 
 
 class Shape(NamedTuple):
     """One mesh, ready to be placed; metres in its own frame.
 
-    All that shading asks about a face lies in one row of ``surface``: its normal (0-2), the smoothed
-    normals at its corners (3-11), its linear RGB albedo (12-14), its index into MATERIALS (15), and a half
-    on top of that where labels ignore the face.
+    A row of ``surface`` has all that shading needs of a face: its normal (0-2), the smoothed normals at its
+    corners (3-11), its linear RGB albedo (12-14), and its index into MATERIALS (15), plus a half if labels
+    ignore the face.
     """
 
     vertices: np.ndarray  # f32[v, 3]
     faces: np.ndarray  # i32[f, 3]
     surface: np.ndarray  # f32[f, ROW]
-    ball: np.ndarray  # f32[4] middle and radius of a ball around it
+    ball: np.ndarray  # f32[4] centre and radius of a bounding sphere
     table: tuple[int, ...]  # addresses of surface, vertices, faces; numbers of vertices, faces
-    box: np.ndarray  # f32[8, 3] corners of a box around it
+    box: np.ndarray  # f32[8, 3] corners of a bounding box
 
     @classmethod
     def of(cls, vertices: np.ndarray, faces: np.ndarray, surface: np.ndarray) -> Shape:
-        """The shape of these arrays, which must be contiguous."""
+        """Make a shape of these arrays, which must be contiguous."""
         ends, most = _bounds(vertices)
         ball = np.append((ends[0] + ends[1]) / 2, 1.0001 * math.sqrt(most)).astype(np.float32)
         addresses = (int(a.ctypes.data) for a in (surface, vertices, faces))
@@ -95,23 +95,23 @@ class Shape(NamedTuple):
 
 
 class Geometry(NamedTuple):
-    """Which shape stands where; nothing is copied, since streets share their shapes."""
+    """Shapes and the poses of their instances; nothing is copied, since streets share shapes."""
 
     shapes: tuple[Shape, ...]  # each once
-    shape: np.ndarray  # i64[instances] index into them; of the sky: -1
-    tables: np.ndarray  # u64[instances, 5] each instance's ``Shape.table``; of the sky: 0
-    balls: np.ndarray  # f32[instances, 4] middle and radius of a ball around it, in its own frame
+    shape: np.ndarray  # i64[instances] index into them; sky: -1
+    tables: np.ndarray  # u64[instances, 5] ``Shape.table`` of each instance; sky: 0
+    balls: np.ndarray  # f32[instances, 4] ``Shape.ball``, in its own frame
     pose: np.ndarray  # f32[instances, 3, 4] shape -> world
     train_id: np.ndarray  # u8[instances]; instance 0 is the sky
-    boxes: np.ndarray  # f32[instances, 8, 3] corners of a box around each, in its own frame
-    assets: tuple[AssetKey, ...] = ()  # what the shapes are of, but for the first ones, the ground
-    laid: tuple[np.ndarray, ...] = ()
-    """f32[v, 3] of the ground, instances 1, 2, 3, where it bends or slopes: its vertices on the road."""
+    boxes: np.ndarray  # f32[instances, 8, 3] ``Shape.box``, in its own frame
+    assets: tuple[AssetKey, ...] = ()  # keys of the shapes, after those of the ground
+    road_vertices: tuple[np.ndarray, ...] = ()
+    """f32[v, 3] road coordinates of the ground's vertices, instances 1, 2, 3, if it bends or slopes."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Addresses are those of one process: a copy has its own."""
         return stand, (
-            self.shapes, self.shape, self.pose, self.train_id, self.assets, self.laid,
+            self.shapes, self.shape, self.pose, self.train_id, self.assets, self.road_vertices,
         )  # fmt: skip
 
     @property
@@ -121,12 +121,12 @@ class Geometry(NamedTuple):
 
     @property
     def triangles(self) -> int:
-        """Triangles that stand in the street, every instance counted."""
+        """Number of triangles in the street, over all instances."""
         return int(self.tables[:, 4].sum())
 
 
 def shape_of(asset: Asset, tone: float = 1.0) -> Shape:
-    """The arrays of an asset, its albedo times ``tone``."""
+    """The shape of an asset, its albedo times ``tone``."""
     vertices = np.ascontiguousarray(asset.mesh.vertices, np.float32)
     faces = np.ascontiguousarray(asset.mesh.faces, np.int32)
     surface = np.empty((len(faces), ROW), np.float32)
@@ -140,9 +140,10 @@ def shape_of(asset: Asset, tone: float = 1.0) -> Shape:
 
 @njit(cache=True)
 def _meeting(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Corners i64[3 f] of faces, place after place, and where i64[places + 1] each place's begin.
+    """Corners i64[3 f] of faces grouped by position, and the start i64[places + 1] of each group.
 
-    Solids are merged part by part: corners that touch are found by their place, in tenths of millimetres.
+    Solids are merged part by part, so touching corners are found by their position, in tenths of a
+    millimetre.
     """
     n = len(vertices)
     slots = 1 << math.ceil(math.log2(2 * n + 1))
@@ -178,9 +179,9 @@ def _normals(
     vertices: np.ndarray, faces: np.ndarray, meeting: tuple[np.ndarray, np.ndarray], least: float,
     surface: np.ndarray,
 ) -> None:  # fmt: skip
-    """Each face's normal, and at its corners the mean over the faces there that bend less than the crease.
+    """Normal of each face, and at its corners the mean over adjacent faces that bend less than the crease.
 
-    By their area. Faces may be wound either way: a normal counts in the direction that agrees.
+    The mean is weighted by area. Faces may be wound either way: a normal counts in the direction that agrees.
     """
     area = np.empty((len(faces), 3), np.float32)
     for f in range(len(faces)):
@@ -218,7 +219,7 @@ def _normals(
 
 @njit(cache=True)
 def _bounds(vertices: np.ndarray) -> tuple[np.ndarray, np.float32]:
-    """Low and high corner f32[2, 3] of points f32[v, 3], and how far, squared, any is from their middle."""
+    """Low and high corner f32[2, 3] of points f32[v, 3], and largest squared distance from their centre."""
     ends = np.empty((2, 3), np.float32)
     for k in range(3):
         ends[0, k] = ends[1, k] = vertices[0, k]
@@ -236,9 +237,9 @@ def _bounds(vertices: np.ndarray) -> tuple[np.ndarray, np.float32]:
 
 
 def thinned(shape: Shape, share: float) -> Shape:
-    """Keep a ``share`` of the small triangles, leaves and twigs, so much larger that they cover as much.
+    """Keep a ``share`` of the small triangles, leaves and twigs, enlarged so that they cover the same area.
 
-    From afar a crown looks alike, and rays pass it sooner. Source: stochastic simplification (Cook,
+    From afar a crown looks the same, and rays pass it faster. Source: stochastic simplification (Cook,
     Halstead, Planck, Ryu 2007).
     """
     corners = shape.vertices[shape.faces]
@@ -258,10 +259,10 @@ def thinned(shape: Shape, share: float) -> Shape:
 
 
 def leafed(shape: Shape) -> Shape:
-    """The shape with leaves in the place of its cards: folded rhombs, which cover as much.
+    """Replace the foliage cards of a shape by leaves: folded rhombs that cover the same area.
 
-    A card of foliage is a triangle, and from near one sees that. Its leaves lie about it, each turned, tilted
-    and toned by chance.
+    A card is a triangle, which is visible from near. Its leaves are spread over it, each with random
+    rotation, tilt and tone.
     """
     cards = np.flatnonzero(shape.material == MATERIAL_ID["foliage"])
     corners = shape.vertices[shape.faces[cards]].astype(np.float64)
@@ -278,7 +279,7 @@ def leafed(shape: Shape) -> Shape:
     long /= np.linalg.norm(long, axis=1, keepdims=True).clip(1e-9)
     across = np.cross(long, normal + 0.35 * rng.normal(size=long.shape))
     across /= np.linalg.norm(across, axis=1, keepdims=True).clip(1e-9)
-    # A rhomb 1 by 0.6 of its length; its halves are folded up along the middle.
+    # A rhomb of 1 by 0.6 times its length, folded along its middle.
     length = np.sqrt(area / number / 0.3)[card, None]
     half, wide = 0.5 * length * long, 0.3 * length * across
     fold = 0.12 * length * np.cross(long, across)
@@ -287,8 +288,8 @@ def leafed(shape: Shape) -> Shape:
     start = 4 * np.arange(len(card))[:, None, None]
     faces = (start + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
     tone = rng.uniform(0.75, 1.3, len(card))
-    whole = np.delete(np.arange(len(shape.faces)), cards)
-    wood = np.ascontiguousarray(shape.faces[whole])
+    kept_faces = np.delete(np.arange(len(shape.faces)), cards)
+    wood = np.ascontiguousarray(shape.faces[kept_faces])
     leaves = np.repeat(shape.surface[cards][card], 2, axis=0)
     leaves[:, 12:15] = np.minimum(leaves[:, 12:15] * np.repeat(tone, 2)[:, None], 1.0)
     flat = np.cross(places[:, (1, 2)] - places[:, :1], places[:, (2, 3)] - places[:, :1]).reshape(
@@ -299,43 +300,45 @@ def leafed(shape: Shape) -> Shape:
     return Shape.of(
         np.concatenate([shape.vertices, places.reshape(-1, 3).astype(np.float32)]),
         np.concatenate([wood, len(shape.vertices) + faces]).astype(np.int32),
-        np.concatenate([shape.surface[whole], leaves]),
+        np.concatenate([shape.surface[kept_faces], leaves]),
     )
 
 
-SEEN: dict[str, Callable[[Shape], Shape]] = {
+SEEN_FROM: dict[str, Callable[[Shape], Shape]] = {
     "far": partial(thinned, share=THIN),
     "near": leafed,
 }
-"""What becomes of greenery by where it is seen from."""
+"""Level of detail of greenery, by distance from the cameras."""
 
 
 @lru_cache(maxsize=2048)
-def asset_shape(family: str, asset: int | str, seen: str = "") -> Shape:
-    """The shape of a catalogue asset, whole or as it is ``seen`` from "near" or "far"."""
-    if isinstance(asset, str):  # a user's own: what is in its file may change
-        return _made(family, asset, seen)
+def asset_shape(family: str, asset: int | str, seen_from: str = "") -> Shape:
+    """The shape of a catalogue asset, in full or as ``seen_from`` "near" or "far"."""
+    if isinstance(asset, str):  # a user's own, whose file may change
+        return _make_shape(family, asset, seen_from)
 
     def make() -> Arrays:
-        shape = _made(family, asset, seen)
+        shape = _make_shape(family, asset, seen_from)
         return {"vertices": shape.vertices, "faces": shape.faces, "surface": shape.surface}
 
-    name = "-".join(["shape", family, str(asset), *([seen] if seen else [])]).replace(" ", "_")
-    return Shape.of(**kept(name, make, _sound))
+    name = "-".join(["shape", family, str(asset), *([seen_from] if seen_from else [])]).replace(
+        " ", "_"
+    )
+    return Shape.of(**cached(name, make, _is_valid))
 
 
-def _made(family: str, asset: int | str, seen: str) -> Shape:
-    if seen:
-        return SEEN[seen](asset_shape(family, asset))
+def _make_shape(family: str, asset: int | str, seen_from: str) -> Shape:
+    if seen_from:
+        return SEEN_FROM[seen_from](asset_shape(family, asset))
     tone = catalogue.FAMILIES[family].tone if isinstance(asset, int) else 1.0
     return shape_of(catalogue.asset(family, asset), tone)
 
 
-def _sound(found: Arrays) -> bool:
-    """Whether these are the arrays of a shape: compiled code follows their indices unasked."""
-    if set(found) != {"vertices", "faces", "surface"}:
+def _is_valid(arrays: Arrays) -> bool:
+    """Whether these are the arrays of a shape; compiled code follows their indices without checks."""
+    if set(arrays) != {"vertices", "faces", "surface"}:
         return False
-    vertices, faces, surface = found["vertices"], found["faces"], found["surface"]
+    vertices, faces, surface = arrays["vertices"], arrays["faces"], arrays["surface"]
     return bool(
         (vertices.dtype, faces.dtype, surface.dtype) == (np.float32, np.int32, np.float32)
         and vertices.ndim == 2 and vertices.shape[1] == 3 and len(vertices)
@@ -347,10 +350,10 @@ def _sound(found: Arrays) -> bool:
 
 
 def build(street: Street) -> Geometry:
-    """Collect a street's shapes and poses."""
+    """Collect the shapes and poses of a street."""
     ground = ground_surfaces(street.ground)
     shapes = [shape_of(surface.asset) for surface in ground.values()]
-    laid = () if street.ground.path.straight else tuple(
+    road_vertices = () if street.ground.path.straight else tuple(
         surface.road.astype(np.float32) for surface in ground.values()
     )  # fmt: skip
     stands, first = instances(street), len(shapes)
@@ -362,7 +365,7 @@ def build(street: Street) -> Geometry:
         np.concatenate([np.eye(3, 4, dtype=np.float32)[None].repeat(1 + first, 0), stands.pose]),
         np.concatenate([np.array(labels, np.uint8), stands.train_id]),
         stands.assets,
-        laid,
+        road_vertices,
     )
 
 
@@ -372,9 +375,9 @@ def stand(
     pose: np.ndarray,
     train_id: np.ndarray,
     assets: tuple[AssetKey, ...] = (),
-    laid: tuple[np.ndarray, ...] = (),
+    road_vertices: tuple[np.ndarray, ...] = (),
 ) -> Geometry:
-    """Shapes where they stand; row 0 of the arrays, see ``Geometry``, is the sky's."""
+    """Place shapes; row 0 of the arrays, see ``Geometry``, is the sky."""
     tables, balls, boxes = (
         np.array(parts, kind)[shape]
         for parts, kind in (
@@ -384,7 +387,9 @@ def stand(
         )
     )
     tables[SKY_INSTANCE] = 0
-    return Geometry(tuple(shapes), shape, tables, balls, pose, train_id, boxes, assets, laid)
+    return Geometry(
+        tuple(shapes), shape, tables, balls, pose, train_id, boxes, assets, road_vertices
+    )
 
 
 class World(NamedTuple):
@@ -396,7 +401,7 @@ class World(NamedTuple):
 
 
 def world(geometry: Geometry) -> World:
-    """Merge every instance's triangles, for renderers without instancing."""
+    """Merge the triangles of all instances, for renderers without instancing."""
     shapes = [geometry.shapes[k] for k in geometry.shape[1:]]
     counts = [len(shape.faces) for shape in shapes]
     parts = [

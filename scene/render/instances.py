@@ -1,4 +1,4 @@
-"""What stands in a street as arrays, as renderers want it."""
+"""The objects of a street as arrays for renderers."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from scene.classes import TrainId
 from scene.street.street import Street
 
 AssetKey = tuple[str, int | str, str]
-"""Family, index or name, and where it is seen from: see ``geometry.asset_shape``."""
+"""Family, index or name, and level of detail, see ``geometry.asset_shape``."""
 CLOSE = 10.0
-"""Metres from a camera to the foot of greenery within which its leaves have outlines."""
+"""Distance in metres from a camera within which greenery has single leaves."""
 
 
 class Instances(NamedTuple):
-    """Assets where they stand; row k is instance ``FIRST_INSTANCE + k``."""
+    """Assets and their poses; row k is instance ``FIRST_INSTANCE + k``."""
 
     assets: tuple[AssetKey, ...]  # each once
     asset: np.ndarray  # i64[n] index into them
@@ -28,10 +28,10 @@ def instances(street: Street) -> Instances:
     """The placements of a street."""
     placements = street.placements
     index: dict[AssetKey, int] = {}
-    seen = _seen_from(street)
+    views = _seen_from(street)
     asset = [
         index.setdefault((p.family, p.asset, where), len(index))
-        for p, where in zip(placements, seen, strict=True)
+        for p, where in zip(placements, views, strict=True)
     ]
     pose = np.array([p.pose for p in placements], np.float32).reshape(-1, 4, 4)[:, :3]
     train_id = np.array([p.train_id for p in placements], np.uint8)
@@ -39,10 +39,10 @@ def instances(street: Street) -> Instances:
 
 
 def _seen_from(street: Street) -> list[str]:
-    """Of each placement, whether it is greenery that is seen from ``near`` or stays ``far``."""
+    """Level of detail of each placement: ``near`` or ``far`` for greenery, else empty."""
     eyes = [c for camera in street.cameras for c in (camera, *camera.further)]
     places = np.array([c.position[:2] for c in eyes]).reshape(-1, 1, 2)
-    found = ["far" if p.far else "" for p in street.placements]
+    views = ["far" if p.far else "" for p in street.placements]
     green = [
         k for k, p in enumerate(street.placements) if p.train_id == TrainId.VEGETATION and not p.far
     ]
@@ -50,5 +50,5 @@ def _seen_from(street: Street) -> list[str]:
         feet = np.array([street.placements[k].pose[:2, 3] for k in green])
         near = (((feet - places) ** 2).sum(axis=2) < CLOSE**2).any(axis=0)
         for k in np.array(green)[near].tolist():
-            found[k] = "near"
-    return found
+            views[k] = "near"
+    return views

@@ -1,4 +1,4 @@
-"""The C library's habit of giving memory back, changed: a picture soon needs the same megabytes again."""
+"""Keep freed memory in the process, since the next image needs the same megabytes again."""
 
 from __future__ import annotations
 
@@ -8,17 +8,16 @@ from functools import cache
 
 TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3  # parameters of glibc's ``mallopt``
 KEPT = 1 << 30
-"""Bytes of freed memory that stay with the process, at most."""
+"""Largest number of bytes of freed memory that the process keeps."""
 LARGE = 1 << 25
-"""Bytes from which on an array gets pages of its own; the most that glibc takes."""
+"""Size in bytes from which an array gets its own pages; the largest that glibc accepts."""
 
 
 @cache
 def keep_freed_memory() -> None:
-    """Reuse freed arrays instead of fresh pages, which the system has to clear one by one.
+    """Reuse freed arrays instead of new pages, which the system has to clear one by one.
 
-    About a tenth of the time of a picture (``mallopt(3)``). Where the C library is not glibc, nothing
-    changes.
+    Saves about a tenth of the time of an image (``mallopt(3)``). Has no effect if the C library is not glibc.
     """
     if not sys.platform.startswith("linux"):
         return

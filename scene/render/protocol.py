@@ -1,4 +1,4 @@
-"""What every renderer takes and gives."""
+"""The input and output of every renderer."""
 
 from __future__ import annotations
 
@@ -20,33 +20,31 @@ class RenderSettings(NamedTuple):
     width: int = 640
     height: int = 320
     samples: int = 1  # rays per pixel along each axis
-    fov: float = (
-        50.0  # horizontal field of view, degrees, where a street's camera has none of its own
-    )
+    fov: float = 50.0  # horizontal field of view in degrees, for cameras without their own
     shadows: bool = True
-    occlusion: bool = True  # ambient occlusion; on screen only in opengl
+    occlusion: bool = True  # ambient occlusion; in screen space with opengl
     textures: bool = True
     response: CameraResponse = CameraResponse()
 
 
 class Frame(NamedTuple):
-    """One shot with everything that is exactly known about it."""
+    """One shot with its exact labels."""
 
     image: np.ndarray  # u8[h, w, 3] sRGB
-    label: np.ndarray  # u8[h, w] train ids, VOID where nothing has a class
+    label: np.ndarray  # u8[h, w] train ids, VOID for ignored pixels
     instance: np.ndarray  # u16[h, w], 0 is the sky
     depth: np.ndarray  # f32[h, w] metres along the optical axis, 0 for the sky
     normal: np.ndarray  # f32[h, w, 3] unit, in the camera's frame, 0 for the sky; see below
     # x is to the camera's right, y up, z from the scene towards the camera.
-    camera: Camera  # that took it, of those the street offers
+    camera: Camera  # that took it, of the candidates of the street
 
 
 Lap = Callable[[str], None]
-"""Told the name of each stage of rendering when it is over, for those who time them."""
+"""Called with the name of each stage of rendering when it ends, for timing."""
 
 
 def no_lap(stage: str) -> None:
-    """Nobody times."""
+    """Do nothing."""
 
 
 class Renderer(Protocol):
@@ -74,23 +72,23 @@ class Renderer(Protocol):
 
 
 class RendererError(RuntimeError):
-    """A renderer cannot run here; the message says what is missing."""
+    """A renderer cannot run on this machine; the message says what is missing."""
 
 
 MAX_PIXELS = 50_000_000
 MOST_SAMPLES = 8
-"""The most rays of a pixel along each axis."""
+"""Largest number of rays per pixel along each axis."""
 
 
 def check_settings(settings: RenderSettings) -> RenderSettings:
-    """The settings themselves; raises ValueError naming the field that is out of range."""
+    """Return the settings; raises ValueError that names a field out of range."""
     if settings.width < 8 or settings.height < 8:
         raise ValueError(
             f"image size {settings.width}x{settings.height} is too small; 8x8 is the least"
         )
     if settings.width * settings.height > MAX_PIXELS:
         raise ValueError(
-            f"image size {settings.width}x{settings.height} is over {MAX_PIXELS:,} pixels"
+            f"image size {settings.width}x{settings.height} has more than {MAX_PIXELS:,} pixels"
         )
     if not 1 <= settings.samples <= MOST_SAMPLES:
         raise ValueError(f"samples must lie in 1..{MOST_SAMPLES}, not {settings.samples}")
@@ -100,18 +98,18 @@ def check_settings(settings: RenderSettings) -> RenderSettings:
 
 
 RAY, SHOWN = 40, 22
-"""Bytes that are kept of a ray while an image is rendered, at least, and of a pixel of a finished frame."""
+"""Least bytes of memory per ray of an image in progress, and per pixel of a finished frame."""
 
 
 def refuse_large_images(flag: str, settings: RenderSettings) -> None:
-    """Raise UserError if the rays of one image need more memory than there is; names the flag of samples."""
+    """Raise UserError if the rays of one image do not fit in memory; it names the flag of samples."""
     pixels = settings.width * settings.height
     what = f"the rays of an image of {settings.width}x{settings.height}"
     refuse_larger(flag, settings.samples, lambda samples: samples**2 * pixels * RAY, what)
 
 
 def refuse_many_shots(flag: str, shots: int, settings: RenderSettings) -> None:
-    """Raise UserError if the frames of one street need more memory than there is; names the flag."""
+    """Raise UserError if the frames of one street do not fit in memory; it names the flag."""
     size = f"{settings.width}x{settings.height}"
     frame = settings.width * settings.height * SHOWN
     refuse_larger(flag, shots, lambda count: count * frame, f"the frames of a street at {size}")
@@ -142,8 +140,8 @@ def pixel_rays(
 
 
 def through_middles(settings: RenderSettings) -> RenderSettings:
-    """The settings with a sample in the middle of each pixel, which gives label, instance, depth and normal.
+    """The settings with a sample at the centre of each pixel, for label, instance, depth and normal.
 
-    An even number has none there: then it is one sample a pixel, in a pass of its own.
+    An even number of samples has none there; then it is one sample per pixel, in a separate pass.
     """
     return settings if settings.samples % 2 else settings._replace(samples=1)

@@ -1,4 +1,4 @@
-"""Where spots lie on the road and on their assets, by which textures and wetness go."""
+"""Coordinates of spots on the road and on their assets, for textures and wetness."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from scene.ground.path import Path
 from scene.render.geometry import Geometry
 
 LEVEL = 0.7
-"""Least upward part of a level face's normal: of its height, shading asks only whether water lies on it."""
+"""Least vertical component of the normal of a level face; of its height, only wetness depends."""
 
 
 def on_road(
@@ -22,17 +22,17 @@ def on_road(
     points: np.ndarray,
     flat: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points f32[m, 3] and normals f32[m, 3] of spots as shading wants them, see ``shade``.
+    """Points f32[m, 3] and normals f32[m, 3] of spots for shading, see ``shade``.
 
-    Those of the ground are in road coordinates, those of objects in their asset's own frame, so that its
-    texture turns with it; but the height of level faces is that above the road, and the upward part of
-    normals that in the world.
+    Those of the ground are in road coordinates, those of objects in the frame of their asset, so that
+    textures rotate with it. However, heights of level faces are above the road, and the vertical component of
+    normals is that in the world.
 
     Args:
         geometry: of the street.
         path: of its road.
-        instance: i32[m] that each spot belongs to, 0 for the sky.
-        face: i32[m] of its shape.
+        instance: i32[m] instance of each spot, 0 for the sky.
+        face: i32[m] face of its shape.
         points: f32[m, 3] in the world.
         flat: f32[m, 3] in the world.
     """
@@ -41,7 +41,7 @@ def on_road(
     below = road_height(path, points[level]) if path.slopes else 0.0
     _in_asset(len(GROUND_INSTANCES), geometry.pose, instance, points, flat)
     points[level, 2] -= below
-    for ground, road in enumerate(geometry.laid, 1):
+    for ground, road in enumerate(geometry.road_vertices, 1):
         shape = geometry.shapes[geometry.shape[ground]]
         _lay(ground, shape.faces, shape.vertices, road, instance, face, points, flat)
     return points, flat
@@ -51,7 +51,7 @@ def on_road(
 def _in_asset(
     ground: int, pose: np.ndarray, instance: np.ndarray, points: np.ndarray, flat: np.ndarray
 ) -> None:
-    """Put the points and normals of objects, instances after ``ground``, into their assets' frames."""
+    """Convert points and normals of objects, instances after ``ground``, to the frames of their assets."""
     for i in range(len(instance)):
         j = instance[i]
         if j <= ground:
@@ -81,7 +81,7 @@ def _lay(
     points: np.ndarray,
     flat: np.ndarray,
 ) -> None:
-    """Put the points and normals of one surface where they are as its faces lie on the road."""
+    """Convert points and normals of one surface to road coordinates, face by face."""
     for i in range(len(instance)):
         if instance[i] != ground:
             continue

@@ -13,23 +13,23 @@ from scene.compiled import njit
 from scene.streams import table_row
 
 KEY = 0.44
-"""Mean radiance of a scene that the meter leaves alone."""
+"""Mean radiance of a scene that the meter does not change."""
 BRIGHTEST = 2.0
-"""The meter sees nothing brighter, or a sun in the picture would turn day into night."""
+"""The meter clips radiance here, or a visible sun would turn day into night."""
 MIDDLE = 0.18
-"""Radiance that contrast leaves where it is."""
+"""Radiance that contrast does not change."""
 WHITE = 3.0
-"""Radiance, after contrast, at which the tone curve ends: what is brighter blows out."""
+"""Radiance, after contrast, at which the tone curve saturates."""
 TONES = 4096
-"""Entries of the tone table; they are even in the square root of radiance."""
+"""Entries of the tone table, evenly spaced in the square root of radiance."""
 MOST = 4.0
 """Radiance at the end of the tone table."""
 GRAIN = 512
-"""Pixels along each side of the tile that noise is cut from."""
+"""Pixels along each side of the noise tile."""
 
 
 class CameraResponse(NamedTuple):
-    """What stands between the scene and the file; every defect is absent at 0.
+    """The camera between scene and file; a defect at 0 is off.
 
     The defaults bring renders between the tones of real sets: grey has a mean of 107 in CamVid's 0016E5
     (day, sky blown out), 59 in its 0001TP (dusk) and 117 in LabelMeFacade (skies with colour).
@@ -40,10 +40,10 @@ class CameraResponse(NamedTuple):
     gain: tuple[float, float, float] = (0.98, 1.0, 1.02)  # white balance, per channel
     gamma: float = 1.0  # on top of sRGB; above 1 darkens the middle tones
     blur: float = 0.0  # sigma of the lens blur in pixels
-    noise: float = (
-        0.003  # standard deviation of sensor noise at mid grey, of full scale; see ``develop``
+    noise: float = 0.003  # standard deviation of sensor noise at mid grey, as a share of full scale
+    meter: float = (
+        0.6  # share (in stops) of a scene's brightness that automatic exposure compensates
     )
-    meter: float = 0.6  # share (in stops) of a scene's brightness that automatic exposure evens out
     contrast: float = 1.3  # slope of the tone curve in the middle; 1 is plain sRGB
     saturation: float = 1.0  # 0 is grey, 1 as in the scene
     vignette: float = 0.06  # share of light lost in the corners
@@ -56,7 +56,7 @@ class CameraResponse(NamedTuple):
 def camera_of_street(response: CameraResponse, rng: np.random.Generator) -> CameraResponse:
     """One street's camera around ``response``: each value times a random factor near 1.
 
-    What is switched off stays off. A variation of 0 returns ``response`` itself.
+    Effects that are off stay off. A variation of 0 returns ``response`` itself.
     """
     s = response.variation
     if s == 0:
@@ -90,9 +90,9 @@ def set_to(response: CameraResponse, exposure: float, warmth: float) -> CameraRe
 def develop(radiance: np.ndarray, response: CameraResponse, rng: np.random.Generator) -> np.ndarray:
     """Linear radiance f32[h, w, 3] to an sRGB image u8[h, w, 3].
 
-    Exposed by (key / mean)^meter, so that a bright sky pushes the street down; then lens, tone curve,
-    sharpening, noise that is shot-like (it grows with the signal, and with the root of what the meter
-    multiplies the light by), and the file's compression.
+    The exposure is (key / mean)^meter, so that a bright sky darkens the street. It is followed by lens, tone
+    curve, sharpening, shot-like noise (which grows with the signal, and with the square root of the meter's
+    factor), and the compression of the file.
     """
     radiance = np.ascontiguousarray(radiance, np.float32)
     metered = _metered(radiance, response.meter)
@@ -136,7 +136,7 @@ def _tone_table(contrast: float, gamma: float) -> np.ndarray:
 
 @cache
 def _grain() -> np.ndarray:
-    """Noise f32[GRAIN, GRAIN, 3] of mean 0 and deviation 1; neighbours share some, as in raw files."""
+    """Noise f32[GRAIN, GRAIN, 3] of mean 0 and deviation 1; neighbours correlate, as in raw files."""
     white = table_row("grain").standard_normal((GRAIN, GRAIN, 3), dtype=np.float32)
     mixed = white + 0.3 * sum(np.roll(white, s, a) for a in (0, 1) for s in (-1, 1))
     mixed = 0.8 * mixed + 0.6 * mixed.mean(axis=2, keepdims=True)
@@ -150,7 +150,7 @@ def _expose(
     radiance: np.ndarray, light: np.ndarray, table: np.ndarray, vignette: np.float32,
     fringe: np.float32,
 ) -> np.ndarray:  # fmt: skip
-    """Tones f32[h, w, 3] in 0..255 behind the lens."""
+    """Tones f32[h, w, 3] in 0..255 after the lens."""
     h, w, _ = radiance.shape
     out = np.empty((h, w, 3), np.float32)
     last = table.shape[0] - 1
@@ -159,7 +159,7 @@ def _expose(
     cy, cx = np.float32((h - 1) / 2), np.float32((w - 1) / 2)
     corner = one / max(cy * cy + cx * cx, one)
     grow = np.float32(fringe * math.sqrt(corner))
-    # The colours of a row in one line, which processors take many at a time.
+    # The colours of a row are one array, so that loops are vectorised.
     work = np.empty((3, 3 * w), np.float32)
     away, colored, place = work[0], work[1], work[2]
     for x in range(w):
@@ -204,26 +204,26 @@ def _store(
     floor, slope = np.float32(0.2 * 255 * 255), np.float32(1.6 * 255)
     zero, half = np.float32(0), np.float32(0.5)
     lines, stored = tones.reshape(h, 3 * w), out.reshape(h, 3 * w)
-    # The colours of a row in one line, which processors take many at a time; its ends are twice in it.
+    # The colours of a row are one array, so that loops are vectorised; it repeats the pixels at its ends.
     work = np.empty((6, 3 * w + 6), np.float32)
-    here, above, below, grey, speck = work[0], work[1], work[2], work[3], work[4]
+    current, above, below, grey, speck = work[0], work[1], work[2], work[3], work[4]
     done = work[5]
     for y in range(h):
         high, low = max(y - 1, 0), min(y + 1, h - 1)
         for e in range(3 * w):
-            here[e + 3], above[e], below[e] = lines[y, e], lines[high, e], lines[low, e]
+            current[e + 3], above[e], below[e] = lines[y, e], lines[high, e], lines[low, e]
         for k in range(3):
-            here[k], here[3 * w + 3 + k] = lines[y, k], lines[y, 3 * w - 3 + k]
+            current[k], current[3 * w + 3 + k] = lines[y, k], lines[y, 3 * w - 3 + k]
         specks = grain[(y + row) & mask]
         for x in range(w):
-            r, g, b = here[3 * x + 3], here[3 * x + 4], here[3 * x + 5]
+            r, g, b = current[3 * x + 3], current[3 * x + 4], current[3 * x + 5]
             mean = np.float32(0.299) * r + np.float32(0.587) * g + np.float32(0.114) * b
             at = (x + column) & mask
             for k in range(3):
                 grey[3 * x + k], speck[3 * x + k] = mean, specks[at, k]
         for e in range(3 * w):
-            value = here[e + 3]
-            around = above[e] + below[e] + here[e] + here[e + 6]
+            value = current[e + 3]
+            around = above[e] + below[e] + current[e] + current[e + 6]
             sharp = halo * (value - quarter * around)
             value = grey[e] + saturation * (value - grey[e]) + sharp
             value = min(max(value, zero), white)
@@ -235,7 +235,7 @@ def _store(
 
 
 def _compressed(image: np.ndarray, quality: int) -> np.ndarray:
-    """The image as it comes back from a JPEG file of ``quality`` 1..100."""
+    """The image after JPEG compression with ``quality`` 1..100."""
     bgr = cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
     _, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, quality])
     return cv2.cvtColor(cv2.imdecode(data, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)

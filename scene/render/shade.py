@@ -1,6 +1,6 @@
 """The shader of all renderers: sun, sky light, texture, gloss and haze of every spot.
 
-Everything here is compiled and alike for all renderers.
+All of it is compiled and shared by all renderers.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numba import carray
 
-from scene.cache import kept
+from scene.cache import cached
 from scene.classes import TrainId
 from scene.compiled import njit
 from scene.ground.build import GROUND_INSTANCES
@@ -25,11 +25,11 @@ if TYPE_CHECKING:
     from scene.sky.sky import Sky
 
 MISS = -1
-"""Face of a sample that sees the sky."""
+"""Face of a sample that hits the sky."""
 BOUNCE = 0.15
-"""Share of the light on the ground that comes back up."""
+"""Share of the light on the ground that is reflected upwards."""
 OPPOSITE = 0.7
-"""Radiance of the street's other side, which mirrors show below the sky, by that of the ground."""
+"""Radiance of the opposite side of the street in mirrors, relative to that of the ground."""
 
 WHITE = (0.80, 0.83, 0.88)
 """Linear RGB of snow."""
@@ -38,24 +38,24 @@ Array = np.ndarray
 f32 = np.float32
 GLASS, LAMP = material_id("glass"), material_id("lamp")
 LAMPLIGHT = (1.0, 0.72, 0.42)
-"""Linear RGB of the light of street lamps and of windows."""
+"""Linear RGB of light from street lamps and windows."""
 SHINE = 1.8
 """Radiance of a white lamp."""
 LAMP_POWER = 16.0
-"""Light of a lamp on what is one metre away."""
+"""Light of a lamp at a distance of one metre."""
 LAMP_REACH = 45.0
 """Metres beyond which a lamp lights nothing."""
 ROAD = next(k for k, train_id in GROUND_INSTANCES.items() if train_id == TrainId.ROAD)
 HOUSES = 34
-"""Around a mirror, of different heights, between which it shows the sky."""
+"""Number of houses of different heights around a mirror, with sky between them."""
 BATCH, WORK = 256, 40
-"""Spots that are shaded together, and the numbers that are kept of each meanwhile."""
+"""Spots that are shaded together, and the number of intermediate values of each."""
 ZERO, HALF, ONE = f32(0), f32(0.5), f32(1)
 """Compiled code computes in doubles as soon as a plain number comes near; these keep it single."""
 
 
 class Textures(NamedTuple):
-    """Every material's texture at every level of detail, in one row of bytes."""
+    """The textures of all materials at every level of detail, one row of bytes per material."""
 
     texels: np.ndarray  # u8[materials, texels], level after level; 100 is a factor of 1
     start: np.ndarray  # i32[levels] first texel of a level
@@ -65,10 +65,10 @@ class Textures(NamedTuple):
 @cache
 def texture_levels() -> Textures:
     """The textures and their means over 2 x 2, 4 x 4, ... texels."""
-    return Textures(**kept("textures", lambda: _made()._asdict()))
+    return Textures(**cached("textures", lambda: _make_levels()._asdict()))
 
 
-def _made() -> Textures:
+def _make_levels() -> Textures:
     level = textures()
     levels = [level]
     while level.shape[1] > 1:
@@ -89,7 +89,7 @@ def material_rows() -> np.ndarray:
 
 @njit(cache=True, fastmath=True, error_model="numpy", inline="always")
 def _angle(y: np.float32, x: np.float32) -> np.float32:
-    """``atan2`` to 1e-5, without its slow exactness: a polynomial in the smaller over the larger."""
+    """``atan2`` to 1e-5, but faster: a polynomial in the ratio of the smaller to the larger."""
     wide, high = abs(x), abs(y)
     a = min(wide, high) / (max(wide, high) + f32(1e-20))
     s = a * a
@@ -105,7 +105,7 @@ def _angle(y: np.float32, x: np.float32) -> np.float32:
 
 @njit(cache=True, fastmath=True, error_model="numpy", inline="always")
 def _sky(column: np.float32, row: np.float32, panorama: Array, n: int, out: Array) -> None:
-    """Radiance ``out[:, n]`` at a place in the panorama, see ``scene.sky.sky.panorama``."""
+    """Radiance ``out[:, n]`` at a position in the panorama, see ``scene.sky.sky.panorama``."""
     width = panorama.shape[1]
     c, r = int(column + ONE) - 1, int(row)  # cheaper than floor; column is over -1
     right, down = column - f32(c), row - f32(r)
@@ -141,7 +141,7 @@ def _texture(
 
 @njit(cache=True, fastmath=True, error_model="numpy")
 def lamplight(points: Array, smooth: Array, lamps: Array, power: np.float32, out: Array) -> None:
-    """Light ``out`` f32[spots] of all lamps at ``points``, without shadows: most of it goes down."""
+    """Add the light of all lamps at ``points`` to ``out`` f32[spots], without shadows, mostly downwards."""
     for i in range(points.shape[0]):
         for j in range(lamps.shape[0]):
             x, y = lamps[j, 0] - points[i, 0], lamps[j, 1] - points[i, 1]
@@ -168,14 +168,13 @@ def shade(
     ambient: Array,
     panorama: Array,
 ) -> Array:
-    """Linear radiance f32[pixels, 3] towards the camera: of each pixel the mean over its samples.
+    """Linear radiance f32[pixels, 3] towards the camera: the mean over the samples of each pixel.
 
-    ``visible`` holds places and normals on the road (see ``on_road``) and shares of a pixel; ``pixel_angle``
-    is the radians between pixels, ``brightest`` what no sample goes beyond; ``surfaces`` are those of
-    ``Geometry``, ``rows`` those of materials, ``sky`` is in single precision (see ``Sky.single``).
+    ``visible`` has points and normals on the road (see ``on_road``) and shares of a pixel; ``pixel_angle`` is
+    the angle between pixels in radians, ``brightest`` the largest radiance of a sample; ``surfaces`` are
+    those of ``Geometry``, ``rows`` those of materials, ``sky`` is in single precision (see ``Sky.single``).
 
-    Spots are taken some at a time: what looks things up one by one, then the sums of all, which
-    processors do many at a time.
+    Spots are processed in batches: first lookups, one by one, then arithmetic, which is vectorised.
     """
     first, sample, share = visible.spots.first, visible.spots.sample, visible.spots.share
     distance, directions = visible.spots.distance, visible.spots.directions
@@ -191,17 +190,17 @@ def shade(
     for k in range(3):
         ground_light[k] = f32(BOUNCE) * (sun[k] * max(sun_direction[2], ZERO) + ambient[k])
     sun0, sun1, sun2 = sun_direction[0], sun_direction[1], sun_direction[2]
-    # A wet road is rough: only standing water mirrors clouds, the rest their mean.
+    # A wet road is rough: only standing water mirrors clouds, the rest mirrors their mean.
     water = min(max(f32(5) * wetness - f32(4), ZERO), ONE)
     per_sample = pixel_angle * f32(size[0])
     per_sample *= per_sample
     high, wide = f32(panorama.shape[0]), f32(panorama.shape[1])
-    # One array for all: of several the compiler would not know that they are not the same.
+    # All buffers are one array, since the compiler could not rule out that several arrays overlap.
     work = np.zeros((WORK, BATCH), np.float32)
     dx, dy, dz, nx, ny, nz, x, y, z = (
         work[0], work[1], work[2], work[3], work[4], work[5], work[6], work[7], work[8],
     )  # fmt: skip
-    flat_x, flat_y, flat_z, t, light, sky_light, seen = (
+    flat_x, flat_y, flat_z, t, light, sky_light, solid = (
         work[9], work[10], work[11], work[12], work[13], work[14], work[15],
     )  # fmt: skip
     tile, gloss, through, shift, u, v, level, up, wet, clear, air = (
@@ -222,10 +221,10 @@ def shade(
             x[n], y[n], z[n] = points[i, 0], points[i, 1], points[i, 2]
             flat_x[n], flat_y[n], flat_z[n] = flat[i, 0], flat[i, 1], flat[i, 2]
             light[n], sky_light[n], size_of[n] = lit[i], opened[i], share[i]
-            t[n], seen[n], texture[n] = distance[i], ONE, ONE
+            t[n], solid[n], texture[n] = distance[i], ONE, ONE
             if f < 0:
-                # All that is left of a spot in the sky is what it "mirrors".
-                t[n], seen[n] = ZERO, ZERO
+                # A spot in the sky shows only what it "mirrors".
+                t[n], solid[n] = ZERO, ZERO
                 material[n] = -1
                 tile[n], gloss[n], through[n], shift[n] = ONE, ONE, ZERO, ZERO
                 color[0, n] = color[1, n] = color[2, n] = ZERO
@@ -239,7 +238,7 @@ def shade(
         for n in range(count):
             toward = dx[n] * nx[n] + dy[n] * ny[n] + dz[n] * nz[n]
             steep = min(abs(toward), ONE)
-            # Project along the dominant axis; instances start at different places in the texture.
+            # Project along the dominant axis; instances start at different positions in the texture.
             level_one = flat_z[n] * flat_z[n] > f32(0.49)
             sideways = flat_x[n] * flat_x[n] > flat_y[n] * flat_y[n]
             per_tile = ONE / tile[n]
@@ -262,7 +261,7 @@ def shade(
             up[n] = HALF + HALF * nz[n]
             damp = wetness if flat_z[n] > f32(0.9) else ZERO
             damp = damp if pz < f32(0.2) else ZERO
-            damp *= seen[n]
+            damp *= solid[n]
             wet[n] = damp
             clear[n] = water if damp > ZERO else ONE
             shine = max(gloss[n], f32(0.05) * damp)
@@ -271,25 +270,25 @@ def shade(
             graze *= f32(0.8) * damp if damp > ZERO else f32(0.6)
             grown = shine + (ONE - shine) * graze
             grown = grown if shine > ZERO else ZERO
-            gloss[n] = grown if seen[n] > ZERO else ONE
-            bounce = f32(2) * toward * seen[n]
+            gloss[n] = grown if solid[n] > ZERO else ONE
+            bounce = f32(2) * toward * solid[n]
             mx, my, mz = dx[n] - bounce * nx[n], dy[n] - bounce * ny[n], dz[n] - bounce * nz[n]
-            # Low rays meet the street's other side, houses of several heights, rather than the sky.
+            # Low rays hit the opposite side of the street, houses of several heights, rather than the sky.
             turn = _angle(my, mx) * f32(1 / math.tau) + HALF
             house = int(turn * f32(HOUSES))
             eaves = f32(house * (house + 5) % 11) * f32(0.02)
             wall = min(max((mz - eaves) * f32(8) + f32(0.1), f32(0.12)), ONE)
-            # What is wet is level and rough: it blurs them.
+            # Wet surfaces are level and rough, so they blur the houses.
             part = min(max(mz * f32(3) + f32(0.1), f32(0.12)), ONE)
             part = part if damp > ZERO else wall
             part *= f32(0.3) + f32(0.7) * sky_light[n]
-            sky_share[n] = part if seen[n] > ZERO else ONE
-            mz = min(max(mz, -mz * seen[n]), ONE)
+            sky_share[n] = part if solid[n] > ZERO else ONE
+            mz = min(max(mz, -mz * solid[n]), ONE)
             column[n] = turn * wide - HALF
             mz = max(mz, ZERO)
             rise = _angle(mz, f32(math.sqrt(max(ONE - mz * mz, ZERO)))) * f32(2 / math.pi)
             row[n] = min(max(high * f32(math.sqrt(rise)) - HALF, ZERO), high - f32(1.001))
-            # exp(-t / haze) by its series, of a sixteenth of it.
+            # exp(-t / haze) as the 16th power of the series of a sixteenth.
             e = min(t[n] / haze, f32(16)) * f32(-1 / 16)
             e = ONE + e * (
                 ONE + e * (HALF + e * (f32(1 / 6) + e * (f32(1 / 24) + e * f32(1 / 120))))
@@ -307,31 +306,31 @@ def shade(
                     at = min(int(level[n]), len(size) - 1)
                     texture[n] = _texture(material[n], u[n], v[n], at, texels, start, size)
         if glow.shape[0] > 0:
-            # Lamps shine by themselves, and so do drawn curtains.
+            # Lamps emit light, and so do windows with drawn curtains.
             for n in range(count):
                 shone[n] = glow[begin + n] * sky_light[n]
-                drawn = (material[n] == GLASS) & (color[0, n] > f32(0.2))
-                shines[n] = f32(SHINE) if material[n] == LAMP else (f32(0.35) if drawn else ZERO)
+                curtain = (material[n] == GLASS) & (color[0, n] > f32(0.2))
+                shines[n] = f32(SHINE) if material[n] == LAMP else (f32(0.35) if curtain else ZERO)
         if snow > ZERO:
-            # It lies on what is level, thin and torn where wheels run and where the ground is uneven.
+            # Snow covers level surfaces; it is thin and patchy in wheel tracks and on uneven ground.
             for n in range(count):
                 if material[n] >= 0 and flat_z[n] > f32(0.3):
-                    lies = min((min(nz[n], flat_z[n]) - f32(0.3)) * f32(2.5), ONE)
-                    lies *= snow + f32(1.5) * (texture[n] - ONE)
+                    cover = min((min(nz[n], flat_z[n]) - f32(0.3)) * f32(2.5), ONE)
+                    cover *= snow + f32(1.5) * (texture[n] - ONE)
                     if instance[sample[begin + n]] == ROAD:
                         track = HALF + HALF * f32(math.cos(abs(y[n]) * f32(math.tau / 1.75)))
-                        lies *= f32(0.9) - f32(0.75) * track
-                    lies = min(max(lies, ZERO), ONE)
-                    gloss[n] *= ONE - lies
-                    texture[n] = texture[n] * (ONE - lies) + lies
+                        cover *= f32(0.9) - f32(0.75) * track
+                    cover = min(max(cover, ZERO), ONE)
+                    gloss[n] *= ONE - cover
+                    texture[n] = texture[n] * (ONE - cover) + cover
                     for k in range(3):
-                        color[k, n] = color[k, n] * (ONE - lies) + lies * f32(WHITE[k])
+                        color[k, n] = color[k, n] * (ONE - cover) + cover * f32(WHITE[k])
         for k in range(3):
             sun_k, above, below, hazy = sun[k], ambient[k], ground_light[k], horizon[k]
             mean = HALF * (hazy + above)
             for n in range(count):
                 blurred = mean * texture[n] * (ONE - clear[n])
-                mirror = mirrored[k, n] if seen[n] == ZERO else min(mirrored[k, n], f32(2.5))
+                mirror = mirrored[k, n] if solid[n] == ZERO else min(mirrored[k, n], f32(2.5))
                 mirror = sky_share[n] * (mirror * clear[n] + blurred)
                 mirror += (ONE - sky_share[n]) * sky_light[n] * f32(OPPOSITE) * below
                 albedo = min(color[k, n] * texture[n], f32(0.95)) * (ONE - f32(0.45) * wet[n])

@@ -1,7 +1,7 @@
-"""One shot, from sample rays to a developed frame: what all renderers do alike.
+"""One shot, from sample rays to a developed frame: the part that all renderers share.
 
-A renderer finds which face each sample sees, how far away, and what light reaches it there; the rest is
-here, so that two renderers differ in visibility only.
+A renderer finds the face that each sample hits, its distance, and the light there. The rest is here, so that
+renderers differ in visibility only.
 """
 
 from __future__ import annotations
@@ -30,28 +30,28 @@ from scene.street.camera import Camera, camera_axes
 from scene.street.street import Street
 
 BRIGHTEST = 4.0
-"""Radiance above which samples of a pixel count as alike, so that bright sky does not eat thin poles."""
+"""Radiance at which samples are clipped, so that bright sky does not swallow thin poles."""
 SKY_STEP = 2
-"""Pixels from one ray into the open to the next, each way."""
+"""Distance between sky rays in pixels, along each axis."""
 UNBOUNDED = 1e9
-"""Radiance beyond all."""
+"""Radiance above all others."""
 
 
 class Surroundings(NamedTuple):
-    """What all shots of a street have in common."""
+    """The common data of all shots of a street."""
 
     street: Street
     geometry: Geometry
     panorama: np.ndarray  # f32[rows, columns, 3]
-    boxes: np.ndarray  # f32[n, 16] that darken the ground, see ``standing_boxes``
+    boxes: np.ndarray  # f32[n, 16] boxes that darken the ground, see ``standing_boxes``
 
 
 def surroundings(street: Street, geometry: Geometry, settings: RenderSettings) -> Surroundings:
-    """Paint the street's sky, about as fine as the image will show it."""
+    """Paint the sky of a street, at about the resolution of the image."""
     wide = settings.width * settings.samples * 360 / settings.fov
     columns = int(2 ** np.clip(round(math.log2(wide / 2)), 8, 10))
-    painted = panorama(street.sky, columns)
-    return Surroundings(street, geometry, painted, standing_boxes(geometry))
+    sky_image = panorama(street.sky, columns)
+    return Surroundings(street, geometry, sky_image, standing_boxes(geometry))
 
 
 def sample_rays(camera: Camera, settings: RenderSettings) -> Rays:
@@ -87,69 +87,69 @@ def _fill_rays(
 
 
 def visible(around: Surroundings, rays: Rays, hits: Hits, settings: RenderSettings) -> Visible:
-    """Tell the spots of each pixel apart and say what they are."""
+    """Group the samples of each pixel into spots, and compute their geometry."""
     surfaces, pose = around.geometry.surfaces, around.geometry.pose
     spots = group(hits, rays.directions, surfaces, pose, rays.columns, settings.samples)
     n = len(spots.sample)
     flat, smooth, points = (np.empty((n, 3), np.float32) for _ in range(3))
-    seen = Visible(rays, hits, spots, flat, smooth, points, np.empty(n, np.int8))
-    visibility.look(seen, surfaces, pose, shade.material_rows(), around.street.sky.sun_direction)
-    return seen
+    view = Visible(rays, hits, spots, flat, smooth, points, np.empty(n, np.int8))
+    visibility.look(view, surfaces, pose, shade.material_rows(), around.street.sky.sun_direction)
+    return view
 
 
 def sky_grid(settings: RenderSettings) -> tuple[int, int]:
-    """Columns and rows of the pixels from which a ray goes into the open."""
+    """Columns and rows of the pixels with a sky ray."""
     return -(-settings.width // SKY_STEP), -(-settings.height // SKY_STEP)
 
 
-def sky_segments(seen: Visible, around: Surroundings, settings: RenderSettings) -> Segments:
-    """A ray into the open for every ``SKY_STEP``-th pixel each way, see ``spread``."""
+def sky_segments(view: Visible, around: Surroundings, settings: RenderSettings) -> Segments:
+    """A sky ray for every ``SKY_STEP``-th pixel along each axis, see ``spread``."""
     path = around.street.ground.path
-    if path.slopes:  # rays that fall onto the street are found as if it were level
-        pixels = seen.spots.first[:-1].reshape(settings.height, settings.width)
+    if path.slopes:  # rays onto the street are found as if it were level
+        pixels = view.spots.first[:-1].reshape(settings.height, settings.width)
         begin = pixels[::SKY_STEP, ::SKY_STEP].ravel()
-        below = road_height(path, seen.points[begin])
-        seen = seen._replace(points=seen.points.copy())
-        seen.points[begin, 2] -= below
+        below = road_height(path, view.points[begin])
+        view = view._replace(points=view.points.copy())
+        view.points[begin, 2] -= below
     width, height = sky_grid(settings)
     starts, directions = (np.empty((height * width, 3), np.float32) for _ in range(2))
-    found = Segments(starts, directions, np.empty(height * width, np.uint8))
-    visibility.sky_rays(seen, settings.width, SKY_STEP, height, width, found)
+    segments = Segments(starts, directions, np.empty(height * width, np.uint8))
+    visibility.sky_rays(view, settings.width, SKY_STEP, height, width, segments)
     if path.slopes:
         starts[:, 2] += below
-    return found
+    return segments
 
 
-def spread(free: np.ndarray, seen: Visible, settings: RenderSettings) -> np.ndarray:
-    """Share f32[m] of open sky from ``free`` f32, 1 for each ray of ``sky_segments`` that gets away."""
-    opened = np.empty(len(seen.points), np.float32)
-    visibility.spread_open(free, seen, settings.height, settings.width, SKY_STEP, opened)
+def spread(free: np.ndarray, view: Visible, settings: RenderSettings) -> np.ndarray:
+    """Share f32[m] of visible sky from ``free`` f32, 1 for each unblocked ray of ``sky_segments``."""
+    opened = np.empty(len(view.points), np.float32)
+    visibility.spread_open(free, view, settings.height, settings.width, SKY_STEP, opened)
     return opened
 
 
 def radiance(
-    around: Surroundings, seen: Visible, light: Light, settings: RenderSettings
+    around: Surroundings, view: Visible, light: Light, settings: RenderSettings
 ) -> np.ndarray:
     """Linear radiance f32[h, w, 3] of every pixel."""
-    sky, geometry, hits, spots = around.street.sky, around.geometry, seen.hits, seen.spots
+    sky, geometry, hits, spots = around.street.sky, around.geometry, view.hits, view.spots
     brightest = BRIGHTEST if settings.samples > 1 else UNBOUNDED
     places, flat = on_road(
         geometry, around.street.ground.path, hits.instance[spots.sample],
-        hits.face[spots.sample], seen.points, seen.flat,
+        hits.face[spots.sample], view.points, view.flat,
     )  # fmt: skip
     if settings.occlusion:
         opened = darken(
-            light.opened, seen.points, hits.instance[spots.sample], geometry.train_id, around.boxes,
-            seen.rays.origin,
+            light.opened, view.points, hits.instance[spots.sample], geometry.train_id, around.boxes,
+            view.rays.origin,
         )  # fmt: skip
         light = light._replace(opened=opened)
     if sky.lamps:
-        light = light._replace(glow=np.zeros(len(seen.points), np.float32))
-        shade.lamplight(seen.points, seen.smooth, lamps(around), np.float32(sky.lamps), light.glow)
+        light = light._replace(glow=np.zeros(len(view.points), np.float32))
+        shade.lamplight(view.points, view.smooth, lamps(around), np.float32(sky.lamps), light.glow)
     share = spots.share / np.float32(settings.samples**2)
     image = shade.shade(
-        seen._replace(spots=spots._replace(share=share), points=places, flat=flat), light,
-        np.float32(seen.rays.spacing * settings.samples), np.float32(brightest), settings.textures,
+        view._replace(spots=spots._replace(share=share), points=places, flat=flat), light,
+        np.float32(view.rays.spacing * settings.samples), np.float32(brightest), settings.textures,
         geometry.surfaces, shade.material_rows(), shade.texture_levels(), sky.single,
         sky.ambient, around.panorama,
     )  # fmt: skip
@@ -157,8 +157,8 @@ def radiance(
 
 
 def lamps(around: Surroundings) -> np.ndarray:
-    """Places f32[n, 3] of what shines on the street: the middles of the heads of its lamps."""
-    geometry, found = around.geometry, [np.zeros((0, 3))]
+    """Positions f32[n, 3] of the lights of a street: the centres of its lamp heads."""
+    geometry, places = around.geometry, [np.zeros((0, 3))]
     for placement in around.street.placements:
         if placement.family != "lamp":
             continue
@@ -167,36 +167,36 @@ def lamps(around: Surroundings) -> np.ndarray:
         if len(head):
             ends = shape.vertices[head].reshape(-1, 3)
             middle = (ends.min(axis=0) + ends.max(axis=0)) / 2
-            found.append(placement.pose[:3, :3] @ middle[:, None] + placement.pose[:3, 3:])
-    return np.concatenate([place.reshape(-1, 3) for place in found]).astype(np.float32)
+            places.append(placement.pose[:3, :3] @ middle[:, None] + placement.pose[:3, 3:])
+    return np.concatenate([place.reshape(-1, 3) for place in places]).astype(np.float32)
 
 
 def expose(
     around: Surroundings,
     shot: int,
-    seen: Visible,
+    view: Visible,
     light: Light,
-    middles: Visible,
+    pixel_view: Visible,
     settings: RenderSettings,
 ) -> Frame:
     """Shade, average and develop the samples, and pick label, instance, depth and normal of every pixel.
 
     Args:
-        around: the street, which gives the light and the seed of what the camera adds.
-        shot: which of the street's cameras.
-        seen: what the samples see.
+        around: the street, with the seed of the camera's noise.
+        shot: index of the camera.
+        view: what the samples see.
         light: what reaches it.
-        middles: what the middles of the pixels see, by the samples of ``through_middles``.
+        pixel_view: what the middles of the pixels see, by the samples of ``through_middles``.
         settings: size and quality.
     """
     street = around.street
-    image = radiance(around, seen, light, settings)
+    image = radiance(around, view, light, settings)
     camera = street.cameras[shot]
     usual = camera_of_street(settings.response, stream(street.seed, "camera"))
     response = set_to(usual, camera.exposure, camera.warmth)
     image = develop(image, response, stream(street.seed, "noise", shot))
 
-    rays, hits, samples = middles.rays, middles.hits, through_middles(settings).samples
+    rays, hits, samples = pixel_view.rays, pixel_view.hits, through_middles(settings).samples
     pick = np.s_[samples // 2 :: samples, samples // 2 :: samples]
 
     def pixels(values: np.ndarray) -> np.ndarray:
@@ -206,7 +206,7 @@ def expose(
     axes = camera_axes(camera).astype(np.float32)
     axes[2] *= -1
     normal = np.empty((*instance.shape, 3), np.float32)
-    _turn(middles.smooth, middles.spots.first, instance, axes, normal)
+    _turn(pixel_view.smooth, pixel_view.spots.first, instance, axes, normal)
     return Frame(
         image=image,
         label=labelled(around.geometry, instance, pixels(hits.face)),
@@ -218,7 +218,7 @@ def expose(
 
 
 def labelled(geometry: Geometry, instance: np.ndarray, face: np.ndarray) -> np.ndarray:
-    """Train ids u8[h, w] of instances and their faces, both [h, w]; void where a face is ignored."""
+    """Train ids u8[h, w] of instances and their faces, both [h, w]; VOID for ignored faces."""
     label = geometry.train_id[instance]
     _ignore(geometry.surfaces, instance, face, label)
     return label
@@ -228,7 +228,7 @@ def labelled(geometry: Geometry, instance: np.ndarray, face: np.ndarray) -> np.n
 def _ignore(
     surfaces: np.ndarray, instance: np.ndarray, face: np.ndarray, label: np.ndarray
 ) -> None:
-    """Make the pixels u8[h, w] whose face labels ignore void."""
+    """Set pixels u8[h, w] of ignored faces to VOID."""
     for row in range(label.shape[0]):
         for column in range(label.shape[1]):
             f, j = face[row, column], instance[row, column]
@@ -242,13 +242,13 @@ def _ignore(
 def _turn(
     world: np.ndarray, first: np.ndarray, instance: np.ndarray, axes: np.ndarray, out: np.ndarray
 ) -> None:
-    """Normals of each pixel's first spot in the camera's frame; 0 where nothing was hit."""
+    """Normals of the first spot of each pixel in the camera's frame; 0 for the sky."""
     for row in range(out.shape[0]):
         for column in range(out.shape[1]):
-            seen = instance[row, column] != 0
+            hit = instance[row, column] != 0
             i = first[row * out.shape[1] + column]
             for k in range(3):
                 value = np.float32(0)
                 for a in range(3):
                     value += axes[k, a] * world[i, a]
-                out[row, column, k] = value if seen else 0
+                out[row, column, k] = value if hit else 0

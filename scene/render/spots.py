@@ -1,7 +1,7 @@
-"""What the samples of a pixel see, as few spots as can be told apart: light and shading cost per spot.
+"""Group the samples of a pixel into as few spots as possible, since light and shading cost time per spot.
 
-With several samples a pixel most pixels see one plain surface with all of them. Shaded once, in their
-middle, they look as they would shaded one by one.
+With several samples per pixel, all samples of most pixels hit one flat surface. Shaded once, at their centre,
+they look the same as shaded one by one.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from scene.render.geometry import ROW
 
 f32 = np.float32
 ALIKE = f32(0.97)
-"""Least cosine between the normals of two faces that are shaded as one."""
+"""Least cosine between the normals of faces that are shaded as one."""
 FLAT = f32(0.2)
-"""Most height over a plane, as a share of the way there, of what belongs to it."""
+"""Largest height above a plane of points that belong to it, relative to their distance."""
 THICK = f32(0.005)
-"""Metres over a plane that always belong to it."""
+"""Height in metres above a plane that always belongs to it."""
 
 
 def group(
@@ -33,20 +33,22 @@ def group(
     columns: int,
     samples: int,
 ) -> Spots:
-    """Spots of ``samples`` x ``samples`` a pixel; with one sample, each is a spot.
+    """Group ``samples`` x ``samples`` samples per pixel into spots; with one, each is a spot.
 
     Args:
-        hits: what the samples see.
+        hits: the hits of the samples.
         directions: f32[n, 3], see ``Rays``.
         surfaces: u64[instances], see ``Geometry``.
         pose: f32[instances, 3, 4], see ``Geometry``.
         columns: samples in a row.
-        samples: of a pixel, along each axis.
+        samples: samples per pixel along each axis.
     """
     n = len(hits.face)
     if samples == 1:
-        every = np.arange(n + 1, dtype=np.int32)
-        return Spots(every, every[:-1], np.ones(n, f32), directions, hits.distance, every[:-1])
+        numbers = np.arange(n + 1, dtype=np.int32)
+        return Spots(
+            numbers, numbers[:-1], np.ones(n, f32), directions, hits.distance, numbers[:-1]
+        )
     first, sample, owner = (np.empty(k, np.int32) for k in (n // samples**2 + 1, n, n))
     share, middle, away = np.empty(n, f32), np.empty((n, 3), f32), np.empty(n, f32)
     m = _group(
@@ -66,12 +68,12 @@ def _group(
     samples: int,
     out: Spots,
 ) -> int:
-    """Fill the spots, see ``group``; returns how many there are."""
+    """Fill the spots, see ``group``; returns their number."""
     face, instance, distance = hits.face, hits.instance, hits.distance
     first, sample, share, owner = out.first, out.sample, out.share, out.owner
     middle, away = out.directions, out.distance
-    wide, each = columns // samples, samples * samples
-    left = np.empty(each, np.int64)
+    wide, per_pixel = columns // samples, samples * samples
+    left = np.empty(per_pixel, np.int64)
     count = 0
     for p in range(first.shape[0] - 1):
         first[p] = count
@@ -86,18 +88,18 @@ def _group(
                 x += t * directions[i, 0]
                 y += t * directions[i, 1]
                 z += t * directions[i, 2]
-        if same:  # as most often
+        if same:  # the most frequent case
             for row in range(samples):
                 for i in range(corner + row * columns, corner + row * columns + samples):
                     owner[i] = count
             length = f32(math.sqrt(x * x + y * y + z * z))
-            sample[count], share[count] = left[0], each
+            sample[count], share[count] = left[0], per_pixel
             middle[count, 0], middle[count, 1], middle[count, 2] = (
                 x / length,
                 y / length,
                 z / length,
             )
-            away[count] = length / f32(each) if f >= 0 else distance[left[0]]
+            away[count] = length / f32(per_pixel) if f >= 0 else distance[left[0]]
             count += 1
             continue
         k = 1
@@ -107,9 +109,9 @@ def _group(
                 if i != left[0]:
                     left[k] = i
                     k += 1
-        waiting = each
+        waiting = per_pixel
         while waiting > 0:
-            # All that are like the first one leave; the others keep their order.
+            # Remove all that are like the first one; the others keep their order.
             one, rest, members = left[0], 0, 1
             owner[one] = count
             ground = distance[one] if face[one] >= 0 else f32(1)
@@ -153,7 +155,7 @@ def _alike(
     a: int,
     b: int,
 ) -> bool:
-    """Whether samples ``a`` and ``b`` see one face, or two of one colour that about share a plane."""
+    """Whether samples ``a`` and ``b`` hit one face, or two of one colour in about the same plane."""
     if instance[a] != instance[b]:
         return False
     if face[a] == face[b]:

@@ -1,6 +1,6 @@
-"""What lies at each spot and what light can reach it: normals, points, and the rays that ask.
+"""Geometry of each spot, and the rays that find its light: normals, points, sky rays.
 
-Everything here is compiled and alike for all renderers; they only answer the rays.
+All of it is compiled and shared by all renderers, which only trace the rays.
 """
 
 from __future__ import annotations
@@ -16,43 +16,43 @@ from scene.render.buffers import Segments, Visible
 from scene.render.geometry import ROW
 
 OFFSET = 1e-2
-"""Metres along the normal from a surface to the start of its next ray."""
+"""Offset in metres along the normal at which rays from a surface start."""
 REACH = 5.0
-"""Metres within which a surface takes sky light away."""
+"""Distance in metres within which a surface blocks sky light."""
 LEVEL = 0.02
-"""Metres above the street from which on rays that fall meet it."""
+"""Height in metres above the street from which descending rays hit it."""
 DARKEST = 0.05
-"""Share of the sky's light that reaches a surface from which no sky is seen."""
+"""Share of the sky's light that reaches a surface without visible sky."""
 
 Array = np.ndarray
 f32 = np.float32
 ZERO, ONE = f32(0), f32(1)
 """Compiled code computes in doubles as soon as a plain number comes near; these keep it single."""
 ALIKE_NORMAL, ALIKE_DISTANCE = f32(0.8), f32(0.06)
-"""Least cosine between normals, and most distance in distances, of samples on about the same surface."""
+"""Least cosine between normals, and largest relative difference of distances, on about the same surface."""
 NEARBY = f32(0.2)
-"""What samples about as far away count that lie on another surface."""
+"""Weight of samples at about the same distance on another surface."""
 BATCH = 256
-"""Spots that are looked at together."""
+"""Spots that are processed together."""
 FAR_OFF = f32(1e9)
-"""Metres to the sky, as far as occlusion goes."""
+"""Distance of the sky in metres, for occlusion."""
 
 
 @njit(cache=True, fastmath=True, error_model="numpy")
-def look(seen: Visible, surfaces: Array, pose: Array, rows: Array, sun_direction: Array) -> None:
-    """Fill in what each spot is: the face's normal, the smoothed one, both towards the viewer, the point.
+def look(view: Visible, surfaces: Array, pose: Array, rows: Array, sun_direction: Array) -> None:
+    """Fill in the geometry of each spot: flat and smoothed normal, both towards the viewer, and position.
 
-    Misses get an upward normal and the ray's origin. ``side`` says on which side of the face a ray to the
-    sun begins: 1 the viewer's, -1 the other (leaves, which the sun shines through), 0 where none is
-    needed: in the sky, and where a surface faces away from the sun.
+    Misses get an upward normal and the ray's origin. ``side`` is the side of the face where a ray to the sun
+    starts: 1 the viewer's, -1 the other (leaves, which the sun shines through), 0 if none is needed: in the
+    sky, and where a surface faces away from the sun.
     """
-    origin, spots, hits = seen.rays.origin, seen.spots, seen.hits
+    origin, spots, hits = view.rays.origin, view.spots, view.hits
     directions, distance, sample = spots.directions, spots.distance, spots.sample
     instance, face, u, v = hits.instance, hits.face, hits.u, hits.v
-    flat, smooth, points, side = seen.flat, seen.smooth, seen.points, seen.side
+    flat, smooth, points, side = view.flat, view.smooth, view.points, view.side
     sun0, sun1, sun2 = sun_direction[0], sun_direction[1], sun_direction[2]
-    # What looks things up apart from what computes, which processors do many at a time. One array for all:
-    # of several the compiler would not know that they are not the same.
+    # Lookups are separate from arithmetic, which is vectorised. All buffers are one array, since the compiler
+    # could not rule out that several arrays overlap.
     work = np.empty((16, BATCH), np.float32)
     fx, fy, fz, sx, sy, sz = work[0], work[1], work[2], work[3], work[4], work[5]
     dx, dy, dz, t, x, y, z = work[6], work[7], work[8], work[9], work[10], work[11], work[12]
@@ -87,7 +87,7 @@ def look(seen: Visible, surfaces: Array, pose: Array, rows: Array, sun_direction
             shrink = ONE / f32(math.sqrt(max(p * p + q * q + r * r, f32(1e-12))))
             toward_flat = a * dx[n] + b * dy[n] + c * dz[n]
             toward_smooth = p * dx[n] + q * dy[n] + r * dz[n]
-            # At a silhouette the smoothed normal may lean away; then it is the flat one.
+            # At a silhouette the smoothed normal may point away; then the flat one is used.
             leans = toward_flat * toward_smooth <= ZERO
             p, q, r = (
                 a if leans else shrink * p, b if leans else shrink * q, c if leans else shrink * r,
@@ -95,9 +95,9 @@ def look(seen: Visible, surfaces: Array, pose: Array, rows: Array, sun_direction
             turn = -ONE if toward_flat * hit[n] > ZERO else ONE
             by_face = turn * (a * sun0 + b * sun1 + c * sun2)
             by_normal = turn * (p * sun0 + q * sun1 + r * sun2)
-            ours = ONE if by_face > ZERO else ZERO
-            plain = ours if by_normal > ZERO else ZERO
-            begins[n] = hit[n] * (ours + ours - ONE if clear[n] > ZERO else plain)
+            viewer_side = ONE if by_face > ZERO else ZERO
+            one_sided = viewer_side if by_normal > ZERO else ZERO
+            begins[n] = hit[n] * (viewer_side + viewer_side - ONE if clear[n] > ZERO else one_sided)
             fx[n], fy[n], fz[n] = turn * a, turn * b, turn * c
             sx[n], sy[n], sz[n] = turn * p, turn * q, turn * r
             x[n] = origin0 + t[n] * dx[n]
@@ -113,15 +113,15 @@ def look(seen: Visible, surfaces: Array, pose: Array, rows: Array, sun_direction
 
 @njit(cache=True, fastmath=True, error_model="numpy")
 def sky_rays(
-    seen: Visible, columns: int, step: int, height: int, width: int, out: Segments
+    view: Visible, columns: int, step: int, height: int, width: int, out: Segments
 ) -> None:
-    """One cosine-distributed ray for every ``step``-th pixel each way, stratified over 4 x 4 of them.
+    """One cosine-distributed ray for every ``step``-th pixel along each axis, stratified over 4 x 4 of them.
 
-    Rays that soon fall on the street are not wanted: no sky is there.
+    Rays that soon hit the street are not needed: they find no sky.
     """
-    first, sample, face = seen.spots.first, seen.spots.sample, seen.hits.face
-    flat, points = seen.flat, seen.points
-    starts, directions, wanted = out.starts, out.directions, out.wanted
+    first, sample, face = view.spots.first, view.spots.sample, view.hits.face
+    flat, points = view.flat, view.points
+    starts, directions, needed = out.starts, out.directions, out.needed
     local = np.empty((16, 3), np.float32)
     for cell in range(16):
         # Low-discrepancy pair over the 16 cells of a block.
@@ -132,10 +132,10 @@ def sky_rays(
     for y in range(height):
         for x in range(width):
             j, i = y * width + x, first[step * (y * columns + x)]
-            wanted[j] = face[sample[i]] >= 0
+            needed[j] = face[sample[i]] >= 0
             a, b, c = flat[i, 0], flat[i, 1], flat[i, 2]
-            # A basis that turns smoothly with the normal, most of all around walls and bodies:
-            # neighbours then share out the same 16 directions, and their mean is even.
+            # A basis that rotates smoothly with the normal, above all around walls and bodies:
+            # neighbours then share the same 16 directions, and their mean is even.
             p, q, r = ZERO, ZERO, ZERO
             if abs(c) < f32(0.9):
                 shrink = ONE / f32(math.sqrt(a * a + b * b))
@@ -151,20 +151,20 @@ def sky_rays(
             for k in range(3):
                 starts[j, k] = points[i, k] + f32(OFFSET) * flat[i, k]
             if f32(LEVEL) < starts[j, 2] < -f32(REACH) * directions[j, 2]:
-                wanted[j] = 0
+                needed[j] = 0
 
 
 @njit(cache=True, fastmath=True, error_model="numpy")
 def spread_open(
-    seen_open: Array, seen: Visible, rows: int, columns: int, step: int, out: Array
+    is_open: Array, view: Visible, rows: int, columns: int, step: int, out: Array
 ) -> None:
-    """From one yes or no at every ``step``-th pixel to the share of open sky at each spot.
+    """The share of visible sky at each spot, from a binary value at every ``step``-th pixel.
 
-    First the mean over 4 x 4 rays that lie on about the same surface, then between the four nearest
+    First the mean over 4 x 4 rays from about the same surface, then interpolation between the four nearest
     means, again only across the same surface.
     """
-    first, sample, face = seen.spots.first, seen.spots.sample, seen.hits.face
-    smooth, distance = seen.smooth, seen.spots.distance
+    first, sample, face = view.spots.first, view.spots.sample, view.hits.face
+    smooth, distance = view.smooth, view.spots.distance
     height, width = (rows + step - 1) // step, (columns + step - 1) // step
     grid = np.empty((4, height, width), np.float32)  # normal and distance of these pixels
     for y in range(height):
@@ -172,7 +172,7 @@ def spread_open(
             i = first[step * (y * columns + x)]
             grid[0, y, x], grid[1, y, x], grid[2, y, x] = smooth[i, 0], smooth[i, 1], smooth[i, 2]
             grid[3, y, x] = distance[i] if face[sample[i]] >= 0 else FAR_OFF
-    mean = _mean_open(seen_open.reshape(height, width), grid)
+    mean = _mean_open(is_open.reshape(height, width), grid)
     for row in range(rows):
         y0 = row // step
         y1 = min(y0 + int(row % step > 0), height - 1)
@@ -206,10 +206,10 @@ def spread_open(
 
 @njit(cache=True, fastmath=True, error_model="numpy")
 def _mean_open(free: Array, grid: Array) -> Array:
-    """Share of open sky from the 4 x 4 rays around each, of those on about the same surface.
+    """Share of visible sky from the 4 x 4 rays around each, of those from about the same surface.
 
-    Others as far away count a little: among leaves hardly two rays start on one surface. One neighbour at a
-    time for a whole row, which processors do many columns at a time.
+    Others at the same distance have a small weight: among leaves, hardly two rays start on one surface. The
+    loop handles one neighbour at a time for a whole row, which is vectorised.
     """
     height, width = free.shape
     mean = np.empty((height, width), np.float32)

@@ -1,4 +1,4 @@
-"""Tileable cloud maps, one per kind of cloud: how thick it is, and which way its surface slopes."""
+"""Tileable cloud maps, one per kind of cloud: thickness, and slope of its surface."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 
-from scene.cache import kept
+from scene.cache import cached
 from scene.look.patterns import fractal_noise
 from scene.streams import table_row
 
@@ -42,7 +42,7 @@ def _puff(height: Array, centre: Array, radius: float, base: float) -> None:
 
 
 def _rest(rng: np.random.Generator) -> Array:
-    """Order among the cloudless: a faint noise, so that any cover has its share of the map."""
+    """Faint noise that ranks cloudless pixels, so that every cover value gets its share of the map."""
     return 0.01 * fractal_noise(rng, SIZE, 5, 5)
 
 
@@ -54,7 +54,7 @@ def fleece(rng: np.random.Generator) -> Array:
 
 
 def ripples(rng: np.random.Generator) -> Array:
-    """Altocumulus: a field of small flakes in rows, thick here and thin there."""
+    """Altocumulus: a field of small flakes in rows, of varying density."""
     rows, columns = np.mgrid[0:SIZE, 0:SIZE] * (2 * np.pi / SIZE)
     bend = 5 * fractal_noise(rng, SIZE, 4, 3)
     flakes = np.cos(20 * rows + bend) * (0.7 + 0.3 * np.cos(26 * columns + 2 * bend))
@@ -63,24 +63,24 @@ def ripples(rng: np.random.Generator) -> Array:
 
 
 def streaks(rng: np.random.Generator) -> Array:
-    """Cirrus: fibres drawn out by the wind, with hooked ends."""
+    """Cirrus: fibres stretched by the wind, with hooked ends."""
     fibre = fractal_noise(rng, SIZE, 48, 4, stretch=12)
     return 40 * _warped(fibre, rng, 34) + 55 * fractal_noise(rng, SIZE, 4, 4)
 
 
 def sheet(rng: np.random.Generator) -> Array:
-    """Stratus: one layer with hardly a shape."""
+    """Stratus: one almost uniform layer."""
     return 60 * fractal_noise(rng, SIZE, 3, 4) + 12 * fractal_noise(rng, SIZE, 10, 4)
 
 
 def rags(rng: np.random.Generator) -> Array:
-    """Nimbostratus: a dark layer with low torn rags under it."""
+    """Nimbostratus: a dark layer with low torn rags below it."""
     torn = _warped(fractal_noise(rng, SIZE, 8, 6, stretch=2), rng, 18)
     return 45 * fractal_noise(rng, SIZE, 3, 4) + 50 * torn**2
 
 
 def _warped(image: Array, rng: np.random.Generator, reach: float) -> Array:
-    """The tile ``image`` with every pixel fetched from up to ``reach`` pixels away, smoothly."""
+    """Warp the tile ``image`` smoothly by up to ``reach`` pixels."""
     rows, columns = np.mgrid[0:SIZE, 0:SIZE]
     shift = [2 * reach * (fractal_noise(rng, SIZE, 5, 3) - 0.5) for _ in range(2)]
     away = [np.rint(c + s).astype(int) % SIZE for c, s in zip((rows, columns), shift, strict=True)]
@@ -96,15 +96,15 @@ KINDS: dict[str, Callable[[np.random.Generator], Array]] = {
 def cloud_relief(kind: str) -> Array:
     """A map f32[size, size, 3] of one kind: rank of thickness in [0, 1], slope along row and column.
 
-    A share ``c`` of its thickness lies above 1 - c. Slopes are those of the cloud's underside or
-    flank, in [-1, 1]; they point to where it gets thicker. Read-only.
+    A share ``c`` of its thickness is above 1 - c. Slopes are those of the cloud's underside or flank, in
+    [-1, 1]; they point to where it gets thicker. Read-only.
     """
-    relief = kept(f"clouds-{kind}", lambda: {"relief": _made(kind)})["relief"]
-    relief.setflags(write=False)  # made or read: compiled code tells them apart
+    relief = cached(f"clouds-{kind}", lambda: {"relief": _make_relief(kind)})["relief"]
+    relief.setflags(write=False)  # in both cases, since it is part of the type for compiled code
     return relief
 
 
-def _made(kind: str) -> Array:
+def _make_relief(kind: str) -> Array:
     height = KINDS[kind](table_row("clouds", list(KINDS).index(kind))).astype(np.float32)
     rank = np.empty(height.size, np.float32)
     rank[np.argsort(height, axis=None)] = np.arange(height.size) / height.size

@@ -14,15 +14,15 @@ from scene.sky.weather import Range, sample_weather
 SUN = 1.9
 """Irradiance of a nominal sun outside the air."""
 SURROUNDINGS = 0.05
-"""Share of the sun's light that comes back from sunlit walls and cars, so that shade is not blue."""
+"""Share of the sun's light that sunlit walls and cars reflect, so that shade is not blue."""
 BRIGHTEST = 4.0
-"""No radiance of a sky goes beyond this, the sun's disc included."""
+"""Largest radiance of a sky, including the sun's disc."""
 DISC = math.cos(math.radians(0.9))
-"""Cosine at the edge of the sun's disc: three times as wide as the real one, or columns miss it."""
+"""Cosine at the edge of the sun's disc: three times as wide as the real one, so that columns hit it."""
 
 
 class Sky(NamedTuple):
-    """Light from above; plain arrays and floats, so that both renderers read the same."""
+    """Light from above, as arrays and floats that all renderers read."""
 
     sun_direction: np.ndarray  # f32[3] unit vector towards the sun
     sun: np.ndarray  # f32[3] irradiance on a surface facing the sun
@@ -30,11 +30,11 @@ class Sky(NamedTuple):
     horizon: np.ndarray  # f32[3] radiance at the horizon, the colour of haze
     cloud: np.ndarray  # f32[3] mean radiance of a cloud
     cover: float  # share of the sky in cloud, 0 clear .. 1 overcast
-    cloud_offset: np.ndarray  # f32[2] where in the cloud map this sky lies
-    haze: float  # metres over which all but 1/e of the light is lost
+    cloud_offset: np.ndarray  # f32[2] position of this sky in the cloud map
+    haze: float  # metres after which 1/e of the light is left
     wetness: float  # of the road, 0 dry .. 1 standing water
-    snow: float  # share of level ground that it covers, 0 none .. 1 all
-    lamps: float  # how bright they are, 0 by day
+    snow: float  # share of level ground covered by snow
+    lamps: float  # brightness of lamps, 0 by day
     weather: str  # name of its row in ``SKIES``
     clouds: str  # kind of cloud map
     scale: float  # size of that map, in heights of the cloud base
@@ -46,9 +46,9 @@ class Sky(NamedTuple):
 
     @property
     def ambient(self) -> np.ndarray:
-        """Light f32[3] that a surface in a street gets from the sky, and from what the sun shines on.
+        """Light f32[3] that a surface in a street gets from the sky and from sunlit surroundings.
 
-        A clear sky is brightest at the horizon, where houses hide it; a grey one overhead.
+        A clear sky is brightest at the horizon, where houses hide it; a grey one is brightest overhead.
         """
         clear = 0.55 * (0.5 * self.zenith + 0.5 * self.horizon)
         sky = (1 - self.cover) * clear + self.cover * 0.75 * self.cloud
@@ -56,8 +56,8 @@ class Sky(NamedTuple):
 
     @property
     def single(self) -> Sky:
-        """The same for compiled code: all in single precision, which is one type, and 0 for names."""
-        single: list[Any] = [np.float32(0 if isinstance(own, str) else own) for own in self]
+        """The sky for compiled code: all fields in single precision, 0 for names."""
+        single: list[Any] = [np.float32(0 if isinstance(value, str) else value) for value in self]
         return Sky(*single)
 
 
@@ -69,15 +69,14 @@ def sample_sky(
     azimuth: float,
     share: float = 1.0,
     closed: bool | None = None,
-    asked: str = "",
+    weather_name: str = "",
 ) -> Sky:
     """Draw weather for a sun at the given angles (radians) and overall ``intensity`` (1 is nominal).
 
-    The sun reddens and weakens towards the horizon; clouds take its light and give back grey. All
-    light is proportional to ``intensity``; ``share`` below 1 draws from the first of ``SKIES`` only,
-    ``closed`` from those under closed cloud, or from the others; ``asked`` from those of ``ASKED`` only.
+    The sun reddens and weakens towards the horizon; clouds take its light and return grey. All light is
+    proportional to ``intensity``; see ``sample_weather`` for ``share``, ``closed`` and ``weather_name``.
     """
-    weather = sample_weather(rng, elevation, share, closed, asked)
+    weather = sample_weather(rng, elevation, share, closed, weather_name)
     height = math.sin(elevation)
     air = math.exp(-0.12 / max(height, 0.05))
     warm = np.array([1.0, 0.55 + 0.45 * air, 0.25 + 0.75 * air])
@@ -128,10 +127,10 @@ def panorama(sky: Sky, columns: int) -> np.ndarray:
 
 @njit(cache=True, fastmath=True, error_model="numpy")
 def _panorama(columns: int, sky: Sky, clouds: np.ndarray) -> np.ndarray:
-    """Clouds lie on a plane overhead that bends down by ``lift``, so that far ones still have flanks.
+    """Paint clouds on a plane overhead that bends down by ``lift``, so that distant ones still have flanks.
 
-    A cloud's bright side is the one that slopes up (seen from the street) or to the sun. Thin cloud
-    lets the sun's glow through, which gives it its silver lining.
+    The bright side of a cloud slopes up (seen from the street) or to the sun. Thin cloud lets the sun's glow
+    through, which gives it a silver lining.
     """
     sun_direction, sun, zenith, horizon = sky.sun_direction, sky.sun, sky.zenith, sky.horizon
     cloud, cover, offset = sky.cloud, np.float32(sky.cover), sky.cloud_offset
@@ -144,8 +143,8 @@ def _panorama(columns: int, sky: Sky, clouds: np.ndarray) -> np.ndarray:
     far = 64 * size  # keeps places on the map positive
     mask = size - 1  # the size is a power of two
     out = np.empty((rows, columns, 3), np.float32)
-    # Row by row, and in a row what looks things up apart from what computes, which processors do many at
-    # a time. One array for all: of several the compiler would not know that they are not the same.
+    # Row by row; in a row, lookups are separate from arithmetic, which is vectorised. All buffers are one
+    # array, since the compiler could not rule out that several arrays overlap.
     work = np.empty((14, columns), np.float32)
     east, north, u, v, row, column, sunward, thick, slope_u, slope_v = (
         work[0], work[1], work[2], work[3], work[4], work[5], work[6], work[7], work[8], work[9],

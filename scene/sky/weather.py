@@ -1,4 +1,4 @@
-"""Weathers by name: what covers the sky, which light comes through, how far one sees, how wet it is."""
+"""Weathers by name: clouds, light, visibility and wetness."""
 
 from __future__ import annotations
 
@@ -61,18 +61,18 @@ FOG = Weather("fog",            "sheet",   (.97, .99), (3.0, 5.0), .40, (1, 2), 
 SNOW = Weather("snow",          "sheet",   (.96, .99), (3.0, 5.0), .25, (1, 2),   1.0, .06, (.86, .90, .95), (.62, .65, .68), (.95, .98, 1.02), .06, (150, 900), (0, 0), 90, snow=.9)
 NIGHT = Weather("night",        "fleece",  (.30, .80), (2.6, 4.2), .25, (5, 12),  1.0, .30, (.003, .004, .007), (.012, .010, .009), (.010, .008, .007), .001, (800, 3000), (0, .4), 90, lamps=1.0)
 # fmt: on
-ASKED: dict[str, tuple[Weather, ...]] = {
+REQUESTED: dict[str, tuple[Weather, ...]] = {
     "clear": tuple(w for w in SKIES if w.name in ("clear", "fair cumulus", "cirrus")),
     "fog": (FOG,),
     "rain": tuple(w for w in SKIES if w.name == "rain"),
     "snow": (SNOW,),
     "night": (NIGHT,),
 }
-"""Weathers that can be asked for; fog, snow and night come in no other way."""
+"""Weathers that can be requested by name; fog, snow and night occur in no other way."""
 
 
 CLOSED = 0.1
-"""Under closed cloud no more than this share of the sunlight comes through."""
+"""Largest share of the sunlight that comes through a closed cloud cover."""
 
 
 def sample_weather(
@@ -80,31 +80,32 @@ def sample_weather(
     elevation: float,
     share: float = 1.0,
     closed: bool | None = None,
-    asked: str = "",
+    weather_name: str = "",
 ) -> Weather:
     """Draw one of the first ``share`` of ``SKIES`` that suits a sun at ``elevation`` radians.
 
-    Only of those under closed cloud, or only of the others, where ``closed`` says so and there are any. One
-    that is ``asked`` for is of ``ASKED``; the same numbers are drawn, so that all else stays as it is.
+    ``closed`` restricts the choice to skies under closed cloud, or to the others, if there are any.
+    ``weather_name`` restricts it to those of ``REQUESTED``. Both draw the same numbers, so that nothing else
+    changes.
 
-    A sky of the low sun is kept with a probability that falls from 1 at the horizon to 0 at its own
-    limit; otherwise one of the others takes its place.
+    A sky of the low sun is kept with a probability that falls from 1 at the horizon to 0 at its limit;
+    otherwise another one replaces it.
     """
-    known = SKIES[: max(1, round(share * len(SKIES)))]
-    if asked:
-        known, closed = ASKED[asked], None
+    choices = SKIES[: max(1, round(share * len(SKIES)))]
+    if weather_name:
+        choices, closed = REQUESTED[weather_name], None
     if closed is not None:
-        known = tuple(w for w in known if (w.sun <= CLOSED) == closed) or known
-    drawn = _weighted(known, rng.random())
+        choices = tuple(w for w in choices if (w.sun <= CLOSED) == closed) or choices
+    weather = _weighted(choices, rng.random())
     chance, other = rng.random(), rng.random()
     height = math.degrees(elevation)
-    if drawn.below >= 90 or chance < 1 - height / drawn.below:
-        return drawn
-    usual = [w for w in known if w.below >= 90] or known
+    if weather.below >= 90 or chance < 1 - height / weather.below:
+        return weather
+    usual = [w for w in choices if w.below >= 90] or choices
     return _weighted(usual, other)
 
 
 def _weighted(weathers: Sequence[Weather], share: float) -> Weather:
-    """The weather below which ``share`` of all weight lies."""
+    """Choose a weather by its weight and a number ``share`` in [0, 1)."""
     weights = list(accumulate(weather.weight for weather in weathers))
     return weathers[bisect_right(weights, share * weights[-1])]

@@ -1,7 +1,7 @@
-"""The background, which closes the horizon: the street's continuation, and rows of houses and trees.
+"""The background that closes the horizon: the street's continuation, and rows of houses and trees.
 
-It lies beyond the lines that attributes control and has its own generator, so that it does not change them.
-Streets with few buildings lie among trees and fields, so the background thins out with them.
+It is beyond the lines that attributes control and has its own random stream, so that it does not change them.
+Streets with few buildings are among trees and fields, so the background thins out with them.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from scene.attributes import StreetParams
 from scene.ground.path import Path
 
 LINES_END = 165.0
-"""Metres along the road, before which lines of objects end."""
+"""Metres along the road at which lines of objects have ended."""
 BEHIND = 36.0
-"""Metres from the centre line, beyond which there is no line of objects."""
+"""Metres from the centre line beyond which no line has objects."""
 VISTA_END = 300.0
 """Metres along the road at which the continuation ends."""
 BELT = 11.0
-"""Metres between objects outside of a bend."""
+"""Metres between objects on the outer side of a bend."""
 WOODS = 0.55
-"""Share of places without a house that have a tree; the others are open."""
+"""Share of places without a house that have a tree; the others stay empty."""
 
 
 class Backdrop(NamedTuple):
@@ -63,7 +63,7 @@ def _vista(
 
 
 def _closure(town: float, end: float, rng: np.random.Generator) -> list[Backdrop]:
-    """A row across the end of the road, where it bends or meets another road, with trees before it."""
+    """A row across the end of the road, where it bends or meets another road, with trees in front."""
     things = []
     for y in np.arange(-84.0, 84.0, 13.0) + rng.uniform(-6, 6):
         kind = _kind(town, rng, woods=0.9)
@@ -76,7 +76,7 @@ def _closure(town: float, end: float, rng: np.random.Generator) -> list[Backdrop
 
 
 def _back_row(side: float, town: float, rng: np.random.Generator) -> list[Backdrop]:
-    """The next street, visible through gaps: backs or fronts of houses with gardens between."""
+    """The next street, visible through gaps: backs or fronts of houses, with gardens."""
     things = []
     row = float(rng.uniform(BEHIND + 6, BEHIND + 20))
     for x in np.arange(-5.0, 260.0, 15.0):
@@ -84,7 +84,7 @@ def _back_row(side: float, town: float, rng: np.random.Generator) -> list[Backdr
         place = float(x + rng.uniform(-2, 2))
         yaw = 0.0 if rng.random() < 0.5 else math.pi
         if kind == "building":
-            # A house that is turned away reaches towards the road from its origin.
+            # A house that faces away extends from its origin towards the road.
             depth = 14.0 if (yaw == 0.0) != (side > 0) else 0.0
             things.append(Backdrop(kind, place, side * (row + depth), yaw))
         elif kind:
@@ -95,7 +95,7 @@ def _back_row(side: float, town: float, rng: np.random.Generator) -> list[Backdr
 
 
 def belt(path: Path, params: StreetParams, rng: np.random.Generator) -> list[Backdrop]:
-    """Houses and trees outside of bends, where rows that follow the road have wide gaps."""
+    """Houses and trees on the outer side of bends, where rows that follow the road have wide gaps."""
     town = 0.06 + 0.84 * params.building_probability
     things = []
     for (start, _), (_, curvature), _, (end, _) in zip(*[iter(path.bends)] * 4, strict=True):
@@ -109,7 +109,7 @@ def belt(path: Path, params: StreetParams, rng: np.random.Generator) -> list[Bac
                     things.append(Backdrop(kind, x, y, 0.0 if out > 0 else math.pi))
                 elif kind:
                     things.append(_tree(x, y, rng))
-                # The same distance in the world, whatever the bend.
+                # The same distance in the world for all bends.
                 x += BELT / (1 + abs(curvature * y))
     return things
 

@@ -1,4 +1,4 @@
-"""Keeps objects apart: rectangles on the ground, and whether there is room for another one."""
+"""Keep objects apart: rectangles on the ground, and whether another one fits."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Rectangles:
     """A growing set of rectangles."""
 
     def __init__(self) -> None:
-        """An empty set."""
+        """Make an empty set."""
         self._count = 0
         self._rows = np.zeros((128, 6))
 
@@ -41,22 +41,22 @@ class Rectangles:
         self._count += len(rows)
 
     def meet(self, box: Rectangle, spare: float) -> bool:
-        """Whether one of them is nearer than ``spare`` metres to ``box``."""
+        """Whether a rectangle is nearer than ``spare`` metres to ``box``."""
         return _meet(self._rows, self._count, *box, spare)
 
     def admit(self, tries: np.ndarray, spare: float) -> np.ndarray:
-        """Add the first try with room of each candidate in turn.
+        """Add, for each candidate in turn, its first try with room.
 
         Args:
             tries: f64[candidates, tries, 6].
             spare: least distance in metres of a candidate from all earlier rectangles.
 
         Returns:
-            The index of each candidate's added try, i64[candidates]; -1 for none.
+            The index of the added try of each candidate, i64[candidates]; -1 for none.
         """
         self._room(len(tries))
-        chosen, self._count = _admit(self._rows, self._count, tries, spare)
-        return chosen
+        added, self._count = _admit(self._rows, self._count, tries, spare)
+        return added
 
     def _room(self, more: int) -> None:
         if self._count + more > len(self._rows):
@@ -107,35 +107,35 @@ def _meet(
 
 @njit(cache=True)
 def _admit(rows: np.ndarray, count: int, tries: np.ndarray, spare: float) -> tuple[np.ndarray, int]:
-    chosen = np.full(len(tries), -1)
+    added = np.full(len(tries), -1)
     for k in range(len(tries)):
         for t in range(tries.shape[1]):
             if _first_met(rows, count, tries[k, t], spare) < 0:
                 rows[count] = tries[k, t]
                 count += 1
-                chosen[k] = t
+                added[k] = t
                 break
-    return chosen, count
+    return added, count
 
 
 @njit(cache=True)
 def pairs(rows: np.ndarray, deep: float) -> np.ndarray:
     """Pairs i64[pairs, 2] of rectangles f64[n, 6] that overlap by more than ``deep`` metres on every axis."""
-    found = [(0, 0)]
+    overlaps = [(0, 0)]
     for k in range(1, len(rows)):
         for j in range(k):
             far = rows[k, 4] + rows[k, 5] + rows[j, 4] + rows[j, 5]
             if abs(rows[k, 0] - rows[j, 0]) > far or abs(rows[k, 1] - rows[j, 1]) > far:
                 continue
             if not _apart(rows[k], rows[j], -deep):
-                found.append((j, k))
-    return np.array(found)[1:]
+                overlaps.append((j, k))
+    return np.array(overlaps)[1:]
 
 
 @njit(cache=True)
 def touched(path: np.ndarray, rows: np.ndarray, spare: float) -> np.ndarray:
-    """First and last place of f64[m, 2] nearer than ``spare`` to each of f64[n, 6]: i64[n, 2], -1: none."""
-    found = np.full((len(rows), 2), -1)
+    """First and last index i64[n, 2] of places f64[m, 2] within ``spare`` of rectangles f64[n, 6], or -1."""
+    ends = np.full((len(rows), 2), -1)
     for k in range(len(rows)):
         reach = rows[k, 4] + rows[k, 5] + spare
         for m in range(len(path)):
@@ -145,6 +145,6 @@ def touched(path: np.ndarray, rows: np.ndarray, spare: float) -> np.ndarray:
             u = abs(x * rows[k, 2] + y * rows[k, 3])
             v = abs(y * rows[k, 2] - x * rows[k, 3])
             if u < rows[k, 4] + spare and v < rows[k, 5] + spare:
-                found[k, 0] = m if found[k, 0] < 0 else found[k, 0]
-                found[k, 1] = m
-    return found
+                ends[k, 0] = m if ends[k, 0] < 0 else ends[k, 0]
+                ends[k, 1] = m
+    return ends

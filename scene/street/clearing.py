@@ -1,4 +1,4 @@
-"""Clears junctions and the camera's places of objects of lines and background."""
+"""Clear junctions and camera positions of objects of lines and background."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ VEHICLES = ("car", "truck", "bus")
 WALKING = frozenset({"person"})
 """Families that may stand between the kerbs of a junction."""
 SOLID = frozenset({"building", "train", "fence", "wall"})
-"""Families that may not reach over an arm."""
+"""Families that must not reach across an arm."""
 CLEAR = 1.5
-"""Metres by which a house may be nearer to the road than its front before it is left out."""
+"""Metres by which a house may be nearer to the road than the house fronts before it is left out."""
 FARTHEST, PACE = 16.0, 0.25
-"""Metres by which an object may be moved out of the camera's way, and in what steps."""
+"""Largest distance and step of moves out of the camera's way, metres."""
 MOVES = np.array(
     [
         move
@@ -44,7 +44,7 @@ MOVES = np.array(
 
 
 def cleared(ground: Ground, stands: Sequence[Stand], houses: Sequence[Stand]) -> list[Stand]:
-    """Leave out objects that would stand in a junction or in its houses.
+    """Leave out objects that would be in a junction or in its houses.
 
     Args:
         ground: ground of the street.
@@ -63,29 +63,29 @@ def cleared(ground: Ground, stands: Sequence[Stand], houses: Sequence[Stand]) ->
     )
     first, last = (np.where(solid[:, None], end, middle) for end in (low, high))
     (x, y), away = (first + last).T / 2, np.abs(first + last).T / 2
-    beside = np.isin(np.sign(y), junction.arms) & (away[1] <= ARM_END)
+    on_arm = np.isin(np.sign(y), junction.arms) & (away[1] <= ARM_END)
     reach = np.where(house, junction.outer + 0.3, junction.corner)
     across = (first[:, 0] < reach) & (last[:, 0] > -reach)
     inner = (away[0] < junction.corner) & (away[1] < junction.road_half_width + 0.4)
     paved = junction.paved(x + junction.x, y, 0.5)
-    bad = beside & np.where(solid, across, np.where(inner, ~walks, paved))
+    bad = on_arm & np.where(solid, across, np.where(inner, ~walks, paved))
     on_road = vehicle & (away[1] < junction.road_half_width)
     bad = np.where(on_road, away[0] < junction.half_width + 3.5, bad)
-    # A crown may reach over a roof.
+    # A tree crown may overlap a roof.
     for begin, end in zip(*spans(ground.path, houses, junction.x), strict=True):
         bad |= ((first < end) & (last > begin)).all(axis=1)
     return _whole(stands, bad)
 
 
 def clear_of_camera(path: Path, stands: Sequence[Stand], room: np.ndarray) -> list[Stand]:
-    """Move objects out of the camera's room, as little as possible: along the road or away from it.
+    """Move objects out of the camera's way, as little as possible: along the road or away from it.
 
-    Objects for which no place is free within ``FARTHEST`` metres are left out.
+    Objects without a free place within ``FARTHEST`` metres are left out.
 
     Args:
         path: path of the road.
         stands: objects with their parts.
-        room: f64[n, 6] what the camera keeps free, see ``camera_room``.
+        room: f64[n, 6] areas that the camera keeps free, see ``camera_room``.
     """
     if not len(room) or not stands:
         return list(stands)
@@ -128,10 +128,10 @@ def off_the_road(ground: Ground, stands: Sequence[Stand], front: float) -> list[
 
 def _whole(stands: Sequence[Stand], bad: np.ndarray) -> list[Stand]:
     """Leave out bad objects bool[n] with their parts."""
-    found: list[Stand] = []
+    remaining: list[Stand] = []
     stays = True
     for stand, leaves in zip(stands, bad.tolist(), strict=True):
         stays = stays if stand.part else not leaves
         if stays:
-            found.append(stand)
-    return found
+            remaining.append(stand)
+    return remaining

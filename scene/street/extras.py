@@ -1,7 +1,7 @@
-"""Adds to the lines of a street: parked rows, traffic, people, open roadsides.
+"""Ingredients in addition to the lines of a street: parked rows, traffic, people, open roadsides.
 
-Each ingredient has its own stream, so that none changes another's numbers; with all shares at 0 a street has
-its lines alone.
+Each ingredient has its own random stream, so that none changes another; with all shares at 0, a street has
+only its lines.
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ MIX = Mix(
     turning=0.25, riders=0.2, cycle_stands=0.15, gardens=0.2, shelters=0.15, railings=0.18,
     bollards=0.12, islands=0.12, scaffolds=0.05, stalls=0.08, plantings=0.35,
 )  # fmt: skip
-"""The default mix, without people in groups, on benches and on crossings, who taught nets nothing."""
+"""The default mix, without people in groups, on benches and on crossings, who do not improve networks."""
 
 
 def open_sides(share: float, seed: int) -> tuple[float, ...]:
-    """The sides of the road without a row of houses, each with the probability ``share``."""
+    """Draw the sides of the road without a row of houses, each with the probability ``share``."""
     shares = streams.stream(seed, "open").random(2)
     return tuple(s for s, u in zip(SIDES, shares, strict=True) if u < share)
 
@@ -70,8 +70,8 @@ def extras(plot: Plot, seed: int, mix: Mix | None = None) -> None:
     narrow = []
     for k, side in enumerate(SIDES):
         rng = stream("parked", k)
-        wanted = rng.random() < params.parked_share
-        if wanted and parked_row(plot, side, side in is_open, rng):
+        is_parked = rng.random() < params.parked_share
+        if is_parked and parked_row(plot, side, side in is_open, rng):
             narrow.append(side)
     turning(plot, mix.turning, stream("traffic", 1))
     lane_rows(plot, tuple(narrow), stream("traffic"))

@@ -1,4 +1,4 @@
-"""Assets with their places on the road, and their poses and footprints in the world."""
+"""Assets placed on the road, and their poses and footprints in the world."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ FAR = 35.0
 FIRST_INSTANCE = 4
 """The first instance of objects; 1-3 are road, sidewalk and terrain (``ground/build.py``), 0 is the sky."""
 STEM = 0.3
-"""Half the width in metres of the stems of trees, lamps and signs; other objects may stand below the rest."""
+"""Half the width in metres of the stems of trees, lamps and signs; other objects may be below the rest."""
 EAVES = 0.35
-"""Metres by which roofs of houses reach over their neighbours', so that the walls of a row touch."""
+"""Metres by which roofs of houses overlap, so that the walls of a row touch."""
 HELD = frozenset({TrainId.VEGETATION, TrainId.POLE, TrainId.TRAFFIC_SIGN, TrainId.TRAFFIC_LIGHT})
 """Classes with only a stem on the ground."""
 TILTED = frozenset(
@@ -34,22 +34,22 @@ TILTED = frozenset(
         *("fence", "wall", "slab", "land", "paving", FAMILY),
     }
 )
-"""Families that lean with the slope of the road; all others stand upright."""
+"""Families that tilt with the slope of the road; all others stay upright."""
 WHEELED = frozenset({"car", "bus", "truck", "bicycle", "motorcycle", "rider"})
-"""Families that stand on wheels: they tilt where these stand on both sides of a kerb."""
+"""Families with wheels: they tilt if these are on both sides of a kerb."""
 IN_LINE = frozenset({"bicycle", "motorcycle", "rider"})
-"""Families whose wheels are one behind the other."""
+"""Families with two wheels in line."""
 CONTACT = 0.6, 0.78
-"""Where wheels and feet touch the ground: shares of half the length and half the width of a footprint."""
+"""Position of wheels and feet: shares of half the length and half the width of a footprint."""
 FLAT = frozenset({"slab", "land", "paving"})
-"""Families of flat tiles, on which others stand, and over which one may drive."""
+"""Families of flat tiles, on which objects and traffic may be placed."""
 
 
 TRAIN_IDS = {name: int(family.train_id) for name, family in FAMILIES.items()} | {FAMILY: OWN}
 
 
 class Stand(NamedTuple):
-    """One asset with its place on the road."""
+    """One asset and its place on the road."""
 
     family: str
     ref: int | str  # index in its family, or the name of a user's own in ``library.scan``
@@ -57,30 +57,30 @@ class Stand(NamedTuple):
     y: float  # metres left of its centre line
     yaw: float  # radians left of the road's direction there
     lift: float = 0.0  # metres above the ground
-    part: bool = False  # whether it is a part of the object before it, whose place it shares
+    part: bool = False  # whether it is a part of the previous object and shares its place
 
 
 class Placement(NamedTuple):
-    """One asset standing in the street."""
+    """One asset placed in the street."""
 
     family: str
     asset: int | str  # index in its family, or the name of a user's own in ``library.scan``
     train_id: int
     instance: int
     pose: np.ndarray  # f64[4, 4] asset frame -> world; some buses are reflected
-    far: bool = False  # whether it is far from all cameras, so that fewer, larger leaves will do
+    far: bool = False  # whether it is far from all cameras, so that it gets fewer, larger leaves
 
 
 def objects(stands: Sequence[Stand]) -> Iterator[list[Stand]]:
-    """Group stands into objects, each followed by its parts."""
-    found: list[Stand] = []
+    """Group stands into objects with their parts."""
+    parts: list[Stand] = []
     for stand in stands:
-        if found and not stand.part:
-            yield found
-            found = []
-        found.append(stand)
-    if found:
-        yield found
+        if parts and not stand.part:
+            yield parts
+            parts = []
+        parts.append(stand)
+    if parts:
+        yield parts
 
 
 def placed(ground: Ground, stands: Sequence[Stand]) -> list[Placement]:
@@ -89,47 +89,48 @@ def placed(ground: Ground, stands: Sequence[Stand]) -> list[Placement]:
     world = poses(ground, stands)
     drive = to_world(path, np.arange(0.0, DRIVE + SEARCH, 5.0), 0.0)
     away = ((world[:, None, :2, 3] - drive) ** 2).sum(axis=2).min(axis=1) > FAR**2
-    found: list[Placement] = []
+    placements: list[Placement] = []
     for k, (stand, distant) in enumerate(zip(stands, away.tolist(), strict=True)):
         own_class = stand.family == FAMILY
         train_id = OWN if own_class else catalogue.train_id(stand.family, stand.ref)
-        pose = found[-1].pose if stand.part else world[k]
+        pose = placements[-1].pose if stand.part else world[k]
         far = distant and train_id == TrainId.VEGETATION
-        found.append(Placement(stand.family, stand.ref, train_id, FIRST_INSTANCE + k, pose, far))
-    return found
+        placements.append(
+            Placement(stand.family, stand.ref, train_id, FIRST_INSTANCE + k, pose, far)
+        )
+    return placements
 
 
 def poses(ground: Ground, stands: Sequence[Stand]) -> np.ndarray:
     """Poses f64[n, 4, 4], asset frame -> world.
 
-    Vehicles and flat objects lean with the slope; vehicles tilt over a kerb, other objects go down to the
-    lower side of it; houses go down to the lowest ground below them; the doors of built-in buses are at the
-    kerb.
+    Vehicles and flat objects tilt with the slope. Vehicles also tilt over a kerb; other objects are lowered
+    to its lower side, and houses to the lowest ground below them. The doors of built-in buses face the kerb.
     """
     path = ground.path
     x, y, yaw, lift = _numbers(stands)
-    found = np.zeros((len(stands), 4, 4))
-    found[:, 2, 2] = found[:, 3, 3] = 1.0
-    found[:, :2, 3] = to_world(path, x, y) if path.bends else np.stack([x, y], axis=1)
-    found[:, 2, 3] = ground_heights(ground, x, y) + lift
+    world = np.zeros((len(stands), 4, 4))
+    world[:, 2, 2] = world[:, 3, 3] = 1.0
+    world[:, :2, 3] = to_world(path, x, y) if path.bends else np.stack([x, y], axis=1)
+    world[:, 2, 3] = ground_heights(ground, x, y) + lift
     heading = yaw + heading_at(path, x) if path.bends else yaw
-    found[:, 0, 0] = found[:, 1, 1] = np.cos(heading)
-    found[:, 1, 0] = np.sin(heading)
-    found[:, 0, 1] = -found[:, 1, 0]
-    _over_kerbs(ground, stands, found)
+    world[:, 0, 0] = world[:, 1, 1] = np.cos(heading)
+    world[:, 1, 0] = np.sin(heading)
+    world[:, 0, 1] = -world[:, 1, 0]
+    _over_kerbs(ground, stands, world)
     if path.slopes:
         families = [stand.family for stand in stands]
         tilted = np.array([family in TILTED for family in families], bool)
-        found[tilted] = _leaning(path, found[tilted], x[tilted])
+        world[tilted] = _leaning(path, world[tilted], x[tilted])
         houses = [k for k, family in enumerate(families) if family == "building"]
         if houses:
             reach = _corners([stands[k] for k in houses])[:, :, 0]
             low = height_at(path, reach).min(axis=1) - height_at(path, x[houses])
-            found[houses, 2, 3] += np.minimum(low, 0.0)
+            world[houses, 2, 3] += np.minimum(low, 0.0)
     if ground.drive > 0:  # traffic keeps left, so assets for right-hand traffic are mirrored
         buses = [k for k, s in enumerate(stands) if s.family == "bus" and isinstance(s.ref, int)]
-        found[buses, :, 1] *= -1.0
-    return found
+        world[buses, :, 1] *= -1.0
+    return world
 
 
 def _numbers(stands: Sequence[Stand]) -> np.ndarray:
@@ -138,9 +139,9 @@ def _numbers(stands: Sequence[Stand]) -> np.ndarray:
 
 
 def _over_kerbs(ground: Ground, stands: Sequence[Stand], world: np.ndarray) -> None:
-    """Tilt wheeled objects that stand on both sides of a kerb, and lower all others to its lower side.
+    """Tilt wheeled objects on both sides of a kerb, and lower all others to its lower side.
 
-    A vehicle takes the plane nearest to the ground at its four wheels. Parts follow the object before them.
+    A vehicle gets the plane closest to the ground at its four wheels. Parts follow their object.
 
     Args:
         ground: the ground.
@@ -148,20 +149,20 @@ def _over_kerbs(ground: Ground, stands: Sequence[Stand], world: np.ndarray) -> N
         world: their poses f64[n, 4, 4], changed in place.
     """
     first = [k for k, stand in enumerate(stands) if not stand.part]
-    whole = list(objects(stands))
+    grouped = list(objects(stands))
     on_ground = [
         parts[0].family not in FLAT and not parts[0].lift and abs(parts[0].y) < STRIP
-        for parts in whole
+        for parts in grouped
     ]
-    whole = [parts for parts, on in zip(whole, on_ground, strict=True) if on]
-    if not whole:
+    grouped = [parts for parts, on in zip(grouped, on_ground, strict=True) if on]
+    if not grouped:
         return
     at = np.array(first)[on_ground]
-    families = [parts[0].family for parts in whole]
+    families = [parts[0].family for parts in grouped]
     wheeled = np.array([family in WHEELED for family in families])
     in_line = np.array([family in IN_LINE for family in families])
-    footprints = np.array([footprint(*(part[:2] for part in parts)) for parts in whole])
-    x, y, yaw, _ = _numbers([parts[0] for parts in whole])
+    footprints = np.array([footprint(*(part[:2] for part in parts)) for parts in grouped])
+    x, y, yaw, _ = _numbers([parts[0] for parts in grouped])
     long = CONTACT[0] * footprints[:, 2]
     wide = np.where(in_line, 0.0, np.where(wheeled, CONTACT[1], CONTACT[0]) * footprints[:, 3])
     u = footprints[:, :1] + long[:, None] * [1, 1, -1, -1]
@@ -187,25 +188,25 @@ def _over_kerbs(ground: Ground, stands: Sequence[Stand], world: np.ndarray) -> N
     world[at, :3, :3] = np.stack([ahead, left, np.cross(ahead, left)], axis=2)
 
 
-def _leaning(path: Path, found: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Poses f64[n, 4, 4] turned by the slope of the road at ``x`` f64[n] metres."""
+def _leaning(path: Path, world: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Tilt poses f64[n, 4, 4] by the slope of the road at ``x`` f64[n] metres."""
     rise, heading = np.arctan(slope_at(path, x)), heading_at(path, x)
-    cross = np.zeros((len(found), 3, 3))
+    cross = np.zeros((len(world), 3, 3))
     # Rodrigues' rotation by ``rise`` about the axis to the right of the road, which lifts the front.
     cross[:, 0, 2], cross[:, 1, 2] = np.cos(heading), np.sin(heading)
     cross[:, 2, :2] = -cross[:, :2, 2]
     s, c = np.sin(rise)[:, None, None], np.cos(rise)[:, None, None]
-    found[:, :3, :3] = (np.eye(3) - s * cross + (1 - c) * cross @ cross) @ found[:, :3, :3]
-    return found
+    world[:, :3, :3] = (np.eye(3) - s * cross + (1 - c) * cross @ cross) @ world[:, :3, :3]
+    return world
 
 
 def _corners(stands: Sequence[Stand]) -> np.ndarray:
-    """Corners f64[n, 4, 2] of the areas below assets, in road coordinates as on a straight road."""
+    """Corners f64[n, 4, 2] of the areas below assets, in coordinates of a straight road."""
     if not stands:
         return np.zeros((0, 4, 2))
     x, y, yaw, _ = _numbers(stands)
-    own = np.array([_outline(stand.family, stand.ref) for stand in stands])
-    u, v = own[:, (0, 2, 2, 0)], own[:, (1, 1, 3, 3)]
+    outlines = np.array([_outline(stand.family, stand.ref) for stand in stands])
+    u, v = outlines[:, (0, 2, 2, 0)], outlines[:, (1, 1, 3, 3)]
     c, s = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
     return np.stack([x[:, None] + c * u - s * v, y[:, None] + s * u + c * v], axis=2)
 
@@ -258,7 +259,7 @@ def world_corners(path: Path, stands: Sequence[Stand]) -> np.ndarray:
 def footprint(*parts: tuple[str, int | str]) -> tuple[float, float, float, float]:
     """Centre x, y and half length and width, metres, of the footprint of an object of assets.
 
-    They are in its own frame; ``parts`` are families and references.
+    Coordinates are in the object's frame; ``parts`` are families and references.
     """
     boxes = []
     for family, ref in parts:
@@ -276,53 +277,56 @@ def footprint(*parts: tuple[str, int | str]) -> tuple[float, float, float, float
 
 def rectangles(path: Path, stands: Sequence[Stand]) -> np.ndarray:
     """Footprints f64[objects, 6] of objects, with rows as ``clearance.Rectangle``."""
-    whole = list(objects(stands))
-    if not whole:
+    grouped = list(objects(stands))
+    if not grouped:
         return np.zeros((0, 6))
-    own = np.array([footprint(*(part[:2] for part in parts)) for parts in whole])
-    x, y, yaw, _ = _numbers([parts[0] for parts in whole])
-    return turned_out(path, own, x, y, yaw)
+    footprints = np.array([footprint(*(part[:2] for part in parts)) for parts in grouped])
+    x, y, yaw, _ = _numbers([parts[0] for parts in grouped])
+    return turned_out(path, footprints, x, y, yaw)
 
 
 def turned_out(
-    path: Path, own: np.ndarray, x: np.ndarray, y: np.ndarray, yaw: np.ndarray
+    path: Path, footprints: np.ndarray, x: np.ndarray, y: np.ndarray, yaw: np.ndarray
 ) -> np.ndarray:
     """Rectangles f64[n, 6] of footprints f64[n, 4] at places and headings f64[n] on the road."""
     heading = yaw + heading_at(path, x) if path.bends else yaw
     c, s = np.cos(heading), np.sin(heading)
     place = to_world(path, x, y) if path.bends else np.stack([x, y], axis=1)
-    middle = np.stack([c * own[:, 0] - s * own[:, 1], s * own[:, 0] + c * own[:, 1]], axis=1)
-    return np.column_stack([place + middle, c, s, own[:, 2:]])
+    middle = np.stack(
+        [c * footprints[:, 0] - s * footprints[:, 1], s * footprints[:, 0] + c * footprints[:, 1]],
+        axis=1,
+    )
+    return np.column_stack([place + middle, c, s, footprints[:, 2:]])
 
 
 def standing(placements: Sequence[Placement]) -> tuple[list[Placement], np.ndarray]:
     """The first part of each object, and the footprints f64[objects, 6] as in ``rectangles``.
 
-    Tiles, on which others stand, are left out.
+    Flat tiles are left out.
     """
-    whole: list[list[Placement]] = []
+    grouped: list[list[Placement]] = []
     for p in placements:
-        if whole and whole[-1][0].pose is p.pose:
-            whole[-1].append(p)
+        if grouped and grouped[-1][0].pose is p.pose:
+            grouped[-1].append(p)
         elif p.family not in FLAT:
-            whole.append([p])
-    first = [parts[0] for parts in whole]
+            grouped.append([p])
+    first = [parts[0] for parts in grouped]
     if not first:
         return [], np.zeros((0, 6))
-    own = np.array([footprint(*((p.family, p.asset) for p in parts)) for parts in whole])
+    footprints = np.array([footprint(*((p.family, p.asset) for p in parts)) for parts in grouped])
     world = np.stack([p.pose for p in first])
     ahead = world[:, :2, 0] / np.linalg.norm(world[:, :2, 0], axis=1, keepdims=True)
-    middle = np.einsum("nij,nj->ni", world[:, :2, :2], own[:, :2]) + world[:, :2, 3]
-    return first, np.column_stack([middle, ahead, own[:, 2:]])
+    middle = np.einsum("nij,nj->ni", world[:, :2, :2], footprints[:, :2]) + world[:, :2, 3]
+    return first, np.column_stack([middle, ahead, footprints[:, 2:]])
 
 
 def bounds(placements: Sequence[Placement]) -> np.ndarray:
     """World axis-aligned boxes f64[placements, 2, 3] (low, high corner)."""
     if not placements:
         return np.zeros((0, 2, 3))
-    own = np.stack([catalogue.bounds(p.family, p.asset) for p in placements])
+    boxes = np.stack([catalogue.bounds(p.family, p.asset) for p in placements])
     world = np.stack([p.pose for p in placements])
-    centre, half = own.mean(axis=1), (own[:, 1] - own[:, 0]) / 2
+    centre, half = boxes.mean(axis=1), (boxes[:, 1] - boxes[:, 0]) / 2
     rotation = world[:, :3, :3]
     middle = np.einsum("nij,nj->ni", rotation, centre) + world[:, :3, 3]
     reach = np.einsum("nij,nj->ni", np.abs(rotation), half)

@@ -1,8 +1,8 @@
 """Lines of objects along both sides of the road, each with its own distance and spacing.
 
-As in the paper (section 3), lines may interpenetrate: the search has to find attributes that keep them apart.
-If streets avoid overlaps (``AssetPool.overlap``), the objects of a line do not overlap, and an object that
-would stand in another one is moved a little or left out.
+As in the paper (section 3), lines may overlap: the search has to find attributes that keep them apart. If
+streets avoid overlaps (``AssetPool.overlap``), the objects of a line do not overlap, and an object that would
+overlap another one is moved a little or left out.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ from scene.street.instances import WHEELED, Stand, footprint
 from scene.street.plot import LINE_END, LINE_START, Setting
 
 JITTER = 0.25
-"""The largest distance of objects from their slot's middle, as a share of the interval."""
+"""Largest distance of objects from the middle of their slot, as a share of the interval."""
 STEP = 0.0437
-"""Distance in depth of neighbouring facades in metres, since overlapping ones must not lie in one plane. It
-is no round number, since walls have relief in whole centimetres."""
+"""Depth offset of neighbouring facades in metres, since overlapping ones must not share a plane. It is not a
+round number, since walls have relief in whole centimetres."""
 RUN, LAP = 0.8, 0.04
-"""Share of an interval that a run of panels may fill; metres by which a panel reaches into the next."""
+"""Share of an interval that a run of panels may fill; overlap of panels in metres."""
 KERB = {"pole": 0.45, "bicycle": 0.55}
-"""Least distance in metres of a line's objects from the kerb, if overlaps are avoided."""
+"""Least distance of a line's objects from the kerb if overlaps are avoided, metres."""
 NARROW = 0.5
-"""Metres from its middle that an object may reach and still be moved off a kerb."""
+"""Largest half width in metres of objects that are moved off a kerb."""
 ORDER = ("building", "car", "fence", "tree", "pole", "bicycle", "person")
-"""Order of the lines, if overlaps are avoided."""
+"""Order of the lines if overlaps are avoided."""
 TOWARDS, ASIDE = 0.7, 0.25
-"""An object in the way of another one is moved towards the road by so many metres, once and twice, and along
-it by such a share of its interval, either way."""
+"""Moves of an object that overlaps another one: metres towards the road, once and twice, and share of its
+interval along it, in both directions."""
 
 LINES: dict[str, dict[str, float]] = {}
 """Line -> family -> its share of the line's objects."""
@@ -50,7 +50,7 @@ def _line(
 ) -> list[Stand]:
     """One line on one side (1 left, -1 right) of the road, slot by slot; consumes ``rng``.
 
-    ``apart`` says whether its objects avoid each other.
+    ``apart``: whether its objects avoid each other.
     """
     params, pool = street.params, street.pool
     distance = getattr(params, f"{line}_position")
@@ -64,7 +64,7 @@ def _line(
     wobbles = rng.standard_normal(count).tolist()
     if apart and line in KERB:
         distance = max(distance, street.ground.half_width + KERB[line])
-    found: list[Stand] = []
+    stands: list[Stand] = []
     late = 0.0
     for slot in range(count):
         filled, which, share, jitter, season, chance, turned, free = draws[slot]
@@ -97,26 +97,26 @@ def _line(
                 break
         for panel in panels:
             for k, part in enumerate(parts_of(family, ref, chance, pool)):
-                found.append(Stand(*part, x + panel, side * across, yaw, part=k > 0))
-    return found
+                stands.append(Stand(*part, x + panel, side * across, yaw, part=k > 0))
+    return stands
 
 
 def lines_of(street: Setting, seed: int, is_open: Sequence[float], apart: bool) -> list[Stand]:
-    """All lines on both sides, in their order, without houses on open sides."""
-    names, found = list(LINES), []
+    """All lines on both sides in their order, without houses on open sides."""
+    names, stands = list(LINES), []
     for line in ORDER if apart else names:
         for k, side in enumerate((1.0, -1.0)):
-            # A line has its own streams, so that moving one line does not change the others.
+            # Each line has its own streams, so that moving one does not change the others.
             rng = stream(seed, "line", 2 * names.index(line) + k)
             if line != "building" or side not in is_open:
-                found += _line(line, side, street, rng, apart)
-    return found
+                stands += _line(line, side, street, rng, apart)
+    return stands
 
 
 def moves(street: Setting, stands: Sequence[Stand]) -> np.ndarray:
     """Moves to try for objects of lines, f64[tries, objects, 2]; see ``Plot.admit``.
 
-    Objects stand in their places, nearer to the road, or beside; houses only in their places.
+    Objects stay in place, move towards the road, or along it; houses only stay in place.
     """
     first = [stand for stand in stands if not stand.part]
     lines = [LINE_OF[stand.family] for stand in first]
@@ -145,7 +145,7 @@ def _off_the_kerb(distance: float, kerb: float, reach: float) -> float:
 
 
 def _panels(long: float, interval: float) -> list[float]:
-    """Places along the road of the copies of a panel, from its own on: fences and walls are continuous."""
+    """Positions along the road of the copies of a panel, since fences and walls are continuous."""
     pitch = long - LAP
     count = int(np.clip(RUN * interval / pitch, 1, 3))
     return [(k - (count - 1) / 2) * pitch for k in range(count)]

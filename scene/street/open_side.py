@@ -16,11 +16,11 @@ from scene.street.rows import carpet, run
 KINDS = {"park": 0.5, "water": 0.22, "field": 0.28}
 """Kinds of open sides."""
 STEEP = 2.0
-"""Slope in per cent above which there is no water beside the road."""
+"""Slope in per cent above which there is no water along the road."""
 ROUNDING = 1e-6
 """Tolerance of this slope in per cent, since attributes come from unit values in single precision."""
 REACH = BEHIND - 2.0
-"""Metres from the centre line at which it ends."""
+"""Outer edge of an open side, metres from the centre line."""
 RAILINGS = ("spear railings", "rails", "pedestrian guard", "bow top", "cross rails", "chain link",
             "bollard and chain", "wires")  # fmt: skip
 LOW_WALLS = ("piered", "railing top", "balustrade", "rubble stone", "sleepers")
@@ -31,7 +31,7 @@ SPAN = (LINE_START, LINE_END)
 
 
 def open_side(plot: Plot, side: float, rng: np.random.Generator) -> None:
-    """Lay out one side of the road."""
+    """Fill one open side of the road."""
     shares = np.array(list(KINDS.values()))
     if plot.street.params.gradient > STEEP + ROUNDING:
         shares[list(KINDS).index("water")] = 0
@@ -67,7 +67,7 @@ def open_side(plot: Plot, side: float, rng: np.random.Generator) -> None:
 
 
 def _boundary(plot: Plot, side: float, edge: float, share: float, rng: np.random.Generator) -> None:
-    """Railings, a low wall or a hedge with gates along the sidewalk, with the probability ``share``."""
+    """Place railings, a low wall or a hedge with gates along the sidewalk, with the probability ``share``."""
     family, kinds = (("fence", RAILINGS), ("wall", LOW_WALLS), ("bush", HEDGES))[
         int(rng.choice(3, p=[0.55, 0.2, 0.25]))
     ]
@@ -78,7 +78,7 @@ def _boundary(plot: Plot, side: float, edge: float, share: float, rng: np.random
 
 
 def _paths(plot: Plot, side: float, rng: np.random.Generator) -> None:
-    """One path beside the road, and some that lead away from it."""
+    """Place a path along the road, and some that lead away from it."""
     kinds = ("asphalt path", "gravel path", "slab path", "brick path")
     ref = draw_kind(plot.street.pool, "paving", kinds, rng)
     along = plot.ground.outer + float(rng.uniform(4, 14))
@@ -94,7 +94,7 @@ def _paths(plot: Plot, side: float, rng: np.random.Generator) -> None:
 def _trees(
     plot: Plot, side: float, reach: tuple[float, float], area: float, rng: np.random.Generator
 ) -> None:
-    """Trees and bushes within ``reach`` metres of the centre line, a few of them in groups."""
+    """Place trees and bushes between ``reach`` metres from the centre line, some of them in groups."""
     pool, bare = plot.street.pool, plot.street.params.bare_tree_share
     count = int((SPAN[1] - SPAN[0]) * (reach[1] - reach[0]) / area * rng.uniform(0.4, 1.4))
     for _ in range(max(count, 0)):

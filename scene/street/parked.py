@@ -18,13 +18,13 @@ from scene.street.plot import LINE_END, LINE_START, Plot, draw_family, draw_kind
 PARKED = {"car": 0.93, "truck": 0.045, "motorcycle": 0.02, "bus": 0.005}
 """Families of vehicles along a kerb."""
 AGAINST = 0.12
-"""Share of cars along the kerb that face against the traffic of their side."""
+"""Share of cars along the kerb that face against the traffic."""
 FREE = 0.12
 """Share of free places in a row."""
 LONGEST = 9.0
-"""Metres; longer vehicles do not park."""
+"""Largest length of parked vehicles, metres."""
 PASSAGE = 2.9
-"""Metres of carriageway that a row leaves free on its side of the centre line."""
+"""Width of carriageway that a row leaves free on its side of the centre line, metres."""
 STYLES = {
     "kerb": 0.6,
     "half on": 0.14,
@@ -33,11 +33,11 @@ STYLES = {
     "bays": 0.3,
     "car park": 0.6,
 }
-"""Probabilities of the styles of rows, if there is room."""
+"""Relative frequencies of the styles of rows, if there is room."""
 
 
 def kept_free(ground: Ground, side: float) -> list[tuple[float, float]]:
-    """Stretches of a side where vehicles must not stop, from and to, metres along the road."""
+    """Stretches of a side where vehicles must not stop: start and end, metres along the road."""
     mouths = [(x - 5.5, x + 5.5) for x, s in ground.side_streets if s == side]
     drives = [(x - 2.2, x + 2.2) for x, s in ground.driveways if s == side]
     return [*mouths, *drives, *((x - 4.5, x + 4.5) for x in ground.crosswalks), *ground.boxes]
@@ -49,7 +49,7 @@ def clear(places: list[tuple[float, float]], low: float, high: float) -> bool:
 
 
 def parked_row(plot: Plot, side: float, is_open: bool, rng: np.random.Generator) -> bool:
-    """Fill one roadside; returns whether the row takes room from the lane beside it."""
+    """Fill one roadside; returns whether the row narrows the lane next to it."""
     half = plot.ground.half_width
     beyond = (BEHIND if is_open else plot.street.params.building_position - 0.8) - half
     fits = {
@@ -129,7 +129,7 @@ def _across(
     pitch = BAY[0] / math.sin(angle)
     for x in np.arange(start, end, pitch).tolist():
         ref = draw_asset(pool, "car", rng)
-        taken, tail_in, wobble = rng.random() > FREE, rng.random() < 0.25, 0.03 * rng.normal()
+        is_taken, tail_in, wobble = rng.random() > FREE, rng.random() < 0.25, 0.03 * rng.normal()
         if ref is None or not clear(closed, x - pitch / 2, x + pitch / 2):
             continue
         if bays and not plot.lay(
@@ -137,7 +137,7 @@ def _across(
         ):
             continue
         low, high = catalogue.bounds("car", ref)[:, :2]
-        if not taken or high[0] - low[0] > BAY[1]:
+        if not is_taken or high[0] - low[0] > BAY[1]:
             continue
         size = (high - low) / 2
         reach = float(size[0] * math.sin(angle) + size[1] * math.cos(angle))
@@ -159,14 +159,18 @@ def _car_park(plot: Plot, side: float, rng: np.random.Generator) -> None:
     rows = [(near + depth / 2, bay, -1.0), (near + 1.5 * depth, aisle, 0.0),
             (near + 2.5 * depth, bay, 1.0)]  # fmt: skip
     for distance, tile, nose in rows:
-        # In a bend, lines beside the road are longer or shorter than the road.
+        # In a bend, lines along the road are longer or shorter than the road.
         pitch = BAY[0] / (1 + distance * plot.street.params.bend / 1000)
         for x in start + pitch * np.arange(math.ceil(places * BAY[0] / pitch)):
             ref = draw_asset(pool, "car", rng)
-            taken, tail_in, wobble = rng.random() < full, rng.random() < 0.25, 0.03 * rng.normal()
-            laid = plot.lay(
+            is_taken, tail_in, wobble = (
+                rng.random() < full,
+                rng.random() < 0.25,
+                0.03 * rng.normal(),
+            )
+            has_tile = plot.lay(
                 "slab", tile, float(x), side * distance, 0.0 if side * nose > 0 else math.pi
             )
-            if laid and nose and taken and ref is not None:
+            if has_tile and nose and is_taken and ref is not None:
                 yaw = side * nose * math.pi / 2 + math.pi * tail_in + float(wobble)
                 plot.put("car", ref, float(x), side * distance, yaw)

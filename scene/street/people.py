@@ -14,7 +14,7 @@ from scene.street.parked import kept_free
 from scene.street.plot import TOUCHING, Plot, draw_kind
 
 START, END = -6.0, 110.0
-"""Range of people in metres along the road."""
+"""Range of people, metres along the road."""
 STRETCH = 13.0
 """Metres of a sidewalk for one group."""
 SIZES = (0.28, 0.38, 0.18, 0.1, 0.06)
@@ -27,7 +27,7 @@ CROWD = 0.02
 
 
 def groups(plot: Plot, side: float, share: float, rng: np.random.Generator) -> None:
-    """People on one sidewalk; each stretch has a group with the probability ``share``."""
+    """Place people on one sidewalk; each stretch has a group with the probability ``share``."""
     ground = plot.ground
     for stretch in np.arange(START, END, STRETCH).tolist():
         if rng.random() >= share:
@@ -47,7 +47,7 @@ def _count(rng: np.random.Generator) -> int:
 
 
 def _walk(plot: Plot, x: float, y: float, yaw: float, count: int, rng: np.random.Generator) -> None:
-    """Two abreast with the others behind them, all in one direction."""
+    """Place people two abreast, one pair behind the other, all in one direction."""
     pitch = float(rng.uniform(0.6, 0.8))
     yaw += float(rng.normal(0, 0.08))
     if rng.random() < DOGS and count == 1:
@@ -65,7 +65,7 @@ def _walk(plot: Plot, x: float, y: float, yaw: float, count: int, rng: np.random
 
 
 def _stand(plot: Plot, x: float, y: float, count: int, rng: np.random.Generator) -> None:
-    """People in a ring, facing each other."""
+    """Place people in a ring, facing each other."""
     radius = float(rng.uniform(0.38, 0.5)) + 0.09 * count
     first = float(rng.uniform(-math.pi, math.pi))
     for k in range(count):
@@ -82,7 +82,7 @@ def _person(
 
 
 def benches(plot: Plot, side: float, share: float, rng: np.random.Generator) -> None:
-    """People on benches at the back of one sidewalk, or in the green behind it, who face the road."""
+    """Place people on benches that face the road, at the back of one sidewalk or on the green behind it."""
     ground = plot.ground
     for stretch in np.arange(START, END, 2 * STRETCH).tolist():
         if rng.random() >= share:
@@ -96,7 +96,7 @@ def benches(plot: Plot, side: float, share: float, rng: np.random.Generator) -> 
 
 
 def crossing(plot: Plot, share: float, rng: np.random.Generator) -> None:
-    """People crossing the road, most at crossings, some elsewhere; some wait on both sides."""
+    """Place people crossing the road, most at crossings, some elsewhere; some wait on both sides."""
     ground = plot.ground
     elsewhere = rng.uniform(6, END, 3).tolist()
     for k, place in enumerate([*ground.crosswalks, *elsewhere]):
@@ -117,7 +117,7 @@ def crossing(plot: Plot, share: float, rng: np.random.Generator) -> None:
 
 
 def riders(plot: Plot, side: float, share: float, rng: np.random.Generator) -> None:
-    """Cyclists along one kerb with the traffic, alone or in groups, and sometimes one that crosses."""
+    """Place cyclists along one kerb with the traffic, alone or in groups, and sometimes one that crosses."""
     ground = plot.ground
     forward = 0.0 if side == plot.street.drive else math.pi
     for stretch in np.arange(START + 4, END, 2 * STRETCH).tolist():
@@ -132,7 +132,7 @@ def riders(plot: Plot, side: float, share: float, rng: np.random.Generator) -> N
         lane = ground.half_width - float(rng.uniform(0.6, 1.3))
         for _ in range(_count(rng)):
             y = side * (lane - abs(0.25 * float(rng.normal())))
-            # They ride beside parked cars.
+            # They pass parked cars.
             for shift in (0.0, -2.0):
                 yaw = forward + 0.05 * float(rng.normal())
                 if _rider(plot, x, y + side * shift, yaw, rng):
@@ -146,7 +146,7 @@ def _rider(plot: Plot, x: float, y: float, yaw: float, rng: np.random.Generator)
 
 
 def cycle_stands(plot: Plot, side: float, share: float, rng: np.random.Generator) -> None:
-    """Rows of bicycles, or motorcycles, side by side on the sidewalk or at the kerb."""
+    """Place rows of bicycles, or motorcycles, side by side on the sidewalk or at the kerb."""
     ground = plot.ground
     for stretch in np.arange(0.0, END, 30.0).tolist():
         if rng.random() >= share:

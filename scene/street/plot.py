@@ -1,4 +1,4 @@
-"""A street's ground with its objects so far; later ones keep clear of these and of the camera."""
+"""A street's ground with the objects placed so far; later ones stay clear of them and of the camera."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from scene.street.clearance import Rectangle, Rectangles, touched
 from scene.street.instances import TRAIN_IDS, Stand, footprint, objects, rectangles, top, turned_out
 
 LINE_START, LINE_END = -15.0, 150.0
-"""Begin and end of every line of objects, metres along the road."""
+"""Start and end of every line of objects, metres along the road."""
 HOUSES = frozenset({TrainId.BUILDING, TrainId.TRAIN, TrainId.WALL, TrainId.FENCE})
 SPARE, TOUCHING = 0.15, -0.05
-"""Least distance in metres of objects, and of objects that belong together."""
+"""Least distance in metres between objects, and between objects that belong together."""
 BESIDE, BELOW = 0.35, 0.8
-"""Metres beside and below the lens that are kept free."""
+"""Metres to the sides of the lens and below it that are kept free."""
 STEP = 0.5
-"""Metres between the checked places of the camera."""
+"""Metres between the checked positions of the camera."""
 STEEP_LIFT, BENT_LIFT, MOST_LIFT = 0.006, 0.001, 0.05
 """Metres by which tiles are lifted for each per cent of slope and 1/km of bend, and at most."""
 BLOCK, GAP = 12.0, 14.0
-"""In the way of the camera, objects stand in blocks of at most ``BLOCK`` metres, ``GAP`` metres apart, so
-that the camera need not move aside for most shots."""
+"""Objects in the way of the camera form blocks of at most ``BLOCK`` metres, ``GAP`` metres apart, so that the
+camera need not move aside for most shots."""
 
 
 class Setting(NamedTuple):
@@ -41,14 +41,14 @@ class Setting(NamedTuple):
     params: StreetParams
     ground: Ground
     pool: AssetPool
-    drive: float  # the side, 1 left or -1 right, whose traffic goes forward
+    drive: float  # side, 1 left or -1 right, of the traffic that drives forward
 
 
 class Plot:
-    """A street's ground with its objects so far, in road coordinates."""
+    """A street's ground with the objects placed so far, in road coordinates."""
 
     def __init__(self, street: Setting) -> None:
-        """An empty plot."""
+        """Make an empty plot."""
         self.street = street
         self.ground = street.ground
         self.stands: list[Stand] = []
@@ -57,20 +57,20 @@ class Plot:
         self._blocks: list[tuple[float, float]] = []
         self._along = np.arange(-1.0, DRIVE + SEARCH + VIEW, STEP)
         lane = street.drive * street.params.camera_position_x
-        # Possible places of the camera.
+        # Possible positions of the camera.
         self._path = to_world(street.ground.path, self._along, lane)
 
     def keep_free(self, rows: np.ndarray) -> None:
-        """Keep rectangles f64[n, 6] free of all objects that are placed where there is room."""
+        """Keep rectangles f64[n, 6] free of objects that need room."""
         self._taken.extend(rows + np.array([0.0, 0.0, 0.0, 0.0, -TOUCHING, -TOUCHING]))
 
     def add(self, stands: Sequence[Stand]) -> None:
-        """Place objects with their parts, even where there is no room."""
-        whole = list(objects(stands))
-        if whole:
+        """Place objects with their parts, regardless of room."""
+        grouped = list(objects(stands))
+        if grouped:
             rows = rectangles(self.ground.path, stands)
             self._taken.extend(rows)
-            self._occupy(whole, rows)
+            self._occupy(grouped, rows)
 
     def admit(
         self, stands: Sequence[Stand], tries: np.ndarray | None = None, spare: float = 0.0
@@ -83,23 +83,23 @@ class Plot:
                 without moves.
             spare: least distance in metres from other objects.
         """
-        whole = list(objects(stands))
-        if not whole:
+        grouped = list(objects(stands))
+        if not grouped:
             return
-        moves = np.zeros((1, len(whole), 2)) if tries is None else tries
-        own = np.array([footprint(*(part[:2] for part in parts)) for parts in whole])
-        x, y, yaw = np.array([parts[0][2:5] for parts in whole]).T
+        moves = np.zeros((1, len(grouped), 2)) if tries is None else tries
+        footprints = np.array([footprint(*(part[:2] for part in parts)) for parts in grouped])
+        x, y, yaw = np.array([parts[0][2:5] for parts in grouped]).T
         path = self.ground.path
-        rows = turned_out(path, np.tile(own, (len(moves), 1)), *np.concatenate(
+        rows = turned_out(path, np.tile(footprints, (len(moves), 1)), *np.concatenate(
             [np.array([x + dx, y + dy, yaw]) for dx, dy in moves.transpose(0, 2, 1)], axis=1
-        )).reshape(len(moves), len(whole), 6).transpose(1, 0, 2)  # fmt: skip
-        asset_at = self._taken.admit(np.ascontiguousarray(rows), spare)
-        stays = np.flatnonzero(asset_at >= 0).tolist()
+        )).reshape(len(moves), len(grouped), 6).transpose(1, 0, 2)  # fmt: skip
+        try_index = self._taken.admit(np.ascontiguousarray(rows), spare)
+        admitted = np.flatnonzero(try_index >= 0).tolist()
         moved = []
-        for k in stays:
-            dx, dy = moves[asset_at[k], k].tolist()
-            moved.append([s._replace(x=s.x + dx, y=s.y + dy) for s in whole[k]])
-        self._occupy(moved, rows[stays, asset_at[stays]])
+        for k in admitted:
+            dx, dy = moves[try_index[k], k].tolist()
+            moved.append([s._replace(x=s.x + dx, y=s.y + dy) for s in grouped[k]])
+        self._occupy(moved, rows[admitted, try_index[admitted]])
 
     def put(
         self,
@@ -117,7 +117,7 @@ class Plot:
 
         Args:
             family: family of the asset.
-            ref: its index, or the name of an own one; None for a family without assets places nothing.
+            ref: its index, or the name of a user's own asset; None places nothing.
             x: metres along the road.
             y: metres left of the centre line.
             yaw: radians left of the driving direction.
@@ -133,7 +133,7 @@ class Plot:
         box = self._rectangle(parts, x, y, yaw)
         if self._taken.meet(box, spare):
             return False
-        if bare and any(laid.meet(box, spare) for laid in self._laid.values()):
+        if bare and any(tiles.meet(box, spare) for tiles in self._laid.values()):
             return False
         block = self._block(parts, box)
         if block is not None and not _bearable(block, self._blocks):
@@ -142,16 +142,16 @@ class Plot:
         return True
 
     def lay(self, family: str, ref: int | str | None, x: float, y: float, yaw: float) -> bool:
-        """Lay a flat tile, on which others may stand, unless a house, a wall or other tiles are there."""
+        """Lay a flat tile, on which objects may stand, unless a house, wall or other tiles are in the way."""
         if ref is None:
             return False
-        # Tiles are flat, so they lie on the highest points of uneven land.
+        # Tiles are flat, so they rest on the highest points of uneven land.
         params = self.street.params
         lift = min(STEEP_LIFT * params.gradient + BENT_LIFT * params.bend, MOST_LIFT)
         box = self._rectangle([(family, ref)], x, y, yaw)
         if self._houses.meet(box, TOUCHING):
             return False
-        if any(laid.meet(box, TOUCHING) for f, laid in self._laid.items() if f != family):
+        if any(tiles.meet(box, TOUCHING) for f, tiles in self._laid.items() if f != family):
             return False
         self._laid.setdefault(family, Rectangles()).add(box)
         self.stands.append(Stand(family, ref, x, y, yaw, lift))
@@ -199,16 +199,16 @@ class Plot:
         if TRAIN_IDS[parts[0][0]] in HOUSES:
             self._houses.add(box)
 
-    def _occupy(self, whole: list[list[Stand]], rows: np.ndarray) -> None:
+    def _occupy(self, grouped: list[list[Stand]], rows: np.ndarray) -> None:
         """Record objects with rectangles f64[objects, 6]."""
-        for parts in whole:
+        for parts in grouped:
             self.stands += parts
         lens = self.street.params.camera_position_y - BELOW
-        high = [any(top(*part[:2]) >= lens for part in parts) for parts in whole]
-        met = touched(self._path, rows[high], BESIDE)
-        along = self._along[met[met[:, 1] >= 0]]
+        high = [any(top(*part[:2]) >= lens for part in parts) for parts in grouped]
+        ends = touched(self._path, rows[high], BESIDE)
+        along = self._along[ends[ends[:, 1] >= 0]]
         self._blocks += [(low, end) for low, end in along.tolist()]
-        self._houses.extend(rows[[TRAIN_IDS[parts[0].family] in HOUSES for parts in whole]])
+        self._houses.extend(rows[[TRAIN_IDS[parts[0].family] in HOUSES for parts in grouped]])
 
     def _block(
         self, parts: Sequence[tuple[str, int | str]], box: Rectangle
@@ -233,13 +233,13 @@ def _bearable(block: tuple[float, float], blocks: list[tuple[float, float]]) -> 
 def draw_kind(
     pool: AssetPool, family: str, kinds: tuple[str, ...], rng: np.random.Generator
 ) -> int | str | None:
-    """Draw one asset of certain kinds if eight draws find one, otherwise any. Takes eight numbers."""
-    drawn = [asset_at(pool, family, share) for share in rng.random(8).tolist()]
-    return next((ref for ref in drawn if ref is not None and kind(family, ref) in kinds), drawn[0])
+    """Draw an asset of certain kinds if one of eight draws is of them, otherwise any. Draws eight numbers."""
+    refs = [asset_at(pool, family, share) for share in rng.random(8).tolist()]
+    return next((ref for ref in refs if ref is not None and kind(family, ref) in kinds), refs[0])
 
 
 def draw_family(shares: dict[str, float], rng: np.random.Generator) -> str:
-    """Draw a family by the shares; equals ``rng.choice`` with the same number, but much faster."""
+    """Draw a family by its share; equals ``rng.choice`` with the same number, but is much faster."""
     return list(shares)[bisect_right(_upto(tuple(shares.values())), rng.random())]
 
 

@@ -24,15 +24,15 @@ def run(
     span: tuple[float, float],
     closed: list[tuple[float, float]],
 ) -> int:
-    """Place panels of one kind end to end along the road, with gaps at ``closed``; returns their number.
+    """Place panels of one kind end to end along the road, with gaps at ``closed``; returns their count.
 
     Args:
         plot: the street.
         family: family of the panels: fences, walls, hedges.
         ref: the panel.
         y: metres left of the centre line.
-        span: from and to, metres along the road.
-        closed: stretches without panels, each from and to.
+        span: start and end, metres along the road.
+        closed: stretches without panels, start and end.
     """
     if ref is None:
         return 0
@@ -54,9 +54,9 @@ def carpet(
     y: tuple[float, float],
     side: float,
 ) -> None:
-    """Lay tiles of one kind over a rectangle: along the road, and in metres from the centre line.
+    """Lay tiles of one kind over a rectangle, in metres along the road and from the centre line.
 
-    The last tiles may reach further; side streets are left free.
+    The last tiles may extend further; side streets stay free.
     """
     if ref is None:
         return
@@ -65,7 +65,7 @@ def carpet(
     long, wide = 0.998 * (high - low)[:2]
     for row in range(math.ceil((y[1] - y[0]) / wide)):
         distance = y[0] + (row + 0.5) * wide
-        # In a bend, lines beside the road are longer or shorter than the road.
+        # In a bend, lines along the road are longer or shorter than the road.
         pitch = long / (1 + distance * plot.street.params.bend / 1000)
         for k in range(math.ceil((x[1] - x[0]) / pitch)):
             place = x[0] + (k + 0.5) * pitch

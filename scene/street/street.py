@@ -1,8 +1,8 @@
 """A street: assets on lines along a road, a ground, a sky, and the camera's path.
 
-It is pure in (params, seed). World frame: x along the road at its begin (the driving direction), y left, z
-up, metres; the centre line of a straight, level road is the x axis at z = 0. All objects are placed in road
-coordinates (``ground/path.py``).
+It is a pure function of (params, seed). World frame in metres: x along the road at its start (the driving
+direction), y left, z up; the centre line of a straight, level road is the x axis at z = 0. All objects are
+placed in road coordinates (``ground/path.py``).
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ from scene.street.plot import SPARE, Plot, Setting
 
 
 class Street(NamedTuple):
-    """Everything that a renderer needs, without settings of the rendering."""
+    """Everything that a renderer needs, except its settings."""
 
     placements: tuple[Placement, ...]
-    cameras: tuple[Camera, ...]  # one a shot, see ``Camera.further``
+    cameras: tuple[Camera, ...]  # one per shot, see ``Camera.further``
     sky: Sky
     ground: Ground
     seed: int
@@ -48,17 +48,17 @@ def sample_street(
     pool: AssetPool | None = None,
     mix: Mix | None = None,
 ) -> Street:
-    """Sample one street with ``shots`` camera poses along it; the same arguments give the same street.
+    """Sample a street with ``shots`` camera poses along it; the same arguments give the same street.
 
     Args:
         params: its attributes.
-        seed: seed of all random choices.
+        seed: random seed.
         shots: number of shots.
-        pool: assets that it may draw from; None: the whole catalogue.
+        pool: assets to draw from; None: the whole catalogue.
         mix: probabilities of ingredients without an attribute; None: ``extras.MIX``.
 
     Raises:
-        ValueError: a field of the pool out of range, by name.
+        ValueError: a field of the pool is out of range.
     """
     pool = pool or AssetPool()
     refuse_unknown(pool)
@@ -71,7 +71,7 @@ def sample_street(
         azimuth=params.illumination_angle_y,
         share=pool.fraction,
         closed=_closed(params, seed),
-        asked=pool.weather,
+        weather_name=pool.weather,
     )
     drive = -1.0 if rng.random() < params.camera_position_probability else 1.0
     widths = params.road_width, params.sidewalk_width
@@ -102,9 +102,9 @@ def _fill(plot: Plot, seed: int, mix: Mix | None, room: np.ndarray, apart: bool)
 
     Args:
         plot: the street without objects.
-        seed: seed of all random choices.
+        seed: random seed.
         mix: probabilities of ingredients without an attribute.
-        room: f64[n, 6] what the camera keeps free, see ``camera_room``; empty if it moves aside.
+        room: f64[n, 6] areas that the camera keeps free, see ``camera_room``; empty if it moves aside.
         apart: whether the lines avoid each other.
     """
     setting, ground = plot.street, plot.ground
@@ -113,7 +113,7 @@ def _fill(plot: Plot, seed: int, mix: Mix | None, room: np.ndarray, apart: bool)
     plot.keep_free(room)
 
     def placeable(stands: list[Stand]) -> list[Stand]:
-        """Objects out of the camera's way, without houses across a bend."""
+        """Move objects out of the camera's way, and leave out houses across a bend."""
         return off_the_road(ground, clear_of_camera(ground.path, stands, room), front)
 
     corners = placeable(junction_objects(setting, stream(seed, "corners")))
@@ -135,7 +135,7 @@ def _fill(plot: Plot, seed: int, mix: Mix | None, room: np.ndarray, apart: bool)
 
 
 def _background(setting: Setting, seed: int) -> list[Stand]:
-    """The background with assets."""
+    """The assets of the background."""
     params, path, pool = setting.params, setting.ground.path, setting.pool
     rng = stream(seed, "background")
     things = background(params, rng)
@@ -145,17 +145,17 @@ def _background(setting: Setting, seed: int) -> list[Stand]:
         things = [thing for thing, away in zip(things, lost, strict=True) if not away]
         things += belt(path, params, rng)
     shares = rng.random((len(things), 2)).tolist()
-    found: list[Stand] = []
+    stands: list[Stand] = []
     for thing, (share, season) in zip(things, shares, strict=True):
         ref = asset_at(pool, thing.family, share)
         if ref is not None:
             ref = in_season(thing.family, ref, params.bare_tree_share, pool, season)
-            found.append(Stand(thing.family, ref, thing.x, thing.y, thing.yaw))
-    return found
+            stands.append(Stand(thing.family, ref, thing.x, thing.y, thing.yaw))
+    return stands
 
 
 def _shaped(ground: Ground, params: StreetParams, seed: int) -> Ground:
-    """The ground with its course, and sometimes a junction."""
+    """Add the course of the road, and sometimes a junction, to the ground."""
     rng = stream(seed, "junction")
     junction = sample_junction(rng, params.junction_share, ground.half_width, ground.footway)
     rng = stream(seed, "course")
@@ -166,7 +166,7 @@ def _shaped(ground: Ground, params: StreetParams, seed: int) -> Ground:
 
 
 def _closed(params: StreetParams, seed: int) -> bool | None:
-    """Whether cloud covers the whole sky of a street; None leaves it to the table of skies."""
+    """Whether cloud covers the whole sky of a street; None: as the table of skies."""
     if params.overcast_share is None:
         return None
     return bool(stream(seed, "cloud").random() < params.overcast_share)

@@ -16,20 +16,20 @@ from scene.street.plot import LINE_END, LINE_START, Plot, draw_family, draw_kind
 VEHICLES = {"car": 0.88, "truck": 0.05, "bus": 0.035, "rider": 0.035}
 """Families of the traffic; riders on motorcycles."""
 ROW = 2.1
-"""Metres of carriageway that a row of parked cars takes."""
+"""Width of a row of parked cars, metres."""
 LANE = 2.8
-"""Least width in metres of one of two lanes side by side."""
+"""Least width in metres of each of two lanes."""
 QUEUE_GAP, MOVING_GAP = (1.3, 3.6), (5.0, 20.0)
 """Metres between bumpers."""
 MOVING = 0.4
 """Share of full lanes with moving traffic."""
 PLATOON = (4, 14)
-"""Least and largest number of vehicles in a queue between gaps."""
+"""Range of the number of vehicles between gaps."""
 ON_MOTORCYCLES = tuple(name for name, mount in MOUNT.items() if mount == "motorcycle")
 
 
 def lane_centres(plot: Plot, side: float, parked: bool) -> list[float]:
-    """Middles of the lanes of a side in metres from the centre line: one, or two on a wide road."""
+    """Centres of the lanes of a side in metres from the centre line: one, or two on a wide road."""
     width = plot.ground.half_width - (ROW if parked else 0.4)
     count = 2 if width > 2 * LANE else 1
     return [(k + 0.5) * width / count for k in range(count)]

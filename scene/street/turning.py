@@ -1,4 +1,4 @@
-"""Vehicles seen from the side: in side streets and driveways, turning, pulling out."""
+"""Vehicles visible from the side: in side streets and driveways, turning, pulling out."""
 
 from __future__ import annotations
 
@@ -18,18 +18,19 @@ START, END = 8.0, 100.0
 
 
 def turning(plot: Plot, share: float, rng: np.random.Generator) -> None:
-    """Vehicles across the road's direction; each place has one or two with the probability ``share``.
+    """Place vehicles across the road's direction; each place has some with the probability ``share``.
 
-    The places are side streets, driveways, and two more where a vehicle pulls out of the kerb or turns round.
+    The places are side streets, driveways, and two more where a vehicle pulls out from the kerb or turns
+    round.
     """
     ground = plot.ground
     for x, side in ground.side_streets:
         _side_street(plot, x, side, share, rng)
     for x, side in ground.driveways:
-        wanted, tail_in = rng.random() < share, rng.random() < 0.5
+        is_present, tail_in = rng.random() < share, rng.random() < 0.5
         family, ref, long = _vehicle(plot, rng, 6.0)
         y = ground.outer + 0.3 + long / 2 + float(rng.uniform(0, 1))
-        if wanted:
+        if is_present:
             yaw = side * math.pi / 2 + math.pi * tail_in + 0.03 * float(rng.normal())
             plot.put(family, ref, x, side * y, yaw)
     for _ in range(2):
@@ -39,7 +40,7 @@ def turning(plot: Plot, share: float, rng: np.random.Generator) -> None:
 def _vehicle(
     plot: Plot, rng: np.random.Generator, longest: float = 12.0
 ) -> tuple[str, int | str | None, float]:
-    """Family, asset and length of a vehicle that is not too long, or none."""
+    """Draw a vehicle: family, asset (None if it is too long) and length."""
     family = draw_family(VEHICLES, rng)
     ref = draw_asset(plot.street.pool, family, rng)
     if ref is None:
@@ -49,11 +50,11 @@ def _vehicle(
 
 
 def _side_street(plot: Plot, x: float, side: float, share: float, rng: np.random.Generator) -> None:
-    """Vehicles that wait to come out, vehicles that have gone in, and one that turns at the corner."""
+    """Place vehicles that wait in a side street, that have entered it, and one that turns at the corner."""
     ground, drive = plot.ground, plot.street.drive
     if rng.random() >= share:
         return
-    # Vehicles that come out towards the road keep to the side of the local traffic.
+    # Vehicles that leave the side street drive on the side of the local traffic.
     out = x + BESIDE * side * drive
     y = ground.half_width + 1.2
     for _ in range(int(rng.integers(0, 4))):
@@ -77,14 +78,14 @@ def _side_street(plot: Plot, x: float, side: float, share: float, rng: np.random
 
 
 def _pulling_out(plot: Plot, share: float, rng: np.random.Generator) -> None:
-    """A vehicle that leaves the kerb at an angle, or stands across the road while it turns round."""
+    """Place a vehicle that leaves the kerb at an angle, or is across the road while it turns round."""
     half = plot.ground.half_width
     side = 1.0 if rng.random() < 0.5 else -1.0
     forward = 0.0 if side == plot.street.drive else math.pi
     heading = 1.0 if side == plot.street.drive else -1.0
-    x, wanted, round_ = float(rng.uniform(START, END)), rng.random() < share, rng.random() < 0.4
+    x, is_present, round_ = float(rng.uniform(START, END)), rng.random() < share, rng.random() < 0.4
     family, ref, long = _vehicle(plot, rng, 5.5)
-    if not wanted:
+    if not is_present:
         return
     # Towards the middle of the road: clockwise on the left side for forward traffic.
     angle = float(rng.uniform(1.1, 1.9) if round_ else rng.uniform(0.25, 0.7))

@@ -96,7 +96,7 @@ def doctor(tmp_path, monkeypatch, capsys):
     """The command without its measurement and its look at the machine; returns code, output and error."""
     monkeypatch.setattr(pace, "measured_by", lambda workers: Pace(1.0, 2.0))
     monkeypatch.setattr(session, "compile_first", lambda workers, name: None)
-    monkeypatch.setattr(pace, "kept", lambda name: tmp_path / name)
+    monkeypatch.setattr(pace, "cache_file", lambda name: tmp_path / name)
     monkeypatch.setattr(outlines, "renders", renders)
     monkeypatch.setattr(machine, "look", lambda: machine.Machine([("GPU", "none")], ["a warning"]))
 

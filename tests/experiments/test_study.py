@@ -449,7 +449,7 @@ def test_a_long_job_measures_the_pace_of_the_machine_once(config, monkeypatch, t
         measured.append(workers)
         return Pace(2.0, 3.0)
 
-    monkeypatch.setattr(paces, "kept", lambda name: tmp_path / name)
+    monkeypatch.setattr(paces, "cache_file", lambda name: tmp_path / name)
     monkeypatch.setattr(paces, "measured_by", measure)
     kind = paces.kind("processes", "cpu")
     brief, long = (Work("nets", 10, config.final, Cost(n, n)) for n in (1.0, 30.0))

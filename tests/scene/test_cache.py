@@ -22,7 +22,7 @@ def folder(tmp_path, monkeypatch):
 def ask(name="x"):
     """Whether the numbers came from disk; either way they must be right."""
     calls = []
-    found = cache.kept(name, lambda: calls.append(1) or {"a": NUMBERS.copy()})
+    found = cache.cached(name, lambda: calls.append(1) or {"a": NUMBERS.copy()})
     assert list(found) == ["a"] and (found["a"] == NUMBERS).all()
     return not calls
 

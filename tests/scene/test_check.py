@@ -48,7 +48,7 @@ def edit(path, change):
 
 
 def test_nothing_is_found_in_what_was_exported_with_edges_to_spare(whole, printed):
-    assert list(findings(whole)) == [] and "no fault found" in printed(main, whole)
+    assert list(findings(whole)) == [] and "no faults" in printed(main, whole)
     edges, moved = Overlap(), Overlap()
     for path in whole.glob(DEPTH):
         segments = first(whole, f"*panoptic*/{path.stem.removesuffix('_depth')}*.png")
@@ -72,7 +72,9 @@ def test_no_dataset_is_refused_and_an_unfinished_one_says_how_to_go_on(files, tm
         (tmp_path / name).write_bytes(content)
     assert str(tmp_path) in refusal(main, tmp_path)
     (tmp_path / "b" / ".export").mkdir(parents=True)
-    with pytest.raises(ValueError, match="unfinished export: the command that began it continues"):
+    with pytest.raises(
+        ValueError, match="unfinished export; run the command that started it to resume"
+    ):
         list(findings(tmp_path / "b"))
 
 
@@ -141,11 +143,11 @@ def paint(plane, value):
     (SEGMENTS, lambda s: paint(s, 26), "segment 26 is no id for the class car"),
     (SEGMENTS, lambda s: paint(s, 12003), "segment 12003 is no id for the class wall"),
     (LIST, Path.unlink, "json is missing"),
-    (LIST, lambda v: v.pop("images"), "is not as the format wants it"),
+    (LIST, lambda v: v.pop("images"), "is not valid for its format"),
     (LIST, lambda v: v["images"].pop(), "instances and dataset.json differ on scenex_000001_000001"),
-    (PANOPTIC, lambda v: first_of(v, "segments_info").pop(), "is in the picture but not in the list"),
+    (PANOPTIC, lambda v: first_of(v, "segments_info").pop(), "is in the image but not in the list"),
     (PANOPTIC, lambda v: first_of(v, "segments_info").append({"id": 5, "category_id": 7}),
-     "segment 5 is in the list but not in the picture"),
+     "segment 5 is in the list but not in the image"),
     (PANOPTIC, lambda v: first_of(v, "segments_info")[0].update(area=1), "listed as"),
     (LIST, lambda v: v["annotations"][0].update(bbox=[0, 0, 1, 1]), "annotation 1: class, area or box"),
     (LIST, lambda v: first_of(v, "segmentation").update(counts=rle.encode([0, 160 * 96])),
@@ -183,7 +185,7 @@ def test_a_class_that_should_appear_and_does_not_is_found(dataset):
     unseen = min(described["images_with_class"], key=described["images_with_class"].get)
     assert described["images_with_class"][unseen] == 0  # the seed is chosen so
     edit(dataset / "dataset.json", lambda value: value["placed"].update({unseen: 500}))
-    message = f"{unseen}: 500 stand in the streets, and none is in any image"
+    message = f"{unseen}: no image shows any of the 500 in the streets"
     assert list(findings(dataset)) == [message]
 
 
@@ -191,7 +193,7 @@ def test_a_class_that_should_appear_and_does_not_is_found(dataset):
 def test_what_meets_in_streets_is_counted(overlap, code, capsys):
     assert main(["--overlaps", "2", "--overlap", overlap]) == code
     out = capsys.readouterr().out
-    assert out.startswith("2 hand-set streets (extended): ") and "\n2 random streets" in out
+    assert out.startswith("2 default streets (extended): ") and "\n2 random streets" in out
     assert ("building and building" in out) == (overlap == "allow")
 
 

@@ -113,4 +113,4 @@ def test_instances_stand_where_they_are_put_and_outlive_the_names_of_their_meshe
 
 def test_a_wheel_without_the_library_is_named(monkeypatch, tmp_path):
     monkeypatch.setattr(api, "PATTERNS", ("nothing/*.so",))
-    refused(RendererError, r"no Embree 4 library lies beside embreex", api._find)
+    refused(RendererError, r"has no Embree 4 library", api._find)

@@ -175,7 +175,7 @@ def test_what_makes_no_picture_may_have_another_version(tmp_path, monkeypatch):
 
 def test_other_folders_are_kept_and_a_second_process_is_kept_out(tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
-    refused(ExportError, "holds other files and no export", run, tmp_path)
+    refused(ExportError, "holds other files, not an export", run, tmp_path)
     refused(ExportError, "is a file", run, tmp_path / "notes.txt")
     assert tree(tmp_path) == {"notes.txt": b"mine"}
 
@@ -213,7 +213,7 @@ def test_too_small_a_disk_is_refused_before_anything_is_written(tmp_path, monkey
 
     leave(100_000)
     deep = tmp_path / "deep" / "a"
-    refused(ExportError, r"about 0\.0 GB are needed and 0\.0 GB are free", run, deep)
+    refused(ExportError, r"needs about 0\.0 GB, but 0\.0 GB are free", run, deep)
     assert list(tmp_path.iterdir()) == []
     monkeypatch.undo()
     run(tmp_path / "a")
@@ -223,7 +223,7 @@ def test_too_small_a_disk_is_refused_before_anything_is_written(tmp_path, monkey
 
 @pytest.mark.parametrize(("changes", "message"), [
     ({"units": np.zeros((2, 22))}, "must have 23"),
-    ({"images": 7}, "7 images do not fit 3 streets of 2 shots"),
+    ({"images": 7}, "7 images do not fit 3 streets with 2 shots"),
     ({"images": 4}, "4 images do not fit 3 streets"),
     ({"split": "test"}, "unknown split 'test'; known: train, val"),
     ({"format": "voc"}, "unknown format 'voc'"),
@@ -251,9 +251,7 @@ def test_the_command_line_exports_and_reports(tmp_path, printed):
     lines = printed(main, *FLAGS, first, "--attributes", "random", "--shots", 1).splitlines()
     assert lines[0].startswith("[  0 %] 0 of 2 images | 0.0 MB")
     assert lines[1].startswith("[ 50 %] 1 of 2 images | ") and lines[1].endswith(" left")
-    assert (
-        "2 images of 2 streets, one image of each, in " in lines[-2] and "dataset.json" in lines[-2]
-    )
+    assert "2 images of 2 streets, one per street, in " in lines[-2] and "dataset.json" in lines[-2]
     assert lines[-1] == f"Contact sheet: {first / 'index.jpg'}" and (first / "index.jpg").exists()
     file.write_text(json.dumps(described(first)["attributes"]))
     printed(main, *FLAGS, second, "--attributes", file, "--shots", 1)
@@ -278,7 +276,7 @@ def test_the_command_line_draws_from_probabilities(tmp_path, printed):
 def test_the_command_line_holds_what_is_known(tmp_path, printed):
     fix = ["--space", "extended", "--fix", "field_of_view=90", "--fix", "camera_position_y=1.4"]
     said = printed(main, *FLAGS, tmp_path / "a", "--attributes", "mixed", "--shots", 1, *fix)
-    assert "Held: camera_position_y 1.4 m, field_of_view 90 deg" in said
+    assert "Fixed: camera_position_y 1.4 m, field_of_view 90 deg" in said
     found = described(tmp_path / "a")
     for name, value in (("field_of_view", 90), ("camera_position_y", 1.4)):
         units = [street[names("extended").index(name)] for street in found["streets"]]

@@ -47,7 +47,7 @@ def test_segments_by_hand():
     ]  # fmt: skip
     many = np.arange(4, 1604, dtype=np.uint16).reshape(40, 40)
     label = np.full((40, 40), CAR, np.uint8)
-    refused(ValueError, "over 1000 objects of train id 13", panoptic_ids, label, many)
+    refused(ValueError, "more than 1000 objects of train id 13", panoptic_ids, label, many)
 
 
 @given(SEEDS)
@@ -91,7 +91,7 @@ def test_encodings_by_hand_and_bad_masks_are_refused():
     assert rle.Runs(np.ones((2, 3), np.int32)).counts(7) == [6]
     for text, message in (("P", "ends within a number"), ("0 ", "does not belong")):
         refused(ValueError, message, rle.decode, text)
-    refused(ValueError, "runs of 5 pixels for an image of 3x2", rle.mask, [2, 3], 2, 3)
+    refused(ValueError, "runs of 5 pixels do not fill an image of 3x2", rle.mask, [2, 3], 2, 3)
 
 
 @given(SEEDS)

@@ -100,7 +100,7 @@ def test_every_layout_is_read_back_checked_and_counted_in_the_classes_of_its_tar
     assert tuple(told["class_frequency"]) == names and ("target" in told) == (target != "")
     np.testing.assert_allclose([*told["class_frequency"].values()], share, atol=1e-9)
     if format == "yolo-seg":
-        refused(ValueError, "yolo-seg has no label of every pixel", read_dataset, folder)
+        refused(ValueError, "yolo-seg does not label every pixel", read_dataset, folder)
         return
     found = read_dataset(folder)
     np.testing.assert_array_equal(found.labels, wanted)
@@ -297,15 +297,17 @@ def test_damage_to_masks_and_polygons_is_found(exported, tmp_path):
     mask = np.array(Image.open(path))
     Image.fromarray(np.where(mask == 3, 77, mask).astype(np.uint8)).save(path)
     found = "\n".join(findings(masks))
-    assert "pixels hold a value that is of no class" in found
+    assert "pixels have a value of no class" in found
     assert "class_frequency of road is" in found
     (masks / "classes.txt").write_text("0 sky\n")
-    assert f"{masks / 'classes.txt'} does not say what dataset.json says" in list(findings(masks))
+    assert f"{masks / 'classes.txt'} and dataset.json disagree on the classes" in list(
+        findings(masks)
+    )
     polygons = shutil.copytree(exported("yolo-seg"), tmp_path / "polygons")
     path = next(p for p in sorted(polygons.rglob("labels/train/*.txt")) if p.stat().st_size)
     text = path.read_text()
     path.write_text(text.partition("\n")[2])
-    assert "but outlines enclose" in "\n".join(findings(polygons))
+    assert "but the outlines enclose" in "\n".join(findings(polygons))
     for line in (
         "8 0 0 0 1 1 1",
         "0 0 0 1 1",
@@ -369,7 +371,7 @@ def test_every_shipped_target_has_a_value_of_its_own_for_each_class_and_void(nam
 ])  # fmt: skip
 def test_a_garbled_target_in_a_description_is_refused(change):
     entry = {**target_entry(TARGETS["camvid"]), **change}
-    refused(ValueError, "target is not as it was written", target_labels, entry)
+    refused(ValueError, "the entry of the target is damaged", target_labels, entry)
 
 
 @pytest.mark.parametrize(("format", "rows"), [("cityscapes", 3), ("folders", 2), ("yolo-seg", 1)])

@@ -307,9 +307,9 @@ def test_the_manifest_scales_a_sign_hangs_on_its_pole_and_a_house_looks_at_the_r
     ("car/empty.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\n", "(has no faces|broken)"),
     ("car/nan.ply", car((np.nan, 1, 1)), "has vertices that are not finite"),
     ("car/index.glb", re.sub(b"(?s)BIN\0....", b"BIN\0\0\1\0\0", block(CAR).export(file_type="glb")),
-     "has a face with a vertex that is none of its 8"),
-    ("car/many.ply", b"ply\nformat ascii 1.0\nelement vertex 90000000000\nend_header\n", "broken: says 90,0"),
-    ("car/zeros.gltf", b'{"accessors": [{"count": 900000000000}]}', "broken: an accessor of 9000"),
+     "has a face with a vertex index outside of its 8"),
+    ("car/many.ply", b"ply\nformat ascii 1.0\nelement vertex 90000000000\nend_header\n", "broken: declares 90,0"),
+    ("car/zeros.gltf", b'{"accessors": [{"count": 900000000000}]}', "broken: an accessor with 9000"),
     ("car/twice.gltf", b'{"nodes": [{"children": [1, 1]}, {}]}', "broken: a node has two parents"),
     ("car/deep.gltf", b"[" * 100_000, "broken: it is nested too deeply"),
     ("car/out.obj", b"mtllib ../../secret.mtl\n", r"refers to \.\./\.\./secret\.mtl, which leads out of"),
@@ -325,12 +325,12 @@ def test_a_missing_texture_is_named(shelf, tmp_path):
     text = b"mtllib box.mtl\nusemtl a\nv 0 0 0\nv 4 0 0\nv 0 2 1\nvt 0 0\nf 1/1 2/1 3/1\n"
     folder = shelf("car/box.obj", text)
     for name in ("box.mtl", "paint.png"):
-        refused(LibraryError, rf"box\.obj: refers to {name}, which is not there", check, folder)
+        refused(LibraryError, rf"box\.obj: refers to {name}, which does not exist", check, folder)
         (tmp_path / "own/car/box.mtl").write_text("newmtl a\nmap_Kd paint.png\n")
     path = Path(shelf("bus/box.gltf", y_up(car())), "bus/box.gltf")
     content = json.loads(path.read_text())
     path.write_text(json.dumps({**content, "images": [{"uri": "my%20paint.png"}]}))
-    message = r"box\.gltf: refers to my paint\.png, which is not there"
+    message = r"box\.gltf: refers to my paint\.png, which does not exist"
     refused(LibraryError, message, load, "bus", scan(folder)["bus"][0])
 
 

@@ -107,7 +107,7 @@ def test_neither_threads_nor_workers_nor_pictures_of_other_sizes_change_the_byte
         opengl.render(drawn, SMALL._replace(width=width))
     for frame in (*frames, opengl.render(drawn, SMALL)[0]):
         assert all(a.tobytes() == b.tobytes() for a, b in zip(here[:5], frame[:5], strict=True))
-    with pytest.raises(RendererError, match=r"20000x8 samples are more than .* embree"):
+    with pytest.raises(RendererError, match=r"20000x8 samples exceed .* embree"):
         opengl.render(street(), RenderSettings(width=20_000, height=8))
     assert (opengl.render(street(), SMALL)[0].label == TrainId.ROAD).any()
     units = np.stack([default_unit(), np.full(23, 0.5, np.float32)])

@@ -250,7 +250,7 @@ def test_objects_too_large_for_their_place_are_left_out_and_render_says_so(tmp_p
     class_flags = ["--own-asset", str(tmp_path / "hall.glb"), "--own-class", "hall"]
     flags = ["--images", "1", "--size", "64x48", "--workers", "0", "--out", str(tmp_path / "a")]
     assert main([*flags, *class_flags]) == 0
-    assert "No hall stands in any street: there was no room for one" in capsys.readouterr().out
+    assert "No street has a hall: there was no room for one" in capsys.readouterr().out
     assert list(findings(tmp_path / "a")) == []
 
 
@@ -263,7 +263,7 @@ def test_the_command_line_places_objects_and_stats_compare_datasets(file, tmp_pa
     assert record["own_class"]["place"] == "carriageway" and record["placed"].pop(NAME) > 0
     assert record["placed"] == without_class["placed"] and "own_class" not in without_class
     assert compare(tmp_path / "a", tmp_path / "b", ())[0] == (*CLASS_NAMES, NAME)
-    refused(ValueError, "have other classes", compare, tmp_path / "b", tmp_path / "a", ())
+    refused(ValueError, "have different classes", compare, tmp_path / "b", tmp_path / "a", ())
     changed = refused(
         ExportError, "an export with other own_class", export_again, tmp_path / "b", file
     )
@@ -318,9 +318,9 @@ def test_ids_of_a_class_that_a_dataset_does_not_have_are_found():
 
 
 @pytest.mark.parametrize(("flags", "message"), [
-    ("--own-asset bin.glb", "--own-asset needs --own-class beside it"),
-    ("--own-class bin", "--own-class needs --own-asset beside it"),
-    ("--own-place carriageway", "--own-place needs --own-asset beside it"),
+    ("--own-asset bin.glb", "--own-asset needs --own-class, too"),
+    ("--own-class bin", "--own-class needs --own-asset, too"),
+    ("--own-place carriageway", "--own-place needs --own-asset, too"),
     ("--own-asset bin.glb --own-class bin --own-place roof", "carriageway, not 'roof'"),
     ("--own-asset bin.glb --own-class traffic_Light", "'traffic_Light': there is such a class already"),
     ("--own-asset bin.glb --own-class VOID", "'VOID': there is such a class already"),
@@ -371,10 +371,10 @@ def write_with_separate_texture(path):
 
 
 def test_a_stream_and_a_pool_refuse_the_same(pool, file):
-    refused(ValueError, "labels are then the target's", stream, pool=pool, target="camvid")
+    refused(ValueError, "cannot be combined with target camvid", stream, pool=pool, target="camvid")
     roof = AssetPool(own_class=OwnClass("bin", str(file), "roof"))
     refused(ValueError, "place 'roof' is unknown; known: sidewalk, carriageway", stream, pool=roof)
     car = AssetPool(own_class=OwnClass("car", str(file)))
-    refused(ValueError, "there is such a class already", stream, pool=car)
+    refused(ValueError, "this class already exists", stream, pool=car)
     gone = AssetPool(own_class=OwnClass("bin", "gone.glb"))
     refused(LibraryError, "gone.glb does not exist", stream, pool=gone)

@@ -99,7 +99,13 @@ def test_an_export_names_all_files_and_stops_where_they_change(shelf, tmp_path):
         if done == 1:
             Image.new("RGB", (2, 2), (20, 200, 30)).save(texture)
 
-    refused(ExportError, "own has changed since .*second was begun", export, "second", repaint)
+    refused(
+        ExportError,
+        "own has changed since the export to .*second started",
+        export,
+        "second",
+        repaint,
+    )
     refused(ExportError, "other|own_files", export, "second")
     texture.write_bytes(original)
     export("second")

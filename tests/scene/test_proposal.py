@@ -286,7 +286,7 @@ def test_the_ends_of_bins_belong_to_them(count):
     for low, high in ((0, 1), (0, count - 1), (1, count - 1)):
         row = np.zeros(count, np.float32)
         row[low] = row[high] = 0.5
-        inverse = module._drawn_from(Histogram(np.tile(row, (4, 1))))
+        inverse = module._inverse_distribution(Histogram(np.tile(row, (4, 1))))
         assert bins_of(inverse(numbers), count).tolist() == [low, low, high, high]
 
 

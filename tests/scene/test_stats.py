@@ -115,7 +115,7 @@ def test_the_command_line_prints_and_writes_the_same_figures(dataset, camvid, tm
     [line] = [line for line in text.splitlines() if line.startswith("sky")]
     share = 100 * stored["dataset"]["classes"]["sky"]["frequency"]
     assert f"{share:.3f}" in line and "40.000" in line
-    assert "target: 2 images, mean RGB 0/0/150, 37.5 % of pixels without a label" in text
+    assert "target: 2 images, mean RGB 0/0/150, 37.5 % of pixels ignored" in text
 
 
 @pytest.mark.parametrize(("damage", "message"), [

@@ -8,7 +8,7 @@ from scene.assets.catalogue import check_pool
 from scene.names import WEATHERS
 from scene.render import RenderSettings, renderer
 from scene.render.shade import LAMP_POWER, lamplight
-from scene.sky.weather import ASKED
+from scene.sky.weather import REQUESTED
 from scene.street.instances import FIRST_INSTANCE, Placement
 from tests.scene.conftest import POOL, refused, street
 
@@ -18,7 +18,7 @@ def test_a_weather_that_is_asked_for_changes_the_sky_and_nothing_else(weather):
     by_chance, asked = (
         street(seed=4, shots=2, pool=p) for p in (POOL, POOL._replace(weather=weather))
     )
-    assert asked.sky.weather in {row.name for row in ASKED[weather]}
+    assert asked.sky.weather in {row.name for row in REQUESTED[weather]}
     assert (asked.sky.snow > 0.5) == (weather == "snow") and (asked.sky.haze < 150) == (
         weather == "fog"
     )

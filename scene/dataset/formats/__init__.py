@@ -1,1 +1,1 @@
-"""The form of datasets on disk: planes of pixels, segments, and the published layouts."""
+"""The files of datasets: planes of pixels, segments, and the published layouts."""

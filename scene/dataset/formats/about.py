@@ -1,4 +1,4 @@
-"""The data of a whole dataset for the files about all its images."""
+"""The data of a whole dataset, from which summary files are made."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import Any, NamedTuple
 from scene.dataset.formats.labels import Labels
 
 CITY = "scenex"
-"""First part of all images' names, like the city in Cityscapes."""
+"""First part of all image names, like the city in Cityscapes."""
 
 
 class About(NamedTuple):
-    """The data of a dataset for the files about all images."""
+    """The data of a dataset for its summary files."""
 
-    records: Callable[[], Iterable[dict[str, Any]]]  # gives the records of all images anew
+    records: Callable[[], Iterable[dict[str, Any]]]  # iterates over the records of all images
     split: str
     size: tuple[int, int]  # width, height in pixels
     labels: Labels

@@ -1,4 +1,4 @@
-"""A dataset's card: README.md in the format of Hugging Face, with metadata for machines first."""
+"""A dataset's card: README.md in the format of Hugging Face, with metadata on top."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ SPLIT = {"train": "train", "val": "validation"}
 USES = {
     "cityscapes": """\
 The layout of Cityscapes: images in `leftImg8bit/`, labels in `gtFine/` as ids, train ids, instances and
-colours; beside them `depth/`, `disparity/`, `normals/`, `camera/` and outlines in `annotations/`.
+colours; in addition `depth/`, `disparity/`, `normals/`, `camera/` and masks in `annotations/`.
 """,
     "coco": """\
 The layout of COCO: `images/`, objects in `annotations/instances.json`, masks of classes in
-`annotations/semantic.json`, and `panoptic/` with `annotations/panoptic.json`; beside them `depth/`,
+`annotations/semantic.json`, and `panoptic/` with `annotations/panoptic.json`; in addition `depth/`,
 `normals/` and `camera/`.
 """,
     "yolo-seg": """\
-Ultralytics' layout: `images/`, and in `labels/` an outline of each thing on a line; `data.yaml` names the
+Ultralytics' layout: `images/`, and `labels/` with one outline per thing and line; `data.yaml` names the
 classes.
 """,
     "folders": """\
-`images/` and `masks/` hold one PNG of the same name for each image, `classes.txt` on each line a value of the
-masks, a space, and the name of its class.
+`images/` and `masks/` hold one PNG of the same name for each image. Each line of `classes.txt` is a mask
+value, a space, and the name of its class.
 """,
     "parquet": """\
 ```
@@ -34,11 +34,11 @@ from datasets import load_dataset
 
 dataset = load_dataset("parquet", data_files={"{split}": "data/*.parquet"})
 ```
-`image` and `label` are pictures of the same size; `classes` lists the classes that are in the image by their
-places in the table below.
+`image` and `label` are images of the same size; `classes` lists the classes in the image by their row in
+the table below.
 """,
 }
-"""Description of the files by layout."""
+"""Description of the files, by layout."""
 
 
 def card(about: About, features: str = "") -> Iterator[str]:
@@ -46,42 +46,47 @@ def card(about: About, features: str = "") -> Iterator[str]:
 
     Args:
         about: the dataset.
-        features: lines of YAML about columns, if there are any.
+        features: lines of YAML about columns, if any.
     """
-    told = about.description
-    size = next((name for most, name in SIZES if told["images"] < most), "n>1M")
+    description = about.description
+    size = next((name for most, name in SIZES if description["images"] < most), "n>1M")
     width, height = about.size
     yield (
         "---\npretty_name: Rendered streets\ntask_categories:\n- image-segmentation\n"
         f"tags:\n- synthetic\n- street-scenes\nsize_categories:\n- {size}\n{features}---\n"
     )
+    streets, version = len(description["streets"]), description["versions"]["sdr-jax"]
+    engine, renderer, seed = (description[name] for name in ("engine", "renderer", "seed"))
     yield (
-        f"# Rendered streets\n{told['images']} images of {width}x{height} pixels of {len(told['streets'])} "
-        "streets, with the class of every pixel, rendered by sdr-jax "
-        f"{told['versions']['sdr-jax']} (engine {told['engine']}, renderer {told['renderer']}, seed "
-        f"{told['seed']}). `dataset.json` holds all settings and the attributes of every street.\n\n"
+        f"# Rendered streets\n{description['images']} images of {width}x{height} pixels of {streets} "
+        f"streets, with the class of every pixel, rendered by sdr-jax {version} (engine {engine}, "
+        f"renderer {renderer}, seed {seed}). `dataset.json` holds all settings and the attributes of "
+        "every street.\n\n"
     )
-    yield USES[told["format"]].replace("{split}", SPLIT[about.split])
+    yield USES[description["format"]].replace("{split}", SPLIT[about.split])
     yield "\n## Classes\n| value | class | share of pixels | images |\n| --- | --- | --- | --- |\n"
     for value, name in about.labels.all_values:
-        if name in told["class_frequency"]:
-            share, images = told["class_frequency"][name], told["images_with_class"][name]
+        if name in description["class_frequency"]:
+            share, images = (
+                description["class_frequency"][name],
+                description["images_with_class"][name],
+            )
             yield f"| {_text(value)} | {name} | {100 * share:.2f} % | {images} |\n"
         else:
-            yield f"| {_text(value)} | {name}: counts for nothing | | |\n"
-    if "target" in told:
-        yield f"\nThe classes are those of the target {told['target']['name']}.\n"
+            yield f"| {_text(value)} | {name}: ignored | | |\n"
+    if "target" in description:
+        yield f"\nThe classes are those of the target {description['target']['name']}.\n"
     yield "\n## Rights\nStreets, shapes and textures are made by code"
-    if told["own_assets"]:
-        yield "; assets of others are listed in `assets.csv`, with authors and licences"
-    if "own_class" in told:
-        own = told["own_class"]
-        yield f"; objects of class {own['name']} are those of the user's file `{own['file']}`"
-    yield ". No photograph is in this dataset.\n"
+    if description["own_assets"]:
+        yield "; `assets.csv` lists the assets of others, with authors and licences"
+    if "own_class" in description:
+        own_class = description["own_class"]
+        yield f"; objects of class {own_class['name']} are those of the user's file `{own_class['file']}`"
+    yield ". This dataset contains no photographs.\n"
 
 
 def class_list(about: About) -> Iterator[str]:
-    """Yield ``classes.txt``: a value of label pictures and the name of its class on each line."""
+    """Yield ``classes.txt``: a value of label images and the name of its class on each line."""
     for value, name in about.labels.all_values:
         yield f"{_text(value)} {' '.join(name.split())}\n"
 

@@ -1,7 +1,7 @@
 """The JSON files of COCO: things with boxes and masks, panoptic segments, and classes with masks.
 
-Category ids of things and segments are the labelIds of Cityscapes. Masks are run-length text, since polygons
-could not be exact. Source: cocodataset.org, "Data format".
+Category ids of things and segments are the labelIds of Cityscapes. Masks are run-length encoded, since
+polygons are not exact. Source: cocodataset.org, "Data format".
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ def _images(about: About, file_name: str, by_stem: bool = False) -> Iterator[dic
     for number, record in enumerate(about.records(), start=1):
         name = file_name.format(split=about.split, stem=record["stem"])
         width, height = about.size
-        own = record["stem"] if by_stem else number
-        yield {"id": own, "width": width, "height": height, "file_name": name}
+        image_id = record["stem"] if by_stem else number
+        yield {"id": image_id, "width": width, "height": height, "file_name": name}
 
 
 def instances(about: About, file_name: str) -> Iterator[str]:
@@ -70,24 +70,24 @@ def instances(about: About, file_name: str) -> Iterator[str]:
 def semantic(about: About, file_name: str) -> Iterator[str]:
     """COCO's stuff segmentation: a mask of each class in every image, also of things.
 
-    The categories are the classes of the dataset's labels, with their ids in label pictures.
+    The categories are the classes of the dataset's labels, with their ids in label images.
 
     Args:
         about: the dataset.
         file_name: the image's name in the JSON file, with {split} and {stem}.
     """
-    own = about.labels
-    listed = [
-        {"id": category, "name": name, "isthing": int(k in own.things), "color": colour}
+    labels = about.labels
+    rows = [
+        {"id": category, "name": name, "isthing": int(k in labels.things), "color": colour}
         for k, (category, name, colour) in enumerate(
-            zip(own.category_ids, own.names, own.colours.tolist(), strict=False)
+            zip(labels.category_ids, labels.names, labels.colours.tolist(), strict=False)
         )
     ]
     return json_lines(
         {
             "images": _images(about, file_name),
             "annotations": _masks(about, "classes", 0),
-            "categories": listed,
+            "categories": rows,
         }
     )
 
@@ -126,8 +126,8 @@ def panoptic(
     Args:
         about: the dataset.
         file_name: the image's name in the JSON file, with {stem}.
-        segments: the name of the picture of its segments, with {stem}.
-        by_stem: whether an image's id is its stem; otherwise they are 1, 2, 3 ...
+        segments: the name of its segment image, with {stem}.
+        by_stem: whether image ids are stems; otherwise they are 1, 2, 3 ...
     """
     annotations = (
         {

@@ -1,4 +1,4 @@
-"""The classes of label pictures: the engine's, or a target's in its own ids or colours."""
+"""The classes of label images: the engine's, or a target's in its own ids or colours."""
 
 from __future__ import annotations
 
@@ -17,74 +17,78 @@ if TYPE_CHECKING:
     from common.labels.target_file import TargetFile
 
 ILLEGAL = 254
-"""Class of invalid values in label pictures; a target has fewer classes."""
+"""Class of invalid values in label images; a target has fewer classes."""
 
 
 class Labels(NamedTuple):
-    """Classes by number, and their values in label pictures."""
+    """Classes by index, and their values in label images."""
 
     names: tuple[str, ...]
     of_engine: np.ndarray  # u8[256], train id -> class, VOID
     values: np.ndarray  # u8 or u16[256] ids, or u8[256, 3] colours, of each class and of VOID
-    colours: np.ndarray  # u8[256, 3] for people, VOID is black
+    colours: np.ndarray  # u8[256, 3] for display, VOID is black
     things: tuple[int, ...]  # classes with instances
-    outlines: tuple[Outline, ...] = ()  # those that are drawn as a whole
+    outlines: tuple[Outline, ...] = ()  # classes with closed outlines
 
     @property
     def rendered(self) -> tuple[str, ...]:
-        """The classes of streets by train id: the engine's, and a user's own if it is among these."""
-        own = int(self.of_engine[OWN])
-        return CLASS_NAMES if own == VOID else (*CLASS_NAMES, self.names[own])
+        """The classes of streets by train id: the engine's, and the user's own if there is one."""
+        own_class = int(self.of_engine[OWN])
+        return CLASS_NAMES if own_class == VOID else (*CLASS_NAMES, self.names[own_class])
 
     @property
     def category_ids(self) -> list[int]:
-        """The id of each class in COCO's files: that in label pictures, or 1, 2, ... if they have colours."""
+        """The id of each class in COCO's files: that in label images, or 1, 2, ... if they have colours."""
         ids = self.values if self.values.ndim == 1 else np.arange(1, 257)
         return ids[: len(self.names)].tolist()
 
     @property
     def all_values(self) -> list[tuple[Any, str]]:
-        """The values of label pictures with names: an id, or red, green and blue."""
+        """The values of label images with class names: an id, or red, green and blue."""
         places = [*range(len(self.names)), VOID]
         return list(zip(self.values[places].tolist(), (*self.names, "void"), strict=True))
 
     def classes_of(self, picture: np.ndarray) -> np.ndarray:
-        """Classes u8[h, w] of a label picture, `ILLEGAL` for invalid values."""
+        """Classes u8[h, w] of a label image, `ILLEGAL` for invalid values."""
         coloured = self.values.ndim == 2
-        ours = _codes(self.values, coloured).tolist()
-        known = {ours[VOID]: VOID, **{ours[k]: k for k in range(len(self.names))}}
+        codes = _codes(self.values, coloured).tolist()
+        class_of = {codes[VOID]: VOID, **{codes[k]: k for k in range(len(self.names))}}
         values, places = np.unique(_codes(picture, coloured), return_inverse=True)
-        found = np.array([known.get(value, ILLEGAL) for value in values.tolist()], np.uint8)
-        return found[places].reshape(picture.shape[:2])
+        classes = np.array([class_of.get(value, ILLEGAL) for value in values.tolist()], np.uint8)
+        return classes[places].reshape(picture.shape[:2])
 
 
 def _codes(values: np.ndarray, coloured: bool) -> np.ndarray:
-    """Ids unchanged, and colours [..., 3] as one number each."""
+    """Return ids unchanged, and colours [..., 3] as one number each."""
     if not coloured:
         return values.astype(np.int32)
     return values.astype(np.int32) @ np.array([1, 256, 65536], np.int32)
 
 
 def _table(rows: Any, void: Any, dtype: Any) -> np.ndarray:
-    """A table with a value for each class, and ``void`` for all other numbers."""
-    found = np.empty((256, *np.shape(void)), dtype)
-    found[:] = void
-    found[: len(rows)] = rows
-    found.setflags(write=False)
-    return found
+    """Make a table with a value for each class, and ``void`` for all other indices."""
+    table = np.empty((256, *np.shape(void)), dtype)
+    table[:] = void
+    table[: len(rows)] = rows
+    table.setflags(write=False)
+    return table
 
 
-def engine_labels(published: bool, own: str | None = None) -> Labels:
-    """The engine's 19 classes, as Cityscapes published them or by train id.
+def engine_labels(published: bool, own_class: str | None = None) -> Labels:
+    """The engine's 19 classes, with the ids of Cityscapes or train ids.
 
     Args:
-        published: whether label pictures hold labelIds and 0 for void, or train ids and 255.
-        own: name of a user's own class, which is then the 20th.
+        published: whether label images hold labelIds and 0 for ignored pixels, or train ids and 255.
+        own_class: name of the user's own class, if any, which becomes the 20th.
 
     Raises:
-        UserError: the name is not valid.
+        UserError: the name is invalid.
     """
-    rows = CLASSES if own is None else (*CLASSES, OWN_ROW._replace(name=check_class_name(own)))
+    rows = (
+        CLASSES
+        if own_class is None
+        else (*CLASSES, OWN_ROW._replace(name=check_class_name(own_class)))
+    )
     ids = np.arange(len(rows))
     return Labels(
         tuple(row.name for row in rows),
@@ -100,37 +104,38 @@ def engine_labels(published: bool, own: str | None = None) -> Labels:
 def target_entry(target: TargetFile | str | Path) -> dict[str, Any]:
     """The entry of a target in ``dataset.json``, which `target_labels` reads.
 
-    A class has the first of its ids or colours, and void the first of the target's. If label files hold
-    names, the value is the class's index.
+    Classes and ignored pixels get the first of their ids or colours. If label files hold names, the value is
+    the class's index.
 
     Raises:
-        UserError: there is no such target, or the engine renders none of its classes.
+        UserError: the target does not exist, or the engine renders none of its classes.
     """
-    from common.labels.target_file import find_target  # workers need none
+    from common.labels.target_file import find_target  # workers do not need it
 
     if isinstance(target, str | Path):
         target = find_target(target)
     if not any(target.rendered):
         raise UserError(
-            f"target {target.name}: no class of it renders one of the engine's, so all would be void; "
-            "say in its file what each class 'renders'"
+            f"target {target.name}: none of its classes is rendered, so all pixels would be ignored; add "
+            "'renders' to the classes in its file"
         )
     names, kind = target.class_names, target.kind
     values: list[Any] = list(range(len(names)))
     if kind != "names":
-        values = [getattr(own, kind)[0] for own in target.classes.values()]
-    taken = {v for own in target.classes.values() for v in getattr(own, kind)}
+        values = [getattr(target_class, kind)[0] for target_class in target.classes.values()]
+    used = {v for target_class in target.classes.values() for v in getattr(target_class, kind)}
     free = ((k, k, k) for k in range(256)) if kind == "colours" else (255, *range(256))
     void = target.void[0] if target.void and kind != "names" else None
     if void is None:
-        void = next(value for value in free if value not in taken and value not in values)
+        void = next(value for value in free if value not in used and value not in values)
     return {
         "name": target.name,
         "void": _plain(void),
         "classes": [
-            {"name": name, "value": _plain(value), "colour": list(colour), "renders": list(own.renders)}
+            {"name": name, "value": _plain(value), "colour": list(colour),
+             "renders": list(target_class.renders)}
             | ({"outline": target.outlines[name]} if name in target.outlines else {})
-            for name, value, colour, own in zip(
+            for name, value, colour, target_class in zip(
                 names, values, target.palette, target.classes.values(), strict=True
             )
         ],
@@ -145,7 +150,7 @@ def target_labels(entry: Any) -> Labels:
     """The classes of a target from its entry in ``dataset.json``.
 
     Raises:
-        ValueError: it is not in the form of `target_entry`.
+        ValueError: it does not have the form of `target_entry`.
     """
     try:
         rows, void = entry["classes"], entry["void"]
@@ -153,10 +158,15 @@ def target_labels(entry: Any) -> Labels:
         renders = [[CLASS_NAMES.index(name) for name in row["renders"]] for row in rows]
         values, colours = [row["value"] for row in rows], [row["colour"] for row in rows]
         shape = np.shape(void)
-        whole = np.array([*values, void])
+        numbers = np.array([*values, void])
         bound = 65535 if shape == () else 255
-        sound = shape in ((), (3,)) and whole.dtype.kind == "i" and 0 < len(rows) < ILLEGAL
-        if not sound or whole.min() < 0 or whole.max() > bound or len(set(names)) < len(names):
+        is_valid = shape in ((), (3,)) and numbers.dtype.kind == "i" and 0 < len(rows) < ILLEGAL
+        if (
+            not is_valid
+            or numbers.min() < 0
+            or numbers.max() > bound
+            or len(set(names)) < len(names)
+        ):
             raise ValueError("classes, values or colours")
         outlines = tuple(
             Outline(tuple(train_ids), float(row["outline"]))
@@ -171,26 +181,26 @@ def target_labels(entry: Any) -> Labels:
         return Labels(
             names,
             of_engine,
-            _table(values, void, np.uint8 if whole.max() < 256 else np.uint16),
+            _table(values, void, np.uint8 if numbers.max() < 256 else np.uint16),
             _table(colours, (0, 0, 0), np.uint8),
-            tuple(k for k, own in enumerate(renders) if own and all(map(is_thing, own))),
+            tuple(k for k, ids in enumerate(renders) if ids and all(map(is_thing, ids))),
             outlines,
         )
     except (LookupError, TypeError, ValueError, OverflowError) as error:
-        raise ValueError(f"target is not as it was written: {error}") from None
+        raise ValueError(f"the entry of the target is damaged: {error}") from None
 
 
-def refuse_with_target(own: str, target: str) -> None:
-    """Raise UserError, since a target's labels have no place for a user's own class."""
+def refuse_with_target(own_class: str, target: str) -> None:
+    """Raise UserError, since a target's labels cannot hold a user's own class."""
     raise UserError(
-        f"own class {own!r} and target {target}: labels are then the target's, which have no place for it; "
-        "leave one of them out"
+        f"own class {own_class!r} cannot be combined with target {target}, whose labels have no such class; "
+        "remove one of them"
     )
 
 
 def labels_of(description: dict[str, Any], published: bool) -> Labels:
     """The classes of a dataset with this ``dataset.json``; raises as `target_labels`."""
     if description.get("target") is None:
-        own = description.get("own_class")
-        return engine_labels(published, None if own is None else str(own["name"]))
+        own_class = description.get("own_class")
+        return engine_labels(published, None if own_class is None else str(own_class["name"]))
     return target_labels(description["target"])

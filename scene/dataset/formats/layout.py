@@ -1,4 +1,4 @@
-"""The table of formats, with the paths of an image's files, and the files about all images."""
+"""The table of formats, with the paths of an image's files and the summary files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SPLITS: tuple[str, ...] = ("train", "val")
 
 
 class Summary(NamedTuple):
-    """A file about all images."""
+    """A summary file about all images."""
 
     path: str  # with {split}
     text: Callable[[About], Iterator[str]]  # in pieces
@@ -27,9 +27,9 @@ class Layout(NamedTuple):
 
     files: dict[str, str]  # kind -> path, with {split} and {stem}
     summaries: dict[str, Summary]
-    published: bool = True  # label pictures hold Cityscapes' labelIds; otherwise train ids
-    packages: tuple[str, ...] = ()  # required packages of the extra parquet
-    pack: Callable[[Path, About], None] | None = None  # makes other files from the images' files
+    published: bool = True  # label images hold Cityscapes' labelIds; otherwise train ids
+    packages: tuple[str, ...] = ()  # required packages (the extra parquet)
+    pack: Callable[[Path, About], None] | None = None  # makes other files from those of the images
 
     def check(self) -> None:
         """Raise UserError if a package is missing."""
@@ -46,8 +46,8 @@ class Layout(NamedTuple):
         return {kind: path.format(split=split, stem=stem) for kind, path in self.files.items()}
 
     def summary_paths(self, split: str) -> dict[str, str]:
-        """Name -> path of each file about all images."""
-        return {name: own.path.format(split=split) for name, own in self.summaries.items()}
+        """Name -> path of each summary file."""
+        return {name: summary.path.format(split=split) for name, summary in self.summaries.items()}
 
 
 CARD = Summary("README.md", card.card)

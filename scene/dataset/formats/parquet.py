@@ -1,7 +1,7 @@
-"""Parquet files for the library ``datasets`` of Hugging Face: pictures and their classes in rows.
+"""Parquet files for the library ``datasets`` of Hugging Face: images and their classes in rows.
 
-Pictures are first written one by one into the folder that exists during an export, so that a kill loses at
-most a street; `pack` then makes shards of them.
+Images are first written one by one into the folder that exists during an export, so that a kill loses at most
+a street; `pack` then packs them into shards.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from scene.dataset.formats.card import SPLIT, card
 
 PACKAGES = ("pyarrow",)
 FILES = {"image": ".export/images/{stem}.png", "label_ids": ".export/labels/{stem}.png"}
-"""Kind of picture -> its file until all are packed."""
+"""Kind of image -> its file until all are packed."""
 COLUMNS = {"image": "image", "label_ids": "label"}
-"""Kind of picture -> column."""
+"""Kind of image -> column."""
 SHARD = 250_000_000
-"""The most bytes of pictures in a shard, which is assembled in memory."""
+"""The most bytes of images in a shard, which is assembled in memory."""
 GROUP = 100
 """Number of rows read at once."""
 
@@ -54,7 +54,7 @@ def parquet_card(about: About) -> Iterator[str]:
 
 
 def pack(folder: Path, about: About) -> None:
-    """Pack the pictures of all images into shards; a second call writes the same."""
+    """Pack all images into shards; a second call writes the same."""
     import pyarrow
     from pyarrow import parquet
 
@@ -73,8 +73,8 @@ def pack(folder: Path, about: About) -> None:
     (folder / "data").mkdir(exist_ok=True)
     records = iter(about.records())
     for k, (start, end) in enumerate(zip(starts, [*starts[1:], len(sizes)], strict=True)):
-        held = io.BytesIO()
-        with parquet.ParquetWriter(held, schema) as writer:
+        buffer = io.BytesIO()
+        with parquet.ParquetWriter(buffer, schema) as writer:
             for first in range(start, end, GROUP):
                 rows = [
                     _row(folder, next(records), about)
@@ -82,7 +82,7 @@ def pack(folder: Path, about: About) -> None:
                 ]
                 writer.write_table(pyarrow.Table.from_pylist(rows, schema))
         name = f"{split}-{k:05d}-of-{len(starts):05d}.parquet"
-        write(folder / "data" / name, held.getvalue(), folder / ".export" / "parts" / name)
+        write(folder / "data" / name, buffer.getvalue(), folder / ".export" / "parts" / name)
 
 
 def _row(folder: Path, record: dict[str, Any], about: About) -> dict[str, Any]:
@@ -94,8 +94,8 @@ def _row(folder: Path, record: dict[str, Any], about: About) -> dict[str, Any]:
         }
         for kind, column in COLUMNS.items()
     }
-    seen = {int(about.labels.of_engine[k]) for k, n in enumerate(record["pixels"]) if n}
-    return {**row, "classes": sorted(k for k in seen if k < len(about.labels.names))}
+    classes = {int(about.labels.of_engine[k]) for k, n in enumerate(record["pixels"]) if n}
+    return {**row, "classes": sorted(k for k in classes if k < len(about.labels.names))}
 
 
 class Place(NamedTuple):
@@ -114,30 +114,32 @@ def places(folder: Path, split: str) -> dict[str, Place]:
     """
     from pyarrow import parquet
 
-    found: dict[str, Place] = {}
+    places_by_stem: dict[str, Place] = {}
     for shard in shards(folder, split):
         try:
             with parquet.ParquetFile(shard) as file:
                 for group in range(file.num_row_groups):
                     names = file.read_row_group(group, ["image.path"])["image"].to_pylist()
                     for row, name in enumerate(names):
-                        found[str(name["path"]).removesuffix(".png")] = Place(shard, group, row)
+                        places_by_stem[str(name["path"]).removesuffix(".png")] = Place(
+                            shard, group, row
+                        )
         except (OSError, ValueError, LookupError, TypeError) as error:
             raise ValueError(f"{shard} cannot be read: {' '.join(str(error).split())}") from None
-    return found
+    return places_by_stem
 
 
 def picture(place: Place, kind: str) -> bytes:
-    """The bytes of one picture's file.
+    """The bytes of one PNG file in a shard.
 
     Raises:
         ValueError, OSError: the shard is damaged; the message names it.
     """
     try:
-        found = _group(place.shard, place.shard.stat().st_mtime_ns, place.group)
-        content = found[COLUMNS[kind]][place.row].as_py()["bytes"]
+        table = _group(place.shard, place.shard.stat().st_mtime_ns, place.group)
+        content = table[COLUMNS[kind]][place.row].as_py()["bytes"]
         if not isinstance(content, bytes):
-            raise TypeError("no picture")
+            raise TypeError("no image")
         return content
     except (OSError, ValueError, LookupError, TypeError) as error:
         why = " ".join(str(error).split())

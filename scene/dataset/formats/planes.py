@@ -1,6 +1,6 @@
-"""Converts the pictures of every shot to arrays for PNG files, and back.
+"""Convert the arrays of a shot to those of PNG files, and back.
 
-Encodings that are not Cityscapes' own:
+Encodings that Cityscapes does not define:
 
 - ``depth``, u16: centimetres along the optical axis, 0 for the sky; 65535 is 655.35 m or more.
 - ``normals``, u8 RGB: ``round(127.5 (n + 1))`` of the unit normal in the camera's frame, x right, y up,
@@ -66,9 +66,9 @@ def normals_plane(normal: np.ndarray) -> np.ndarray:
 
 
 def normals_of(plane: np.ndarray) -> np.ndarray:
-    """Normals f32[h, w, 3] from the picture, unit up to rounding; zero for the sky."""
-    seen = plane.any(axis=2, keepdims=True)
-    return np.where(seen, plane / np.float32(127.5) - 1, 0).astype(np.float32)
+    """Normals f32[h, w, 3] from their image, of length 1 up to rounding; zero for the sky."""
+    has_normal = plane.any(axis=2, keepdims=True)
+    return np.where(has_normal, plane / np.float32(127.5) - 1, 0).astype(np.float32)
 
 
 def panoptic_plane(ids: np.ndarray) -> np.ndarray:
@@ -77,12 +77,12 @@ def panoptic_plane(ids: np.ndarray) -> np.ndarray:
 
 
 def ids_of(plane: np.ndarray) -> np.ndarray:
-    """Segment ids i32[h, w] from the picture."""
+    """Segment ids i32[h, w] from their image."""
     return plane.astype(np.int32) @ np.array([1, 256, 65536], np.int32)
 
 
 def label_planes(train_ids: np.ndarray, labels: Labels) -> dict[str, np.ndarray]:
-    """The pictures of classes from train ids u8[h, w]: values of label files, numbers and colours."""
+    """Label images from train ids u8[h, w]: values of label files, class indices and colours."""
     classes = labels.of_engine.take(train_ids)
     return {
         "label_ids": labels.values.take(classes, axis=0),
@@ -99,4 +99,4 @@ PLANES: dict[str, Callable[["Frame", np.ndarray, "RenderSettings"], np.ndarray]]
     "disparity": lambda frame, ids, settings: disparity_plane(frame.depth, settings),
     "normals": lambda frame, ids, settings: normals_plane(frame.normal),
 }
-"""Kind -> picture from (frame, segment ids, settings); `label_planes` makes those of classes."""
+"""Kind -> array from (frame, segment ids, settings); `label_planes` makes those of classes."""

@@ -1,4 +1,4 @@
-"""Writes pictures as PNG files, and reads them with checks."""
+"""Write images as PNG files, and read them with checks."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
 
 def encode(plane: np.ndarray) -> bytes:
-    """Encode a picture, u8 or u16, [h, w] or RGB [h, w, 3], as a PNG file."""
+    """Encode an image, u8 or u16, [h, w] or RGB [h, w, 3], as a PNG file."""
     done, data = cv2.imencode(".png", plane[..., ::-1] if plane.ndim == 3 else plane)
     if not done:
-        raise ValueError(f"cannot encode a picture of shape {plane.shape} and type {plane.dtype}")
+        raise ValueError(f"cannot encode an image of shape {plane.shape} and type {plane.dtype}")
     return data.tobytes()
 
 
 def fault_of(data: bytes) -> str | None:
-    """The fault of the bytes of a PNG file (not one, cut short, or damaged), or None.
+    """What is wrong with the bytes of a PNG file (not one, cut short, damaged), or None.
 
-    Decoders silently fill up a cut file, so this checks chunks and checksums.
+    Decoders silently pad a truncated file, so this checks chunks and checksums.
     """
     if not data.startswith(_SIGNATURE):
-        return "is no PNG file"
+        return "is not a PNG file"
     at = len(_SIGNATURE)
     while at + 12 <= len(data):
         (length,) = struct.unpack_from(">I", data, at)
@@ -46,17 +46,17 @@ def fault_of(data: bytes) -> str | None:
 
 
 def read_png(path: Path) -> np.ndarray:
-    """Read a picture as it was given to ``encode``.
+    """Read an image that ``encode`` encoded.
 
     Raises:
-        ValueError: it is no whole PNG file; the message names it.
+        ValueError: it is not a complete PNG file; the message names it.
         OSError: it cannot be read.
     """
     return decode(read_bytes(path, MOST_BYTES), str(path))
 
 
 def decode(data: bytes, name: str) -> np.ndarray:
-    """Decode a picture as it was given to ``encode``; raises ValueError with its name if it is damaged."""
+    """Decode an image that ``encode`` encoded; raises ValueError with its name if it is damaged."""
     fault = fault_of(data)
     if fault is not None:
         raise ValueError(f"{name} {fault}")

@@ -1,6 +1,6 @@
-"""COCO's run-length masks: columns from left to right as alternating runs of off and on, as short text.
+"""COCO's run-length masks: columns from left to right as alternating runs of off and on, in a short text.
 
-Source: ``rleToString`` and ``rleFrString`` of the COCO API (maskApi.c), which give the same text.
+Source: ``rleToString`` and ``rleFrString`` of the COCO API (maskApi.c), whose text is identical.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import numpy as np
 
 
 class Runs:
-    """The runs of equal ids in one image, found once for all its segments.
+    """The runs of equal ids in one image, computed once for all its segments.
 
     Args:
         ids: i32[h, w] segment ids.
@@ -24,10 +24,10 @@ class Runs:
 
     def counts(self, segment: int) -> list[int]:
         """Lengths of the runs off, on, off, ... of one segment's mask."""
-        chosen = self._values == segment
-        if not chosen.any():
+        in_segment = self._values == segment
+        if not in_segment.any():
             return [self._size]
-        starts, lengths = self._starts[chosen], self._lengths[chosen]
+        starts, lengths = self._starts[in_segment], self._lengths[in_segment]
         ends = starts + lengths
         gaps = starts - np.append(0, ends[:-1])
         runs = np.stack([gaps, lengths], axis=1).ravel().tolist()
@@ -36,7 +36,7 @@ class Runs:
 
 
 def encode(counts: list[int]) -> str:
-    """Encode runs as text: each count minus the one two before, in groups of five bits."""
+    """Encode runs as text: the difference of each count to the one two before, in groups of five bits."""
     letters = []
     for i, count in enumerate(counts):
         value = count - counts[i - 2] if i > 2 else count
@@ -53,14 +53,14 @@ def decode(text: str) -> list[int]:
     """The inverse of ``encode``.
 
     Raises:
-        ValueError: the text ends within a number or holds other letters.
+        ValueError: the text ends within a number or contains invalid letters.
     """
     counts: list[int] = []
     value, shift = 0, 0
     for letter in text:
         bits = ord(letter) - 48
         if not 0 <= bits < 64:
-            raise ValueError(f"{letter!r} does not belong into a run-length mask")
+            raise ValueError(f"{letter!r} is not valid in a run-length mask")
         value |= (bits & 0x1F) << shift
         shift += 5
         if bits & 0x20:
@@ -81,6 +81,6 @@ def mask(counts: list[int], height: int, width: int) -> np.ndarray:
         ValueError: the runs do not fill the image.
     """
     if sum(counts) != height * width or min(counts, default=0) < 0:
-        raise ValueError(f"runs of {sum(counts)} pixels for an image of {width}x{height}")
+        raise ValueError(f"runs of {sum(counts)} pixels do not fill an image of {width}x{height}")
     on = np.resize(np.array([False, True]), len(counts))
     return np.repeat(on, counts).reshape(width, height).T

@@ -17,13 +17,13 @@ from scene.compiled import njit
 FIRST_THING = int(TrainId.PERSON)
 """Train ids from here on are things, which have instances."""
 PER_CLASS = 1000
-"""The most ids of one class of things in one image."""
+"""The largest number of objects of one class in one image."""
 
 LABEL_OF_TRAIN = np.zeros(256, np.uint8)
-"""u8[256]: train id -> Cityscapes labelId, 0 (unlabelled) for void."""
+"""u8[256]: train id -> Cityscapes labelId, 0 (unlabelled) for ignored pixels."""
 LABEL_OF_TRAIN[: OWN + 1] = [*LABEL_IDS, OWN_ROW.file_id]
 TRAIN_OF_LABEL = np.full(256, VOID, np.uint8)
-"""u8[256]: Cityscapes labelId -> train id, void for classes that are not evaluated."""
+"""u8[256]: Cityscapes labelId -> train id, VOID for classes that are not evaluated."""
 TRAIN_OF_LABEL[LABEL_OF_TRAIN[: OWN + 1]] = np.arange(OWN + 1)
 for _table in (LABEL_OF_TRAIN, TRAIN_OF_LABEL):
     _table.setflags(write=False)
@@ -49,24 +49,24 @@ def panoptic_ids(label: np.ndarray, instance: np.ndarray) -> np.ndarray:
     Objects of a class are numbered from 0 in the order of the street's instances.
 
     Raises:
-        ValueError: more objects of one class than ids.
+        ValueError: a class has more objects than ids.
     """
     ids = LABEL_OF_TRAIN[label].astype(np.int32)
     things = (label >= FIRST_THING) & (label <= OWN)
-    here = instance[things]
-    class_at = np.full(int(here.max(initial=0)) + 1, VOID, np.uint8)
-    class_at[here] = label[things]
-    seen = np.flatnonzero(class_at != VOID)
-    class_of = class_at[seen]
-    number = np.zeros(len(seen), np.int32)
+    thing_instances = instance[things]
+    class_at = np.full(int(thing_instances.max(initial=0)) + 1, VOID, np.uint8)
+    class_at[thing_instances] = label[things]
+    visible = np.flatnonzero(class_at != VOID)
+    class_of = class_at[visible]
+    number = np.zeros(len(visible), np.int32)
     for train_id in np.unique(class_of):
         members = class_of == train_id
         if members.sum() > PER_CLASS:
-            raise ValueError(f"over {PER_CLASS} objects of train id {train_id} in one image")
+            raise ValueError(f"more than {PER_CLASS} objects of train id {train_id} in one image")
         number[members] = np.arange(members.sum())
     id_at = np.zeros(len(class_at), np.int32)
-    id_at[seen] = LABEL_OF_TRAIN[class_of].astype(np.int32) * PER_CLASS + number
-    ids[things] = id_at[here]
+    id_at[visible] = LABEL_OF_TRAIN[class_of].astype(np.int32) * PER_CLASS + number
+    ids[things] = id_at[thing_instances]
     return ids
 
 
@@ -76,18 +76,18 @@ def label_ids(ids: np.ndarray) -> np.ndarray:
 
 
 def segments(ids: np.ndarray) -> list[Segment]:
-    """All segments of an image in the order of their ids; pixels without a label (0) have none."""
+    """All segments of an image in the order of their ids; unlabelled pixels (0) have none."""
     areas = np.bincount(ids.ravel())  # ids are small, so this is far cheaper than sorting
     values = np.flatnonzero(areas)
     rank = np.zeros(len(areas), np.int32)
     rank[values] = np.arange(len(values))
-    found = []
+    rows = []
     for value, box in zip(values, _boxes(rank[ids], len(values)).tolist(), strict=True):
         if value == 0:
             continue
         label = int(value) if value < PER_CLASS else int(value) // PER_CLASS
-        found.append(Segment(int(value), label, int(areas[value]), tuple(box)))
-    return found
+        rows.append(Segment(int(value), label, int(areas[value]), tuple(box)))
+    return rows
 
 
 @njit(cache=True)

@@ -1,4 +1,4 @@
-"""The files of one shot, and its record, from which the summaries of a dataset are made."""
+"""The files of one shot, and its record, from which summary files are made."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ def shot_files(
         path: path of the road.
         settings: size and field of view.
         layout: the layout of the files.
-        labels: the classes of label pictures.
+        labels: the classes of label images.
 
     Returns:
-        Kind -> content of the file; and the record of the image in plain values: pixels of each class, sums
-        of red, green and blue, the segments, and whether the shot was retaken.
+        Kind -> content of the file; and the record of the image as JSON values: pixels of each class, sums of
+        red, green and blue, the segments, and whether the shot was retaken.
     """
     camera = frame.camera
     settings = seen_through(camera, settings)
@@ -71,16 +71,16 @@ def shot_files(
 def image_record(image: np.ndarray, label: np.ndarray, ids: np.ndarray) -> dict[str, Any]:
     """The record of one image u8[h, w, 3] with train ids u8[h, w] and segment ids i32[h, w]."""
     runs = Runs(ids)
-    found = []
+    entries = []
     for segment in segments(ids):
         entry = _entry(segment, segment.label_id)
         if segment.id >= PER_CLASS:
             entry["rle"] = encode(runs.counts(segment.id))
-        found.append(entry)
+        entries.append(entry)
     return {
         "pixels": np.bincount(label.ravel(), minlength=VOID + 1)[: OWN + 1].tolist(),
         "rgb": [int(image[..., channel].sum(dtype=np.int64)) for channel in range(3)],
-        "segments": found,
+        "segments": entries,
     }
 
 
@@ -106,10 +106,10 @@ def _entry(segment: Segment, category: int) -> dict[str, Any]:
 def camera_entry(camera: Camera, path: Path, settings: RenderSettings) -> dict[str, Any]:
     """The entry of a camera as in Cityscapes: pixels, metres and radians; pixel centres are integers.
 
-    The extrinsics give the camera's place on its car: x ahead, y left, z up from the road. Its axes in the
+    The extrinsics give the camera's position on its car: x ahead, y left, z up from the road. Its axes in the
     car's frame are the columns of Rz(yaw) Ry(pitch) Rx(roll): yaw is left positive, pitch down positive, roll
-    clockwise. There is no model of the car: its frame follows the road's direction and slope, with its origin
-    on the road below the camera, so that x and y are 0 (in Cityscapes it is below the rear axle).
+    clockwise. The car itself is not modelled: its frame follows the direction and slope of the road, with its
+    origin on the road below the camera, so x and y are 0 (in Cityscapes it is below the rear axle).
 
     Args:
         camera: camera of the shot.

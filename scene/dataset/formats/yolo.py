@@ -1,10 +1,10 @@
 """Ultralytics' format of segmentation: one polygon for the outline of each thing.
 
 A line of ``labels/<split>/<stem>.txt`` is a class and the corners of an outline, x and y as shares of width
-and height. The outline follows the edges of pixels, so that it encloses their area. It lies `INSET` inside
-them, so that programs that truncate corners to whole pixels and fill the polygon with its edges get the mask.
-Lines of no width join pieces and holes of one object, as in Ultralytics' converter.
-Source: docs.ultralytics.com/datasets/segment.
+and height. The outline follows pixel edges, so that it encloses the area of the pixels. It is inset by
+`INSET`, so that programs that truncate corners to whole pixels and fill the polygon with its edges get the
+mask. Lines of no width join pieces and holes of one object, as in Ultralytics' converter. Source:
+docs.ultralytics.com/datasets/segment.
 """
 
 from __future__ import annotations
@@ -22,42 +22,42 @@ from scene.dataset.formats.segments import PER_CLASS, TRAIN_OF_LABEL, segments
 INSET = 0.004
 """Inset in pixels, by which a single pixel loses 1.6 % of its area."""
 DIGITS = 7
-"""Digits of the shares, for a thousandth of a pixel at all sizes that can be rendered."""
+"""Digits of the shares: a thousandth of a pixel at all sizes."""
 
 
 def object_lines(ids: np.ndarray, labels: Labels) -> str:
     """The file of one image from its segment ids i32[h, w]."""
-    number = {own: k for k, own in enumerate(labels.things)}
+    number = {class_id: k for k, class_id in enumerate(labels.things)}
     size = np.array(ids.shape[::-1], float)
     lines = []
     for segment in segments(ids):
-        own = int(labels.of_engine[TRAIN_OF_LABEL[segment.label_id]])
-        if segment.id < PER_CLASS or own not in number:
+        class_id = int(labels.of_engine[TRAIN_OF_LABEL[segment.label_id]])
+        if segment.id < PER_CLASS or class_id not in number:
             continue
         x, y, width, height = segment.box
         corners = outline(ids[y : y + height, x : x + width] == segment.id) + (x, y)
         shares = " ".join(f"{share:.{DIGITS}f}" for share in (corners / size).ravel())
-        lines.append(f"{number[own]} {shares}\n")
+        lines.append(f"{number[class_id]} {shares}\n")
     return "".join(lines)
 
 
 def outline(mask: np.ndarray) -> np.ndarray:
     """One closed polygon f64[corners, 2] around all of bool[h, w], in pixels from its upper left corner."""
-    # At twice the size, each corner of a pixel is a separate pixel, which shows its side.
+    # At twice the size, each corner of a pixel is a pixel of its own, which shows its side.
     double = mask.astype(np.uint8).repeat(2, axis=0).repeat(2, axis=1)
-    found, _ = cv2.findContours(double, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
-    rings = [ring[:, 0] // 2 + np.where(ring[:, 0] % 2, 1 - INSET, INSET) for ring in found]
+    contours, _ = cv2.findContours(double, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
+    rings = [ring[:, 0] // 2 + np.where(ring[:, 0] % 2, 1 - INSET, INSET) for ring in contours]
     rings.sort(key=lambda ring: abs(area(ring)))
-    whole = rings.pop()
+    polygon = rings.pop()
     while rings:
-        # The nearest of the others first, since its line is the shortest.
-        gaps = [np.linalg.norm(whole[:, None] - ring, axis=2) for ring in rings]
+        # The nearest ring first, since its line is the shortest.
+        gaps = [np.linalg.norm(polygon[:, None] - ring, axis=2) for ring in rings]
         nearest = int(np.argmin([gap.min() for gap in gaps]))
         ring, gap = rings.pop(nearest), gaps[nearest]
-        here, there = np.unravel_index(int(gap.argmin()), gap.shape)
-        way = np.roll(ring, -int(there), axis=0)
-        whole = np.concatenate([whole[: here + 1], way, way[:1], whole[here:]])
-    return whole
+        joint, start = np.unravel_index(int(gap.argmin()), gap.shape)
+        way = np.roll(ring, -int(start), axis=0)
+        polygon = np.concatenate([polygon[: joint + 1], way, way[:1], polygon[joint:]])
+    return polygon
 
 
 def area(corners: np.ndarray) -> float:

@@ -1,8 +1,8 @@
-"""The C interface of Intel Embree 4, found in the ``embreex`` wheel and called from compiled loops.
+"""The C interface of Intel Embree 4 from the ``embreex`` wheel, called from compiled loops.
 
-embreex itself casts one ray at a time and knows no instances. The library inside its wheel has packets of
-eight rays and instancing, which together make a street several times faster; its C interface is the
-published one of Embree 4 (``rtcore.h``), and is all that is used here.
+embreex itself casts one ray at a time and has no instances. The library in its wheel has packets of eight
+rays and instancing, which together make a street several times faster. Only its published C interface
+(``rtcore.h`` of Embree 4) is used here.
 """
 
 from __future__ import annotations
@@ -54,38 +54,38 @@ def _find() -> Path:
     if spec is None or spec.origin is None:
         raise RendererError(
             "the embree renderer needs the embreex wheel (pip install embreex); "
-            "where it has none, use --renderer opengl"
+            "if your platform has none, use --renderer opengl"
         )
     site = Path(spec.origin).parents[1]
     for pattern in PATTERNS:
-        for found in sorted(site.glob(pattern)):
-            return found
+        for path in sorted(site.glob(pattern)):
+            return path
     raise RendererError(
-        f"no Embree 4 library lies beside embreex in {site}; reinstall the embreex wheel "
-        "(4.3 or later), or use --renderer opengl"
+        f"the embreex wheel in {site} has no Embree 4 library; reinstall it (4.3 or later), or use "
+        "--renderer opengl"
     )
 
 
 @cache
 def library() -> ctypes.CDLL:
-    """Embree, loaded once; its symbols are then known to compiled code, too.
+    """Embree, loaded once; afterwards, compiled code finds its symbols.
 
     Raises:
-        RendererError: no embreex wheel, or none with Embree 4 in it.
+        RendererError: the embreex wheel is missing, or has no Embree 4.
     """
     path = _find()
     try:
-        # The wheel's own module first: it knows where the libraries that Embree needs lie.
+        # The wheel's own module first: it finds the libraries that Embree needs.
         import embreex.rtcore  # noqa: F401
 
         llvmlite.binding.load_library_permanently(str(path))
-        found = ctypes.CDLL(str(path))
+        embree = ctypes.CDLL(str(path))
         for name, (result, arguments) in _SIGNATURES.items():
-            function = getattr(found, name)
+            function = getattr(embree, name)
             function.restype, function.argtypes = result, arguments
     except (OSError, ImportError, RuntimeError, AttributeError) as error:
         raise RendererError(f"Embree cannot be loaded from {path} ({error})") from error
-    return found
+    return embree
 
 
 @cache
@@ -93,12 +93,12 @@ def device() -> int:
     """Embree's device of this process: one thread, since workers are processes."""
     handle = library().rtcNewDevice(b"threads=1")
     if not handle:
-        raise RendererError("Embree starts no device on this processor")
+        raise RendererError("Embree does not support this processor; use --renderer opengl")
     return int(handle)
 
 
 class _QueryArguments(ctypes.Structure):
-    """``RTCIntersectArguments``, which ``RTCOccludedArguments`` is laid out like."""
+    """``RTCIntersectArguments``; ``RTCOccludedArguments`` has the same layout."""
 
     _fields_ = (
         ("flags", c_int),
@@ -113,9 +113,9 @@ _INCOHERENT = _QueryArguments(0, -1, None, None, None)
 
 
 def query_arguments() -> int:
-    """Address of the arguments for rays that each run their own way.
+    """Address of the arguments for incoherent rays.
 
-    Among the many small boxes of a street this is faster even where all run alike.
+    With the many small boxes of a street this is faster even for parallel rays.
     """
     return ctypes.addressof(_INCOHERENT)
 
@@ -127,9 +127,9 @@ intersect8 = types.ExternalFunction("rtcIntersect8", _packet)
 
 
 class MeshBVH:
-    """A bounding volume hierarchy over one mesh; a better one takes six times as long and is no faster here.
+    """A bounding volume hierarchy of one mesh; higher quality takes six times as long to build for no gain.
 
-    It keeps the arrays alive that Embree reads.
+    It keeps the arrays that Embree reads alive.
 
     Args:
         vertices: f32[v, 3].
@@ -162,12 +162,12 @@ class MeshBVH:
 
 
 class SceneBVH:
-    """One over instances of meshes.
+    """A bounding volume hierarchy of instances of meshes.
 
     Args:
-        meshes: each once.
-        mesh: i[n] which of them each instance is of.
-        poses: f32[n, 3, 4] from the meshes' frames to the world.
+        meshes: the distinct meshes.
+        mesh: i[n] index of the mesh of each instance.
+        poses: f32[n, 3, 4] from the frames of the meshes to the world.
     """
 
     def __init__(self, meshes: list[MeshBVH], mesh: np.ndarray, poses: np.ndarray) -> None:
@@ -178,17 +178,17 @@ class SceneBVH:
         self._kept = meshes, which, poses  # Embree reads them
         self.scene = int(embree.rtcNewScene(device()))
         if len(which):
-            every = embree.rtcNewGeometry(device(), INSTANCES)
-            embree.rtcSetGeometryInstancedScenes(every, scenes.ctypes.data, len(scenes))
+            instances = embree.rtcNewGeometry(device(), INSTANCES)
+            embree.rtcSetGeometryInstancedScenes(instances, scenes.ctypes.data, len(scenes))
             for kind, layout, array, stride in (
                 (INDEX, UINT, which, 4), (TRANSFORM, FLOAT3X4_ROW_MAJOR, poses, 48),
             ):  # fmt: skip
                 embree.rtcSetSharedGeometryBuffer(
-                    every, kind, 0, layout, array.ctypes.data, 0, stride, len(array)
+                    instances, kind, 0, layout, array.ctypes.data, 0, stride, len(array)
                 )
-            embree.rtcCommitGeometry(every)
-            embree.rtcAttachGeometryByID(self.scene, every, 0)
-            embree.rtcReleaseGeometry(every)
+            embree.rtcCommitGeometry(instances)
+            embree.rtcAttachGeometryByID(self.scene, instances, 0)
+            embree.rtcReleaseGeometry(instances)
         embree.rtcCommitScene(self.scene)
         check("a street")
 

@@ -1,11 +1,11 @@
-"""Which face every sample sees, by a depth buffer: on a processor much cheaper than casting a ray for each.
+"""Find the face of every sample with a depth buffer, on a CPU much cheaper than casting a ray for each.
 
-Triangles are tested in the camera's frame, by the sign of the volumes that a ray spans with their edges
-(2D homogeneous coordinates; Olano and Greer 1997). So none is ever clipped, neighbours share their edges
-without a gap, and what comes out is what a ray would find: the face, the place in it, and the distance.
+Triangles are tested in the camera's frame, by the sign of the volumes that a ray spans with their edges (2D
+homogeneous coordinates; Olano and Greer 1997). So no triangle is clipped, neighbours share their edges
+without a gap, and the result is that of a ray: the face, the position in it, and the distance.
 
-Near things are drawn first. Of every tile of samples is known how far the farthest thing in it is, so that
-what lies behind all of it, an instance or a face, is left out before it costs anything.
+Near objects are drawn first. For every tile of samples, the distance of the farthest face in it is tracked,
+so that instances and faces behind all of it are skipped early.
 """
 
 from __future__ import annotations
@@ -25,28 +25,28 @@ from scene.street.camera import Camera, camera_axes
 
 f32 = np.float32
 NEAR = 1e-3
-"""Metres in front of the camera from which on corners are projected."""
+"""Distance in front of the camera from which corners are projected, metres."""
 SLACK = 1e-2
-"""Samples by which a face's box is widened, more than rounding can move it."""
+"""Samples by which the box of a face is widened, more than rounding errors."""
 NARROW = 4
-"""Columns up to which all samples of a face's box are tested; in wider ones, rows are bounded first."""
+"""Columns up to which all samples of a face's box are tested; in wider boxes, rows are bounded first."""
 TINY = 1e-300
-"""Keeps edges along a row from dividing by zero."""
+"""Avoids division by zero for edges along a row."""
 EARLY, LATE = 0.999, 0.001
-"""Added to where a row enters and leaves a face, in samples, before both are rounded down."""
+"""Added to the samples where a row enters and leaves a face, before both are rounded down."""
 
 TILE = 8
 """Samples along each side of a tile."""
 REFRESH = 12_000
-"""Faces after which the tiles are looked at anew."""
+"""Number of faces after which the tiles are updated."""
 FARTHEST = f32(1e9)
-"""Closeness beyond all."""
+"""Closeness above all others."""
 BEHIND = 1.001
-"""How much nearer than a face all of a tile must be to hide it: more than rounding can move either."""
+"""Factor by which a whole tile must be nearer than a face to hide it: more than rounding errors."""
 
 
 def nearest(geometry: Geometry, camera: Camera, settings: RenderSettings, rays: Rays) -> Hits:
-    """What lies nearest along every ray of a shot."""
+    """The nearest face along every ray of a shot."""
     axes = camera_axes(camera)
     rotation = axes @ geometry.pose[:, :, :3]
     shift = (geometry.pose[:, :, 3] - camera.position) @ axes.T
@@ -67,7 +67,7 @@ def nearest(geometry: Geometry, camera: Camera, settings: RenderSettings, rays: 
 def _in_view(
     geometry: Geometry, rotation: np.ndarray, shift: np.ndarray, x: np.ndarray, y: np.ndarray
 ) -> np.ndarray:
-    """Instances of which a ball around them meets the view; nearest first, since they hide others."""
+    """Instances with a bounding sphere in view; nearest first, since they hide others."""
     middle = np.einsum("nij,nj->ni", rotation, geometry.balls[:, :3]) + shift
     radius = geometry.balls[:, 3]
     outside = middle[:, 2] < -radius
@@ -75,13 +75,13 @@ def _in_view(
         away = sign * (middle[:, axis] - side * middle[:, 2]) / math.hypot(1, side)
         outside |= away > radius
     outside[SKY_INSTANCE] = True
-    chosen = np.flatnonzero(~outside)
-    return chosen[np.argsort(middle[chosen, 2], kind="stable")]
+    in_view = np.flatnonzero(~outside)
+    return in_view[np.argsort(middle[in_view, 2], kind="stable")]
 
 
 @njit(cache=True, error_model="numpy")
 def _draw(
-    chosen: np.ndarray,
+    in_view: np.ndarray,
     tables: np.ndarray,
     boxes: np.ndarray,
     rotation: np.ndarray,
@@ -91,21 +91,21 @@ def _draw(
     near: np.ndarray,
     hits: Hits,
 ) -> None:
-    """Draw the chosen instances one after another, see ``nearest``; ``u`` and ``v`` still times ``near``."""
+    """Draw instances one after another, see ``nearest``; ``u`` and ``v`` are still multiplied by ``near``."""
     face, instance, u, v = hits.face, hits.instance, hits.u, hits.v
     columns, rows = x.shape[0], y.shape[0]
     per_column, per_row = (columns - 1) / (x[-1] - x[0]), (rows - 1) / (y[-1] - y[0])
     most = np.uint64(0)
-    for c in range(chosen.shape[0]):
-        most = max(most, tables[chosen[c], 3])
+    for c in range(in_view.shape[0]):
+        most = max(most, tables[in_view[c], 3])
     place = np.empty((3, int(most)))  # of each corner, in the camera's frame
     screen = np.empty((2, int(most)), np.float32)  # its column and row
     box_place, box_screen = np.empty((3, 8)), np.empty((2, 8), np.float32)
     tiles = np.zeros(((rows + TILE - 1) // TILE, (columns + TILE - 1) // TILE), np.float32)
     strip = np.empty(tiles.shape[1] * TILE, np.float32)
     since = 0
-    for c in range(chosen.shape[0]):
-        i = chosen[c]
+    for c in range(in_view.shape[0]):
+        i = in_view[c]
         if since > REFRESH:
             _farthest(near, columns, rows, strip, tiles)
             since = 0
@@ -153,7 +153,7 @@ def _draw(
 def _farthest(
     near: np.ndarray, columns: int, rows: int, strip: np.ndarray, tiles: np.ndarray
 ) -> None:
-    """Set ``tiles`` to the closeness of the farthest thing in each of them; ``strip`` is room to work in."""
+    """Set ``tiles`` to the closeness of the farthest face in each; ``strip`` is a work array."""
     for tile in range(tiles.shape[0]):
         strip[:] = FARTHEST
         for row in range(tile * TILE, min(tile * TILE + TILE, rows)):
@@ -168,7 +168,7 @@ def _farthest(
 
 @njit(cache=True, inline="always")
 def _covered(tiles: np.ndarray, first: float, left: int, right: int, top: int, bottom: int) -> bool:
-    """Whether all that a box of samples shows is nearer than depth ``first``."""
+    """Whether all samples of a box are nearer than depth ``first``."""
     for row in range(top // TILE, bottom // TILE + 1):
         for column in range(left // TILE, right // TILE + 1):
             if tiles[row, column] * first < BEHIND:
@@ -180,7 +180,7 @@ def _covered(tiles: np.ndarray, first: float, left: int, right: int, top: int, b
 def _hidden(
     place: np.ndarray, screen: np.ndarray, tiles: np.ndarray, columns: int, rows: int
 ) -> bool:
-    """Whether a box with these corners is outside of the view, or behind what is drawn already."""
+    """Whether a box with these corners is out of view, or behind all that is drawn."""
     first, last = place[2].min(), place[2].max()
     if last <= NEAR:
         return True
@@ -201,10 +201,10 @@ def _hidden(
 def _finish(
     near: np.ndarray, along: np.ndarray, distance: np.ndarray, u: np.ndarray, v: np.ndarray
 ) -> None:
-    """From closeness to metres along each ray, and to shares of a face's corners; 0 for misses."""
+    """Convert closeness to metres along each ray, and to weights of a face's corners; 0 for misses."""
     for i in range(near.shape[0]):
-        seen = f32(1) if near[i] > f32(0) else f32(0)
-        depth = seen / max(near[i], f32(1e-9))
+        hit = f32(1) if near[i] > f32(0) else f32(0)
+        depth = hit / max(near[i], f32(1e-9))
         distance[i] = depth / along[i]
         u[i] *= depth
         v[i] *= depth
@@ -222,7 +222,7 @@ def _project(
     place: np.ndarray,
     screen: np.ndarray,
 ) -> None:
-    """Corners in the camera's frame and in samples; the latter only count in front of the camera."""
+    """Project corners to the camera's frame and to samples, which are valid in front of the camera only."""
     m00, m01, m02, sx = turn[0, 0], turn[0, 1], turn[0, 2], shift[0]
     m10, m11, m12, sy = turn[1, 0], turn[1, 1], turn[1, 2], shift[1]
     m20, m21, m22, sz = turn[2, 0], turn[2, 1], turn[2, 2], shift[2]
@@ -257,11 +257,11 @@ def _fill(
     u: np.ndarray,
     v: np.ndarray,
 ) -> None:
-    """Test the samples of a box against one face, and keep it where it is nearest.
+    """Test the samples of a box against one face, and store it where it is nearest.
 
-    Of a ray (x, y, 1): ``e`` = ``a x + b y + c`` are the volumes it spans with the face's three edges, all
-    of one sign where it hits; their shares are the corners' weights, their sum over the volume of the
-    corners one over depth.
+    For a ray (x, y, 1), ``e`` = ``a x + b y + c`` are the volumes that it spans with the three edges of the
+    face, all of one sign where it hits. Their shares are the weights of the corners; their sum over the
+    volume of the corners is one over depth.
     """
     px, py, pz = place[0, p], place[1, p], place[2, p]
     qx, qy, qz = place[0, q], place[1, q], place[2, q]
@@ -272,7 +272,7 @@ def _fill(
     volume = px * a0 + py * b0 + pz * c0
     if volume == 0:
         return
-    side = math.copysign(1.0, volume)  # faces are seen from either
+    side = math.copysign(1.0, volume)  # faces have two sides
     a0, b0, c0 = side * a0, side * b0, side * c0
     a1, b1, c1 = side * a1, side * b1, side * c1
     a2, b2, c2 = side * a2, side * b2, side * c2
@@ -294,7 +294,7 @@ def _fill(
         return
     first, per_column = x[0], (columns - 1) / (x[-1] - x[0])
     margin = LATE / per_column
-    # Where an edge crosses a row, as a share of its ``k``; it bounds the row from one side.
+    # Where an edge crosses a row, relative to its ``k``; it bounds the row on one side.
     g0, g1, g2 = -1 / (a0 + TINY), -1 / (a1 + TINY), -1 / (a2 + TINY)
     for row in range(top, bottom + 1):
         k0, k1, k2 = b0 * y[row] + c0, b1 * y[row] + c1, b2 * y[row] + c2

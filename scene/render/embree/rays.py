@@ -1,4 +1,4 @@
-"""Asking Embree what lies along rays, or whether anything does, in packets of eight from a compiled loop."""
+"""Trace rays with Embree, for the nearest hit or for occlusion, in packets of eight from a compiled loop."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from scene.compiled import njit
 from scene.render.embree.api import LANES, SceneBVH, intersect8, occluded8, query_arguments
 
 EVERYTHING = 0xFFFFFFFF
-"""Mask of a ray that nothing is hidden from."""
+"""Mask of a ray that hits everything."""
 NOTHING = 0xFFFFFFFF
-"""The number of what a ray meets where it meets nothing."""
+"""Hit id of a ray without a hit."""
 FIELDS = 21
 """Words per ray of Embree's packets of rays and hits: origin, near, direction, time, far, mask, id, flags;
 normal, u, v, and the numbers of triangle, mesh and instance. Rays alone end with the flags."""
@@ -24,19 +24,19 @@ def free(
     order: np.ndarray,
     reach: float = np.inf,
 ) -> np.ndarray:
-    """Which rays get away: f32[n], 1 where nothing lies along one of ``order``, else 0.
+    """Find unblocked rays: f32[n], 1 for rays of ``order`` without a hit, else 0.
 
     Args:
-        bvh: what may be in the way.
+        bvh: objects that may block rays.
         starts: f32[n, 3].
-        directions: f32[n, 3] or, where all run alike, f32[1, 3].
-        order: i64[m] indices of the rays that are wanted; eight in turn should be neighbours.
-        reach: metres within which it would be in the way.
+        directions: f32[n, 3], or f32[1, 3] if all are equal.
+        order: i64[m] indices of the needed rays; each eight in turn should be neighbours.
+        reach: largest distance of a hit in metres.
     """
-    met = np.zeros(len(starts), np.uint32)
+    hit_ids = np.zeros(len(starts), np.uint32)
     far = np.full(1, reach, np.float32)
-    _cast(bvh.scene, query_arguments(), starts, directions, order, far, False, met)
-    return (met == NOTHING).astype(np.float32)
+    _cast(bvh.scene, query_arguments(), starts, directions, order, far, False, hit_ids)
+    return (hit_ids == NOTHING).astype(np.float32)
 
 
 def first_met(
@@ -46,23 +46,23 @@ def first_met(
     order: np.ndarray,
     reach: np.ndarray,
 ) -> np.ndarray:
-    """The number u32[n] of the first instance along each ray of ``order``; `NOTHING` where none is in reach.
+    """The index u32[n] of the first instance along each ray of ``order``; `NOTHING` for none in reach.
 
     Args:
-        bvh: what may be in the way.
-        starts: f32[n, 3] or, where all begin alike, f32[1, 3].
+        bvh: objects that rays may hit.
+        starts: f32[n, 3], or f32[1, 3] if all are equal.
         directions: f32[n, 3].
-        order: i64[m] indices of the rays that are wanted; eight in turn should be neighbours.
-        reach: f32[n] metres within which it is met.
+        order: i64[m] indices of the needed rays; each eight in turn should be neighbours.
+        reach: f32[n] largest distance of a hit in metres.
     """
-    met = np.full(len(directions), NOTHING, np.uint32)
-    _cast(bvh.scene, query_arguments(), starts, directions, order, reach, True, met)
-    return met
+    hit_ids = np.full(len(directions), NOTHING, np.uint32)
+    _cast(bvh.scene, query_arguments(), starts, directions, order, reach, True, hit_ids)
+    return hit_ids
 
 
 @njit(cache=True)
-def by_tiles(wanted: np.ndarray, columns: int, rows: int, wide: int, high: int) -> np.ndarray:
-    """Indices i64[m] of the wanted ones, tile after tile, so that a packet holds neighbours."""
+def by_tiles(needed: np.ndarray, columns: int, rows: int, wide: int, high: int) -> np.ndarray:
+    """Indices i64[m] of the needed rays, tile after tile, so that a packet has neighbours."""
     order = np.empty(columns * rows, np.int64)
     count = 0
     for top in range(0, rows, high):
@@ -70,13 +70,13 @@ def by_tiles(wanted: np.ndarray, columns: int, rows: int, wide: int, high: int) 
             for row in range(top, min(top + high, rows)):
                 for column in range(left, min(left + wide, columns)):
                     order[count] = row * columns + column
-                    count += wanted[order[count]] != 0
+                    count += needed[order[count]] != 0
     return order[:count]
 
 
 @njit(cache=True)
 def aligned(words: int) -> np.ndarray:
-    """f32[words] that begins at a multiple of 32 bytes, as packets must."""
+    """An array f32[words] aligned to 32 bytes, as packets must be."""
     room = np.zeros(words + 8, np.float32)
     skip = (32 - room.ctypes.data % 32) % 32 // 4
     return room[skip : skip + words]
@@ -91,9 +91,9 @@ def _cast(
     order: np.ndarray,
     reach: np.ndarray,
     closest: bool,
-    met: np.ndarray,
+    hit_ids: np.ndarray,
 ) -> None:
-    """Set ``met`` for the rays of ``order``, in packets of eight: see `first_met`.
+    """Set ``hit_ids`` for the rays of ``order``, in packets of eight: see `first_met`.
 
     With ``closest`` false it is any other number where something is in the way, which is found sooner.
     """
@@ -118,8 +118,8 @@ def _cast(
         if closest:
             intersect8(valid.ctypes.data, scene, packet.ctypes.data, arguments)
             for k in range(len(lanes)):
-                met[lanes[k]] = words[INSTANCE, k] if words[GEOMETRY, k] != NOTHING else NOTHING
+                hit_ids[lanes[k]] = words[INSTANCE, k] if words[GEOMETRY, k] != NOTHING else NOTHING
         else:
             occluded8(valid.ctypes.data, scene, packet.ctypes.data, arguments)
             for k in range(len(lanes)):
-                met[lanes[k]] = 0 if ray[FAR, k] < 0 else NOTHING
+                hit_ids[lanes[k]] = 0 if ray[FAR, k] < 0 else NOTHING

@@ -1,8 +1,8 @@
-"""The default renderer, and the fast one on a CPU: a depth buffer to see, rays of Intel Embree for light.
+"""The default renderer, fast on a CPU: a depth buffer for visibility, rays of Intel Embree for light.
 
-Where the sun may shine rays are cast to it, as few as will do (``sunlight``), and of every fourth pixel one
-into the open for ambient occlusion. Every asset has a bounding volume hierarchy of its own, kept for all
-streets in which it stands; a street only says where.
+Rays are cast to the sun where it may shine, as few as possible (``sunlight``), and to the sky from every
+fourth pixel for ambient occlusion. Every asset has its own bounding volume hierarchy, which all streets
+share.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from scene.street.street import Street
 
 
 class EmbreeRenderer:
-    """Renders streets by ray casting; holds no state between calls but the assets' hierarchies."""
+    """Renders streets by ray casting; keeps no state between calls but the hierarchies of assets."""
 
     name = "embree"
 
@@ -52,7 +52,7 @@ class EmbreeRenderer:
         """Load Embree.
 
         Raises:
-            RendererError: it is not there, or does not run on this processor.
+            RendererError: it is missing, or does not run on this processor.
         """
         device()
 
@@ -71,21 +71,23 @@ class EmbreeRenderer:
         bvh = scene_bvh(geometry)
         around = around._replace(street=framed(street, geometry, bvh, settings, shots))
         lap("bvh")
-        frames, middle = [], through_middles(settings)
+        frames, pixel_settings = [], through_middles(settings)
         for shot in range(len(street.cameras)) if shots is None else shots:
             camera = around.street.cameras[shot]
-            seen = _look(around, camera, settings)
-            middles = seen if middle == settings else _look(around, camera, middle)
-            lit, opened = (np.ones(len(seen.points), np.float32) for _ in range(2))
+            view = _look(around, camera, settings)
+            pixel_view = (
+                view if pixel_settings == settings else _look(around, camera, pixel_settings)
+            )
+            lit, opened = (np.ones(len(view.points), np.float32) for _ in range(2))
             if settings.shadows:
-                lit = sunlight(bvh, seen, street.sky.sun_direction, settings)
+                lit = sunlight(bvh, view, street.sky.sun_direction, settings)
             if settings.occlusion:
-                away = sky_segments(seen, around, settings)
-                order = by_tiles(away.wanted, *sky_grid(settings), 4, 2)
-                found = free(bvh, away.starts, away.directions, order, REACH)
-                opened = spread(found, seen, settings)
+                segments = sky_segments(view, around, settings)
+                order = by_tiles(segments.needed, *sky_grid(settings), 4, 2)
+                unblocked = free(bvh, segments.starts, segments.directions, order, REACH)
+                opened = spread(unblocked, view, settings)
             lap("rays")
-            frames.append(expose(around, shot, seen, Light(lit, opened), middles, settings))
+            frames.append(expose(around, shot, view, Light(lit, opened), pixel_view, settings))
             lap("shade")
         return frames
 
@@ -96,13 +98,13 @@ def _look(around: Surroundings, camera: Camera, settings: RenderSettings) -> Vis
 
 
 @lru_cache(maxsize=2048)
-def _asset_bvh(family: str, asset: int | str, seen: str) -> MeshBVH:
-    shape = asset_shape(family, asset, seen)
+def _asset_bvh(family: str, asset: int | str, seen_from: str) -> MeshBVH:
+    shape = asset_shape(family, asset, seen_from)
     return MeshBVH(shape.vertices, shape.faces)
 
 
 def scene_bvh(geometry: Geometry) -> SceneBVH:
-    """What can be in the way of light: all but the ground, of which ``sky_segments`` knows."""
+    """All objects that block light: all but the ground, which ``sky_segments`` handles."""
     meshes = [_asset_bvh(*key) for key in geometry.assets]
     ground = len(geometry.shapes) - len(meshes)
     return SceneBVH(meshes, geometry.shape[1 + ground :] - ground, geometry.pose[1 + ground :])

@@ -1,7 +1,8 @@
-"""What the sun reaches, by few rays: most of a picture lies well inside of light or shadow.
+"""Find sunlit spots with few rays, since most of an image is well inside of light or shadow.
 
-One ray goes out for every second pixel each way. Between rays that start on one surface and agree, the
-others are known; all others are cast as well. At the edge of a shadow every sample of a pixel casts its own.
+One ray is cast for every second pixel along each axis. Between rays that start on one surface and agree,
+spots get the same value; all others cast a ray as well. At shadow edges, every sample of a pixel casts its
+own.
 """
 
 from __future__ import annotations
@@ -20,37 +21,37 @@ ALIKE = f32(0.9)
 """Least cosine between normals of spots on about the same surface."""
 UNKNOWN = f32(-1)
 WIDE, HIGH = 4, 2
-"""Pixels of a tile, whose rays go together."""
+"""Size in pixels of a tile, whose rays form a packet."""
 
 
-def sunlight(bvh: SceneBVH, seen: Visible, sun: np.ndarray, settings: RenderSettings) -> np.ndarray:
-    """Share f32[m] of the sunlight that reaches each spot; 0 where none could.
+def sunlight(bvh: SceneBVH, view: Visible, sun: np.ndarray, settings: RenderSettings) -> np.ndarray:
+    """Share f32[m] of the sunlight that reaches each spot; 0 on surfaces that face away.
 
     Args:
-        bvh: what may be in the way.
-        seen: the samples and their spots.
+        bvh: objects that block light.
+        view: the samples and their spots.
         sun: f32[3] towards the sun.
         settings: size and samples.
     """
-    spots = seen.spots
-    lit = _unknown(seen.side)
-    of_spot = seen.hits.instance[spots.sample] if settings.samples > 1 else seen.hits.instance
-    where = (of_spot, seen.flat, seen.side, settings.width, settings.height)
+    spots = view.spots
+    lit = _unknown(view.side)
+    of_spot = view.hits.instance[spots.sample] if settings.samples > 1 else view.hits.instance
+    where = (of_spot, view.flat, view.side, settings.width, settings.height)
     direction = np.ascontiguousarray(sun[None], f32)
-    for asked in (_some, _others):
-        spot, starts = _begin(asked(spots.first, lit, *where), seen.points, seen.flat, seen.side)
+    for choose in (_some, _others):
+        spot, starts = _begin(choose(spots.first, lit, *where), view.points, view.flat, view.side)
         lit[spot] = free(bvh, starts, direction, np.arange(len(spot)))
     if settings.samples > 1:
         edge = _edges(spots.first, spots.share, lit, *where)
-        spot, starts = _every_sample(edge, seen, settings.samples, settings.width)
-        found = free(bvh, starts, direction, np.arange(len(spot)))
-        _average(edge, spot, found, lit)
+        spot, starts = _every_sample(edge, view, settings.samples, settings.width)
+        reached = free(bvh, starts, direction, np.arange(len(spot)))
+        _average(edge, spot, reached, lit)
     return lit
 
 
 @njit(cache=True)
 def _unknown(side: np.ndarray) -> np.ndarray:
-    """0 where no ray begins, else ``UNKNOWN``."""
+    """0 for spots without a ray, else ``UNKNOWN``."""
     lit = np.empty(side.shape[0], np.float32)
     for i in range(side.shape[0]):
         lit[i] = f32(0) if side[i] == 0 else UNKNOWN
@@ -61,7 +62,7 @@ def _unknown(side: np.ndarray) -> np.ndarray:
 def _begin(
     spot: np.ndarray, points: np.ndarray, flat: np.ndarray, side: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The spots themselves, and where f32[k, 3] their rays begin."""
+    """The spots, and the starts f32[k, 3] of their rays."""
     starts = np.empty((len(spot), 3), np.float32)
     for n in range(len(spot)):
         for k in range(3):
@@ -71,7 +72,7 @@ def _begin(
 
 @njit(cache=True, inline="always")
 def _alike(a: int, b: int, instance: np.ndarray, flat: np.ndarray, side: np.ndarray) -> bool:
-    """Whether two spots, one of which may be lit, lie on about the same surface."""
+    """Whether two spots, one of which may be lit, are on about the same surface."""
     if instance[a] != instance[b] or side[a] != side[b]:
         return False
     return (
@@ -84,7 +85,7 @@ def _some(
     first: np.ndarray, lit: np.ndarray, instance: np.ndarray, flat: np.ndarray, side: np.ndarray,
     columns: int, rows: int,
 ) -> np.ndarray:  # fmt: skip
-    """First spots i32[k] of every second pixel each way, where the sun is not ruled out."""
+    """First spots i32[k] of every second pixel along each axis that may be lit."""
     spot = np.empty((columns + 1) // 2 * ((rows + 1) // 2), np.int32)
     count = 0
     for top in range(0, rows, 2 * HIGH):
@@ -101,7 +102,7 @@ def _others(
     first: np.ndarray, lit: np.ndarray, instance: np.ndarray, flat: np.ndarray, side: np.ndarray,
     columns: int, rows: int,
 ) -> np.ndarray:  # fmt: skip
-    """Spots i32[k] that must be asked as well; the light of those between ``_some`` is filled in."""
+    """Spots i32[k] that need a ray, too; fills in the light of those between rays of ``_some``."""
     spot = np.empty(lit.shape[0], np.int32)
     count = 0
     for top in range(0, rows, HIGH):
@@ -116,14 +117,14 @@ def _others(
                         east = west + 2 if column > west and west + 2 < columns else west
                         a, b = first[up * columns + west], first[down * columns + east]
                         value = lit[a]
-                        known = value == lit[b] and _alike(one, a, instance, flat, side)
-                        known = known and _alike(one, b, instance, flat, side)
-                        if known and up < down and west < east:
+                        agrees = value == lit[b] and _alike(one, a, instance, flat, side)
+                        agrees = agrees and _alike(one, b, instance, flat, side)
+                        if agrees and up < down and west < east:
                             a, b = first[up * columns + east], first[down * columns + west]
-                            known = value == lit[a] and value == lit[b]
-                            known = known and _alike(one, a, instance, flat, side)
-                            known = known and _alike(one, b, instance, flat, side)
-                        if known:
+                            agrees = value == lit[a] and value == lit[b]
+                            agrees = agrees and _alike(one, a, instance, flat, side)
+                            agrees = agrees and _alike(one, b, instance, flat, side)
+                        if agrees:
                             lit[one] = value
                     for i in range(one, first[p + 1]):
                         if lit[i] == UNKNOWN:
@@ -137,7 +138,7 @@ def _edges(
     first: np.ndarray, share: np.ndarray, lit: np.ndarray, instance: np.ndarray, flat: np.ndarray,
     side: np.ndarray, columns: int, rows: int,
 ) -> np.ndarray:  # fmt: skip
-    """First spots i32[k] of pixels that lie at the edge of a shadow and hold several samples."""
+    """First spots i32[k] with several samples at the edge of a shadow."""
     spot = np.empty(columns * rows, np.int32)
     count = 0
     for row in range(rows):
@@ -163,11 +164,11 @@ def _edges(
 
 @njit(cache=True)
 def _every_sample(
-    edge: np.ndarray, seen: Visible, samples: int, columns: int
+    edge: np.ndarray, view: Visible, samples: int, columns: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Of each sample of the spots: which of them i32[k] it belongs to, and where its ray begins."""
-    first, owner, flat, side = seen.spots.first, seen.spots.owner, seen.flat, seen.side
-    origin, directions, distance = seen.rays.origin, seen.rays.directions, seen.hits.distance
+    """For each sample of the spots: the spot i32[k] that it belongs to, and the start of its ray."""
+    first, owner, flat, side = view.spots.first, view.spots.owner, view.flat, view.side
+    origin, directions, distance = view.rays.origin, view.rays.directions, view.hits.distance
     most = len(edge) * samples * samples
     which, starts = np.empty(most, np.int32), np.empty((most, 3), np.float32)
     count, pixel = 0, 0
@@ -189,11 +190,11 @@ def _every_sample(
 
 
 @njit(cache=True)
-def _average(edge: np.ndarray, which: np.ndarray, found: np.ndarray, lit: np.ndarray) -> None:
-    """Give each spot the mean of what its samples found."""
+def _average(edge: np.ndarray, which: np.ndarray, reached: np.ndarray, lit: np.ndarray) -> None:
+    """Set each spot to the mean of its samples."""
     total, count = np.zeros(len(edge), np.float32), np.zeros(len(edge), np.float32)
     for n in range(len(which)):
-        total[which[n]] += found[n]
+        total[which[n]] += reached[n]
         count[which[n]] += f32(1)
     for n in range(len(edge)):
         lit[edge[n]] = total[n] / count[n]

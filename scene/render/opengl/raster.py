@@ -1,10 +1,10 @@
-"""Which face every pixel sees, drawn with OpenGL through pyrender.
+"""Draw the face of every pixel with OpenGL through pyrender.
 
-pyrender brings the context, the buffers and the scene graph; its multisampled 8-bit framebuffer and its
-culling would blur and drop ids, so both are replaced here: every pixel receives the number of its face
-and its distance, as two floats.
+pyrender provides the context, the buffers and the scene graph. Its multisampled 8-bit framebuffer and its
+culling would blur and drop ids, so both are replaced here: every pixel gets the index of its face and its
+depth, as two floats.
 
-Import this module only where OpenGL is wanted: importing it loads EGL. Use it from one thread only.
+Import this module only if OpenGL is needed: importing it loads EGL. Use it from one thread only.
 """
 
 from __future__ import annotations
@@ -46,11 +46,11 @@ void main() {
 }
 """
 NOTHING = -1.0
-"""Face where there is none. Floats hold face numbers exactly up to 2^24."""
+"""Face index of pixels without a face. Floats represent face indices exactly up to 2^24."""
 
 
 class Rasterizer:
-    """A context with at most one mesh in it, of which pictures are drawn."""
+    """A context that draws images of one mesh at a time."""
 
     def __init__(self) -> None:
         self._offscreen = pyrender.OffscreenRenderer(8, 8)
@@ -67,22 +67,22 @@ class Rasterizer:
         )
 
     def draw(self, pose: np.ndarray, projection: np.ndarray, width: int, height: int) -> np.ndarray:
-        """A picture of the mesh f32[h, w, 2]: face (NOTHING where none), depth in metres.
+        """Draw the mesh: f32[h, w, 2] with the face index or NOTHING, and depth in metres.
 
         Args:
-            pose: f64[4, 4], columns: the camera's right, up and backward axes and its place.
+            pose: f64[4, 4], columns: the camera's right, up and backward axes and its position.
             projection: f64[4, 4], from the camera's frame to OpenGL's clip space.
-            width: of the picture, in pixels.
-            height: of the picture, in pixels.
+            width: width of the image in pixels.
+            height: height of the image in pixels.
 
         Raises:
-            RendererError: the picture is too large, or OpenGL failed.
+            RendererError: the image is too large, or OpenGL failed.
         """
         assert self._scene is not None, "load a mesh first"
         if max(width, height) > self._most:
             raise RendererError(
-                f"{width}x{height} samples are more than this OpenGL draws ({self._most} a side); "
-                "ask for a smaller image, fewer samples per pixel or --renderer embree"
+                f"{width}x{height} samples exceed the limit of this OpenGL driver ({self._most} per side); "
+                "use a smaller image, fewer samples per pixel or --renderer embree"
             )
         self._scene.set_pose(self._camera, pose)
         self._camera.camera.matrix = projection
@@ -100,7 +100,7 @@ class Rasterizer:
 
 
 class _Camera(pyrender.Camera):
-    """A camera that is told its projection."""
+    """A camera with a given projection."""
 
     matrix: np.ndarray
 
@@ -131,7 +131,7 @@ class _Target:
             GL.glFramebufferRenderbuffer(GL.GL_FRAMEBUFFER, place, GL.GL_RENDERBUFFER, name)
         if GL.glCheckFramebufferStatus(GL.GL_FRAMEBUFFER) != GL.GL_FRAMEBUFFER_COMPLETE:
             raise RendererError(
-                f"this OpenGL has no framebuffer of {width}x{height} pixels in floats; "
+                f"this OpenGL driver has no float framebuffer of {width}x{height} pixels; "
                 "use --renderer embree"
             )
 

@@ -1,7 +1,7 @@
-"""Rasterisation with OpenGL: the renderer that uses a GPU where there is one.
+"""Rasterisation with OpenGL: the renderer that uses a GPU if there is one.
 
-OpenGL finds which face every sample sees, and draws the street from the sun for its shadows; shading is
-shared with the other renderers. On machines without a GPU, Mesa's software rasteriser does the drawing.
+OpenGL finds the face of every sample, and draws the street from the sun for shadows; shading is shared with
+the other renderers. On machines without a GPU, Mesa's software rasteriser is used.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ T = TypeVar("T")
 NEAR = 0.05
 """Metres from the camera to the near plane."""
 STEPS = (0.1, 0.25, 0.6, 1.3, 2.5, 4.5)
-"""Metres from a surface at which something that hides the sky from it is looked for."""
+"""Distances in metres from a surface at which occluders of the sky are searched."""
 
 
 class OpenGLRenderer:
@@ -63,7 +63,7 @@ class OpenGLRenderer:
         """Open the context, once per process.
 
         Raises:
-            RendererError: no EGL, no driver or no pyrender on this machine.
+            RendererError: EGL, a driver or pyrender is missing.
         """
         _on_gl_thread(_rasterizer)
 
@@ -77,8 +77,8 @@ class OpenGLRenderer:
         """Render one frame per camera of the street; see ``protocol.Renderer``.
 
         Raises:
-            ValueError: settings out of range.
-            RendererError: OpenGL failed; its resources have been freed.
+            ValueError: settings are out of range.
+            RendererError: OpenGL failed; its resources are freed.
         """
         settings = check_settings(seen_through(street.cameras[0], settings))
         return _on_gl_thread(lambda: _render(street, settings, lap, shots))
@@ -86,7 +86,7 @@ class OpenGLRenderer:
 
 @cache
 def _gl_thread() -> ThreadPoolExecutor:
-    """A context belongs to one thread, and callers may come from any (JAX callbacks do)."""
+    """The thread of the context; callers may come from any thread (JAX callbacks do)."""
     return ThreadPoolExecutor(1, thread_name_prefix="opengl")
 
 
@@ -109,7 +109,7 @@ def _rasterizer() -> Rasterizer:
 
 
 def _release() -> None:
-    """Free the context; the next render opens another."""
+    """Free the context; the next render opens a new one."""
     if _rasterizer.cache_info().currsize:
         try:
             _rasterizer().delete()
@@ -132,14 +132,14 @@ def _render(
         )
         lap("bvh")
         look = partial(_look, rasterizer, around, merged)
-        frames, middle = [], through_middles(settings)
+        frames, pixel_settings = [], through_middles(settings)
         for shot in range(len(street.cameras)) if shots is None else shots:
             camera = street.cameras[shot]
-            picture, seen = look(camera, settings)
-            middles = seen if middle == settings else look(camera, middle)[1]
-            light = _light(rasterizer, around, merged, camera, picture, seen, settings)
+            drawing, view = look(camera, settings)
+            pixel_view = view if pixel_settings == settings else look(camera, pixel_settings)[1]
+            light = _light(rasterizer, around, merged, camera, drawing, view, settings)
             lap("rays")
-            frames.append(expose(around, shot, seen, light, middles, settings))
+            frames.append(expose(around, shot, view, light, pixel_view, settings))
             lap("shade")
         return frames
     except BaseException:
@@ -154,14 +154,14 @@ def _look(
     camera: Camera,
     settings: RenderSettings,
 ) -> tuple[np.ndarray, Visible]:
-    """What is drawn of a shot, and what that says its samples see."""
+    """Draw a shot: face ids and depths, and the geometry of its spots."""
     rays = sample_rays(camera, settings)
     picture = rasterizer.draw(*_view(camera, settings), rays.columns, rays.rows)
     return picture, visible(around, rays, _hits(picture, rays, merged), settings)
 
 
 def _hits(picture: np.ndarray, rays: Rays, merged: World) -> Hits:
-    """What OpenGL drew, as the other renderers say it."""
+    """Convert the drawing of OpenGL to the hits of the other renderers."""
     n = rays.rows * rays.columns
     hits = Hits(
         np.empty(n, np.int32), np.empty(n, np.int32), *(np.empty(n, np.float32) for _ in range(3))
@@ -172,23 +172,23 @@ def _hits(picture: np.ndarray, rays: Rays, merged: World) -> Hits:
 
 @njit(cache=True, fastmath=True)
 def _read(picture: np.ndarray, rays: Rays, merged: World, hits: Hits) -> None:
-    """Faces, distances and places within the faces from a picture of face numbers and depths."""
+    """Faces, distances and positions in the faces from an image of face ids and depths."""
     origin, directions, along = rays.origin, rays.directions, rays.along
     vertices, instances, faces = merged.vertices, merged.instance, merged.face
     face, instance, distance, u, v = hits.face, hits.instance, hits.distance, hits.u, hits.v
     for i in range(face.shape[0]):
-        drawn = int(picture[i, 0])
-        if drawn < 0:
+        number = int(picture[i, 0])
+        if number < 0:
             face[i], instance[i] = shade.MISS, 0
             distance[i] = u[i] = v[i] = 0
             continue
-        face[i], instance[i] = faces[drawn], instances[drawn]
+        face[i], instance[i] = faces[number], instances[number]
         distance[i] = picture[i, 1] / along[i]
         # Barycentric coordinates of the point, from dot products with the two edges.
         bb = bc = cc = pb = pc = np.float32(0)
         for k in range(3):
-            a = vertices[3 * drawn, k]
-            edge_b, edge_c = vertices[3 * drawn + 1, k] - a, vertices[3 * drawn + 2, k] - a
+            a = vertices[3 * number, k]
+            edge_b, edge_c = vertices[3 * number + 1, k] - a, vertices[3 * number + 2, k] - a
             p = origin[k] + distance[i] * directions[i, k] - a
             bb += edge_b * edge_b
             bc += edge_b * edge_c
@@ -207,26 +207,26 @@ def _light(
     merged: World,
     camera: Camera,
     picture: np.ndarray,
-    seen: Visible,
+    view: Visible,
     settings: RenderSettings,
 ) -> Light:
-    """Sun and sky at each spot, from pictures instead of rays."""
-    rays, lit = seen.rays, np.ones(len(seen.points), np.float32)
+    """Sun and sky light at each spot, from images instead of rays."""
+    rays, lit = view.rays, np.ones(len(view.points), np.float32)
     if settings.shadows:
-        drawn = picture[..., 0].ravel().astype(np.int32)
+        face_ids = picture[..., 0].ravel().astype(np.int32)
         towards = around.street.sky.sun_direction
-        cast_shadows(rasterizer, merged, seen, drawn, towards, lit)
-    opened = np.ones(len(seen.points), np.float32)
+        cast_shadows(rasterizer, merged, view, face_ids, towards, lit)
+    opened = np.ones(len(view.points), np.float32)
     if settings.occlusion:
-        segments = sky_segments(seen, around, settings)
-        free = segments.wanted.astype(np.float32)
+        segments = sky_segments(view, around, settings)
+        free = segments.needed.astype(np.float32)
         axes = camera_axes(camera).astype(np.float32)
         _open_on_screen(
             rays.origin, np.float32(rays.spacing), (0.5 + camera.offset[0]) * rays.columns,
             0.5 * rays.rows + camera.offset[1] * rays.columns, segments.starts,
-            segments.directions, segments.wanted, axes, picture, free,
+            segments.directions, segments.needed, axes, picture, free,
         )  # fmt: skip
-        opened = spread(free, seen, settings)
+        opened = spread(free, view, settings)
     return Light(lit, opened)
 
 
@@ -252,15 +252,15 @@ def _open_on_screen(
     middle_row: float,
     starts: np.ndarray,
     directions: np.ndarray,
-    wanted: np.ndarray,
+    needed: np.ndarray,
     axes: np.ndarray,
     picture: np.ndarray,
     free: np.ndarray,
 ) -> None:
-    """Set ``free`` to 0 where a few steps along a ray into the open pass behind something seen."""
+    """Set ``free`` to 0 where a few steps along a sky ray pass behind a visible surface."""
     rows, columns = picture.shape[0], picture.shape[1]
-    for j in range(wanted.shape[0]):
-        if not wanted[j]:
+    for j in range(needed.shape[0]):
+        if not needed[j]:
             continue
         away = np.float32(0)
         for k in range(3):
@@ -280,7 +280,7 @@ def _open_on_screen(
             if column < 0 or column >= columns or row < 0 or row >= rows:
                 break
             behind = z - picture[row, column, 1]
-            # What is much nearer stands in front rather than over it.
+            # What is much nearer is in front of it, not above it.
             if picture[row, column, 0] >= 0 and 0.002 * z < behind < 0.3 + reach:
                 free[j] = 0.0
                 break

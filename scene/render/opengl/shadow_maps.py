@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from scene.render.opengl.raster import Rasterizer
 
 CASCADES = (12.0, 45.0, 250.0)
-"""Depths, metres, at which one shadow map hands over to the next, coarser one; sunlit beyond."""
+"""Depths in metres up to which each shadow map is used, from fine to coarse; sunlit beyond."""
 
 
 def pose_of(axes: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """Pose f64[4, 4] of a camera at ``place`` whose right, up and backward axes are rows of ``axes``."""
+    """Pose f64[4, 4] of a camera at ``place`` with right, up and backward axes as rows of ``axes``."""
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = axes.T, place
     return pose
@@ -28,28 +28,28 @@ def pose_of(axes: np.ndarray, place: np.ndarray) -> np.ndarray:
 def cast_shadows(
     rasterizer: Rasterizer,
     merged: World,
-    seen: Visible,
-    drawn: np.ndarray,
+    view: Visible,
+    face_ids: np.ndarray,
     towards: np.ndarray,
     lit: np.ndarray,
 ) -> None:
     """Set ``lit`` f32[m] to the share of sunlight that reaches each spot.
 
-    The street is drawn from the sun once for each range of depths, just wide enough for what the
-    camera sees there.
+    The street is drawn from the sun once for each range of depths, just wide enough for the visible spots
+    there.
     """
     towards = towards.astype(np.float64)
     across = np.cross(np.eye(3)[np.abs(towards).argmin()], towards)
     axes = np.stack([across, np.cross(towards, across), towards])
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
     top = float((merged.vertices @ axes[2].astype(np.float32)).max()) + 1.0
-    size = int(np.clip(2 ** math.ceil(math.log2(1.5 * seen.rays.columns)), 256, 2048))
+    size = int(np.clip(2 ** math.ceil(math.log2(1.5 * view.rays.columns)), 256, 2048))
     cascade = np.empty(len(lit), np.int8)
     local = np.empty((len(lit), 3), np.float32)
-    outwards = seen.side[:, None] * seen.flat
-    depth = seen.spots.distance * seen.rays.along[seen.spots.sample]
+    outwards = view.side[:, None] * view.flat
+    depth = view.spots.distance * view.rays.along[view.spots.sample]
     bounds = _seen_by_the_sun(
-        depth, seen.side, seen.points, axes.astype(np.float32), CASCADES, cascade, local
+        depth, view.side, view.points, axes.astype(np.float32), CASCADES, cascade, local
     )
     for k in np.unique(cascade[cascade >= 0]):
         low, high = bounds[k, 0] - 0.05, bounds[k, 1] + 0.05
@@ -59,7 +59,7 @@ def cast_shadows(
         projection[2, 3] = -1.0
         picture = rasterizer.draw(pose_of(axes, place), projection, size, size)
         _compare(
-            k, cascade, drawn[seen.spots.sample], local, outwards, axes.astype(np.float32),
+            k, cascade, face_ids[view.spots.sample], local, outwards, axes.astype(np.float32),
             low, high, np.float32(top), picture, lit,
         )  # fmt: skip
 
@@ -67,19 +67,19 @@ def cast_shadows(
 @njit(cache=True)
 def _seen_by_the_sun(
     depth: np.ndarray,
-    wanted: np.ndarray,
+    needed: np.ndarray,
     points: np.ndarray,
     axes: np.ndarray,
     edges: tuple[float, ...],
     cascade: np.ndarray,
     local: np.ndarray,
 ) -> np.ndarray:
-    """Each sample's range of depths (-1: none) and place in the sun's frame; bounds f32[k, 2, 3]."""
+    """The range of depths (-1: none) and position in the sun's frame of each spot; bounds f32[k, 2, 3]."""
     bounds = np.empty((len(edges), 2, 3), np.float32)
     bounds[:, 0], bounds[:, 1] = 1e9, -1e9
     for i in range(cascade.shape[0]):
         cascade[i] = -1
-        if not wanted[i]:
+        if not needed[i]:
             continue
         for k in range(len(edges)):
             if depth[i] < edges[k]:
@@ -111,10 +111,10 @@ def _compare(
     picture: np.ndarray,
     lit: np.ndarray,
 ) -> None:
-    """Compare samples with the four nearest texels of the sun's picture and blend between them."""
+    """Compare spots with the four nearest texels of the shadow map and interpolate between them."""
     size = picture.shape[0]
     texel_x, texel_y = (high[0] - low[0]) / size, (high[1] - low[1]) / size
-    # Start a little off the surface, so that it does not shade itself.
+    # Start a little above the surface, so that it does not shadow itself.
     offset = 1.5 * max(texel_x, texel_y) + 0.01
     for i in range(faces.shape[0]):
         if cascade[i] != which:
