@@ -9,6 +9,8 @@ from .host_loop import drive as drive
 from .method import Diagnostics as Diagnostics
 from .method import Info as Info
 from .method import Method as Method
+from .method import Record as Record
+from .method import RewardFn as RewardFn
 from .models.intervals import intervals as intervals
 from .models.surrogate import surrogate as surrogate
 from .names import MethodName as MethodName
@@ -22,8 +24,6 @@ from .rivals.attribute_descent import attribute_descent as attribute_descent
 from .rivals.gaussian import gaussian as gaussian
 from .rivals.random_attributes import random_attributes as random_attributes
 from .rivals.random_search import random_search as random_search
-from .run import Record as Record
-from .run import RewardFn as RewardFn
 from .run import first_state as first_state
 from .run import make_step as make_step
 from .run import run as run

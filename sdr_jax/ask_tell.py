@@ -1,4 +1,4 @@
-"""A search that the caller drives: it asks what to try, evaluates it anywhere, and tells the reward."""
+"""A search that the caller drives: ask what to evaluate, evaluate it anywhere, tell the reward."""
 
 from __future__ import annotations
 
@@ -44,29 +44,29 @@ class AskTell:
                 search.tell(trial.id, evaluate(trial.proposal, trial.seed))  # None if it failed
         search.solution()
 
-    `ask` gives the n trials of an update together; one process at a time may tell them, in any order.
-    The method learns when all of them are told, in the order of their ids. Methods and keys are pure, so
-    the state needs no file: telling the history again gives the same state to the last bit, with host
+    `ask` returns the n trials of an update together; one process at a time may tell their rewards, in any
+    order. The method is updated once it has all n, in the order of their ids. Methods and keys are pure, so
+    the state needs no file: replaying the history gives the same state to the last bit, with host
     adapters too. Keys are used as in `drive`: the same seed proposes the same data sets.
 
     Methods compute in single precision, so a method gets the rewards minus the median of the first update,
-    unless it needs their level. If that is so far from later rewards that their differences would be lost, as
-    after a penalty of -1e9, the method learns all of them again, minus their median. While all rewards are
-    equal, the answer stays as it was before the first reward. Methods run on the CPU, and leave a GPU to the
-    evaluations.
+    unless it is not shift invariant. If later rewards are so far from this median that their differences
+    would be lost, as after a penalty of -1e9, the method starts again with all rewards minus their median.
+    While all rewards are equal, the answer stays as it was before the first reward. Methods run on the CPU,
+    and leave a GPU to the evaluations.
 
     Args:
         space: the attributes.
         method: the search method.
         n: data sets per update.
         seed: seed of the whole search.
-        path: the history, JSONL; continued if it exists, None keeps it in memory.
+        path: the history, JSONL; resumed if it exists, None keeps it in memory.
 
     Attributes:
-        state: the method's state after the last whole update.
-        updates: whole updates made.
+        state: the method's state after the last complete update.
+        updates: complete updates so far.
         clipped: the largest number of rewards that the method has clipped so far, see `Info`.
-        history: one record per trial told, in the order of telling.
+        history: one record per reward, in the order in which they were told.
 
     Raises:
         ValueError: n below 1.
@@ -96,18 +96,20 @@ class AskTell:
         self._actions: Real[Array, "n attributes"] = jnp.zeros((n, space.attributes), jnp.int32)
         self._trials: tuple[Trial, ...] = ()  # none before the actions are sampled
         self._rewards: dict[int, float] = {}
-        self._log = JsonLines(None if path is None else Path(path), f"{CURE}, or begin anew")
+        self._log = JsonLines(
+            None if path is None else Path(path), f"{CURE}, or start a new history"
+        )
         for number, record in enumerate(self._log.lines):
             self._replay(record, self._log.where(number))
 
     @property
     def history(self) -> list[dict[str, Any]]:
-        """One record for each trial told: id, update, actions, seed, reward (None: failed) and notes."""
+        """One record per reward: id, update, actions, seed, reward (None: failed) and notes."""
         return self._log.lines
 
     @on_cpu()
     def ask(self) -> list[Trial]:
-        """Gives the trials of this update that are not told yet.
+        """Return the trials of this update that have no reward yet.
 
         Returns:
             One to n trials; none once the method has made all its updates.
@@ -119,18 +121,18 @@ class AskTell:
 
     @on_cpu()
     def tell(self, id: int, reward: float | None, **notes: Any) -> None:
-        """Saves one reward; with the last of its update, the method learns.
+        """Save one reward; the last of its update also updates the method.
 
         Args:
             id: id of a trial from `ask`.
-            reward: higher is better, from -1e15 to 1e15. None, NaN or an infinite value says that the
+            reward: higher is better, from -1e15 to 1e15. None, NaN or an infinite value means that the
                 evaluation failed; it is recorded as failed, not as a low reward.
             notes: JSON values that the trial's record keeps.
 
         Raises:
             ValueError: an id that waits for no reward, a reward out of range, or a note with the name of
                 a field.
-            OSError: the history cannot be written; the reward then counts as not told.
+            OSError: the history cannot be written; the trial then still waits for its reward.
             RuntimeError: another process has written to it.
             FloatingPointError: the method's numbers are no longer finite.
         """
@@ -139,19 +141,19 @@ class AskTell:
             raise ValueError(f"{clash[0]} is a field of every record; give the note another name")
         waiting = {trial.id: trial for trial in self.ask()}
         if id not in waiting:
-            known = f"waiting are {', '.join(map(str, waiting))}" if waiting else "none is waiting"
-            raise ValueError(f"trial {id} waits for no reward; {known}")
+            others = f"waiting are {', '.join(map(str, waiting))}" if waiting else "none is waiting"
+            raise ValueError(f"trial {id} waits for no reward; {others}")
         value = math.nan if reward is None else float(reward)
         if math.isfinite(value) and abs(value) > LARGEST:
             raise ValueError(f"reward is {value:g}, but must lie within +-{LARGEST:g}")
-        told = {"reward": value if math.isfinite(value) else None, **notes}
-        self._log.append({**self._asked(waiting[id]), **told})
-        self._take(id, value)
+        outcome = {"reward": value if math.isfinite(value) else None, **notes}
+        self._log.append({**self._trial_fields(waiting[id]), **outcome})
+        self._add_reward(id, value)
 
     @on_cpu()
     def solution(self) -> Proposal:
-        """The method's answer after the last whole update, f32[attributes] each."""
-        return _plain(*self.method.solution(self._answering))
+        """The method's answer after the last complete update, f32[attributes] each."""
+        return _on_host(self.method.solution(self._answering_state))
 
     @on_cpu()
     def spread(self) -> Proposal:
@@ -161,13 +163,17 @@ class AskTell:
         """
         diagnostics = self.method.diagnostics
         answer = self.method.solution if diagnostics is None else diagnostics.spread
-        return _plain(*answer(self._answering))
+        return _on_host(answer(self._answering_state))
 
     @property
-    def _answering(self) -> State:
+    def _answering_state(self) -> State:
+        rewards = self._finite_rewards()
+        return self.state if np.any(rewards != rewards[:1]) else self._start
+
+    def _finite_rewards(self) -> np.ndarray:
+        """The rewards of all complete updates, without failed ones."""
         rewards = np.concatenate([np.zeros(0), *(rewards for _, rewards in self._updates)])
-        known = rewards[np.isfinite(rewards)]
-        return self.state if np.any(known != known[:1]) else self._start
+        return rewards[np.isfinite(rewards)]
 
     def _sample(self) -> None:
         if self._trials:
@@ -178,16 +184,17 @@ class AskTell:
         centre, width = np.asarray(proposals.centre), np.asarray(proposals.width)
         seeds = np.asarray(jax.random.bits(seed_key, (self.n,), jnp.uint32))
         self._trials = tuple(
-            Trial(self.updates * self.n + k, _plain(centre[k], width[k]), int(seeds[k]))
+            Trial(self.updates * self.n + k, _on_host((centre[k], width[k])), int(seeds[k]))
             for k in range(self.n)
         )
 
-    def _asked(self, trial: Trial) -> dict[str, Any]:
+    def _trial_fields(self, trial: Trial) -> dict[str, Any]:
         """The fields of a trial in its record."""
         actions = np.asarray(self._actions)[trial.id % self.n].tolist()
         return {"id": trial.id, "update": self.updates, "actions": actions, "seed": trial.seed}
 
-    def _take(self, id: int, reward: float) -> None:
+    def _add_reward(self, id: int, reward: float) -> None:
+        """Add a reward; after the last of its update, update the method."""
         self._rewards[id] = reward if math.isfinite(reward) else math.nan
         if len(self._rewards) < self.n:
             return
@@ -196,22 +203,21 @@ class AskTell:
         self.updates += 1
         self._trials, self._rewards = (), {}
         if not self.method.shift_invariant:
-            self._learn(self._actions, rewards)
+            self._update(self._actions, rewards)
             return
-        known = np.concatenate([rewards for _, rewards in self._updates])
-        known = known[np.isfinite(known)]
-        if self._offset is None or _loses_digits(known, self._offset):
-            first = self._offset is None
-            self._offset = float((np.median if first else _median)(known)) if len(known) else None
+        finite = self._finite_rewards()
+        if self._offset is None or _loses_digits(finite, self._offset):
+            median = np.median if self._offset is None else _upper_median
+            self._offset = float(median(finite)) if len(finite) else None
             self.state, self.clipped = self._start, 0
             for update in self._updates:
-                self._learn(*update)
+                self._update(*update)
         else:
-            self._learn(self._actions, rewards)
+            self._update(self._actions, rewards)
 
-    def _learn(self, actions: Real[Array, "n attributes"], rewards: np.ndarray) -> None:
-        told = jnp.asarray(rewards - (self._offset or 0.0), jnp.float32)
-        self.state, info = self.method.update(self.state, actions, told)
+    def _update(self, actions: Real[Array, "n attributes"], rewards: np.ndarray) -> None:
+        shifted = jnp.asarray(rewards - (self._offset or 0.0), jnp.float32)
+        self.state, info = self.method.update(self.state, actions, shifted)
         refuse_not_finite(info)
         self.clipped = max(self.clipped, int(info.clipped))
 
@@ -222,22 +228,22 @@ class AskTell:
             raise UserError(
                 f"{where}: reward must be null or a number within +-{LARGEST:g}, not {reward!r}"
             )
-        ours = self._asked(waiting[id]) if id in waiting else None
-        if ours is None or any(record.get(name) != value for name, value in ours.items()):
+        fields = self._trial_fields(waiting[id]) if id in waiting else None
+        if fields is None or any(record.get(name) != value for name, value in fields.items()):
             raise UserError(
-                f"{where} was not told to this search: the space, the method, n and the seed must "
-                "be those that the history began with"
+                f"{where} does not belong to this search: use the space, method, n and seed with which the "
+                "history was started"
             )
-        self._take(ours["id"], np.nan if reward is None else reward)
+        self._add_reward(fields["id"], np.nan if reward is None else reward)
 
 
-def _median(rewards: np.ndarray) -> float:
-    """The upper median of the distinct rewards, so that a repeated penalty counts once."""
+def _upper_median(rewards: np.ndarray) -> float:
+    """Compute the upper median of the distinct rewards, so that a repeated penalty counts once."""
     return float(np.quantile(np.unique(rewards), 0.5, method="higher"))
 
 
 def _loses_digits(rewards: np.ndarray, offset: float) -> bool:
-    """Whether single precision, after an offset, blurs the differences between most rewards.
+    """Tell whether single precision, after an offset, loses the differences between most rewards.
 
     The spread of the distinct rewards is that of `history.py`: the lower quartile may be a penalty.
     """
@@ -248,5 +254,6 @@ def _loses_digits(rewards: np.ndarray, offset: float) -> bool:
     return bool(np.spacing(np.float32(abs(median - offset))) > RESOLUTION * spread > 0)
 
 
-def _plain(centre: Any, width: Any) -> Proposal:
-    return Proposal(cast(Array, np.asarray(centre)), cast(Array, np.asarray(width)))
+def _on_host(proposal: tuple[Any, Any]) -> Proposal:
+    centre, width = map(np.asarray, proposal)
+    return Proposal(cast(Array, centre), cast(Array, width))

@@ -6,8 +6,8 @@ from contextlib import nullcontext
 import jax
 
 from sdr_jax.callback import HostReward
-from sdr_jax.method import Method, RngKey, State, refuse_not_finite
-from sdr_jax.run import Record, RewardFn, first_state, make_step, updates_of
+from sdr_jax.method import Method, Record, RewardFn, RngKey, State, refuse_not_finite
+from sdr_jax.run import first_state, make_step, updates_of
 
 
 def drive(

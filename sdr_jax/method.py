@@ -1,7 +1,7 @@
-"""The one interface of every search method: a tuple of pure functions."""
+"""What every search method is, a tuple of pure functions, and the rewards that it learns from."""
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import jax
 import jax.numpy as jnp
@@ -109,6 +109,30 @@ class Method(NamedTuple):
     updates: int | None = None  # how many updates the method takes; None for any number
     traced: bool = True  # False for a host adapter, which is not to be jit_method
     shift_invariant: bool = True  # whether a constant added to all rewards changes nothing
+
+
+@runtime_checkable
+class RewardFn(Protocol):
+    """Score(theta') in the paper: the rewards of data sets."""
+
+    def __call__(
+        self, rng_key: RngKey, proposals: Proposal, actions: Real[Array, "n attributes"]
+    ) -> Float[Array | np.ndarray, "n"]:
+        """Evaluate data sets; higher rewards are better, and NaN says that an evaluation failed.
+
+        Args:
+            rng_key: consumed.
+            proposals: f32[n attributes] each.
+            actions: what the method chose, [n attributes]; most rewards need the proposals only.
+        """
+
+
+class Record(NamedTuple):
+    """The actions of one step and their rewards."""
+
+    actions: Real[Array, "n attributes"]  # see the method's `sample`
+    rewards: Float[Array, "n"]  # one per data set
+    info: Info  # of the update
 
 
 def jit_method(

@@ -1,4 +1,4 @@
-"""The table of search methods by name; all command lines read it."""
+"""The table of search methods by name, which all command lines read."""
 
 import inspect
 from collections.abc import Callable
@@ -30,7 +30,7 @@ METHODS: dict[str, Callable[..., Method]] = {
 
 
 def options_of(name: str) -> dict[str, Any]:
-    """The options of a method with their defaults, None where it chooses by itself.
+    """List the options of a method with their defaults, None where the method chooses.
 
     Raises:
         ValueError: an unknown name.
@@ -40,13 +40,13 @@ def options_of(name: str) -> dict[str, Any]:
 
 
 def make(name: str, space: Space, width: Width = None, **options: Any) -> Method:
-    """Makes a method.
+    """Make a method.
 
     Args:
         name: one of `METHODS`.
         space: the attributes.
         width: width of the relaxed bins, see `relax`.
-        options: among those of `options_of`.
+        options: those of `options_of`.
 
     Returns:
         The method.
@@ -54,15 +54,15 @@ def make(name: str, space: Space, width: Width = None, **options: Any) -> Method
     Raises:
         ValueError: an unknown name, or an option that is unknown or out of range.
     """
-    known = options_of(name)
-    unknown = [option for option in options if option not in known]
+    defaults = options_of(name)
+    unknown = [option for option in options if option not in defaults]
     if unknown:
-        some = ", ".join(known) or "none"
-        raise ValueError(f"{name} has no option {unknown[0]!r}; known: {some}")
+        choices = ", ".join(defaults) or "none"
+        raise ValueError(f"{name} has no option {unknown[0]!r}; its options: {choices}")
     return _entry(name)(space, width=width, **options)
 
 
 def _entry(name: str) -> Callable[..., Method]:
     if name not in METHODS:
-        raise ValueError(f"unknown method {name!r}; known are {', '.join(METHODS)}")
+        raise ValueError(f"unknown method {name!r}; choose from {', '.join(METHODS)}")
     return METHODS[name]

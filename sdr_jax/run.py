@@ -1,41 +1,13 @@
 """The optimisation loop: each step samples, takes rewards and updates the method."""
 
 from collections.abc import Callable
-from typing import NamedTuple, Protocol, runtime_checkable
 
 import jax
 import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array, Float, Int, Real
+from jaxtyping import Array, Int
 
 from sdr_jax.callback import HostReward
-from sdr_jax.method import Info, Method, RngKey, State, refuse_not_finite
-from sdr_jax.space import Proposal
-
-
-@runtime_checkable
-class RewardFn(Protocol):
-    """Score(theta') in the paper: the rewards of data sets."""
-
-    def __call__(
-        self, rng_key: RngKey, proposals: Proposal, actions: Real[Array, "n attributes"]
-    ) -> Float[Array | np.ndarray, "n"]:
-        """Evaluate data sets; higher rewards are better, and NaN says that an evaluation failed.
-
-        Args:
-            rng_key: consumed.
-            proposals: f32[n attributes] each.
-            actions: what the method chose, [n attributes]; most rewards need the proposals only.
-        """
-
-
-class Record(NamedTuple):
-    """The actions of one step and their rewards."""
-
-    actions: Real[Array, "n attributes"]  # see the method's `sample`
-    rewards: Float[Array, "n"]  # one per data set
-    info: Info  # of the update
-
+from sdr_jax.method import Method, Record, RewardFn, RngKey, State, refuse_not_finite
 
 StepFn = Callable[[RngKey, State], tuple[State, Record]]
 """One update, from a state to the next; the key is consumed, the old state stays valid."""

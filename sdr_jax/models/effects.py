@@ -1,4 +1,4 @@
-"""A Bayesian model of the reward over bins: effects of attributes, and of pairs within groups.
+"""A Bayesian model of the reward over bins: main effects of attributes, and interactions within groups.
 
     r(a) = b + sum_i f_i(a_i) + sum_{i<j in a group} g_ij(a_i, a_j) + noise
 
@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Key
 
+from sdr_jax import trees
 from sdr_jax.bins import bin_centres, bin_mask, ordered
 from sdr_jax.models import features, history, regression
 from sdr_jax.models.features import Features
@@ -27,7 +28,7 @@ PAIR_SHARE = 0.3
 """Share of the signal that belongs to interactions at first."""
 
 SHRINK = 4.0
-"""Pseudo-weights that pull each effect's scale towards the mean of its kind."""
+"""Weight, in features, of the mean of its kind in the scale of each effect."""
 
 NOISE_SHARE, NOISE_WEIGHT = 0.3, 4.0
 """Prior of the noise: its share of the rewards' variance, and its weight in evaluations."""
@@ -37,9 +38,10 @@ LEAST_NOISE = 1e-4
 
 
 class Effects(NamedTuple):
-    """The model (constants): features, and the effect of each feature.
+    """The model (constants): features, and the effect that each feature belongs to.
 
-    Effects are those of the attributes, then of the pairs, then those that all attributes share.
+    Main effects of the attributes come first, then interactions of the pairs, then effects that all
+    attributes share.
     """
 
     space: Space
@@ -61,17 +63,18 @@ class EffectsState(NamedTuple):
 class Model(NamedTuple):
     """One function of the bins: the posterior's mean, or a draw from the posterior."""
 
-    alone: Float[Array, "*draws attributes bins"]  # f_i
-    between: Float[Array, "*draws attributes attributes degree degree"]  # of cosines, symmetric
+    main: Float[Array, "*draws attributes bins"]  # f_i
+    interactions: Float[Array, "*draws attributes attributes degree degree"]
+    """The weights of products of cosines in g_ij, symmetric."""
 
 
 def make_effects(space: Space, degree: int = 9, pair_degree: int | None = None) -> Effects:
-    """Makes the model over bins.
+    """Make the model over bins.
 
     f_i is a cosine series `sqrt(2) cos(pi m c)` of the bins' centres c, m = 1..degree, g_ij a product of two
     shorter ones. Over an attribute's bins cosines are orthogonal and have mean zero. All f_i also share one
     second cosine: the best values of attributes tend to lie all well inside their ranges or all at the
-    ends, and this common bend is learnt long before that of each attribute.
+    ends, and this common bend is known long before that of each attribute.
 
     Args:
         space: the attributes, their bins, and the groups whose members may interact.
@@ -88,16 +91,16 @@ def make_effects(space: Space, degree: int = 9, pair_degree: int | None = None) 
     if pair_degree is None:
         pair_degree = features.affordable(space, degree)
     features.check_degrees(degree, pair_degree)
-    own = features.own_variances(space, degree)
-    orders = np.arange(1, own.shape[1] + 1)
+    variances = features.main_variances(space, degree)
+    orders = np.arange(1, variances.shape[1] + 1)
     basis = np.sqrt(2) * np.cos(np.pi * bin_centres(space)[:, :, None] * orders[None, None, :])
-    basis = basis * (own > 0)[:, None, :] * bin_mask(space)[:, :, None]
-    layout = features.lay_out(space, basis, own, pair_degree)
+    basis = basis * (variances > 0)[:, None, :] * bin_mask(space)[:, :, None]
+    layout = features.lay_out(space, basis, variances, pair_degree)
     return effects_of(space, layout, columns=(1,) if degree > 1 else ())
 
 
 def effects_of(space: Space, layout: Features, columns: tuple[int, ...]) -> Effects:
-    """The model of a layout; ordered attributes share a weight for each of `columns` beside their own."""
+    """Make the model of a layout; ordered attributes also share one weight for each of `columns`."""
     attributes, _, degree = layout.basis.shape
     effects = attributes + len(layout.pairs)
     effect = np.concatenate(
@@ -126,8 +129,8 @@ def init_effects(model: Effects) -> EffectsState:
     """The state before any evaluation."""
     zero = jnp.zeros((), jnp.float32)
     scales = jnp.zeros(len(_first_scales(model)), jnp.float32)
-    seen = history.empty(model.space.attributes)
-    return EffectsState(seen, regression.empty(len(model.effect)), scales, zero)
+    empty = history.empty(model.space.attributes)
+    return EffectsState(empty, regression.empty(len(model.effect)), scales, zero)
 
 
 def observe(
@@ -136,29 +139,27 @@ def observe(
     actions: Int[Array, "n attributes"],
     rewards: Float[Array, "n"],
 ) -> EffectsState:
-    """Adds evaluations, and takes one step towards the scales of the highest evidence.
+    """Add evaluations, and take one step towards the scales of the highest evidence.
 
     The step is one of expectation maximisation and starts at the last scales. An effect's scale is pulled
     towards the mean of its kind, so that no scale becomes 0 by chance. Rewards far below the others are
     clipped (`history.py`).
     """
-    seen, statistics, ratio = history.learn(
+    rewarded, statistics, ratio = history.learn(
         state.history, state.statistics, partial(_evaluate, model), actions, rewards
     )
     variance = statistics.variance
     fresh = ratio * state.noise <= 0
     state = EffectsState(
-        seen,
+        rewarded,
         statistics,
         jnp.where(fresh, SIGNAL * variance * _first_scales(model), ratio * state.scales),
         jnp.where(fresh, (1 - SIGNAL) * variance, ratio * state.noise),
     )
     stepped = _maximise_evidence(model, state)
-    enough = statistics.square > 0  # some rewards differ
-    zeros = EffectsState(
-        seen, statistics, jnp.zeros_like(state.scales), jnp.zeros_like(state.noise)
-    )
-    return jax.tree.map(lambda a, b: jnp.where(enough, a, b), stepped, zeros)
+    rewards_differ = statistics.square > 0
+    without = state._replace(scales=jnp.zeros_like(state.scales), noise=jnp.zeros_like(state.noise))
+    return trees.where(rewards_differ, stepped, without)
 
 
 def is_finite(state: EffectsState, belief: Posterior) -> Bool[Array, ""]:
@@ -168,13 +169,13 @@ def is_finite(state: EffectsState, belief: Posterior) -> Bool[Array, ""]:
 
 
 def _evaluate(model: Effects, actions: Array) -> Array:
-    """The features of actions i32[n attributes]: the layout's, then the shared ones."""
+    """Compute the features of actions i32[n attributes]: the layout's, then the shared ones."""
     x = features.evaluate(model.layout, actions)
     return jnp.concatenate([x, x @ model.shared], axis=1)
 
 
 def posterior(model: Effects, state: EffectsState) -> Posterior:
-    """The posterior of the weights; the prior while all rewards are equal."""
+    """Compute the posterior of the weights; the prior while all rewards are equal."""
     scales = jnp.where(state.noise > 0, state.scales, 1.0)
     noise = jnp.where(state.noise > 0, state.noise, 1.0)
     std = jnp.sqrt(jnp.asarray(model.variance) * scales[model.effect])
@@ -182,19 +183,19 @@ def posterior(model: Effects, state: EffectsState) -> Posterior:
 
 
 def mean_model(model: Effects, belief: Posterior) -> Model:
-    """The posterior's mean."""
+    """The model with the posterior's mean as weights."""
     return _model(model, belief.mean)
 
 
 def draw_models(rng_key: Key[Array, ""], model: Effects, belief: Posterior, n: int) -> Model:
-    """Draws from the posterior, stacked on a leading axis; the key is consumed."""
+    """Draw models from the posterior, stacked on a leading axis; the key is consumed."""
     return jax.vmap(partial(_model, model))(regression.draw(rng_key, belief, n))
 
 
 def values(
     model: Effects, function: Model, probabilities: Float[Array, "attributes bins"]
 ) -> Float[Array, "attributes bins"]:
-    """Expected reward of each bin of each attribute, with the other attributes drawn from the policy.
+    """Compute the expected reward of each bin, with the other attributes sampled from the policy.
 
         Q_i(k) = f_i(k) + sum_{j in the group of i} E_{a_j ~ pi_j} g_ij(k, a_j)
 
@@ -210,81 +211,81 @@ def values(
     """
     short = jnp.asarray(model.layout.basis)[:, :, : model.layout.pair_degree]
     expected = jnp.einsum("ab,abp->ap", probabilities, short)
-    pulls = jnp.einsum("ajpq,jq->ap", function.between, expected)
-    return function.alone + jnp.einsum("abp,ap->ab", short, pulls)
+    slopes = jnp.einsum("ajpq,jq->ap", function.interactions, expected)
+    return function.main + jnp.einsum("abp,ap->ab", short, slopes)
 
 
 def value(
     model: Effects, state: EffectsState, belief: Posterior, actions: Int[Array, "attributes"]
 ) -> Float[Array, ""]:
-    """The mean reward of actions under a belief, in the rewards' own units."""
+    """Compute the mean reward of actions under a belief, in the units of the rewards."""
     statistics = state.statistics
-    off = _evaluate(model, actions[None, :])[0] - statistics.mean
-    return statistics.offset + statistics.level + off @ belief.mean
+    centred = _evaluate(model, actions[None, :])[0] - statistics.mean
+    return statistics.offset + statistics.level + centred @ belief.mean
 
 
-def expected(
+def predict(
     model: Effects, state: EffectsState, belief: Posterior, actions: Int[Array, "n attributes"]
 ) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
-    """Mean and standard deviation (with noise) of one reward of actions; NaN before two rewards."""
+    """Predict mean and standard deviation (with noise) of one reward of actions; NaN before two rewards."""
     x = _evaluate(model, actions)
-    mean, std = regression.predicted(state.statistics, belief, state.noise, x)
-    known = state.noise > 0
-    return jnp.where(known, mean, jnp.nan), jnp.where(known, std, jnp.nan)
+    mean, std = regression.predict(state.statistics, belief, state.noise, x)
+    rewards_differ = state.noise > 0
+    return jnp.where(rewards_differ, mean, jnp.nan), jnp.where(rewards_differ, std, jnp.nan)
 
 
 def best_bins(model: Effects, belief: Posterior) -> Int[Array, "attributes"]:
-    """The bins of the highest mean, found by coordinate ascent from a few starts."""
-    weights = plain(model, belief.mean)
+    """Find the bins of the highest mean, by coordinate ascent from a few starts."""
+    weights = layout_weights(model, belief.mean)
     return features.maximise(jax.random.key(0), model.space, model.layout, weights)
 
 
-def draw_plain(
+def draw_weights(
     rng_key: Key[Array, ""], model: Effects, belief: Posterior, n: int
 ) -> Float[Array, "n layout"]:
-    """Weights of the layout's features, drawn from the posterior; the key is consumed."""
-    return jax.vmap(partial(plain, model))(regression.draw(rng_key, belief, n))
+    """Draw the weights of the layout's features from the posterior; the key is consumed."""
+    return jax.vmap(partial(layout_weights, model))(regression.draw(rng_key, belief, n))
 
 
-def plain(model: Effects, weights: Array) -> Array:
-    """Weights of the layout's features alone, to which the shared weights are added."""
-    own = len(model.shared)
-    return weights[:own] + model.shared @ weights[own:]
+def layout_weights(model: Effects, weights: Array) -> Array:
+    """Compute the weights of the layout's features alone, to which the shared weights are added."""
+    size = len(model.shared)
+    return weights[:size] + model.shared @ weights[size:]
 
 
 def _model(model: Effects, weights: Array) -> Model:
-    return Model(*features.split(model.layout, plain(model, weights)))
+    return Model(*features.split(model.layout, layout_weights(model, weights)))
 
 
 def _first_scales(model: Effects) -> Float[np.ndarray, "effects"]:
     attributes, pairs = model.space.attributes, len(model.layout.pairs)
     share = PAIR_SHARE if pairs else 0.0
-    own = np.full(attributes, (1 - share) / attributes)
+    main = np.full(attributes, (1 - share) / attributes)
     interactions = np.full(pairs, share / max(pairs, 1))
-    shared = np.repeat(own[:1], model.shared.shape[1])
-    return np.concatenate([own, interactions, shared]).astype(np.float32)
+    shared = np.repeat(main[:1], model.shared.shape[1])
+    return np.concatenate([main, interactions, shared]).astype(np.float32)
 
 
 def _maximise_evidence(model: Effects, state: EffectsState) -> EffectsState:
-    """One step of expectation maximisation of scales and noise."""
+    """Take one step of expectation maximisation of scales and noise."""
     attributes, pairs = model.space.attributes, len(model.layout.pairs)
     data = state.statistics
     belief = posterior(model, state)
     covariance = regression.covariance(belief)
-    there = model.variance > 0
-    relative = np.where(there, model.variance, 1)
-    squares = jnp.where(there, (belief.mean**2 + jnp.diag(covariance)) / relative, 0.0)
+    has_feature = model.variance > 0
+    relative = np.where(has_feature, model.variance, 1)
+    squares = jnp.where(has_feature, (belief.mean**2 + jnp.diag(covariance)) / relative, 0.0)
     sums = jax.ops.segment_sum(squares, jnp.asarray(model.effect), len(state.scales))
-    counts = np.bincount(model.effect, weights=there, minlength=len(state.scales))
-    own, interactions = slice(attributes), slice(attributes, attributes + pairs)
+    counts = np.bincount(model.effect, weights=has_feature, minlength=len(state.scales))
+    main, interactions = slice(attributes), slice(attributes, attributes + pairs)
     kinds = jnp.concatenate(
         [
-            jnp.full(attributes, sums[own].sum() / counts[own].sum()),
+            jnp.full(attributes, sums[main].sum() / counts[main].sum()),
             jnp.full(pairs, sums[interactions].sum() / max(counts[interactions].sum(), 1)),
         ]
     )
     scales = (sums[: len(kinds)] + SHRINK * kinds) / (counts[: len(kinds)] + SHRINK)
-    # A shared effect is as large as an attribute's own.
+    # A shared effect is as large as a main effect.
     scales = jnp.append(scales, jnp.full(model.shared.shape[1], kinds[0]))
 
     misfit = (
@@ -296,5 +297,5 @@ def _maximise_evidence(model: Effects, state: EffectsState) -> EffectsState:
     prior = NOISE_WEIGHT * NOISE_SHARE * data.variance
     noise = (misfit + prior) / (data.freedom + NOISE_WEIGHT)
     # The variance of all rewards shrinks while a search closes in on its optimum; that of the first does not.
-    spread = jnp.fmax(data.variance, history.first_variance(state.history))
-    return state._replace(scales=scales, noise=jnp.maximum(noise, LEAST_NOISE * spread))
+    largest = jnp.fmax(data.variance, history.first_variance(state.history))
+    return state._replace(scales=scales, noise=jnp.maximum(noise, LEAST_NOISE * largest))

@@ -1,4 +1,4 @@
-"""A history of rewards, which finds rewards far below the others so that a model can clip them."""
+"""The history of rewards, in which those far below the others are clipped before a model learns."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -7,11 +7,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from sdr_jax import trees
 from sdr_jax.models import regression
 from sdr_jax.models.regression import Statistics
 
 CAPACITY = 2048
-"""Number of evaluations that the history keeps; later ones no longer change its floor."""
+"""Evaluations that the history keeps; later ones no longer change its floor."""
 
 REACH = 5.0
 """A reward is far below the others if it is more than so many interquartile ranges below the median."""
@@ -20,7 +21,7 @@ FEWEST = 8
 """The least number of rewards from which quartiles are estimated."""
 
 EARLY = 32
-"""Number of first rewards, whose data sets come from everywhere; later rewards differ less."""
+"""Number of first rewards, whose data sets cover the whole space; later rewards differ less."""
 
 
 class History(NamedTuple):
@@ -43,17 +44,17 @@ def empty(attributes: int) -> History:
 
 
 def lowest(rewards: Float[Array, "capacity"]) -> Float[Array, ""]:
-    """The lowest known reward that is not far below the others; minus infinity if none is far below.
+    """Find the lowest reward that is not far below the others; minus infinity if none is far below.
 
     Far below means more than five interquartile ranges below the median, with the range of all rewards or
     of the first ones, whichever is larger. If it is 0, no reward is far below.
     """
-    known = jnp.isfinite(rewards)
-    reach, median = _quartiles(rewards)
-    reach = jnp.fmax(reach, _quartiles(rewards[:EARLY])[0])
-    limit = jnp.where((known.sum() >= FEWEST) & (reach > 0), median - REACH * reach, -jnp.inf)
+    finite = jnp.isfinite(rewards)
+    iqr, median = _quartiles(rewards)
+    iqr = jnp.fmax(iqr, _quartiles(rewards[:EARLY])[0])
+    limit = jnp.where((finite.sum() >= FEWEST) & (iqr > 0), median - REACH * iqr, -jnp.inf)
     far = rewards < limit  # false of NaN
-    return jnp.where(far.any(), jnp.min(rewards, where=known & ~far, initial=jnp.inf), -jnp.inf)
+    return jnp.where(far.any(), jnp.min(rewards, where=finite & ~far, initial=jnp.inf), -jnp.inf)
 
 
 def first_variance(history: History) -> Float[Array, ""]:
@@ -62,15 +63,15 @@ def first_variance(history: History) -> Float[Array, ""]:
 
 
 def _quartiles(rewards: Float[Array, "n"]) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """The interquartile range and the median of the distinct rewards.
+    """Compute the interquartile range and the median of the distinct rewards.
 
     Distinct values make a repeated penalty count once. The range is at most four times its upper half,
     since the lower quartile may be a penalty itself.
     """
     ranked = jnp.sort(rewards)  # NaN comes last
-    new = jnp.append(True, ranked[1:] != ranked[:-1])
+    distinct = jnp.append(True, ranked[1:] != ranked[:-1])
     quartiles = jnp.asarray([0.25, 0.5, 0.75])
-    low, median, high = jnp.nanquantile(jnp.where(new, ranked, jnp.nan), quartiles)
+    low, median, high = jnp.nanquantile(jnp.where(distinct, ranked, jnp.nan), quartiles)
     return jnp.minimum(high - low, 4 * (high - median)), median
 
 
@@ -81,41 +82,42 @@ def learn(
     actions: Int[Array, "n attributes"],
     rewards: Float[Array, "n"],
 ) -> tuple[History, Statistics, Float[Array, ""]]:
-    """Adds evaluations, except failed ones, and clips rewards far below the others.
+    """Add evaluations, except failed ones, and clip rewards far below the others.
 
-    If the floor of earlier rewards changes, the statistics are computed anew.
+    If the floor of earlier rewards changes, the statistics are computed again.
 
     Args:
         history: the history before them.
         statistics: the statistics of the history.
-        features: gives the features of actions.
+        features: computes the features of actions.
         actions: the actions of the evaluations.
         rewards: their rewards.
 
     Returns:
-        History, statistics, and the factor by which the variance of earlier rewards changed.
+        The history, the statistics, and the factor by which the variance of earlier rewards changed.
     """
-    known = jnp.isfinite(rewards)
-    place = jnp.isfinite(history.rewards).sum() + jnp.cumsum(known) - 1
-    kept = jnp.where(known, place, CAPACITY)  # out of bounds, and dropped
-    told = history.rewards.at[kept].set(rewards, mode="drop")
-    tried = history.actions.at[kept].set(actions, mode="drop")
-    more = jnp.max(jnp.where(known, place, 0)) >= CAPACITY
-    floor = jnp.where(more, history.floor, lowest(told))
+    finite = jnp.isfinite(rewards)
+    place = jnp.isfinite(history.rewards).sum() + jnp.cumsum(finite) - 1
+    place = jnp.where(finite, place, CAPACITY)  # out of bounds, and dropped
+    all_rewards = history.rewards.at[place].set(rewards, mode="drop")
+    all_actions = history.actions.at[place].set(actions, mode="drop")
+    is_full = jnp.max(jnp.where(finite, place, 0)) >= CAPACITY
+    floor = jnp.where(is_full, history.floor, lowest(all_rewards))
 
-    before, after = (jnp.maximum(history.rewards, at) for at in (history.floor, floor))
+    before, after = (jnp.maximum(history.rewards, low) for low in (history.floor, floor))
     moved = jnp.any(before != after, where=jnp.isfinite(before))
-    spread = jnp.nanvar(before)
-    ratio = jnp.where(moved & (spread > 0), jnp.nanvar(after) / spread, 1.0)
-    grown = regression.add(statistics, features(actions), jnp.maximum(rewards, floor))
+    variance = jnp.nanvar(before)
+    ratio = jnp.where(moved & (variance > 0), jnp.nanvar(after) / variance, 1.0)
+    added = regression.add(statistics, features(actions), jnp.maximum(rewards, floor))
     statistics = jax.lax.cond(
         moved,
-        lambda: regression.with_rewards(grown, features(tried), jnp.maximum(told, floor)),
-        lambda: grown,
+        lambda: regression.with_rewards(
+            added, features(all_actions), jnp.maximum(all_rewards, floor)
+        ),
+        lambda: added,
     )
-    flat = jnp.nanmin(told) == jnp.nanmax(told)  # exact, unlike a comparison with their mean
-    statistics = jax.tree.map(
-        lambda some, none: jnp.where(flat, none, some), statistics, regression.flat(statistics)
-    )
-    clipped = jnp.sum(told < floor, dtype=jnp.int32)
-    return History(tried, told, floor, clipped), statistics, ratio
+    # Exact, unlike a comparison with their mean.
+    all_equal = jnp.nanmin(all_rewards) == jnp.nanmax(all_rewards)
+    statistics = trees.where(all_equal, regression.flat(statistics), statistics)
+    clipped = jnp.sum(all_rewards < floor, dtype=jnp.int32)
+    return History(all_actions, all_rewards, floor, clipped), statistics, ratio

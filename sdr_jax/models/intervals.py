@@ -1,4 +1,4 @@
-"""A search over intervals that keeps an attribute where it begins unless the model expects a move to pay."""
+"""A search over intervals that moves an attribute from its start only where the model expects a gain."""
 
 from typing import NamedTuple
 
@@ -47,7 +47,7 @@ DRAWS = 64
 class IntervalsState(NamedTuple):
     """The regression, the answer so far, and the reach."""
 
-    seen: effects.EffectsState
+    evidence: effects.EffectsState
     belief: Posterior  # of the weights
     base: Int[Array, "attributes"]  # choices that the answer keeps where no other is better
     answer: Int[Array, "attributes"]  # choices
@@ -63,7 +63,7 @@ def intervals(
     degree: int = 9,
     pair_degree: int | None = None,
 ) -> Method:
-    """Chooses intervals of attributes by a Bayesian regression on features of intervals.
+    """Choose intervals of attributes by a Bayesian regression on features of intervals.
 
     Actions are intervals: runs of an attribute's bins, from one to all (`choices.runs`), or its interval in
     `start`; without relaxation they are single values. The reward of a data set is modelled as linear in its
@@ -72,8 +72,8 @@ def intervals(
         y = b + sum_i w_i . phi(c_i, w_i) + sum_{i<j in a group} phi(i) W_ij phi(j) + noise
 
     with cosines integrated over the interval and one term for its narrowness (`choices.integrated`), so
-    data sets of any width teach one model. The sizes of effects, interactions and noise are learnt by
-    evidence (`effects.py`).
+    data sets of any width teach one model. The scales of effects, interactions and noise maximise
+    the evidence (`effects.py`).
 
     The first eight data sets are the start and random attributes in turn. The search then begins at its
     base: the start, or random attributes if they had the higher mean reward. Without a start the base is
@@ -92,7 +92,7 @@ def intervals(
         width: 0, for all attributes or for one, gives single values (single bins if they have no order);
             other widths have no effect.
         start: centres and widths of a first answer; by default random attributes.
-        caution: see above, 0 or more; with 0 every move is made whose mean gain is above 0.
+        caution: see above, 0 or more; 0 makes every move whose mean gain is above 0.
         degree: cosines per attribute.
         pair_degree: cosines per attribute in interactions; by default see `effects.make_effects`.
 
@@ -111,24 +111,26 @@ def intervals(
     check_relaxation(space, width, "random")
     chosen = choices(space, _checked(space, start), width)
     model = make_effects(space, chosen, degree, pair_degree)
-    start_choices, scale_of = jnp.asarray(chosen.began), jnp.asarray(chosen.scale)
+    start_choices, scale_of = jnp.asarray(chosen.start), jnp.asarray(chosen.scale)
     scales = scale_of.max(axis=1) + 1
     # The first choice is the whole range, where intervals are allowed.
     whole = jnp.asarray(chosen.width[:, 0] == 1)
     random = jnp.where(whole, 0, start_choices)
-    has_start = bool(chosen.began.any())
+    has_start = bool(chosen.start.any())
     opening = 2 * OPENING if has_start and chosen.width[:, 0].max() == 1 else 2
 
     first_reach = FIRST_REACH if has_start else 1.0
 
-    def fitted(seen: effects.EffectsState, reach: Array) -> IntervalsState:
-        belief = effects.posterior(model, seen)
-        first, rewards = seen.history.actions[:opening], seen.history.rewards[:opening]
-        at_start = (first == start_choices[None, :]).all(axis=1)
-        means = [jnp.nanmean(jnp.where(those, rewards, jnp.nan)) for those in (at_start, ~at_start)]
-        base = jnp.where(means[1] > means[0], random, start_choices)
+    def with_answer(evidence: effects.EffectsState, reach: Array) -> IntervalsState:
+        belief = effects.posterior(model, evidence)
+        actions, rewards = (part[:opening] for part in evidence.history[:2])
+        is_start = (actions == start_choices[None, :]).all(axis=1)
+        start_mean = jnp.nanmean(jnp.where(is_start, rewards, jnp.nan))
+        random_mean = jnp.nanmean(jnp.where(~is_start, rewards, jnp.nan))
+        base = jnp.where(random_mean > start_mean, random, start_choices)
         moved = best_by_lower_bound(model, belief, base, caution)
-        return IntervalsState(seen, belief, base, jnp.where(seen.noise > 0, moved, base), reach)
+        answer = jnp.where(evidence.noise > 0, moved, base)
+        return IntervalsState(evidence, belief, base, answer, reach)
 
     def proposed(actions: Array) -> Proposal:
         rows = jnp.arange(space.attributes)
@@ -136,68 +138,69 @@ def intervals(
 
     def init(rng_key: RngKey) -> IntervalsState:
         del rng_key  # nothing is random before the first sample
-        return fitted(effects.init_effects(model), jnp.asarray(first_reach, jnp.float32))
+        return with_answer(effects.init_effects(model), jnp.asarray(first_reach, jnp.float32))
 
     def sample(rng_key: RngKey, state: IntervalsState, n: int) -> tuple[Bins, Proposal]:
         keys = jax.random.split(rng_key, 7)
         draw_key, start_key, share_key, which_key, width_key, scale_key, open_key = keys
-        weights = effects.draw_plain(draw_key, model, state.belief, n)
+        weights = effects.draw_weights(draw_key, model, state.belief, n)
         share = state.reach * jax.random.choice(share_key, jnp.asarray(REACHES), (n, 1))
         chance = jax.random.uniform(which_key, (n, space.attributes))
         # At least the one with the smallest random number.
-        anew = (chance < share) | (chance == chance.min(axis=1, keepdims=True))
+        changes = (chance < share) | (chance == chance.min(axis=1, keepdims=True))
         scale = jnp.floor(jax.random.uniform(scale_key, chance.shape) * scales[None, :])
-        alike = jnp.where(
+        of_scale = jnp.where(
             jax.random.uniform(width_key, chance.shape)[..., None] < ONE_WIDTH,
             scale_of[None] == scale[..., None],
             scale_of[None] >= 0,
         )
-        own = jnp.arange(scale_of.shape[1])[None, None, :] == state.answer[None, :, None]
-        allowed = jnp.where(anew[..., None], alike, own)
+        of_answer = jnp.arange(scale_of.shape[1])[None, None, :] == state.answer[None, :, None]
+        allowed = jnp.where(changes[..., None], of_scale, of_answer)
         changed = maximise_each(start_key, chosen.space, model.layout, weights, allowed)
-        turn = state.seen.statistics.seen.astype(jnp.int32) + jnp.arange(n)[:, None]
+        count = state.evidence.statistics.evaluations
+        turn = count.astype(jnp.int32) + jnp.arange(n)[:, None]
         anywhere = random_bins(open_key, chosen.space, n)
         as_random = whole[None, :] if has_start else chance >= 0.5
         other = jnp.where(as_random, random[None, :], anywhere)
         first = jnp.where(turn % 2 == 0, start_choices[None, :], other)
-        actions = jnp.where(state.seen.statistics.seen < opening, first, changed)
+        actions = jnp.where(count < opening, first, changed)
         return actions, proposed(actions)
 
     def update(
         state: IntervalsState, actions: Bins, rewards: Rewards
     ) -> tuple[IntervalsState, Info]:
-        seen = effects.observe(model, state.seen, actions, rewards)
-        expected = effects.value(model, state.seen, state.belief, state.answer)
+        evidence = effects.observe(model, state.evidence, actions, rewards)
+        expected = effects.value(model, state.evidence, state.belief, state.answer)
         signs = jnp.where(jnp.isfinite(rewards), (rewards > expected) - SUCCESS, 0.0)
-        step = jnp.where(state.seen.noise > 0, PACE * signs.sum(), 0.0)
+        step = jnp.where(state.evidence.noise > 0, PACE * signs.sum(), 0.0)
         reach = jnp.clip(state.reach * jnp.exp(step), 1 / space.attributes, 1.0)
         info = basic_info(rewards, jnp.asarray(jnp.nan, jnp.float32))
-        reach = jnp.where(state.seen.statistics.seen < opening, first_reach, reach)
-        state = fitted(seen, reach)
-        at_start = (state.base == start_choices).all()
-        state = state._replace(reach=jnp.where(at_start, reach, 1.0))
-        finite = effects.is_finite(seen, state.belief)
-        return state, info._replace(clipped=seen.history.clipped, finite=finite)
+        reach = jnp.where(state.evidence.statistics.evaluations < opening, first_reach, reach)
+        state = with_answer(evidence, reach)
+        is_start = (state.base == start_choices).all()
+        state = state._replace(reach=jnp.where(is_start, reach, 1.0))
+        finite = effects.is_finite(evidence, state.belief)
+        return state, info._replace(clipped=evidence.history.clipped, finite=finite)
 
     def solution(state: IntervalsState) -> Proposal:
         return proposed(state.answer)
 
     def spread(state: IntervalsState) -> Proposal:
         moved = best_by_lower_bound(model, state.belief, state.base, max(SURE, caution))
-        return proposed(jnp.where(state.seen.noise > 0, moved, state.base))
+        return proposed(jnp.where(state.evidence.noise > 0, moved, state.base))
 
     def probabilities(state: IntervalsState) -> Float[Array, "attributes bins"]:
-        _, tried = sample(jax.random.key(1), state, DRAWS)
-        return shares_of_bins(space, tried)
+        _, proposals = sample(jax.random.key(1), state, DRAWS)
+        return shares_of_bins(space, proposals)
 
     def predict(state: IntervalsState, actions: Bins) -> tuple[Rewards, Rewards]:
-        return effects.expected(model, state.seen, state.belief, actions)
+        return effects.predict(model, state.evidence, state.belief, actions)
 
     return jit_method(init, sample, update, solution, probabilities, spread, predict=predict)
 
 
 def _checked(space: Space, start: tuple[tuple[float, ...], tuple[float, ...]] | None) -> Start:
-    """The start, by default random attributes; raises ValueError if it does not fit the space."""
+    """Check the start, by default random attributes; raise ValueError if it does not fit the space."""
     if start is None:
         return np.full(space.attributes, 0.5, np.float32), np.ones(space.attributes, np.float32)
     centre, width = (np.asarray(part, np.float32) for part in start)
@@ -213,9 +216,9 @@ def _checked(space: Space, start: tuple[tuple[float, ...], tuple[float, ...]] | 
 def best_by_lower_bound(
     model: effects.Effects, belief: Posterior, base: Int[Array, "attributes"], caution: float
 ) -> Int[Array, "attributes"]:
-    """The choices whose gain over the base has the highest lower confidence bound.
+    """Find the choices whose gain over the base has the highest lower confidence bound.
 
-    The function goes over the attributes one after the other. Each takes the choice a with the largest
+    Coordinate ascent: one attribute after the other takes the choice a with the largest
 
         E[f(a) - f(base)] - caution * std[f(a) - f(base)]
 
@@ -235,25 +238,25 @@ def best_by_lower_bound(
     basis, short = jnp.asarray(layout.basis), layout.pair_degree
     attributes = len(layout.basis)
     features, partners, leads = (jnp.asarray(table) for table in _tables(layout))
-    there = jnp.asarray(bin_mask(model.space))
-    weights = effects.plain(model, belief.mean)
-    covariance = _plain_covariance(model, belief)
+    mask = jnp.asarray(bin_mask(model.space))
+    weights = effects.layout_weights(model, belief.mean)
+    covariance = _layout_covariance(model, belief)
 
     def move(step: Array, actions: Array) -> Array:
         attribute = step % attributes
         change = basis[attribute] - basis[attribute, base[attribute]][None, :]
-        mine = change[:, :short]
-        partner = partners[attribute]  # `attributes` where there are no more
-        theirs = basis[jnp.minimum(partner, attributes - 1)]
-        theirs = theirs[jnp.arange(len(partner)), actions[partner], :short]
-        theirs = jnp.where((partner < attributes)[:, None], theirs, 0.0)
-        leading = jnp.einsum("cp,jq->cjpq", mine, theirs)
+        partner = partners[attribute]  # `attributes` for padding
+        cosines = basis[jnp.minimum(partner, attributes - 1)]
+        cosines = cosines[jnp.arange(len(partner)), actions[partner], :short]
+        cosines = jnp.where((partner < attributes)[:, None], cosines, 0.0)
+        leading = jnp.einsum("cp,jq->cjpq", change[:, :short], cosines)
         pairs = jnp.where(leads[attribute][:, None, None], leading, leading.swapaxes(2, 3))
         changes = jnp.concatenate([change, pairs.reshape(len(change), -1)], axis=1)
-        own = features[attribute]
-        variance = jnp.einsum("cf,fg,cg->c", changes, covariance[own[:, None], own[None]], changes)
-        bound = changes @ weights[own] - caution * jnp.sqrt(jnp.maximum(variance, 0.0))
-        bound = jnp.where(there[attribute], bound, -jnp.inf)
+        rows = features[attribute]
+        block = covariance[rows[:, None], rows[None]]
+        variance = jnp.einsum("cf,fg,cg->c", changes, block, changes)
+        bound = changes @ weights[rows] - caution * jnp.sqrt(jnp.maximum(variance, 0.0))
+        bound = jnp.where(mask[attribute], bound, -jnp.inf)
         best = jnp.argmax(bound).astype(jnp.int32)
         better = jnp.where(bound[best] > 0, best, base[attribute])
         return actions.at[attribute].set(better)
@@ -261,12 +264,11 @@ def best_by_lower_bound(
     return jax.lax.fori_loop(0, SWEEPS * attributes, move, base)
 
 
-def _plain_covariance(model: effects.Effects, belief: Posterior) -> Float[Array, "layout layout"]:
-    """The covariance of the layout's weights, to which the shared weights are added."""
-    whole = regression.covariance(belief)
-    own = len(model.shared)
-    mixed = whole[:own, own:] @ model.shared.T
-    return whole[:own, :own] + mixed + mixed.T + model.shared @ whole[own:, own:] @ model.shared.T
+def _layout_covariance(model: effects.Effects, belief: Posterior) -> Float[Array, "layout layout"]:
+    """Compute the covariance of the layout's weights, to which the shared weights are added."""
+    covariance, size, shared = regression.covariance(belief), len(model.shared), model.shared
+    mixed = covariance[:size, size:] @ shared.T
+    return covariance[:size, :size] + mixed + mixed.T + shared @ covariance[size:, size:] @ shared.T
 
 
 def _tables(
@@ -279,15 +281,15 @@ def _tables(
     """Each attribute's features, its partners in pairs, and whether it comes first in each pair."""
     attributes, _, degree = layout.basis.shape
     size = layout.pair_degree**2
-    of = [np.flatnonzero(np.any(layout.pairs == a, axis=1)) for a in range(attributes)]
-    most = max(map(len, of), default=0)
+    pairs_of = [np.flatnonzero(np.any(layout.pairs == a, axis=1)) for a in range(attributes)]
+    most = max(map(len, pairs_of), default=0)
     features = np.zeros((attributes, degree + most * size), np.int32)
     partners = np.full((attributes, most), attributes, np.int32)
     leads = np.zeros((attributes, most), bool)
-    for a, pairs in enumerate(of):
+    for a, pairs in enumerate(pairs_of):
         products = attributes * degree + pairs[:, None] * size + np.arange(size)
-        own = np.concatenate([a * degree + np.arange(degree), products.ravel()])
-        features[a, : len(own)] = own
+        rows = np.concatenate([a * degree + np.arange(degree), products.ravel()])
+        features[a, : len(rows)] = rows
         partners[a, : len(pairs)] = layout.pairs[pairs].sum(axis=1) - a
         leads[a, : len(pairs)] = layout.pairs[pairs, 0] == a
     return features, partners, leads

@@ -12,7 +12,7 @@ from jax.scipy.linalg import cho_solve, solve_triangular
 from jaxtyping import Array, Float, Key
 
 JITTER = 1e-6
-"""The least prior precision of a whitened weight, as a share of the trace of what the data say."""
+"""The least prior precision of a whitened weight, as a share of the trace of the data's precision."""
 
 _product = partial(jnp.matmul, precision=jax.lax.Precision.HIGHEST)
 
@@ -28,17 +28,17 @@ class Statistics(NamedTuple):
     moment: Float[Array, "features"]  # sum of (x - mean)(y - level)
     level: Float[Array, ""]  # mean of y, the rewards less the offset
     square: Float[Array, ""]  # sum of (y - level)^2
-    seen: Float[Array, ""]  # evaluations with a reward
+    evaluations: Float[Array, ""]  # evaluations with a reward
     offset: Float[Array, ""]  # mean of the first rewards; keeps float32 precise
 
     @property
     def freedom(self) -> Float[Array, ""]:
-        """Evaluations less one, at least one."""
-        return jnp.maximum(self.seen - 1, 1)
+        """Degrees of freedom: evaluations less one, at least one."""
+        return jnp.maximum(self.evaluations - 1, 1)
 
     @property
     def variance(self) -> Float[Array, ""]:
-        """The variance of the rewards; 1 while all are equal, as any scale is then as good as another."""
+        """The variance of the rewards; 1 while all are equal, since any scale is then as good as another."""
         return jnp.where(self.square > 0, self.square / self.freedom, 1.0)
 
 
@@ -61,28 +61,28 @@ def empty(features: int) -> Statistics:
 def add(
     statistics: Statistics, x: Float[Array, "n features"], rewards: Float[Array, "n"]
 ) -> Statistics:
-    """Merges evaluations, except failed ones, into the statistics.
+    """Merge evaluations, except failed ones, into the statistics.
 
     Source: Chan, Golub & LeVeque 1983, "Algorithms for computing the sample variance".
     """
     valid = jnp.isfinite(rewards)
-    count = jnp.sum(valid).astype(jnp.float32)
-    offset = jnp.where(statistics.seen > 0, statistics.offset, _mean(rewards, valid))
+    added = jnp.sum(valid).astype(jnp.float32)
+    offset = jnp.where(statistics.evaluations > 0, statistics.offset, _mean(rewards, valid))
     y = jnp.where(valid, rewards - offset, 0.0)
     x_mean, y_mean = _mean(x, valid[:, None]), _mean(y, valid)
     x_off = jnp.where(valid[:, None], x - x_mean[None, :], 0.0)
     y_off = jnp.where(valid, y - y_mean, 0.0)
     x_shift, y_shift = x_mean - statistics.mean, y_mean - statistics.level
-    seen = statistics.seen + count
-    share = count / jnp.maximum(seen, 1)
-    weight = statistics.seen * share
+    count = statistics.evaluations + added
+    share = added / jnp.maximum(count, 1)
+    weight = statistics.evaluations * share
     return Statistics(
         gram=statistics.gram + _product(x_off.T, x_off) + weight * jnp.outer(x_shift, x_shift),
         mean=statistics.mean + share * x_shift,
         moment=statistics.moment + _product(x_off.T, y_off) + weight * x_shift * y_shift,
         level=statistics.level + share * y_shift,
         square=statistics.square + jnp.sum(y_off**2) + weight * y_shift**2,
-        seen=seen,
+        evaluations=count,
         offset=offset,
     )
 
@@ -96,7 +96,7 @@ def _mean(values: Array, valid: Array) -> Array:
 def with_rewards(
     statistics: Statistics, x: Float[Array, "n features"], rewards: Float[Array, "n"]
 ) -> Statistics:
-    """The statistics of the same evaluations with other rewards; it takes all evaluations."""
+    """Replace the rewards of the statistics; `x` and `rewards` are those of all evaluations."""
     valid = jnp.isfinite(rewards)
     offset = _mean(rewards, valid)
     level = _mean(rewards - offset, valid)
@@ -108,7 +108,7 @@ def with_rewards(
 
 
 def flat(statistics: Statistics) -> Statistics:
-    """The statistics of the same evaluations as if all rewards were equal."""
+    """Replace the rewards of the statistics by equal ones."""
     zero = jnp.zeros((), jnp.float32)
     return statistics._replace(moment=jnp.zeros_like(statistics.moment), level=zero, square=zero)
 
@@ -116,18 +116,17 @@ def flat(statistics: Statistics) -> Statistics:
 def posterior(
     data: Statistics, std: Float[Array, "features"], noise: Float[Array, ""]
 ) -> Posterior:
-    """The weights' posterior, of `y = X w + e` with w ~ N(0, std^2) and e ~ N(0, noise^2).
+    """Compute the posterior of the weights of `y = X w + e` with w ~ N(0, std^2) and e ~ N(0, noise^2).
 
     Whitening, `w = std v`, keeps the precision well conditioned:
 
         L L' = I + S X'X S / noise^2,   S = diag(std)
 
-    Where single precision does not resolve the identity beside the data, a larger multiple of it (jitter)
-    stands in its place.
+    Where single precision would lose the identity in the sum, a larger multiple of it (jitter) is added.
 
     Args:
         data: the evaluations.
-        std: the prior's standard deviations; 0 for absent features.
+        std: standard deviations of the prior; 0 for absent features.
         noise: standard deviation of a reward.
     """
     ratio = std / noise
@@ -138,17 +137,17 @@ def posterior(
     return Posterior(std * whitened, factor, std)
 
 
-def predicted(
+def predict(
     statistics: Statistics,
     belief: Posterior,
     noise: Float[Array, ""],
     x: Float[Array, "n features"],
 ) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
-    """Mean and standard deviation of one reward of each row of features; `noise` is a variance.
+    """Predict the mean and standard deviation of one reward of each row of features.
 
-    The deviation holds that of the mean reward, too, whose prior is flat.
+    The deviation includes that of the intercept, whose prior is flat. `noise` is a variance.
     """
-    count = jnp.maximum(statistics.seen, 1)
+    count = jnp.maximum(statistics.evaluations, 1)
     off = x - statistics.mean[None, :]
     mean = statistics.offset + statistics.level + off @ belief.mean
     whitened = solve_triangular(belief.factor, (off * belief.scale[None, :]).T, lower=True)
@@ -162,7 +161,7 @@ def covariance(belief: Posterior) -> Float[Array, "features features"]:
 
 
 def draw(rng_key: Key[Array, ""], belief: Posterior, n: int) -> Float[Array, "n features"]:
-    """Draws weights; the key is consumed."""
+    """Draw weights from the posterior; the key is consumed."""
     noise = jax.random.normal(rng_key, (belief.mean.shape[0], n))
     whitened = solve_triangular(belief.factor, noise, lower=True, trans=1)
     return belief.mean[None, :] + belief.scale[None, :] * whitened.T

@@ -1,4 +1,4 @@
-"""SDR with a model: the policy over bins follows a model that learns from every evaluation."""
+"""SDR with a surrogate: the policy over bins follows a model that learns from every evaluation."""
 
 from typing import NamedTuple
 
@@ -26,7 +26,7 @@ DRAWS = 32
 class SurrogateState(NamedTuple):
     """A policy, and the model that it follows."""
 
-    seen: effects.EffectsState
+    evidence: effects.EffectsState
     belief: Posterior  # of the weights
     logits: Float[Array, "attributes bins"]  # minus infinity for bins an attribute lacks
     best: Int[Array, "attributes"]  # bins of the answer, -1 while all rewards are equal
@@ -42,9 +42,9 @@ def surrogate(
 ) -> Method:
     """SDR whose policy gradient comes from a model of the reward, not from single rewards.
 
-    As in SDR, each attribute has a softmax policy over its bins, and data sets are drawn from it and
+    As in SDR, each attribute has a softmax policy over its bins, and data sets are sampled from it and
     relaxed. REINFORCE uses a reward for one noisy step; here a Bayesian model learns from all rewards
-    (`effects.py`: smooth in every attribute, pairwise within groups, with scales learnt by evidence), and
+    (`effects.py`: smooth in every attribute, pairwise within groups, scales by evidence), and
     the gradient of its expected reward is exact. The policy maximises
 
         E_pi[r_model] + sum_i tau_i H(pi_i),   tau_i = temperature * std_i
@@ -52,11 +52,11 @@ def surrogate(
     where std_i is the posterior's standard deviation of the differences between i's bins: an
     attribute explores until this is smaller than the differences themselves. The natural
     gradient in the logits is `Q_i - tau_i log pi_i`; steps of 1 / tau_i, which are `logits = Q / tau`,
-    alternate with new expectations. Groups say which attributes may interact; all groups are learnt at
+    alternate with new expectations. Groups say which attributes may interact; all groups are optimised at
     once.
 
     Policies of independent attributes cannot express "both or neither". So every second data set, counted
-    over all updates, is the best one under a model drawn from the posterior (Thompson sampling). Draws from
+    over all updates, is the best one under a model drawn from the posterior (Thompson sampling). Samples of
     the policies are stratified. Rewards far below the others, such as the penalty for a crash, are clipped
     (`history.py`).
 
@@ -84,43 +84,42 @@ def surrogate(
     if not (temperature > 0 and np.isfinite(temperature)):
         raise ValueError(f"temperature is {temperature}, but must be above 0")
     model = effects.make_effects(space, degree, pair_degree)
-    there = bin_mask(space)
-    level = np.where(there, 0.0, -np.inf).astype(np.float32)
+    uniform_logits = np.where(bin_mask(space), 0.0, -np.inf).astype(np.float32)
 
     def init(rng_key: RngKey) -> SurrogateState:
         del rng_key  # nothing is random before the first sample
         undecided = jnp.full(space.attributes, UNDECIDED, jnp.int32)
-        seen = effects.init_effects(model)
-        belief = effects.posterior(model, seen)
-        return SurrogateState(seen, belief, jnp.asarray(level), undecided)
+        evidence = effects.init_effects(model)
+        belief = effects.posterior(model, evidence)
+        return SurrogateState(evidence, belief, jnp.asarray(uniform_logits), undecided)
 
     def sample(rng_key: RngKey, state: SurrogateState, n: int) -> tuple[Bins, Proposal]:
         policy_key, draw_key, start_key = jax.random.split(rng_key, 3)
         actions = stratified(policy_key, space, jax.nn.softmax(state.logits), n)
-        drawn = effects.draw_plain(draw_key, model, state.belief, n)
-        believed = maximise_each(start_key, space, model.layout, drawn)
-        turn = state.seen.statistics.seen.astype(jnp.int32) + jnp.arange(n)
-        second = (turn % 2 == 1) & (state.seen.statistics.seen > 1)
-        actions = jnp.where(second[:, None], believed, actions)
+        weights = effects.draw_weights(draw_key, model, state.belief, n)
+        thompson = maximise_each(start_key, space, model.layout, weights)
+        count = state.evidence.statistics.evaluations
+        is_second = ((count.astype(jnp.int32) + jnp.arange(n)) % 2 == 1) & (count > 1)
+        actions = jnp.where(is_second[:, None], thompson, actions)
         return actions, relax(space, actions, width)
 
     def update(
         state: SurrogateState, actions: Bins, rewards: Rewards
     ) -> tuple[SurrogateState, Info]:
         info = basic_info(rewards, entropy(probabilities(state)))
-        seen = effects.observe(model, state.seen, actions, rewards)
-        belief = effects.posterior(model, seen)
+        evidence = effects.observe(model, state.evidence, actions, rewards)
+        belief = effects.posterior(model, evidence)
         best = effects.best_bins(model, belief)
         logits = follow(model, belief, best, temperature)
-        known = seen.noise > 0
+        rewards_differ = evidence.noise > 0
         next_state = SurrogateState(
-            seen,
+            evidence,
             belief,
-            jnp.where(known, logits, state.logits),
-            jnp.where(known, best, state.best),
+            jnp.where(rewards_differ, logits, state.logits),
+            jnp.where(rewards_differ, best, state.best),
         )
-        info = info._replace(clipped=seen.history.clipped, finite=effects.is_finite(seen, belief))
-        return next_state, info
+        finite = effects.is_finite(evidence, belief)
+        return next_state, info._replace(clipped=evidence.history.clipped, finite=finite)
 
     def probabilities(state: SurrogateState) -> Float[Array, "attributes bins"]:
         return jax.nn.softmax(state.logits)
@@ -132,7 +131,7 @@ def surrogate(
         return moments(space, jax.nn.softmax(state.logits), width)
 
     def predict(state: SurrogateState, actions: Bins) -> tuple[Rewards, Rewards]:
-        return effects.expected(model, state.seen, state.belief, actions)
+        return effects.predict(model, state.evidence, state.belief, actions)
 
     return jit_method(init, sample, update, solution, probabilities, spread, predict=predict)
 
@@ -143,19 +142,19 @@ def follow(
     start: Int[Array, "attributes"],
     temperature: float,
 ) -> Float[Array, "attributes bins"]:
-    """Moves a policy to where a model's expected reward plus entropy is highest.
+    """Move a policy to where a model's expected reward plus entropy is highest.
 
     Args:
         model: the constants.
         belief: the posterior of its weights.
-        start: the bins of the first, certain policy, near the best of several maxima that
-            interactions may cause.
+        start: bins of a first, certain policy, near the best of the several maxima that interactions
+            may cause.
         temperature: factor on the posterior's standard deviations.
 
     Returns:
         The logits, up to a constant for each attribute.
     """
-    there = jnp.asarray(bin_mask(model.space))
+    mask = jnp.asarray(bin_mask(model.space))
     sizes = jnp.asarray(model.space.bins, jnp.float32)[:, None]
     mean = effects.mean_model(model, belief)
     # With a fixed key the same evaluations give the same temperatures.
@@ -163,12 +162,12 @@ def follow(
     probabilities = jax.nn.one_hot(start, model.space.max_bins)
     for _ in range(SWEEPS):
         q = effects.values(model, mean, probabilities)
-        drawn = jax.vmap(lambda one: effects.values(model, one, probabilities))(draws)  # noqa: B023
-        error = jnp.where(there[None], drawn - q[None], 0.0)
+        q_draws = jax.vmap(lambda draw: effects.values(model, draw, probabilities))(draws)  # noqa: B023
+        error = jnp.where(mask[None], q_draws - q[None], 0.0)
         error = error - error.sum(axis=2, keepdims=True) / sizes[None]
-        variance = jnp.where(there[None], error**2, 0.0).sum(axis=2) / sizes[None, :, 0]
+        variance = jnp.where(mask[None], error**2, 0.0).sum(axis=2) / sizes[None, :, 0]
         tau = temperature * jnp.sqrt(variance.mean(axis=0))
-        logits = jnp.where(there, q / jnp.maximum(tau, 1e-12)[:, None], -jnp.inf)
+        logits = jnp.where(mask, q / jnp.maximum(tau, 1e-12)[:, None], -jnp.inf)
         probabilities = jax.nn.softmax(logits)
     return logits - jnp.max(logits, axis=1, keepdims=True)
 
@@ -179,7 +178,7 @@ def stratified(
     probabilities: Float[Array, "attributes bins"],
     n: int,
 ) -> Int[Array, "n attributes"]:
-    """Draws n actions from the policy that together follow it as closely as possible.
+    """Sample n actions from the policy that together follow it as closely as possible.
 
     It is a Latin hypercube: every attribute's quantiles are cut into n parts, and each action gets one of
     them, shuffled independently of other attributes.

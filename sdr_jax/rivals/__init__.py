@@ -1,1 +1,1 @@
-"""Other searches, with which SDR is compared."""
+"""Other search methods, with which SDR is compared."""

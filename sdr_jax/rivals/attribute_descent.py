@@ -1,4 +1,4 @@
-"""Attribute descent: it tries all bins of one attribute after the other and keeps the best."""
+"""Attribute descent: all bins of one attribute after the other are tried, and the best is kept."""
 
 from typing import NamedTuple
 
@@ -13,7 +13,7 @@ from sdr_jax.relaxation import UNDECIDED, check_relaxation, relax
 from sdr_jax.space import Proposal, Space, Width
 
 PATIENCE = 3
-"""When rewards are NaN, a sweep takes at most so many times its usual number of data sets."""
+"""With failed rewards, a sweep takes at most so many times its usual number of data sets."""
 
 NEVER = np.iinfo(np.int32).max
 
@@ -39,8 +39,8 @@ def attribute_descent(
 
     A sweep tries every bin of one attribute `repeats` times, with the others at their current bins, and
     keeps the bin with the highest mean reward. Attributes without a sweep are undecided. After the
-    last attribute it goes round again. This is SDR with one group per attribute and brute force in
-    place of the policy.
+    last attribute it starts again with the first. This is SDR with one group per attribute and brute
+    force in place of the policy.
 
     An update's n data sets try the n bins with the fewest rewards so far, in order; a sweep takes as many
     updates as it needs. The next sweep needs the result of this one, so data sets left over in its last
@@ -100,9 +100,9 @@ def attribute_descent(
 
     def update(state: DescentState, actions: Bins, rewards: Rewards) -> tuple[DescentState, Info]:
         active = jnp.asarray(order)[turn(state)]
-        known = jnp.isfinite(rewards)
-        sums = state.sums.at[actions[:, active]].add(jnp.where(known, rewards, 0.0))
-        counts = state.counts.at[actions[:, active]].add(known.astype(jnp.int32))
+        finite = jnp.isfinite(rewards)
+        sums = state.sums.at[actions[:, active]].add(jnp.where(finite, rewards, 0.0))
+        counts = state.counts.at[actions[:, active]].add(finite.astype(jnp.int32))
         tried = state.tried + rewards.shape[0]
         size = jnp.asarray(sizes)[active]
         complete = jnp.all((counts >= repeats) | (jnp.arange(space.max_bins) >= size))

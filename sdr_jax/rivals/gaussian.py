@@ -1,4 +1,4 @@
-"""A Gaussian policy without bins under REINFORCE, as in learning to simulate and Meta-Sim."""
+"""A Gaussian policy without bins under REINFORCE, as in *Learning to Simulate* and *Meta-Sim*."""
 
 from typing import NamedTuple
 
@@ -43,15 +43,16 @@ def gaussian(
         z ~ N(mean, std^2),   value = 1 / (1 + exp(-z))
 
     The logit keeps values inside [0, 1] without clipping, whose gradient would vanish. A proposal is the
-    value, relaxed like a bin; bins without an order are taken in the given order. The answer is the value
-    of the mean. Groups play no part: all attributes are learnt at once, as in the original.
+    value, relaxed like a bin; bins without an order are taken as if they had one. The answer is the value
+    of the mean. Groups have no effect: all attributes are optimised at once, as in the original.
 
     Args:
         space: the attributes; their bins set the width of proposals only.
         width: width of the proposals, see `relax`.
         learning_rate: Adam's, or any optax transformation in its place.
-        baseline: as of `sdr`; "leave_one_out" needs two or more data sets per update, "ema" takes one.
-        normalise: whether to divide advantages by their size, so that the scale of rewards has no effect.
+        baseline: as for `sdr`; "leave_one_out" needs two or more data sets per update, "ema" takes one.
+        normalise: whether to divide advantages by their root mean square, so that the scale of rewards has
+            no effect.
         std: initial standard deviation of the logits; 1.5 is close to uniform on [0, 1].
 
     Returns:
@@ -118,7 +119,7 @@ def _snap(space: Space, proposal: Proposal) -> Proposal:
 
 
 def _log_prob(params: GaussianParams, actions: Array) -> Array:
-    """Log-density of the logits, f32[n], up to a constant."""
+    """Compute the log-density of the logits, f32[n], up to a constant."""
     z = (actions - params.mean[None, :]) / jnp.exp(params.log_std)[None, :]
     return jnp.sum(-0.5 * z**2 - params.log_std[None, :], axis=1)
 

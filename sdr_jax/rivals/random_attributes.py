@@ -1,4 +1,4 @@
-"""Random attributes: a method that learns nothing and is the baseline of every search."""
+"""Random attributes: no search at all, the baseline of every method."""
 
 from typing import NamedTuple
 
@@ -11,12 +11,12 @@ from sdr_jax.relaxation import UNDECIDED, relax
 from sdr_jax.space import Proposal, Space, Width
 
 
-class NothingLearnt(NamedTuple):
+class NoState(NamedTuple):
     """The state of a method that keeps nothing."""
 
 
 def random_attributes(space: Space, *, width: Width = None) -> Method:
-    """Proposes every attribute's whole range (centre 0.5, width 1), whatever the rewards are.
+    """Propose every attribute's whole range (centre 0.5, width 1), whatever the rewards are.
 
     Args:
         space: the attributes.
@@ -32,21 +32,21 @@ def random_attributes(space: Space, *, width: Width = None) -> Method:
     def proposal(*batch: int) -> Proposal:
         return relax(space, jnp.full((*batch, space.attributes), UNDECIDED, jnp.int32))
 
-    def init(rng_key: RngKey) -> NothingLearnt:
+    def init(rng_key: RngKey) -> NoState:
         del rng_key
-        return NothingLearnt()
+        return NoState()
 
-    def sample(rng_key: RngKey, state: NothingLearnt, n: int) -> tuple[Bins, Proposal]:
+    def sample(rng_key: RngKey, state: NoState, n: int) -> tuple[Bins, Proposal]:
         del rng_key  # each street draws from the whole range
         return jnp.full((n, space.attributes), UNDECIDED, jnp.int32), proposal(n)
 
-    def update(state: NothingLearnt, actions: Bins, rewards: Rewards) -> tuple[NothingLearnt, Info]:
+    def update(state: NoState, actions: Bins, rewards: Rewards) -> tuple[NoState, Info]:
         return state, basic_info(rewards, entropy(uniform(space)))
 
-    def solution(state: NothingLearnt) -> Proposal:
+    def solution(state: NoState) -> Proposal:
         return proposal()
 
-    def probabilities(state: NothingLearnt) -> Float[Array, "attributes bins"]:
+    def probabilities(state: NoState) -> Float[Array, "attributes bins"]:
         return uniform(space)
 
     return jit_method(init, sample, update, solution, probabilities)

@@ -1,4 +1,4 @@
-"""Random search, which every method has to beat: it tries random bins and keeps the best."""
+"""Random search: random bins are tried, and the best are kept."""
 
 from typing import NamedTuple
 
@@ -20,9 +20,9 @@ class SearchState(NamedTuple):
 
 
 def random_search(space: Space, *, width: Width = None) -> Method:
-    """Proposes uniform bins for all attributes at once; the answer is the best data set so far.
+    """Propose uniformly random bins for all attributes; the answer is the best data set so far.
 
-    Groups play no part. `solution` and `spread` are the same, since one reward gives no estimate of
+    Groups have no effect. `solution` and `spread` are the same, since one reward gives no estimate of
     uncertainty. Under noisy rewards the best is partly the luckiest.
 
     Args:

@@ -1,11 +1,11 @@
-"""Optimises a simulator that is a program of its own; the same command continues a run that was stopped.
+"""Optimise a simulator that is a program of its own; the same command resumes a stopped run.
 
     sdr-jax tune space.toml -- ./my_simulator {attributes.json}
     sdr-jax tune space.toml --workers 4 -- python lamp.py {attributes.json}
 
-The simulator reads the file whose path stands in place of {attributes.json}, and prints its score as the
+{attributes.json} is replaced by the path of a file, which the simulator reads. It prints its score as the
 last line: a number, or a JSON object with "score". Higher is better, unless the TOML says minimize = true.
-examples/tune is a worked example, and says what space.toml may hold.
+examples/tune is a worked example, and explains space.toml.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from sdr_jax.names import MethodName
 
 
 def parser() -> Parser:
-    """The command line of `sdr-jax tune`, as far as the simulator's own."""
+    """The command line of `sdr-jax tune`, up to the simulator's own."""
     options = Parser("tune", docstring("sdr_jax.tune"))
     options.usage = "%(prog)s SPACE [options] -- simulator ... {attributes.json} ..."
     options.argument_default = argparse.SUPPRESS
     add = options.add_argument
     add("space", type=Path, metavar="SPACE", help="TOML file: attributes, method, sizes")
-    add("--out", type=Path, metavar="DIR", help="run folder; by default runs/ and the file's name")
-    add("--evaluations", type=int, metavar="N", help="data sets to evaluate in all")
-    add("--workers", type=int, metavar="N", help="simulators that run at once")
+    add("--out", type=Path, metavar="DIR", help="run folder; default: runs/ and the name of SPACE")
+    add("--evaluations", type=int, metavar="N", help="total number of data sets to evaluate")
+    add("--workers", type=int, metavar="N", help="simulators to run at once")
     add(
         "--timeout",
         type=float,
@@ -40,11 +40,11 @@ def parser() -> Parser:
         metavar="SECONDS",
         help="time limit of one run",
     )
-    add("--retries", type=int, metavar="N", help="how often a failed run is tried again")
+    add("--retries", type=int, metavar="N", help="further attempts at a failed run")
     add(
         "--retry-failed",
         action="store_true",
-        help="after an outage: repeat the evaluations that failed last, from their first update on",
+        help="after an outage: repeat the evaluations since the last series of failures began",
     )
     add("--seed", type=int, metavar="N", help="seed of the search")
     add("--method", metavar="NAME", help=f"one of {', '.join(get_args(MethodName))}")
@@ -52,9 +52,9 @@ def parser() -> Parser:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Parses, runs, turns errors into one line, and returns the exit code."""
+    """Parse the arguments, run, turn errors into one line, and return the exit code."""
     arguments = sys.argv[1:] if arguments is None else list(arguments)
-    # Should there be a GPU, the simulators need it more than the search.
+    # If there is a GPU, the simulators need its memory more than the search.
     os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
     split = arguments.index("--") if "--" in arguments else len(arguments)
     command = arguments[split + 1 :]
@@ -71,7 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(
             f"{answer['evaluations']} evaluations by {answer['method']}, {answer['failed']} failed; "
             f"best score {answer['best']['score']:.4g}, mean {answer['mean_score']:.4g}; "
-            f"all of it in {out / 'answer.json'}",
+            f"details in {out / 'answer.json'}",
             flush=True,
         )
 
@@ -79,19 +79,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def table(answer: Mapping[str, Any]) -> str:
-    """The answer, one line per attribute.
+    """Format the answer, one line per attribute.
 
-    Name, centre and ends of the solution's interval, and the ends of the spread's; for values without an
-    order those of the solution, and those of the spread.
+    A line has the name, the centre and ends of the solution's interval, and the ends of the spread's; for
+    values without an order, those of the solution and those of the spread.
     """
     rows = [("attribute", "value", "from", "to", "perhaps from", "to")]
-    for name, found in answer["solution"].items():
-        wide = answer["spread"][name]
-        if "values" in found:
-            rows.append((name, "|".join(found["values"]), "", "", "|".join(wide["values"]), ""))
+    for name, solution in answer["solution"].items():
+        spread = answer["spread"][name]
+        if "values" in solution:
+            rows.append(
+                (name, "|".join(solution["values"]), "", "", "|".join(spread["values"]), "")
+            )
             continue
-        numbers = (found["centre"], found["low"], found["high"], wide["low"], wide["high"])
-        rows.append((name, *(f"{number:.4g}" for number in numbers)))
+        ends = (
+            *(solution[key] for key in ("centre", "low", "high")),
+            spread["low"],
+            spread["high"],
+        )
+        rows.append((name, *(f"{number:.4g}" for number in ends)))
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return "\n".join(
         "  ".join(
@@ -107,6 +113,6 @@ def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
 
 
 if __name__ == "__main__":
-    # The signal of a queue at the end of a job must not leave simulators running either.
+    # The signal with which a queue ends a job must not leave simulators running either.
     signal.signal(signal.SIGTERM, _interrupt)
     sys.exit(main())

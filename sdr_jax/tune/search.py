@@ -1,4 +1,4 @@
-"""The run as a whole: it asks, simulates in parallel and tells, until all evaluations are made."""
+"""A whole run: ask, simulate in parallel and tell, until all evaluations are made."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ from sdr_jax.tune.simulator import Outcome, Simulator, check_command
 from sdr_jax.tune.units import describe
 
 FREE = ("evaluations", "timeout_seconds", "retries", "workers")
-"""Fields that may differ when a run is continued; none of them changes an earlier evaluation."""
+"""Fields that may differ when a run is resumed; none of them changes an earlier evaluation."""
 
 PACKAGES = ("sdr-jax", "jax", "numpy")
 HISTORY, EVALUATIONS = "evaluations.jsonl", "evaluations"
-"""The file of lines, and the folder of folders, of all evaluations."""
+"""The file with one line per evaluation, and the folder with one folder per evaluation."""
 ANSWER, RETRIED = "answer.json", "retried.jsonl"
-"""The files of the answer and of the lines of repeated evaluations."""
+"""The file of the answer, and the file of lines that --retry-failed has removed."""
 
 OUTAGE = 20
-"""After so many failures in a row, and no fewer than two updates of them, the simulator counts as broken.
-Fewer, or others between successes, are data: the attributes are infeasible."""
+"""After so many failures in a row, at least two updates of them, the simulator counts as broken. Fewer, or
+failures between successes, are data: these attributes are infeasible."""
 
 
 class _NeverWorked(UserError):
@@ -49,19 +49,19 @@ class _NeverWorked(UserError):
 def tune(
     settings: Settings, command: Sequence[str], out: Path, *, retry_failed: bool = False
 ) -> dict[str, Any]:
-    """Runs the whole optimisation, or the rest of it.
+    """Run the whole optimisation, or the rest of it.
 
     Args:
         settings: the attributes, the method and the sizes.
         command: the simulator; `{attributes.json}` in it stands for the path of its input.
-        out: the run folder, which is made if it does not exist.
-        retry_failed: whether to take back all evaluations since the last series of failures began.
+        out: the run folder, created if it does not exist.
+        retry_failed: whether to repeat all evaluations since the last series of failures began.
 
     Returns:
         The answer, as written to `answer.json`.
 
     Raises:
-        UserError: an error that the user can mend.
+        UserError: an error that the user can fix.
         Unfinished: many evaluations failed in a row.
         OSError: the folder cannot be written.
     """
@@ -69,17 +69,17 @@ def tune(
     method = _method(settings)
     config = {**asdict(settings), "command": list(command)}
     if retry_failed and not (out / HISTORY).exists():
-        raise UserError(f"--out {out} has no evaluations to repeat; leave --retry-failed out")
-    ours = EVALUATIONS, RETRIED, ANSWER
+        raise UserError(f"--out {out} has no evaluations to repeat; remove --retry-failed")
+    outputs = EVALUATIONS, RETRIED, ANSWER
     try:
-        with opened(out, config, free=FREE, ours=ours, packages=PACKAGES):
+        with opened(out, config, free=FREE, ours=outputs, packages=PACKAGES):
             if retry_failed:
-                _take_back(_told(settings, method, out).history, out)
+                _remove_failures(_resumed(settings, method, out).history, out)
             answer = _search(settings, method, command, out)
             write_json(out / ANSWER, answer)
             return answer
     except _NeverWorked:
-        # There is no run yet; the simulator's output stays, so that the user can look at it.
+        # There is no run yet; the simulator's output stays for the user to read.
         for name in (HISTORY, CONFIG):
             (out / name).unlink(missing_ok=True)
         raise
@@ -87,7 +87,7 @@ def tune(
 
 @on_cpu()
 def _method(settings: Settings) -> Method:
-    """The method after a trial update, so that no option fails after hours of simulation."""
+    """Make the method, and try one update, so that no option fails after hours of simulation."""
     n, width = settings.datasets_per_update, settings.relaxation
     try:
         method = make(settings.method, settings.space(), width, **settings.method_options)
@@ -100,7 +100,7 @@ def _method(settings: Settings) -> Method:
 
 
 def outage(history: Sequence[Mapping[str, Any]]) -> int | None:
-    """The number of lines before the update in which a history's last series of failures begins.
+    """Count the lines before the update in which the last series of failures of a history begins.
 
     Args:
         history: lines with `update` and `reward`, which is None if the evaluation failed.
@@ -118,23 +118,24 @@ def outage(history: Sequence[Mapping[str, Any]]) -> int | None:
     return next(k for k, line in enumerate(history) if line["update"] == history[first]["update"])
 
 
-def _take_back(history: list[dict[str, Any]], out: Path) -> None:
-    """Takes a history back to the point before its last failures; the lines are kept in a file."""
-    kept = outage(history)
-    if kept is None:
+def _remove_failures(history: list[dict[str, Any]], out: Path) -> None:
+    """Cut a history before its last series of failures; its lines move to another file."""
+    count = outage(history)
+    if count is None:
         raise UserError(
-            f"the evaluations of --out {out} do not end in failures; leave --retry-failed out"
+            f"the evaluations of --out {out} do not end in failures; remove --retry-failed"
         )
-    JsonLines(out / RETRIED).append(*history[kept:])
-    write(out / HISTORY, (json.dumps(line) + "\n" for line in history[:kept]))
+    JsonLines(out / RETRIED).append(*history[count:])
+    write(out / HISTORY, (json.dumps(line) + "\n" for line in history[:count]))
     print(
-        f"--retry-failed repeats {len(history) - kept} evaluations; what was told of them is in "
+        f"--retry-failed repeats {len(history) - count} evaluations; their former results are in "
         f"{out / RETRIED}",
         flush=True,
     )
 
 
-def _told(settings: Settings, method: Method, out: Path) -> AskTell:
+def _resumed(settings: Settings, method: Method, out: Path) -> AskTell:
+    """The search, with the rewards of the run folder."""
     n = settings.datasets_per_update
     return AskTell(settings.space(), method, n, settings.seed, out / HISTORY)
 
@@ -143,30 +144,30 @@ def _search(
     settings: Settings, method: Method, command: Sequence[str], out: Path
 ) -> dict[str, Any]:
     n, total = settings.datasets_per_update, settings.evaluations
-    search = _told(settings, method, out)
-    told = len(search.history)
-    if told > total:
+    search = _resumed(settings, method, out)
+    done = len(search.history)
+    if done > total:
         raise UserError(
-            f"--out {out} holds {told} evaluations already, but evaluations is {total}; ask for at "
-            "least as many, or use another --out"
+            f"--out {out} already has {done} evaluations, but evaluations is {total}; ask for at least as "
+            "many, or use another --out"
         )
     limits = settings.timeout_seconds, settings.retries, settings.repeats
     progress = Progress(total)
     simulator = Simulator(
         command, settings.attributes, out / EVALUATIONS, *limits, say=progress.say
     )
-    progress.advance(told, replayed=True)
-    if told:
-        progress.say(f"continuing {out}: {told} of {total} evaluations are done")
+    progress.advance(done, replayed=True)
+    if done:
+        progress.say(f"resuming {out}: {done} of {total} evaluations are done")
     pool = ThreadPoolExecutor(settings.workers)
     try:
-        _refuse_failures(search, told, command, out)
+        _refuse_outage(search, done, command, out)
         while search.updates * n < total:
             _one_update(search, simulator, pool, progress, settings)
-            _refuse_failures(search, told, command, out)
+            _refuse_outage(search, done, command, out)
         return _answer(search, settings)
     finally:
-        # On Ctrl-C, too, no simulator is left running, and the threads end.
+        # After Ctrl-C, too, no simulator keeps running and the threads end.
         simulator.stop()
         pool.shutdown(cancel_futures=True)
         progress.close()
@@ -216,33 +217,34 @@ def _scores(search: AskTell, update: int, minimize: bool) -> str:
     return f"{mean}best {best:.4g}" + (f", {failed} failed" if failed else "")
 
 
-def _refuse_failures(search: AskTell, begun: int, command: Sequence[str], out: Path) -> None:
-    """Raises an error if the simulator has never worked, or seems to have stopped working.
+def _refuse_outage(search: AskTell, earlier: int, command: Sequence[str], out: Path) -> None:
+    """Raise an error if the simulator has never worked, or seems to have stopped working.
 
-    Failures among the first `begun` lines of the history do not count, so that the same command goes on.
+    Failures among the `earlier` lines of the history, those before this session, do not count, so that the
+    same command resumes after an outage.
     """
     failed = [line for line in search.history if line["reward"] is None]
     if not failed:
         return
-    reason = (failed[-1].get("failures") or ["no reason is known"])[-1]
+    reason = (failed[-1].get("failures") or ["unknown reason"])[-1]
     where = f"(its output is in {out / EVALUATIONS})"
     if search.updates == 1 and len(failed) == search.n:
         raise _NeverWorked(
             f"all {search.n} evaluations of the first update failed; the simulator "
             f"{' '.join(command)}: {reason} {where}"
         )
-    latest = reversed(search.history[begun:])
+    latest = reversed(search.history[earlier:])
     in_a_row = sum(1 for _ in takewhile(lambda line: line["reward"] is None, latest))
     if in_a_row >= max(OUTAGE, 2 * search.n):
         raise Unfinished(
             f"the last {in_a_row} evaluations failed; the last one: {reason} {where}; once the simulator "
-            "works again, --retry-failed repeats them; the same command without it takes these attributes "
-            "for infeasible and goes on"
+            "works again, --retry-failed repeats them; without it, the same command resumes and takes "
+            "these attributes for infeasible"
         )
 
 
 def _answer(search: AskTell, settings: Settings) -> dict[str, Any]:
-    # Sorted by id, since lines stand in the order in which simulators ended.
+    # Sorted by id: lines are in the order in which simulators ended.
     lines = sorted(search.history, key=lambda line: line["id"])
     scored = [line for line in lines if line["reward"] is not None]
     best = max(scored, key=lambda line: line["reward"])

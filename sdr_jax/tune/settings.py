@@ -1,4 +1,4 @@
-"""The settings of a run from a TOML file, which is checked as a whole before anything is run."""
+"""The settings of a run from a TOML file, checked as a whole before anything runs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from sdr_jax.space import space as make_space
 from sdr_jax.tune.units import Attribute
 
 TYPES = {
-    bool: "true or false", int: "a whole number", float: "a number", str: "a text", list: "a list"
+    bool: "true or false", int: "a whole number", float: "a number", str: "a string", list: "a list"
 }  # fmt: skip
 
 
@@ -30,8 +30,8 @@ class Settings:
     groups: tuple[tuple[str, ...], ...] | None = None  # of names, in order; None: one group of all
     method: str = "surrogate"
     method_options: dict[str, Any] = field(default_factory=dict)
-    evaluations: int = 200  # in all, a multiple of `datasets_per_update`
-    datasets_per_update: int = 8  # evaluated between two updates, and at most so many at once
+    evaluations: int = 200  # in total, a multiple of `datasets_per_update`
+    datasets_per_update: int = 8  # evaluated between two updates; no more of them run at once
     relaxation: float | None = None  # width of the relaxed bins, in [0, 1]; None: width of the bins
     seed: int = 0  # of the whole run
     repeats: int = 1  # runs per evaluation, each with its own seed; the score is their mean
@@ -64,13 +64,13 @@ FLAGS = {"timeout_seconds": "--timeout"}
 
 
 class _Reader:
-    """Gives values of the right type, or an error that names their place."""
+    """Returns values of the right type, or raises an error that names their place."""
 
     def __init__(self, path: Path, flags: Mapping[str, Any]) -> None:
         self._path, self._flags = path, flags
 
     def at(self, name: str) -> str:
-        """The place from which a field has its value: the file or a flag."""
+        """The place that sets a field: the file or a flag."""
         return FLAGS.get(name, f"--{name}") if name in self._flags else f"{self._path}: {name}"
 
     def fail(self, what: str) -> UserError:
@@ -81,25 +81,24 @@ class _Reader:
 
     def typed(self, value: Any, kind: type, where: str) -> Any:
         """The value as `kind`; a whole number may stand for a number, but true not for 1."""
-        right = type(value) is kind or (kind is float and type(value) is int)
-        if not right or (kind is float and not math.isfinite(value)):
+        fits = type(value) is kind or (kind is float and type(value) is int)
+        if not fits or (kind is float and not math.isfinite(value)):
             raise UserError(f"{where} is {value!r}, but must be {TYPES[kind]}")
         return kind(value)
 
-    def known(self, table: Mapping[str, Any], names: list[str], where: str) -> None:
-        """Refuses unknown keys."""
+    def refuse_unknown(self, table: Mapping[str, Any], names: list[str], where: str) -> None:
         unknown = [key for key in table if key not in names]
         if unknown:
-            some = ", ".join(names) or "none"
-            raise self.fail(f"{where} {unknown[0]!r} is unknown; known: {some}")
+            choices = ", ".join(names) or "none"
+            raise self.fail(f"{where} {unknown[0]!r} is unknown; known: {choices}")
 
 
 def read(path: Path, flags: Mapping[str, Any]) -> Settings:
-    """Reads the TOML file.
+    """Read the TOML file.
 
     Args:
         path: the file.
-        flags: fields by name that the command line sets instead.
+        flags: fields that the command line sets instead, by name.
 
     Returns:
         The checked settings; `sdr` gets as many updates per group as its evaluations allow.
@@ -110,7 +109,7 @@ def read(path: Path, flags: Mapping[str, Any]) -> Settings:
     reader = _Reader(path, flags)
     table = {**_load(path), **flags}
     names = [f.name for f in fields(Settings)]
-    reader.known(table, names, "key")
+    reader.refuse_unknown(table, names, "key")
     values: dict[str, Any] = {
         "attributes": _attributes(reader, table),
         "groups": _groups(reader, table.get("groups")),
@@ -139,15 +138,15 @@ def _load(path: Path) -> dict[str, Any]:
     except UserError:
         raise
     except (ValueError, RecursionError) as error:
-        raise UserError(f"{path} is no TOML: {error}") from None
+        raise UserError(f"{path} is not TOML: {error}") from None
 
 
 def _attributes(reader: _Reader, table: Mapping[str, Any]) -> tuple[Attribute, ...]:
     entries = table.get("attributes", [])
     if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
-        raise reader.fail("attributes must be tables that begin with [[attributes]]")
+        raise reader.fail("attributes must be tables [[attributes]]")
     if not entries:
-        raise reader.fail("there are no attributes; give each a table that begins [[attributes]]")
+        raise reader.fail("there are no attributes; add one table [[attributes]] for each")
     return tuple(_attribute(reader, entry, number) for number, entry in enumerate(entries, 1))
 
 
@@ -160,7 +159,7 @@ def _attribute(reader: _Reader, entry: dict[str, Any], number: int) -> Attribute
     where = f"attribute {name!r}"
     if not name.strip():
         raise reader.fail(f"attribute {number} has an empty name")
-    reader.known(entry, list(kinds), f"{where}: key")
+    reader.refuse_unknown(entry, list(kinds), f"{where}: key")
     values = {
         key: reader.typed(value, kinds[key], reader.at(f"{where}: {key}"))
         for key, value in entry.items()
@@ -168,8 +167,8 @@ def _attribute(reader: _Reader, entry: dict[str, Any], number: int) -> Attribute
     if "values" in values:
         return _of_values(reader, name, values)
     if ("low" in values) != ("high" in values):
-        given, missing = ("low", "high") if "low" in values else ("high", "low")
-        raise reader.fail(f"{where} has a {given}, but no {missing}; give both or neither")
+        present, missing = ("low", "high") if "low" in values else ("high", "low")
+        raise reader.fail(f"{where} has {present}, but not {missing}; set both or neither")
     attribute = Attribute(**values)
     if not 2 <= attribute.bins <= MOST_BINS:
         raise reader.fail(f"{where}: bins is {attribute.bins}, but must lie in 2..{MOST_BINS}")
@@ -187,16 +186,16 @@ def _attribute(reader: _Reader, entry: dict[str, Any], number: int) -> Attribute
     return attribute
 
 
-def _of_values(reader: _Reader, name: str, given: dict[str, Any]) -> Attribute:
-    """Reads an attribute with named values that have no order."""
-    where, values = f"attribute {name!r}", given["values"]
-    beside = [key for key in given if key not in ("name", "values")]
-    if beside:
-        raise reader.fail(f"{where} has values, which have no order, so {beside[0]} means nothing")
+def _of_values(reader: _Reader, name: str, entry: dict[str, Any]) -> Attribute:
+    """Read an attribute with named values that have no order."""
+    where, values = f"attribute {name!r}", entry["values"]
+    extra = [key for key in entry if key not in ("name", "values")]
+    if extra:
+        raise reader.fail(f"{where} has values, which have no order, so {extra[0]} has no meaning")
     if not all(isinstance(value, str) for value in values) or len(values) < 2:
-        raise reader.fail(f"{where}: values is {values!r}, but must be two texts or more")
+        raise reader.fail(f"{where}: values is {values!r}, but must be two or more strings")
     if len(set(values)) < len(values):
-        raise reader.fail(f"{where}: values has a text twice")
+        raise reader.fail(f"{where}: values has a string twice")
     return Attribute(name, len(values), values=tuple(values))
 
 
@@ -227,17 +226,17 @@ def _check(reader: _Reader, settings: Settings) -> None:
         )
     n, total = settings.datasets_per_update, settings.evaluations
     if total % n:
-        right = f"{n}" if total < n else f"{total - total % n} or {total - total % n + n}"
-        must = f"be a multiple of datasets_per_update = {n}, such as {right}"
+        suggestion = f"{n}" if total < n else f"{total - total % n} or {total - total % n + n}"
+        must = f"be a multiple of datasets_per_update = {n}, such as {suggestion}"
         raise reader.refuse("evaluations", total, must)
 
 
 def _with_options(reader: _Reader, settings: Settings, options: Any) -> Settings:
     if not isinstance(options, dict):
-        raise reader.fail("method_options must be a table that begins with [method_options]")
-    # A start of `intervals` is arrays, which the file has no place for.
+        raise reader.fail("method_options must be a table [method_options]")
+    # The start of `intervals` is two arrays, which the file has no key for.
     defaults = {k: v for k, v in options_of(settings.method).items() if k != "start"}
-    reader.known(options, list(defaults), f"method_options: option of {settings.method}")
+    reader.refuse_unknown(options, list(defaults), f"method_options: option of {settings.method}")
     checked = {}
     for name, value in options.items():
         default = defaults[name]
@@ -256,12 +255,12 @@ def _with_options(reader: _Reader, settings: Settings, options: Any) -> Settings
         if updates <= per_group * (count - 1):
             whole = count * settings.datasets_per_update
             low = settings.evaluations // whole * whole
-            right = " or ".join(str(own) for own in (low, low + whole) if own)
+            suggestion = " or ".join(str(total) for total in (low, low + whole) if total)
             if "updates_per_group" in options:
                 reach = per_group * (count - 1) * settings.datasets_per_update
-                right = f"more than {reach}, or a smaller updates_per_group"
+                suggestion = f"more than {reach}, or a smaller updates_per_group"
             raise UserError(
-                f"{reader.at('evaluations')} is {settings.evaluations}, with which sdr never comes to the "
-                f"last of {count} groups; take {right}"
+                f"{reader.at('evaluations')} is {settings.evaluations}, with which sdr never reaches the "
+                f"last of {count} groups; use {suggestion}"
             )
     return replace(settings, method_options=checked)

@@ -1,4 +1,4 @@
-"""Runs the simulator as a program in its own folder, with a time limit and retries, and reads its score."""
+"""Run the simulator as a program in its own folder, with a time limit and retries, and read its score."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from sdr_jax.tune.units import Attribute, describe
 PLACEHOLDER = "{attributes.json}"
 WANTED = 'a number or a JSON object with "score"'
 TAIL = 65536
-"""The last line of an output is read from so many bytes at its end."""
+"""Bytes at the end of an output in which its last line is looked for."""
 SILENCE = 60.0
-"""After so many seconds without output a message names the simulator."""
+"""Seconds without output after which a message says so."""
 SUPERVISOR = """
 import os, signal, sys
 for number in (signal.SIGHUP, signal.SIGINT, signal.SIGTERM):
@@ -42,7 +42,7 @@ for group in running:
     try: os.killpg(group, signal.SIGKILL)
     except OSError: pass
 """
-"""The supervisor's program, which outlives this process to end simulators that a kill would leave running.
+"""The program of the supervisor, which outlives this process to end simulators that a kill leaves running.
 
 It reads the number of each process group when the group starts, and again when it has ended. When this
 process ends, for any reason, the pipe closes, and the supervisor kills the groups that are left.
@@ -59,31 +59,33 @@ class Outcome(NamedTuple):
 
 
 class Stopped(Exception):
-    """The run is being ended; unfinished evaluations do not count."""
+    """The run is ending; unfinished evaluations do not count."""
 
 
 class _Failed(Exception):
-    """One attempt gave no score."""
+    """One attempt without a score."""
 
 
 def check_command(command: Sequence[str]) -> None:
-    """Refuses a command that cannot work.
+    """Refuse a command that cannot work.
 
     Raises:
         UserError: no command, no placeholder in it, or a program that does not exist.
     """
     if not command:
-        raise UserError(f"say what to run at the end: -- ./my_simulator {PLACEHOLDER}")
+        raise UserError(f"add the simulator at the end: -- ./my_simulator {PLACEHOLDER}")
     if not any(PLACEHOLDER in argument for argument in command):
         raise UserError(
-            f"no argument of the simulator holds {PLACEHOLDER}, for which the path of its input is "
-            f"put in: -- {' '.join(command)} {PLACEHOLDER}"
+            f"no argument of the simulator contains {PLACEHOLDER}, which stands for the path of its "
+            f"input: -- {' '.join(command)} {PLACEHOLDER}"
         )
     program = command[0]
     if shutil.which(program) is None:
         if os.path.isfile(program):
             raise UserError(f"the simulator {program} is not executable; try chmod +x {program}")
-        raise UserError(f"the simulator {program} does not exist; give its path or put it on PATH")
+        raise UserError(
+            f"the simulator {program} does not exist; check its path, or add it to PATH"
+        )
 
 
 @dataclass
@@ -108,21 +110,21 @@ class Simulator:
         )  # fmt: skip
 
     def evaluate(self, trial: Trial) -> Outcome:
-        """Evaluates one trial; its seeds depend on the trial's seed alone.
+        """Evaluate one trial; its seeds depend on the trial's seed alone.
 
         Raises:
             Stopped: `stop` was called.
             OSError: the folder cannot be written.
         """
         started = time.monotonic()
-        own = self.folder / f"{trial.id:06d}"
-        if own.exists():  # a killed session left it unfinished, or it is repeated
-            shutil.rmtree(own)
+        trial_folder = self.folder / f"{trial.id:06d}"
+        if trial_folder.exists():  # a killed session left it unfinished, or it is repeated
+            shutil.rmtree(trial_folder)
         scores: list[float] = []
         failures: list[str] = []
         for repeat in range(self.repeats):
             for attempt in range(self.retries + 1):
-                folder = own / f"run-{repeat}-{attempt}"
+                folder = trial_folder / f"run-{repeat}-{attempt}"
                 seeds = np.random.SeedSequence([trial.seed, repeat, attempt])
                 try:
                     scores.append(self._run(trial, folder, int(seeds.generate_state(1)[0])))
@@ -135,7 +137,7 @@ class Simulator:
         return Outcome(score, scores, failures, time.monotonic() - started)
 
     def stop(self) -> None:
-        """Kills all running simulators and prevents new ones."""
+        """Kill all running simulators and prevent new ones."""
         with self._lock:
             self._stopped = True
             running = list(self._running)
@@ -163,8 +165,8 @@ class Simulator:
                         raise Stopped
                     self._note(process)
         if code != 0:
-            said = _last_line(err)
-            raise _Failed(_ending(code) + (f": {said}" if said else ""))
+            message = _last_line(err)
+            raise _Failed(_exit_reason(code) + (f": {message}" if message else ""))
         return parse_score(_last_line(out))
 
     def _start(self, command: list[str], **streams: Any) -> subprocess.Popen:
@@ -172,24 +174,24 @@ class Simulator:
             if self._stopped:
                 raise Stopped
             try:
-                # In its own process group its children end with it, and Ctrl-C reaches only us.
+                # In a process group of its own, its children end with it, and Ctrl-C reaches only us.
                 process = subprocess.Popen(
                     command, stdin=subprocess.DEVNULL, start_new_session=True, **streams
                 )
             except OSError as error:
-                raise _Failed(f"cannot be started: {error.strerror or error}") from None
+                raise _Failed(f"cannot start: {error.strerror or error}") from None
             self._running.add(process)
             self._note(process)
             return process
 
     def _note(self, process: subprocess.Popen) -> None:
-        """Tells the supervisor that a simulator has started, or has ended."""
+        """Tell the supervisor that a simulator has started, or has ended."""
         assert self._supervisor.stdin is not None
-        with suppress(BrokenPipeError):  # the search goes on without a killed supervisor
+        with suppress(BrokenPipeError):  # the search continues if the supervisor was killed
             self._supervisor.stdin.write(f"{process.pid}\n".encode())
 
     def _wait(self, process: subprocess.Popen, id: int, outputs: Sequence[int]) -> int:
-        """Waits for the exit code; reports when the outputs (file descriptors) stop growing."""
+        """Wait for the exit code; report when the outputs (file descriptors) stop growing."""
         started, size = time.monotonic(), 0
         while (left := started + self.timeout - time.monotonic()) > 0:
             with suppress(subprocess.TimeoutExpired):
@@ -198,20 +200,20 @@ class Simulator:
             ran = time.monotonic() - started
             if size == before and ran < self.timeout:
                 self.say(
-                    f"evaluation {id} has run for {duration(ran)}, and printed nothing in the last "
+                    f"evaluation {id} has run for {duration(ran)} and printed nothing in the last "
                     f"{duration(SILENCE)}"
                 )
         raise _Failed(f"no score after {self.timeout:g} s")
 
 
 def parse_score(line: str) -> float:
-    """The score in a simulator's last line: a number, or a JSON object with `score`.
+    """Read the score in a simulator's last line: a number, or a JSON object with `score`.
 
     Args:
         line: the last non-empty line of its output; '' if there is none.
 
     Returns:
-        The score, a finite number that is not too large for the search.
+        The score, finite and within the range of rewards.
     """
     if not line:
         raise _Failed(f"printed nothing; the last line must be {WANTED}")
@@ -221,10 +223,10 @@ def parse_score(line: str) -> float:
         score = float(line)
     except ValueError:
         try:
-            found = json.loads(line)
+            parsed = json.loads(line)
         except (ValueError, RecursionError):
-            found = None
-        score = found.get("score") if isinstance(found, dict) else None
+            parsed = None
+        score = parsed.get("score") if isinstance(parsed, dict) else None
         if isinstance(score, bool) or not isinstance(score, int | float):
             raise _Failed(f"the last line printed is {shown}, but must be {WANTED}") from None
     if not abs(score) <= LARGEST:  # NaN included
@@ -241,7 +243,7 @@ def _last_line(path: Path) -> str:
     return next((line.strip() for line in reversed(lines) if line.strip()), "")
 
 
-def _ending(code: int) -> str:
+def _exit_reason(code: int) -> str:
     if code > 0:
         return f"exit code {code}"
     with suppress(ValueError):

@@ -1,4 +1,4 @@
-"""Attributes in the simulator's units, and the file from which it reads them."""
+"""Attributes in the simulator's units, and the content of the file from which it reads them."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ class Attribute:
 
 
 def physical(attribute: Attribute, unit: float) -> float:
-    """Converts a value in [0, 1] to the simulator's units.
+    """Convert a value in [0, 1] to the simulator's units.
 
         low + unit (high - low),   or  low (high / low)^unit  with `log`
 
     Args:
-        attribute: the attribute that has the value.
-        unit: in [0, 1].
+        attribute: the attribute, for its range and scale.
+        unit: the value in [0, 1].
 
     Returns:
         The value, rounded to ten digits and in [low, high].
@@ -54,7 +54,7 @@ def physical(attribute: Attribute, unit: float) -> float:
 
 
 def describe(attributes: Sequence[Attribute], proposal: Proposal) -> dict[str, dict[str, Any]]:
-    """A proposal in both units by name, as `attributes.json` and `answer.json` hold it.
+    """Describe a proposal by name in both units, as in `attributes.json` and `answer.json`.
 
     Args:
         attributes: the attributes in the order of the space.
@@ -69,12 +69,12 @@ def describe(attributes: Sequence[Attribute], proposal: Proposal) -> dict[str, d
     for attribute, centre, width in zip(
         attributes, np.asarray(proposal.centre), np.asarray(proposal.width), strict=True
     ):
-        # Digits beyond single precision would only make the file hard to read.
+        # Digits beyond single precision would only make the file harder to read.
         middle, length = round(float(centre), 7), round(float(width), 7)
         unit = {"centre": middle, "width": length}
         if attribute.values:
-            among = _among(attribute.values, middle, length)
-            described[attribute.name] = {"unit": unit, "values": among}
+            values = _values_inside(attribute.values, middle, length)
+            described[attribute.name] = {"unit": unit, "values": values}
             continue
         described[attribute.name] = {
             "unit": unit,
@@ -85,8 +85,8 @@ def describe(attributes: Sequence[Attribute], proposal: Proposal) -> dict[str, d
     return described
 
 
-def _among(values: Sequence[str], centre: float, width: float) -> list[str]:
-    """The values whose bins have their middle in an interval."""
-    middles = (np.arange(len(values)) + 0.5) / len(values)
-    inside = np.abs(middles - centre) <= max(width, 1 / len(values)) / 2 + 1e-6
-    return [value for value, there in zip(values, inside, strict=True) if there]
+def _values_inside(values: Sequence[str], centre: float, width: float) -> list[str]:
+    """List the values whose bins have their centre in an interval."""
+    centres = (np.arange(len(values)) + 0.5) / len(values)
+    inside = np.abs(centres - centre) <= max(width, 1 / len(values)) / 2 + 1e-6
+    return [value for value, is_inside in zip(values, inside, strict=True) if is_inside]

@@ -1,4 +1,4 @@
-"""Cheaper compilation: these tests compile much and compute little. And what many of them need."""
+"""Cheaper compilation, since these tests compile much and compute little, and helpers that they share."""
 
 from collections.abc import Iterator
 
@@ -34,13 +34,13 @@ def driven(rng_key, method, reward_fn, updates=None, n=1):
 
 
 def tell(method, actions, rewards, state=None):
-    """The method's state, at first its initial one, after an update, and what the update says of itself."""
+    """The state (by default the first) after an update with these rewards, and the info of the update."""
     state = method.init(KEY) if state is None else state
     return method.update(state, jnp.asarray(actions), jnp.asarray(rewards, jnp.float32))
 
 
-def learnt(method, reward, updates: int, n: int):
-    """The state after updates of n data sets each, whose worth `reward(t, actions, proposals)` tells."""
+def run_updates(method, reward, updates: int, n: int):
+    """The state after updates of n data sets each, with the rewards `reward(t, actions, proposals)`."""
     state = method.init(KEY)
     for t in range(updates):
         actions, proposals = method.sample(jax.random.key(t), state, n)

@@ -1,4 +1,4 @@
-"""Asking and telling: the same search as the loops, and the same again after any interruption."""
+"""Ask and tell: the same search as the loops, also after any interruption."""
 
 import re
 from pathlib import Path
@@ -32,7 +32,7 @@ def score(proposal: Proposal) -> float:
 
 
 def drive(search: AskTell, trials: int = 5 * N, order: int = 1) -> AskTell:
-    """Tells so many trials, by default all of five updates, in the order asked for or backwards."""
+    """Tell the rewards of so many trials, by default of five updates, in order or backwards."""
     while len(search.history) < trials:
         for trial in search.ask()[::order][: trials - len(search.history)]:
             search.tell(trial.id, None if trial.id % 4 == 1 else score(trial.proposal))
@@ -40,11 +40,11 @@ def drive(search: AskTell, trials: int = 5 * N, order: int = 1) -> AskTell:
 
 
 def answers(search: AskTell) -> tuple:
-    chances = search.method.diagnostics.probabilities(search.state)
-    return search.solution(), search.spread(), chances, search.updates
+    probabilities = search.method.diagnostics.probabilities(search.state)
+    return search.solution(), search.spread(), probabilities, search.updates
 
 
-def test_it_tries_what_the_loop_on_the_host_tries() -> None:
+def test_it_proposes_the_same_as_the_loop_on_the_host() -> None:
     def reward_fn(rng_key: jax.Array, proposals: Proposal, actions: jax.Array) -> jax.Array:
         return jnp.asarray([score(Proposal(*pair)) for pair in zip(*proposals, strict=True)])
 
@@ -53,9 +53,9 @@ def test_it_tries_what_the_loop_on_the_host_tries() -> None:
     for actions in np.asarray(record.actions):
         for trial in search.ask():
             search.tell(trial.id, score(trial.proposal))
-        own = [line["actions"] for line in search.history[-N:]]
-        np.testing.assert_allclose(own, actions, rtol=1e-5, atol=1e-6)
-    # Rewards are less a median, which this method does not mind.
+        asked = [line["actions"] for line in search.history[-N:]]
+        np.testing.assert_allclose(asked, actions, rtol=1e-5, atol=1e-6)
+    # Rewards are shifted by a median, to which this method is invariant.
     assert_close(search.state.params, state.params, rtol=1e-4, atol=1e-5)
 
 
@@ -82,7 +82,7 @@ def test_a_history_gives_the_same_state_again(tmp_path: Path, name: str) -> None
     again = AskTell(SPACE, METHODS[name], n=N, path=path)
     assert again.history == unbroken.history
     assert_same(answers(again), answers(unbroken))
-    # Failed trials are in the history as such, and spoil no method.
+    # Failed trials are in the history as such, and harm no method.
     assert [line["reward"] is None for line in again.history] == [id % 4 == 1 for id in range(15)]
     assert np.isfinite(again.solution().centre).all()
 
@@ -94,12 +94,12 @@ def test_any_order_and_any_cut_end_alike(tmp_path_factory, stop: int, seed: int,
     drive(AskTell(SPACE, GAUSSIAN, n=N, seed=seed, path=path), stop)
     with open(path, "ab") as file:  # what a kill may leave of a line
         file.write(rest.translate(None, b"\r\n"))
-    went_on = drive(AskTell(SPACE, GAUSSIAN, n=N, seed=seed, path=path), order=-1)
-    assert_same(answers(went_on), answers(drive(AskTell(SPACE, GAUSSIAN, n=N, seed=seed))))
+    resumed = drive(AskTell(SPACE, GAUSSIAN, n=N, seed=seed, path=path), order=-1)
+    assert_same(answers(resumed), answers(drive(AskTell(SPACE, GAUSSIAN, n=N, seed=seed))))
     assert path.read_bytes().count(b"\n") == 5 * N
 
 
-def test_asking_again_gives_what_is_not_told_yet() -> None:
+def test_asking_again_returns_the_trials_without_a_reward() -> None:
     search = AskTell(SPACE, GAUSSIAN, n=N)
     first = search.ask()
     assert [trial.id for trial in first] == [0, 1, 2]
@@ -113,15 +113,15 @@ def test_asking_again_gives_what_is_not_told_yet() -> None:
 
 
 @pytest.mark.parametrize("offset", [0.0, 1e9])
-def test_scores_are_kept_as_given_and_small_differences_between_large_ones_count(offset) -> None:
+def test_scores_are_kept_unchanged_and_small_differences_between_large_ones_count(offset) -> None:
     search = AskTell(space(["a"], bins=[4]), sdr_jax.random_search(space(["a"], bins=[4])), n=4)
-    told: list[float] = []
+    rewards: list[float] = []
     for _ in range(3):
         for trial in search.ask():
-            told.append(offset + 0.125 * trial.id * (-1) ** trial.id)
-            search.tell(trial.id, told[-1])
-    assert [line["reward"] for line in search.history] == told
-    best = search.history[int(np.argmax(told))]
+            rewards.append(offset + 0.125 * trial.id * (-1) ** trial.id)
+            search.tell(trial.id, rewards[-1])
+    assert [line["reward"] for line in search.history] == rewards
+    best = search.history[int(np.argmax(rewards))]
     assert search.solution().centre == (best["actions"][0] + 0.5) / 4
 
 
@@ -145,24 +145,24 @@ def test_a_first_penalty_costs_later_scores_no_digits(name: str, n: int) -> None
 def test_many_or_different_penalties_cost_other_scores_no_digits(
     share: float, spread: float
 ) -> None:
-    """A method gets the differences between successes; it learns again a few times, not in every update."""
-    plain, learnt, rng = sdr_jax.random_search(SPACE), [], np.random.default_rng(0)
+    """A method gets the differences between successes; it starts again a few times, not in every update."""
+    method, updates, rng = sdr_jax.random_search(SPACE), [], np.random.default_rng(0)
 
     def update(state: object, actions: jax.Array, rewards: jax.Array) -> tuple:
-        learnt.append(np.asarray(rewards))
-        return plain.update(state, actions, rewards)
+        updates.append(np.asarray(rewards))
+        return method.update(state, actions, rewards)
 
-    search = AskTell(SPACE, plain._replace(update=update), n=4)
+    search = AskTell(SPACE, method._replace(update=update), n=4)
     scores = rng.uniform(-3, 0, 80)
     failed = (rng.permutation(80) < share * 80) | (np.arange(80) < 3)
     scores[failed] = -1e9 - spread * rng.uniform(size=failed.sum())
     for _ in range(20):
         for trial in search.ask():
             search.tell(trial.id, float(scores[trial.id]))
-    found = np.concatenate(learnt[-4:])[~failed[-16:]]
+    shifted = np.concatenate(updates[-4:])[~failed[-16:]]
     expected = scores[-16:][~failed[-16:]]
-    np.testing.assert_allclose(found - found[0], expected - expected[0], atol=1e-3)
-    assert len(learnt) < 20 + 3 * 20
+    np.testing.assert_allclose(shifted - shifted[0], expected - expected[0], atol=1e-3)
+    assert len(updates) < 20 + 3 * 20
 
 
 @pytest.mark.parametrize("name", EVERY)
@@ -179,7 +179,7 @@ def test_a_flat_score_gives_no_answer(name: str) -> None:
     assert_same(search.solution(), Proposal(*map(np.asarray, method.solution(search.state))))
 
 
-def test_a_transform_of_scores_sees_them_as_they_are() -> None:
+def test_a_method_that_is_not_shift_invariant_gets_rewards_unchanged() -> None:
     method = sdr_jax.sdr(SPACE, hidden=4, squared_reward=True)
     state = method.init(jax.random.split(jax.random.key(0))[0])
     search = AskTell(SPACE, method, n=3)
@@ -206,11 +206,11 @@ def test_scores_too_large_for_single_precision_are_refused(tmp_path: Path) -> No
 
 def test_penalties_among_scores_are_counted() -> None:
     search = AskTell(SPACE, make("surrogate", SPACE), n=5)
-    for told in range(3):
+    for update in range(3):
         for trial in search.ask():
-            crashed = told == 2 and trial.id % 5 == 1
+            crashed = update == 2 and trial.id % 5 == 1
             search.tell(trial.id, -1e6 if crashed else score(trial.proposal))
-        assert search.clipped == (told == 2)
+        assert search.clipped == (update == 2)
 
 
 @pytest.mark.parametrize("reward", [None, np.nan, np.inf, -np.inf])
@@ -233,7 +233,7 @@ def test_wrong_use_is_refused_and_a_method_of_so_many_updates_ends(tmp_path: Pat
     ended = drive(AskTell(SPACE, SDR, n=N), 6 * N)
     assert ended.ask() == []
     refuses("none is waiting", ended.tell, 18, 1.0)
-    for line in ("[]", "rubbish", '{"id": NaN}', '{"id": 0, "reward": "1"}'):
+    for line in ("[]", "nonsense", '{"id": NaN}', '{"id": 0, "reward": "1"}'):
         path.write_text(f"{line}\n{{}}\n")
         refuses(r"history.jsonl: line 1", AskTell, SPACE, GAUSSIAN, n=N, path=path)
 
@@ -245,24 +245,24 @@ def test_the_history_of_another_search_is_refused(tmp_path: Path, change: dict) 
     path = tmp_path / "history.jsonl"
     drive(AskTell(SPACE, GAUSSIAN, n=N, path=path), 4)
     before = path.read_bytes()
-    with pytest.raises(ValueError, match=r"history.jsonl: line \d was not told to this search"):
+    with pytest.raises(ValueError, match=r"history.jsonl: line \d does not belong to this search"):
         AskTell(**{"space": SPACE, "method": GAUSSIAN, "n": N, "path": path} | change)
     assert path.read_bytes() == before
 
 
-def test_methods_run_on_the_processor_whatever_else_there_is() -> None:
-    # A second device stands for the GPU on which everything else runs.
+def test_methods_run_on_the_cpu_where_there_is_a_gpu() -> None:
+    # A second device stands for the GPU, the default device.
     code = """
 import jax
 from sdr_jax import AskTell, space
 from sdr_jax.registry import make
 
 jax.config.update("jax_default_device", jax.devices()[1])
-ours = space(list("abc"))
-search = AskTell(ours, make("surrogate", ours), n=2)
+attributes = space(list("abc"))
+search = AskTell(attributes, make("surrogate", attributes), n=2)
 for trial in search.ask():
     search.tell(trial.id, trial.id)
-(place,) = {d for leaf in jax.tree.leaves(search.state) for d in getattr(leaf, "devices", set)()}
-print(search.updates, place == jax.devices()[0], jax.numpy.ones(1).devices() == {jax.devices()[1]})
+(device,) = {d for leaf in jax.tree.leaves(search.state) for d in getattr(leaf, "devices", set)()}
+print(search.updates, device == jax.devices()[0], jax.numpy.ones(1).devices() == {jax.devices()[1]})
 """
     assert printed(code, XLA_FLAGS="--xla_force_host_platform_device_count=2") == ["1 True True"]

@@ -1,4 +1,4 @@
-"""What every method keeps to, whatever its idea, and the table that holds them."""
+"""Properties that every search method has, and the table of methods."""
 
 from functools import cache, partial
 from typing import get_args
@@ -17,7 +17,7 @@ from sdr_jax import Method, MethodName, Proposal, make_step, relax, run, space
 from sdr_jax.bins import bin_mask
 from sdr_jax.registry import options_of
 
-from .conftest import KEY, SEEDS, assert_close, assert_same, driven, learnt, refuses, tell
+from .conftest import KEY, SEEDS, assert_close, assert_same, driven, refuses, run_updates, tell
 
 # Numbers of bins that differ, two included; groups of one and of several; one without an order.
 GROUPS = [["b", "a"], ["d"], ["c", "e"]]
@@ -29,7 +29,7 @@ SDR = sdr_jax.sdr(SPACE, learning_rate=optax.sgd(0.3), hidden=8, baseline=sdr_ja
 ALL = {name: SDR if name == "sdr" else make(name, SPACE) for name in METHODS}
 PURE = {name: method for name, method in ALL.items() if method.traced}
 HOST = {name: method for name, method in ALL.items() if not method.traced}
-WITHOUT_CHANCE = ("attribute_descent", "random_attributes")
+DETERMINISTIC = ("attribute_descent", "random_attributes")
 LEARNING = [name for name in ALL if name not in ("random_attributes", "sdr")]
 
 
@@ -40,7 +40,7 @@ def value(proposals: Proposal) -> jax.Array:
 
 
 def reward(share: float):
-    """Of which a share is NaN, perhaps the first ones."""
+    """A reward function of which a share is NaN, perhaps the first ones."""
 
     def reward_fn(rng_key: jax.Array, proposals: Proposal, actions: jax.Array) -> jax.Array:
         failed = jax.random.uniform(rng_key, proposals.centre.shape[:1]) < share
@@ -66,8 +66,8 @@ RANDOM = float(value(Proposal(jnp.full(5, 0.5), jnp.ones(5))))
 def test_it_finds_the_optimum_of_an_easy_problem(name: str, failing: float, least: float) -> None:
     for seed in range(2):
         state, _ = runner(name, 30 if name in HOST else 75, 4)(jax.random.key(seed), failing)
-        found = float(value(ALL[name].solution(state)))
-        assert (found - RANDOM) / (BEST - RANDOM) > least
+        reached = float(value(ALL[name].solution(state)))
+        assert (reached - RANDOM) / (BEST - RANDOM) > least
 
 
 @pytest.mark.parametrize("name", PURE)
@@ -121,14 +121,14 @@ def reward_of_any(rng_key: jax.Array, proposals: Proposal, actions: jax.Array) -
     return proposals.centre.sum(axis=1) + jax.random.normal(rng_key, proposals.centre.shape[:1])
 
 
-@pytest.mark.parametrize("name", [name for name in PURE if name not in WITHOUT_CHANCE])
-def test_no_two_attributes_and_no_two_data_sets_share_their_chance(name: str) -> None:
-    """At first, attributes are drawn independently, and so are data sets: correlations are 0."""
+@pytest.mark.parametrize("name", [name for name in PURE if name not in DETERMINISTIC])
+def test_no_two_attributes_and_no_two_data_sets_share_random_numbers(name: str) -> None:
+    """At first, attributes are sampled independently, and so are data sets: correlations are 0."""
     pair = space(["a", "b"], bins=8)
     method = sdr_jax.sdr(pair, hidden=8) if name == "sdr" else make(name, pair)
     _, proposals = method.sample(jax.random.key(3), method.init(KEY), 4000)
-    drawn = slice(1, None, 2) if name == "intervals" else slice(None)  # in turn with the start
-    a, b = np.asarray(proposals.centre)[drawn].T
+    sampled = slice(1, None, 2) if name == "intervals" else slice(None)  # others are the start
+    a, b = np.asarray(proposals.centre)[sampled].T
     for first, second in ((a, b), (a[:-1], a[1:]), (b[:-1], b[1:])):
         assert abs(np.corrcoef(first, second)[0, 1]) < 0.08
 
@@ -168,26 +168,26 @@ def test_answers_stay_inside_whatever_the_rewards(name: str, seed: int, scale: f
 @pytest.mark.parametrize("name", ALL)
 @settings(max_examples=4)
 @given(seed=SEEDS, failed=st.sets(st.integers(0, 4), max_size=3))
-def test_learning_with_failed_rewards_is_learning_from_the_others(name, seed, failed) -> None:
+def test_an_update_with_failed_rewards_is_one_without_them(name, seed, failed) -> None:
     method, rng = ALL[name], np.random.default_rng(seed)
-    state = learnt(method, lambda *_: rng.normal(0, 1, 5), updates=1, n=5)
+    state = run_updates(method, lambda *_: rng.normal(0, 1, 5), updates=1, n=5)
     actions, _ = method.sample(jax.random.key(seed), state, 5)
-    known = np.asarray([k not in failed for k in range(5)])
-    rewards = np.where(known, rng.normal(0, 1, 5), rng.choice([np.nan, np.inf]))
-    left, info = tell(method, actions, rewards, state)
-    right, alone = tell(method, actions[known], rewards[known], state)
+    finite = np.asarray([k not in failed for k in range(5)])
+    rewards = np.where(finite, rng.normal(0, 1, 5), rng.choice([np.nan, np.inf]))
+    with_failed, info = tell(method, actions, rewards, state)
+    without, info_without = tell(method, actions[finite], rewards[finite], state)
     for answer in (method.solution, method.diagnostics.spread, method.diagnostics.probabilities):
-        np.testing.assert_allclose(answer(left), answer(right), atol=2e-4)
-    assert info.reward_mean == pytest.approx(float(alone.reward_mean), abs=1e-5)
-    # What it proposes next is the same, too.
-    (a, _), (b, _) = (method.sample(jax.random.key(7), s, 2) for s in (left, right))
+        np.testing.assert_allclose(answer(with_failed), answer(without), atol=2e-4)
+    assert info.reward_mean == pytest.approx(float(info_without.reward_mean), abs=1e-5)
+    # The next proposals are the same, too.
+    (a, _), (b, _) = (method.sample(jax.random.key(7), s, 2) for s in (with_failed, without))
     np.testing.assert_allclose(a, b, atol=2e-3)
 
 
 @pytest.mark.parametrize("name", [name for name in ALL if name != "sdr"])  # its groups move on
 def test_rewards_that_are_all_nan_decide_nothing(name: str) -> None:
     method = ALL[name]
-    state = learnt(method, lambda *_: [np.nan] * 4, updates=3, n=4)
+    state = run_updates(method, lambda *_: [np.nan] * 4, updates=3, n=4)
     assert_same(method.solution(state), method.solution(method.init(KEY)))
     check_answers(method, state)
 
@@ -204,16 +204,18 @@ def test_the_table_has_every_method_by_its_name_and_random_attributes_stay_rando
 
 
 @pytest.mark.parametrize("name", METHODS)
-def test_a_method_is_made_with_its_own_options(name: str) -> None:
+def test_a_method_is_made_with_its_options(name: str) -> None:
     options = {} if name in RIVALS else options_of(name)
     method = make(name, SPACE, 0.2, **{k: v for k, v in options.items() if v is not None})
     _, proposals = method.sample(jax.random.key(1), method.init(jax.random.key(0)), 3)
     width = np.asarray(proposals.width)
     if name not in ("random_attributes", "intervals"):  # they relax nothing
-        own = np.tile([1 / 3, 0.2, 0.2, 0.2, 0.2], (3, 1))
-        np.testing.assert_allclose(width[width < 1], own[width < 1], rtol=1e-6)
+        expected = np.tile([1 / 3, 0.2, 0.2, 0.2, 0.2], (3, 1))
+        np.testing.assert_allclose(width[width < 1], expected[width < 1], rtol=1e-6)
         assert np.any(width < 1)
-    a = np.asarray(proposals.centre)[:, 0][width[:, 0] < 1]  # has no order, so no value between
+    a = np.asarray(proposals.centre)[:, 0][
+        width[:, 0] < 1
+    ]  # without an order, so no value in between
     assert set(np.round(3 * a - 0.5, 5)) <= {0, 1, 2}
     assert method.traced == (name not in RIVALS)
 
@@ -222,21 +224,21 @@ MODELS = [name for name, method in ALL.items() if method.diagnostics.predict is 
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_models_foresee_rewards_and_how_far_they_are_off(name: str) -> None:
+def test_models_predict_rewards_and_their_own_errors(name: str) -> None:
     assert MODELS == ["surrogate", "intervals", "gaussian_process"]
     method = ALL[name]
     first = state = method.init(KEY)
 
-    def asked(seed: int) -> tuple[jax.Array, jax.Array]:
+    def evaluated(seed: int) -> tuple[jax.Array, jax.Array]:
         sample_key, noise_key = jax.random.split(jax.random.key(seed))
         actions, proposals = method.sample(sample_key, first, 60)
         return actions, value(proposals) + 0.03 * jax.random.normal(noise_key, (60,))
 
-    actions, rewards = asked(1)
+    actions, rewards = evaluated(1)
     assert np.all(np.isnan(np.stack(method.diagnostics.predict(state, actions))))
     for part in (slice(start, start + 10) for start in range(0, 60, 10)):
         state, _ = tell(method, actions[part], rewards[part], state)
-    actions, rewards = asked(2)
+    actions, rewards = evaluated(2)
     mean, std = map(np.asarray, method.diagnostics.predict(state, actions))
     assert np.corrcoef(mean, rewards)[0, 1] > 0.6
     assert 0.6 < np.std((rewards - mean) / std) < 1.4
@@ -262,14 +264,14 @@ def test_bad_options_are_refused(name: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "options", "culprit"), [
-    ("magic", {}, "unknown method 'magic'; known are surrogate, sdr"),
-    ("gaussian", dict(speed=1), "gaussian has no option 'speed'; known: learning_rate"),
-    ("random_search", dict(speed=1), "known: none"),
+    ("magic", {}, "unknown method 'magic'; choose from surrogate, sdr"),
+    ("gaussian", dict(speed=1), "gaussian has no option 'speed'; its options: learning_rate"),
+    ("random_search", dict(speed=1), "its options: none"),
     ("sdr", dict(baseline="none"), "must be one of ema, ema_current"),
     ("intervals", dict(caution=-1.0), "caution is -1"), ("intervals", dict(degree=0), "degree is 0"),
     ("intervals", dict(pair_degree=10), r"pair_degree is 10, but must lie in \[0, degree = 9\]"),
     ("intervals", dict(start=((0.5,), (1.0,))), "start has 1 attributes, not the 5"),
     ("intervals", dict(start=((0.1,) * 5, (1.0,) * 5)), r"an interval that is not in \[0, 1\]"),
 ])  # fmt: skip
-def test_what_cannot_be_is_refused(name: str, options: dict, culprit: str) -> None:
+def test_wrong_options_are_refused_by_name(name: str, options: dict, culprit: str) -> None:
     refuses(culprit, make, name, SPACE, **options)

@@ -19,7 +19,7 @@ from sdr_jax.models.features import Features, evaluate, maximise, maximise_each
 from sdr_jax.models.surrogate import follow, stratified
 from sdr_jax.registry import make
 
-from .conftest import KEY, SEEDS, assert_close, assert_same, driven, learnt, refuses, tell
+from .conftest import KEY, SEEDS, assert_close, assert_same, driven, refuses, run_updates, tell
 
 SPACE = space(["a", "b", "c", "d"], bins=[3, 5, 2, 4], groups=[["b"], ["d", "a"], ["c"]])
 EVERY = np.asarray(list(product(range(3), range(5), range(2), range(4))), np.int32)
@@ -61,7 +61,7 @@ def ridge(x: np.ndarray, y: np.ndarray, noise: float, prior: np.ndarray) -> tupl
 
 
 def centred(actions: np.ndarray, rewards: np.ndarray, prior: np.ndarray) -> tuple:
-    """Of the features that exist, and of rewards, what is beside the mean."""
+    """The features that exist, and the rewards, minus their means."""
     x, y = columns(actions)[:, prior > 0], rewards.astype(np.float64)
     return x - x.mean(axis=0), y - y.mean()
 
@@ -103,8 +103,8 @@ def test_the_best_bins_are_those_of_enumeration(seed: int) -> None:
     normal = np.random.default_rng(seed).normal(size=len(LAYOUT.variance))
     weights = (normal * np.sqrt(LAYOUT.variance)).astype(np.float32)
     best = BEST_OF(jax.random.key(seed), weights)
-    found = evaluated(LAYOUT, best[None, :])[0] @ weights
-    assert found == pytest.approx((evaluated(LAYOUT, EVERY) @ weights).max(), abs=1e-4)
+    reached = evaluated(LAYOUT, best[None, :])[0] @ weights
+    assert reached == pytest.approx((evaluated(LAYOUT, EVERY) @ weights).max(), abs=1e-4)
 
 
 def test_interactions_are_as_fine_as_their_number_allows() -> None:
@@ -123,27 +123,27 @@ def test_the_posterior_is_that_of_the_textbook() -> None:
     state = observed(1)
     belief = POSTERIOR(state)
     prior = MODEL.variance * np.asarray(state.scales)[MODEL.effect]
-    there, data = prior > 0, centred(*some(0), prior)
-    mean, covariance = ridge(*data, float(state.noise), prior[there])
-    np.testing.assert_allclose(np.asarray(belief.mean)[there], mean, atol=1e-3)
-    draws = np.asarray(regression.draw(KEY, belief, 20_000))[:, there]
+    exists, data = prior > 0, centred(*some(0), prior)
+    mean, covariance = ridge(*data, float(state.noise), prior[exists])
+    np.testing.assert_allclose(np.asarray(belief.mean)[exists], mean, atol=1e-3)
+    draws = np.asarray(regression.draw(KEY, belief, 20_000))[:, exists]
     np.testing.assert_allclose(np.cov(draws.T), covariance, atol=0.05 * np.diag(covariance).max())
 
 
 def test_a_step_towards_the_evidence_by_hand() -> None:
     """Of expectation maximisation, in double precision: the posterior's spread counts, and kinds pull."""
-    state, there = observed(1), MODEL.variance > 0
+    state, exists = observed(1), MODEL.variance > 0
     x, y = centred(*some(0), MODEL.variance)
     variance = y @ y / 15
     # Four attributes, a pair, shared.
     first = 0.7 * variance * np.asarray([*[0.7 / 4] * 4, 0.3, 0.7 / 4])
-    prior = (MODEL.variance * first[MODEL.effect])[there]
+    prior = (MODEL.variance * first[MODEL.effect])[exists]
     mean, covariance = ridge(x, y, 0.3 * variance, prior)
-    squares = (mean**2 + np.diag(covariance)) / MODEL.variance[there]
-    of = MODEL.effect[there]
+    squares = (mean**2 + np.diag(covariance)) / MODEL.variance[exists]
+    of = MODEL.effect[exists]
     kind = squares[of < 4].mean(), squares[of == 4].mean()
-    own = [(squares[of == k].sum() + 4 * kind[k == 4]) / (np.sum(of == k) + 4) for k in range(5)]
-    np.testing.assert_allclose(state.scales, [*own, kind[0]], rtol=2e-3)
+    scales = [(squares[of == k].sum() + 4 * kind[k == 4]) / (np.sum(of == k) + 4) for k in range(5)]
+    np.testing.assert_allclose(state.scales, [*scales, kind[0]], rtol=2e-3)
     left = np.sum((y - x @ mean) ** 2) + np.trace(x @ covariance @ x.T)
     noise = (left + 4 * 0.3 * variance) / (15 + 4)
     assert float(state.noise) == pytest.approx(noise, rel=2e-3)
@@ -152,9 +152,9 @@ def test_a_step_towards_the_evidence_by_hand() -> None:
 def test_failed_rewards_make_no_difference_and_more_explain_more_until_the_noise_is_left() -> None:
     (actions, rewards), start = some(1), effects.init_effects(MODEL)
     once = OBSERVE(start, actions, rewards)
-    kept = np.arange(16) % 3 != 0
-    with_holes = OBSERVE(start, actions, np.where(kept, rewards, np.nan).astype(np.float32))
-    assert_close(with_holes, OBSERVE(start, actions[kept], rewards[kept]), rtol=1e-3, atol=1e-4)
+    finite = np.arange(16) % 3 != 0
+    with_holes = OBSERVE(start, actions, np.where(finite, rewards, np.nan).astype(np.float32))
+    assert_close(with_holes, OBSERVE(start, actions[finite], rewards[finite]), rtol=1e-3, atol=1e-4)
     assert_same(OBSERVE(once, actions, jnp.full(16, jnp.nan)).statistics, once.statistics)
     state = observed(12)
     assert float(jnp.sqrt(state.noise)) == pytest.approx(0.05, rel=0.4)
@@ -170,8 +170,8 @@ def test_expectations_under_a_policy_are_those_of_enumeration(seed: int) -> None
     belief = regression.Posterior(jnp.asarray(weights), jnp.eye(size), jnp.zeros(size))
     policy = random_policy(seed)
     q = np.asarray(VALUES(MEAN(belief), policy))
-    there = np.append(MODEL.variance[:-1] > 0, True)
-    every = columns(EVERY)[:, there] @ weights[there]
+    exists = np.append(MODEL.variance[:-1] > 0, True)
+    every = columns(EVERY)[:, exists] @ weights[exists]
     chances = policy[np.arange(4)[None, :], EVERY]
     for k, count in enumerate(SPACE.bins):
         weighted = np.delete(chances, k, axis=1).prod(axis=1) * every
@@ -182,17 +182,17 @@ def test_expectations_under_a_policy_are_those_of_enumeration(seed: int) -> None
 def test_the_expected_reward_and_its_spread_are_those_of_the_weights_posterior() -> None:
     state, actions = observed(12), jnp.asarray(EVERY[:7])
     belief = effects.posterior(MODEL, state)
-    mean, std = effects.expected(MODEL, state, belief, actions)
+    mean, std = effects.predict(MODEL, state, belief, actions)
     centre, covariance = state.statistics.mean, np.asarray(regression.covariance(belief))
-    seen = float(state.statistics.seen)
+    count = float(state.statistics.evaluations)
     off = columns(EVERY[:7]) - np.asarray(centre)
     # Of the weights, the mean of so many rewards, and the noise of one.
-    variance = np.einsum("nf,fg,ng->n", off, covariance, off) + float(state.noise) * (1 + 1 / seen)
+    variance = np.einsum("nf,fg,ng->n", off, covariance, off) + float(state.noise) * (1 + 1 / count)
     np.testing.assert_allclose(std, np.sqrt(variance), rtol=1e-3)
-    one = [effects.value(MODEL, state, belief, each) for each in actions]
+    one = [effects.value(MODEL, state, belief, row) for row in actions]
     np.testing.assert_allclose(mean, one, rtol=1e-5)
     nothing = effects.init_effects(MODEL)
-    blank = effects.expected(MODEL, nothing, effects.posterior(MODEL, nothing), actions)
+    blank = effects.predict(MODEL, nothing, effects.posterior(MODEL, nothing), actions)
     assert np.isnan(blank).all()
 
 
@@ -200,23 +200,23 @@ def test_the_best_of_drawn_models_spread_as_the_posterior_does() -> None:
     belief = POSTERIOR(observed(3))
 
     @jax.jit
-    def drawn(belief):
-        weights = effects.draw_plain(jax.random.key(0), MODEL, belief, 200)
+    def best_of_draws(belief):
+        weights = effects.draw_weights(jax.random.key(0), MODEL, belief, 200)
         return maximise_each(jax.random.key(0), SPACE, MODEL.layout, weights)
 
-    a, _, _, d = np.asarray(drawn(belief)).T
+    a, _, _, d = np.asarray(best_of_draws(belief)).T
     assert np.mean((a >= 1) == (d >= 2)) > 0.9  # they go together, at either end
-    same = np.asarray(drawn(belief._replace(scale=jnp.zeros_like(belief.scale))))
+    same = np.asarray(best_of_draws(belief._replace(scale=jnp.zeros_like(belief.scale))))
     np.testing.assert_array_equal(same, np.tile(BEST(belief), (200, 1)))
 
 
 def test_strata_keep_to_the_policy_and_every_action_is_drawn_from_it() -> None:
     p = random_policy(3)
-    drawn = np.asarray(jax.vmap(lambda key: STRATIFIED(key, p))(jax.random.split(KEY, 4000)))
-    counts = np.stack([(drawn == k).sum(axis=1) for k in range(5)], axis=2)
+    samples = np.asarray(jax.vmap(lambda key: STRATIFIED(key, p))(jax.random.split(KEY, 4000)))
+    counts = np.stack([(samples == k).sum(axis=1) for k in range(5)], axis=2)
     assert np.all(np.abs(counts - 7 * p) < 2)  # a stratum may be cut at either end of a bin
     assert not np.any(counts[:, ~bin_mask(SPACE)])
-    first = drawn[:, 0]
+    first = samples[:, 0]
     shares = np.stack([(first == k).mean(axis=0) for k in range(5)], axis=1)
     np.testing.assert_allclose(shares, p, atol=0.03)
     # Attributes are independent: joint shares are products.
@@ -239,10 +239,10 @@ def test_the_policy_is_where_the_gradient_of_reward_plus_entropy_vanishes() -> N
         p = jax.nn.softmax(free)
         return p @ table - tau * p @ jnp.log(p)
 
-    q = np.asarray(effects.mean_model(model, belief).alone)
-    for own, table, count in zip(logits, q, alone.bins, strict=True):
-        own, table = own[:count], table[:count]
-        gradient = jax.grad(objective)(jnp.asarray(own), table, np.ptp(table) / np.ptp(own))
+    q = np.asarray(effects.mean_model(model, belief).main)
+    for row, table, count in zip(logits, q, alone.bins, strict=True):
+        row, table = row[:count], table[:count]
+        gradient = jax.grad(objective)(jnp.asarray(row), table, np.ptp(table) / np.ptp(row))
         np.testing.assert_allclose(gradient, 0, atol=1e-5 * np.ptp(table))
     # The temperature divides.
     np.testing.assert_allclose(twice[mask], logits[mask] / 2, rtol=1e-4, atol=1e-5)
@@ -275,13 +275,13 @@ def test_every_second_data_set_is_a_thompson_draw_whatever_the_updates_hold(n: i
     for seed in range(3):
         state, _ = tell(method, *some(seed), state)
     ends: tuple[list[bool], ...] = [], []
-    for seen in range(2):
-        statistics = state.seen.statistics._replace(seen=jnp.float32(48 + seen))
-        later = state._replace(seen=state.seen._replace(statistics=statistics))
+    for parity in range(2):
+        statistics = state.evidence.statistics._replace(evaluations=jnp.float32(48 + parity))
+        later = state._replace(evidence=state.evidence._replace(statistics=statistics))
         for key in range(60 // n):
             actions, _ = method.sample(jax.random.key(key), later, n)
             for k, a in enumerate(np.asarray(actions)[:, 0]):
-                ends[(seen + k) % 2].append(a >= 1)
+                ends[(parity + k) % 2].append(a >= 1)
     policy, thompson = map(np.mean, ends)
     assert abs(policy - 0.5) > 0.4 and 0.1 < thompson < 0.9
 
@@ -302,7 +302,7 @@ def test_an_effect_is_found_and_what_has_none_stays_wide() -> None:
     assert entropy[-1] < entropy[0] - 1
 
 
-def test_interactions_within_a_group_are_learnt() -> None:
+def test_interactions_within_a_group_are_found() -> None:
     """Where d and a agree in sign it is good; neither matters alone."""
     both = lambda _, proposals, actions: (proposals.centre[:, [0, 3]] - 0.5).prod(axis=1)  # noqa: E731
     state, _ = driven(jax.random.key(1), SURROGATE, both, 15, 4)
@@ -311,7 +311,7 @@ def test_interactions_within_a_group_are_learnt() -> None:
 
 
 PAIR = sdr_jax.space(["a", "b"], [8, 8])
-BEGAN = ((0.5, 0.3), (1.0, 0.2))
+START = ((0.5, 0.3), (1.0, 0.2))
 
 
 def test_runs_of_bins_by_hand():
@@ -329,13 +329,13 @@ def test_choices_differ_and_hold_the_start_once(bins, seed):
     width = rng.choice([0.2, 1.0], len(bins))
     start = rng.uniform(width / 2, 1 - width / 2), width
     chosen = choices(space(names, bins, unordered=names[1:]), start)
-    found = [part[np.arange(len(bins)), chosen.began] for part in (chosen.centre, chosen.width)]
-    np.testing.assert_allclose(found, start, atol=1e-5)
+    intervals = [part[np.arange(len(bins)), chosen.start] for part in (chosen.centre, chosen.width)]
+    np.testing.assert_allclose(intervals, start, atol=1e-5)
     for centre, width, count in zip(chosen.centre, chosen.width, chosen.space.bins, strict=True):
-        own = np.stack([centre[:count], width[:count]])
-        assert len(np.unique(own.round(5), axis=1).T) == count
-        assert (own[:, 0] == [0.5, 1]).all()
-        assert np.all(own[0] - own[1] / 2 > -1e-6) and np.all(own[0] + own[1] / 2 < 1 + 1e-6)
+        centre, width = centre[:count], width[:count]
+        assert len(np.unique(np.stack([centre, width]).round(5), axis=1).T) == count
+        assert (centre[0], width[0]) == (0.5, 1)
+        assert np.all(centre - width / 2 > -1e-6) and np.all(centre + width / 2 < 1 + 1e-6)
 
 
 @given(st.lists(st.integers(2, 12), min_size=2, max_size=4), st.integers(0, 99))
@@ -344,85 +344,85 @@ def test_without_relaxation_choices_are_single_values(bins, seed):
     names = [f"x{k}" for k in range(len(bins))]
     start = rng.uniform(0.1, 0.9, len(bins)).astype(np.float32), np.full(len(bins), 0.2, np.float32)
     chosen = choices(space(names, bins, unordered=names[1:2]), start, 0.0)
-    for k, (own, count) in enumerate(zip(chosen.width, chosen.space.bins, strict=True)):
-        np.testing.assert_allclose(own[:count], 1 / bins[k] if k == 1 else 0)
+    for k, (width, count) in enumerate(zip(chosen.width, chosen.space.bins, strict=True)):
+        np.testing.assert_allclose(width[:count], 1 / bins[k] if k == 1 else 0)
         centres = chosen.centre[k, :count]
         np.testing.assert_allclose(centres[: bins[k]], (np.arange(bins[k]) + 0.5) / bins[k])
         assert len(np.unique(centres.round(5))) == count
-    there = chosen.centre[np.arange(len(bins)), chosen.began]
-    np.testing.assert_allclose(np.delete(there, 1), np.delete(start[0], 1), atol=1e-6)
-    assert chosen.space.bins[1] == bins[1] and abs(there[1] - start[0][1]) <= 0.5 / bins[1] + 1e-6
+    centre = chosen.centre[np.arange(len(bins)), chosen.start]
+    np.testing.assert_allclose(np.delete(centre, 1), np.delete(start[0], 1), atol=1e-6)
+    assert chosen.space.bins[1] == bins[1] and abs(centre[1] - start[0][1]) <= 0.5 / bins[1] + 1e-6
 
 
 @given(st.floats(0, 1), st.floats(0.01, 1))
 def test_features_of_an_interval_are_means_over_it(place, width):
     low = place * (1 - width)
     x = low + width * (np.arange(4000) + 0.5) / 4000
-    found = np.asarray(integrated(low + width / 2, width, 5))
+    features = np.asarray(integrated(low + width / 2, width, 5))
     cosines = np.sqrt(2) * np.cos(np.pi * np.arange(1, 6)[:, None] * x).mean(axis=1)
-    np.testing.assert_allclose(found[:5], cosines, atol=1e-4)
-    assert found[5] == pytest.approx(-np.log2(max(width, 1 / 16)) / 4, abs=1e-5)
+    np.testing.assert_allclose(features[:5], cosines, atol=1e-4)
+    assert features[5] == pytest.approx(-np.log2(max(width, 1 / 16)) / 4, abs=1e-5)
 
 
-def told(method, value, noise=0.0):
-    """The state after data sets of which ``value(centre, width)`` is the reward."""
+def searched(method, value, noise=0.0):
+    """The state after data sets whose rewards are ``value(centre, width)`` and noise."""
     rng = np.random.default_rng(0)
 
     def reward(t, actions, proposals):
         return value(*map(np.asarray, proposals)) + noise * rng.normal(size=8)
 
-    return learnt(method, reward, updates=12, n=8)
+    return run_updates(method, reward, updates=12, n=8)
 
 
-def test_an_attribute_stays_where_it_began_unless_moving_it_pays():
-    method = sdr_jax.registry.make("intervals", PAIR, start=BEGAN)
+def test_an_attribute_stays_at_its_start_unless_a_move_helps():
+    method = sdr_jax.registry.make("intervals", PAIR, start=START)
     _, first = method.sample(KEY, method.init(KEY), 4)
-    np.testing.assert_allclose(first.centre[:2], [BEGAN[0], [0.5, 0.5]])  # and random attributes
-    np.testing.assert_allclose(first.width[:2], [BEGAN[1], [1, 1]])
+    np.testing.assert_allclose(first.centre[:2], [START[0], [0.5, 0.5]])  # and random attributes
+    np.testing.assert_allclose(first.width[:2], [START[1], [1, 1]])
     # Only the first matters, and is best at its high end.
-    state = told(method, lambda centre, width: centre[:, 0], noise=0.05)
+    state = searched(method, lambda centre, width: centre[:, 0], noise=0.05)
     centre, width = np.asarray(method.solution(state))
     assert centre[0] > 0.8 and width[0] <= 0.25
     for answer in (
         method.diagnostics.spread(state),
-        method.solution(told(method, lambda c, w: 0 * c[:, 0])),
+        method.solution(searched(method, lambda c, w: 0 * c[:, 0])),
     ):
         assert [float(part[1]) for part in answer] == pytest.approx([0.3, 0.2])
     # Noise alone moves nothing for certain.
-    unsure = method.diagnostics.spread(told(method, lambda c, w: 0 * c[:, 0], noise=1.0))
-    np.testing.assert_allclose(np.stack(unsure), BEGAN, atol=1e-6)
+    unsure = method.diagnostics.spread(searched(method, lambda c, w: 0 * c[:, 0], noise=1.0))
+    np.testing.assert_allclose(np.stack(unsure), START, atol=1e-6)
     p = np.asarray(method.diagnostics.probabilities(state))
     assert p.shape == (2, 8) and p[0, 6:].sum() > 0.4
-    # Narrow intervals lose where variety pays, and the second began narrow.
-    state = told(method, lambda centre, width: width.sum(axis=1), noise=0.02)
+    # Narrow intervals lose where variety pays, and the second starts narrow.
+    state = searched(method, lambda centre, width: width.sum(axis=1), noise=0.02)
     assert np.asarray(method.solution(state).width).min() >= 0.5
 
 
-@pytest.mark.parametrize(("sign", "base"), [(-1, BEGAN), (1, ((0.5, 0.5), (1.0, 1.0)))])
+@pytest.mark.parametrize(("sign", "base"), [(-1, START), (1, ((0.5, 0.5), (1.0, 1.0)))])
 @pytest.mark.parametrize("n", [3, 8])
 def test_a_search_begins_at_the_better_of_its_start_and_random_attributes(sign, base, n):
-    method = sdr_jax.registry.make("intervals", PAIR, start=BEGAN)
-    tried = []
+    method = sdr_jax.registry.make("intervals", PAIR, start=START)
+    proposed = []
 
     def reward(t, actions, proposals):
-        tried.append(proposals)
+        proposed.append(proposals)
         rewards = sign * np.asarray(proposals.width[:, 1]) + 0.1 * np.arange(n)
         return np.where((t == 0) & (np.arange(n) == 1), np.nan, rewards)  # one failed
 
-    state = learnt(method, reward, updates=9 // n + 1, n=n)
-    opening = np.concatenate([np.asarray(proposals.width) for proposals in tried[:2]])
+    state = run_updates(method, reward, updates=9 // n + 1, n=n)
+    opening = np.concatenate([np.asarray(proposals.width) for proposals in proposed[:2]])
     np.testing.assert_allclose(np.unique(opening[:, 1]), [0.2, 1.0], rtol=1e-6)
-    _, *intervals, _, _ = choices(PAIR, tuple(np.asarray(BEGAN, np.float32)))
-    found = [np.asarray(part)[np.arange(2), np.asarray(state.base)] for part in intervals]
-    np.testing.assert_allclose(found, base)
+    _, *intervals, _, _ = choices(PAIR, tuple(np.asarray(START, np.float32)))
+    answer = [np.asarray(part)[np.arange(2), np.asarray(state.base)] for part in intervals]
+    np.testing.assert_allclose(answer, base)
 
 
 def test_without_relaxation_every_data_set_is_of_single_values():
-    method = sdr_jax.registry.make("intervals", PAIR, 0.0, start=BEGAN)
+    method = sdr_jax.registry.make("intervals", PAIR, 0.0, start=START)
     _, first = method.sample(KEY, method.init(KEY), 8)
-    np.testing.assert_allclose(first.centre[::2], [BEGAN[0]] * 4)
+    np.testing.assert_allclose(first.centre[::2], [START[0]] * 4)
     assert len(np.unique(first.centre[1::2])) > 2  # and anywhere, in turn
-    state = told(method, lambda centre, width: centre[:, 0] - 9 * width.sum(axis=1), noise=0.05)
+    state = searched(method, lambda centre, width: centre[:, 0] - 9 * width.sum(axis=1), noise=0.05)
     proposals = method.sample(KEY, state, 16)[1]
     for answer in (first, proposals, method.solution(state), method.diagnostics.spread(state)):
         assert (np.asarray(answer.width) == 0).all()
@@ -459,20 +459,20 @@ def test_what_is_far_below_the_others_by_hand(rewards: list[float], lowest: floa
 
 
 def test_penalties_count_as_the_worst_of_the_others_from_the_beginning() -> None:
-    """The same statistics as if they had been told so, even if they came first."""
+    """The same statistics as if those had been the rewards, even if penalties came first."""
     actions, rewards = some(0, 24)
     crashed = np.arange(24) % 4 == 0
-    told = np.where(crashed, np.float32(-1e6), rewards)
+    with_penalty = np.where(crashed, np.float32(-1e6), rewards)
     as_worst = np.where(crashed, rewards[~crashed].min(), rewards)
-    state, plain = effects.init_effects(MODEL), effects.init_effects(MODEL)
+    state, expected = effects.init_effects(MODEL), effects.init_effects(MODEL)
     for part in np.split(np.arange(24), 6):
-        state = OBSERVE(state, actions[part], told[part])
-        plain = OBSERVE(plain, actions[part], as_worst[part])
-    assert (int(state.history.clipped), int(plain.history.clipped)) == (6, 0)
-    found, expected = (s.statistics._replace(offset=0, level=0) for s in (state, plain))
-    assert_close(found, expected, rtol=1e-4, atol=1e-3)
+        state = OBSERVE(state, actions[part], with_penalty[part])
+        expected = OBSERVE(expected, actions[part], as_worst[part])
+    assert (int(state.history.clipped), int(expected.history.clipped)) == (6, 0)
+    both = (s.statistics._replace(offset=0, level=0) for s in (state, expected))
+    assert_close(*both, rtol=1e-4, atol=1e-3)
     assert_close(sum(state.statistics[-1:] + state.statistics[3:4]), as_worst.mean(), rtol=1e-4)
-    assert float(state.noise) == pytest.approx(float(plain.noise), rel=1.0)
+    assert float(state.noise) == pytest.approx(float(expected.noise), rel=1.0)
     # Were they no penalties, they would count as what they are.
     more = -np.linspace(1e6, 4e6, 24, dtype=np.float32)
     assert int(OBSERVE(state, actions, more).history.clipped) == 0
@@ -480,7 +480,7 @@ def test_penalties_count_as_the_worst_of_the_others_from_the_beginning() -> None
 
 def test_evaluations_that_are_not_kept_count_too(monkeypatch) -> None:
     monkeypatch.setattr(history, "CAPACITY", 12)
-    observe = jax.jit(lambda *given: effects.observe(MODEL, *given))
+    observe = jax.jit(lambda *arguments: effects.observe(MODEL, *arguments))
     state, (actions, rewards) = effects.init_effects(MODEL), some(0, 32)
     rewards[3], rewards[30] = -1e6, -1e6
     for part in np.split(np.arange(32), 4):
@@ -503,10 +503,10 @@ def test_penalties_do_not_decide_the_answer(name: str, share: float, penalty: fl
 
     def value(proposal: Proposal) -> np.ndarray:
         centre, width = map(np.asarray, proposal)
-        own = (centre - best) ** 2 + np.maximum(width**2 - [1 / 16, 1 / 9], 0) / 12
-        return -own.sum(axis=-1) / (0.125**2 + (1 / 3) ** 2 + (2 - 1 / 16 - 1 / 9) / 12)
+        errors = (centre - best) ** 2 + np.maximum(width**2 - [1 / 16, 1 / 9], 0) / 12
+        return -errors.sum(axis=-1) / (0.125**2 + (1 / 3) ** 2 + (2 - 1 / 16 - 1 / 9) / 12)
 
-    lost, clipped = [], []
+    losses, clipped = [], []
     for seed in range(3):
         rng = np.random.default_rng(seed)
 
@@ -514,25 +514,25 @@ def test_penalties_do_not_decide_the_answer(name: str, share: float, penalty: fl
             noisy = value(proposals) + 0.1 * rng.normal(size=10)  # noqa: B023
             return np.where(rng.random(10) < share, penalty, noisy)  # noqa: B023
 
-        state = learnt(method, reward, updates=20, n=10)
-        lost.append(-value(method.solution(state)))
-        clipped.append(int(state.seen.history.clipped))
-    assert np.mean(lost) < 0.25
+        state = run_updates(method, reward, updates=20, n=10)
+        losses.append(-value(method.solution(state)))
+        clipped.append(int(state.evidence.history.clipped))
+    assert np.mean(losses) < 0.25
     assert (min(clipped) > 0) == (share > 0)
 
 
 @pytest.mark.parametrize("name", BANDIT_METHODS)
 def test_a_flat_reward_decides_nothing_and_the_search_goes_on_looking(name: str) -> None:
     method = BANDIT_METHODS[name]
-    state = learnt(method, lambda *_: [0.1] * 10, updates=2, n=10)
+    state = run_updates(method, lambda *_: [0.1] * 10, updates=2, n=10)
     for answer in (method.solution(state), method.diagnostics.spread(state)):
         np.testing.assert_allclose(answer, [[0.5, 0.5], [1, 1]], rtol=1e-6)
     p = np.asarray(method.diagnostics.probabilities(state))
     assert np.all(p[bin_mask(BANDIT)] > 0.1)
-    drawn = [method.sample(jax.random.key(seed), state, 10)[0] for seed in (8, 9)]
-    assert len(np.unique(np.concatenate(drawn), axis=0)) > 5
+    sampled = [method.sample(jax.random.key(seed), state, 10)[0] for seed in (8, 9)]
+    assert len(np.unique(np.concatenate(sampled), axis=0)) > 5
     # One reward that differs is enough to prefer something.
-    state, _ = tell(method, drawn[0], [0.2] + [np.nan] * 9, state)
+    state, _ = tell(method, sampled[0], [0.2] + [np.nan] * 9, state)
     assert np.any(np.asarray(method.solution(state).width) < 1)
 
 
@@ -541,7 +541,7 @@ def test_interactions_are_only_as_many_as_fit() -> None:
 
     def columns(attributes: int) -> int:
         method = surrogate(space(names[:attributes], 10), degree=4)
-        return jax.eval_shape(method.init, KEY).seen.statistics.mean.shape[0]
+        return jax.eval_shape(method.init, KEY).evidence.statistics.mean.shape[0]
 
     assert columns(100) == 1 + 400  # none of 4950 pairs in one group
     for name in BANDIT_METHODS:
@@ -561,13 +561,13 @@ def test_values_without_an_order_have_no_neighbours() -> None:
 def reached(method: Method, sign: int) -> tuple[float, np.ndarray, np.ndarray]:
     """The reach, and what data sets change and how wide, after better and better or worse updates."""
     rewards = [np.where(np.arange(8) % 2, -1.0, 1.0), 0.1, *(sign * k for k in (5, 10, 20, 40))]
-    state = learnt(method, lambda t, *_: np.broadcast_to(rewards[t], 8), updates=6, n=8)
+    state = run_updates(method, lambda t, *_: np.broadcast_to(rewards[t], 8), updates=6, n=8)
     actions, proposals = method.sample(jax.random.key(99), state, 64)
     changed = np.asarray(actions) != np.asarray(state.answer)
     return float(state.reach), changed.mean(axis=1), np.asarray(proposals.width)[changed]
 
 
-def test_data_sets_reach_as_far_as_succeeds():
+def test_the_reach_grows_with_success_and_shrinks_without():
     many = space([str(k) for k in range(24)], 8)
     method = make("intervals", many, start=((0.25,) * 24, (0.2,) * 24))
     (better, far, widths), (worse, near, _) = (reached(method, sign) for sign in (1, -1))
@@ -587,8 +587,8 @@ NOISE_FREE = {
 def noise_free(name: str, attributes: int, n: int, reward: str, offset: float, total: int) -> tuple:
     """The search after so many noise-free rewards, and how near its answer comes to the best: 0 to 1."""
     bins, best = 10, np.random.default_rng(attributes).uniform(0.1, 0.9, attributes)
-    ours = space([str(k) for k in range(attributes)], bins)
-    search = sdr_jax.AskTell(ours, make(name, ours, 0.0), n=n, seed=1)
+    attribute_space = space([str(k) for k in range(attributes)], bins)
+    search = sdr_jax.AskTell(attribute_space, make(name, attribute_space, 0.0), n=n, seed=1)
     while len(search.history) < total:
         for trial in search.ask():
             values = np.asarray(trial.proposal.centre, float)
@@ -625,7 +625,7 @@ def test_noise_free_rewards_end_finite_and_at_the_optimum(
     name: str, attributes: int, n: int, reward: str, offset: float, total: int
 ) -> None:
     search, reached = noise_free(name, attributes, n, reward, offset, total)
-    parts = search.state.seen.statistics, search.state.seen.scales, search.state.belief
+    parts = search.state.evidence.statistics, search.state.evidence.scales, search.state.belief
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(parts))
     assert reached > 0.98
 
@@ -649,8 +649,8 @@ def test_statistics_keep_their_digits_far_from_zero() -> None:
 
 def test_a_model_that_is_not_finite_says_so() -> None:
     state, _ = tell(SURROGATE, np.zeros((2, 4), np.int32), [0.0, 1.0])
-    statistics = state.seen.statistics
+    statistics = state.evidence.statistics
     broken = statistics._replace(gram=jnp.full_like(statistics.gram, jnp.nan))
-    state = state._replace(seen=state.seen._replace(statistics=broken))
+    state = state._replace(evidence=state.evidence._replace(statistics=broken))
     _, info = tell(SURROGATE, np.ones((2, 4), np.int32), [0.0, 1.0], state)
     assert not info.finite

@@ -1,4 +1,4 @@
-"""The policy, the baselines it is compared with, and REINFORCE."""
+"""The policy, baselines, and REINFORCE."""
 
 import itertools
 
@@ -21,7 +21,7 @@ from .conftest import SEEDS, assert_close, refuses
 
 MASK = jnp.asarray([[True, True, False, False], [True] * 4, [True, False, False, False]])
 REWARDS = st.lists(st.tuples(*[st.integers(-100, 100)] * 3), min_size=1, max_size=6)
-OWN = jnp.asarray([[True, True, False], [True] * 3])
+BINS = jnp.asarray([[True, True, False], [True] * 3])
 ACTIONS = jnp.asarray(list(itertools.product(range(2), range(3))), jnp.int32)  # all 6
 SPACE = space(["a", "b"], bins=[2, 3])
 METHOD = sdr(SPACE, learning_rate=optax.sgd(1.0), hidden=8, baseline=leave_one_out())
@@ -59,7 +59,7 @@ def with_gradient(raw: jax.Array) -> jax.Array:
 
 
 @given(SEEDS)
-def test_samples_follow_the_logits_and_all_chances_add_up_to_one(seed: int) -> None:
+def test_samples_follow_the_logits_and_probabilities_sum_to_one(seed: int) -> None:
     logits = mask_logits(3 * jax.random.normal(jax.random.key(seed), (3, 4)), MASK)
     actions = sample_bins(jax.random.key(seed), logits, 20_000)
     assert actions.dtype == jnp.int32
@@ -70,7 +70,7 @@ def test_samples_follow_the_logits_and_all_chances_add_up_to_one(seed: int) -> N
     assert not np.any(frequencies[~np.asarray(MASK)])
 
 
-def test_a_padded_policy_is_its_own_size_policy() -> None:
+def test_a_padded_policy_equals_the_policy_without_padding() -> None:
     padded_space = space(["a", "b", "c"], bins=[3, 5, 2], groups=[["c"], ["b", "a"]])
     params, inputs = init_policies(jax.random.key(1), padded_space, hidden=16)
     size = sum(leaf.size for leaf in jax.tree.leaves(params))
@@ -78,11 +78,11 @@ def test_a_padded_policy_is_its_own_size_policy() -> None:
     assert np.all((inputs >= 0) & (inputs < 1)) and inputs[0, 1] == 0
     first = take(params, jnp.asarray(0))
     padded = Policy(2, 5, 16).apply(first, inputs[0])
-    own_shapes = jax.eval_shape(Policy(1, 2, 16).init, jax.random.key(0), jnp.zeros(1))
-    own = jax.tree.map(lambda leaf, to: leaf[tuple(map(slice, to.shape))], first, own_shapes)
-    np.testing.assert_allclose(padded[:1, :2], Policy(1, 2, 16).apply(own, inputs[0, :1]))
+    shapes = jax.eval_shape(Policy(1, 2, 16).init, jax.random.key(0), jnp.zeros(1))
+    small = jax.tree.map(lambda leaf, to: leaf[tuple(map(slice, to.shape))], first, shapes)
+    np.testing.assert_allclose(padded[:1, :2], Policy(1, 2, 16).apply(small, inputs[0, :1]))
     assert not np.any(padded[1:])
-    sums = (jax.tree.map(lambda leaf: np.abs(leaf).sum(), tree) for tree in (first, own))
+    sums = (jax.tree.map(lambda leaf: np.abs(leaf).sum(), tree) for tree in (first, small))
     assert_close(*sums, rtol=1e-6)
 
 
@@ -156,7 +156,7 @@ def exact_and_mean_update(seed: jax.Array, rewards: jax.Array, shift: jax.Array)
     net = Policy(2, 3, 8)
 
     def log_probs(params: dict) -> jax.Array:
-        return log_prob(mask_logits(net.apply(params, inputs), OWN), ACTIONS)
+        return log_prob(mask_logits(net.apply(params, inputs), BINS), ACTIONS)
 
     def step(pair: jax.Array) -> dict:
         after, _ = METHOD.update(state, ACTIONS[pair], rewards[pair] + shift)

@@ -1,4 +1,4 @@
-"""What is particular to each rival; what all keep to is in test_sdr_every_method.py."""
+"""Tests of single rivals; test_sdr_every_method.py has what all methods share."""
 
 import math
 
@@ -20,21 +20,21 @@ PAIR = space(["a", "b"], bins=[4, 2])
 GAUSSIAN = gaussian(PAIR, learning_rate=optax.sgd(1.0), normalise=False)
 
 
-def test_random_search_tries_all_bins_alike_and_keeps_the_best_it_has_seen() -> None:
+def test_random_search_samples_uniformly_and_keeps_the_best() -> None:
     method = random_search(SPACE)
     state = method.init(KEY)
     actions, proposal = method.sample(jax.random.key(1), state, 20_000)
     counts = [np.bincount(column, minlength=10) for column in np.asarray(actions).T]
     np.testing.assert_allclose(counts, 20_000 * method.diagnostics.probabilities(state), atol=300)
     np.testing.assert_allclose(proposal, relax(SPACE, actions), atol=1e-6)
-    tried = jnp.asarray([[0, 4, 1], [1, 2, 3]])
-    state, info = tell(method, tried, [0.25, 0.75])
+    actions = jnp.asarray([[0, 4, 1], [1, 2, 3]])
+    state, info = tell(method, actions, [0.25, 0.75])
     assert (info.reward_mean, info.reward_best) == (0.5, 0.75)
     for reward in (0.5, 0.75, jnp.nan):  # worse, equal, unknown
-        state, _ = tell(method, tried[:1], [reward], state)
+        state, _ = tell(method, actions[:1], [reward], state)
     for answer in (method.solution(state), method.diagnostics.spread(state)):
-        np.testing.assert_array_equal(answer, relax(SPACE, tried[1]))
-    state, _ = tell(method, tried[:1], [1.0], state)
+        np.testing.assert_array_equal(answer, relax(SPACE, actions[1]))
+    state, _ = tell(method, actions[:1], [1.0], state)
     assert state.actions.tolist() == [0, 4, 1]
 
 
@@ -53,8 +53,8 @@ def test_the_gradient_of_the_gaussian_by_hand_and_of_one_data_set() -> None:
     state, _ = tell(method, np.float32(1.5 * whitened), [0, 0])
     after, info = tell(method, np.float32(1.5 * whitened), [3, 1], state)
     np.testing.assert_allclose(info.advantages, [3, 1])
-    both = np.asarray(state.params.log_std, float) + 0.5 * np.log(2 * np.pi * np.e)
-    assert float(info.entropy) == pytest.approx(both.sum(), rel=1e-5)
+    entropies = np.asarray(state.params.log_std, float) + 0.5 * np.log(2 * np.pi * np.e)
+    assert float(info.entropy) == pytest.approx(entropies.sum(), rel=1e-5)
     expected = np.log(1.5) + ([[3.0], [1.0]] * (whitened**2 - 1)).mean(axis=0)
     np.testing.assert_allclose(after.params.log_std, expected, rtol=1e-5)
     refuses("at least 2 data sets", tell, GAUSSIAN, jnp.zeros((1, 2)), [1])
@@ -105,7 +105,7 @@ def test_descent_is_sdr_with_one_group_per_attribute_and_brute_force_for_a_polic
         return state._replace(descent=state.descent._replace(**changes))
 
     for group in map(SINGLE.names.index, ORDER):
-        tried: dict[int, list[float]] = {k: [] for k in range(4)}
+        rewards: dict[int, list[float]] = {k: [] for k in range(4)}
         for t in range(per_group):
             actions, _ = method.sample(jax.random.key(seed), state, n)
             brute_force = (jnp.arange(n) + t * n) % 4  # in place of what the policy samples
@@ -113,15 +113,15 @@ def test_descent_is_sdr_with_one_group_per_attribute_and_brute_force_for_a_polic
             for k, r in zip(
                 brute_force, reward(KEY, relax(SINGLE, expected[-1]), expected[-1]), strict=True
             ):
-                tried[int(k)].append(float(r))
+                rewards[int(k)].append(float(r))
             state = moved(updates=state.descent.updates + 1)  # moves on to the next group by itself
-        best = max(tried, key=lambda k: np.mean(tried[k]))
+        best = max(rewards, key=lambda k: np.mean(rewards[k]))
         state = moved(fixed=state.descent.fixed.at[group].set(best))  # in place of arg max
 
-    found, record = driven(KEY, DESCENT, reward, 4 * per_group, n)
+    final, record = driven(KEY, DESCENT, reward, 4 * per_group, n)
     np.testing.assert_array_equal(record.actions, jnp.stack(expected))
-    np.testing.assert_array_equal(found.current, state.descent.fixed)
-    np.testing.assert_array_equal(DESCENT.solution(found), relax(SINGLE, state.descent.fixed))
+    np.testing.assert_array_equal(final.current, state.descent.fixed)
+    np.testing.assert_array_equal(DESCENT.solution(final), relax(SINGLE, state.descent.fixed))
 
 
 @pytest.mark.parametrize(("n", "updates"), [(1, 10), (2, 6), (3, 4), (4, 4), (25, 3)])
@@ -145,7 +145,7 @@ def test_a_round_tries_every_bin_with_any_number_of_data_sets(n: int, updates: i
     assert int(earlier.current[0]) == -1  # a sweep that is not finished decides nothing
 
 
-def test_repeats_are_averaged_and_failed_bins_tried_again_but_not_for_ever() -> None:
+def test_repeats_are_averaged_and_failed_bins_tried_again_but_not_forever() -> None:
     method = attribute_descent(space(["a"], bins=2), repeats=2)
     state = method.init(KEY)
     for tried, rewards in (
@@ -158,7 +158,7 @@ def test_repeats_are_averaged_and_failed_bins_tried_again_but_not_for_ever() -> 
         np.testing.assert_array_equal(actions, tried)
         state, _ = tell(method, actions, rewards, state)
     assert int(state.current[0]) == 1  # 0.6, against the mean of 1, 0 and 0
-    np.testing.assert_allclose(method.diagnostics.probabilities(state), 0.5)  # it goes round again
+    np.testing.assert_allclose(method.diagnostics.probabilities(state), 0.5)  # it starts again
     failing = lambda _, proposals, actions: jnp.where(proposals.centre[:, 0] == 0.75, jnp.nan, 1.0)  # noqa: E731
     state, record = driven(KEY, attribute_descent(space(["a", "b"], bins=2)), failing, 6)
     assert record.actions[:, 0, 0].tolist() == [0, 1, 1, 1, 1, 1]  # 3 times the usual 2

@@ -1,4 +1,4 @@
-"""The loop, in JAX and on the host, and what leaves JAX in it."""
+"""The loop, in JAX and on the host, and its callback."""
 
 import jax
 import jax.numpy as jnp
@@ -38,7 +38,7 @@ def bandit(rng_key: jax.Array, proposals: Proposal, actions: jax.Array) -> jax.A
 
 
 def centres(method: Method, seeds: int, n: int, reward_fn: object = bandit) -> np.ndarray:
-    """The answers to so many seeds, f32[seeds attributes]."""
+    """The centres of the answers for so many seeds, f32[seeds attributes]."""
     whole = jax.jit(lambda key: run(key, method, reward_fn, n=n)[0])
     states = [whole(jax.random.key(seed)) for seed in range(seeds)]
     return np.stack([method.solution(state).centre for state in states])
@@ -69,40 +69,40 @@ def test_correlated_attributes_need_a_common_group(groups: list, expected: float
         bins = 4 * (proposals.centre + (random - 0.5) * proposals.width)
         return TABLE[tuple(jnp.clip(bins.astype(int), 0, 3).T)]
 
-    found = (centres(method, 1, n=16, reward_fn=table)[0] * 4).astype(int)
-    assert TABLE[tuple(found)] == expected
+    bins = (centres(method, 1, n=16, reward_fn=table)[0] * 4).astype(int)
+    assert TABLE[tuple(bins)] == expected
 
 
 class Evaluate:
-    """Remembers what it was asked; ends in an error at one call."""
+    """Records its calls; one call raises an error."""
 
     def __init__(self, fail_at: int = -1, error: BaseException | None = None) -> None:
-        self.asked: list[DataSets] = []
+        self.calls: list[DataSets] = []
         self.fail_at, self.error = fail_at, error
 
     def __call__(self, data_sets: DataSets) -> np.ndarray:
-        self.asked.append(data_sets)
-        if len(self.asked) - 1 == self.fail_at:
+        self.calls.append(data_sets)
+        if len(self.calls) - 1 == self.fail_at:
             raise self.error
-        return np.full(len(data_sets.seeds), len(self.asked), np.float32)
+        return np.full(len(data_sets.seeds), len(self.calls), np.float32)
 
 
 @pytest.mark.parametrize("common", [False, True])
-def test_the_host_is_asked_once_per_update_in_order(common: bool) -> None:
+def test_the_host_is_called_once_per_update_in_order(common: bool) -> None:
     evaluate = Evaluate()
     reward_fn = host_reward(evaluate, common=common)
     _, record = jax.jit(lambda key: run(key, METHOD, reward_fn, n=2))(KEY)
     reward_fn.reraise()  # nothing to raise
     np.testing.assert_array_equal(record.rewards, np.repeat(np.arange(1.0, 9), 2).reshape(8, 2))
-    assert len(evaluate.asked) == 8 and record.info.group.tolist() == [0] * 4 + [1] * 4
-    for data_sets, actions in zip(evaluate.asked, record.actions, strict=True):
+    assert len(evaluate.calls) == 8 and record.info.group.tolist() == [0] * 4 + [1] * 4
+    for data_sets, actions in zip(evaluate.calls, record.actions, strict=True):
         assert all(type(x) is np.ndarray for x in jax.tree.leaves(data_sets))
         assert data_sets.actions.dtype == np.int32
         np.testing.assert_array_equal(data_sets.actions, actions)
         np.testing.assert_allclose(data_sets.proposals, relax(PAIR, actions), atol=1e-6)
         assert (data_sets.seeds.shape, data_sets.seeds.dtype) == ((2,), np.uint32)
         assert len(set(data_sets.seeds)) == 2 - common
-    assert len(np.unique([data_sets.seeds for data_sets in evaluate.asked])) == 16 - 8 * common
+    assert len(np.unique([data_sets.seeds for data_sets in evaluate.calls])) == 16 - 8 * common
 
 
 def test_driven_it_gives_the_same_and_the_seeds_come_straight_from_the_key() -> None:
@@ -110,11 +110,11 @@ def test_driven_it_gives_the_same_and_the_seeds_come_straight_from_the_key() -> 
     state, _ = jax.jit(lambda key: run(key, METHOD, host_reward(scanned), n=2))(KEY)
     *_, (last, _) = drive(KEY, METHOD, host_reward(looped), n=2)
     assert_close(last, state, atol=1e-5)
-    for a, b in zip(scanned.asked, looped.asked, strict=True):
+    for a, b in zip(scanned.calls, looped.calls, strict=True):
         assert_same((a.actions, a.seeds), (b.actions, b.seeds))
     reward_key = jax.random.split(jax.random.fold_in(jax.random.split(KEY)[1], 0))[1]
     bits = jax.random.bits(reward_key, (2,), jnp.uint32)
-    np.testing.assert_array_equal(looped.asked[0].seeds, bits)
+    np.testing.assert_array_equal(looped.calls[0].seeds, bits)
 
 
 def test_updates_must_be_known_none_leaves_the_first_state_and_a_tenth_may_fail() -> None:
@@ -155,8 +155,8 @@ def test_an_evaluation_that_raises_ends_the_run(way: str, error: BaseException) 
         with pytest.raises(type(error)) as caught:
             reward_fn.reraise()
     assert caught.value is error
-    assert len(evaluate.asked) == 2  # what comes after the error is not evaluated
-    reward_fn.reraise()  # it is forgotten, and evaluation goes on
+    assert len(evaluate.calls) == 2  # nothing is evaluated after the error
+    reward_fn.reraise()  # the error is forgotten, and evaluation continues
     actions = jnp.zeros((2, 2), jnp.int32)
     assert np.all(np.isfinite(reward_fn(KEY, relax(PAIR, actions), actions)))
 
@@ -183,7 +183,7 @@ def test_drive_raises_the_error_before_its_update_counts(capfd) -> None:
     assert "Traceback" not in capfd.readouterr().err  # JAX prints what a callback raises
 
 
-def test_an_error_in_drive_hides_none_of_a_later_run() -> None:
+def test_an_error_in_drive_hides_no_error_of_a_later_run() -> None:
     evaluate = Evaluate(0, OSError("worker died"))
     reward_fn = host_reward(evaluate)
     refuses("worker died", next, drive(KEY, METHOD, reward_fn, n=2), error=OSError)

@@ -1,4 +1,4 @@
-"""SDR, and group coordinate descent by itself."""
+"""SDR, and group coordinate descent on its own."""
 
 import jax
 import jax.numpy as jnp
@@ -23,7 +23,7 @@ from sdr_jax.registry import make
 from sdr_jax.rewards import squared_percent
 from sdr_jax.sdr import SdrState
 
-from .conftest import KEY, SEEDS, assert_same, learnt, tell
+from .conftest import KEY, SEEDS, assert_same, run_updates, tell
 
 THREE = space(["a", "b", "c"], bins=[3, 5, 2], groups=[["c"], ["b", "a"]])
 LAYOUT = lay_out(THREE, updates_per_group=2)
@@ -57,7 +57,7 @@ def test_layout_by_hand() -> None:
     assert by_attribute(LAYOUT, by_slot, 3).tolist() == [3, 5, 7]
 
 
-@pytest.mark.parametrize(("updates", "turn", "fixed", "ever", "concatenated"), [
+@pytest.mark.parametrize(("updates", "active", "fixed", "started", "actions"), [
     (0, 0, [-1, -1, -1], [], [[-1, -1, 0], [-1, -1, 1]]),
     (1, 0, [-1, -1, -1], [2], [[-1, -1, 0], [-1, -1, 1]]),
     (2, 1, [-1, -1, 1], [2], [[2, 0, 1], [0, 1, 1]]),
@@ -65,11 +65,11 @@ def test_layout_by_hand() -> None:
     (4, 1, [4, 1, 1], [0, 1, 2], [[4, 1, 1]] * 2),
     (6, 1, [4, 1, 1], [0, 1, 2], [[4, 1, 1]] * 2),  # after the end
 ])  # fmt: skip
-def test_the_course_and_the_concat_by_hand(updates, turn, fixed, ever, concatenated) -> None:
+def test_the_course_and_the_concat_by_hand(updates, active, fixed, started, actions) -> None:
     descent, learners = course(updates)
-    assert (active_group(LAYOUT, descent), descent.fixed.tolist()) == (turn, fixed)
-    assert np.flatnonzero(has_started(LAYOUT, descent)).tolist() == ever
-    assert CONCAT(descent, jnp.asarray([[0, 2], [1, 0]])).tolist() == concatenated
+    assert (active_group(LAYOUT, descent), descent.fixed.tolist()) == (active, fixed)
+    assert np.flatnonzero(has_started(LAYOUT, descent)).tolist() == started
+    assert CONCAT(descent, jnp.asarray([[0, 2], [1, 0]])).tolist() == actions
     done = min(updates, 4)
     assert descent.updates == done
     assert learners["y"].tolist() == [2.0 ** min(done, 2), 2.0 ** max(done - 2, 0)]
@@ -90,10 +90,12 @@ def test_only_the_active_group_is_touched(updates: int, seed: int) -> None:
 
 def after(updates: int, method: Method = METHOD) -> SdrState:
     """The state after updates with random rewards."""
-    return learnt(method, lambda t, *_: jax.random.uniform(jax.random.key(t), (2,)), updates, 2)
+    return run_updates(
+        method, lambda t, *_: jax.random.uniform(jax.random.key(t), (2,)), updates, 2
+    )
 
 
-def test_actions_are_sampled_learnt_or_undecided_and_the_answer_is_arg_max_once_begun() -> None:
+def test_actions_are_sampled_fixed_or_undecided_and_the_answer_is_arg_max_once_started() -> None:
     state = after(4)  # group 0 is finished, group 1 active
     actions, proposal = METHOD.sample(jax.random.key(5), state, 64)
     assert actions.dtype == jnp.int32
@@ -102,7 +104,7 @@ def test_actions_are_sampled_learnt_or_undecided_and_the_answer_is_arg_max_once_
     assert b == {best[1]} == {int(state.descent.fixed[1])}
     assert (a, c, d) == (set(range(3)), {-1}, set(range(4)))
     assert_same(proposal, relax(SPACE, actions))
-    best[2] = -1  # group 2 has not begun
+    best[2] = -1  # group 2 has not started
     assert_same(METHOD.solution(state), relax(SPACE, best))
     wide = moments(SPACE, METHOD.diagnostics.probabilities(state))
     np.testing.assert_allclose(
@@ -134,7 +136,7 @@ def test_groups_advance_and_inactive_ones_stay_bitwise_equal(seed: int) -> None:
         assert state.learners.baseline.updates.tolist() == updates
 
 
-def test_after_the_last_group_nothing_changes_and_the_first_policy_is_flax_s() -> None:
+def test_after_the_last_group_nothing_changes_and_initial_weights_are_those_of_flax() -> None:
     assert METHOD.updates == 9
     state = after(9)
     actions, proposal = METHOD.sample(KEY, state, 3)
@@ -170,30 +172,30 @@ def test_info_by_hand(failed: bool) -> None:
     np.testing.assert_allclose(squares, [-400, -100, 900], rtol=1e-6)
 
 
-@pytest.mark.parametrize(("known", "baseline"), [
+@pytest.mark.parametrize(("finite", "baseline"), [
     (0, ema()), (0, leave_one_out()), (1, leave_one_out()),
 ])  # fmt: skip
-def test_too_few_known_rewards_teach_nothing_but_groups_move_on(known: int, baseline) -> None:
+def test_too_few_finite_rewards_change_no_policy_but_groups_move_on(finite: int, baseline) -> None:
     method = sdr(SPACE, updates_per_group=2, hidden=8, baseline=baseline, normalise=True)
     before = after(1, method=method)
     actions, _ = method.sample(jax.random.key(1), before, 3)
-    state, info = tell(method, actions, np.where(np.arange(3) < known, 1, np.nan), before)
+    state, info = tell(method, actions, np.where(np.arange(3) < finite, 1, np.nan), before)
     assert_same(state.learners, before.learners)
     assert (state.descent.updates, np.flatnonzero(state.descent.fixed >= 0)) == (2, [1])
-    assert np.isnan(info.reward_mean) == (known == 0)
+    assert np.isnan(info.reward_mean) == (finite == 0)
 
 
 @pytest.mark.parametrize("method", [sdr(SPACE), make("sdr", SPACE)], ids=["function", "registry"])
 def test_the_papers_numbers(method: Method) -> None:
-    """256 hidden units; Adam's first step is its rate, 0.01; a baseline that forgets a tenth an update."""
+    """256 hidden units; Adam's first step is its rate, 0.01; a baseline with decay 0.9."""
     state = method.init(KEY)
     assert state.learners.params["params"]["Dense_0"]["kernel"].shape[2] == 256
     actions = [[0, 1, 0, 0], [1, 3, 1, 2]]
     moved, _ = tell(method, actions, [0, 1], state)
     old, new = (ravel_pytree(s.learners.params)[0] for s in (state, moved))
     assert np.abs(new - old).max() == pytest.approx(0.01, rel=0.01)
-    seen = []
+    baselines = []
     for reward in (0.0, 1.0, 1.0):
         state, info = tell(method, actions, [reward] * 2, state)
-        seen.append(float(info.baseline))
-    np.testing.assert_allclose(seen, [0, 0, 0.1], atol=1e-6)
+        baselines.append(float(info.baseline))
+    np.testing.assert_allclose(baselines, [0, 0, 0.1], atol=1e-6)

@@ -1,4 +1,4 @@
-"""Spaces, the and the relaxation of their bins."""
+"""Spaces, their bins, and relaxation."""
 
 import jax
 import jax.numpy as jnp
@@ -40,7 +40,7 @@ def test_a_bad_space_is_refused_by_name(arguments: dict, culprit: str) -> None:
     refuses(culprit, space, **arguments)
 
 
-@pytest.mark.parametrize("array", [jnp.asarray, np.asarray])  # both are welcome
+@pytest.mark.parametrize("array", [jnp.asarray, np.asarray])  # both are accepted
 @pytest.mark.parametrize(("options", "widths"), [
     ({}, [1 / 10, 1 / 4, 1]), (dict(unoptimised="half"), [1 / 10, 1 / 4, 1 / 7]),
     (dict(width=0.1), [0.1, 0.1, 1]),
@@ -59,10 +59,10 @@ def test_a_bad_width_is_refused() -> None:
 
 @given(st.integers(0, 9), st.integers(0, 100))
 def test_wider_bins_slide_inside_no_further_than_needed(action: int, percent: int) -> None:
-    actions, wanted = np.asarray([action, action % 4, action % 7]), percent / 100
-    centre, width = relax(SPACE, actions, wanted)
-    np.testing.assert_allclose(width, wanted, atol=1e-6)
-    inside = np.clip((actions + 0.5) / SPACE.bins, wanted / 2, 1 - wanted / 2)
+    actions, target = np.asarray([action, action % 4, action % 7]), percent / 100
+    centre, width = relax(SPACE, actions, target)
+    np.testing.assert_allclose(width, target, atol=1e-6)
+    inside = np.clip((actions + 0.5) / SPACE.bins, target / 2, 1 - target / 2)
     np.testing.assert_allclose(centre, inside, atol=1e-6)
 
 
@@ -80,16 +80,16 @@ def test_bins_their_entropy_and_moments_by_hand() -> None:
 
 
 @given(st.integers(0, 4), st.floats(0, 1), SEEDS)
-def test_values_without_an_order_are_one_or_all_whatever_the_width(value, share, seed) -> None:
+def test_without_an_order_intervals_are_one_bin_or_all(value, share, seed) -> None:
     apart = space(["a", "b"], bins=5, unordered=["b"])
-    found = np.asarray(relax(apart, jnp.asarray([value, value]), 0.7))
-    np.testing.assert_allclose(found[:, 1], [(value + 0.5) / 5, 0.2], atol=1e-6)
-    assert found[1, 0] == pytest.approx(0.7)
+    centre, width = map(np.asarray, relax(apart, jnp.asarray([value, value]), 0.7))
+    np.testing.assert_allclose([centre[1], width[1]], [(value + 0.5) / 5, 0.2], atol=1e-6)
+    assert width[0] == pytest.approx(0.7)
     rest = np.random.default_rng(seed).dirichlet(np.ones(5), 2)
     p = (1 - share) * rest + share * np.eye(5)[value]
-    left = np.asarray(moments(apart, jnp.asarray(p, jnp.float32), 0.7))[:, 1]
+    interval = np.asarray(moments(apart, jnp.asarray(p, jnp.float32), 0.7))[:, 1]
     expected = [(p[1].argmax() + 0.5) / 5, 0.2] if p[1].max() > 0.5 else [0.5, 1]
-    np.testing.assert_allclose(left, expected, atol=1e-6)
+    np.testing.assert_allclose(interval, expected, atol=1e-6)
 
 
 @given(SEEDS)

@@ -1,4 +1,4 @@
-"""Simulators that are programs: how they are run, what goes wrong, and runs that are cut short."""
+"""Simulators that are programs: how they run, what can fail, and runs that are interrupted."""
 
 import json
 import re
@@ -48,7 +48,7 @@ def toml(folder: Path, text: str = SMALL) -> Path:
 
 
 class Runs:
-    """Runs in this process, of one folder."""
+    """Runs in this process, in one folder."""
 
     def __init__(self, folder: Path, capsys: pytest.CaptureFixture) -> None:
         self.folder, self.out, self._capsys = folder, folder / "run", capsys
@@ -58,18 +58,18 @@ class Runs:
         return [space, "--out", str(self.out), *options, "--", *program(self.folder, code)]
 
     def done(self, *options: str, **content: str) -> str:
-        """What a run prints that ends well."""
+        """Run to the end, and return what is printed."""
         assert main(self.arguments(*options, **content)) == 0
         return self._capsys.readouterr().out
 
     def refused(self, *arguments: str, code: int = 2) -> str:
-        """The one line that a run ends with."""
+        """Run, and return the one line of the error."""
         try:
-            ended = main(arguments)
+            returned = main(arguments)
         except SystemExit as end:  # argparse
-            ended = end.code
+            returned = end.code
         error = self._capsys.readouterr().err
-        assert ended == code and error.count("\n") == 1
+        assert returned == code and error.count("\n") == 1
         return error
 
     def lines(self) -> list[dict]:
@@ -82,16 +82,21 @@ def runs(tmp_path: Path, capsys: pytest.CaptureFixture) -> Runs:
 
 
 def test_physical_values_worked_out_by_hand() -> None:
-    plain, log = Attribute("a", low=-8.0, high=8.0), Attribute("a", low=0.01, high=100.0, log=True)
-    assert physical(plain, 0.25) == -4 and physical(log, 0.5) == 1
-    for a in (plain, log):
+    linear, log = Attribute("a", low=-8.0, high=8.0), Attribute("a", low=0.01, high=100.0, log=True)
+    assert physical(linear, 0.25) == -4 and physical(log, 0.5) == 1
+    for a in (linear, log):
         assert [physical(a, end) for end in (0.0, 1.0)] == pytest.approx([a.low, a.high])
     road = Attribute("road", 3, values=("dry", "wet", "snow"))
-    some = (Attribute("x", low=10.0, high=30.0), Attribute("y"), road, replace(road, name="all"))
+    attributes = (
+        Attribute("x", low=10.0, high=30.0),
+        Attribute("y"),
+        road,
+        replace(road, name="all"),
+    )
     units = np.float32([0.35, 0.5, 0.5, 0.5]), np.float32([0.1, 1.0, 1 / 3, 1])
-    told = describe(some, Proposal(*units))
-    assert told.pop("road")["values"] == ["wet"]
-    assert told == {
+    described = describe(attributes, Proposal(*units))
+    assert described.pop("road")["values"] == ["wet"]
+    assert described == {
         "x": {"unit": {"centre": 0.35, "width": 0.1}, "centre": 17.0, "low": 16.0, "high": 18.0},
         "y": {"unit": {"centre": 0.5, "width": 1.0}, "centre": 0.5, "low": 0.0, "high": 1.0},
         "all": {"unit": {"centre": 0.5, "width": 1.0}, "values": [*road.values]},
@@ -110,7 +115,7 @@ def test_rounding_leaves_no_value_outside_its_range(log: bool) -> None:
     ["", "nan", "inf", "-inf", "1e300", "done", "[1]", '{"score": "1"}', '{"score": true}']
     + ['{"score": NaN}', '{"score": 1e999}', '{"result": 1}', "1,5", "{" * 10000],
 )
-def test_any_score_survives_printing_and_rubbish_is_none(line: str) -> None:
+def test_any_score_survives_printing_and_other_lines_are_refused(line: str) -> None:
     for score in (0.1, -3, 1e-30, -1e15, 0):
         both = parse_score(str(score)), parse_score(json.dumps({"score": score, "other": []}))
         assert both == (score, score) and all(type(read) is float for read in both)
@@ -169,41 +174,43 @@ def test_however_a_run_ends_its_children_end_too(tmp_path: Path, then, failures)
     assert gone(int(pid.read_text()))
 
 
-@pytest.mark.parametrize(("writes", "told"), [(b"", 3), (b"at work", 0)])
-def test_a_simulator_that_prints_nothing_is_told_of(tmp_path: Path, writes, told) -> None:
+@pytest.mark.parametrize(("writes", "messages"), [(b"", 3), (b"at work", 0)])
+def test_a_simulator_that_prints_nothing_is_reported(tmp_path: Path, writes, messages) -> None:
     class Process(Popen):
-        """Is looked at three times before it ends."""
+        """Ends at the fourth poll."""
 
-        looks = 0
+        polls = 0
 
         def __init__(self) -> None:
             pass
 
         def wait(self, seconds: float) -> int:
-            self.looks += 1
+            self.polls += 1
             output.write(writes)
-            if self.looks > 3:
+            if self.polls > 3:
                 return 0
             raise TimeoutExpired("simulator", seconds)
 
-    said: list[str] = []
-    simulator = Simulator([], [], tmp_path, 1000.0, 0, 1, say=said.append)
+    printed: list[str] = []
+    simulator = Simulator([], [], tmp_path, 1000.0, 0, 1, say=printed.append)
     with open(tmp_path / "output", "wb", buffering=0) as output:
         assert simulator._wait(Process(), 7, [output.fileno()]) == 0
     simulator.stop()
-    assert said == ["evaluation 7 has run for 0 s, and printed nothing in the last 60 s"] * told
+    assert (
+        printed == ["evaluation 7 has run for 0 s and printed nothing in the last 60 s"] * messages
+    )
 
 
 def test_silence_is_a_line_of_progress(runs: Runs, monkeypatch) -> None:
     monkeypatch.setattr(simulators, "SILENCE", 0.2)
     printed = runs.done(code="import time; time.sleep(0.5); print(1)")
-    line = r"^evaluation 0 has run for \d+ s, and printed nothing in the last 0 s$"
+    line = r"^evaluation 0 has run for \d+ s and printed nothing in the last 0 s$"
     assert re.search(line, printed, re.MULTILINE)
 
 
 def test_a_run_leaves_its_answer_and_is_done_when_called_again(runs: Runs) -> None:
-    ours = dict(text="minimize = true\n" + SMALL, code="print((a['centre'] - 0.3) ** 2)")
-    printed = runs.done("--workers", "2", **ours)
+    options = dict(text="minimize = true\n" + SMALL, code="print((a['centre'] - 0.3) ** 2)")
+    printed = runs.done("--workers", "2", **options)
     assert "[100 %] update 2/2 | mean" in printed and "attribute" in printed
     answer, before = read_json(runs.out / "answer.json"), (runs.out / LOG).read_bytes()
     scores = {line["id"]: line["score"] for line in runs.lines()}
@@ -211,12 +218,12 @@ def test_a_run_leaves_its_answer_and_is_done_when_called_again(runs: Runs) -> No
     best = runs.out / f"evaluations/{answer['best']['evaluation']:06d}/run-0-0/attributes.json"
     assert read_json(best)["attributes"] == answer["solution"]  # of random search
     assert (answer["evaluations"], answer["failed"]) == (6, 0)
-    # Once more changes nothing; more evaluations go on.
-    runs.done(**ours)
+    # A second call changes nothing; more evaluations continue the run.
+    runs.done(**options)
     assert (runs.out / LOG).read_bytes() == before
-    assert "continuing" in runs.done("--evaluations", "9", **ours)
+    assert "resuming" in runs.done("--evaluations", "9", **options)
     assert len(runs.lines()) == 9
-    assert "holds 9 evaluations already" in runs.refused(*runs.arguments(**ours))
+    assert "already has 9 evaluations" in runs.refused(*runs.arguments(**options))
 
 
 def test_the_table_has_the_values_of_attributes_without_an_order(runs: Runs) -> None:
@@ -229,7 +236,7 @@ def test_the_table_has_the_values_of_attributes_without_an_order(runs: Runs) -> 
 
 
 def test_evaluations_without_a_score_are_data_however_many_there_are(runs: Runs) -> None:
-    code = "print(a['centre'] if at['evaluation'] % 3 == 0 else 'rubbish')"
+    code = "print(a['centre'] if at['evaluation'] % 3 == 0 else 'nonsense')"
     printed = runs.done("--evaluations", "30", "--retries", "0", code=code)
     assert "30 evaluations by random_search, 20 failed" in printed
     assert read_json(runs.out / "answer.json")["failed"] == 20
@@ -237,13 +244,13 @@ def test_evaluations_without_a_score_are_data_however_many_there_are(runs: Runs)
         k: k % 3 > 0 for k in range(30)
     }
     runs.out = runs.folder / "other"
-    code = "print(1 if at['evaluation'] else 'rubbish')"
+    code = "print(1 if at['evaluation'] else 'nonsense')"
     printed = runs.done("--retries", "1", code=code)
-    assert "evaluation 0 failed after 2 attempts: the last line printed is 'rubbish'" in printed
+    assert "evaluation 0 failed after 2 attempts: the last line printed is 'nonsense'" in printed
 
 
-# Lines of updates, in the order in which they were told: s has a score, f has none.
-@pytest.mark.parametrize(("told", "kept"), [
+# Lines by update, in order: s has a score, f has none.
+@pytest.mark.parametrize(("updates", "kept"), [
     ("sss sff fff", 3),  # over several updates
     ("sss sss sf", 6),  # a part of an update
     ("fff fff", 0), ("f", 0), ("sf", 0), ("ssf fff", 0),  # from the first on
@@ -251,17 +258,17 @@ def test_evaluations_without_a_score_are_data_however_many_there_are(runs: Runs)
     ("fff sfs fff f", 6),
     ("", None), ("s", None), ("sff sss", None), ("fff s", None),
 ])  # fmt: skip
-def test_a_history_is_cut_where_its_last_failures_begin(told: str, kept: int | None) -> None:
+def test_a_history_is_cut_where_its_last_failures_begin(updates: str, kept: int | None) -> None:
     history = [
         {"update": update, "reward": {"s": 1.0, "f": None}[letter]}
-        for update, letters in enumerate(told.split())
+        for update, letters in enumerate(updates.split())
         for letter in letters
     ]
     assert outage(history) == kept
 
 
 def failing(down: Path) -> str:
-    """A simulator that fails from the evaluation on that a file says, while there is one."""
+    """A simulator that, while a file exists, fails from the evaluation on whose number is in it."""
     return (
         f"import os\nif os.path.exists({str(down)!r}):\n"
         f"    if at['evaluation'] >= int(open({str(down)!r}).read()): sys.exit('down')\n"
@@ -269,13 +276,13 @@ def failing(down: Path) -> str:
     )
 
 
-def test_after_an_outage_what_failed_is_repeated_and_its_lines_are_kept(runs, monkeypatch) -> None:
+def test_after_an_outage_failures_are_repeated_and_their_lines_are_kept(runs, monkeypatch) -> None:
     monkeypatch.setattr(search, "OUTAGE", 5)
     down = runs.folder / "down"
     code = failing(down)
     options = ["--evaluations", "30"]
     command, again = runs.arguments(*options, code=code), ["--retry-failed", *options]
-    assert "no evaluations to repeat; leave --retry-failed out" in runs.refused(*again, *command)
+    assert "no evaluations to repeat; remove --retry-failed" in runs.refused(*again, *command)
     assert not runs.out.exists()
     whole = (runs.done(*options, code=code), (runs.out / "answer.json").read_bytes())[1]
     before = {path: path.read_bytes() for path in runs.out.iterdir() if path.is_file()}
@@ -288,19 +295,19 @@ def test_after_an_outage_what_failed_is_repeated_and_its_lines_are_kept(runs, mo
     assert "exit code 1: down" in error and "--retry-failed" in error
     failed = (runs.out / LOG).read_bytes().splitlines(keepends=True)[6:]
     assert len(failed) == 9
-    # The simulator is down still: as before, and nothing is lost.
+    # The simulator is still down: the same error, and nothing is lost.
     assert runs.refused(*runs.arguments(*again, code=code), code=1) == error
     down.unlink()
     assert "repeats 9 evaluations" in runs.done(*again, code=code)
     assert (runs.out / "answer.json").read_bytes() == whole
     assert [line["id"] for line in runs.lines()] == list(range(30))
-    aside = (runs.out / "retried.jsonl").read_bytes().splitlines(keepends=True)
-    assert aside[:9] == failed and len(aside) == 18
-    # An attempt at it failed before.
+    retried = (runs.out / "retried.jsonl").read_bytes().splitlines(keepends=True)
+    assert retried[:9] == failed and len(retried) == 18
+    # Its folder of the failed attempt is gone.
     assert [path.name for path in (runs.out / "evaluations/000007").iterdir()] == ["run-0-0"]
 
 
-def test_the_same_command_goes_on_after_many_failures_in_a_row(runs: Runs, monkeypatch) -> None:
+def test_the_same_command_resumes_after_many_failures_in_a_row(runs: Runs, monkeypatch) -> None:
     monkeypatch.setattr(search, "OUTAGE", 9)
     code = "print(1) if at['evaluation'] in (0, 22) else sys.exit('infeasible')"
     arguments = runs.arguments("--evaluations", "24", "--retries", "0", code=code)
@@ -335,7 +342,7 @@ def test_a_simulator_that_never_works_is_one_error(runs, code, timeout, reason) 
     assert "all 3 evaluations of the first update failed" in error
     assert reason in error and arguments[-2] in error
     assert not {path.name for path in runs.out.iterdir()} & {LOG, "answer.json"}
-    runs.done(*options, "60")  # put right, the same command works
+    runs.done(*options, "60")  # once the simulator works, so does the same command
 
 
 @pytest.mark.parametrize(("change", "field"), [
@@ -368,16 +375,16 @@ def test_a_file_may_begin_with_a_byte_order_mark(tmp_path) -> None:
     (f"evaluations = {10**14}\n" + A, "evaluations 100000000000000 would take 100 PB of memory"),
     (A + "bins = 2.5", "'a': bins is 2.5, but must be a whole number"),
     (A + "bins = true", "bins is True, but must be a whole number"),
-    (A + "low = 1", "'a' has a low, but no high"),
+    (A + "low = 1", "'a' has low, but not high"),
     (A + "low = 3\nhigh = 3", "low is 3 and high is 3, but low must"),
     (A + "low = nan\nhigh = 3", "low is nan, but must be a number"),
     (A + "low = 0\nhigh = 3\nlog = true", "low is 0, but must be above"),
-    (A + 'values = ["dry"]', "'a': values is ['dry'], but must be two texts or more"),
-    (A + "values = [1, 2]", "values is [1, 2], but must be two texts or more"),
+    (A + 'values = ["dry"]', "'a': values is ['dry'], but must be two or more strings"),
+    (A + "values = [1, 2]", "values is [1, 2], but must be two or more strings"),
     (A + "values = 3", "values is 3, but must be a list"),
-    (A + 'values = ["x", "x"]', "'a': values has a text twice"),
+    (A + 'values = ["x", "x"]', "'a': values has a string twice"),
     ('method = "intervals"\n' + TWO + "[method_options]\nstart = 3", "'start' is unknown"),
-    (A + 'values = ["x", "y"]\nbins = 2', "have no order, so bins means nothing"),
+    (A + 'values = ["x", "y"]\nbins = 2', "have no order, so bins has no meaning"),
     (A + "max = 1", "'a': key 'max' is unknown; known: name, bins"),
     ('groups = [["a", "b", "c"]]\n' + TWO, "unknown attribute(s) in the groups: 'c'"),
     ('groups = ["a", "b"]\n' + TWO, "groups must be lists of names"),
@@ -387,14 +394,14 @@ def test_a_file_may_begin_with_a_byte_order_mark(tmp_path) -> None:
     ("evaluations = 0\n" + TWO, "evaluations is 0, but must be at least 1"),
     ("relaxation = 2\n" + TWO, "relaxation is 2, but must lie in [0, 1]"),
     (SDR + "updates_per_group = 2", "evaluations is 40, but sdr with updates_per_group = 2 takes"),
-    (SDR + "updates_per_group = 5", "the last of 2 groups; take more than 40, or a smaller updates_"),
-    (SDR.replace("40", "8"), "evaluations is 8, with which sdr never comes to the last of 2 groups; take 16"),
+    (SDR + "updates_per_group = 5", "the last of 2 groups; use more than 40, or a smaller updates_"),
+    (SDR.replace("40", "8"), "evaluations is 8, with which sdr never reaches the last of 2 groups; use 16"),
     (GAUSSIAN + "speed = 1", "option of gaussian 'speed' is"),
     (GAUSSIAN + "std = 'x'", "std is 'x', but must be a"),
     (GAUSSIAN + "std = -7", "method gaussian: std is -7"),
     ('method = "tpe"\n' + TWO, "method 'tpe' is unknown; known: surrogate"),
     ('method = "gaussian"\ndatasets_per_update = 1\n' + TWO, "leave_one_out needs at least 2"),
-    ("name = ", "is no TOML"), ("\xff\xfe", "is no TOML"), ("a = " + "[" * 5000, "is no TOML"),
+    ("name = ", "is not TOML"), ("\xff\xfe", "is not TOML"), ("a = " + "[" * 5000, "is not TOML"),
     ("#" * 1_000_001, "space.toml has more than 1,000,000 bytes"),
 ])  # fmt: skip
 def test_a_bad_file_is_one_error_and_nothing_is_written(runs: Runs, text, complaint) -> None:
@@ -405,8 +412,8 @@ def test_a_bad_file_is_one_error_and_nothing_is_written(runs: Runs, text, compla
 
 
 @pytest.mark.parametrize(("arguments", "complaint"), [
-    (["--", "true"], "no argument of the simulator holds {attributes.json}"),
-    ([], "say what to run at the end"),
+    (["--", "true"], "no argument of the simulator contains {attributes.json}"),
+    ([], "add the simulator at the end"),
     (["--", "./absent", PLACEHOLDER], "the simulator ./absent does not exist"),
     (["--", "./space.toml", PLACEHOLDER], "is not executable; try chmod +x"),
     (["--evaluations", "7", *TRUE], "--evaluations is 7, but must be a mul"),
@@ -421,7 +428,7 @@ def test_a_bad_command_line_is_one_error(runs: Runs, monkeypatch, arguments, com
     space = [] if "absent.toml" in arguments else ["space.toml"]
     assert complaint in runs.refused(*space, *arguments)
     assert [p.name for p in runs.folder.iterdir()] == ["space.toml"]
-    # SDR gets the updates that its evaluations suffice for: five, of two groups.
+    # 40 evaluations are five updates of two groups.
     assert read(toml(runs.folder, SDR), {}).method_options["updates_per_group"] == 3
 
 
@@ -442,7 +449,7 @@ def test_the_example_killed_and_continued_ends_with_the_same_answer(runs: Runs) 
     assert main(command) == 0
     whole = answer.read_bytes()
     answer.unlink()
-    log.write_bytes(log.read_bytes()[: 2 * log.stat().st_size // 3])  # what a kill may leave
+    log.write_bytes(log.read_bytes()[: 2 * log.stat().st_size // 3])  # as a kill may leave it
     assert main(command) == 0
     assert answer.read_bytes() == whole and len(runs.lines()) == 16
 
