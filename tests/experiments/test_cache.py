@@ -2,6 +2,7 @@
 
 import shutil
 from dataclasses import replace
+from functools import partial
 from itertools import product
 from pathlib import Path
 
@@ -17,12 +18,14 @@ from experiments.config import Fidelity
 from experiments.evaluation import cache, in_worker, renders
 from experiments.evaluation.cache import ABOUT, FOLDER, Cache
 from experiments.evaluation.cached import loaded
-from experiments.evaluation.in_worker import evaluate_miou, worker_environment
+from experiments.evaluation.in_worker import evaluate_miou, parts_of, worker_environment
 from experiments.evaluation.job import Job, Recipe, Result
+from experiments.evaluation.renders import render_part
 from experiments.evaluation.runner import Runner, about
 from scene.assets.catalogue import AssetPool
 from scene.proposal import default_proposal, draw
 from seg import pyramid
+from seg.beside import TrainingSet
 from seg.classes import table_text
 from seg.data import LabelledImages
 from seg.recipes import RECIPES
@@ -119,6 +122,54 @@ def test_results_are_those_of_arrays(workers, trainers, tmp_path):
         assert all(same(kept, made) for kept, made in zip(*map(flat, pooled), strict=True))
     done = [line.rpartition(": ")[2] for line in told]
     assert done[0] == "3 of 3" and done[2:] == ["25 of 25"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("recipe", "keeps"), [("lite0-frozen", "confusion"), ("compact", None)])
+def test_networks_of_a_trainer_may_be_made_at_once(recipe, keeps, opened, tmp_path, monkeypatch):
+    """As on a GPU, where it is much faster; sets come from renderers, and from files."""
+    train = replace(RECIPES[recipe], steps=2, warmup=1, batch=2)
+    rendering = RECIPE._replace(fidelity=replace(RECIPE.fidelity, train=train))
+    real = opened().put(TEST, train, "test")
+    few = opened().put(noise(2, 3), train, "labelled", training=True)
+    counts, many = [], in_worker.train_many
+
+    def counted(seeds, *arguments, **options):
+        counts.append(len(seeds))
+        return many(seeds, *arguments, **options)
+
+    monkeypatch.setattr(in_worker, "train_many", counted)
+    monkeypatch.setattr(in_worker, "AT_ONCE", (2, 1))
+    source, evaluate = default_proposal(), evaluate_miou
+    if keeps is not None:
+        source = TrainingSet((source, few), (0.5, 0.5))
+        evaluate = partial(evaluate, keeps=keeps)
+    tasks = [(evaluate, rendering, source, 5 + k, real) for k in range(3)]
+    parts = parts_of(rendering, draw(default_proposal(), 5, 1), 5, 1, str(tmp_path / "renders"))
+    one_by_one, at_once = (
+        in_worker.attempt_all(
+            tasks, [[render_part(*part) for part in parts] for _ in tasks], forced
+        )
+        for forced in (None, True)
+    )
+    assert counts == [2, 1] and not list((tmp_path / "renders").iterdir())
+    for ours, theirs in zip(at_once, one_by_one, strict=True):
+        assert ours.reward == pytest.approx(theirs.reward, abs=0.02)
+        assert ours.render_seconds > 0 and ours.train_seconds > 0 and ours.failed is None
+        assert (ours.predictions is None) == (theirs.predictions is None) == (keeps is None)
+        if keeps is not None:
+            assert ours.predictions.by_image.shape == theirs.predictions.by_image.shape
+            assert ours.predictions.confusion.sum() == theirs.predictions.confusion.sum()
+    diverging = rendering._replace(
+        fidelity=replace(rendering.fidelity, train=replace(train, lr=1e30))
+    )
+    tasks = [(evaluate_miou, diverging, REAL.take([0, 1]), 5, real)]
+    (ours,), (theirs,) = (in_worker.attempt_all(tasks, [[]], forced) for forced in (True, False))
+    assert ours.failed == theirs.failed and "loss is" in ours.failed
+    counts.clear()
+    kept = partial(evaluate_miou, keeps="predictions")
+    (whole,) = in_worker.attempt_all([(kept, rendering, REAL.take([0, 1]), 5, real)], [[]], True)
+    assert whole.predictions.predictions is not None and not counts
 
 
 def test_features_are_computed_once_for_all_nets_of_a_run(opened, runner, tmp_path, monkeypatch):

@@ -37,7 +37,7 @@ from tests.layouts import write
 
 TIMES = int(os.environ.get("ROBUST_TIMES", "2"))
 EXAMPLE = ROOT / "examples" / "tune"
-NAMES = ("run", "export", "tune", "fit")
+NAMES = ("run", "trainers", "export", "tune", "fit")
 
 
 @dataclass
@@ -138,6 +138,11 @@ def data() -> str:
 SIMULATOR = [sys.executable, str(EXAMPLE / "simulator.py"), "{attributes.json}"]
 PROGRAMS = {
     "run": Program("run", ["-m", "experiments.cityscapes", *TINY, "--out", "OUT"], "*.jsonl"),
+    "trainers": Program(
+        "trainers",
+        ["-m", "experiments.cityscapes", *TINY, "--workers", "2", "--trainers", "1", "--out", "OUT"],
+        "*.jsonl",
+    ),
     "export": Program(
         "export",
         "-m scene.render --images 8 --size 96x64 --shots 2 --workers 2 --seed 3 --out OUT".split(),
@@ -179,6 +184,8 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Whole]:
         started = time.monotonic()
         assert program.finish(out) == (0, "")
         seconds = time.monotonic() - started
+        if name == "trainers":  # the same as where workers render and train
+            assert program.answer(out) == made("run").answer
         sizes = [path.stat().st_size for path in out.rglob("*") if path.is_file()]
         return Whole(program, program.answer(out), seconds, sum(sizes), max(sizes))
 

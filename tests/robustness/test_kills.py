@@ -82,7 +82,7 @@ def test_the_main_process_is_killed(name, whole, tally, tmp_path):
         goes_on(own, row, out)
 
 
-@pytest.mark.parametrize("name", ["run", "export"])
+@pytest.mark.parametrize("name", ["run", "trainers", "export"])
 def test_a_worker_is_killed(name, whole, tally, tmp_path):
     own, program = whole(name), PROGRAMS[name]
     row, rng = tally(f"kill -9 of a worker: {name}"), np.random.default_rng(2)
@@ -94,8 +94,8 @@ def test_a_worker_is_killed(name, whole, tally, tmp_path):
                 time.sleep(rng.uniform(0.3, 0.9) * own.seconds)
                 # Beside workers there is a process that tracks what they share.
                 workers = [p for p in children(process.pid) if b"spawn_main" in _command(p)]
-                for pid in workers[:1]:
-                    os.kill(pid, signal.SIGKILL)
+                if workers:  # with trainers: a renderer or a trainer
+                    os.kill(workers[number % len(workers)], signal.SIGKILL)
                 finished(process)
                 assert program.answer(out) == own.answer
             finally:
