@@ -117,10 +117,10 @@ class Cluster(Workers):
 
     def _send(self, root: Path, name: str) -> None:
         for file in files_below(root) if root.is_dir() else [root]:
-            own = "" if file == root else file.relative_to(root).as_posix()
+            relative_path = "" if file == root else file.relative_to(root).as_posix()
             for start, piece in _pieces(file):
-                sent = _Piece(name, own, start, piece)
-                self._register(sent, f"{self._client.id} {name} {own} {start}")
+                piece_plugin = _Piece(name, relative_path, start, piece)
+                self._register(piece_plugin, f"{self._client.id} {name} {relative_path} {start}")
 
     def _register(self, plugin: WorkerPlugin, name: str) -> None:
         for attempt in range(TRIES):
@@ -208,8 +208,8 @@ class _Prepared(WorkerPlugin):
 class _Piece(WorkerPlugin):
     """A part of a file, which a worker writes into its own folder."""
 
-    def __init__(self, name: str, own: str, start: int, piece: bytes) -> None:
-        self._name, self._own, self._start, self._piece = name, own, start, piece
+    def __init__(self, name: str, relative_path: str, start: int, piece: bytes) -> None:
+        self._name, self._own, self._start, self._piece = name, relative_path, start, piece
 
     def setup(self, worker: Any) -> None:
         root = Path(worker.local_directory) / "sent" / self._name
@@ -228,11 +228,11 @@ def _alone(
     versions: Versions, expected: Mapping[str, int | str], function: Callable[..., Any], *task: Any
 ) -> Any:
     """Do the work of a task, one at a time; runs in a worker, which must have the same versions."""
-    ours = versions()
+    own_versions = versions()
     for name, value in expected.items():
-        if ours.get(name) != value:
+        if own_versions.get(name) != value:
             raise UserError(
-                f"a worker of the cluster has {name} {ours.get(name)}, this program {value}: install "
+                f"a worker of the cluster has {name} {own_versions.get(name)}, this program {value}: install "
                 "the same version on both"
             )
     with _ONE_AT_A_TIME:

@@ -60,8 +60,8 @@ def learn(
         UserError: more than a tenth of the evaluations failed.
     """
     config = config or run.config
-    found = search(run, plan or plan_of(config, name or "search"), config.reward_kind)
+    answer = search(run, plan or plan_of(config, name or "search"), config.reward_kind)
     file = config.out / (f"attributes/{name}.json" if name else "attributes.json")
     file.parent.mkdir(exist_ok=True)
-    write_json(file, describe(found.solution))
-    return found
+    write_json(file, describe(answer.solution))
+    return answer

@@ -54,21 +54,23 @@ def search(run: Session[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Fo
     reward_fn = sdr_jax.host_reward(rewards, common=plan.options.common_random_numbers)
     steps = sdr_jax.drive(jax.random.key(plan.seed), method, reward_fn, plan.updates, plan.datasets)
     history: list[tuple] = []
-    foreseen: list[np.ndarray] = []
+    expectations: list[np.ndarray] = []
     state: Any = None  # there are no expectations before the first update
     clipped = False
     for update in range(plan.updates):
-        before = state
+        previous = state
         state, record = next(steps)
-        foreseen += _foreseen(method, before, record)
+        expectations += _foreseen(method, previous, record)
         info = jax.device_get(record.info)
         probabilities = np.asarray(diagnostics.probabilities(state))
-        own = np.array([result.reward for result in rewards.results[-plan.datasets :]], np.float32)
-        history.append((own, float(info.baseline), int(info.group), probabilities))
+        latest = np.array(
+            [result.reward for result in rewards.results[-plan.datasets :]], np.float32
+        )
+        history.append((latest, float(info.baseline), int(info.group), probabilities))
         if info.clipped and not clipped:
             clipped = True
-            told = sum(len(rewards) for rewards, *_ in history)
-            run.progress.say(f"{plan.name}: {clipping_message(int(info.clipped), told)}")
+            count = sum(len(rewards) for rewards, *_ in history)
+            run.progress.say(f"{plan.name}: {clipping_message(int(info.clipped), count)}")
         run.progress.standing = standing(kind, [rewards for rewards, *_ in history])
         run.progress.update(_said(plan, kind, update, history))
     solution = embed(plan, jax.device_get(method.solution(state)))
@@ -80,23 +82,23 @@ def search(run: Session[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Fo
         baselines=np.array(baselines, np.float32),
         groups=np.array(groups, np.int32),
         probabilities=np.stack(distributions),
-        expected=np.stack(foreseen) if foreseen else None,
+        expected=np.stack(expectations) if expectations else None,
     )
 
 
-def _foreseen(method: sdr_jax.Method, before: Any, record: sdr_jax.Record) -> list[np.ndarray]:
+def _foreseen(method: sdr_jax.Method, previous: Any, record: sdr_jax.Record) -> list[np.ndarray]:
     """The model's expectations of an update's rewards, f32[datasets, 2]; empty without a model."""
     if method.diagnostics is None or method.diagnostics.predict is None:
         return []
-    if before is None:
+    if previous is None:
         return [np.full((len(record.rewards), 2), np.nan, np.float32)]
-    return [np.stack(method.diagnostics.predict(before, record.actions), axis=-1)]
+    return [np.stack(method.diagnostics.predict(previous, record.actions), axis=-1)]
 
 
 def standing(kind: RewardKind, rewards: Sequence[np.ndarray]) -> str:
     """The best reward of all updates in words."""
-    known = [float(np.nanmax(own)) for own in rewards if not np.isnan(own).all()]
-    return f"best {REWARD_NAMES[kind]} {in_words(kind, max(known))}" if known else ""
+    best_rewards = [float(np.nanmax(update)) for update in rewards if not np.isnan(update).all()]
+    return f"best {REWARD_NAMES[kind]} {in_words(kind, max(best_rewards))}" if best_rewards else ""
 
 
 def _said(plan: SearchPlan, kind: RewardKind, update: int, history: Sequence[tuple]) -> str:

@@ -54,20 +54,20 @@ def plan(
         )
     groups = [[name for name in group if name in subset] for group in config.groups]
     space = sdr_jax.space(subset, options.bins, [group for group in groups if group])
-    fitting, each = schedule(evaluations, len(space.groups), datasets)
-    made = make_method(config, method, space, max(each, 1))
-    if made.updates is not None:  # otherwise it takes any number
-        if each == 0:
+    datasets_that_fit, updates_per_group = schedule(evaluations, len(space.groups), datasets)
+    search_method = make_method(config, method, space, max(updates_per_group, 1))
+    if search_method.updates is not None:  # otherwise it takes any number
+        if updates_per_group == 0:
             raise UserError(
                 f"--evaluations {evaluations} are too few for {method} on {len(subset)} attributes: "
-                f"{len(space.groups)} groups of at least {fitting} datasets"
+                f"{len(space.groups)} groups of at least {datasets_that_fit} datasets"
             )
-        datasets = fitting
+        datasets = datasets_that_fit
     return SearchPlan(
         name,
         config.space,
         method,
-        made,
+        search_method,
         subset,
         datasets,
         evaluations // datasets,

@@ -77,13 +77,13 @@ class Rewards:
         self._update = 0
         self.results: list[Result] = []
 
-    def __call__(self, asked: sdr_jax.DataSets) -> np.ndarray:
+    def __call__(self, data_sets: sdr_jax.DataSets) -> np.ndarray:
         """Rewards f32[n]; NaN for a failed evaluation.
 
         Raises:
             UserError: more than a tenth of the evaluations failed, or the log is from another run.
         """
-        run, proposals = self._run, embed(self._plan, asked.proposals)
+        run, proposals = self._run, embed(self._plan, data_sets.proposals)
         jobs = [
             self._job._replace(
                 source=run.with_few(run.config.reward, Proposal(*intervals)),
@@ -91,7 +91,7 @@ class Rewards:
                 notes={**self._place(k), "actions": actions},
             )
             for k, (*intervals, seed, actions) in enumerate(
-                zip(*proposals, asked.seeds.tolist(), asked.actions.tolist(), strict=True)
+                zip(*proposals, data_sets.seeds.tolist(), data_sets.actions.tolist(), strict=True)
             )
         ]
         self._refuse_another(jobs)

@@ -102,22 +102,22 @@ class Cache:
                 files.write(arrays, 0, count)
 
         self._keep(folder, {"images": source}, store)
-        held = Cached(self._workers.share(str(folder)))
+        cached = Cached(self._workers.share(str(folder)))
         if not train.frozen:
-            return held
+            return cached
         views = _views(train, training)
         folder = self._root / f"{source[:16]}-{digest(views)[:8]}"
-        told = {"images": source, **views}
+        description = {"images": source, **views}
         train = _sent(train, self._workers)
 
         def fill(part: Path) -> None:
             starts = range(0, max(count - CHUNK // 2, 1), CHUNK)  # no batch of another size
-            tasks = [(held, s, s + CHUNK, train, training) for s in starts]
-            tasks[-1] = (held, starts[-1], count, train, training)
+            tasks = [(cached, s, s + CHUNK, train, training) for s in starts]
+            tasks[-1] = (cached, starts[-1], count, train, training)
             self._compute(part, count, tasks, what)
 
-        self._keep(folder, told, fill)
-        return held._replace(features=self._workers.share(str(folder)))
+        self._keep(folder, description, fill)
+        return cached._replace(features=self._workers.share(str(folder)))
 
     def streets(
         self, name: str, recipe: Recipe, units: np.ndarray, seed: int, done: Callable[[int], None]
@@ -153,9 +153,9 @@ class Cache:
 
         self._keep(folder, {"streets": name}, fill)
         shutil.rmtree(pieces, ignore_errors=True)
-        held = self._workers.share(str(folder))
-        maps = held if recipe.fidelity.train.frozen else None
-        return Cached(held, maps)
+        name_for_tasks = self._workers.share(str(folder))
+        maps = name_for_tasks if recipe.fidelity.train.frozen else None
+        return Cached(name_for_tasks, maps)
 
     def _parts_of_streets(self, most: int, task: tuple) -> list[tuple[Part]]:
         recipe, units, seed, start = task
@@ -185,9 +185,9 @@ class Cache:
             return recipe
         real = target.at(fidelity.height, fidelity.width)["reward"]
         trunk = replace(fidelity.train, trunk="frozen")  # a tuned one begins like this
-        held = self.put(real, trunk, "reward")
-        ((_, found),) = self._workers.map(statistics_of, [(held,)], net=True)
-        return recipe._replace(statistics=found)
+        cached = self.put(real, trunk, "reward")
+        ((_, statistics),) = self._workers.map(statistics_of, [(cached,)], net=True)
+        return recipe._replace(statistics=statistics)
 
     def _compute(self, part: Path, count: int, tasks: list[tuple], what: str) -> None:
         """Write the features of all tasks into the files of a folder, view after view."""
@@ -202,7 +202,7 @@ class Cache:
     def _keep(
         self,
         folder: Path,
-        told: Mapping[str, Any],
+        description: Mapping[str, Any],
         fill: Callable[[Path], dict[str, Any] | None],
     ) -> None:
         """Write a folder if it does not exist; check once per run that it is right.
@@ -211,11 +211,11 @@ class Cache:
         """
         if folder in self._checked:
             return
-        if not _is_whole(folder, told):
+        if not _is_whole(folder, description):
             with whole_folder(folder) as part:
-                more = fill(part) or {}
+                more_fields = fill(part) or {}
                 files = {path.name: file_digest(path) for path in sorted(part.iterdir())}
-                write_json(part / ABOUT, {**told, **more, "files": files})
+                write_json(part / ABOUT, {**description, **more_fields, "files": files})
         self._checked.add(folder)
 
 
@@ -255,14 +255,16 @@ def _features(images: np.ndarray, train: TrainSettings, training: bool) -> Maps:
     return features((view_images if training else with_mirror)(images, train), train)
 
 
-def _features_of(held: Cached, start: int, stop: int, train: TrainSettings, training: bool) -> Maps:
+def _features_of(
+    cached: Cached, start: int, stop: int, train: TrainSettings, training: bool
+) -> Maps:
     """Compute features of some of the images; runs in a worker."""
-    return _features(held.load().images[start:stop], train, training)
+    return _features(cached.load().images[start:stop], train, training)
 
 
-def statistics_of(held: Cached) -> Statistics:
+def statistics_of(cached: Cached) -> Statistics:
     """Compute the statistics of all features; runs in a worker."""
-    maps = held.load().features
+    maps = cached.load().features
     assert maps is not None
     return channel_statistics(maps)
 
@@ -295,8 +297,8 @@ def _made_streets(
 def _piece(path: Path) -> dict[str, np.ndarray] | None:
     """Read a piece of a pool; None if it is not complete."""
     try:
-        with path.open("rb") as file, np.load(file) as found:
-            return {name: found[name] for name in found.files}
+        with path.open("rb") as file, np.load(file) as arrays:
+            return {name: arrays[name] for name in arrays.files}
     except (OSError, ValueError, EOFError, BadZipFile):
         return None
 
@@ -357,22 +359,22 @@ class _Arrays:
                 file.write(np.ascontiguousarray(rows).data)
 
 
-def _is_whole(folder: Path, told: Mapping[str, Any]) -> bool:
+def _is_whole(folder: Path, description: Mapping[str, Any]) -> bool:
     """Whether all files exist; raises UserError if they are wrong."""
     path, end = folder / ABOUT, removable(folder)
     if not path.exists():
         return False
     try:
-        found = read_json(path)
-        files = dict(found["files"])
+        about = read_json(path)
+        files = dict(about["files"])
     except (UserError, LookupError, TypeError, ValueError):
         raise UserError(f"{path} is damaged; {end}") from None
     if not all(os.path.isfile(folder / name) for name in files):
         return False
-    for name, value in told.items():
-        if found.get(name) != value:
+    for name, value in description.items():
+        if about.get(name) != value:
             raise UserError(
-                f"{path}: this folder is of other {name}, {found.get(name)!r} and not {value!r}; {end}"
+                f"{path}: this folder is of other {name}, {about.get(name)!r} and not {value!r}; {end}"
             )
     for name, value in files.items():
         if file_digest(folder / name) != value:

@@ -64,37 +64,37 @@ def trainers_of(requested: int | None, names: Sequence[str]) -> int | None:
     return requested
 
 
-def refuse_unusable(found: Device, names: Sequence[str], trained: Mapping[str, Fidelity]) -> None:
+def refuse_unusable(used: Device, names: Sequence[str], trained: Mapping[str, Fidelity]) -> None:
     """Raise UserError for a trainer without the GPU that it was given, or with too little memory.
 
     Args:
-        found: the trainer's device.
+        used: the trainer's device.
         names: the GPUs that JAX is to use.
         trained: the fidelities at which it trains, by field.
     """
-    if found.backend == "cpu" and names:
+    if used.backend == "cpu" and names:
         raise UserError(
             f"JAX cannot start CUDA although the driver lists GPU {', '.join(names)}: check that nvidia-smi "
             "works and shows CUDA version 12 or later, then pip install -U 'sdr-jax[cuda]'; or train on the "
             "CPU with JAX_PLATFORMS=cpu"
         )
-    if found.backend == "cpu" or found.memory is None:
+    if used.backend == "cpu" or used.memory is None:
         return
     for name, fidelity in trained.items():
         need = training_bytes(fidelity)
-        if need > found.memory:
+        if need > used.memory:
             raise UserError(
                 f"--{name}: training on {fidelity.images} images of {fidelity.size} takes at least "
-                f"{in_words(need)} of GPU memory, and {found.name} offers {in_words(found.memory)}: use a "
+                f"{in_words(need)} of GPU memory, and {used.name} offers {in_words(used.memory)}: use a "
                 f"smaller --{name}.width and --{name}.height, or JAX_PLATFORMS=cpu"
             )
 
 
-def out_of_memory(found: Device, fidelity: Fidelity) -> UserError:
+def out_of_memory(used: Device, fidelity: Fidelity) -> UserError:
     """The error of a trainer whose GPU ran out of memory."""
-    memory = "its memory" if found.memory is None else f"its {in_words(found.memory)} of memory"
+    memory = "its memory" if used.memory is None else f"its {in_words(used.memory)} of memory"
     return UserError(
-        f"{found.name} ran out of {memory} while training {fidelity.train.net} on images of {fidelity.size}, "
+        f"{used.name} ran out of {memory} while training {fidelity.train.net} on images of {fidelity.size}, "
         f"{fidelity.train.batch} at a time: end other programs that use it (nvidia-smi lists them), or use "
         "smaller images or batches"
     )

@@ -248,8 +248,8 @@ def timed_set(
         return LabelledImages(ready.images, ready.labels), ready.seconds
     started = time.perf_counter()
     images = training_set(recipe, source, seed)
-    given = isinstance(source, LabelledImages)
-    return images, 0.0 if given else time.perf_counter() - started
+    is_labelled = isinstance(source, LabelledImages)
+    return images, 0.0 if is_labelled else time.perf_counter() - started
 
 
 def evaluate_miou(
@@ -291,7 +291,7 @@ def evaluate_miou(
 
 def trained(
     recipe: Recipe,
-    own: LabelledImages,
+    images: LabelledImages,
     seed: int,
     params: Params | None = None,
     source: Source | None = None,
@@ -306,25 +306,25 @@ def trained(
         UserError: this process has another backend than the run.
     """
     refuse_other(recipe.made_with)
-    second: dict[str, Any] = {}
+    mixed_in: dict[str, Any] = {}
     if isinstance(source, TrainingSet):
-        second = {"beside": source.parts[1], "share": source.shares[1]}
+        mixed_in = {"beside": source.parts[1], "share": source.shares[1]}
     fidelity = recipe.fidelity
     per_step = head_cost(fidelity) / (fidelity.train.steps * fidelity.train.heads)
     with _memory_named(recipe), ending_report():
         return train(
             seed,
-            own.images,
-            own.labels,
+            images.images,
+            images.labels,
             recipe.fidelity.train,
             len(recipe.classes.classes),
             lambda steps, loss: report(steps * per_step),
             params=params,
-            features=own.features,
+            features=images.features,
             statistics=recipe.statistics,
             checkpoints=recipe.checkpoints,
             at_checkpoint=test,
-            **second,
+            **mixed_in,
         )
 
 
@@ -332,11 +332,11 @@ def trained_net(recipe: Recipe, source: Any, seed: int, params: Params | None) -
     """Train a net on a source; its variables in NumPy, or why there are none. Runs in a worker."""
     source = loaded(source)
     try:
-        own = training_set(recipe, source, seed)
-        found = trained(recipe, own, seed, params, source)
+        images = training_set(recipe, source, seed)
+        variables = trained(recipe, images, seed, params, source)
     except TrainingError as error:
         return str(error)
-    return jax.tree.map(np.asarray, found)
+    return jax.tree.map(np.asarray, variables)
 
 
 def tested(
@@ -353,7 +353,9 @@ def tested(
     predicted = predict_heads(params, real.images, settings, classes, features=real.features)
     pairs = zip(real.labels, predicted[:, 0], strict=True)
     by_image = np.stack([confusion_matrix(*pair, classes) for pair in pairs])
-    by_head = [confusion_matrix(real.labels, own, classes) for own in predicted.swapaxes(0, 1)[1:]]
+    by_head = [
+        confusion_matrix(real.labels, labels, classes) for labels in predicted.swapaxes(0, 1)[1:]
+    ]
     seconds = train_seconds + time.perf_counter() - started
     result = _scored(by_image, by_head, render_seconds, seconds)
     if keeps is None:

@@ -45,33 +45,37 @@ def made_with() -> MadeWith:
 
 def asked(workers: Workers) -> Iterator[tuple[int, MadeWith]]:
     """Ask one of the training workers at once; taking the answer waits for it."""
-    begun = workers.begin(made_with, behind=False)
-    return workers.map(made_with, [()], net=True, begun={} if begun is None else {0: begun})
+    future = workers.begin(made_with, behind=False)
+    return workers.map(made_with, [()], net=True, future={} if future is None else {0: future})
 
 
 def refuse_other(expected: MadeWith) -> None:
     """Raise UserError in a worker whose backend or versions differ from those of the run's first."""
-    ours = dict(made_with())
+    versions_here = dict(made_with())
     for name, value in expected:
-        if ours[name] != value:
+        if versions_here[name] != value:
             raise UserError(
-                f"a worker has {name} {ours[name]}, the run began with {value}: give all workers the "
-                "same backend and the same versions"
+                f"a worker has {name} {versions_here[name]}, the run began with {value}: give all workers "
+                "the same backend and the same versions"
             )
 
 
 def told_apart(records: Iterable[Record]) -> str:
     """Count records by the backend and versions that differ; empty if none do."""
-    found = [record.get(FIELD) for record in records]  # None: an older version did not record it
-    known = [own for own in found if own]
-    differ = [n for n in known[0] if len({own.get(n) for own in known}) > 1] if known else []
-    if not differ and len(known) == len(found):
-        return ""
-    said = Counter(
-        ", ".join(f"{name} {own.get(name)}" for name in differ or ["backend"])
-        if own
-        else "no record"
-        for own in found
+    makers = [record.get(FIELD) for record in records]  # None: an older version did not record it
+    recorded = [maker for maker in makers if maker]
+    differ = (
+        [n for n in recorded[0] if len({maker.get(n) for maker in recorded}) > 1]
+        if recorded
+        else []
     )
-    kinds = "; ".join(f"{count} with {words}" for words, count in said.items())
-    return f"Runs take only what their own backend and versions made: {kinds}"
+    if not differ and len(recorded) == len(makers):
+        return ""
+    counts = Counter(
+        ", ".join(f"{name} {maker.get(name)}" for name in differ or ["backend"])
+        if maker
+        else "no record"
+        for maker in makers
+    )
+    kinds = "; ".join(f"{count} with {words}" for words, count in counts.items())
+    return f"Runs take only what their maker backend and versions made: {kinds}"

@@ -88,9 +88,9 @@ def feature_net(recipe: Recipe, folder: Path, workers: Workers) -> FeatureNet:
 
 def train_features(recipe: Recipe) -> Any:
     """Train a compact net on streets with all attributes random; its parameters."""
-    own = recipe.fidelity.train
+    reward_settings = recipe.fidelity.train
     # The net is compact, with its own settings, whatever net the recipe has.
-    settings = with_steps(TrainSettings(batch=own.batch), own.steps)
+    settings = with_steps(TrainSettings(batch=reward_settings.batch), reward_settings.steps)
     refuse_other(recipe.made_with)
     images, labels, *_ = training_set(recipe, random_proposal(), SEED)
     params = train(SEED, images, labels, settings, len(recipe.classes.classes))

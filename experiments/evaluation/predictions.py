@@ -44,12 +44,12 @@ def predictions_of(by_image: np.ndarray, predictions: np.ndarray | None = None) 
         by_image: i64[n, classes, classes], the confusion matrix of every tested image.
         predictions: u8[n, h, w], if some of them are to be kept, too.
     """
-    found = Predictions(by_image.sum(axis=0), by_image=by_image.astype(np.int32))
+    matrices = Predictions(by_image.sum(axis=0), by_image=by_image.astype(np.int32))
     if predictions is None:
-        return found
+        return matrices
     chosen = picked(len(by_image))
-    miou = [mean_iou(own) if own.any() else np.nan for own in by_image[chosen]]
-    return found._replace(
+    miou = [mean_iou(matrix) if matrix.any() else np.nan for matrix in by_image[chosen]]
+    return matrices._replace(
         picked=chosen, miou=np.array(miou, np.float32), predictions=predictions[chosen]
     )
 
@@ -59,9 +59,9 @@ def file_of(run: Path, key: str) -> Path:
     return run / FOLDER / f"{key[:16]}.npz"
 
 
-def save(path: Path, found: Predictions) -> None:
+def save(path: Path, contents: Predictions) -> None:
     """Write the file, whole or not at all."""
-    arrays: dict[str, Any] = {k: v for k, v in found._asdict().items() if v is not None}
+    arrays: dict[str, Any] = {k: v for k, v in contents._asdict().items() if v is not None}
     data = io.BytesIO()
     np.savez_compressed(data, **arrays)
     with naming(path.parent):
@@ -72,9 +72,9 @@ def save(path: Path, found: Predictions) -> None:
 def load(path: Path) -> Predictions | None:
     """Read the file; None if there is no readable one, such as for a net from ``--store``."""
     try:
-        with np.load(io.BytesIO(path.read_bytes())) as found:
+        with np.load(io.BytesIO(path.read_bytes())) as arrays:
             return Predictions(
-                **{name: found[name] for name in found.files if name in Predictions._fields}
+                **{name: arrays[name] for name in arrays.files if name in Predictions._fields}
             )
     except (OSError, ValueError, EOFError, TypeError, BadZipFile):
         return None

@@ -138,18 +138,18 @@ class Runner:
         kind = (job.recipe, job.side, job.kind)
         if kind not in self._about:
             self._about[kind] = about(job.recipe, self._target, job.side, self._real(job))
-        found, start, source = self._about[kind], job.start, job.source
+        fields, start, source = self._about[kind], job.start, job.source
         if isinstance(source, TrainingSet):
             (_, few), (_, share) = source.parts, source.shares
-            told = [found["config"], digest_of_images(few), share]
-            also = {"few": count_of(few), "few_share": share}
-            return {**found, "config": digest(told)[:16], **also}
+            decides = [fields["config"], digest_of_images(few), share]
+            subset_fields = {"few": count_of(few), "few_share": share}
+            return {**fields, "config": digest(decides)[:16], **subset_fields}
         if start is None or (start.streets is None and not start.on_subset):
-            return found
+            return fields
         before = self.about(job._replace(recipe=start.recipe, start=None))["config"]
         if start.streets is not None:
             before = identity(before, start.streets, 0)
-        return {**found, "config": digest([before, found["config"]])[:16]}
+        return {**fields, "config": digest([before, fields["config"]])[:16]}
 
     def known(self, jobs: Sequence[Job], log: Store | None = None) -> list[bool]:
         """Whether each evaluation is known, in the log or in the store."""
@@ -195,10 +195,10 @@ class Runner:
             UserError: no pixel of the tested images has a label.
         """
         log = self._finals if log is None else log
-        found: dict[int, Result] = {}
+        results: dict[int, Result] = {}
         self._keep_ended()
         for index, key, result in self._made(jobs, log):
-            found[index] = result
+            results[index] = result
             if key in self._ended:
                 self._ended.remove(key)
             else:
@@ -206,7 +206,7 @@ class Runner:
             if say is not None and not result.stored:
                 self._progress().update(say(index, result))
             self._keep_ended()
-        return [found[index] for index in range(len(jobs))]
+        return [results[index] for index in range(len(jobs))]
 
     def test(self, jobs: Sequence[Job]) -> list[Result]:
         """Make evaluations that are no rewards of a search, and report each result.
@@ -216,8 +216,10 @@ class Runner:
         """
         results = self.run(jobs, say=lambda index, result: said(jobs[index], result))
         for what in dict.fromkeys(job.notes["nets"] for job in jobs):
-            own = [r for job, r in zip(jobs, results, strict=True) if job.notes["nets"] == what]
-            refuse_failed(own, len(own))
+            kind_results = [
+                r for job, r in zip(jobs, results, strict=True) if job.notes["nets"] == what
+            ]
+            refuse_failed(kind_results, len(kind_results))
         return results
 
     def train(self, job: Job, params: Params | None = None) -> Params:
@@ -232,10 +234,10 @@ class Runner:
         """
         recipe = sent(self.cache.normalised(job.recipe, self._target), self._workers)
         task = (recipe, self._source(job.source, job.recipe), int(job.seed), params)
-        ((_, found),) = self._workers.map(trained_net, [task], net=True)
-        if isinstance(found, str):
-            raise UserError(f"the net that is left failed in training: {found}")
-        return found
+        ((_, variables),) = self._workers.map(trained_net, [task], net=True)
+        if isinstance(variables, str):
+            raise UserError(f"the net that is left failed in training: {variables}")
+        return variables
 
     def _made(self, jobs: Sequence[Job], log: Store) -> Iterator[tuple[int, str, Result]]:
         """Yield (index, key, result) of every job: known ones first, the others as they are done.
@@ -243,36 +245,44 @@ class Runner:
         Missing jobs run together, the longest first.
         """
         keys = [self.key(job) for job in jobs]
-        begun = {key: self._prefetched.pop(key).future for key in set(keys) & set(self._prefetched)}
+        prefetched = {
+            key: self._prefetched.pop(key).future for key in set(keys) & set(self._prefetched)
+        }
         self._refresh()
         missing: dict[str, list[int]] = {}  # several jobs of one call may be the same
         for index, (key, job) in enumerate(zip(keys, jobs, strict=True)):
-            known = self._remembered(key, job, log)
-            if known is None:
+            remembered = self._remembered(key, job, log)
+            if remembered is None:
                 missing.setdefault(key, []).append(index)
             else:
-                yield index, key, known
+                yield index, key, remembered
         work = _grouped(jobs, [indices[0] for indices in missing.values()])
         if not work:
             return
         self._announce_compilation([jobs[indices[0]] for indices in work])
         tasks = [self._task([jobs[index] for index in indices]) for indices in work]
         rendered = [0.0] * len(tasks)
-        idle = len(tasks) < self._workers.workers and not begun
+        idle = len(tasks) < self._workers.workers and not prefetched
         if idle and self._workers.trainers is None:  # a pipeline divides sets itself
             tasks, rendered = zip(*map(self._rendered_by_all, tasks), strict=True)
-        own = {n: begun[keys[work[n][0]]] for n in range(len(work)) if keys[work[n][0]] in begun}
-        made = self._workers.map(attempt, tasks, net=True, split=self._split, begun=own)
-        for number, results in made:
+        begun = {
+            n: prefetched[keys[work[n][0]]]
+            for n in range(len(work))
+            if keys[work[n][0]] in prefetched
+        }
+        results_by_task = self._workers.map(
+            attempt, tasks, net=True, split=self._split, prefetched=begun
+        )
+        for number, results in results_by_task:
             several = results if isinstance(results, list) else [results]
             for index, result in zip(work[number], several, strict=True):
                 key, job = keys[index], jobs[index]
                 seconds = result.render_seconds + rendered[number]
                 yield index, key, self._keep(key, job, result._replace(render_seconds=seconds), log)
                 for twin in missing[key][1:]:
-                    known = self._remembered(key, jobs[twin], log)
-                    assert known is not None
-                    yield twin, key, known
+                    remembered = self._remembered(key, jobs[twin], log)
+                    assert remembered is not None
+                    yield twin, key, remembered
 
     def _announce_compilation(self, jobs: Sequence[Job]) -> None:
         """Say that trainers of this machine compile for its GPU, once for each recipe."""
@@ -286,14 +296,14 @@ class Runner:
 
     def _remembered(self, key: str, job: Job, log: Store) -> Result | None:
         """The known result of an evaluation; the log has a line for each of its jobs, by their notes."""
-        known = log.get(key)
-        if known is None and self._store is not None:
-            known = self._store.get(key)
-        if known is None:
+        record = log.get(key)
+        if record is None and self._store is not None:
+            record = self._store.get(key)
+        if record is None:
             return None
         if not log.notes(key, job.notes):
-            self._write(known, job, log)
-        return result_of(known)
+            self._write(record, job, log)
+        return result_of(record)
 
     def _keep(self, key: str, job: Job, result: Result, log: Store) -> Result:
         """Record a job's result.
@@ -358,13 +368,13 @@ class Runner:
         recipe, real = self._for_tasks(job)
         train, start = job.recipe.fidelity.train, job.start
         if start is not None:
-            subsets = [each.source for each in jobs if isinstance(each.source, LabelledSubset)]
+            subsets = [one.source for one in jobs if isinstance(one.source, LabelledSubset)]
             before = sent(start.recipe, self._workers)
             before = before._replace(statistics=recipe.statistics)  # images of the same size
             images = self.cache.put(subsets[0].images, train, "labelled", training=True)
-            chosen = [np.array(own.picked) for own in subsets]
-            own = (start._replace(recipe=before), recipe, int(job.seed), images, chosen, real)
-            return (transfer, *own)
+            chosen = [np.array(subset.picked) for subset in subsets]
+            subset = (start._replace(recipe=before), recipe, int(job.seed), images, chosen, real)
+            return (transfer, *subset)
         evaluate: Callable[..., Result] = evaluate_miou if job.kind == "miou" else evaluate_mmd
         if job.keeps is not None:
             evaluate = partial(evaluate, keeps=job.keeps)
@@ -380,8 +390,8 @@ class Runner:
                 self._shared[kind] = sent(recipe, self._workers), real._replace(net=net)
             else:
                 recipe = self.cache.normalised(recipe, self._target)
-                held = self.cache.put(real, recipe.fidelity.train, job.side)
-                self._shared[kind] = sent(recipe, self._workers), held
+                cached = self.cache.put(real, recipe.fidelity.train, job.side)
+                self._shared[kind] = sent(recipe, self._workers), cached
         return self._shared[kind]
 
     def _source(self, source: Source, recipe: Recipe) -> Any:
@@ -405,9 +415,9 @@ class Runner:
         if more or isinstance(real, Reference) or not isinstance(source, Streets):
             return task, 0.0
         started = time.perf_counter()
-        own = rendered_set(recipe, source, seed, self._workers)
+        images = rendered_set(recipe, source, seed, self._workers)
         busy = min(self._workers.workers, recipe.fidelity.streets)
-        return (evaluate, recipe, own, seed, real), busy * (time.perf_counter() - started)
+        return (evaluate, recipe, images, seed, real), busy * (time.perf_counter() - started)
 
 
 def _parts(most: int, task: tuple, folder: str | None) -> list[tuple[Part]]:
@@ -435,14 +445,14 @@ def _alike(task: tuple) -> bytes:
     return pickle.dumps((evaluate, recipe, type(rendered_of(source)), mixed, real))
 
 
-def _grouped(jobs: Sequence[Job], wanted: Sequence[int]) -> list[list[int]]:
+def _grouped(jobs: Sequence[Job], missing: Sequence[int]) -> list[list[int]]:
     """Group jobs by index into tasks, the longest first; jobs fine-tuned from one net are one task."""
     groups: dict[Any, list[int]] = {}
-    for index in wanted:
+    for index in missing:
         job = jobs[index]
         name = index if job.start is None else (id(job.start), job.seed)
         groups.setdefault(name, []).append(index)
-    return sorted(groups.values(), key=lambda own: -sum(job_cost(jobs[k]) for k in own))
+    return sorted(groups.values(), key=lambda indices: -sum(job_cost(jobs[k]) for k in indices))
 
 
 def refuse_failed(results: Sequence[Result], total: int) -> None:
@@ -485,8 +495,8 @@ def about(recipe: Recipe, target: Target, side: Side, real: LabelledImages | Ref
     if recipe.checkpoints > 1:
         decides["checkpoints"] = recipe.checkpoints
     if kind == "miou" and by_target(fidelity.train):
-        own = target.at(fidelity.height, fidelity.width)["reward"]
-        decides["statistics"] = digest_of(own.images)
+        reward_images = target.at(fidelity.height, fidelity.width)["reward"]
+        decides["statistics"] = digest_of(reward_images.images)
     return {
         "config": digest(decides)[:16],
         "target": target.name,

@@ -63,14 +63,16 @@ def identity(config: str, source: Source, seed: int) -> str:
         seed: seed of the streets and of the net.
     """
     if isinstance(source, Given):
-        named: Any = digest_of_images(source)
+        source_parts: Any = digest_of_images(source)
     elif isinstance(source, StreetPool):
-        named = source.name
+        source_parts = source.name
     elif isinstance(source, Mixture):
-        named = [[share, *_parts(own).values()] for share, own in components(source)]
+        source_parts = [
+            [share, *_parts(component).values()] for share, component in components(source)
+        ]
     else:
-        named = [*_parts(source).values()]
-    return digest({"config": config, "source": named, "seed": int(seed)})
+        source_parts = [*_parts(source).values()]
+    return digest({"config": config, "source": source_parts, "seed": int(seed)})
 
 
 _DIGESTS: dict[int, tuple[weakref.ref[np.ndarray], str]] = {}
@@ -98,8 +100,8 @@ def digest_of_images(images: Given) -> str:
     whole = images.images
     name = (digest_of(whole.images, whole.labels), images.picked)
     if name not in _DIGESTS_OF_PARTS:
-        own = whole.take(images.picked)
-        _DIGESTS_OF_PARTS[name] = digest_of(own.images, own.labels)
+        subset = whole.take(images.picked)
+        _DIGESTS_OF_PARTS[name] = digest_of(subset.images, subset.labels)
     return _DIGESTS_OF_PARTS[name]
 
 
@@ -108,9 +110,9 @@ def _forget(number: int, _: Any) -> None:
 
 
 def _read(array: np.ndarray) -> str:
-    found = hashlib.sha256(f"{array.dtype.str}{list(array.shape)}".encode())
-    found.update(np.ascontiguousarray(array).data)
-    return found.hexdigest()
+    sha = hashlib.sha256(f"{array.dtype.str}{list(array.shape)}".encode())
+    sha.update(np.ascontiguousarray(array).data)
+    return sha.hexdigest()
 
 
 def record_of(key: str, source: Source, seed: int, result: Result) -> Record:
@@ -132,7 +134,7 @@ def record_of(key: str, source: Source, seed: int, result: Result) -> Record:
         record |= _parts(source)
     if isinstance(source, Mixture):
         record["components"] = [
-            {"share": share, **_parts(own)} for share, own in components(source)
+            {"share": share, **_parts(component)} for share, component in components(source)
         ]
     return record
 
@@ -150,9 +152,9 @@ def result_of(record: Record) -> Result:
     )
 
 
-def _parts(own: Any) -> dict[str, list[Any]]:
+def _parts(component: Any) -> dict[str, list[Any]]:
     """The parts of a component in plain numbers; held attributes only if there are any."""
-    return {name: _floats(part) for name, part in own._asdict().items() if len(part)}
+    return {name: _floats(part) for name, part in component._asdict().items() if len(part)}
 
 
 def _floats(values: Any) -> list[Any]:
@@ -163,10 +165,10 @@ def _floats(values: Any) -> list[Any]:
 
 def each(records: Iterable[Record]) -> list[Record]:
     """The first line of every evaluation among lines of stores."""
-    found: dict[str, Record] = {}
+    first_records: dict[str, Record] = {}
     for record in records:
-        found.setdefault(record["key"], record)
-    return list(found.values())
+        first_records.setdefault(record["key"], record)
+    return list(first_records.values())
 
 
 class Store:
@@ -226,9 +228,9 @@ class Store:
         before = len(self._lines.lines)
         with self._lines.shared():
             self._absorb(self._lines.lines[before:])
-            known = self.get(record["key"])
-            if known is not None:
-                return known
+            earlier = self.get(record["key"])
+            if earlier is not None:
+                return earlier
             first = [] if self._lines.lines else [HEADER]
             self._lines.append(*first, record)
             self._remember(record, len(self._lines.lines) - 1)
@@ -251,18 +253,18 @@ class Store:
 
 
 def _check_header(path: Path, header: Record) -> None:
-    found = header.get("store")
-    if found != FORMAT:
-        earlier = isinstance(found, str) and found.startswith(FORMAT.rpartition(",")[0])
-        what = f"of an earlier version ({found!r})" if earlier else "no store of evaluations"
+    file_format = header.get("store")
+    if file_format != FORMAT:
+        earlier = isinstance(file_format, str) and file_format.startswith(FORMAT.rpartition(",")[0])
+        what = f"of an earlier version ({file_format!r})" if earlier else "no store of evaluations"
         raise UserError(f"{path} is {what}, expected {FORMAT!r}; use another store")
-    theirs = header.get("attributes")
-    if theirs != list(NAMES):
-        theirs = theirs if isinstance(theirs, list) else []
-        stray = [str(name) for name in theirs if name not in NAMES]
+    attributes = header.get("attributes")
+    if attributes != list(NAMES):
+        attributes = attributes if isinstance(attributes, list) else []
+        stray = [str(name) for name in attributes if name not in NAMES]
         detail = f"such as {stray[0]}" if stray else "or in another order"
         raise UserError(
-            f"{path} was written by another space: {len(theirs)} attributes, not these "
+            f"{path} was written by another space: {len(attributes)} attributes, not these "
             f"{len(NAMES)} ({detail}); use another store"
         )
 
@@ -271,8 +273,8 @@ def check_fields(where: str, record: Record) -> None:
     """Raise UserError for a record with other fields than this program writes."""
     for name, kinds in FIELDS.items():
         if name not in record or not isinstance(record[name], kinds):
-            wanted = " or ".join("null" if k is type(None) else k.__name__ for k in kinds)
-            raise UserError(f"{where}: {name} must be of type {wanted}")
+            types = " or ".join("null" if k is type(None) else k.__name__ for k in kinds)
+            raise UserError(f"{where}: {name} must be of type {types}")
     sizes = [len(rows) for rows in SPACES.values()]
     for name in ("centre", "width"):
         if record[name] is not None and len(record[name]) not in sizes:
@@ -281,13 +283,13 @@ def check_fields(where: str, record: Record) -> None:
         raise UserError(f"{where}: an evaluation has a reward or has failed, one of the two")
 
 
-def refuse_conflict(one: Record, where: str, other: Record, there: str) -> None:
+def refuse_conflict(record: Record, where: str, other: Record, other_where: str) -> None:
     """Raise UserError if two records of the same evaluation disagree."""
-    differ = [name for name in VALUES if one.get(name) != other.get(name)]
+    differ = [name for name in VALUES if record.get(name) != other.get(name)]
     if differ:
         raise UserError(
-            f"{where} and {there} hold the same evaluation with different values of {differ[0]}; "
-            f"its rewards are {_value(one)} and {_value(other)}"
+            f"{where} and {other_where} hold the same evaluation with different values of {differ[0]}; "
+            f"its rewards are {_value(record)} and {_value(other)}"
         )
 
 
@@ -317,24 +319,24 @@ def read(path: Path) -> dict[str, tuple[Record, str]]:
     return {record["key"]: (record, store.where(record["key"])) for record in store.records}
 
 
-def merged(found: Iterable[tuple[Record, str]]) -> dict[str, tuple[Record, str]]:
+def merged(records: Iterable[tuple[Record, str]]) -> dict[str, tuple[Record, str]]:
     """Merge evaluations by key.
 
     Raises:
         UserError: two disagree; the message names both.
     """
-    known: dict[str, tuple[Record, str]] = {}
-    for record, where in found:
-        refuse_conflict(*known.setdefault(record["key"], (record, where)), record, where)
-    return known
+    by_key: dict[str, tuple[Record, str]] = {}
+    for record, where in records:
+        refuse_conflict(*by_key.setdefault(record["key"], (record, where)), record, where)
+    return by_key
 
 
 def kinds_of(records: Iterable[Record]) -> dict[str, list[Record]]:
     """Group records by the name of their configuration."""
-    found: dict[str, list[Record]] = {}
+    by_config: dict[str, list[Record]] = {}
     for record in records:
-        found.setdefault(record["config"], []).append(record)
-    return found
+        by_config.setdefault(record["config"], []).append(record)
+    return by_config
 
 
 def write_store(path: Path, records: Sequence[Record]) -> None:

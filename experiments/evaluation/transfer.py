@@ -43,23 +43,25 @@ def transfer(
         One result per subset. The first one includes the time before the fine-tuning.
     """
     began = time.perf_counter()
-    rendered, params = 0.0, None
+    render_seconds, params = 0.0, None
     if start.streets is not None:
         try:
-            own, rendered = timed_set(start.recipe, start.streets, seed, ready)
+            rendered_images, render_seconds = timed_set(start.recipe, start.streets, seed, ready)
             began = time.perf_counter()
-            params = trained(start.recipe, own, seed)
+            params = trained(start.recipe, rendered_images, seed)
         except TrainingError as error:
             spent = time.perf_counter() - began
-            return [Result(math.nan, [], rendered, spent, str(error)) for _ in chosen]
+            return [Result(math.nan, [], render_seconds, spent, str(error)) for _ in chosen]
     spent = time.perf_counter() - began
     results = []
     for indices in chosen:
-        found = attempt(_tune, start, fine, params, seed, images.take(indices), real)
+        result = attempt(_tune, start, fine, params, seed, images.take(indices), real)
         results.append(
-            found._replace(render_seconds=rendered, train_seconds=found.train_seconds + spent)
+            result._replace(
+                render_seconds=render_seconds, train_seconds=result.train_seconds + spent
+            )
         )
-        rendered = spent = 0.0
+        render_seconds = spent = 0.0
     return results
 
 
@@ -68,11 +70,11 @@ def _tune(
     fine: Recipe,
     params: Params | None,
     seed: int,
-    own: LabelledImages,
+    images: LabelledImages,
     real: LabelledImages,
 ) -> Result:
     began = time.perf_counter()
     if start.on_subset:
-        params = trained(start.recipe, own, seed)
-    tuned = trained(fine, own, seed, params)
+        params = trained(start.recipe, images, seed)
+    tuned = trained(fine, images, seed, params)
     return tested(fine, tuned, real, 0.0, time.perf_counter() - began)

@@ -119,8 +119,8 @@ class Session(Generic[AnyConfig]):
         """The recipe of nets at a fidelity; fields of the pool of assets may be changed."""
         config = self.config
         assets = config.pool._replace(**pool)
-        table, own = self.target.table, self.made_with
-        return Recipe(fidelity, table, config.renderer, assets, made_with=own)
+        table = self.target.table
+        return Recipe(fidelity, table, config.renderer, assets, made_with=self.made_with)
 
     def images(self, fidelity: Fidelity, side: Side) -> LabelledImages:
         """The target's images of a side at a fidelity's size."""
@@ -181,8 +181,8 @@ class Session(Generic[AnyConfig]):
 
     def _held(self, store: Store) -> str:
         """The number of evaluations in a store, and of those that this run may use."""
-        ours = sum(record.get(FIELD) == dict(self.made_with) for record in store.records)
-        others = len(store) - ours
+        usable = sum(record.get(FIELD) == dict(self.made_with) for record in store.records)
+        others = len(store) - usable
         note = f", {others} of them made with other backends or versions" if others else ""
         return f"{store.path} holds {len(store)}{note}"
 
@@ -301,11 +301,11 @@ def open(
         renderer(config.renderer)
     except RendererError as error:
         raise UserError(str(error)) from None
-    plain = {"engine": ENGINE, **asdict(config)}
+    fields = {"engine": ENGINE, **asdict(config)}
     with workers_for(config) as workers:
-        answer = asked(workers)
+        made_with_answer = asked(workers)
         target = find(config, workers)
-        folder.refuse_foreign(config.out, plain, (*FREE_FIELDS, FIELD))
+        folder.refuse_foreign(config.out, fields, (*FREE_FIELDS, FIELD))
         if refuse is not None:
             refuse(target)
         store = None if config.store is None else Store(config.store, shared=True)
@@ -316,13 +316,13 @@ def open(
         target.at(config.reward.height, config.reward.width)
         if target.real:
             print(title, flush=True)
-        ((_, made_with),) = answer
-        plain[FIELD] = dict(made_with)
+        ((_, made_with),) = made_with_answer
+        fields[FIELD] = dict(made_with)
         if workers.trainers is not None:
             names = usable_gpus() if config.executor == "processes" else []
-            ((_, found),) = workers.map(device, [()], net=True)
-            refuse_unusable(found, names, fidelities(config))
-        with folder.opened(config.out, plain, free=FREE_FIELDS, packages=PACKAGES):
+            ((_, trainer_device),) = workers.map(device, [()], net=True)
+            refuse_unusable(trainer_device, names, fidelities(config))
+        with folder.opened(config.out, fields, free=FREE_FIELDS, packages=PACKAGES):
             evaluations, finals = (Store(config.out / name) for name in LOGS)
             run = Session(
                 config, target, workers, evaluations, finals, store, Progress(1.0), made_with
