@@ -204,7 +204,8 @@ def text() -> str:
         [
             f"usage: {PROGRAM} COMMAND ...",
             "",
-            f"Street segmentation with rendered images. {PROGRAM} COMMAND --help explains a command.",
+            "Street segmentation with rendered images.",
+            f"{PROGRAM} COMMAND --help explains a command.",
             *lines,
             "",
             f"{PROGRAM} --version shows the installed versions. For tab completion, add",

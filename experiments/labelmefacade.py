@@ -1,4 +1,4 @@
-"""Optimise the streets for LabelMeFacade.
+"""Optimises the streets for LabelMeFacade.
 
     sdr-jax labelmefacade --data DIR                    # rewards: train; tested on: test
     sdr-jax labelmefacade --data DIR --holdout GROUP    # tested on a group left out

@@ -190,7 +190,7 @@ class Playground:
 
 
 doctor = partial(command_line, "doctor", Doctor, "experiments.doctor")
-fit = partial(command_line, "fit", Fit, "experiments.fit", {"net": ("net", "trunk", "weights")})
+fit = partial(command_line, "fit", Fit, "experiments.fit", {"network": ("net", "trunk", "weights")})
 predict = partial(command_line, "predict", Predict, "experiments.predict")
 evaluate = partial(command_line, "evaluate", Evaluate, "experiments.evaluate")
 export = partial(command_line, "export", Export, "experiments.export")

@@ -309,6 +309,8 @@ def test_figures_come_from_the_published_split_a_group_or_folds(
 @pytest.mark.parametrize(("mean", "ci95", "expected"), [
     (4.6, (4.0, 5.3), "Renders add 4.6 points (4.0 to 5.3) to your 14 labels."),
     (0.4, (-0.3, 1.1), "Renders add 0.4 points (-0.3 to 1.1) to your 14 labels, which is within noise."),
+    (-0.4, (-1.1, 0.3),
+     "Renders change the mIoU of your 14 labels by -0.4 points (-1.1 to 0.3): within noise."),
     (-2.0, (-3.0, -1.0), "Renders cost 2.0 points (-3.0 to -1.0): use your 14 labels alone."),
     (1.0, None,
      "Renders add 1.0 points to your 14 labels, measured with one network each; use --seeds 3 for an "

@@ -100,6 +100,8 @@ def verdict(gain: Mapping[str, Any], labels: int) -> str:
         return f"Renders add {mean:.1f} points {between} to {your_labels}."
     if high < 0:
         return f"Renders cost {-mean:.1f} points {between}: use {your_labels} alone."
+    if mean < 0:
+        return f"Renders change the mIoU of {your_labels} by {mean:.1f} points {between}: within noise."
     return f"Renders add {mean:.1f} points {between} to {your_labels}, which is within noise."
 
 
