@@ -28,10 +28,12 @@ def read_real(folder: Path, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarr
     """Read images u8[n, h, w, 3] and masks u8[n, h, w], whose values are classes; 255 is ignored."""
     masks = sorted((folder / "masks").glob("*.png"))
     if not masks:
-        raise SystemExit(f"{folder} has no masks/*.png")
+        raise FileNotFoundError(f"{folder} has no masks/*.png")
     images, labels = [], []
     for mask in masks:
-        [image] = (folder / "images").glob(f"{mask.stem}.*")
+        image = next((folder / "images").glob(f"{mask.stem}.*"), None)
+        if image is None:
+            raise FileNotFoundError(f"{folder / 'images'} has no image named {mask.stem}")
         images.append(np.array(Image.open(image).convert("RGB").resize(size)))
         labels.append(np.array(Image.open(mask).resize(size, Image.Resampling.NEAREST)))
     return np.stack(images), np.stack(labels)
@@ -83,8 +85,13 @@ def main() -> None:
     command.add_argument("--streets", type=int, default=16, help="images per evaluation")
     command.add_argument("--workers", type=int, default=2)
     options = command.parse_args()
-    score = runpy.run_path(str(options.net))["score"]
-    real = read_real(options.real, tuple(options.size))
+    try:
+        score = runpy.run_path(str(options.net)).get("score")
+        real = read_real(options.real, tuple(options.size))
+    except FileNotFoundError as error:
+        command.error(str(error))
+    if score is None:
+        command.error(f"{options.net} has no function score")
     search(
         score, real, options.out,
         evaluations=options.evaluations, streets=options.streets, workers=options.workers,
