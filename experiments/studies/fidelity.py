@@ -248,7 +248,7 @@ def text(report: Report) -> str:
         )
     failed = sum(rung["failed"] for rung in report["rungs"])
     if failed:
-        lines.append(f"- Left out: {failed} failed evaluations.")
+        lines.append(f"- Evaluations left out because they failed: {failed}.")
     return "\n".join(lines)
 
 

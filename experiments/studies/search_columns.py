@@ -44,4 +44,4 @@ REWARDS: list[Column] = [
 def failed_evaluations(searches: Iterable[Rewards]) -> list[str]:
     """Write a sentence on the failed evaluations, if there are any."""
     failed = sum(values.count(None) for values in searches)
-    return ["", f"Left out of their update: {failed} failed evaluations."] if failed else []
+    return ["", f"Evaluations left out because they failed: {failed}."] if failed else []

@@ -192,7 +192,7 @@ def table(columns: Sequence[Column], rows: Sequence[Report]) -> list[str]:
 def failures(rows: Sequence[Report]) -> list[str]:
     """Return a sentence on the failed networks of all rows, if there are any."""
     failed = sum(net is None for row in rows for net in row["nets"])
-    return ["", f"Left out: {failed} networks whose training failed."] if failed else []
+    return ["", f"Networks left out because their training failed: {failed}."] if failed else []
 
 
 def introduction(report: Report) -> str:

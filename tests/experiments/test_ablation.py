@@ -24,16 +24,16 @@ def test_every_variant_has_the_whole_budget(target, preset, method):
     if preset == "smoke":  # two for each of the six groups
         config = replace(config, evaluations=12, variants=VARIANTS)
     job.check(config)
-    for made in job.plan_all(config).values():
-        assert made.evaluations == config.evaluations and made.method == method
+    for plan in job.plan_all(config).values():
+        assert plan.evaluations == config.evaluations and plan.method == method
 
 
 @given(st.integers(0, 2**31 - 1))
 def test_shuffled_groups_are_a_partition_of_the_same_sizes(seed):
-    found, again, other = (job.shuffled(CAMVID_GROUPS, NAMES, s) for s in (seed, seed, seed + 1))
-    assert [len(group) for group in found] == [len(group) for group in CAMVID_GROUPS]
-    assert sorted(name for group in found for name in group) == sorted(NAMES)
-    assert other != found == again != CAMVID_GROUPS
+    groups, again, other = (job.shuffled(CAMVID_GROUPS, NAMES, s) for s in (seed, seed, seed + 1))
+    assert [len(group) for group in groups] == [len(group) for group in CAMVID_GROUPS]
+    assert sorted(name for group in groups for name in group) == sorted(NAMES)
+    assert other != groups == again != CAMVID_GROUPS
 
 
 def test_variants_leave_out_what_they_say():
@@ -49,9 +49,9 @@ def test_variants_leave_out_what_they_say():
     for variant in VARIANTS:
         assert job.without(config, variant) == changed.get(variant, config)
         assert set(job.subset_of(variant, config)) == set(NAMES) - set(left_out.get(variant, ()))
-    made = job.plan_all(config)
-    assert made["no_positions"].subset == job.subset_of("no_positions", config)
-    assert made["no_relaxation"].options.relaxation == 0
+    plans = job.plan_all(config)
+    assert plans["no_positions"].subset == job.subset_of("no_positions", config)
+    assert plans["no_relaxation"].options.relaxation == 0
 
 
 def test_an_ablation_leaves_its_figures(tiny, counted, capsys):
@@ -62,18 +62,18 @@ def test_an_ablation_leaves_its_figures(tiny, counted, capsys):
     assert "no_relaxation: update 2/2 | mIoU" in capsys.readouterr().out
     assert tuple(rows) == VARIANTS and rows["random"]["search"] is None
     for name in job.plan_all(config):
-        found = rows[name]["search"]
-        assert len(found["rewards"]) == 4 and found["core_seconds"] == 8
-        widths = {attribute: wide for attribute, (_, wide) in found["solution"].items()}
+        search = rows[name]["search"]
+        assert len(search["rewards"]) == 4 and search["core_seconds"] == 8
+        widths = {attribute: wide for attribute, (_, wide) in search["solution"].items()}
         if name == "no_relaxation":
             assert set(widths.values()) == {0.0}
         if name == "no_positions":
             assert {a for a, w in widths.items() if w == 1} == set(presets.POSITIONS)
-            assert found["attributes"] == 16
+            assert search["attributes"] == 16
     # Without a group's structure random search draws the same: no net is trained twice.
     logged = [lines(config.out / name) for name in ("evaluations.jsonl", "finals.jsonl")]
-    made = [{line["key"] for line in log} for log in logged]  # variants may ask for the same
-    assert sum(map(len, made)) == len(counted.calls) < 7 * 4 + 8 * 2
+    keys = [{line["key"] for line in log} for log in logged]  # variants may ask for the same
+    assert sum(map(len, keys)) == len(counted.calls) < 7 * 4 + 8 * 2
     assert rows["no_groups"]["paper"] == -7.9 and rows["random"]["paper"] is None
     text = (config.out / "ablation.md").read_text()
     assert "| no groups: all attributes in one |" in text and "NOT of this run" in text
@@ -86,7 +86,9 @@ def test_what_failed_is_told_and_left_out(tiny, counted):
     report = do(job.STUDY, config)
     report["rows"][1]["nets"] = [None] * len(report["rows"][1]["nets"])
     report["rows"][1]["search"]["rewards"][0] = None
-    found = job.FORM.derive(report)
-    assert found["rows"][1]["mean"] is None and "2 nets failed" in job.FORM.text(found)
-    assert "Left out of their update: 1 failed evaluations" in job.FORM.text(found)
-    assert job.FORM.figures["ablation.png"](found).startswith(b"\x89PNG")
+    derived = job.FORM.derive(report)
+    assert derived["rows"][1][
+        "mean"
+    ] is None and "because their training failed: 2." in job.FORM.text(derived)
+    assert "Evaluations left out because they failed: 1." in job.FORM.text(derived)
+    assert job.FORM.figures["ablation.png"](derived).startswith(b"\x89PNG")

@@ -46,8 +46,8 @@ def test_a_study_leaves_its_figures(assets):
         full, half = ([o for o in of if o[1].pool.fraction == share] for share in (1, 0.5))
         assert [seed for seed, _ in full] == [seed for seed, _ in half] == [0, 1]
         assert full[0][1].fidelity == half[0][1].fidelity
-    made = [(r["images"], r["streets"], r["fraction"]) for r in report["rows"]]
-    assert made == [(2, 1, 1.0), (2, 1, 0.5), (4, 2, 1.0), (4, 2, 0.5)]
+    places = [(r["images"], r["streets"], r["fraction"]) for r in report["rows"]]
+    assert places == [(2, 1, 1.0), (2, 1, 0.5), (4, 2, 1.0), (4, 2, 0.5)]
     full, half = ([net["miou"] for net in row["nets"]] for row in report["rows"][:2])
     gain, interval = paired_gain(full, half)
     assert report["rows"][0]["more_assets"] is None and gain > 0
@@ -55,9 +55,11 @@ def test_a_study_leaves_its_figures(assets):
     assert "| 4 | 2 | 50 % |" in text and "default streets" in text
     # Nets that failed are told and left out.
     report["rows"][1]["nets"] = [None, None]
-    found = FORM.derive(report)
-    assert found["rows"][1]["mean"] is None and "2 nets failed" in FORM.text(found)
-    assert FORM.figures["assets.png"](found).startswith(b"\x89PNG")
+    derived = FORM.derive(report)
+    assert derived["rows"][1]["mean"] is None and "because their training failed: 2." in FORM.text(
+        derived
+    )
+    assert FORM.figures["assets.png"](derived).startswith(b"\x89PNG")
 
 
 def test_streets_are_drawn_from_what_is_asked_for(assets, out, learnt_file):

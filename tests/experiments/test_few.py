@@ -45,20 +45,22 @@ def test_the_few_are_spread_over_sequences_and_their_time(sizes, seed, data):
 
 
 def test_the_few_give_no_reward(tiny_camvid):
-    whole = named_target(tiny_camvid, POOL)
+    all_images = named_target(tiny_camvid, POOL)
     target = named_target(replace(tiny_camvid, few=2), POOL)
     assert [name[0] for name in target.few_names] == ["A", "B"]
-    assert sorted(target.reward_names + target.few_names) == sorted(whole.reward_names)
+    assert sorted(target.reward_names + target.few_names) == sorted(all_images.reward_names)
     assert "2 of the 4 (A 1, B 1) are mixed with every training set" in target.title
-    split, all_ = target.at(12, 16), whole.at(12, 16)["reward"]
+    split, all_ = target.at(12, 16), all_images.at(12, 16)["reward"]
     for part, names in ((split["reward"], target.reward_names), (split["few"], target.few_names)):
         assert part.names == names
         for name, image, label in zip(names, part.images, part.labels, strict=True):
             k = all_.names.index(name)
             assert np.array_equal(image, all_.images[k]) and np.array_equal(label, all_.labels[k])
     assert split["labelled"].names == all_.names and split["test"].names == target.test_names
-    found = {named_target(replace(tiny_camvid, few=0.5, seed=s), POOL).few_names for s in range(9)}
-    assert found == {target.few_names}  # runs of all seeds share them
+    subsets = {
+        named_target(replace(tiny_camvid, few=0.5, seed=s), POOL).few_names for s in range(9)
+    }
+    assert subsets == {target.few_names}  # runs of all seeds share them
 
 
 @pytest.mark.parametrize(("flags", "words"), [
@@ -90,59 +92,62 @@ def test_a_sequence_without_classes_is_refused(few, sequence, words, camvid, out
     assert words in error_line(begun=True) and not out.exists()
 
 
-@pytest.mark.parametrize("left", [True, False])
-def test_images_left_for_the_reward_must_show_a_class(left, tiny_camvid, out, error_line):
-    """The labelled ones are all among the few, and nets would be scored on nothing."""
+@pytest.mark.parametrize("ignored", [True, False])
+def test_images_left_for_the_search_must_show_a_class(ignored, tiny_camvid, out, error_line):
+    """Otherwise networks would be scored on no labelled pixel."""
     few = named_target(replace(tiny_camvid, few=2), POOL).few_names
     (*paths,) = (p for p in tiny_camvid.data.glob("trainannot/*.png") if p.stem not in few)
     assert len(paths) == 2
-    for path in paths[not left :]:  # one of the two is enough
+    for path in paths[not ignored :]:  # one of the two is enough
         flat(11)(path)
     flags = ("--data", str(tiny_camvid.data), "--out", str(out), "--few", "2")
-    if not left:
+    if not ignored:
         named_target(replace(tiny_camvid, few=2), POOL).at(12, 16)
         return
     assert main_job("camvid", *flags) == 2
-    said = "--few 2: the 2 images left for the search show none of the 11 classes of camvid"
-    assert said in error_line(begun=True) and not out.exists()
+    message = "--few 2: the 2 images left for the search show none of the 11 classes of camvid"
+    assert message in error_line(begun=True) and not out.exists()
 
 
 def test_an_evaluation_is_named_by_its_few(tmp_path):
     runner = runner_of(TARGET, tmp_path)
     few, other = LabelledSubset(REAL, (1, 2)), LabelledSubset(REAL, (1, 3))
-    ours, hand_set = random_proposal(), default_proposal()
+    streets, default = random_proposal(), default_proposal()
 
-    def beside(rendered, few, share=0.5):
+    def mixed(rendered, few, share=0.5):
         return TrainingSet((rendered, few), (1 - share, share))
 
     def keys_of(*sources):
         return [runner.key(Job(RECIPE, source, 1, {})) for source in sources]
 
-    sources = [ours, few, beside(ours, few), beside(ours, other), beside(ours, few, 0.3)]
-    keys = keys_of(*sources, beside(hand_set, few))
+    sources = [streets, few, mixed(streets, few), mixed(streets, other), mixed(streets, few, 0.3)]
+    keys = keys_of(*sources, mixed(default, few))
     assert len(set(keys)) == len(keys)
     again = REAL.take([1, 2])
-    assert keys_of(again, beside(ours, again)) == keys[1:3]
-    told = [runner.about(Job(RECIPE, source, 1, {})) for source in sources]
-    assert len({each["config"] for each in told}) == 4  # none, two sets, two shares
-    assert told[2]["few"] == 2 and "few" not in told[1]
+    assert keys_of(again, mixed(streets, again)) == keys[1:3]
+    records = [runner.about(Job(RECIPE, source, 1, {})) for source in sources]
+    assert len({record["config"] for record in records}) == 4  # none, two sets, two shares
+    assert records[2]["few"] == 2 and "few" not in records[1]
 
 
 def test_nets_share_files_and_renders_and_are_those_of_arrays(tmp_path, monkeypatch):
-    few = [LabelledSubset(REAL, picked) for picked in ((3, 17, 24), (5, 6, 7))]
+    few = [LabelledSubset(REAL, indices) for indices in ((3, 17, 24), (5, 6, 7))]
     streets = default_proposal()
-    sources = [*(TrainingSet((streets, own), (0.5, 0.5)) for own in few), streets]
-    arrays = [*(TrainingSet((streets, REAL.take(o.picked)), (0.5, 0.5)) for o in few), streets]
-    plain = []
+    sources = [*(TrainingSet((streets, subset), (0.5, 0.5)) for subset in few), streets]
+    arrays = [
+        *(TrainingSet((streets, REAL.take(subset.picked)), (0.5, 0.5)) for subset in few),
+        streets,
+    ]
+    rewards = []
     for source in arrays:
         in_worker._KEPT.clear()
-        plain.append(in_worker.evaluate_miou(RECIPE, source, 5, TEST).reward)
-    assert len(set(plain)) == 3
+        rewards.append(in_worker.evaluate_miou(RECIPE, source, 5, TEST).reward)
+    assert len(set(rewards)) == 3
     in_worker._KEPT.clear()
     rendered = Counted(in_worker.render)
     monkeypatch.setattr(in_worker, "render", rendered)
-    found = runner_of(TARGET, tmp_path / "run").run([Job(RECIPE, s, 5, {}) for s in sources])
-    assert [found[k].reward for k in range(3)] == plain and len(rendered.calls) == 1
+    results = runner_of(TARGET, tmp_path / "run").run([Job(RECIPE, s, 5, {}) for s in sources])
+    assert [results[k].reward for k in range(3)] == rewards and len(rendered.calls) == 1
     # Images and features of those tested on, and of all that the few were chosen from.
     assert len(list((tmp_path / "run" / FOLDER).iterdir())) == 4
     monkeypatch.setattr(in_worker, "render", never)
@@ -154,11 +159,13 @@ def test_nets_share_files_and_renders_and_are_those_of_arrays(tmp_path, monkeypa
 def test_a_job_searches_beside_the_few_and_tells_their_worth(camvid, out, counted, monkeypatch):
     flags = ("--few", "2", "--few-share", "0.4", "--data", str(camvid))
     assert main_job("camvid", "--out", str(out), *flags) == 0
-    seen = [source for _, source, *_ in counted.calls]
-    assert all(isinstance(source, TrainingSet) and source.shares[1] == 0.4 for source in seen[:12])
+    sources = [source for _, source, *_ in counted.calls]
+    assert all(
+        isinstance(source, TrainingSet) and source.shares[1] == 0.4 for source in sources[:12]
+    )
     sizes = [
         len(s.images) if isinstance(s, LabelledImages) else isinstance(s, TrainingSet)
-        for s in seen[12:]
+        for s in sources[12:]
     ]
     # What is rendered takes longer, and begins first.
     assert sizes == [*[False, False, False, True, True, True] * 2, 2, 4, 2, 4]
@@ -166,12 +173,14 @@ def test_a_job_searches_beside_the_few_and_tells_their_worth(camvid, out, counte
     report = read_json(out / "summary.json")
     assert list(report["rows"]) == ["random", "default", "learnt", *ROWS, "real"]
     assert len(report["few_images"]) == 2 and report["few_share"] == 0.4
-    ours, theirs = (report["rows"][row]["miou"] for row in ("few+learnt", "few"))
+    optimised, labels_alone = (report["rows"][row]["miou"] for row in ("few+learnt", "few"))
     gain = report["gain_beside_few"]["few"]["mean"]
-    assert gain == pytest.approx(np.subtract(ours, theirs).mean()) and gain != 0
-    said = summary.text(report)
-    assert "Points gained by 2 labelled images + optimised streets:" in said
-    assert "all 4 labelled images" in said and "all 4 labelled" in (out / "report.html").read_text()
+    assert gain == pytest.approx(np.subtract(optimised, labels_alone).mean()) and gain != 0
+    printed = summary.text(report)
+    assert "Points gained by 2 labelled images + optimised streets:" in printed
+    assert (
+        "all 4 labelled images" in printed and "all 4 labelled" in (out / "report.html").read_text()
+    )
     configs = {line["config"] for line in lines(out / "evaluations.jsonl")}
     assert len(configs) == 1 and lines(out / "evaluations.jsonl")[0]["few"] == 2
     # The dataset's note says how to train on both, and what it says runs.

@@ -94,10 +94,10 @@ def test_the_paper_preset_has_the_papers_numbers(target):
     large = "480x360" if four_by_three else "1024x512"
     assert config.final.size == large
     for name in (*STUDIES, "main"):  # every size of every command
-        own = config if name == "main" else defaults_of(name, target, "paper")
-        sizes = {field: fidelity.size for field, fidelity in fidelities(own).items()}
-        wanted = {"reward": config.reward.size, "final": large, "compact": large, "vgg": large}
-        assert sizes == {field: wanted[field] for field in sizes}
+        named = config if name == "main" else defaults_of(name, target, "paper")
+        sizes = {field: fidelity.size for field, fidelity in fidelities(named).items()}
+        expected = {"reward": config.reward.size, "final": large, "compact": large, "vgg": large}
+        assert sizes == {field: expected[field] for field in sizes}
     for fidelity in (config.reward, config.final):
         net = fidelity.train
         assert (net.net, net.optimizer, net.lr, net.batch) == ("deeplabv2", "sgd", 5e-4, 4)
@@ -119,7 +119,7 @@ def test_every_study_of_the_paper_preset_is_the_papers(target):
     assert of["ablation"].evaluations == 300
 
 
-@pytest.mark.parametrize(("name", "flags", "said"), [
+@pytest.mark.parametrize(("name", "flags", "message"), [
     ("main", (), "--preset paper starts deeplabv2 (--reward.train) from ImageNet weights"),
     ("main", ("--reward.train.net", "lite0"), "(--final.train) from ImageNet weights"),
     ("main", ("--weights", "/no.npz"), "/no.npz: No such file"),
@@ -131,7 +131,7 @@ def test_every_study_of_the_paper_preset_is_the_papers(target):
     ("pretrain", ("--reward.train.net", "lite0"), "starts fcn8s (--final.train)"),
 ])  # fmt: skip
 def test_the_paper_preset_needs_weights_and_says_how_to_get_them(
-    name, flags, said, error_line, out
+    name, flags, message, error_line, out
 ):
     flags = ("--preset", "paper", "--data", "none", "--out", str(out), *flags)
     code = (
@@ -139,22 +139,22 @@ def test_the_paper_preset_needs_weights_and_says_how_to_get_them(
     )
     assert code == 2 and not out.exists()
     line = error_line()
-    assert said in line
-    if "starts" in said:
+    assert message in line
+    if "starts" in message:
         assert "--weights vgg16.npz, or --from-scratch" in line
         assert "sdr-jax weights convert vgg16-397923af.pth --out vgg16.npz" in line
 
 
 def test_weights_are_those_of_every_net_that_starts_from_a_file():
-    seen = []
-    own = ("--weights", "w.npz", "--final.train.weights", "v.npz", "--preset", "paper")
-    command("camvid", own, seen.append)
-    own = ("--weights", "w.npz", "--reward.train.net", "lite0", "--preset", "paper")
-    command("camvid", own, seen.append)
-    made = [[config.reward.train.weights, config.final.train.weights] for config in seen]
-    assert made == [["w.npz", "v.npz"], [None, "w.npz"]]
+    configs = []
+    flags = ("--weights", "w.npz", "--final.train.weights", "v.npz", "--preset", "paper")
+    command("camvid", flags, configs.append)
+    flags = ("--weights", "w.npz", "--reward.train.net", "lite0", "--preset", "paper")
+    command("camvid", flags, configs.append)
+    weights = [[config.reward.train.weights, config.final.train.weights] for config in configs]
+    assert weights == [["w.npz", "v.npz"], [None, "w.npz"]]
     paper = replace(RECIPES["paper"], weights="w.npz", steps=20_000)
-    assert seen[1].final.train == paper
+    assert configs[1].final.train == paper
 
 
 def unknown(kind: type, values: dict) -> list[str]:
@@ -190,11 +190,11 @@ def test_every_preset_is_sound_and_says_which_it_is(target, preset):
 
 def test_a_search_starts_from_the_moments_of_probabilities_and_not_from_a_mixture(tmp_path):
     file = tmp_path / "attributes.json"
-    own = Histogram(np.tile(np.float32([0.25, 0.5, 0.25]), (len(NAMES), 1)))
+    histogram = Histogram(np.tile(np.float32([0.25, 0.5, 0.25]), (len(NAMES), 1)))
     config = parse("--start", str(file), "--space", "scenex")
-    write_json(file, describe(own))
-    np.testing.assert_array_equal(start_of(config), moments(own))
-    write_json(file, describe(mixture((0.5, 0.5), (random_proposal(), own))))
+    write_json(file, describe(histogram))
+    np.testing.assert_array_equal(start_of(config), moments(histogram))
+    write_json(file, describe(mixture((0.5, 0.5), (random_proposal(), histogram))))
     with pytest.raises(UserError, match=f"--search.start {file} holds 2 components"):
         start_of(config)
 
@@ -299,13 +299,13 @@ FIDELITIES = [*fidelities(defaults_of("table", "camvid", "smoke"))]
 @pytest.mark.parametrize("name", FIDELITIES)
 def test_every_number_of_every_fidelity_is_checked(name):
     config = defaults_of("table", "camvid", "smoke")
-    own = getattr(config, name)
+    original = getattr(config, name)
     wrong, tried = {int: (-1,), float: (-1.0, math.nan)}, 0
-    for kind, old in ((Fidelity, own), (TrainSettings, own.train)):
+    for kind, old in ((Fidelity, original), (TrainSettings, original.train)):
         for field, of in get_type_hints(kind).items():
             for value in wrong.get(of, ()):
                 new = replace(old, **{field: value})
-                fidelity = new if old is own else replace(own, train=new)
+                fidelity = new if old is original else replace(original, train=new)
                 with pytest.raises(UserError, match=rf"^--{name}\b.*{field.replace('_', '[-_]')}"):
                     refuse_wrong(table.STUDY, replace(config, **{name: fidelity}))
                 tried += 1
@@ -313,16 +313,16 @@ def test_every_number_of_every_fidelity_is_checked(name):
 
 
 @pytest.mark.parametrize("name", FIDELITIES)
-@pytest.mark.parametrize(("flags", "said"), [
+@pytest.mark.parametrize(("flags", "message"), [
     (("train.lr=-1",), ".train.lr must be positive, not -1.0"),
     (("train.warmup=500",), ".train: warmup must be less than the "),
     (("train.net=lite0", "width=24"), ": images of 24x48 are too small for lite0"),
 ])  # fmt: skip
-def test_a_wrong_fidelity_has_exit_code_2(name, flags, said, error_line, out):
-    given = [f"--{name}.{flag}" for flag in flags]
+def test_a_wrong_fidelity_has_exit_code_2(name, flags, message, error_line, out):
+    values = [f"--{name}.{flag}" for flag in flags]
     fixed = ("--target", "camvid", "--preset", "smoke", "--data", "none", "--out", str(out))
-    assert study("table", *fixed, *given) == 2
-    assert error_line().startswith(f"error: --{name}{said}") and not out.exists()
+    assert study("table", *fixed, *values) == 2
+    assert error_line().startswith(f"error: --{name}{message}") and not out.exists()
 
 
 def test_a_net_of_the_table_needs_images_that_are_large_enough(error_line, out):
@@ -347,9 +347,9 @@ def test_a_net_of_the_table_needs_images_that_are_large_enough(error_line, out):
 def test_what_the_parser_refuses_has_exit_code_2(arguments, words, capsys):
     with pytest.raises(SystemExit, match=r"^2$"):
         main_job("twin", *arguments)
-    said = capsys.readouterr().err
-    assert all(word in said for word in words) and said.count("\n") == 1
-    assert "--target" not in arguments or "did you mean" not in said
+    message = capsys.readouterr().err
+    assert all(word in message for word in words) and message.count("\n") == 1
+    assert "--target" not in arguments or "did you mean" not in message
 
 
 @pytest.mark.parametrize("target", ["camvid", "labelmefacade"])
@@ -370,9 +370,9 @@ def test_a_target_takes_its_folder_from_the_variable(target, monkeypatch, error_
     ([], "quick"), (["--seed", "1", "--preset", "paper"], "paper"), (["--preset=smoke"], "smoke"),
 ])  # fmt: skip
 def test_the_preset_decides_the_defaults(arguments, default):
-    seen = []
-    command("cityscapes", arguments, seen.append)
-    (config,) = seen
+    configs = []
+    command("cityscapes", arguments, configs.append)
+    (config,) = configs
     assert config.preset == default and str(config.out) == f"runs/cityscapes-{default}"
     assert config.final == defaults(MainConfig, "twin", default).final
 
@@ -382,13 +382,13 @@ def called(monkeypatch):
     """Calls `sdr-jax cityscapes`; returns the configuration that it would work with."""
 
     def call(*arguments: str) -> MainConfig:
-        seen = []
+        configs = []
         with monkeypatch.context() as patch:
             patch.setattr(sys, "argv", ["cityscapes", *arguments])
-            patch.setattr("experiments.app.main_job.RUN", seen.append)
+            patch.setattr("experiments.app.main_job.RUN", configs.append)
             with pytest.raises(SystemExit, match=r"^0$"):
                 runpy.run_module("experiments.cityscapes", run_name="__main__")
-        return seen[0]
+        return configs[0]
 
     return call
 
@@ -396,14 +396,14 @@ def called(monkeypatch):
 @pytest.mark.parametrize("preset", PRESETS)
 def test_data_give_cityscapes_defaults_and_none_the_twins(preset, called, cityscapes):
     data = ("--data", str(cityscapes))
-    for given, target in (
+    for flags, target in (
         (data, "cityscapes"),
         ((f"--data={cityscapes}",), "cityscapes"),
         ((), "twin"),
     ):
-        config = called(*given, "--preset", preset)
-        wanted = defaults(MainConfig, target, preset)
-        assert config == replace(wanted, data=config.data, out=config.out)
+        config = called(*flags, "--preset", preset)
+        expected = defaults(MainConfig, target, preset)
+        assert config == replace(expected, data=config.data, out=config.out)
         assert config.target == target and (config.data is None) == (target == "twin")
     config = called("--preset", preset, "--reward.width", "96", *data)
     assert config.reward == replace(defaults(MainConfig, "cityscapes", preset).reward, width=96)
@@ -421,8 +421,8 @@ def test_a_far_twin_is_searched_in_the_extended_space_unless_told_otherwise(call
 
 
 def test_the_help_shows_the_defaults_that_hold(capsys, called, monkeypatch):
-    for given, target, width in ((), "twin", 128), (("--data", "DIR"), "cityscapes", 256):
-        monkeypatch.setattr(sys, "argv", ["cityscapes", *given, "--help-all"])
+    for flags, target, width in ((), "twin", 128), (("--data", "DIR"), "cityscapes", 256):
+        monkeypatch.setattr(sys, "argv", ["cityscapes", *flags, "--help-all"])
         with pytest.raises(SystemExit, match=r"^0$"):
             runpy.run_module("experiments.cityscapes", run_name="__main__")
         text = " ".join(capsys.readouterr().out.split())
@@ -464,10 +464,10 @@ def test_a_training_has_as_many_steps_as_checkpoints(error_line, out):
     (["--preset", "smoke", "--final.train.net", "lite0"], "lite0-frozen", 20),
 ])  # fmt: skip
 def test_the_net_decides_how_it_is_trained(arguments, recipe, steps):
-    seen = []
-    command("camvid", arguments, seen.append)
-    train, own = seen[0].final.train, RECIPES[recipe]
+    configs = []
+    command("camvid", arguments, configs.append)
+    train, expected = configs[0].final.train, RECIPES[recipe]
     mirror = "smoke" not in arguments  # final networks of quick average
     same = {"net": train.net, "weights": train.weights, "average_mirror": mirror}
-    assert train == replace(with_steps(own, steps), **same)
-    assert seen[0].reward.train.net == ("compact" if "smoke" in arguments else "lite0")
+    assert train == replace(with_steps(expected, steps), **same)
+    assert configs[0].reward.train.net == ("compact" if "smoke" in arguments else "lite0")

@@ -28,12 +28,12 @@ def test_where_a_curve_reaches_a_value(value, labels):
     assert reached((7, 14, 28), (20.0, 18.0, 22.0), 21.0) == pytest.approx(14 * 2**0.75)  # at last
 
 
-def report(alone, beside):
-    """Scores of two seeds each: by number of labels, alone and beside renders."""
+def report(alone, mixed):
+    """Scores of two seeds each: by number of labels, alone and plus renders."""
     rows = [
         {"labels": n, "renders": name, "nets": [{"miou": v + d, "class_iou": []} for d in (-1, 1)]}
-        for name, own in (("none", alone), ("default", beside))
-        for n, v in own.items()
+        for name, by_count in (("none", alone), ("default", mixed))
+        for n, v in by_count.items()
     ]
     about = {"note": "some", "scored_at": "8x8", "test_images": 1, "seeds": 2, "reward_images": 28}
     about |= {"net": "lite0", "few_share": 0.5, "rendered_images": 6, "learnt_from": None}
@@ -41,16 +41,19 @@ def report(alone, beside):
 
 
 def test_labels_that_renders_are_worth_by_hand():
-    found = report({7: 20, 14: 30, 28: 35}, {0: 25, 14: 34, 28: 36})
-    alone, with_ = found["worth"]
+    derived = report({7: 20, 14: 30, 28: 35}, {0: 25, 14: 34, 28: 36})
+    alone, mixed = derived["worth"]
     assert alone["labels"] == pytest.approx(7 * math.sqrt(2)) and alone["bound"] == ""
-    assert with_["labels"] == pytest.approx(14 * 2**0.8) and with_["beside"] == 14
+    assert mixed["labels"] == pytest.approx(14 * 2**0.8) and mixed["beside"] == 14
     assert alone["ci95"] == pytest.approx([alone["labels"]] * 2)  # seeds differ alike in all rows
-    by = {(row["labels"], row["renders"]): row for row in found["rows"]}
-    assert by[14, "default"]["renders_add"]["mean"] == pytest.approx(4)
-    assert by[0, "default"]["renders_add"] is None and by[14, "none"]["renders_add"] is None
-    assert by[14, "default"]["of_all"] == pytest.approx(100 * 34 / 35)
-    text = FORM.text(found)
+    by_place = {(row["labels"], row["renders"]): row for row in derived["rows"]}
+    assert by_place[14, "default"]["renders_add"]["mean"] == pytest.approx(4)
+    assert (
+        by_place[0, "default"]["renders_add"] is None
+        and by_place[14, "none"]["renders_add"] is None
+    )
+    assert by_place[14, "default"]["of_all"] == pytest.approx(100 * 34 / 35)
+    text = FORM.text(derived)
     assert "Renders alone (default streets) are as good as 10 labelled images" in text
     assert "| 14 | default streets | 34.0 |" in text and "+4.0" in text
     beyond = report({7: 20, 14: 30}, {0: 5, 14: 40})
@@ -62,12 +65,12 @@ def test_labels_that_renders_are_worth_by_hand():
 
 
 def test_what_streets_gain_over_random_ones_beside_the_same_labels():
-    found = report({7: 20, 14: 30}, {0: 25, 14: 34})
+    derived = report({7: 20, 14: 30}, {0: 25, 14: 34})
     nets = [{"miou": v, "class_iou": []} for v in (30.0, 33.0)]
-    plain = {"labels": 14, "renders": "random", "nets": nets}
+    random = {"labels": 14, "renders": "random", "nets": nets}
     by = {
         (row["labels"], row["renders"]): row["over_random"]
-        for row in FORM.derive({**found, "rows": [*found["rows"], plain]})["rows"]
+        for row in FORM.derive({**derived, "rows": [*derived["rows"], random]})["rows"]
     }
     assert by[14, "default"]["mean"] == pytest.approx((33 - 30 + 35 - 33) / 2)
     assert by[0, "default"] is by[14, "random"] is by[14, "none"] is None
@@ -105,36 +108,38 @@ def test_the_interval_is_where_the_paired_t_test_holds_by_hand():
 def test_the_interval_covers_what_renders_are_worth_as_often_as_it_says(seeds, labels):
     """By a bootstrap over seeds it did in 72 to 90 %."""
     counts, curve = (7, 14, 27, 67, 133, 266), np.array([37.6, 39.6, 41.4, 43.5, 44.2, 45.0])
-    rng, held, runs = np.random.default_rng(seeds), 0, 1000
+    rng, covered, runs = np.random.default_rng(seeds), 0, 1000
     truth = np.interp(np.log(labels), np.log(counts), curve)
     for _ in range(runs):
         seed = 0.6 * rng.normal(size=seeds)  # what a seed's nets have in common
         alone = curve[:, None] + seed + rng.normal(size=(len(counts), seeds))
         low, high = equivalent_labels(counts, alone, truth + seed + rng.normal(size=seeds))[1]
-        held += (low is None or low <= labels) and (high is None or labels <= high)
-    assert 0.935 <= held / runs <= 0.99  # gaps in the set count as held
+        covered += (low is None or low <= labels) and (high is None or labels <= high)
+    assert 0.935 <= covered / runs <= 0.99  # gaps in the set count as covered
 
 
 def test_a_seed_with_a_net_that_failed_is_left_out_of_what_renders_are_worth():
-    found = report({7: 20, 14: 30, 28: 35}, {0: 25, 14: 34})
-    whole = found["worth"]
-    for row in found["rows"]:  # a third seed, far off, whose nets failed now and then
+    derived = report({7: 20, 14: 30, 28: 35}, {0: 25, 14: 34})
+    replaced = derived["worth"]
+    for row in derived["rows"]:  # a third seed, far off, whose nets failed now and then
         row["nets"] = [*row["nets"], {"miou": 99.0 + row["labels"], "class_iou": []}]
-    found["rows"][-1]["nets"][2] = None
-    for entry in found["rows"]:
+    derived["rows"][-1]["nets"][2] = None
+    for entry in derived["rows"]:
         if entry["labels"] == 28:
             entry["nets"][2] = None
-    assert FORM.derive(found)["worth"] == whole
+    assert FORM.derive(derived)["worth"] == replaced
 
 
 def test_nets_that_failed_are_left_out():
-    found = report({7: 20, 14: 30, 28: 35}, {0: 25, 14: 34})
-    for row in found["rows"]:
+    derived = report({7: 20, 14: 30, 28: 35}, {0: 25, 14: 34})
+    for row in derived["rows"]:
         if row["labels"] == 14 and row["renders"] == "none":
             row["nets"] = [None, None]
-    again = FORM.derive(found)
+    again = FORM.derive(derived)
     assert [entry["labels"] for entry in again["worth"]] == [None, None]
-    assert "2 nets failed" in FORM.text(again) and "worth" not in FORM.text(again)
+    assert "because their training failed: 2." in FORM.text(
+        again
+    ) and "as good as" not in FORM.text(again)
     assert FORM.figures["labels.png"](again).startswith(b"\x89PNG")
 
 
@@ -151,22 +156,26 @@ def test_renders_may_be_half_random_and_half_by_eye(reported):
     scores = Counted()
     _, words = reported("labels", "--renders", "random", "mixed", evaluate=scores)
     renders = [rendered_of(source) for _, source, _, _ in scores.calls]
-    own = streets_named("mixed", "scenex")
+    mixed = streets_named("mixed", "scenex")
     assert (
-        sum(isinstance(each, Mixture) and describe(each) == describe(own) for each in renders) == 6
+        sum(
+            isinstance(streets, Mixture) and describe(streets) == describe(mixed)
+            for streets in renders
+        )
+        == 6
     )
     assert "| 0 | half random, half default streets |" in words
 
 
 def test_every_net_sees_its_labels_and_pairs_share_them(reported):
     scores = Counted()
-    found, _ = reported("labels", evaluate=scores)
+    derived, _ = reported("labels", evaluate=scores)
     calls = [(source, seed) for _, source, seed, _ in scores.calls]
-    beside = {(len(s.parts[1].images), seed): s for s, seed in calls if isinstance(s, TrainingSet)}
+    mixed = {(len(s.parts[1].images), seed): s for s, seed in calls if isinstance(s, TrainingSet)}
     alone = {(len(s.images), seed): s for s, seed in calls if isinstance(s, LabelledImages)}
-    assert set(beside) == set(alone) == {(2, 0), (2, 1), (4, 0), (4, 1)} and len(calls) == 2 + 4 + 4
+    assert set(mixed) == set(alone) == {(2, 0), (2, 1), (4, 0), (4, 1)} and len(calls) == 2 + 4 + 4
     for place, few in alone.items():
-        np.testing.assert_array_equal(beside[place].parts[1].images, few.images)
-    rows = [(row["labels"], row["renders"]) for row in found["rows"]]
+        np.testing.assert_array_equal(mixed[place].parts[1].images, few.images)
+    rows = [(row["labels"], row["renders"]) for row in derived["rows"]]
     assert rows == [(0, "default"), *((n, r) for n in (2, 4) for r in ("none", "default"))]
-    assert found["learnt_from"] is None and found["few_share"] == 0.5
+    assert derived["learnt_from"] is None and derived["few_share"] == 0.5

@@ -28,8 +28,8 @@ BASELINES = {
 }  # fmt: skip
 
 
-def search(seed, own, **more):
-    return {"method": "sdr", "seed": seed, "rewards": [20.0, 30.0, 40.0], "nets": own, **more}
+def search(seed, nets, **more):
+    return {"method": "sdr", "seed": seed, "rewards": [20.0, 30.0, 40.0], "nets": nets, **more}
 
 
 def report(*searches, **more):
@@ -39,17 +39,17 @@ def report(*searches, **more):
 
 
 def test_a_method_has_a_row_over_its_searches_and_nets():
-    found = report(search(0, nets(34.0, 36.0)), search(1, nets(36.0, 38.0)))
-    rows = {row["name"]: row for row in found["rows"]}
+    derived = report(search(0, nets(34.0, 36.0)), search(1, nets(36.0, 38.0)))
+    rows = {row["name"]: row for row in derived["rows"]}
     assert rows["sdr"]["mean"] == 36.0 and rows["sdr"]["gain_over_default"]["mean"] == 1.0
-    assert "optimised by sdr | 2 | 36.0" in text(found)
+    assert "optimised by sdr | 2 | 36.0" in text(derived)
 
 
 def test_of_reports_with_model_selection_the_methods_own_answers_are_shown():
-    own = {"chosen_candidate": "default", "own_nets": nets(31.0, 33.0)}
-    found = report(search(0, nets(34.0, 36.0), **own))
-    assert [each["learnt"] for each in found["searches"]] == [32.0]
-    assert "optimised by sdr | 1 | 32.0" in text(found)
+    old_fields = {"chosen_candidate": "default", "own_nets": nets(31.0, 33.0)}
+    derived = report(search(0, nets(34.0, 36.0), **old_fields))
+    assert [search["learnt"] for search in derived["searches"]] == [32.0]
+    assert "optimised by sdr | 1 | 32.0" in text(derived)
 
 
 def test_methods_of_other_libraries_need_a_checkout(monkeypatch):
@@ -68,10 +68,10 @@ def test_searches_at_equal_core_minutes():
         core_minutes=15.0, methods=("intervals", "random_search", "sdr"), searches=2,
     )  # fmt: skip
     check(config)
-    plans = {name: plan_of(own, name) for name, own in configure_all(config).items()}
+    plans = {name: plan_of(one, name) for name, one in configure_all(config).items()}
     assert list(plans) == [f"{m}-{k}" for k in (0, 1) for m in config.methods]
     seconds = [plan.evaluations * cost_of(config.reward) for plan in plans.values()]
-    assert all(0.75 * 15 * 60 < each <= 15 * 60 for each in seconds)
+    assert all(0.75 * 15 * 60 < spent <= 15 * 60 for spent in seconds)
     counts = {kind.what: kind.nets for kind in work(config)}
     assert list(counts) == ["rewards of the search, 6 searches"]
     names = [row.name for row in rows(config, SimpleNamespace(few_names=()))]
@@ -87,23 +87,23 @@ def test_searches_at_equal_core_minutes():
 def test_failed_evaluations_are_told():
     failing = search(0, nets(36.0, 38.0), rewards=[None, 30.0, 40.0])
     page = text(report(failing, core_minutes=15.0))
-    assert "Left out of their update: 1 failed evaluations." in page
+    assert "Evaluations left out because they failed: 1." in page
 
 
 def test_at_equal_cost_some_attributes_are_searched_and_the_others_random(command, out):
     subset = ("building_position", "fence_position")
     flags = ("--methods", "intervals", "random_search", "--searches", "1", "--core-minutes", "0.05")
     assert command("searches", out, *flags, "--subset", *subset) == 0
-    found = read_json(out / "searches.json")
-    assert (found["core_minutes"], found["subset"]) == (0.05, [*subset])
-    ours, theirs = (len(own["rewards"]) for own in found["searches"])
+    report = read_json(out / "searches.json")
+    assert (report["core_minutes"], report["subset"]) == (0.05, [*subset])
+    ours, theirs = (len(search["rewards"]) for search in report["searches"])
     logged = lines(out / "evaluations.jsonl")
     assert len(logged) == ours + theirs and 1 <= ours == theirs
     others = [k for k, name in enumerate(NAMES) if name not in subset]
     assert {(line["centre"][k], line["width"][k]) for line in logged for k in others} == {(0.5, 1)}
     assert any(line["width"] != [1] * len(NAMES) for line in logged)
-    said = (out / "searches.md").read_text()
-    assert "; building_position, fence_position were optimised, the others are random. " in said
+    page = (out / "searches.md").read_text()
+    assert "; building_position, fence_position were optimised, the others are random. " in page
 
 
 def test_schedules_and_groups_by_hand():
@@ -113,11 +113,16 @@ def test_schedules_and_groups_by_hand():
     assert schedule(50, 3, 10) == (10, 1)  # no number does; two updates try the answer
     three = ("car_position", "tree_position", "building_position")  # in as many groups
     config = defaults_of("ablation", "camvid", "quick")
-    made = plan(config, "some", "sdr", three, 48)
-    assert (made.subset, made.datasets, made.updates, made.search.updates) == (three, 8, 6, 6)
+    search_plan = plan(config, "some", "sdr", three, 48)
+    assert (
+        search_plan.subset,
+        search_plan.datasets,
+        search_plan.updates,
+        search_plan.search.updates,
+    ) == (three, 8, 6, 6)
 
 
 @given(st.integers(1, 400), st.integers(1, 6), st.integers(1, 10))
 def test_schedules_never_go_over_the_budget(evaluations, groups, datasets):
-    n, each = schedule(evaluations, groups, datasets)
-    assert min(datasets, 2) <= n <= datasets and n * each * groups <= evaluations
+    n, updates = schedule(evaluations, groups, datasets)
+    assert min(datasets, 2) <= n <= datasets and n * updates * groups <= evaluations

@@ -37,58 +37,62 @@ def synthetic(n: int, noise: float = 0.5, seed: int = 0) -> Records:
 
 
 @pytest.fixture(scope="module")
-def found() -> dict:
+def analysis() -> dict:
     return summarize(synthetic(300))
 
 
-def test_what_was_put_in_comes_first_and_best_values_are_physical(found):
-    rows = {row["name"]: row for row in found["attributes"]}
+def test_what_was_put_in_comes_first_and_best_values_are_physical(analysis):
+    rows = {row["name"]: row for row in analysis["attributes"]}
     ranked = list(rows)
     assert ranked[0] == NAMES[HUMP] and set(ranked[:4]) == set(MATTER)
-    assert set(found["pairs"][0]["names"]) == {NAMES[LEFT], NAMES[RIGHT]}
-    assert found["pairs"][0]["share"]["value"] > 5 * found["pairs"][1]["share"]["value"]
+    assert set(analysis["pairs"][0]["names"]) == {NAMES[LEFT], NAMES[RIGHT]}
+    assert analysis["pairs"][0]["share"]["value"] > 5 * analysis["pairs"][1]["share"]["value"]
     shares = [rows[NAMES[k]]["share"] for k in (HUMP, SLOPE, NOTHING, LEFT, RIGHT)]
     assert [share["value"] for share in shares[:2]] == pytest.approx([50, 25], abs=8)
     assert all(low == 0 and high < 3 for low, high in (share["ci95"] for share in shares[2:]))
     assert rows[NAMES[LEFT]]["total"]["ci95"][0] > 10
-    assert found["r2"]["value"] > 0.7 and found["r2"]["ci95"][0] > 0.5
-    assert found["noise"]["model"] == pytest.approx(0.5, abs=0.2)
+    assert analysis["r2"]["value"] > 0.7 and analysis["r2"]["ci95"][0] > 0.5
+    assert analysis["noise"]["model"] == pytest.approx(0.5, abs=0.2)
     row = rows[NAMES[HUMP]]
     assert row["best"] == pytest.approx(7.5, abs=0.8) and row["unit"] == "m"  # 1 to 14 m
     assert row["range90"][0] > 5.5 and row["range90"][1] < 9.5
     assert row["worth"] == pytest.approx(4, abs=0.8)
-    curve = found["curves"][NAMES[HUMP]]
+    curve = analysis["curves"][NAMES[HUMP]]
     assert curve["physical"][0] == 1 and curve["physical"][-1] == 14
     assert (np.diff([curve[name] for name in ("low", "mean", "high")], axis=0) >= 0).all()
 
 
 def test_pure_noise_is_said_to_be_nothing():
-    found = summarize(synthetic(60)._replace(rewards=20 + np.random.default_rng(3).normal(size=60)))
-    assert found["r2"]["value"] < 0.05 and "nothing is known" in text({"note": "noise", **found})
+    analysis = summarize(
+        synthetic(60)._replace(rewards=20 + np.random.default_rng(3).normal(size=60))
+    )
+    assert analysis["r2"]["value"] < 0.05 and "say nothing about any attribute" in text(
+        {"note": "noise", **analysis}
+    )
 
 
 def test_shares_by_hand_and_draws_of_what_is_not_there_lie_around_zero():
     layout = model.lay_out(3)
-    own, both = 3 * model.DEGREE, len(model.PAIR_ORDERS)
-    assert layout.effects == 6 and len(layout.effect) == own + 3 * both
+    single, paired = 3 * model.DEGREE, len(model.PAIR_ORDERS)
+    assert layout.effects == 6 and len(layout.effect) == single + 3 * paired
     assert np.bincount(layout.effect, layout.relative) == pytest.approx(np.ones(6))
-    weights = np.zeros((1, own + 3 * both))
+    weights = np.zeros((1, single + 3 * paired))
     weights[0, [0, 1, model.DEGREE]] = 1, 2, 1  # 1 + 4 of the first attribute, 1 of the second
-    weights[0, own + both] = 2  # 4 of the pair (0, 2)
-    found = model.shares(layout, weights[0], weights)
-    np.testing.assert_allclose(found.effects, [0.5, 0.1, 0, 0, 0.4, 0])
-    np.testing.assert_allclose(found.drawn, [found.effects])  # one draw does not vary
-    np.testing.assert_allclose(model.totals(layout, found.effects), [0.9, 0.1, 0.4])
-    assert found.signal == pytest.approx(10)
+    weights[0, single + paired] = 2  # 4 of the pair (0, 2)
+    shares = model.shares(layout, weights[0], weights)
+    np.testing.assert_allclose(shares.effects, [0.5, 0.1, 0, 0, 0.4, 0])
+    np.testing.assert_allclose(shares.drawn, [shares.effects])  # one draw does not vary
+    np.testing.assert_allclose(model.totals(layout, shares.effects), [0.9, 0.1, 0.4])
+    assert shares.signal == pytest.approx(10)
     expected = np.zeros(len(layout.effect))
     expected[0] = 1
-    drawn = expected + 0.1 * np.random.default_rng(0).normal(size=(5000, len(expected)))
-    found = model.shares(layout, expected, drawn)
-    np.testing.assert_allclose(found.drawn.mean(axis=0), found.effects, atol=0.01)
-    assert (np.quantile(found.drawn, 0.025, axis=0)[1:] < 0).all()
+    samples = expected + 0.1 * np.random.default_rng(0).normal(size=(5000, len(expected)))
+    shares = model.shares(layout, expected, samples)
+    np.testing.assert_allclose(shares.drawn.mean(axis=0), shares.effects, atol=0.01)
+    assert (np.quantile(shares.drawn, 0.025, axis=0)[1:] < 0).all()
     # Shares are of the same draw's signal, so that what is sure to be all of it is all of it.
-    np.testing.assert_allclose(found.drawn.sum(axis=1), 1)
-    assert np.std(found.drawn_signal) > 0.1
+    np.testing.assert_allclose(shares.drawn.sum(axis=1), 1)
+    assert np.std(shares.drawn_signal) > 0.1
 
 
 @settings(max_examples=5)
@@ -99,16 +103,16 @@ def test_shares_are_variances_on_the_unit_cube(seed):
     weights = rng.normal(size=len(layout.effect))
     unit = rng.random((40_000, 3))
     values = model.features(layout, unit, np.zeros_like(unit)) @ weights
-    found = model.shares(layout, weights, weights[None])
-    assert found.effects.sum() == pytest.approx(1)
-    assert values.var() == pytest.approx(found.signal, rel=0.1)
+    shares = model.shares(layout, weights, weights[None])
+    assert shares.effects.sum() == pytest.approx(1)
+    assert values.var() == pytest.approx(shares.signal, rel=0.1)
 
 
 @given(st.floats(0, 1), st.floats(0, 1))
 def test_waves_are_means_over_intervals(centre, width):
     points = centre + width * (np.arange(2000) + 0.5) / 2000 - width / 2
-    wanted = model.waves(points).mean(axis=0)
-    np.testing.assert_allclose(model.waves(centre, width), wanted, atol=1e-4)
+    expected = model.waves(points).mean(axis=0)
+    np.testing.assert_allclose(model.waves(centre, width), expected, atol=1e-4)
     np.testing.assert_allclose(model.waves(0.5, 1.0), 0, atol=1e-12)
 
 
@@ -117,11 +121,11 @@ def test_draws_are_those_of_the_posterior():
     layout = model.lay_out(3)
     x = model.features(layout, records.centre[:, :3], records.width[:, :3])
     fitted = model.fit(layout, x, records.rewards)
-    drawn = model.draw_weights(fitted, 20_000, 0)
+    samples = model.draw_weights(fitted, 20_000, 0)
     precision = fitted.x.T @ fitted.x / fitted.noise**2 + np.diag(1 / fitted.variance)
     scale = np.sqrt(np.diag(np.linalg.inv(precision)))
-    assert np.abs((drawn.mean(axis=0) - fitted.weights) / scale).max() < 0.05
-    np.testing.assert_allclose(drawn.std(axis=0), scale, rtol=0.05)
+    assert np.abs((samples.mean(axis=0) - fitted.weights) / scale).max() < 0.05
+    np.testing.assert_allclose(samples.std(axis=0), scale, rtol=0.05)
 
 
 def evaluation(k: int, config: str = "aaaa", **other) -> dict:
@@ -146,15 +150,15 @@ def test_one_configuration_is_taken_and_the_others_told(tmp_path):
     a[0] |= {"reward": None, "failed": "the loss is nan"}
     real = [evaluation(k, centre=None, width=None) for k in range(20, 30)]
     aside = {"bb": {}, "cc": {"side": "test"}, "dd": {"kind": "mmd"}, "ee": {"target": "twin"}}
-    others = [evaluation(k, name, **own) for k in range(8) for name, own in aside.items()]
+    others = [evaluation(k, name, **fields) for k in range(8) for name, fields in aside.items()]
     (tmp_path / "run").mkdir()
     write_lines(tmp_path / "run" / "evaluations.jsonl", a[:3])
     write_lines(tmp_path / "run" / "finals.jsonl", [*a[2:6], *real])
     paths = [tmp_path / "run", write_lines(tmp_path / "store.jsonl", [HEADER, *a[4:], *others])]
-    found = read(paths, config, "camvid")
-    assert (found.config, len(found.rewards), found.failed) == ("aaaa", 8, 1)
-    assert [words[:4] for words in found.aside] == [f"{name} (" for name in aside]
-    assert "bb (8 of camvid, reward images, 64x48, 96 rendered" in " ".join(found.aside)
+    records = read(paths, config, "camvid")
+    assert (records.config, len(records.rewards), records.failed) == ("aaaa", 8, 1)
+    assert [words[:4] for words in records.aside] == [f"{name} (" for name in aside]
+    assert "bb (8 of camvid, reward images, 64x48, 96 rendered" in " ".join(records.aside)
     assert read(paths, config, "camvid", "bb").config == "bb"
 
 
@@ -173,10 +177,10 @@ def recorded(tmp_path):
 def test_lines_of_bins_mean_relaxed_bins_in_any_order(recorded, tmp_path):
     config = defaults_of("sensitivity", "camvid", "quick")
     path = write_lines(tmp_path / "one.jsonl", [line_of_bins([0] * 22 + [5], 21.5)])
-    found = read([path], config, "camvid")
-    assert found.config == BINS and found.rewards == pytest.approx([21.5])
-    assert found.centre[0, [0, 22]] == pytest.approx([0.15, 0.55])  # the first has slid inside
-    assert found.width[0] == pytest.approx([0.3] * 23)
+    records = read([path], config, "camvid")
+    assert records.config == BINS and records.rewards == pytest.approx([21.5])
+    assert records.centre[0, [0, 22]] == pytest.approx([0.15, 0.55])  # the first has slid inside
+    assert records.width[0] == pytest.approx([0.3] * 23)
     turned = write_lines(tmp_path / "turned.jsonl", lines(recorded)[::-1])
     one, two = (np.column_stack(read([p], config, "camvid")[:3]) for p in (recorded, turned))
     np.testing.assert_array_equal(one, two)
@@ -184,12 +188,12 @@ def test_lines_of_bins_mean_relaxed_bins_in_any_order(recorded, tmp_path):
 
 def test_records_need_no_data_and_give_the_same_again(recorded, out, monkeypatch, capsys):
     monkeypatch.delenv("CAMVID_DIR", raising=False)
-    found = []
+    files = []
     for _ in range(2):
         assert study("sensitivity", "--records", str(recorded), *CAMVID, "--out", str(out)) == 0
         assert "tree interval" in capsys.readouterr().out
-        found.append([path.read_bytes() for path in sorted(out.glob("sensitivity.*"))])
-    assert found[0] == found[1] and len(found[0]) == 3
+        files.append([path.read_bytes() for path in sorted(out.glob("sensitivity.*"))])
+    assert files[0] == files[1] and len(files[0]) == 3
     report = read_json(out / "sensitivity.json")
     assert report["attributes"][0]["name"] == NAMES[SLOPE] and report["study"] == "sensitivity"
     assert len(report["attributes"]) == 23 and len(report["pairs"]) == 253
@@ -203,13 +207,13 @@ def config(tiny, monkeypatch):
 
 
 def test_what_is_missing_is_recorded_once(config, counted, tmp_path, scored_by):
-    whole = job.analyse(config)
-    assert len(counted.calls) == 12 and whole["records"]["rewards"] == 12
+    complete = job.analyse(config)
+    assert len(counted.calls) == 12 and complete["records"]["rewards"] == 12
     assert len({seed for _, _, seed, _ in counted.calls}) == 12
     assert all(recipe.fidelity == config.reward for recipe, *_ in counted.calls)
     scored_by(never)
     recorded = replace(config, records=(config.out,), out=tmp_path / "recorded")
-    assert job.analyse(recorded)["attributes"] == whole["attributes"]
+    assert job.analyse(recorded)["attributes"] == complete["attributes"]
 
 
 def test_rewards_that_others_have_made_count(config, counted, tmp_path):
@@ -227,7 +231,7 @@ def test_rewards_that_others_have_made_count(config, counted, tmp_path):
     (["--records", "none.jsonl"], "none.jsonl: no such store"),
     (["--records", "."], "no run folder"),
     (["--records", "short.jsonl"], "line 2 must hold a reward and 23 bins from 0 to 9"),
-    (["--records", "few.jsonl"], "holds rewards of 2 proposals; 8 are the least"),
+    (["--records", "few.jsonl"], "holds rewards of 2 proposals; a model needs 8 or more"),
     (["--records", "same.jsonl"], "all 10 rewards are equal"),
     (["--records", "text.jsonl"], "text.jsonl: line 1 is not JSON"),
     (["--records", "deep.jsonl"], "deep.jsonl"),

@@ -34,8 +34,8 @@ def test_the_interval_is_that_of_scipy_and_a_gain_that_of_the_differences(pairs)
     if np.ptp(ours) > 1e-6:
         assert interval == pytest.approx(wanted, rel=1e-6, abs=1e-6)
     mean, interval = mean_ci95((ours - theirs).tolist())
-    gain, found = paired_gain(ours.tolist(), theirs.tolist())
-    assert [gain, *found] == pytest.approx([mean, *interval], abs=1e-9)
+    gain, gain_interval = paired_gain(ours.tolist(), theirs.tolist())
+    assert [gain, *gain_interval] == pytest.approx([mean, *interval], abs=1e-9)
 
 
 def test_intervals_over_searches_and_seeds_by_hand():
@@ -57,23 +57,23 @@ def test_intervals_over_searches_and_seeds_by_hand():
 @pytest.mark.parametrize("shape", [(2, 10), (3, 3), (3, 5), (3, 10), (5, 3), (5, 5)])
 def test_intervals_over_both_hold_the_truth_as_often_as_they_say(shape, spreads):
     searches, seeds = shape
-    rng, held, runs = np.random.default_rng(0), 0, 600
+    rng, covered, runs = np.random.default_rng(0), 0, 600
     for _ in range(runs):
         parts = (rng.normal(size=size) for size in ((searches, 1), (1, seeds), shape))
         low, high = crossed(sum(s * part for s, part in zip(spreads, parts, strict=True)))[1]
-        held += low <= 0 <= high
-    assert held >= 0.93 * runs - 12  # chance: two standard deviations
+        covered += low <= 0 <= high
+    assert covered >= 0.93 * runs - 12  # chance: two standard deviations
 
 
 def test_welch_and_the_bootstrap_by_hand():
     # Means 2 and 7, variances 1 and 20 / 3: t = -5 / sqrt(1 / 3 + 5 / 3).
-    found = welch([1, 2, 3], [4, 6, 8, 10])
-    assert found.difference == pytest.approx(-5) and found.t == pytest.approx(-5 / math.sqrt(2))
+    result = welch([1, 2, 3], [4, 6, 8, 10])
+    assert result.difference == pytest.approx(-5) and result.t == pytest.approx(-5 / math.sqrt(2))
     degrees = 2**2 / ((1 / 3) ** 2 / 2 + (5 / 3) ** 2 / 3)
-    assert found.degrees == pytest.approx(degrees)
-    assert found.p_value == pytest.approx(2 * stats.t.sf(5 / math.sqrt(2), degrees))
-    assert 0.01 < found.p_value < 0.05 and stars(found.p_value) == "*"
-    assert welch([3, 1, 2], [8, 4, 10, 6]).p_value == pytest.approx(found.p_value)
+    assert result.degrees == pytest.approx(degrees)
+    assert result.p_value == pytest.approx(2 * stats.t.sf(5 / math.sqrt(2), degrees))
+    assert 0.01 < result.p_value < 0.05 and stars(result.p_value) == "*"
+    assert welch([3, 1, 2], [8, 4, 10, 6]).p_value == pytest.approx(result.p_value)
     assert stars(welch([1, 2, 3], [101, 102, 103]).p_value) == "**"
     assert stars(welch([1, 2, 3], [2, 3, 4]).p_value) == ""
     # 0.01 x 4; 0.02 x 3; 0.03 x 2 is less than the one before it; 0.9 x 1.
@@ -81,6 +81,6 @@ def test_welch_and_the_bootstrap_by_hand():
     assert holm([]) == [] and holm([0.6, 0.7]) == [1.0, 1.0]
     assert welch([1], [2, 3]) is None and welch([1, 1], [2, 2]) is None
     # Sets that hold 3 and 5: the statistic knows the counts, and so never varies.
-    found = bootstrap((3, 5), lambda a, b: float(10 * len(a) + len(b) + (b.max() > 4)), 0)
-    assert found == (35, [35, 35])
+    result = bootstrap((3, 5), lambda a, b: float(10 * len(a) + len(b) + (b.max() > 4)), 0)
+    assert result == (35, [35, 35])
     assert bootstrap((3,), lambda a: math.nan, 0) == (None, None)

@@ -63,8 +63,8 @@ FORM = form.Form(
     lambda report: f"{report['mean']}", {"some.png": lambda report: b"picture"},
 )  # fmt: skip
 SOME = Study(
-    FORM, lambda config, made: [],
-    lambda run, made: {**form.about(run, run.config.final), "scores": [1, 2]},
+    FORM, lambda config, prepared: [],
+    lambda run, prepared: {**form.about(run, run.config.final), "scores": [1, 2]},
 )  # fmt: skip
 
 
@@ -103,7 +103,7 @@ def test_killed_it_goes_on_ends_the_same_and_is_derived_anew(
     assert work(whole, *flags) == 0
     printed = capsys.readouterr().out
     assert printed.splitlines()[1] == "Plan, in CPU seconds:" and " left" in printed
-    made = len(scored.calls)
+    calls = len(scored.calls)
     for count in counts:
         dying = Counted(Store.add, limit=count)
         with monkeypatch.context() as patch, pytest.raises(Killed):
@@ -112,7 +112,7 @@ def test_killed_it_goes_on_ends_the_same_and_is_derived_anew(
     assert sum(len(lines(broken / log)) for log in LOGS) == sum(counts)
     assert work(broken, *flags) == 0
     # What is finished is not redone, but for what was never written; nor does a report need any net.
-    assert len(scored.calls) == 2 * made + len(counts)
+    assert len(scored.calls) == 2 * calls + len(counts)
     assert command(name, broken, *flags, evaluate=never, transfer=never) == 0
     assert study(name, "--rederive", str(whole / f"{name}.json"), "--out", str(again)) == 0
     for file in (f"{name}.json", f"{name}.md", f"{name}.png"):
@@ -127,13 +127,13 @@ def test_a_search_of_the_study_is_the_main_jobs_of_its_seed(flags, command, camv
     flags = (*flags, "--store", str(store))
     searches = ("--methods", "random_search", "--searches", "2")
     assert command("searches", tmp_path / "study", *searches, *flags) == 0
-    known = {line["key"] for line in lines(store)[1:]}
-    own = ("--seed", "1", "--search.method", "random_search", "--data", str(camvid))
-    assert main_job("camvid", "--out", str(tmp_path / "main"), *own, *flags) == 0
+    study_keys = {line["key"] for line in lines(store)[1:]}
+    main_flags = ("--seed", "1", "--search.method", "random_search", "--data", str(camvid))
+    assert main_job("camvid", "--out", str(tmp_path / "main"), *main_flags, *flags) == 0
     scored = [
         line for log in LOGS for line in lines(tmp_path / "main" / log) if line["side"] == "reward"
     ]
-    assert len(scored) == 12 and {line["key"] for line in scored} <= known
+    assert len(scored) == 12 and {line["key"] for line in scored} <= study_keys
 
 
 @pytest.mark.parametrize("recorded", RECORDED, ids=lambda path: path.stem)
@@ -229,9 +229,9 @@ def test_learnt_attributes_are_made_once(config, counted, tmp_path):
         assert len(counted.calls) == sum(work.nets for work in plan) == 12
     again = replace(shared, out=tmp_path / "again")
     with session.open(again) as run:
-        found = learnt_attributes(run)
+        streets = learnt_attributes(run)
     assert len(counted.calls) == 12
-    for other in (found, read_attributes("--learnt", again.out / "attributes.json", "scenex")):
+    for other in (streets, read_attributes("--learnt", again.out / "attributes.json", "scenex")):
         np.testing.assert_array_equal(np.stack(other), np.stack(learnt))
 
 
@@ -250,21 +250,21 @@ def test_nets_are_paired_and_made_once(config, counted):
         recipe, seeds = run.recipe(config.final), paired_seeds(run)
         sources = training_sets(run, random_proposal())
         assert list(sources) == ["random", "default", "learnt", "real"]
-        found = results_of(run, "some", sources, recipe, seeds)
+        results = results_of(run, "some", sources, recipe, seeds)
         # Random and learnt attributes are the same here.
         assert [task[2] for task in counted.calls] == [0, 0, 1, 1, 0, 1]  # the longest first
         again = results_of(run, "others", sources, recipe, seeds)
-        assert len(counted.calls) == 6 and list(found) == list(again) == list(sources)
-        for name, own in found.items():
-            assert again[name] == [outcome._replace(stored=True) for outcome in own]
+        assert len(counted.calls) == 6 and list(results) == list(again) == list(sources)
+        for name, row_results in results.items():
+            assert again[name] == [outcome._replace(stored=True) for outcome in row_results]
         # Other assets are other nets.
         half = run.recipe(config.final, fraction=0.5)
         results_of(run, "some", {"random": random_proposal()}, half, seeds)
         assert len(counted.calls) == 8
     with session.open(config) as run:
         results_of(run, "some", sources, recipe, seeds)
-    made = {line["key"] for line in lines(config.out / "finals.jsonl")}
-    assert len(counted.calls) == len(made) == 8
+    keys = {line["key"] for line in lines(config.out / "finals.jsonl")}
+    assert len(counted.calls) == len(keys) == 8
 
 
 def test_rows_of_one_kind_keep_their_own_recipes(config, counted):
@@ -274,14 +274,14 @@ def test_rows_of_one_kind_keep_their_own_recipes(config, counted):
         Row({"row": k}, lambda *_: random_proposal(), fidelity, "nets", str(k), pool={"fraction": share})
         for k, (fidelity, share) in enumerate(fields)
     ]  # fmt: skip
-    plain = FORM._replace(derive=lambda report: report, text=lambda report: "", figures={})
-    of = of_rows(plain, lambda *_: rows, lambda run, made, told: {"rows": told})
-    do(of, config)
-    made = [(recipe.fidelity, recipe.pool.fraction) for recipe, *_ in counted.calls]
-    assert sorted(made, key=fields.index) == [fields[0]] * 2 + [fields[1]] * 2
+    bare_form = FORM._replace(derive=lambda report: report, text=lambda report: "", figures={})
+    rows_study = of_rows(bare_form, lambda *_: rows, lambda run, answers, scored: {"rows": scored})
+    do(rows_study, config)
+    recipes = [(recipe.fidelity, recipe.pool.fraction) for recipe, *_ in counted.calls]
+    assert sorted(recipes, key=fields.index) == [fields[0]] * 2 + [fields[1]] * 2
 
 
-@pytest.mark.parametrize(("name", "flags", "said"), [
+@pytest.mark.parametrize(("name", "flags", "message"), [
     ("table", ("--learnt", "FILE", "--method", "sdr"), "--search.method has no effect with --learnt"),
     ("table", ("--all-images",), "--all-images needs --gta5 or --synthia or --kitti"),
     ("table", ("--few-share", "0.4"), "--few-share needs --few"),
@@ -297,10 +297,12 @@ def test_rows_of_one_kind_keep_their_own_recipes(config, counted):
     ("table", ("--from-scratch",), "--from-scratch is for --preset paper, not smoke"),
     ("labels", ("--weights", "x.npz"), "--weights is for VGG networks and dinov2; this job trains compact"),
 ])  # fmt: skip
-def test_a_flag_without_effect_is_refused(name, flags, said, command, out, error_line, learnt_file):
+def test_a_flag_without_effect_is_refused(
+    name, flags, message, command, out, error_line, learnt_file
+):
     flags = [str(learnt_file) if flag == "FILE" else flag for flag in flags]
     assert command(name, out, *flags, evaluate=never, transfer=never) == 2
-    assert said in error_line() and not out.exists()
+    assert message in error_line() and not out.exists()
 
 
 def test_what_cannot_be_done_shows_before_the_folder_is_made(config):
@@ -327,38 +329,38 @@ def test_the_plan_tells_nets_seconds_and_time_and_what_nets_start_from(tmp_path)
     np.savez(path, normalisation="hed", source="VGG16, fine-tuned")
     other = replace(final, train=replace(final.train, net="fcn8s", weights=str(path)))
     alone = "the 13 convolutions alone, fc6 and fc7 start at random"
-    said = f"fcn8s starts from {path}: VGG16, fine-tuned; {alone}"
+    sentence = f"fcn8s starts from {path}: VGG16, fine-tuned; {alone}"
     assert (
         plan_text(
             [Work("a", 1, f, Cost()) for f in (final, other, other)], 2, REFERENCE, Cost()
-        ).count(said)
+        ).count(sentence)
         == 1
     )
-    assert form.starts({"starts": [said]}) == f" {said}." and form.starts({}) == ""
+    assert form.starts({"starts": [sentence]}) == f" {sentence}." and form.starts({}) == ""
 
 
 def test_a_gain_over_tested_images_by_hand():
     good, bad = np.diag([8, 8]), np.array([[4, 4], [0, 8]])
     ours, theirs = np.array([good] * 15), np.array([good] * 5 + [bad] * 10)
-    found = over_units(ours, theirs)
-    assert found.value == pytest.approx(100 * (1 - (80 / 120 + 120 / 160) / 2))
-    low, high = found.ci95
-    assert 10 < low < found.value < high < 42  # of no image with a mistake, or of all
+    estimate = over_units(ours, theirs)
+    assert estimate.value == pytest.approx(100 * (1 - (80 / 120 + 120 / 160) / 2))
+    low, high = estimate.ci95
+    assert 10 < low < estimate.value < high < 42  # of no image with a mistake, or of all
     assert over_units(ours, ours) == (0.0, [0.0, 0.0])
     few = over_units(ours[:13], theirs[:13])
     assert few.value > 0 and few.ci95 is None
 
 
 def test_statistics_leave_failed_nets_out_and_figures_in_tables_by_hand():
-    found = statistics([10.0, None, 14.0], [9.0, 5.0, 11.0])
-    assert found["mean"] == 12 and found["gain"]["mean"] == 2  # of 1 and 3
+    summary = statistics([10.0, None, 14.0], [9.0, 5.0, 11.0])
+    assert summary["mean"] == 12 and summary["gain"]["mean"] == 2  # of 1 and 3
     assert statistics([None, 3.0], [1.0, None])["gain"] is None
     assert statistics([None], None) == {"mean": None, "ci95": None, "gain": None}
     outcomes = [Result(v, [v, None], 1, 1) for v in (0.2, 0.4)]
     scored = form.nets([*outcomes, Result(np.nan, [], 1, 1, "the loss is nan")])
     assert form.class_means(scored, ["a", "b"]) == {"a": pytest.approx(30), "b": None}
     assert form.miou(scored) == pytest.approx([20, 40, None]) and scored[2] is None
-    assert form.failures([{"nets": scored}])[1].startswith("1 nets failed")
+    assert form.failures([{"nets": scored}])[1].endswith(" failed: 1.")
     together = Result(0.5, [0.5, None], 1, 1, heads=([0.25, None], [0.5, 1.0]))
     failed = Result(np.nan, [], 1, 1, "the loss is nan")
     assert form.miou(form.nets([together, failed], 2)) == [25.0, 75.0, None, None]
@@ -395,8 +397,8 @@ def test_a_report_is_derived_anew_from_its_scores(config, tmp_path, capsys):
 @pytest.mark.parametrize(("content", "attributes", "report"), [
     (None, "No such file", "No such file"), ("{", "is no JSON file", "is no JSON file"),
     ('{"fog": 0.5}', "unknown attribute 'fog'", "the study some"),
-    ('{"study": "other"}', "unknown attribute 'study'", "is no report of the study some"),
-    ('{"study": "some"}', "unknown", "does not hold what the study some writes"),
+    ('{"study": "other"}', "unknown attribute 'study'", "is not a report of the study some"),
+    ('{"study": "some"}', "unknown", "is not a complete report of the study some"),
 ])  # fmt: skip
 def test_other_files_are_neither_attributes_nor_reports(config, out, content, attributes, report):
     file = out.with_name("some.json")

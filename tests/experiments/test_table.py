@@ -45,15 +45,15 @@ def table(reported, learnt_file):
 def test_a_table_leaves_its_figures(table, out, learnt_file):
     report, text = table("--nets", "compact", "fcn8s")
     assert report["learnt_from"] == str(learnt_file)
-    made = [(row["net"], row["trained_on"]) for row in report["rows"]]
-    assert made == [*product(("compact", "fcn8s"), ("random", "default", "learnt", "real"))]
+    places = [(row["net"], row["trained_on"]) for row in report["rows"]]
+    assert places == [*product(("compact", "fcn8s"), ("random", "default", "learnt", "real"))]
     assert [row["images"] for row in report["rows"][:4]] == [6, 6, 6, 4]
     random, eye, learnt, real = report["rows"][:4]
-    ours, theirs = ([net["miou"] for net in row["nets"]] for row in (learnt, random))
-    assert (learnt["mean"], learnt["ci95"]) == mean_ci95(ours)
+    optimised_miou, random_miou = ([net["miou"] for net in row["nets"]] for row in (learnt, random))
+    assert (learnt["mean"], learnt["ci95"]) == mean_ci95(optimised_miou)
     by_eye = [net["miou"] for net in eye["nets"]]
-    for name, baseline in (("gain", theirs), ("gain_over_default", by_eye)):
-        value, interval = paired_gain(ours, baseline)
+    for name, baseline in (("gain", random_miou), ("gain_over_default", by_eye)):
+        value, interval = paired_gain(optimised_miou, baseline)
         assert learnt[name] == {"mean": value, "ci95": interval}
     assert learnt["gain"]["mean"] > 0
     # 804 of 2000 pixels are right, 1196 of them taken for others, as many the other way round.
@@ -68,10 +68,10 @@ def test_a_table_leaves_its_figures(table, out, learnt_file):
 
 
 def test_data_sets_of_others_are_cut_and_told_in_the_target_s_classes(table, gta5, out):
-    seen = Counted()
-    *_, row, last = table("--gta5", str(gta5), evaluate=seen)[0]["rows"]
+    counted = Counted()
+    *_, row, last = table("--gta5", str(gta5), evaluate=counted)[0]["rows"]
     assert (row["trained_on"], last["trained_on"]) == ("gta5", "real")
-    gta = seen.calls[6][1]  # behind all that is rendered, which takes longer
+    gta = counted.calls[6][1]  # behind all that is rendered, which takes longer
     assert row["images"] == 6 and gta.images.shape == (6, 48, 64, 3)  # as of a rendered set
     assert set(np.unique(gta.labels).tolist()) <= {*range(11), IGNORE_LABEL}
     out.rename(out.with_name("cut"))
@@ -79,13 +79,15 @@ def test_data_sets_of_others_are_cut_and_told_in_the_target_s_classes(table, gta
 
 
 def test_data_sets_of_others_have_the_size_and_number_that_each_net_s_renders_have(table, gta5):
-    seen = Counted()
+    counted = Counted()
     flags = ("--nets", "compact", "fcn8s", "--final.train.net", "fcn8s", "--gta5", str(gta5))
     small = ("--compact.width", "32", "--compact.height", "24", "--compact.streets", "2")
-    rows = table(*flags, *small, evaluate=seen)[0]["rows"]
-    told = {row["net"]: (row["size"], row["images"]) for row in rows if row["trained_on"] == "gta5"}
-    assert told == {"compact": ("32x24", 4), "fcn8s": ("64x48", 6)}
-    for recipe, source, _, truth, *_ in seen.calls:
+    rows = table(*flags, *small, evaluate=counted)[0]["rows"]
+    sizes = {
+        row["net"]: (row["size"], row["images"]) for row in rows if row["trained_on"] == "gta5"
+    }
+    assert sizes == {"compact": ("32x24", 4), "fcn8s": ("64x48", 6)}
+    for recipe, source, _, truth, *_ in counted.calls:
         size = (recipe.fidelity.height, recipe.fidelity.width)
         assert truth.images.shape[1:3] == size
         if isinstance(source, LabelledImages):
@@ -94,13 +96,13 @@ def test_data_sets_of_others_have_the_size_and_number_that_each_net_s_renders_ha
 
 
 def test_a_few_labelled_images_add_rows(table):
-    seen = Counted()
-    report, text = table("--few", "2", evaluate=seen)
+    counted = Counted()
+    report, text = table("--few", "2", evaluate=counted)
     few = [(row["trained_on"], row["images"]) for row in report["rows"][3:]]
-    beside = [(f"few+{name}", 8) for name in ("random", "default", "learnt")]
-    assert few == [("few", 2), *beside, ("real", 4)]
-    beside = [source for _, source, *_ in seen.calls if isinstance(source, TrainingSet)]
-    assert len(beside) == 6 and {source.shares for source in beside} == {(0.5, 0.5)}
+    mixed = [(f"few+{name}", 8) for name in ("random", "default", "learnt")]
+    assert few == [("few", 2), *mixed, ("real", 4)]
+    mixed = [source for _, source, *_ in counted.calls if isinstance(source, TrainingSet)]
+    assert len(mixed) == 6 and {source.shares for source in mixed} == {(0.5, 0.5)}
     assert "| compact | 64x48 | the labelled subset + optimised streets | 8 |" in text
 
 
@@ -113,8 +115,8 @@ def test_miou_over_other_classes_is_that_of_the_metric(seed):
     present = confusion.sum(axis=1) > 0
     shares = [100 * v if p else None for v, p in zip(iou(confusion), present, strict=True)]
     for classes in (SYNTHIA_16, SYNTHIA_13):
-        (found,) = subset_miou([{"class_iou": shares}], classes)
-        assert found == pytest.approx(100 * mean_iou(confusion, classes))
+        (miou,) = subset_miou([{"class_iou": shares}], classes)
+        assert miou == pytest.approx(100 * mean_iou(confusion, classes))
     assert subset_miou([None], SYNTHIA_13) == [None]
 
 
@@ -139,10 +141,10 @@ def test_every_net_gets_a_recipe_and_a_size_of_its_own():
     )
     assert compact == quick.compact and compact.train == RECIPES["compact"]
     assert fcn8s == replace(quick.vgg, train=replace(RECIPES["scratch"], net="fcn8s", steps=150))
-    given = replace(quick, weights=Path("vgg16.npz"))
-    train = fidelity_of(given, "fcn8s").train
+    with_weights = replace(quick, weights=Path("vgg16.npz"))
+    train = fidelity_of(with_weights, "fcn8s").train
     assert train == replace(RECIPES["vgg-adam"], net="fcn8s", steps=150, weights="vgg16.npz")
-    assert fidelity_of(given, "lite0") == lite0  # its weights are its own
+    assert fidelity_of(with_weights, "lite0") == lite0  # its weights are its own
     # A net that is named as the final one has the final size.
     final = with_net(quick.final, "compact")
     assert final.train == replace(RECIPES["compact"], average_mirror=True)
@@ -155,8 +157,8 @@ def test_every_net_gets_a_recipe_and_a_size_of_its_own():
     assert paper.nets == ("fcn8s", "deeplabv2")
     for name in paper.nets:
         for weights in (None, "vgg16.npz"):
-            own = replace(paper.final.train, net=name, weights=weights)
-            assert with_net(paper.final, name, weights).train == own
+            train = replace(paper.final.train, net=name, weights=weights)
+            assert with_net(paper.final, name, weights).train == train
 
 
 def test_data_of_others_that_no_memory_holds_are_refused_before_they_are_read(

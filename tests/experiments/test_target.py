@@ -92,8 +92,8 @@ def test_photographs_are_cut_to_four_by_three_and_albums_held_out(labelmefacade)
         colors = np.asarray(Image.open(labelmefacade / "labels" / f"{name}.png"))
         assert colors.shape[1] in (16, 12)
         if colors.shape[1] == 12:
-            own = (colors[1:10, :, None] == FACADE).all(axis=-1).argmax(axis=-1)
-            np.testing.assert_array_equal(label, FACADE_IDS[own])
+            codes = (colors[1:10, :, None] == FACADE).all(axis=-1).argmax(axis=-1)
+            np.testing.assert_array_equal(label, FACADE_IDS[codes])
     assert split["test"].images.shape == (2, 9, 12, 3)
     target = named_target(replace(config, holdout="a_p"), POOL)
     assert target.reward_names == ("b__1", "b__2") and target.test_names == ("a_p1", "a_p2")
@@ -124,9 +124,9 @@ def test_the_real_photographs_come_by_album(labelmefacade_dir):
 
 def test_limits_choose_a_subset_that_runs_of_all_seeds_share(tiny_camvid):
     config = replace(tiny_camvid, reward_images=2, test_images=1)
-    found = [named_target(replace(config, seed=s), POOL) for s in range(12)]
-    ((reward, test),) = {(own.reward_names, own.test_names) for own in found}
-    assert (len(reward), len(test)) == (2, 1) and reward == found[0].at(16, 16)["reward"].names
+    targets = [named_target(replace(config, seed=s), POOL) for s in range(12)]
+    ((reward, test),) = {(target.reward_names, target.test_names) for target in targets}
+    assert (len(reward), len(test)) == (2, 1) and reward == targets[0].at(16, 16)["reward"].names
 
 
 @pytest.mark.parametrize(("flags", "words"), [
@@ -159,8 +159,8 @@ def test_a_missing_split_and_an_image_on_both_sides(fails, camvid):
 
 @given(names, names)
 def test_overlap_is_refused_exactly_where_there_is_one(reward, test):
-    said = pytest.raises(UserError, match="are both training and test images")
-    with said if set(reward) & set(test) else nullcontext():
+    refused = pytest.raises(UserError, match="are both training and test images")
+    with refused if set(reward) & set(test) else nullcontext():
         refuse_overlap(reward, test)
 
 
@@ -187,7 +187,7 @@ def flat(value: int, size=(12, 16)):
     (Path.unlink, "train*/*.png", ("no images in split 'train'",)),
 ])  # fmt: skip
 def test_what_is_wrong_on_disk(fails, camvid, change, files, words):
-    found = sorted(camvid.glob(files))
-    for path in found:
+    changed = sorted(camvid.glob(files))
+    for path in changed:
         change(path)
-    fails(*(word.replace("FILE", str(found[0])) for word in words))
+    fails(*(word.replace("FILE", str(changed[0])) for word in words))

@@ -38,8 +38,8 @@ def test_hidden_values_are_reproducible_inside_the_ranges_and_other_by_seed(seed
 
 def test_the_prior_is_the_stated_one_and_the_same_world_gives_the_same_images():
     inside = abs(default_unit() - 0.5) < 0.05  # far from where it is clipped
-    drawn = np.stack([twin.twin_world(seed).centre for seed in range(400)])
-    offsets = (drawn - default_unit())[:, inside]
+    centres = np.stack([twin.twin_world(seed).centre for seed in range(400)])
+    offsets = (centres - default_unit())[:, inside]
     assert abs(offsets.mean()) < 0.015
     assert offsets.std() == pytest.approx(twin.PRIOR_STD, rel=0.1)
     one, two = split("train", 1), split("train", 1)
@@ -79,14 +79,14 @@ def test_far_twins_lie_anywhere_but_see_a_street(seed):
 
 
 def test_far_centres_fill_their_ranges():
-    drawn = np.stack([twin.twin_world(seed, "far").centre for seed in range(400)])
+    far = np.stack([twin.twin_world(seed, "far").centre for seed in range(400)])
     free = [k for k, name in enumerate(names("extended")) if name not in twin.FAR_CAMERA]
-    quarters = np.quantile(drawn[:, free], [0.25, 0.5, 0.75], axis=0)
+    quarters = np.quantile(far[:, free], [0.25, 0.5, 0.75], axis=0)
     assert np.abs(quarters.mean(axis=1) - [0.3, 0.5, 0.7]).max() < 0.01
     assert np.abs(quarters.T - [0.3, 0.5, 0.7]).max() < 0.1
     # Drawn apart from each other, and from near ones.
     near = np.stack([twin.twin_world(seed).centre for seed in range(400)])
-    together = np.corrcoef(np.concatenate([drawn, near], axis=1).T)
+    together = np.corrcoef(np.concatenate([far, near], axis=1).T)
     together -= np.eye(len(together))
     assert np.abs(together).max() < 0.25
 
@@ -200,7 +200,7 @@ def test_images_of_two_sizes_are_read_once(tiny_camvid, monkeypatch):
 def test_as_many_images_as_asked_for_at_most_all(images):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(twin, "render_dataset", blank)
-        real, whole = split("test", images), split("test")
-    assert real.names == whole.names[:images]
+        real, all_images = split("test", images), split("test")
+    assert real.names == all_images.names[:images]
     assert len(real.names) == len(set(real.names)) == len(real.images) == min(images, twin.IMAGES)
     assert len(set(real.sequences)) == -(-len(real.names) // twin.SHOTS["near"])
