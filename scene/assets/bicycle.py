@@ -91,9 +91,8 @@ def sample_bicycle(rng: np.random.Generator, kind: str) -> BicycleParams:
     )  # fmt: skip
 
 
-def bicycle(params: BicycleParams) -> Asset:
+def bicycle(p: BicycleParams) -> Asset:
     """Build the bicycle, facing +x."""
-    p = params
     parts = [_wheel(p, x) for x in (-p.wheelbase / 2, p.wheelbase / 2)]
     return merge(*parts, *_frame(p), *_handlebar(p), *_drive(p), *_fittings(p))
 

@@ -63,9 +63,8 @@ BEACONS: tuple[str, ...] = tuple(name for name, p in _KINDS.items() if not p.out
 """Kinds that stand on traffic islands."""
 
 
-def bollard(params: BollardParams) -> Asset:
+def bollard(p: BollardParams) -> Asset:
     """Build the bollard."""
-    p = params
     if not p.outline:
         return _beacon(p)
     # Bands are slightly wider rings of the same post.

@@ -47,19 +47,18 @@ from scene.mesh.asset import Asset
 from scene.mesh.solids import box
 
 
-def eaves(params: BuildingParams) -> float:
+def eaves(p: BuildingParams) -> float:
     """Return the height of the walls (metres)."""
-    return params.ground + params.storeys * params.storey
+    return p.ground + p.storeys * p.storey
 
 
-def _floors(params: BuildingParams) -> list[float]:
+def _floors(p: BuildingParams) -> list[float]:
     """Return the heights of the floors above the ground floor (metres)."""
-    return [params.ground + params.storey * k for k in range(params.storeys)]
+    return [p.ground + p.storey * k for k in range(p.storeys)]
 
 
-def _upper_openings(params: BuildingParams) -> list[list[Opening]]:
+def _upper_openings(p: BuildingParams) -> list[list[Opening]]:
     """Return the openings of the upper storeys by column; balconies have glass doors."""
-    p = params
     low = p.storey * (1 - p.window[1]) * 0.55
     high = low + p.storey * p.window[1]
     glazed = p.ground_floor != "decks"
@@ -70,9 +69,8 @@ def _upper_openings(params: BuildingParams) -> list[list[Opening]]:
     ]  # fmt: skip
 
 
-def _ground_openings(params: BuildingParams) -> list[list[Opening]]:
+def _ground_openings(p: BuildingParams) -> list[list[Opening]]:
     """Return the openings of the ground floor by column."""
-    p = params
     windows = bays(p.width, p.bays, p.window[0])
     top = 0.82 * p.ground
     match p.ground_floor:
@@ -97,19 +95,18 @@ def _ground_openings(params: BuildingParams) -> list[list[Opening]]:
 
 
 def _opening_fill(
-    rng: np.random.Generator, params: BuildingParams, opening: Opening, panes: tuple[int, int]
+    rng: np.random.Generator, p: BuildingParams, opening: Opening, panes: tuple[int, int]
 ) -> list[Part]:
     """Build the inside of an opening: panes, a door, or the darkness of a parking deck."""
     if opening.glazed:
-        return window(rng, opening, panes, params.curtain)
-    if params.ground_floor == "decks":
+        return window(rng, opening, panes, p.curtain)
+    if p.ground_floor == "decks":
         return [Patch(upright(*opening[:4], PANE), WINDOW, "plain")]
-    return door(opening, params.accent)
+    return door(opening, p.accent)
 
 
-def _facade(rng: np.random.Generator, params: BuildingParams) -> list[Part]:
+def _facade(rng: np.random.Generator, p: BuildingParams) -> list[Part]:
     """Build ground floor and upper storeys of the front with frames, panes, doors, sills and lintels."""
-    p = params
     top = eaves(p)
     upper, ground = _upper_openings(p), _ground_openings(p)
     parts: list[Part] = [
@@ -132,9 +129,8 @@ def _facade(rng: np.random.Generator, params: BuildingParams) -> list[Part]:
     return parts
 
 
-def _trim(rng: np.random.Generator, params: BuildingParams) -> list[Part]:
+def _trim(rng: np.random.Generator, p: BuildingParams) -> list[Part]:
     """Build the ornaments and fittings on the facade that ``trim`` names."""
-    p = params
     top, half, floors = eaves(p), p.width / 2, _floors(p)
     columns = bays(p.width, p.bays, p.window[0])
     parts: list[Part] = []
@@ -196,9 +192,8 @@ def _trim(rng: np.random.Generator, params: BuildingParams) -> list[Part]:
     return parts
 
 
-def _additions(rng: np.random.Generator, params: BuildingParams) -> list[Part]:
+def _additions(rng: np.random.Generator, p: BuildingParams) -> list[Part]:
     """Build shop fronts, bay windows, hoods over the doors and balconies."""
-    p = params
     parts: list[Part] = []
     if p.ground_floor == "shop":
         parts += ornament.shop_front(rng, p.width, p.ground, (p.accent, p.second), p.hood)
@@ -214,9 +209,8 @@ def _additions(rng: np.random.Generator, params: BuildingParams) -> list[Part]:
     return parts
 
 
-def _sides(params: BuildingParams) -> list[Part]:
+def _sides(p: BuildingParams) -> list[Part]:
     """Build the back wall, and the side walls with their windows."""
-    p = params
     top, half = eaves(p), p.width / 2
     parts: list[Part] = [Patch(upright(-half, half, 0, top, p.depth), *p.wall)]
     middles = (np.arange(p.side_windows) + 0.5) / max(p.side_windows, 1) * p.depth
@@ -229,9 +223,8 @@ def _sides(params: BuildingParams) -> list[Part]:
     return parts
 
 
-def _roof(params: BuildingParams) -> list[Part]:
+def _roof(p: BuildingParams) -> list[Part]:
     """Build the roof with its dormers and chimneys, and the tower."""
-    p = params
     plan, base = (p.width, p.depth), eaves(p)
     if p.roof == "flat":
         parts: list[Part] = [flat_roof(plan, base, p.rise, p.frame, p.wall)]
@@ -253,9 +246,8 @@ def _roof(params: BuildingParams) -> list[Part]:
     return parts
 
 
-def building(params: BuildingParams) -> Asset:
+def building(p: BuildingParams) -> Asset:
     """Build the building."""
-    p = params
     rng = np.random.default_rng(p.seed)
     return assemble([*_facade(rng, p), *_trim(rng, p), *_additions(rng, p), *_sides(p), *_roof(p)])
 

@@ -135,12 +135,11 @@ def sample_bus(rng: np.random.Generator, kind: str) -> BusParams:
     )  # fmt: skip
 
 
-def bus(params: BusParams) -> Asset:
+def bus(p: BusParams) -> Asset:
     """Build the bus, driving towards +x, its doors on the right.
 
     It is mirrored in streets where traffic keeps left, see ``street/instances.py``.
     """
-    p = params
     shape = _shape(p)
     side = hull_walls(shape)
     parts = [

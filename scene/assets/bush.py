@@ -96,9 +96,8 @@ def sample_bush(rng: np.random.Generator, kind: str) -> BushParams:
     return sample_fields(rng, hedge if "hedge" in kind else round_bush, **_KINDS[kind])
 
 
-def _box(rng: np.random.Generator, params: BushParams) -> tuple[Asset, np.ndarray]:
+def _box(rng: np.random.Generator, p: BushParams) -> tuple[Asset, np.ndarray]:
     """Build a clipped box with uneven faces; return it with points f64[n, 3] on its surface."""
-    p = params
     outline = np.array([[-1, 0], [-1.02, 0.5], [-0.97, 0.93], [-0.8, 1], [0.8, 1], [0.97, 0.93],
                         [1.02, 0.5], [1, 0]])  # fmt: skip
     stations, n = 12, len(outline)
@@ -124,11 +123,8 @@ def _box(rng: np.random.Generator, params: BushParams) -> tuple[Asset, np.ndarra
     )
 
 
-def _mounds(
-    rng: np.random.Generator, params: BushParams, foot: float = 0.0
-) -> tuple[Asset, np.ndarray]:
+def _mounds(rng: np.random.Generator, p: BushParams, foot: float = 0.0) -> tuple[Asset, np.ndarray]:
     """Build dark lumps side by side; return them with points on and under their surface."""
-    p = params
     mounds = p.parts
     along = (np.linspace(-1, 1, mounds) if mounds > 1 else np.zeros(1)) * (1 - 1 / mounds) * 0.9
     share = rng.uniform(0.65, 1.0, mounds)
@@ -154,17 +150,16 @@ def _mounds(
     return lumps, points
 
 
-def _trough(rng: np.random.Generator, params: BushParams) -> tuple[Asset, np.ndarray]:
+def _trough(rng: np.random.Generator, p: BushParams) -> tuple[Asset, np.ndarray]:
     """Build mounds planted in a trough; return them with points as ``_mounds`` does."""
-    p, high = params, 0.45 * params.height
+    high = 0.45 * p.height
     lumps, points = _mounds(rng, p, high - 0.05)
     trough = box((p.length, p.width, high), (0, 0, 0), (0.20, 0.18, 0.15), "concrete")
     return merge(trough, lumps), points
 
 
-def _stems(rng: np.random.Generator, params: BushParams) -> tuple[Asset, np.ndarray]:
+def _stems(rng: np.random.Generator, p: BushParams) -> tuple[Asset, np.ndarray]:
     """Build stems that spread from the ground, with side twigs; return them with points for leaves."""
-    p = params
     half = np.array([p.length, p.width]) / 2
     foot = np.column_stack([rng.uniform(-0.45, 0.45, (p.parts, 2)) * half, np.zeros(p.parts)])
     tip = directions(rng, p.parts) * [0.9 * half[0], 0.9 * half[1], 0]
@@ -178,9 +173,8 @@ def _stems(rng: np.random.Generator, params: BushParams) -> tuple[Asset, np.ndar
     return wood, points
 
 
-def _blades(rng: np.random.Generator, params: BushParams) -> tuple[Asset, np.ndarray]:
+def _blades(rng: np.random.Generator, p: BushParams) -> tuple[Asset, np.ndarray]:
     """Build blades of tall grass that lean outwards, in uneven tones; return them without points."""
-    p = params
     half = np.array([p.length, p.width]) / 2
     foot = np.column_stack([rng.uniform(-0.75, 0.75, (p.parts, 2)) * half, np.zeros(p.parts)])
     lean = np.clip(foot[:, :2] + rng.normal(0, 0.16, (p.parts, 2)), -half, half)
@@ -195,9 +189,8 @@ _FORMS: dict[str, Callable[[np.random.Generator, BushParams], tuple[Asset, np.nd
 }  # fmt: skip
 
 
-def bush(params: BushParams) -> Asset:
+def bush(p: BushParams) -> Asset:
     """Build the bush."""
-    p = params
     rng = np.random.default_rng(p.seed)
     body, points = _FORMS[p.form](rng, p)
     parts = [body]

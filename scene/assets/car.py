@@ -328,19 +328,19 @@ def _sample_van(rng: np.random.Generator, paint: Paint) -> VanSides:
     )
 
 
-def car(params: CarParams | Rickshaw) -> Asset:
+def car(p: CarParams | Rickshaw) -> Asset:
     """Build the car, nose towards +x."""
-    if isinstance(params, Rickshaw):
-        return rickshaw(params)
-    b = params.body
+    if isinstance(p, Rickshaw):
+        return rickshaw(p)
+    b = p.body
     track = float(half_width(b, np.array([0.5]))[0]) - 0.025
     return merge(
-        shell(b, params.paint),
+        shell(b, p.paint),
         underside(b),
-        *fittings(b, params.fittings),
-        *glazing(b, params.glazing, params.paint.windows),
-        *([] if params.van is None else van_sides(b, params.van)),
-        wheels(params.wheel, axles(b), track),
+        *fittings(b, p.fittings),
+        *glazing(b, p.glazing, p.paint.windows),
+        *([] if p.van is None else van_sides(b, p.van)),
+        wheels(p.wheel, axles(b), track),
     )
 
 

@@ -90,9 +90,8 @@ def _sample_dog(rng: np.random.Generator, heights: tuple[float, float], k: int) 
     )  # fmt: skip
 
 
-def company(params: CompanyParams) -> Asset:
+def company(p: CompanyParams) -> Asset:
     """Build the person, facing +x, with a piece of bench or with dogs."""
-    p = params
     if p.hands is not None:
         return merge(_sitter(p, p.hands), ignore(merge(*_bench(p.wood))))
     parts = [person.person(p.person)]

@@ -281,9 +281,8 @@ def _post(p: FenceParams, x: float) -> list[Asset]:
     return [post]
 
 
-def fence(params: FenceParams) -> Asset:
+def fence(p: FenceParams) -> Asset:
     """Build the panel."""
-    p = params
     posts = [part for x in _post_xs(p) for part in _post(p, x)]
     thin = min(0.04, p.post_width / 2)
     rails = [

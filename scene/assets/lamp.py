@@ -88,7 +88,7 @@ def sample_lamp(rng: np.random.Generator, kind: str) -> LampParams:
     )  # fmt: skip
 
 
-def _pipe(points: np.ndarray, radius: float, params: LampParams, sides: int = 6) -> Asset:
+def _pipe(points: np.ndarray, radius: float, p: LampParams, sides: int = 6) -> Asset:
     """Build a bent pipe in the plane x = 0 through ``points`` (y, z)."""
     along = np.gradient(points, axis=0)
     along /= np.linalg.norm(along, axis=1, keepdims=True)
@@ -99,7 +99,7 @@ def _pipe(points: np.ndarray, radius: float, params: LampParams, sides: int = 6)
         ])
         for (y, z), (dy, dz) in zip(points, along, strict=True)
     ]  # fmt: skip
-    return loft(np.array(rings), params.color, params.material)
+    return loft(np.array(rings), p.color, p.material)
 
 
 def _arm(p: LampParams, reach: float) -> tuple[list[Asset], float]:
@@ -245,9 +245,9 @@ _HEADS: dict[str, Callable[[LampParams, float, float, float], list[Asset]]] = {
 }  # fmt: skip
 
 
-def lamp(params: LampParams) -> Asset:
+def lamp(p: LampParams) -> Asset:
     """Build the lamp."""
-    p, r = params, params.radius
+    r = p.radius
     column = [(0.0, r), (0.5 * p.height, 0.82 * r), (p.height, 0.6 * r)]
     parts = [turned(column, p.color, p.material)]
     if p.foot:

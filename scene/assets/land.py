@@ -43,9 +43,9 @@ _KINDS: dict[str, LandParams] = {
 KINDS: tuple[str, ...] = tuple(_KINDS)
 
 
-def land(params: LandParams) -> Asset:
+def land(p: LandParams) -> Asset:
     """Build the tile, centred on the origin, with level edges that fit its neighbours."""
-    p, rng = params, np.random.default_rng(params.seed)
+    rng = np.random.default_rng(p.seed)
     coordinates = np.linspace(-TILE / 2, TILE / 2, CELLS + 1)
     height = rng.uniform(0, 2 * p.ridge, (CELLS + 1, CELLS + 1))
     tone = 1 + p.contrast * rng.uniform(-1, 1, (CELLS, CELLS))

@@ -95,9 +95,8 @@ def sample_motorcycle(rng: np.random.Generator, kind: str) -> MotorcycleParams:
     )  # fmt: skip
 
 
-def motorcycle(params: MotorcycleParams) -> Asset:
+def motorcycle(p: MotorcycleParams) -> Asset:
     """Build the motorcycle, facing +x."""
-    p = params
     parts = [_wheel(p, x) for x in (-p.wheelbase / 2, p.wheelbase / 2)]
     body = _scooter(p) if p.scooter else _machine(p)
     return merge(*parts, *_front(p), *body, *_extras(p))

@@ -55,9 +55,9 @@ def sample_paving(rng: np.random.Generator, kind: str) -> PavingParams:
     return sample_fields(rng, _KINDS[kind], color=near(0.35), kerb=near(0.3), size=size)
 
 
-def paving(params: PavingParams) -> Asset:
+def paving(p: PavingParams) -> Asset:
     """Build the piece, centred on the origin."""
-    p, (x, y, z) = params, params.size
+    (x, y, z) = p.size
     if z < 0.1:
         return box(p.size, (0, 0, 0), p.color, p.material)
     inner = _outline(x - 2 * CURB, y - 2 * CURB, max(p.nose - CURB, 0.0))

@@ -151,9 +151,8 @@ def sample_person(rng: np.random.Generator, kind: str) -> PersonParams:
     )
 
 
-def person(params: PersonParams) -> Asset:
+def person(p: PersonParams) -> Asset:
     """Build the person, facing +x, the lowest shoe on the ground."""
-    p = params
     pose = _pose(p)
     walker = figure(p.body, p.outfit, pose)
     low = float(walker.mesh.vertices[:, 2].min())

@@ -101,9 +101,8 @@ def sample_rider(rng: np.random.Generator, kind: str) -> RiderParams:
     )
 
 
-def rider(params: RiderParams) -> Asset:
+def rider(p: RiderParams) -> Asset:
     """Build the rider, facing +x, seated on the saddle of a machine at the origin."""
-    p = params
     pose = _pose(p)
     person = figure(p.body, p.outfit, pose)
     return person if p.bag is None else merge(person, backpack(p.body, pose, p.bag, p.bag_size))

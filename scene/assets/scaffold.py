@@ -57,9 +57,9 @@ def sample_scaffold(rng: np.random.Generator, kind: str) -> ScaffoldParams:
     return sample_fields(rng, _SCAFFOLD, **{**rules, **_KINDS[kind]})
 
 
-def scaffold(params: ScaffoldParams) -> Asset:
+def scaffold(p: ScaffoldParams) -> Asset:
     """Build the scaffold, centred in x."""
-    p, rng = params, np.random.default_rng(params.seed)
+    rng = np.random.default_rng(p.seed)
     length, top = p.bays * p.bay, p.lifts * LIFT
     x = np.linspace(-length / 2, length / 2, p.bays + 1).tolist()
 

@@ -169,9 +169,8 @@ _EXTRAS = {
 }  # fmt: skip
 
 
-def signpost(params: SignpostParams) -> Asset:
+def signpost(p: SignpostParams) -> Asset:
     """Build the post."""
-    p = params
     around = partial(turned, material=p.material, sides=p.sides, phase=0.5)
     edges = np.linspace(0, p.height, p.bands + 1)
     parts = [

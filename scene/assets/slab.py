@@ -48,9 +48,9 @@ def sample_slab(rng: np.random.Generator, kind: str) -> SlabParams:
     return sample_fields(rng, _KINDS[kind], stain=stain, color=near(0.45), paint=near(0.2))
 
 
-def slab(params: SlabParams) -> Asset:
+def slab(p: SlabParams) -> Asset:
     """Build the tile, centred on the origin."""
-    p, (x, y) = params, (BAY[0] / 2, BAY[1] / 2)
+    (x, y) = (BAY[0] / 2, BAY[1] / 2)
     rows: list[tuple[float, float, float, float]] = []  # x from, x to, y from, y to
     if p.lines in ("sides", "box"):
         rows.append((-x, -x + LINE, -y, y))

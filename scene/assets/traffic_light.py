@@ -157,9 +157,8 @@ def _head(p: TrafficLightParams, head: Head) -> list[Asset]:
     return parts
 
 
-def traffic_light(params: TrafficLightParams) -> Asset:
+def traffic_light(p: TrafficLightParams) -> Asset:
     """Build the light."""
-    p = params
     parts = [part for head in p.heads for part in _head(p, head)]
     if len(p.heads) > 1:
         reach = max(h.y for h in p.heads) - min(h.y for h in p.heads)

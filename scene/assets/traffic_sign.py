@@ -54,17 +54,15 @@ def sample_traffic_sign(rng: np.random.Generator, kind: str) -> TrafficSignParam
     return TrafficSignParams(centre, radius, layers, below, vary(rng, GALVANISED, 0.2))
 
 
-def _face(layer: Layer, params: TrafficSignParams, x: float) -> Asset:
+def _face(layer: Layer, p: TrafficSignParams, x: float) -> Asset:
     """Build a layer in the plane ``x``; the viewer's right is -y."""
-    corners: list[Point] = [
-        (x, -u * params.radius, params.centre + v * params.radius) for u, v in layer.outline
-    ]
+    corners: list[Point] = [(x, -u * p.radius, p.centre + v * p.radius) for u, v in layer.outline]
     return polygon(corners, layer.color, "paint")
 
 
-def _supplement(params: TrafficSignParams, color: Color, x: float, top: float) -> list[Asset]:
+def _supplement(p: TrafficSignParams, color: Color, x: float, top: float) -> list[Asset]:
     """Build a small plate with two rows of print."""
-    r, is_dark = params.radius, max(color) < 0.5
+    r, is_dark = p.radius, max(color) < 0.5
     ink = (0.7, 0.7, 0.68) if is_dark else BLACK
     plate = box((LAYER, 1.3 * r, 0.5 * r), (x, 0, top - 0.5 * r), color, "paint")
     rows = [
@@ -74,9 +72,8 @@ def _supplement(params: TrafficSignParams, color: Color, x: float, top: float) -
     return [plate, *rows]
 
 
-def traffic_sign(params: TrafficSignParams) -> Asset:
+def traffic_sign(p: TrafficSignParams) -> Asset:
     """Build the sign."""
-    p = params
     back, plate = -MAX_RADIUS - LAYER, p.layers[0]
     faces = [_face(layer, p, back - LAYER * (layer.level + 1)) for layer in p.layers]
     rear = _face(Layer(plate.outline, p.back), p, back)

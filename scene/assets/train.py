@@ -117,9 +117,8 @@ def sample_train(rng: np.random.Generator, kind: str) -> TrainParams:
     )  # fmt: skip
 
 
-def train(params: TrainParams) -> Asset:
+def train(p: TrainParams) -> Asset:
     """Build the vehicle along x, its near face in y = 0."""
-    p = params
     body = _BODIES[p.body]
     parts = [*_bogies(p), *body.build(p)]
     if p.pantograph and body.wired:

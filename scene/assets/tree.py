@@ -210,9 +210,8 @@ def _fork(
     return _grow(rng, *flat, lift, points)
 
 
-def _trunk(rng: np.random.Generator, params: TreeParams) -> _Wood:
+def _trunk(rng: np.random.Generator, p: TreeParams) -> _Wood:
     """Grow a trunk that leans and wanders a little, with a flare at the foot."""
-    p = params
     points = 9
     level = np.linspace(0, p.leader, points)
     wander = np.cumsum(rng.normal(0, 0.012 * p.height, (points, 2)), 0) * level[:, None]
@@ -224,9 +223,8 @@ def _trunk(rng: np.random.Generator, params: TreeParams) -> _Wood:
     return _Wood(line[None], p.radius * taper[None])
 
 
-def _limbs(rng: np.random.Generator, params: TreeParams, trunk: _Wood) -> _Wood:
+def _limbs(rng: np.random.Generator, p: TreeParams, trunk: _Wood) -> _Wood:
     """Grow limbs around the trunk, from the lowest to the tip of the leader."""
-    p = params
     level = np.linspace(0, 1, p.limbs) ** 0.9
     top = p.leader * p.height * TOP
     foot = min(p.trunk, 0.9 * top)
@@ -242,9 +240,8 @@ def _limbs(rng: np.random.Generator, params: TreeParams, trunk: _Wood) -> _Wood:
     return _grow(rng, start, heading, length, radius, p.lift, 4 if p.limbs > 16 else 5)
 
 
-def _ivy(rng: np.random.Generator, params: TreeParams, trunk: _Wood) -> Asset:
+def _ivy(rng: np.random.Generator, p: TreeParams, trunk: _Wood) -> Asset:
     """Build leaves around the lower trunk, denser near the ground."""
-    p = params
     z = 0.1 + rng.random(p.ivy) ** 1.4 * 0.55 * p.height
     turn, distance = rng.uniform(0, 2 * np.pi, p.ivy), 2.2 * p.radius * rng.uniform(0.6, 1.3, p.ivy)
     line = trunk.lines[0]
@@ -257,7 +254,7 @@ def _ivy(rng: np.random.Generator, params: TreeParams, trunk: _Wood) -> Asset:
     )
 
 
-def _stakes(params: TreeParams) -> list[Asset]:
+def _stakes(p: TreeParams) -> list[Asset]:
     """Build two posts next to a young tree and the strap that ties it to them."""
     wood, side = (0.22, 0.15, 0.085), 0.28
     post = tube((0, 0, 0), (0, 0, 1.3), 0.04, wood, "wood", sides=6)
@@ -265,9 +262,8 @@ def _stakes(params: TreeParams) -> list[Asset]:
     return [translate(post, (0, -side, 0)), translate(post, (0, side, 0)), strap]
 
 
-def tree(params: TreeParams) -> Asset:
+def tree(p: TreeParams) -> Asset:
     """Build the tree."""
-    p = params
     rng = np.random.default_rng(p.seed)
     trunk = _trunk(rng, p)
     limbs = _limbs(rng, p, trunk)
@@ -304,15 +300,15 @@ def tree(params: TreeParams) -> Asset:
     return _fitted(merged, p)
 
 
-def _fitted(asset: Asset, params: TreeParams) -> Asset:
+def _fitted(asset: Asset, p: TreeParams) -> Asset:
     """Squeeze the tree to its height and to ``REACH``, and lift what is below the ground."""
     vertices = asset.mesh.vertices.copy()
     z = vertices[:, 2]
     high = z.max()
-    if high > params.height:
-        above = z > params.trunk
-        squeeze = (params.height - params.trunk) / (high - params.trunk)
-        z[above] = params.trunk + (z[above] - params.trunk) * squeeze
+    if high > p.height:
+        above = z > p.trunk
+        squeeze = (p.height - p.trunk) / (high - p.trunk)
+        z[above] = p.trunk + (z[above] - p.trunk) * squeeze
     np.maximum(z, 0, out=z)
     vertices[:, :2] *= min(1.0, REACH / np.abs(vertices[:, :2]).max())
     return reshaped(asset, vertices)

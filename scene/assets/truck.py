@@ -138,9 +138,8 @@ def sample_truck(rng: np.random.Generator, kind: str) -> TruckParams:
     )  # fmt: skip
 
 
-def truck(params: TruckParams) -> Asset:
+def truck(p: TruckParams) -> Asset:
     """Build the lorry, its cab towards +x."""
-    p = params
     nose, half = p.length / 2, p.width / 2
     rim = STEEL if p.seed % 3 else (0.5, 0.5, 0.49)
     wheels = [

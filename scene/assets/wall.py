@@ -91,9 +91,9 @@ def _piers(p: WallParams) -> list[Asset]:
     return parts
 
 
-def wall(params: WallParams) -> Asset:
+def wall(p: WallParams) -> Asset:
     """Build the wall."""
-    p, rng = params, np.random.default_rng(params.seed)
+    rng = np.random.default_rng(p.seed)
     parts: list[Asset] = []
     if p.face == "profile":
         t, h = p.thickness, p.height

@@ -87,8 +87,8 @@ WHITE_SOLE: Color = (0.55, 0.55, 0.53)
 REFLECTING: Color = (0.62, 0.63, 0.62)
 WICKER: Color = (0.10, 0.065, 0.035)
 
-# Share of cars by colour, and its linear albedo. The shares are between those of new cars of the 2020s (Axalta
-# reports half of them as black, white or grey) and those of cars on the roads twenty years earlier, more of
+# Share of cars by colour, and its linear albedo. The shares are between those of new cars in the 2020s (by
+# Axalta, half of them are black, white or grey) and those of cars on the roads twenty years earlier, more of
 # which were silver, blue, red or green.
 _CAR_PAINTS: tuple[tuple[float, Color], ...] = (
     (0.19, (0.010, 0.010, 0.012)),  # black
