@@ -41,7 +41,7 @@ UNITS = (("millimetres", 0.001), ("centimetres", 0.01), ("inches", 0.0254), ("fe
 HUNG = 2.1
 """Height (metres) above the ground at which a sign or light without a pole hangs."""
 POLELESS = 1.6
-"""A sign or light less high than this (metres) has no pole of its own."""
+"""A sign or light lower than this (metres) has no pole of its own."""
 POLE_RADIUS = 0.06
 """Distance (metres) of a hung sign or light from the axis of the built-in pole."""
 
@@ -185,7 +185,7 @@ def _folder_name(name: str) -> str:
 
 
 def _mesh_files(root: Path) -> list[str]:
-    """Mesh files of all sub-folders, relative to ``root``, sorted."""
+    """List the mesh files of all sub-folders, relative to ``root``, sorted."""
     files = []
     for folder in sorted(p for p in root.iterdir() if p.is_dir() and not p.name.startswith(".")):
         if _folder_name(folder.name) not in FOLDERS:

@@ -12,7 +12,7 @@ CELLS = 8
 
 
 def describe(asset: Asset) -> np.ndarray:
-    """Describe an asset as f64[4 CELLS^3 + 3]: its surface's share and colour by cell, log size.
+    """Describe an asset as f64[4 CELLS^3 + 3]: share and colour of its surface per cell, log of its size.
 
     The cells divide the box around the asset, whatever its size. The sum of absolute differences of two
     descriptions is 0 for copies, and 1 to 2 for another shape in other colours.

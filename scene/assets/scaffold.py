@@ -14,7 +14,7 @@ from scene.mesh.asset import Asset, Color, Point, merge, shade
 from scene.mesh.solids import box, polygon, tube
 
 LIFT = 2.0
-"""Height of a storey, metres."""
+"""Height of a storey (metres)."""
 
 
 class ScaffoldParams(NamedTuple):

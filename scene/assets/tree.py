@@ -25,7 +25,7 @@ GOLDEN = 2.399963
 SHOOT, TWIG = 0.07, 0.05
 """Width of shoots and of the thinnest twigs (metres): each stands for a bundle of real ones."""
 DENSE = 12
-"""Number of leaves from which on a tuft is opaque."""
+"""Tufts with at least this many leaves are opaque."""
 YOUNG = 1.35
 """Brightness of young wood, relative to the trunk's bark."""
 REACH = 7.5
@@ -68,7 +68,7 @@ class _Kind(NamedTuple):
 
 _IN_LEAF, _BARE = True, False
 _OF_HEIGHT = ("trunk", "crown", "radius")
-"""Fields that the table has as shares of the height, except for the radius of a staked tree, in metres."""
+"""Fields given as shares of the height in the table, except for a staked tree's radius, in metres."""
 _KINDS: dict[str, _Kind] = {
     "bare lime": _Kind(_BARE),
     "plane": _Kind(_IN_LEAF, dict(

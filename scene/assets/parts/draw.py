@@ -24,7 +24,7 @@ def between(low: float, high: float) -> Rule:
 
 
 def integer(low: int, high: int) -> Rule:
-    """A whole number from ``low`` to below ``high``."""
+    """Draw an integer from ``low`` to below ``high``."""
     return lambda rng, value: int(rng.integers(low, high))
 
 

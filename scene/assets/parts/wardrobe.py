@@ -135,7 +135,7 @@ _STYLES: dict[str, Callable[[Choices], dict[str, Any]]] = {
 ``hem`` is the length of a top, coat or skirt down the leg, as a share of the leg.
 """
 STYLES: tuple[str, ...] = tuple(_STYLES)
-"""Names that ``sample_outfit`` knows."""
+"""Names of the styles."""
 
 
 def sample_outfit(
