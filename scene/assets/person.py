@@ -43,7 +43,7 @@ class PersonParams(NamedTuple):
     second_color: Color
 
 
-class Kind(NamedTuple):
+class _Kind(NamedTuple):
     """What all people of a kind have in common."""
 
     styles: tuple[str, ...]  # of clothes, see ``parts/wardrobe.py``; one is drawn
@@ -55,41 +55,41 @@ class Kind(NamedTuple):
     may_wear_hat: bool = True
 
 
-_KINDS: dict[str, Kind] = {
-    "walking in a jacket": Kind(("jacket",)),
-    "standing in a jumper": Kind(("jumper",), "stand", ("hang", "hang")),
-    "long coat": Kind(("long coat",)),
-    "skirt": Kind(("skirt",)),
-    "dress": Kind(("dress",), "any", ("swing", "strap")),
-    "puffer jacket": Kind(("puffer",), "any", ("pocket", "pocket")),
-    "suit with briefcase": Kind(("suit",), "walk", ("swing", "carry"), ("briefcase",)),
-    "shorts": Kind(("t-shirt and shorts",)),
-    "hood up": Kind(("hood",), "any", ("pocket", "pocket")),
-    "on the phone": Kind(("jacket", "jumper", "short coat"), "any", ("swing", "phone")),
-    "reading a phone": Kind(("hoodie", "jumper", "puffer"), "stand", ("text", "text")),
-    "backpack": Kind(("jacket", "hoodie", "t-shirt"), "walk", ("strap", "strap"), ("backpack",)),
-    "shopping bags": Kind(
+_KINDS: dict[str, _Kind] = {
+    "walking in a jacket": _Kind(("jacket",)),
+    "standing in a jumper": _Kind(("jumper",), "stand", ("hang", "hang")),
+    "long coat": _Kind(("long coat",)),
+    "skirt": _Kind(("skirt",)),
+    "dress": _Kind(("dress",), "any", ("swing", "strap")),
+    "puffer jacket": _Kind(("puffer",), "any", ("pocket", "pocket")),
+    "suit with briefcase": _Kind(("suit",), "walk", ("swing", "carry"), ("briefcase",)),
+    "shorts": _Kind(("t-shirt and shorts",)),
+    "hood up": _Kind(("hood",), "any", ("pocket", "pocket")),
+    "on the phone": _Kind(("jacket", "jumper", "short coat"), "any", ("swing", "phone")),
+    "reading a phone": _Kind(("hoodie", "jumper", "puffer"), "stand", ("text", "text")),
+    "backpack": _Kind(("jacket", "hoodie", "t-shirt"), "walk", ("strap", "strap"), ("backpack",)),
+    "shopping bags": _Kind(
         ("short coat", "jumper", "jacket"), "any", ("carry", "carry"), ("shopping",)
     ),
-    "suitcase": Kind(("jacket", "short coat", "jumper"), "walk", ("swing", "pull"), ("suitcase",)),
-    "shoulder bag": Kind(
+    "suitcase": _Kind(("jacket", "short coat", "jumper"), "walk", ("swing", "pull"), ("suitcase",)),
+    "shoulder bag": _Kind(
         ("jumper", "t-shirt", "short coat"), "walk", ("swing", "hang"), ("shoulder bag",)
     ),
-    "umbrella": Kind(("long coat", "short coat", "jacket"), "any", ("hang", "hold"), ("umbrella",)),
-    "pushing a pram": Kind(("jacket", "jumper", "short coat"), "walk", ("push", "push"), ("pram",)),
-    "pushing a buggy": Kind(("t-shirt", "puffer", "skirt"), "walk", ("push", "push"), ("buggy",)),
-    "child": Kind(("t-shirt and shorts", "dress", "hoodie", "jumper"), "any", is_child=True),
-    "schoolchild": Kind(("puffer", "jumper", "skirt"), "walk", ("swing", "strap"), ("backpack",),
+    "umbrella": _Kind(("long coat", "short coat", "jacket"), "any", ("hang", "hold"), ("umbrella",)),
+    "pushing a pram": _Kind(("jacket", "jumper", "short coat"), "walk", ("push", "push"), ("pram",)),
+    "pushing a buggy": _Kind(("t-shirt", "puffer", "skirt"), "walk", ("push", "push"), ("buggy",)),
+    "child": _Kind(("t-shirt and shorts", "dress", "hoodie", "jumper"), "any", is_child=True),
+    "schoolchild": _Kind(("puffer", "jumper", "skirt"), "walk", ("swing", "strap"), ("backpack",),
                         is_child=True, may_wear_hat=False),
-    "elderly with stick": Kind(("short coat", "jacket"), "walk", ("hang", "stick"), ("stick",),
+    "elderly with stick": _Kind(("short coat", "jacket"), "walk", ("hang", "stick"), ("stick",),
                                is_old=True),
-    "jogger": Kind(("sports",), "run", ("run", "run")),
-    "workman": Kind(("work",), "any", ("hang", "swing")),
-    "headscarf": Kind(("robe",), "any", ("hang", "hang"), ("handbag",)),
-    "arms folded": Kind(("jumper", "jacket", "suit"), "stand", ("folded", "folded")),
-    "coffee": Kind(("suit", "short coat", "hoodie"), "any", ("pocket", "cup"), ("cup",)),
-    "carrying a box": Kind(("t-shirt", "hoodie", "jumper"), "walk", ("lift", "lift"), ("box",)),
-    "hands on hips": Kind(("t-shirt", "sports", "jacket"), "stand", ("hip", "hip")),
+    "jogger": _Kind(("sports",), "run", ("run", "run")),
+    "workman": _Kind(("work",), "any", ("hang", "swing")),
+    "headscarf": _Kind(("robe",), "any", ("hang", "hang"), ("handbag",)),
+    "arms folded": _Kind(("jumper", "jacket", "suit"), "stand", ("folded", "folded")),
+    "coffee": _Kind(("suit", "short coat", "hoodie"), "any", ("pocket", "cup"), ("cup",)),
+    "carrying a box": _Kind(("t-shirt", "hoodie", "jumper"), "walk", ("lift", "lift"), ("box",)),
+    "hands on hips": _Kind(("t-shirt", "sports", "jacket"), "stand", ("hip", "hip")),
 }  # fmt: skip
 KINDS: tuple[str, ...] = tuple(_KINDS)
 """What distinguishes people at a glance."""

@@ -29,7 +29,7 @@ class RiderParams(NamedTuple):
     bag_size: float = 1.0
 
 
-class Kind(NamedTuple):
+class _Kind(NamedTuple):
     """What all riders of a kind have in common."""
 
     mount: str
@@ -39,19 +39,19 @@ class Kind(NamedTuple):
     bag_size: float = 0.0  # 0 without one
 
 
-_KINDS: dict[str, Kind] = {
-    "cyclist upright": Kind("bicycle", "jacket", (0.34, 0.58), ("", "", "beanie", "cap")),
-    "cyclist racing": Kind("bicycle", "sports", (0.88, 1.08), ("cycle helmet",)),
-    "cyclist in hi-vis": Kind("bicycle", "work", (0.48, 0.72), ("cycle helmet",)),
-    "cyclist with backpack": Kind("bicycle", "hoodie", (0.5, 0.76), ("cycle helmet", ""), 1.0),
-    "cyclist in a skirt": Kind("bicycle", "skirt", (0.28, 0.46), ("", "cycle helmet")),
-    "cyclist in shorts": Kind("bicycle", "t-shirt and shorts", (0.58, 0.84), ("cycle helmet", "")),
-    "courier": Kind("bicycle", "puffer", (0.46, 0.7), ("cycle helmet", "hood"), 1.7),
-    "motorcyclist upright": Kind("motorcycle", "jacket", (0.15, 0.28), ("full helmet",)),
-    "motorcyclist sports": Kind("motorcycle", "jacket", (0.7, 0.9), ("full helmet",)),
-    "motorcyclist in hi-vis": Kind("motorcycle", "work", (0.18, 0.34), ("full helmet",)),
-    "scooter rider": Kind("motorcycle", "short coat", (0.08, 0.20), ("open helmet",)),
-    "scooter courier": Kind("motorcycle", "puffer", (0.08, 0.2), ("open helmet",), 1.6),
+_KINDS: dict[str, _Kind] = {
+    "cyclist upright": _Kind("bicycle", "jacket", (0.34, 0.58), ("", "", "beanie", "cap")),
+    "cyclist racing": _Kind("bicycle", "sports", (0.88, 1.08), ("cycle helmet",)),
+    "cyclist in hi-vis": _Kind("bicycle", "work", (0.48, 0.72), ("cycle helmet",)),
+    "cyclist with backpack": _Kind("bicycle", "hoodie", (0.5, 0.76), ("cycle helmet", ""), 1.0),
+    "cyclist in a skirt": _Kind("bicycle", "skirt", (0.28, 0.46), ("", "cycle helmet")),
+    "cyclist in shorts": _Kind("bicycle", "t-shirt and shorts", (0.58, 0.84), ("cycle helmet", "")),
+    "courier": _Kind("bicycle", "puffer", (0.46, 0.7), ("cycle helmet", "hood"), 1.7),
+    "motorcyclist upright": _Kind("motorcycle", "jacket", (0.15, 0.28), ("full helmet",)),
+    "motorcyclist sports": _Kind("motorcycle", "jacket", (0.7, 0.9), ("full helmet",)),
+    "motorcyclist in hi-vis": _Kind("motorcycle", "work", (0.18, 0.34), ("full helmet",)),
+    "scooter rider": _Kind("motorcycle", "short coat", (0.08, 0.20), ("open helmet",)),
+    "scooter courier": _Kind("motorcycle", "puffer", (0.08, 0.2), ("open helmet",), 1.6),
 }
 MOUNT: dict[str, str] = {name: kind.mount for name, kind in _KINDS.items()}
 """The family of the machine under each kind of rider."""

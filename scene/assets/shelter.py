@@ -182,7 +182,7 @@ def _kiosk(p: ShelterParams) -> list[Asset]:
     return [*parts, translate(rotate(awning, -np.pi / 2, (0, 0, 1)), (0, 0, z - 0.1))]
 
 
-class Kind(NamedTuple):
+class _Kind(NamedTuple):
     """How a kind is built, and its colours of frame, cover and the rest (``second``)."""
 
     build: Callable[[ShelterParams], list[Asset]]
@@ -194,16 +194,16 @@ _COLOR_SETS: dict[str, tuple[Color, ...]] = {
     "poster": POSTERS,
 }  # fmt: skip
 """Named sets of colours; one of each is drawn."""
-_KINDS: dict[str, Kind] = {
-    "glass shelter": Kind(_glazed),
-    "market stall": Kind(_stall),
-    "advert shelter": Kind(partial(_glazed, ends=(-1, 1))),
-    "produce stall": Kind(partial(_stall, produce=True)),
-    "cantilever shelter": Kind(_cantilever),
-    "kiosk": Kind(_kiosk, ("hut", ANTHRACITE, "awning")),
-    "brick shelter": Kind(partial(_walled, material="brick"),
+_KINDS: dict[str, _Kind] = {
+    "glass shelter": _Kind(_glazed),
+    "market stall": _Kind(_stall),
+    "advert shelter": _Kind(partial(_glazed, ends=(-1, 1))),
+    "produce stall": _Kind(partial(_stall, produce=True)),
+    "cantilever shelter": _Kind(_cantilever),
+    "kiosk": _Kind(_kiosk, ("hut", ANTHRACITE, "awning")),
+    "brick shelter": _Kind(partial(_walled, material="brick"),
                           (BRICK, (0.10, 0.05, 0.035), SHELTER_TIMBER)),
-    "timber shelter": Kind(partial(_walled, material="wood"),
+    "timber shelter": _Kind(partial(_walled, material="wood"),
                            (SHELTER_TIMBER, (0.06, 0.055, 0.05), SHELTER_TIMBER)),
 }  # fmt: skip
 KINDS: tuple[str, ...] = tuple(_KINDS)

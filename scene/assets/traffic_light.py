@@ -36,7 +36,7 @@ class Head(NamedTuple):
     scale: float = 1.0  # of the lamps
 
 
-class Kind(NamedTuple):
+class _Kind(NamedTuple):
     """What all lights of a kind have in common."""
 
     columns: tuple[tuple[tuple[Color, ...], float], ...]  # lamps and scale of each head
@@ -56,22 +56,22 @@ class TrafficLightParams(NamedTuple):
     heads: tuple[Head, ...]
     lamp_radius: float  # m
     depth: float  # of the housing, m
-    kind: Kind  # with its colours drawn
+    kind: _Kind  # with its colours drawn
 
 
 _THREE = ((LIGHT_RED, LIGHT_AMBER, LIGHT_GREEN), 1.0)
 _WALK = ((LIGHT_RED, LIGHT_GREEN), 1.0)
-_KINDS: dict[str, Kind] = {
-    "backed red": Kind((_THREE,), 0, 0.15, WHITE),
-    "backed green": Kind((_THREE,), 2, 0.15, WHITE),
-    "pedestrian": Kind((_WALK,), 0, hoods=False),
-    "single": Kind((_THREE,), 2),
-    "double": Kind((_THREE, _THREE), 0),
-    "filter arrow": Kind((_THREE, ((LIGHT_GREEN,), 1.0)), 2, 0.12, SIGNAL_BLACK),
-    "yellow": Kind((_THREE,), 0, color=SIGNAL_YELLOW, front=SIGNAL_BLACK),
-    "tall": Kind((((LIGHT_RED, LIGHT_AMBER, LIGHT_GREEN, LIGHT_GREEN), 1.0),), 3, 0.16, SIGNAL_BLACK, True),
-    "cycle": Kind((((LIGHT_RED, LIGHT_AMBER, LIGHT_GREEN), 0.55), _WALK), 1, color=(0.05, 0.05, 0.055)),
-    "tram": Kind((((LIGHT_WHITE, LIGHT_AMBER, LIGHT_WHITE), 0.85),), 0, 0.13, (0.4, 0.03, 0.03), True,
+_KINDS: dict[str, _Kind] = {
+    "backed red": _Kind((_THREE,), 0, 0.15, WHITE),
+    "backed green": _Kind((_THREE,), 2, 0.15, WHITE),
+    "pedestrian": _Kind((_WALK,), 0, hoods=False),
+    "single": _Kind((_THREE,), 2),
+    "double": _Kind((_THREE, _THREE), 0),
+    "filter arrow": _Kind((_THREE, ((LIGHT_GREEN,), 1.0)), 2, 0.12, SIGNAL_BLACK),
+    "yellow": _Kind((_THREE,), 0, color=SIGNAL_YELLOW, front=SIGNAL_BLACK),
+    "tall": _Kind((((LIGHT_RED, LIGHT_AMBER, LIGHT_GREEN, LIGHT_GREEN), 1.0),), 3, 0.16, SIGNAL_BLACK, True),
+    "cycle": _Kind((((LIGHT_RED, LIGHT_AMBER, LIGHT_GREEN), 0.55), _WALK), 1, color=(0.05, 0.05, 0.055)),
+    "tram": _Kind((((LIGHT_WHITE, LIGHT_AMBER, LIGHT_WHITE), 0.85),), 0, 0.13, (0.4, 0.03, 0.03), True,
                  color=(0.16, 0.165, 0.17)),
 }  # fmt: skip
 KINDS: tuple[str, ...] = tuple(_KINDS)
