@@ -68,6 +68,8 @@ class Fit:
     """networks for each training set and fold"""
     workers: Annotated[int | None, Option("N")] = None
     """processes; by default one per core"""
+    trainers: Annotated[int | None, Option("N")] = None
+    """processes that only train, while the others render; by default one per GPU, none without"""
     init: Annotated[Path | None, Option("MODEL")] = None
     """start the saved model from this one; the tested networks start from scratch"""
     store: Annotated[Path | None, Option("FILE")] = None

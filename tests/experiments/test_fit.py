@@ -36,6 +36,7 @@ from experiments.app.report import page as page_of_runs
 from experiments.app.report.command import main as make_report
 from experiments.app.report.fit_table import by_class, derive, text, verdict
 from experiments.config import parsers
+from experiments.config.limits import training_bytes
 from experiments.evaluation.cache import Cache
 from experiments.evaluation.job import Source
 from experiments.evaluation.pace import Pace
@@ -256,7 +257,7 @@ def test_an_unknown_pace_is_measured_where_it_decides(large: Path, tmp_path, mon
     monkeypatch.setattr(session.paces, "keep", lambda kind, pace: kept.append(pace))
     monkeypatch.setattr(session.paces, "measured_by", lambda workers: Pace(1e3, 1e3))
     monkeypatch.setattr(session, "compile_first", lambda workers, name: None)
-    monkeypatch.setattr(session, "workers_of", lambda *_: nullcontext())
+    monkeypatch.setattr(session, "workers_of", lambda *_, **__: nullcontext())
     options = {"workers": 2, "say": said.append}
     assert config_of(large, tmp_path / "run", **options).final.size == "240x176"
     assert kept == [Pace(1e3, 1e3)] and said[0].startswith("Measuring how fast") and len(said) == 2
@@ -512,7 +513,7 @@ def test_a_gpu_takes_the_full_preset_and_a_cpu_takes_it_on_request(folder, tmp_p
     lines: list[str] = []
     usual = config_of(folder, tmp_path / "run")
     asked = config_of(folder, tmp_path / "run", preset="full", say=lines.append)
-    monkeypatch.setattr(fit_config, "_has_gpu", lambda: True)
+    monkeypatch.setattr(fit_config, "usable_gpus", lambda: ["0"])
     on_gpu = config_of(folder, tmp_path / "run")
     assert (usual.preset, usual.final.train.trunk) == ("quick", "frozen")
     assert (asked.preset, on_gpu.preset) == ("full", "full")
@@ -644,3 +645,15 @@ def test_smoke_nets_end_their_warm_up_before_they_end() -> None:
 ])  # fmt: skip
 def test_the_report_shows_the_best_the_median_and_the_worst_image(miou, places):
     assert best_median_worst(np.array(miou, np.float32)) == places
+
+
+@pytest.mark.parametrize("trainers", [None, 1])
+def test_memory_counts_the_processes_that_train(folder, monkeypatch, tmp_path, trainers):
+    monkeypatch.setattr(session.paces, "read", lambda kind: Pace(1.0, 1.0))
+    config = config_of(folder, tmp_path / "run", workers=4, trainers=trainers)
+    each = training_bytes(config.final, 5)
+    assert fit_config._memory(config, 5) // each == (trainers or 4)
+    monkeypatch.setattr(fit_config, "usable_gpus", lambda: ["0", "1"])
+    assert fit_config._memory(config, 5) // each == (trainers or 2)
+    with pytest.raises(UserError, match="--trainers 3: this machine has 2 GPUs"):
+        config_of(folder, tmp_path / "run", trainers=3)

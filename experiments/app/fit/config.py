@@ -23,8 +23,9 @@ from experiments.config.config import NETS, FitPreset
 from experiments.config.limits import PIXEL, training_bytes
 from experiments.config.presets import defaults, in_space
 from experiments.evaluation.cost import Cost, prepare_cost, street_cost
+from experiments.evaluation.devices import trainers_of, usable_gpus
 from experiments.evaluation.pace import Pace
-from experiments.session.session import Work, pace_here, set_up_process, total_of
+from experiments.session.session import Work, pace_here, total_of
 from experiments.targets.folder import Parts, common_size, parts_of
 from experiments.targets.sizes import AREAS, SMALLEST, UNIT, Choice, Size, choose, suitable_size
 from scene.attributes import SpaceName
@@ -80,6 +81,11 @@ class FitConfig(FewConfig):
         """The number of worker processes."""
         return max(self.workers, 1)
 
+    @property
+    def separate_trainers(self) -> int | None:
+        """The number of processes that only train, one for each GPU by default; None where all do both."""
+        return trainers_of(self.trainers, usable_gpus())
+
 
 def config_of(
     data: Path,
@@ -95,6 +101,7 @@ def config_of(
     shape: Fit | None = None,
     seeds: int = FitConfig.seeds,
     workers: int | None = None,
+    trainers: int | None = None,
     init: Path | None = None,
     store: Path | None = None,
     net: TrunkName = "lite0",
@@ -121,6 +128,7 @@ def config_of(
         shape: how images of another shape are treated.
         seeds: networks of each row and fold.
         workers: number of processes.
+        trainers: number of processes that train apart from those that render; by default one for each GPU.
         init: folder of a model to start from.
         store: file of evaluations that runs share.
         net: the network, named by its backbone.
@@ -152,7 +160,7 @@ def config_of(
         raise UserError(
             f"--weights {weights} is for --net dinov2; those of {net} come with a package"
         )
-    on_gpu = _has_gpu()
+    on_gpu = bool(usable_gpus())
     preset = preset or ("full" if on_gpu else "quick")
     weights_file = None if weights is None else str(weights.absolute())
     decided = _size_of(out) if size is None else size
@@ -186,6 +194,7 @@ def config_of(
             store=store,
             fix=tuple(fix),
             workers=base.workers if workers is None else workers,
+            trainers=trainers,
         )
 
     first = at(photographs)
@@ -201,14 +210,6 @@ def config_of(
     _refuse_large(config, len(parts.every))
     say(choice.text(config.processes))
     return config
-
-
-def _has_gpu() -> bool:
-    """Whether JAX finds an accelerator in this process."""
-    set_up_process()
-    import jax  # after the environment is set
-
-    return jax.default_backend() != "cpu"
 
 
 def share_of(labels: int, preset: FitPreset = "quick") -> float:
@@ -241,7 +242,8 @@ def choose_size(
 
     def seconds(size: Size) -> float:
         config = at(size)
-        return pace.seconds_of(cost_of_fit(config, parts), config.processes)
+        cost = cost_of_fit(config, parts)
+        return pace.seconds_of(cost, config.processes, config.separate_trainers)
 
     def fits(size: Size) -> bool:
         return MEMORY_FACTOR * _memory(at(size), len(parts.every)) <= memory()
@@ -289,11 +291,13 @@ def cost_of_fit(config: FitConfig, parts: Parts) -> Cost:
 def _memory(config: FitConfig, labelled: int) -> int:
     """The bytes that a run takes.
 
-    Each worker has a training set of its own; this process holds all labelled images, and those of a fold.
+    Each process that trains has a training set of its own; this process holds all labelled images, and those
+    of a fold.
     """
     final = config.final
     images = 2 * labelled * final.width * final.height * PIXEL
-    return config.processes * training_bytes(final, labelled) + images
+    training = config.separate_trainers or config.processes
+    return training * training_bytes(final, labelled) + images
 
 
 def _refuse_large(config: FitConfig, labelled: int) -> None:
