@@ -209,11 +209,16 @@ class _Piece(WorkerPlugin):
     """A part of a file, which a worker writes into its own folder."""
 
     def __init__(self, name: str, relative_path: str, start: int, piece: bytes) -> None:
-        self._name, self._own, self._start, self._piece = name, relative_path, start, piece
+        self._name, self._relative_path, self._start, self._piece = (
+            name,
+            relative_path,
+            start,
+            piece,
+        )
 
     def setup(self, worker: Any) -> None:
         root = Path(worker.local_directory) / "sent" / self._name
-        file = root / self._own
+        file = root / self._relative_path
         file.parent.mkdir(parents=True, exist_ok=True)
         descriptor = os.open(file, os.O_WRONLY | os.O_CREAT, 0o600)
         try:

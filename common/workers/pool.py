@@ -106,7 +106,7 @@ class Workers:
         *,
         net: bool = False,
         split: Split | None = None,
-        begun: Mapping[int, Future] | None = None,
+        started: Mapping[int, Future] | None = None,
     ) -> Iterator[tuple[int, Any]]:
         """Yield (index, ``function(*tasks[index])``) as results come.
 
@@ -115,7 +115,7 @@ class Workers:
             tasks: its arguments.
             net: whether it trains or applies a net, and uses a GPU if there is one.
             split: how a net is divided where renderers and trainers are apart; by default a trainer does all.
-            begun: tasks by index that were given to `begin`; those that still wait are urgent now.
+            started: futures from `begin` by the index of their task; those that still wait become urgent.
 
         Raises:
             WorkerError: a process died, and died again when the work was repeated.
@@ -127,7 +127,9 @@ class Workers:
             return
         done: set[int] = set()
         futures = {
-            index: future for index, future in (begun or {}).items() if not self._taken_back(future)
+            index: future
+            for index, future in (started or {}).items()
+            if not self._taken_back(future)
         }
         try:
             for attempt in range(2):
@@ -135,10 +137,10 @@ class Workers:
                     new = [k for k in range(len(tasks)) if k not in done and k not in futures]
                     new_tasks = [tasks[k] for k in new]
                     if net:
-                        begun_now = self._nets(function, new_tasks, split, False)
+                        new_futures = self._nets(function, new_tasks, split, False)
                     else:
-                        begun_now = [self._submit(function, t, behind=False) for t in new_tasks]
-                    futures.update(zip(new, begun_now, strict=True))
+                        new_futures = [self._submit(function, t, behind=False) for t in new_tasks]
+                    futures.update(zip(new, new_futures, strict=True))
                     for index, result in self._results(futures):
                         done.add(index)
                         yield index, result

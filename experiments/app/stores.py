@@ -12,7 +12,7 @@ from common.errors import UserError
 from common.files import check_file
 from experiments.config import RewardKind, parsers
 from experiments.evaluation.job import REWARD_NAMES, in_words
-from experiments.evaluation.made_with import told_apart
+from experiments.evaluation.made_with import makers_in_words
 from experiments.evaluation.store import kinds_of, merged, read, write_store
 
 
@@ -32,7 +32,7 @@ def merge(paths: Sequence[Path], out: Path) -> str:
     entries = merged(entry for path in paths for entry in read(path).values())
     records = [record for record, _ in entries.values()]
     write_store(out, records)
-    return "\n".join(filter(None, (f"{out}: {len(records)} evaluations", told_apart(records))))
+    return "\n".join(filter(None, (f"{out}: {len(records)} evaluations", makers_in_words(records))))
 
 
 def table(path: Path) -> str:
@@ -53,7 +53,7 @@ def table(path: Path) -> str:
         lines.append(
             f"  {config}  {kind:36s} {count:6d} evaluations, {failed} failed{best_and_mean}"
         )
-    if differences := told_apart(records):
+    if differences := makers_in_words(records):
         lines.append(f"  {differences}")
     return "\n".join(lines)
 

@@ -60,7 +60,7 @@ def search(run: Session[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Fo
     for update in range(plan.updates):
         previous = state
         state, record = next(steps)
-        expectations += _foreseen(method, previous, record)
+        expectations += _expectations(method, previous, record)
         info = jax.device_get(record.info)
         probabilities = np.asarray(diagnostics.probabilities(state))
         latest = np.array(
@@ -72,7 +72,7 @@ def search(run: Session[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Fo
             count = sum(len(rewards) for rewards, *_ in history)
             run.progress.say(f"{plan.name}: {clipping_message(int(info.clipped), count)}")
         run.progress.standing = standing(kind, [rewards for rewards, *_ in history])
-        run.progress.update(_said(plan, kind, update, history))
+        run.progress.update(_progress_line(plan, kind, update, history))
     solution = embed(plan, jax.device_get(method.solution(state)))
     by_update, baselines, groups, distributions = zip(*history, strict=True)
     return Found(
@@ -86,7 +86,9 @@ def search(run: Session[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Fo
     )
 
 
-def _foreseen(method: sdr_jax.Method, previous: Any, record: sdr_jax.Record) -> list[np.ndarray]:
+def _expectations(
+    method: sdr_jax.Method, previous: Any, record: sdr_jax.Record
+) -> list[np.ndarray]:
     """The model's expectations of an update's rewards, f32[datasets, 2]; empty without a model."""
     if method.diagnostics is None or method.diagnostics.predict is None:
         return []
@@ -101,7 +103,9 @@ def standing(kind: RewardKind, rewards: Sequence[np.ndarray]) -> str:
     return f"best {REWARD_NAMES[kind]} {in_words(kind, max(best_rewards))}" if best_rewards else ""
 
 
-def _said(plan: SearchPlan, kind: RewardKind, update: int, history: Sequence[tuple]) -> str:
+def _progress_line(
+    plan: SearchPlan, kind: RewardKind, update: int, history: Sequence[tuple]
+) -> str:
     """The progress line of an update."""
     latest, baseline, group, _ = history[-1]
     where = f"{plan.name}: update {update + 1}/{plan.updates}"

@@ -143,7 +143,7 @@ class Cache:
             worker_recipe = sent(recipe, self._workers)
             tasks = [(worker_recipe, units[s : s + CHUNK], seed, s) for s in missing]
             split = Split(self._parts_of_streets, render_part)
-            for index, arrays in self._workers.map(_made_streets, tasks, net=True, split=split):
+            for index, arrays in self._workers.map(_pool_streets, tasks, net=True, split=split):
                 start = missing[index]
                 buffer = io.BytesIO()
                 np.savez(buffer, **arrays)
@@ -277,7 +277,7 @@ def _pool_parts(
     return parts_of(one_shot, units, seed, most, folder, start)
 
 
-def _made_streets(
+def _pool_streets(
     recipe: Recipe,
     units: np.ndarray,
     seed: int,

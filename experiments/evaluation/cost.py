@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from experiments.config import Fidelity
-from experiments.evaluation.job import Given, Job, StreetPool, rendered_of
+from experiments.evaluation.job import Job, LabelledSource, StreetPool, rendered_of
 from seg.recipes import recipe_for
 from seg.settings import TrainSettings
 
@@ -105,5 +105,5 @@ def job_cost(job: Job) -> float:
         before = head_cost(start.recipe.fidelity)
     elif start is not None and start.streets is not None:
         before = cost_of(start.recipe.fidelity) / start.nets
-    featured = isinstance(rendered_of(job.source), Given | StreetPool)
+    featured = isinstance(rendered_of(job.source), LabelledSource | StreetPool)
     return before + (head_cost if featured else cost_of)(fidelity)

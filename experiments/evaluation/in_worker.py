@@ -43,7 +43,7 @@ from seg.step import Params
 from seg.train import TrainingError, train
 from seg.views import view_images
 
-_KEPT: dict[Any, LabelledImages] = {}
+_LAST_SET: dict[Any, LabelledImages] = {}
 """The last rendered dataset of this process, by everything that decides it."""
 AT_ONCE = (16, 4, 1)
 """Numbers of networks that are trained at once; each is compiled once."""
@@ -227,16 +227,16 @@ def training_set(recipe: Recipe, source: Source, seed: int) -> LabelledImages:
     if isinstance(streets, LabelledImages):
         return streets
     name = (recipe._replace(statistics=None), pickle.dumps(streets), seed)
-    if name in _KEPT:
-        return _KEPT[name]
-    _KEPT.clear()
+    if name in _LAST_SET:
+        return _LAST_SET[name]
+    _LAST_SET.clear()
     images = rendered_set(recipe, streets, seed)
     if isinstance(source, TrainingSet):
         settings = recipe.fidelity.train
         if settings.frozen:
             maps = features(view_images(images.images, settings), settings)
             images = images._replace(features=maps)
-        _KEPT[name] = images
+        _LAST_SET[name] = images
     return images
 
 

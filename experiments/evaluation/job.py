@@ -41,19 +41,19 @@ class StreetPool(NamedTuple):
     """Streets of one shot with their features."""
 
     name: str  # hash of their attributes and seed
-    held: Cached  # with features
+    cached: Cached  # with features
 
 
 class LabelledSubset(NamedTuple):
     """Some of a target's labelled images; files hold all of them once."""
 
     images: LabelledImages
-    picked: tuple[int, ...]  # by index
+    indices: tuple[int, ...]
 
 
-Given = LabelledImages | LabelledSubset
+LabelledSource = LabelledImages | LabelledSubset
 """Images with labels, which need no rendering."""
-Source = Streets | StreetPool | Given | TrainingSet
+Source = Streets | StreetPool | LabelledSource | TrainingSet
 """A source of training images: a dataset rendered from streets, a pool of streets, given images, or a
 `TrainingSet` of a rendered and a given part."""
 
@@ -63,9 +63,9 @@ def rendered_of(source: Any) -> Any:
     return source.parts[0] if isinstance(source, TrainingSet) else source
 
 
-def count_of(images: Given) -> int:
+def count_of(images: LabelledSource) -> int:
     """The number of images."""
-    return len(images.picked if isinstance(images, LabelledSubset) else images.images)
+    return len(images.indices if isinstance(images, LabelledSubset) else images.images)
 
 
 Keeps = Literal["confusion", "predictions"]
@@ -112,7 +112,7 @@ class Result(NamedTuple):
         return self.render_seconds + self.train_seconds
 
 
-def said(job: Job, result: Result) -> str:
+def progress_line(job: Job, result: Result) -> str:
     """The progress line of a net outside a search."""
     notes = job.notes
     return f"{notes['nets']}: {notes['row']}, seed {notes['seed']} | {verdict(result, job.kind)}"

@@ -43,10 +43,10 @@ def made_with() -> MadeWith:
     return (("backend", backend), *versions(LIBRARIES).items())
 
 
-def asked(workers: Workers) -> Iterator[tuple[int, MadeWith]]:
+def ask_made_with(workers: Workers) -> Iterator[tuple[int, MadeWith]]:
     """Ask one of the training workers at once; taking the answer waits for it."""
     future = workers.begin(made_with, behind=False)
-    return workers.map(made_with, [()], net=True, future={} if future is None else {0: future})
+    return workers.map(made_with, [()], net=True, started={} if future is None else {0: future})
 
 
 def refuse_other(expected: MadeWith) -> None:
@@ -60,7 +60,7 @@ def refuse_other(expected: MadeWith) -> None:
             )
 
 
-def told_apart(records: Iterable[Record]) -> str:
+def makers_in_words(records: Iterable[Record]) -> str:
     """Count records by the backend and versions that differ; empty if none do."""
     makers = [record.get(FIELD) for record in records]  # None: an older version did not record it
     recorded = [maker for maker in makers if maker]

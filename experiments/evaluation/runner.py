@@ -41,16 +41,16 @@ from experiments.evaluation.in_worker import (
     worker_environment,
 )
 from experiments.evaluation.job import (
-    Given,
     Job,
+    LabelledSource,
     LabelledSubset,
     Recipe,
     Result,
     Source,
     StreetPool,
     count_of,
+    progress_line,
     rendered_of,
-    said,
 )
 from experiments.evaluation.made_with import FIELD
 from experiments.evaluation.mmd import FeatureNet, Reference, evaluate_mmd, feature_net
@@ -164,7 +164,7 @@ class Runner:
 
         Jobs on given images alone are left out: they are short, and fill the last gaps when requested.
         """
-        jobs = [job for job in jobs if not isinstance(job.source, Given)]
+        jobs = [job for job in jobs if not isinstance(job.source, LabelledSource)]
         new = {
             self.key(job): job
             for job, known in zip(jobs, self.known(jobs), strict=True)
@@ -197,7 +197,7 @@ class Runner:
         log = self._finals if log is None else log
         results: dict[int, Result] = {}
         self._keep_ended()
-        for index, key, result in self._made(jobs, log):
+        for index, key, result in self._results(jobs, log):
             results[index] = result
             if key in self._ended:
                 self._ended.remove(key)
@@ -214,7 +214,7 @@ class Runner:
         Raises:
             UserError: more than a tenth of the nets of one kind (``nets`` in their notes) failed.
         """
-        results = self.run(jobs, say=lambda index, result: said(jobs[index], result))
+        results = self.run(jobs, say=lambda index, result: progress_line(jobs[index], result))
         for what in dict.fromkeys(job.notes["nets"] for job in jobs):
             kind_results = [
                 r for job, r in zip(jobs, results, strict=True) if job.notes["nets"] == what
@@ -239,7 +239,7 @@ class Runner:
             raise UserError(f"the net that is left failed in training: {variables}")
         return variables
 
-    def _made(self, jobs: Sequence[Job], log: Store) -> Iterator[tuple[int, str, Result]]:
+    def _results(self, jobs: Sequence[Job], log: Store) -> Iterator[tuple[int, str, Result]]:
         """Yield (index, key, result) of every job: known ones first, the others as they are done.
 
         Missing jobs run together, the longest first.
@@ -265,13 +265,13 @@ class Runner:
         idle = len(tasks) < self._workers.workers and not prefetched
         if idle and self._workers.trainers is None:  # a pipeline divides sets itself
             tasks, rendered = zip(*map(self._rendered_by_all, tasks), strict=True)
-        begun = {
+        started = {
             n: prefetched[keys[work[n][0]]]
             for n in range(len(work))
             if keys[work[n][0]] in prefetched
         }
         results_by_task = self._workers.map(
-            attempt, tasks, net=True, split=self._split, prefetched=begun
+            attempt, tasks, net=True, split=self._split, started=started
         )
         for number, results in results_by_task:
             several = results if isinstance(results, list) else [results]
@@ -340,7 +340,7 @@ class Runner:
                 self._ended.add(key)
                 result = self._keep(key, job, result, self._finals)
                 self._progress().advance(job_cost(job))
-                self._progress().update(said(job, result))
+                self._progress().update(progress_line(job, result))
 
     def _refresh(self) -> None:
         """Read the records that other runs have added to the store."""
@@ -372,9 +372,9 @@ class Runner:
             before = sent(start.recipe, self._workers)
             before = before._replace(statistics=recipe.statistics)  # images of the same size
             images = self.cache.put(subsets[0].images, train, "labelled", training=True)
-            chosen = [np.array(subset.picked) for subset in subsets]
-            subset = (start._replace(recipe=before), recipe, int(job.seed), images, chosen, real)
-            return (transfer, *subset)
+            chosen = [np.array(subset.indices) for subset in subsets]
+            arguments = (start._replace(recipe=before), recipe, int(job.seed), images, chosen, real)
+            return (transfer, *arguments)
         evaluate: Callable[..., Result] = evaluate_miou if job.kind == "miou" else evaluate_mmd
         if job.keeps is not None:
             evaluate = partial(evaluate, keeps=job.keeps)
@@ -399,11 +399,11 @@ class Runner:
         if isinstance(source, TrainingSet):
             return source._replace(parts=tuple(self._source(part, recipe) for part in source.parts))
         if isinstance(source, StreetPool):
-            return source.held
+            return source.cached
         train = recipe.fidelity.train
         if isinstance(source, LabelledSubset):
             return self.cache.put(source.images, train, "labelled", training=True).take(
-                source.picked
+                source.indices
             )
         if isinstance(source, LabelledImages):
             return self.cache.put(source, train, "labelled", training=True)

@@ -21,7 +21,7 @@ import numpy as np
 from common.errors import UserError
 from common.files import digest, write
 from common.lines import CURE, JsonLines, Record
-from experiments.evaluation.job import Given, LabelledSubset, Result, Source, StreetPool
+from experiments.evaluation.job import LabelledSource, LabelledSubset, Result, Source, StreetPool
 from scene.attributes import SPACES, names
 from scene.proposal import Histogram, Mixture, Proposal, components
 
@@ -62,7 +62,7 @@ def identity(config: str, source: Source, seed: int) -> str:
         source: streets, or the training images.
         seed: seed of the streets and of the net.
     """
-    if isinstance(source, Given):
+    if isinstance(source, LabelledSource):
         source_parts: Any = digest_of_images(source)
     elif isinstance(source, StreetPool):
         source_parts = source.name
@@ -93,14 +93,14 @@ _DIGESTS_OF_PARTS: dict[tuple[str, tuple[int, ...]], str] = {}
 """Digests of subsets, by the digest of all images and the indices."""
 
 
-def digest_of_images(images: Given) -> str:
+def digest_of_images(images: LabelledSource) -> str:
     """SHA-256 of labelled images, or of some of them; features follow from images."""
     if not isinstance(images, LabelledSubset):
         return digest_of(images.images, images.labels)
     whole = images.images
-    name = (digest_of(whole.images, whole.labels), images.picked)
+    name = (digest_of(whole.images, whole.labels), images.indices)
     if name not in _DIGESTS_OF_PARTS:
-        subset = whole.take(images.picked)
+        subset = whole.take(images.indices)
         _DIGESTS_OF_PARTS[name] = digest_of(subset.images, subset.labels)
     return _DIGESTS_OF_PARTS[name]
 
@@ -163,7 +163,7 @@ def _floats(values: Any) -> list[Any]:
     return [float(str(v)) if array.ndim == 1 else _floats(v) for v in array]
 
 
-def each(records: Iterable[Record]) -> list[Record]:
+def first_of_each(records: Iterable[Record]) -> list[Record]:
     """The first line of every evaluation among lines of stores."""
     first_records: dict[str, Record] = {}
     for record in records:
@@ -177,7 +177,8 @@ class Store:
     Args:
         path: the file, which the first evaluation creates.
         shared: whether other runs write to it, too. It then begins with a header, and has each evaluation
-            once. A run's own file has a line for each job, and some jobs are the same evaluation (`each`).
+            once. A run's own file has a line for each job, of which some are the same evaluation
+            (`first_of_each`).
 
     Raises:
         UserError: the file is no such store, or a store of other attributes.
@@ -197,7 +198,7 @@ class Store:
     @property
     def records(self) -> list[Record]:
         """The lines in order; of a shared file the first line of each evaluation."""
-        return each(self._lines.lines[1:]) if self._shared else self._lines.lines
+        return first_of_each(self._lines.lines[1:]) if self._shared else self._lines.lines
 
     def refresh(self) -> None:
         """Read the records that other runs have added."""

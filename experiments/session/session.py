@@ -33,7 +33,7 @@ from experiments.evaluation.cost import (
 from experiments.evaluation.devices import device, refuse_unusable, trainers_of, usable_gpus
 from experiments.evaluation.in_worker import worker_environment
 from experiments.evaluation.job import Recipe, Source
-from experiments.evaluation.made_with import FIELD, MadeWith, asked
+from experiments.evaluation.made_with import FIELD, MadeWith, ask_made_with
 from experiments.evaluation.pace import REFERENCE, WORTH, Pace
 from experiments.evaluation.runner import Runner
 from experiments.evaluation.store import LOGS, Store
@@ -303,7 +303,7 @@ def open(
         raise UserError(str(error)) from None
     fields = {"engine": ENGINE, **asdict(config)}
     with workers_for(config) as workers:
-        made_with_answer = asked(workers)
+        made_with_answer = ask_made_with(workers)
         target = find(config, workers)
         folder.refuse_foreign(config.out, fields, (*FREE_FIELDS, FIELD))
         if refuse is not None:

@@ -56,8 +56,8 @@ def test_a_worker_that_dies_between_two_tasks_is_replaced():
             executor = pool._executors["behind" if behind else "workers"]
             while not executor._broken:
                 time.sleep(0.01)
-            begun = {0: pool.begin(square, 2)} if behind else {}
-            answers = pool.map(square, [(2,), (3,)], begun=begun)
+            started = {0: pool.begin(square, 2)} if behind else {}
+            answers = pool.map(square, [(2,), (3,)], started=started)
             assert sorted(answers) == [(0, 4), (1, 9)]
 
 
@@ -66,11 +66,11 @@ def test_requested_work_that_still_waits_behind_other_work_is_urgent(tmp_path):
         gate = tmp_path / "gate"
         blocked = [pool.begin(wait_for, str(gate)) for _ in range(3)]  # one waits for its process
         asked = pool.begin(os.getpriority, os.PRIO_PROCESS, 0)
-        answer = pool.map(os.getpriority, [(os.PRIO_PROCESS, 0)], begun={0: asked})
+        answer = pool.map(os.getpriority, [(os.PRIO_PROCESS, 0)], started={0: asked})
         assert list(answer) == [(0, os.getpriority(os.PRIO_PROCESS, 0))]
         assert asked.cancelled() and not blocked[0].done()
         gate.touch()
-        assert list(pool.map(wait_for, [(str(gate),)], begun={0: blocked[0]})) == [(0, None)]
+        assert list(pool.map(wait_for, [(str(gate),)], started={0: blocked[0]})) == [(0, None)]
 
 
 def test_workers_have_one_thread_one_gpu_their_environment_and_leaving_early_drops_the_work():

@@ -32,7 +32,7 @@ from experiments.evaluation.store import (
     HEADER,
     LOGS,
     Store,
-    each,
+    first_of_each,
     identity,
     read,
     record_of,
@@ -312,7 +312,7 @@ def test_the_log_has_a_line_for_each_row_of_a_net_that_is_known_already(a_run, s
     assert [(line["row"], line["seed"]) for line in opened.finals.records] == [
         ("default", 0), ("default", 1), ("learnt", 0), ("learnt", 1),
     ]  # fmt: skip
-    assert len(each(opened.finals.records)) == 2 and found["learnt"][0].stored
+    assert len(first_of_each(opened.finals.records)) == 2 and found["learnt"][0].stored
 
 
 def test_what_the_store_holds_stands(a_run, tmp_path, scored_by):

@@ -135,15 +135,15 @@ def test_nets_share_files_and_renders_and_are_those_of_arrays(tmp_path, monkeypa
     streets = default_proposal()
     sources = [*(TrainingSet((streets, subset), (0.5, 0.5)) for subset in few), streets]
     arrays = [
-        *(TrainingSet((streets, REAL.take(subset.picked)), (0.5, 0.5)) for subset in few),
+        *(TrainingSet((streets, REAL.take(subset.indices)), (0.5, 0.5)) for subset in few),
         streets,
     ]
     rewards = []
     for source in arrays:
-        in_worker._KEPT.clear()
+        in_worker._LAST_SET.clear()
         rewards.append(in_worker.evaluate_miou(RECIPE, source, 5, TEST).reward)
     assert len(set(rewards)) == 3
-    in_worker._KEPT.clear()
+    in_worker._LAST_SET.clear()
     rendered = Counted(in_worker.render)
     monkeypatch.setattr(in_worker, "render", rendered)
     results = runner_of(TARGET, tmp_path / "run").run([Job(RECIPE, s, 5, {}) for s in sources])

@@ -77,7 +77,7 @@ class RenderedStreets:
         if isinstance(source, TrainingSet):
             return source._replace(parts=tuple(map(self._filled, source.parts)))
         if isinstance(source, StreetPool) and source.name in self._rendered:
-            return source._replace(held=self._rendered[source.name])
+            return source._replace(cached=self._rendered[source.name])
         return source
 
     def seconds(self, form: Form) -> float:

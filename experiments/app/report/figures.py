@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from experiments.app.report.folder import RunFolder
-from experiments.evaluation.store import each
+from experiments.evaluation.store import first_of_each
 from experiments.tables.form import Report, interval, number, words
 from experiments.tables.row_names import SHORT
 from experiments.tables.stats import TOO_FEW, statistics
@@ -328,8 +328,8 @@ def costs(run: RunFolder) -> dict[str, dict[str, float]]:
     )
     if streets := run.summary.get("seconds", {}).get("streets"):
         stages["streets, shared by networks"] = {"nets": 0, "render": streets, "train": 0.0}
-    staged = [("search", line) for line in each(run.evaluations)]
-    for line in each(run.finals):
+    staged = [("search", line) for line in first_of_each(run.evaluations)]
+    for line in first_of_each(run.finals):
         name = str(line.get("nets", "other networks"))
         staged.append((STAGES.get(name, name), line))
     for stage, line in staged:

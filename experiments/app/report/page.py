@@ -25,7 +25,7 @@ from experiments.app.report.matters import matters
 from experiments.app.report.pictures import PICTURES
 from experiments.app.report.summary import advice
 from experiments.app.report.templates import templates
-from experiments.evaluation.store import each
+from experiments.evaluation.store import first_of_each
 from experiments.tables.form import Report, cells, number, starts, words
 from experiments.tables.row_names import SHORT, TRAINED_ON, trained_on
 from experiments.tables.stats import TOO_FEW
@@ -192,7 +192,7 @@ def following(run: RunFolder) -> list[tuple[str, str]]:
 def so_far(run: RunFolder) -> list[list[str]]:
     """The finished networks that give no reward: their kind, number, and mean mIoU or reward."""
     scores: dict[tuple[str, str], list[float | None]] = {}
-    for line in each(run.finals):
+    for line in first_of_each(run.finals):
         scores.setdefault((line.get("nets", ""), line.get("row", "")), []).append(line["reward"])
     rows = []
     for (nets, row), values in scores.items():

@@ -8,7 +8,7 @@ import numpy as np
 
 from common.command import given
 from experiments.evaluation.job import Result
-from experiments.evaluation.store import each
+from experiments.evaluation.store import first_of_each
 from experiments.session.session import Session
 from experiments.tables import few_rows
 from experiments.tables.form import Report, about, class_means, interval, miou, nets, starts
@@ -24,7 +24,7 @@ ROWS = ("random", "default", "learnt", "real")
 def scores(run: Session[Any], rows: dict[str, list[Result]], learnt: Proposal) -> Report:
     """All measurements; mIoU in percent, unit values in [0, 1]."""
     config, target = run.config, run.target
-    lines = each(run.evaluations.records + run.finals.records)
+    lines = first_of_each(run.evaluations.records + run.finals.records)
     return {
         **about(run, config.final),
         **few_rows.about(run),
