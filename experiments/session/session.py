@@ -253,7 +253,7 @@ def measured_here(workers: int, say: Callable[[str], None] = lambda text: None) 
     import jax  # after the environment is set
 
     environment, trainers = worker_environment(), trainers_of(None, usable_gpus())
-    with workers_of("processes", workers, None, environment, trainers=trainers) as pool:
+    with workers_of("processes", workers, None, environment, dict, trainers) as pool:
         compile_first(pool, Config.renderer)
         return _measured(pool, paces.kind("processes", jax.default_backend()), say)
 

@@ -179,6 +179,7 @@ class Costs(NamedTuple):
 def _costs(target: Any, data: Path, findings: Any) -> Costs:
     """Measure the pace of this machine, and estimate the run times of commands for a folder."""
     from experiments.app.doctor import costs, machine
+    from experiments.evaluation.devices import trainers_of, usable_gpus
     from experiments.evaluation.pace import SECONDS
     from experiments.session import session
 
@@ -189,9 +190,9 @@ def _costs(target: Any, data: Path, findings: Any) -> Costs:
         return Costs()
     choice = costs.choice(target, data, findings.photographs, pace)
     size = findings.size if choice is None else choice.size
-    rows = []
+    rows, trainers = [], trainers_of(None, usable_gpus())
     for command, cost in costs.commands(target, data, size, OF_COMMANDS).items():
-        minutes = pace.seconds_of(cost, cores) / 60
+        minutes = pace.seconds_of(cost, cores, trainers) / 60
         rows.append((command, f"{minutes:.1f}" if minutes < 10 else f"{minutes:.0f}"))
     fit = "" if choice is None else choice.text(cores)
     return Costs(rows, fit, cores, round(2 * SECONDS))
