@@ -1,4 +1,4 @@
-"""Optimises the streets for CamVid.
+"""Optimise the streets for CamVid.
 
     sdr-jax camvid --data DIR                     # rewards: train; tested on: test
     sdr-jax camvid --data DIR --holdout 0006R0    # tested on a sequence left out

@@ -1,4 +1,4 @@
-"""Optimises the streets for Cityscapes, or for the built-in twin.
+"""Optimise the streets for Cityscapes, or for the built-in twin.
 
     sdr-jax cityscapes                       # the twin, a stand-in for real data
     sdr-jax cityscapes --data DIR            # real Cityscapes

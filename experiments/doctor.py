@@ -1,4 +1,4 @@
-"""Checks the installation and a folder of labelled images.
+"""Check the installation and a folder of labelled images.
 
     sdr-jax doctor                              # versions, GPU, renderers, extras
     sdr-jax doctor DATA                         # and the folder: a page in runs/doctor

@@ -1,4 +1,4 @@
-"""Tests a model on labelled images: mIoU, classes, groups, boundaries, the worst images.
+"""Test a model on labelled images: mIoU, classes, groups, boundaries, the worst images.
 
     sdr-jax evaluate runs/fit/model DIR --json scores.json
     sdr-jax evaluate runs/fit/model DIR --target camvid --split train val --json scores.json

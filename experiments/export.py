@@ -1,4 +1,4 @@
-"""Writes a model as an ONNX file, for onnxruntime and other programs.
+"""Write a model as an ONNX file, for onnxruntime and other programs.
 
     sdr-jax export runs/fit/model --onnx model.onnx
 

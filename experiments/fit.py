@@ -1,4 +1,4 @@
-"""Trains a network on your labelled images plus renders, and measures what the renders add.
+"""Train a network on your labelled images plus renders, and measure what the renders add.
 
     sdr-jax fit photographs --out runs/fit                       # photographs/target.yaml describes the files
     sdr-jax fit CamVid --target camvid --few 14 --holdout 0006R0 --out runs/fit14

@@ -1,4 +1,4 @@
-"""Optimises the streets for LabelMeFacade.
+"""Optimise the streets for LabelMeFacade.
 
     sdr-jax labelmefacade --data DIR                    # rewards: train; tested on: test
     sdr-jax labelmefacade --data DIR --holdout GROUP    # tested on a group left out

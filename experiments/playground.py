@@ -1,4 +1,4 @@
-"""Opens a local page with a slider for each attribute and the street that it gives.
+"""Open a local page with a slider for each attribute and the street that it gives.
 
     sdr-jax playground
     sdr-jax playground --space extended --size 640x360 --no-browser

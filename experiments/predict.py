@@ -1,4 +1,4 @@
-"""Labels images and videos of any size with a trained model.
+"""Label images and videos of any size with a trained model.
 
     sdr-jax predict renders19 photos --out labels --as overlay
     sdr-jax predict runs/fit/model video.mp4 --out frames

@@ -1,4 +1,4 @@
-"""Writes or serves the report of a run, a page that works offline.
+"""Write or serve the report of a run, a page that works offline.
 
     sdr-jax report runs/a             # rewrites runs/a/report.html
     sdr-jax report runs/a --serve     # shows it in a browser, also during the run

@@ -1,4 +1,4 @@
-"""Shows and merges stores: files of evaluations that runs share, so that none is repeated.
+"""Show and merge stores: files of evaluations that runs share, so that none is repeated.
 
     sdr-jax store show FILE
     sdr-jax store merge A.jsonl B.jsonl runs/c --out C.jsonl

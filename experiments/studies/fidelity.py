@@ -1,4 +1,4 @@
-"""Measures how well cheap rewards rank streets, compared with the full size, and their noise and cost.
+"""Measure how well cheap rewards rank streets, compared with the full size, and their noise and cost.
 
     sdr-jax study fidelity --target camvid --data DIR --holdout 0006R0
     sdr-jax study fidelity --target twin --preset smoke                  # about a minute

@@ -1,4 +1,4 @@
-"""Measures how many labels renders replace: labelled images alone and plus renders.
+"""Measure how many labels renders replace: labelled images alone and plus renders.
 
     sdr-jax study labels --target camvid --data DIR --holdout 0006R0
     sdr-jax study labels --target camvid --data DIR --learnt a.json --counts 0 14 266

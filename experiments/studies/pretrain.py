@@ -1,4 +1,4 @@
-"""Measures how many real images pre-training on SceneX saves, by fine-tuning on growing shares of them.
+"""Measure how many real images pre-training on SceneX saves, by fine-tuning on growing shares of them.
 
     sdr-jax study pretrain --target camvid --data DIR --holdout 0006R0
     sdr-jax study pretrain --target camvid --data DIR --fractions 0.05 1.0 --seeds 8

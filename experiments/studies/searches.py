@@ -1,4 +1,4 @@
-"""Compares search methods, each in several searches, at equal numbers of rewards or at equal cost.
+"""Compare search methods, each in several searches, at equal numbers of rewards or at equal cost.
 
     sdr-jax study searches --target camvid --data DIR --holdout 0006R0 --space extended
     sdr-jax study searches --target camvid --data DIR --methods intervals --searches 3

@@ -1,4 +1,4 @@
-"""Finds which attributes matter, alone and together, from recorded rewards.
+"""Find which attributes matter, alone and together, from recorded rewards.
 
     sdr-jax study sensitivity --target camvid --records benchmarks/data/camvid.jsonl
     sdr-jax study sensitivity --target camvid --data DIR --holdout 0006R0 --store FILE

@@ -1,4 +1,4 @@
-"""Prints the catalogue of assets by class and family, or the assets that look most alike.
+"""Print the catalogue of assets by class and family, or the assets that look most alike.
 
 sdr-jax catalogue                    # class, family, count, kinds
 sdr-jax catalogue --json             # {class: count} of all 19 classes

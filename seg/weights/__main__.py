@@ -1,4 +1,4 @@
-"""Converts ImageNet weights of VGG16 into the file from which training starts.
+"""Convert ImageNet weights of VGG16 into the file from which training starts.
 
     sdr-jax weights convert vgg16-397923af.pth --out vgg16.npz
 
