@@ -207,7 +207,7 @@ def _sentence(entry: Report) -> list[str]:
     range_ = "" if ci95 is None else f" (95 % interval {_ends(*ci95)})"
     return [
         f"{mixed} ({RENDERS[entry['renders']]}) are as good as {bound}{entry['labels']:.0f} labelled "
-        f"images{range_}.",
+        f"images alone{range_}.",
         "",
     ]
 

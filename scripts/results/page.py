@@ -10,6 +10,7 @@ from common import files
 from common.progress import duration
 from experiments.evaluation.store import LOGS, read, result_of
 from experiments.tables.form import ONE_SEARCH, Column, Report, estimate, table
+from experiments.tables.row_names import SHORT
 from experiments.tables.stats import bounded, estimated
 from scene.version import ENGINE
 from scripts.results.parts import GROUPS, Part
@@ -134,12 +135,8 @@ def _mean(head: str, name: str) -> Column:
 
 COLUMNS: list[Column] = [
     ("target", lambda row: row["name"]),
-    _mean("labels alone", "few"),
-    _mean("random", "random"),
-    _mean("hand-set", "default"),
-    _mean("learnt", "learnt"),
-    _mean("real", "real"),
-    *estimate("learnt over random", lambda row: row["over_random"], "+.1f"),
-    *estimate("over hand-set", lambda row: row["over_default"], "+.1f"),
+    *(_mean(SHORT[name], name) for name in ("few", "random", "default", "learnt", "real")),
+    *estimate("gain over random", lambda row: row["over_random"], "+.1f"),
+    *estimate("gain over default", lambda row: row["over_default"], "+.1f"),
 ]
-"""mIoU in percent; intervals of a part are over its nets, those of means over its parts."""
+"""mIoU in percent; intervals of a part are over its networks, those of means over its parts."""

@@ -12,7 +12,7 @@ from experiments.config.config import TargetName
 HOLDOUT = "0006R0"
 """The held-out sequence of CamVid."""
 METHOD = "intervals"
-"""The method that learns streets: the default of preset quick."""
+"""The method that optimises streets: the default of preset quick."""
 
 
 class Group(NamedTuple):
@@ -28,34 +28,34 @@ class Group(NamedTuple):
 
 GROUPS = {
     "main": Group(
-        "Learnt streets",
-        "What nets gain that are trained on learnt streets: CamVid with its usual training and test images, "
-        f"CamVid without the sequence {HOLDOUT}, and LabelMeFacade. Searches are by {METHOD} in the extended "
-        "space, nets a head on a frozen lite0: only the split of the first is the paper's, so its figures do "
-        "not compare.",
+        "Optimised streets",
+        "What optimised streets add: on CamVid with its usual training and test images, on CamVid without "
+        f"the sequence {HOLDOUT}, and on LabelMeFacade. Searches are by {METHOD} in the extended space, "
+        "networks a segmentation head on a frozen lite0: only the split of the first is the paper's, so do "
+        "not compare numbers.",
     ),
     "twins": Group(
         "Twins (not real data)",
-        "The same on targets that our own engine renders with hidden attributes, far from the hand-set "
+        "The same on targets that our own engine renders with hidden attributes, far from the default "
         "street and near it.",
         summed=True,
         averaged=True,
     ),
-    "labels": Group("Labels beside renders", "What renders add to a few labelled images."),
+    "labels": Group("Labels plus renders", "What renders add to a few labelled images."),
     "few": Group(
         "Searches that know the labels",
-        "Do learnt streets add more to a labelled subset than random ones? Every row is a training set "
-        "beside the subset, and rewards are of nets that have it, too.",
+        "Do optimised streets add more to a labelled subset than random ones? Every training set is mixed "
+        "with the subset, also in the search.",
         summed=True,
     ),
     "rivals": Group("Rivals", "Search methods at equal minutes of a core."),
     "paper": Group(
         "The paper's tables",
         "Training sets, ablation, assets, pre-training and sensitivity, on a far twin and on CamVid: the "
-        "paper's questions with our nets, searches and sizes.",
+        "paper's questions with our networks, searches and sizes.",
     ),
-    "scale": Group("Scale", "What longer searches are worth.", summed=True),
-    "images": Group("More images", "What larger sets of learnt and of random streets are worth."),
+    "scale": Group("Scale", "What longer searches gain.", summed=True),
+    "images": Group("More images", "What larger sets of optimised and of random streets gain."),
 }
 """The sections of the page in their order."""
 
