@@ -36,7 +36,7 @@ class FenceParams(NamedTuple):
     gauge: float  # width of the infill's pieces, m
     color: Color
     material: str
-    tip: str = ""  # of posts: "", "ball", "point" or "band"
+    tip: str = ""  # of posts: "", "ball", "point" or "feet"
     second: Color = FENCE_WHITE  # of stripes, feet and reflectors
     seed: int = 0  # unevenness of boards and pickets
 

@@ -27,7 +27,7 @@ class SlabParams(NamedTuple):
 
     color: Color
     material: str = "fresh asphalt"
-    lines: str = ""  # or "sides", "ticks" or "box"
+    lines: str = ""  # "", "sides", "ticks" or "box"
     paint: Color = SLAB_WHITE
     stain: tuple[float, float, float] = (0.0, 0.0, 0.2)  # of oil: x, y and radius, m
 
