@@ -21,7 +21,7 @@ from common.command import Arguments, exit_code
 from common.files import check_file, write_json
 from scene import parsers
 from scene.classes import CLASS_NAMES
-from scene.dataset.real import CAMVID, CAMVID_OF_TRAIN, open_pictures
+from scene.dataset.real import CAMVID, CAMVID_OF_TRAIN, open_images
 
 
 class Statistics(NamedTuple):
@@ -70,8 +70,8 @@ def compare(
     Raises:
         ValueError, OSError: a folder holds no images, or a file is damaged; the message names it.
     """
-    dataset_images = open_pictures(dataset)
-    target_images = None if against is None else open_pictures(against, prefixes)
+    dataset_images = open_images(dataset)
+    target_images = None if against is None else open_images(against, prefixes)
     classes, pairs = dataset_images.classes, dataset_images.pairs
     if target_images is not None and target_images.classes not in (
         classes,

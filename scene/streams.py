@@ -20,7 +20,7 @@ STREAMS = {
     "parked": 31,
     "traffic": 32,
     "people": 33,
-    "land": 34,  # beside the road
+    "land": 34,  # along the road
     "furniture": 35,
     "own class": 36,
     "verge": 37,  # what lies along the sidewalks

@@ -207,7 +207,7 @@ def test_the_wheel_works_outside_the_checkout(tmp_path):
     assert done(sys.executable, "-c", where).startswith(str(site))
     assert "  camvid " in done(site / "bin" / "sdr-jax", "--help")
     flags = "--images 2 --size 64x48 --shots 1 --workers 1 --out streets".split()
-    assert "2 images of 2 streets, one image of each, in " in done(
+    assert "2 images of 2 streets, one per street, in " in done(
         site / "bin" / "sdr-jax", "render", *flags
     )
     assert (tmp_path / "streets" / "dataset.json").is_file()

@@ -30,7 +30,7 @@ from scene.dataset.formats.about import About, stem
 from scene.dataset.formats.labels import refuse_with_target, target_entry
 from scene.dataset.formats.layout import SPLITS, layout
 from scene.dataset.formats.shot import shot_files
-from scene.dataset.read import DESCRIPTION, WORK, describe, pictures
+from scene.dataset.read import DESCRIPTION, WORK, describe, images_and_classes
 from scene.dataset.render import Dataset, check_request, compile_first, street_of
 from scene.outline import outlined
 from scene.proposal import Streets
@@ -155,7 +155,7 @@ def read_dataset(folder: Path, outlines: Sequence[Outline] = ()) -> Dataset:
     Raises:
         ValueError, OSError: it is not a dataset, or a file is damaged or missing; the message names it.
     """
-    images, labels = zip(*pictures(describe(folder), outlines), strict=True)
+    images, labels = zip(*images_and_classes(describe(folder), outlines), strict=True)
     return Dataset(np.stack(images), np.stack(labels))
 
 

@@ -52,7 +52,7 @@ class Described(NamedTuple):
         """The file of one kind of the image ``name``."""
         return self.folder / self.layout.paths(self.split, name)[kind]
 
-    def picture(self, kind: str, name: str) -> np.ndarray:
+    def array(self, kind: str, name: str) -> np.ndarray:
         """Read one kind of array of the image ``name``.
 
         Raises:
@@ -64,7 +64,7 @@ class Described(NamedTuple):
         elif name in self.rows:
             where = f"{self.folder}: {kind} of {name}"
             place = self.rows[name]
-            pixels = decode(parquet.picture(place, kind), f"{place.shard}: {kind} of {name}")
+            pixels = decode(parquet.image_bytes(place, kind), f"{place.shard}: {kind} of {name}")
         else:
             raise ValueError(f"{self.folder}: no row of image {name} in data/")
         (height, width), channels = pixels.shape[:2], pixels.shape[2:]
@@ -144,19 +144,19 @@ def labels(dataset: Described, name: str) -> np.ndarray:
         labels.
     """
     if "panoptic" in dataset.layout.files:
-        ids = ids_of(dataset.picture("panoptic", name))
+        ids = ids_of(dataset.array("panoptic", name))
         return dataset.labels.of_engine[TRAIN_OF_LABEL[label_ids(ids)]]
     if "label_ids" not in dataset.layout.files:
         raise ValueError(
             f"{dataset.folder}: the format {dataset.description['format']} does not label every pixel"
         )
-    classes = dataset.labels.classes_of(dataset.picture("label_ids", name))
+    classes = dataset.labels.classes_of(dataset.array("label_ids", name))
     if (classes == ILLEGAL).any():
         raise ValueError(f"{dataset.folder}: the label image of {name} has a value of no class")
     return classes
 
 
-def pictures(
+def images_and_classes(
     dataset: Described, outlines: Sequence[Outline] = ()
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield images u8[h, w, 3] and classes u8[h, w] of an exported dataset; raises as `labels`.
@@ -166,6 +166,6 @@ def pictures(
     for name in dataset.stems:
         label = labels(dataset, name)
         if outlines:
-            depth = dataset.picture("depth", name) / np.float32(DEPTH_PER_METRE)
+            depth = dataset.array("depth", name) / np.float32(DEPTH_PER_METRE)
             label = label.take(sources(label, depth, outlines))
-        yield dataset.picture("image", name), label
+        yield dataset.array("image", name), label

@@ -15,7 +15,7 @@ from common.labels.target_file import shipped
 from common.pictures import MOST_BYTES, label_ids, too_large
 from scene.classes import CLASS_NAMES, VOID
 from scene.dataset.formats.segments import TRAIN_OF_LABEL
-from scene.dataset.read import DESCRIPTION, describe, pictures
+from scene.dataset.read import DESCRIPTION, describe, images_and_classes
 
 CAMVID: tuple[str, ...] = shipped("camvid").class_names
 """The 11 classes of CamVid that are common in the literature."""
@@ -24,7 +24,7 @@ CAMVID_OF_TRAIN = np.full(256, VOID, np.uint8)
 CAMVID_OF_TRAIN[: len(CLASS_NAMES)] = shipped("camvid").of_engine
 
 
-class Pictures(NamedTuple):
+class ImageSet(NamedTuple):
     """Images u8[h, w, 3] with labels u8[h, w], and the class names; ``VOID`` is ignored."""
 
     classes: tuple[str, ...]
@@ -32,7 +32,7 @@ class Pictures(NamedTuple):
     framing: tuple[float, float] | None = None  # for a dataset, see ``Described.framing``
 
 
-def open_pictures(folder: Path, prefixes: tuple[str, ...] = ()) -> Pictures:
+def open_images(folder: Path, prefixes: tuple[str, ...] = ()) -> ImageSet:
     """Open the images of an exported dataset, of CamVid (SegNet's layout) or of a folder like Cityscapes.
 
     Args:
@@ -44,7 +44,7 @@ def open_pictures(folder: Path, prefixes: tuple[str, ...] = ()) -> Pictures:
     """
     if (folder / DESCRIPTION).is_file():
         dataset = describe(folder)
-        return Pictures(dataset.labels.names, pictures(dataset), dataset.framing)
+        return ImageSet(dataset.labels.names, images_and_classes(dataset), dataset.framing)
     if (folder / "train").is_dir() and (folder / "trainannot").is_dir():
         pattern, tail, labels, ending = "train/*.[jp][pn]g", "", "trainannot", ""
         classes, legal = CAMVID, np.arange(256, dtype=np.uint8)
@@ -66,7 +66,7 @@ def open_pictures(folder: Path, prefixes: tuple[str, ...] = ()) -> Pictures:
         below = image.parent.relative_to(folder).parts[1:]
         return folder.joinpath(labels, *below, f"{image.stem.removesuffix(tail)}{ending}.png")
 
-    return Pictures(classes, (_read(image, label_of(image), legal) for image in images))
+    return ImageSet(classes, (_read(image, label_of(image), legal) for image in images))
 
 
 def _read(image_path: Path, label_path: Path, legal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

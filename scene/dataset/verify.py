@@ -42,7 +42,7 @@ def load(dataset: Described, name: str) -> tuple[dict[str, np.ndarray], list[str
             if kind == "objects":
                 planes[kind] = _areas(path, dataset)
                 continue
-            planes[kind] = dataset.picture(kind, name)
+            planes[kind] = dataset.array(kind, name)
         except FileNotFoundError:
             faults.append(f"{path} is missing")
         except (OSError, ValueError) as error:

@@ -118,7 +118,7 @@ def ground_heights(ground: Ground, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         return above
     open_land = np.abs(y) > STRIP
     if ground.junction:
-        open_land &= ~ground.junction.beside(x, y)
+        open_land &= ~ground.junction.near_arm(x, y)
     heights = above + height_at(ground.path, x)
     if open_land.any():
         points = to_world(ground.path, x[open_land], y[open_land])

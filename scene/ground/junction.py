@@ -86,7 +86,7 @@ class Junction(NamedTuple):
         around &= np.hypot(corner_u, corner_v) > self.radius - spare
         return arm & ((u < self.half_width + spare) | around)
 
-    def beside(self, x: float | np.ndarray, y: float | np.ndarray) -> np.ndarray:
+    def near_arm(self, x: float | np.ndarray, y: float | np.ndarray) -> np.ndarray:
         """Whether the land at places (x, y) follows an arm."""
         along = (np.abs(y) <= ARM_END) & np.isin(np.sign(y), self.arms)
         return along & (np.abs(x - self.x) <= ARM_STRIP)

@@ -256,18 +256,18 @@ def _of_material(
     if visual.kind != "texture":
         return grey, False
     material = getattr(visual, "material", None)
-    picture = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
+    texture_image = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
     factor = getattr(material, "baseColorFactor", None)
-    if factor is None and picture is None:
+    if factor is None and texture_image is None:
         factor = getattr(material, "diffuse", None)
     tint = (
         np.ones(4) if factor is None else _linear(np.asarray(factor, float)[None] / 255, linear)[0]
     )
-    if picture is None or visual.uv is None:
+    if texture_image is None or visual.uv is None:
         return (np.tile(tint, (count, 1, 1)) if factor is not None else grey), False
-    if picture.width * picture.height > MOST_PIXELS:
+    if texture_image.width * texture_image.height > MOST_PIXELS:
         raise MeshError(f"has a texture of more than {MOST_PIXELS:,} pixels")
-    pixels = np.asarray(picture.convert("RGBA"))
+    pixels = np.asarray(texture_image.convert("RGBA"))
     uv = np.asarray(visual.uv)[:, :2] * look.scale + look.offset
     uv = uv if placement is None else placement.of(uv)
     uv = np.einsum("sk,fkc->fsc", SAMPLES, uv[np.asarray(mesh.faces)])

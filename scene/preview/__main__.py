@@ -108,11 +108,11 @@ def main(arguments: Arguments = None) -> int:
 
     def work() -> None:
         files.check_file("--out", options.out)
-        picture = page(options)
+        image = page(options)
         missing = missing_families(AssetPool(own=options.assets, use=options.asset_use))
         if missing:
             print(f"Left out, since there are no own assets of them: {', '.join(missing)}")
-        save(picture, options.out)
+        save(image, options.out)
 
     users = (ValueError, RendererError)
     return exit_code(work, users=users, debug=options.debug, goes_on=False)

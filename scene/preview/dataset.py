@@ -41,12 +41,12 @@ def sheet(dataset: Described, images: int = IMAGES) -> np.ndarray:
 
 def _column(dataset: Described, stem: str) -> np.ndarray:
     files = dataset.layout.files
-    tiles = [_small(dataset.picture("image", stem), cv2.INTER_AREA)]
+    tiles = [_small(dataset.array("image", stem), cv2.INTER_AREA)]
     if {"panoptic", "label_ids"} & set(files):
         colours = dataset.labels.colours[labels(dataset, stem)]
         tiles.append(_small(colours, cv2.INTER_NEAREST))
     if "depth" in files:
-        metres = dataset.picture("depth", stem) / np.float32(DEPTH_PER_METRE)
+        metres = dataset.array("depth", stem) / np.float32(DEPTH_PER_METRE)
         tiles.append(_small(depth_image(metres), cv2.INTER_AREA))
     return np.concatenate(tiles)
 

@@ -24,7 +24,7 @@ LINE_START, LINE_END = -15.0, 150.0
 HOUSES = frozenset({TrainId.BUILDING, TrainId.TRAIN, TrainId.WALL, TrainId.FENCE})
 SPARE, TOUCHING = 0.15, -0.05
 """Least distance in metres between objects, and between objects that belong together."""
-BESIDE, BELOW = 0.35, 0.8
+ASIDE, BELOW = 0.35, 0.8
 """Metres to the sides of the lens and below it that are kept free."""
 STEP = 0.5
 """Metres between the checked positions of the camera."""
@@ -205,7 +205,7 @@ class Plot:
             self.stands += parts
         lens = self.street.params.camera_position_y - BELOW
         high = [any(top(*part[:2]) >= lens for part in parts) for parts in grouped]
-        ends = touched(self._path, rows[high], BESIDE)
+        ends = touched(self._path, rows[high], ASIDE)
         along = self._along[ends[ends[:, 1] >= 0]]
         self._blocks += [(low, end) for low, end in along.tolist()]
         self._houses.extend(rows[[TRAIN_IDS[parts[0].family] in HOUSES for parts in grouped]])
@@ -217,7 +217,7 @@ class Plot:
         lens = self.street.params.camera_position_y
         if max(top(*part) for part in parts) < lens - BELOW:
             return None
-        first, last = touched(self._path, np.array([box]), BESIDE)[0].tolist()
+        first, last = touched(self._path, np.array([box]), ASIDE)[0].tolist()
         return (float(self._along[first]), float(self._along[last])) if last >= 0 else None
 
 

@@ -11,8 +11,8 @@ from scene.street.instances import length
 from scene.street.plot import Plot, draw_family
 
 VEHICLES = {"car": 0.94, "truck": 0.06}
-BESIDE = 1.6
-"""Metres from the middle of a side street to the middle of its lane."""
+LANE_OFFSET = 1.6
+"""Distance of a lane of a side street from its middle, metres."""
 START, END = 8.0, 100.0
 """Range of turning vehicles in metres along the road."""
 
@@ -55,7 +55,7 @@ def _side_street(plot: Plot, x: float, side: float, share: float, rng: np.random
     if rng.random() >= share:
         return
     # Vehicles that leave the side street drive on the side of the local traffic.
-    out = x + BESIDE * side * drive
+    out = x + LANE_OFFSET * side * drive
     y = ground.half_width + 1.2
     for _ in range(int(rng.integers(0, 4))):
         family, ref, long = _vehicle(plot, rng)

@@ -16,7 +16,7 @@ from common.files import read_json
 from common.labels.target_file import shipped
 from scene.dataset.formats.png import read_png
 from scene.dataset.read import describe
-from scene.dataset.real import open_pictures
+from scene.dataset.real import open_images
 from seg.data import LabelReader, list_split
 from seg.data.images import read_image
 from seg.weights.read import read
@@ -41,7 +41,7 @@ def test_a_picture_that_says_it_is_huge_is_not_decoded(size, tmp_path, monkeypat
     (tmp_path / "trainannot").mkdir()
     path.write_bytes(bomb(*size))
     monkeypatch.setattr("cv2.imdecode", None)
-    labels, pairs = LabelReader(shipped("camvid")), open_pictures(tmp_path).pairs
+    labels, pairs = LabelReader(shipped("camvid")), open_images(tmp_path).pairs
     for reader in (read_image, labels, read_png, lambda _: next(pairs)):
         refused(ValueError, r"1\.png: .*more than 50,000,000 pixels", reader, path)
 

@@ -65,15 +65,15 @@ def chosen(name: str) -> Renderer:
         pytest.skip(str(error))
 
 
-def free(bvh, starts, directions, wanted, columns, reach=np.inf) -> np.ndarray:
+def free(bvh, starts, directions, needed, columns, reach=np.inf) -> np.ndarray:
     """Which rays meet nothing: f32[n], 1 if so, 0 if not, -1 where not wanted.
 
     All on the thread that asks. The wheel's own classes start a device of Embree for each mesh, with threads;
     once they are gone, one of the threads may go on spinning, and slow down all that the process does after.
     """
-    order = rays.by_tiles(np.asarray(wanted, np.uint8), columns, len(wanted) // columns, 4, 2)
-    found = rays.free(bvh, np.float32(starts), np.float32(directions), order, reach)
-    return np.where(np.asarray(wanted, bool), found, -1)
+    order = rays.by_tiles(np.asarray(needed, np.uint8), columns, len(needed) // columns, 4, 2)
+    unblocked = rays.free(bvh, np.float32(starts), np.float32(directions), order, reach)
+    return np.where(np.asarray(needed, bool), unblocked, -1)
 
 
 def hits(mesh: trimesh.Trimesh, starts: np.ndarray, directions: np.ndarray) -> np.ndarray:

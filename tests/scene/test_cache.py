@@ -22,18 +22,18 @@ def folder(tmp_path, monkeypatch):
 def ask(name="x"):
     """Whether the numbers came from disk; either way they must be right."""
     calls = []
-    found = cache.cached(name, lambda: calls.append(1) or {"a": NUMBERS.copy()})
-    assert list(found) == ["a"] and (found["a"] == NUMBERS).all()
+    arrays = cache.cached(name, lambda: calls.append(1) or {"a": NUMBERS.copy()})
+    assert list(arrays) == ["a"] and (arrays["a"] == NUMBERS).all()
     return not calls
 
 
 def test_a_file_is_read_while_it_is_whole_and_else_made_anew(folder):
     assert [ask(), ask()] == [False, True]
     [path] = folder.glob("*/*")
-    whole = path.read_bytes()
-    flipped = whole.replace(NUMBERS.tobytes(), (NUMBERS ^ 4).tobytes())
+    content = path.read_bytes()
+    flipped = content.replace(NUMBERS.tobytes(), (NUMBERS ^ 4).tobytes())
     np.savez(path, a=np.array([{"a": 1}], object))  # never unpickled
-    for data in (path.read_bytes(), whole[:-40], flipped, b""):
+    for data in (path.read_bytes(), content[:-40], flipped, b""):
         path.write_bytes(data)
         assert [ask(), ask()] == [False, True]
 
@@ -69,9 +69,9 @@ def test_shapes_and_bounds_from_disk_are_those_that_are_made(folder, monkeypatch
         shape = asset_shape("tree", 1, "far")
         return [a.tobytes() for a in (*shape[:4], catalogue.bounds("tree", 1))]
 
-    made, path = both(), next(folder.glob("*/shape-tree-1-far.npz"))
+    computed, path = both(), next(folder.glob("*/shape-tree-1-far.npz"))
     arrays = dict(np.load(path))  # beyond the corners compiled code would read anything
     np.savez(path, **{**arrays, "faces": arrays["faces"] + 10**6})
-    assert both() == made
+    assert both() == computed
     monkeypatch.setattr(catalogue, "asset", None)  # from here on only from disk
-    assert both() == made
+    assert both() == computed

@@ -29,8 +29,8 @@ def whole(request, tmp_path_factory):
 
 
 @pytest.fixture
-def dataset(whole, tmp_path):
-    return shutil.copytree(whole, tmp_path / "dataset")
+def dataset(exported, tmp_path):
+    return shutil.copytree(exported, tmp_path / "dataset")
 
 
 def first(dataset, pattern):
@@ -89,9 +89,9 @@ def test_no_dataset_is_refused_and_an_unfinished_one_says_how_to_go_on(files, tm
     ],
 )
 def test_garbled_descriptions_are_refused(dataset, change):
-    path, told = dataset / "dataset.json", r"dataset\.json does not describe a dataset"
+    path, message = dataset / "dataset.json", r"dataset\.json does not describe a dataset"
     path.write_text(json.dumps({**json.loads(path.read_text()), **change}))
-    refused(ValueError, told, list, findings(dataset))
+    refused(ValueError, message, list, findings(dataset))
     path.write_text("{")
     refused(ValueError, r"dataset\.json is no JSON file", list, findings(dataset))
 
@@ -100,17 +100,17 @@ def test_garbled_descriptions_are_refused(dataset, change):
 @pytest.mark.parametrize("file", ["dataset.json", "annotations/instances*", "*panoptic*.json"])
 def test_no_garbage_in_a_json_file_stops_the_check_with_a_traceback(dataset, file, garbage):
     path = first(dataset, file)
-    whole = json.loads(path.read_text())
-    lists = [key for key, value in whole.items() if isinstance(value, list) and value]
-    broken = [{**whole, key: garbage} for key in whole]
-    broken += [{**whole, key: [garbage, *whole[key][1:]]} for key in lists]
+    content = json.loads(path.read_text())
+    lists = [key for key, value in content.items() if isinstance(value, list) and value]
+    broken = [{**content, key: garbage} for key in content]
+    broken += [{**content, key: [garbage, *content[key][1:]]} for key in lists]
     for value in [garbage, *broken]:
         path.write_text(json.dumps(value))
         try:
-            found = list(findings(dataset))
+            lines = list(findings(dataset))
         except ValueError as error:
-            found = [str(error)]
-        assert all(isinstance(line, str) and "\n" not in line for line in found)
+            lines = [str(error)]
+        assert all(isinstance(line, str) and "\n" not in line for line in lines)
 
 
 def first_of(value, kind):
@@ -137,21 +137,21 @@ def paint(plane, value):
     (NORMALS, lambda n: n.astype(np.uint16), "is uint16 with 3 channels, not uint8"),
     (SEGMENTS, lambda s: np.dstack([s, s[..., :1]]), "is uint8 with 4 channels, not uint8 with 3"),
     (DEPTH, flip_sky, "depth: 16 pixels disagree on"),
-    (NORMALS, lambda n: np.where(n.any(2, keepdims=True), 255, n), "are not of length 1"),
-    (SEGMENTS, shift, "(class, area, box), listed as"),
+    (NORMALS, lambda n: np.where(n.any(2, keepdims=True), 255, n), "do not have length 1"),
+    (SEGMENTS, shift, "has (class, area, box) ("),
     (SEGMENTS, lambda s: paint(s, 14), "segment 14 belongs to no class"),
-    (SEGMENTS, lambda s: paint(s, 26), "segment 26 is no id for the class car"),
-    (SEGMENTS, lambda s: paint(s, 12003), "segment 12003 is no id for the class wall"),
+    (SEGMENTS, lambda s: paint(s, 26), "segment 26 is not a valid id for the class car"),
+    (SEGMENTS, lambda s: paint(s, 12003), "segment 12003 is not a valid id for the class wall"),
     (LIST, Path.unlink, "json is missing"),
     (LIST, lambda v: v.pop("images"), "is not valid for its format"),
     (LIST, lambda v: v["images"].pop(), "instances and dataset.json differ on scenex_000001_000001"),
     (PANOPTIC, lambda v: first_of(v, "segments_info").pop(), "is in the image but not in the list"),
     (PANOPTIC, lambda v: first_of(v, "segments_info").append({"id": 5, "category_id": 7}),
      "segment 5 is in the list but not in the image"),
-    (PANOPTIC, lambda v: first_of(v, "segments_info")[0].update(area=1), "listed as"),
+    (PANOPTIC, lambda v: first_of(v, "segments_info")[0].update(area=1), "but the list has"),
     (LIST, lambda v: v["annotations"][0].update(bbox=[0, 0, 1, 1]), "annotation 1: class, area or box"),
     (LIST, lambda v: first_of(v, "segmentation").update(counts=rle.encode([0, 160 * 96])),
-     "annotation 1: its mask is not that of one object"),
+     "annotation 1: its mask is not one object"),
     (LIST, lambda v: first_of(v, "segmentation").update(counts="00"), "annotation 1 cannot be read"),
     (LIST, lambda v: v["annotations"].pop(), "has no annotation"),
     ("dataset.json", lambda v: v["class_frequency"].update(road=0.99), "class_frequency of road is 0.99"),

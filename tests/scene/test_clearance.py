@@ -75,17 +75,17 @@ def test_candidates_take_their_first_try_with_room_and_make_it_hard_for_the_next
 
 @given(st.lists(rectangles, min_size=2, max_size=8))
 def test_pairs_are_those_that_meet(boxes):
-    found = {tuple(pair) for pair in pairs(np.array(boxes), 0.05).tolist()}
+    overlapping = {tuple(pair) for pair in pairs(np.array(boxes), 0.05).tolist()}
     for k, box in enumerate(boxes):
         for j in range(k):
             one = Rectangles()
             one.add(boxes[j])
-            assert one.meet(box, -0.05) == ((j, k) in found)
+            assert one.meet(box, -0.05) == ((j, k) in overlapping)
 
 
 def meeting(unit, seed, overlap):
-    drawn = sample_street(street_params(unit), seed, 1, AssetPool(overlap=overlap))
-    first, rows = standing(drawn.placements)
+    sampled = sample_street(street_params(unit), seed, 1, AssetPool(overlap=overlap))
+    first, rows = standing(sampled.placements)
     return len(first), len(pairs(rows, 0.05))
 
 
@@ -93,9 +93,9 @@ def meeting(unit, seed, overlap):
 def test_nothing_stands_in_anything_unless_it_may(space):
     rng = np.random.default_rng(0)
     units = [default_unit(space), *rng.random((9, len(SPACES[space])), np.float32)]
-    kept, met = np.array([meeting(unit, k, "avoid") for k, unit in enumerate(units)]).T
-    assert (met == 0).all() and kept.min() > 80
-    allowed, met = np.array([meeting(unit, k, "allow") for k, unit in enumerate(units)]).T
-    assert (met > 0).mean() > 0.7 and (allowed >= kept * 0.8).all()
+    apart, overlaps = np.array([meeting(unit, k, "avoid") for k, unit in enumerate(units)]).T
+    assert (overlaps == 0).all() and apart.min() > 80
+    allowed, overlaps = np.array([meeting(unit, k, "allow") for k, unit in enumerate(units)]).T
+    assert (overlaps > 0).mean() > 0.7 and (allowed >= apart * 0.8).all()
     by_space = np.array([meeting(unit, k, "")[1] for k, unit in enumerate(units)])
-    assert (by_space == (met if space == "scenex" else 0)).all()
+    assert (by_space == (overlaps if space == "scenex" else 0)).all()

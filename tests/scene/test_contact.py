@@ -18,8 +18,8 @@ def share_below(places, box):
     points = np.column_stack([places, np.zeros(len(places))]).astype(np.float32)
     row = np.array([[1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, *box]], np.float32)
     ones, ids = np.ones(len(points), np.float32), np.array([10, ROAD, CAR], np.uint8)
-    found = darken(ones, points, np.ones(len(points), int), ids, row, np.zeros(3, np.float32))
-    return (found - DARKEST) / (1 - DARKEST)
+    shares = darken(ones, points, np.ones(len(points), int), ids, row, np.zeros(3, np.float32))
+    return (shares - DARKEST) / (1 - DARKEST)
 
 
 def test_below_a_long_plate_the_sky_is_what_two_strips_leave():
@@ -27,29 +27,29 @@ def test_below_a_long_plate_the_sky_is_what_two_strips_leave():
     for v in (0.0, 0.5, 0.8):
         left, right = half - v, half + v
         hidden = (left / math.hypot(left, under) + right / math.hypot(right, under)) / 2
-        (found,) = share_below(np.array([[0.0, v]]), (long, half, under, 1.5))
-        assert found == pytest.approx(1 - hidden, abs=1e-4)
+        (shares,) = share_below(np.array([[0.0, v]]), (long, half, under, 1.5))
+        assert shares == pytest.approx(1 - hidden, abs=1e-4)
 
 
 def test_it_grows_lighter_outwards_and_ends():
     away = np.linspace(0, 1 + REACH, 40)
-    found = share_below(np.column_stack([away, 0 * away]), (1.0, 0.4, 0.2, 1.5))
-    assert (np.diff(found) > -1e-6).all() and found[0] < 0.2 and found[-1] == pytest.approx(1)
+    shares = share_below(np.column_stack([away, 0 * away]), (1.0, 0.4, 0.2, 1.5))
+    assert (np.diff(shares) > -1e-6).all() and shares[0] < 0.2 and shares[-1] == pytest.approx(1)
 
 
 def test_only_the_ground_near_the_foot_is_darkened():
     row = np.array([[1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 1, 1, 0.2, 1.5]], np.float32)
     points = np.array([[0, 0, 0], [0, 0, 0], [0, 0, 2]], np.float32)
-    ids, of = np.array([10, ROAD, CAR], np.uint8), np.array([1, 2, 1])
-    found = darken(np.ones(3, np.float32), points, of, ids, row, np.zeros(3, np.float32))
-    assert found[0] < 0.2 and (found[1:] == 1).all()
+    ids, instance = np.array([10, ROAD, CAR], np.uint8), np.array([1, 2, 1])
+    shares = darken(np.ones(3, np.float32), points, instance, ids, row, np.zeros(3, np.float32))
+    assert shares[0] < 0.2 and (shares[1:] == 1).all()
 
 
 @pytest.mark.parametrize("family, feet, under", [("car", 4, 1), ("lamp", 1, 0), ("building", 0, 0)])
 def test_assets_touch_the_ground_where_they_should(family, feet, under):
     """The most frequent numbers of ten assets."""
-    found = [boxes((family, k, "")) for k in range(10)]
-    numbers = Counter(((rows[:, 4] == 0).sum(), (rows[:, 4] > 0).sum()) for rows in found)
+    asset_boxes = [boxes((family, k, "")) for k in range(10)]
+    numbers = Counter(((rows[:, 4] == 0).sum(), (rows[:, 4] > 0).sum()) for rows in asset_boxes)
     assert numbers.most_common(1)[0][0] == (feet, under)
 
 

@@ -25,24 +25,26 @@ def here():
     return render()
 
 
-def test_bytes_do_not_depend_on_the_workers_and_an_open_pool_is_left_open(here):
-    seen = []
+def test_bytes_do_not_depend_on_the_workers_and_an_open_pool_is_left_open(serial):
+    reported = []
     with WorkerPool(1) as pool:
-        many = [render(pool), render(pool, progress=lambda *counts: seen.append(counts))]
+        many = [render(pool), render(pool, progress=lambda *counts: reported.append(counts))]
         assert pool._executors
-    assert not pool._executors and seen == [(1, 3), (2, 3), (3, 3)]  # streets
-    for there in (*many, render(2)):
-        assert (there.images == here.images).all() and (there.labels == here.labels).all()
+    assert not pool._executors and reported == [(1, 3), (2, 3), (3, 3)]  # streets
+    for parallel in (*many, render(2)):
+        assert (parallel.images == serial.images).all() and (parallel.labels == serial.labels).all()
 
 
-def test_images_come_in_order_and_depend_on_attributes_seed_and_index_only(here):
-    assert np.array_equal(render(units=units(3)[:2]).images, here.images[:4])
+def test_images_come_in_order_and_depend_on_attributes_seed_and_index_only(dataset):
+    assert np.array_equal(render(units=units(3)[:2]).images, dataset.images[:4])
     alike = render(units=np.stack([default_unit()] * 2))
     assert not np.array_equal(alike.images[:2], alike.images[2:])
-    assert (here.images.shape, here.labels.shape) == ((6, 32, 48, 3), (6, 32, 48))
-    shown = (render_street(unit, 7, i, 2, TINY, "embree", POOL) for i, unit in enumerate(units(3)))
-    images, labels, *_ = zip(*chain(*shown), strict=True)
-    assert np.array_equal(here.images, images) and np.array_equal(here.labels, labels)
+    assert (dataset.images.shape, dataset.labels.shape) == ((6, 32, 48, 3), (6, 32, 48))
+    street_frames = (
+        render_street(unit, 7, i, 2, TINY, "embree", POOL) for i, unit in enumerate(units(3))
+    )
+    images, labels, *_ = zip(*chain(*street_frames), strict=True)
+    assert np.array_equal(dataset.images, images) and np.array_equal(dataset.labels, labels)
 
 
 def test_streets_of_neighbouring_seeds_are_not_the_same_and_the_pool_of_assets_is_theirs():
@@ -119,12 +121,12 @@ def test_the_first_use_of_a_renderer_is_announced_before_it_compiles(tmp_path, m
     monkeypatch.setattr("scene.compiled._folder", lambda: str(tmp_path))
     monkeypatch.setattr("scene.dataset.render.renderer", lambda name: Stub())
     text = COMPILING + "\n"
-    with WorkerPool(0) as here:
+    with WorkerPool(0) as serial:
         with pytest.raises(KeyboardInterrupt):
-            compile_first(here, "embree")
-        compile_first(here, "embree")
-        compile_first(here, "embree")
+            compile_first(serial, "embree")
+        compile_first(serial, "embree")
+        compile_first(serial, "embree")
         assert events[0] == events[2] == text and set(events[3:]) == {""}
         count = len(events)
-        compile_first(here, "opengl")  # has functions of its own
+        compile_first(serial, "opengl")  # has functions of its own
         assert events[count] == text

@@ -54,8 +54,8 @@ def test_it_finds_what_rays_find(seed, count, spread, size, yaw, pitch):
     clear = ~edges.any(axis=1)  # rays along an edge may go either way
     best = distances.min(axis=1)
     assert ((hits.face >= 0) == np.isfinite(best))[clear].all()
-    seen = clear & np.isfinite(best)
-    np.testing.assert_allclose(hits.distance[seen], best[seen], rtol=2e-3, atol=1e-4)
+    hit = clear & np.isfinite(best)
+    np.testing.assert_allclose(hits.distance[hit], best[hit], rtol=2e-3, atol=1e-4)
 
 
 def test_faces_that_share_an_edge_leave_no_gap():
@@ -79,10 +79,10 @@ def test_place_and_distance_are_those_of_the_point_that_is_seen():
 def test_what_is_hidden_is_left_out_and_nothing_else():
     places = np.random.default_rng(0).uniform((5, -9, -6), (30, 9, 6), (220, 3))
     shapes = [shape_of(ellipsoid(p, (0.8,) * 3, GREY)) for p in places]
-    found, alone = draw(shapes)[0], [draw([one])[0] for one in shapes]
+    hits, alone = draw(shapes)[0], [draw([one])[0] for one in shapes]
     away = np.array([np.where(h.face >= 0, h.distance, np.inf) for h in alone])
     first = np.where(np.isinf(away.min(axis=0)), 0, 1 + away.argmin(axis=0))
-    assert len(np.unique(first)) > 20 and (found.instance == first).all()
+    assert len(np.unique(first)) > 20 and (hits.instance == first).all()
 
 
 def wall_ahead():
@@ -95,8 +95,8 @@ def test_every_ray_of_every_size_of_image_gets_its_own_answer(columns, rows):
     kind = np.arange(columns * rows) % 3
     directions = np.where((kind == 1)[:, None], [1.0, 0, 0], [-1.0, 0, 0])
     starts = np.tile([0, 0, 0.5], (columns * rows, 1))
-    found = free(wall_ahead(), starts, directions, kind != 2, columns)
-    assert found.tolist() == np.choose(kind, [1, 0, -1]).tolist()
+    unblocked = free(wall_ahead(), starts, directions, kind != 2, columns)
+    assert unblocked.tolist() == np.choose(kind, [1, 0, -1]).tolist()
 
 
 def test_instances_stand_where_they_are_put_and_outlive_the_names_of_their_meshes():

@@ -61,30 +61,35 @@ def format(unbroken):
 
 
 def test_the_description_says_what_was_asked_and_what_came_out(unbroken):
-    found = described(unbroken)
-    if found["format"] == "yolo-seg":
-        pytest.skip("it has no label of every pixel")
+    description = described(unbroken)
+    if description["format"] == "yolo-seg":
+        pytest.skip("does not label every pixel")
     dataset = read_dataset(unbroken)
-    asked = {"images": 5, "shots": 2, "seed": 7, "renderer": "embree", "split": "train"}
-    assert found.items() >= {**asked, "engine": ENGINE}.items() and found["own_assets"] == []
-    assert found["render"]["width"] == 64 and found["render"]["response"]
-    assert found["assets"]["size"] == 3 and list(found["attributes"]) == list(NAMES)
-    np.testing.assert_array_equal(np.array(found["streets"], np.float32), UNITS)
-    assert found["attributes"]["car_position"] == {"centre": 0.5, "width": 1.0}
-    assert found["versions"]["numpy"] == np.__version__
-    assert found["versions"].keys() > {*MAKERS, "processor"}
+    requested = {"images": 5, "shots": 2, "seed": 7, "renderer": "embree", "split": "train"}
+    assert (
+        description.items() >= {**requested, "engine": ENGINE}.items()
+        and description["own_assets"] == []
+    )
+    assert description["render"]["width"] == 64 and description["render"]["response"]
+    assert description["assets"]["size"] == 3 and list(description["attributes"]) == list(NAMES)
+    np.testing.assert_array_equal(np.array(description["streets"], np.float32), UNITS)
+    assert description["attributes"]["car_position"] == {"centre": 0.5, "width": 1.0}
+    assert description["versions"]["numpy"] == np.__version__
+    assert description["versions"].keys() > {*MAKERS, "processor"}
     share = np.bincount(dataset.labels.ravel(), minlength=19) / dataset.labels.size
-    np.testing.assert_allclose(list(found["class_frequency"].values()), share, atol=1e-9)
+    np.testing.assert_allclose(list(description["class_frequency"].values()), share, atol=1e-9)
     containing = [int((dataset.labels == k).any(axis=(1, 2)).sum()) for k in range(19)]
-    assert list(found["images_with_class"].values()) == containing
-    np.testing.assert_allclose(found["mean_rgb"], dataset.images.mean(axis=(0, 1, 2)), atol=1e-3)
-    assert found["placed"]["building"] > 0 and not (unbroken / ".export").exists()
+    assert list(description["images_with_class"].values()) == containing
+    np.testing.assert_allclose(
+        description["mean_rgb"], dataset.images.mean(axis=(0, 1, 2)), atol=1e-3
+    )
+    assert description["placed"]["building"] > 0 and not (unbroken / ".export").exists()
 
 
 @pytest.mark.parametrize("writes", [0, 1, 4, 13, 22, 30])
 def test_cut_short_anywhere_it_ends_alike(unbroken, format, writes, tmp_path, monkeypatch):
     left = iter(range(writes if format in ("cityscapes", "coco") else writes // 2))  # fewer files
-    folder, seen, real = tmp_path / "a", [], os.replace
+    folder, written_files, real = tmp_path / "a", [], os.replace
 
     def cut(source, target):
         if next(left, None) is None:
@@ -99,17 +104,21 @@ def test_cut_short_anywhere_it_ends_alike(unbroken, format, writes, tmp_path, mo
         part.rename(part.with_suffix(""))
     assert not (folder / "dataset.json").exists()
     workers = 2 if writes == 0 else 0  # files do not depend on their number
-    run(folder, format=format, workers=workers, progress=lambda *s: seen.append(s[:2]))
+    run(folder, format=format, workers=workers, progress=lambda *s: written_files.append(s[:2]))
     assert tree(folder) == tree(unbroken)
-    assert seen == sorted(seen) and seen[-1] == (5, 5) and {images for _, images in seen} == {5}
+    assert (
+        written_files == sorted(written_files)
+        and written_files[-1] == (5, 5)
+        and {images for _, images in written_files} == {5}
+    )
 
 
 def test_finished_streets_are_not_rendered_again(tmp_path, monkeypatch):
-    real, drawn = export._draw_street, []
+    real, rendered = export._draw_street, []
 
     def street(plan, index, unit):
-        drawn.append(index)
-        if drawn == [0, 1, 2]:
+        rendered.append(index)
+        if rendered == [0, 1, 2]:
             raise KeyboardInterrupt
         return real(plan, index, unit)
 
@@ -119,7 +128,7 @@ def test_finished_streets_are_not_rendered_again(tmp_path, monkeypatch):
     victim = next((tmp_path / "a" / "depth").rglob("scenex_000001_000000*"))
     victim.write_bytes(victim.read_bytes()[:50])
     run(tmp_path / "a")
-    assert drawn == [0, 1, 2, 1, 2]
+    assert rendered == [0, 1, 2, 1, 2]
 
 
 def test_a_complete_export_is_left_alone(unbroken, format):
@@ -162,14 +171,14 @@ def test_an_export_of_other_settings_or_another_engine_is_kept(finished, tmp_pat
             )
             refused(ExportError, f"versions.{name} = [0-9.]+, not {version}; use the", run, folder)
     monkeypatch.setattr(description, "ENGINE", ENGINE + 1)
-    refused(ExportError, f"version {ENGINE}, and this is {ENGINE + 1}; cont", run, folder)
+    refused(ExportError, f"version {ENGINE}, but this is version {ENGINE + 1}; resume", run, folder)
     assert tree(folder) == before
 
 
 def test_what_makes_no_picture_may_have_another_version(tmp_path, monkeypatch):
     first = run(tmp_path)
-    found = {**versions(), "python": "3.99.0", "trimesh": "99"}
-    monkeypatch.setattr(description, "versions", lambda *_: found)
+    libraries = {**versions(), "python": "3.99.0", "trimesh": "99"}
+    monkeypatch.setattr(description, "versions", lambda *_: libraries)
     assert run(tmp_path) == first
 
 
@@ -235,13 +244,13 @@ def test_bad_arguments_are_refused_by_name(changes, message, tmp_path):
 
 
 def test_own_assets_travel_with_their_licences(shelf, tmp_path):
-    own = Path(shelf("car/box.obj", trimesh.creation.box((4, 1.8, 1.5)), author="Ada", up="z"))
-    mesh, pool = own / "car/box.obj", AssetPool(0, 3, own=str(own))
-    found = run(tmp_path / "a", pool=pool)
-    [entry] = found["own_assets"]
-    told = entry["author"], entry["licence"], found["assets"]["own"]
-    assert told == ("Ada", "CC0-1.0", "own")
-    assert (tmp_path / "a" / "assets.csv").read_bytes() == (own / "assets.csv").read_bytes()
+    folder = Path(shelf("car/box.obj", trimesh.creation.box((4, 1.8, 1.5)), author="Ada", up="z"))
+    mesh, pool = folder / "car/box.obj", AssetPool(0, 3, own=str(folder))
+    description = run(tmp_path / "a", pool=pool)
+    [entry] = description["own_assets"]
+    recorded = entry["author"], entry["licence"], description["assets"]["own"]
+    assert recorded == ("Ada", "CC0-1.0", "own")
+    assert (tmp_path / "a" / "assets.csv").read_bytes() == (folder / "assets.csv").read_bytes()
     mesh.write_text("# another\n" + mesh.read_text())
     refused(ExportError, "other own_assets", run, tmp_path / "a", pool=pool)
 
@@ -260,28 +269,30 @@ def test_the_command_line_exports_and_reports(tmp_path, printed):
 
 def test_the_command_line_draws_from_probabilities(tmp_path, printed):
     rows = np.random.default_rng(0).dirichlet(np.ones(5), len(NAMES)).astype(np.float32)
-    own, file = Histogram(rows), tmp_path / "attributes.json"
-    file.write_text(json.dumps(describe(own)))
+    streets, file = Histogram(rows), tmp_path / "attributes.json"
+    file.write_text(json.dumps(describe(streets)))
     folders = [tmp_path / "a", tmp_path / "b"]
     printed(main, *FLAGS, folders[0], "--attributes", file, "--shots", 1, "--seed", 3)
-    found = described(folders[0])
-    np.testing.assert_array_equal(np.array(found["streets"], np.float32), draw(own, 3, 2))
-    kept = [found["attributes"][name]["probabilities"] for name in NAMES]
-    assert np.array(kept, np.float32).tobytes() == rows.tobytes()
-    file.write_text(json.dumps(found["attributes"]))
+    description = described(folders[0])
+    np.testing.assert_array_equal(np.array(description["streets"], np.float32), draw(streets, 3, 2))
+    probabilities = [description["attributes"][name]["probabilities"] for name in NAMES]
+    assert np.array(probabilities, np.float32).tobytes() == rows.tobytes()
+    file.write_text(json.dumps(description["attributes"]))
     printed(main, *FLAGS, folders[1], "--attributes", file, "--shots", 1, "--seed", 3)
     assert tree(folders[0]) == tree(folders[1])
 
 
 def test_the_command_line_holds_what_is_known(tmp_path, printed):
     fix = ["--space", "extended", "--fix", "field_of_view=90", "--fix", "camera_position_y=1.4"]
-    said = printed(main, *FLAGS, tmp_path / "a", "--attributes", "mixed", "--shots", 1, *fix)
-    assert "Fixed: camera_position_y 1.4 m, field_of_view 90 deg" in said
-    found = described(tmp_path / "a")
+    output = printed(main, *FLAGS, tmp_path / "a", "--attributes", "mixed", "--shots", 1, *fix)
+    assert "Fixed: camera_position_y 1.4 m, field_of_view 90 deg" in output
+    description = described(tmp_path / "a")
     for name, value in (("field_of_view", 90), ("camera_position_y", 1.4)):
-        units = [street[names("extended").index(name)] for street in found["streets"]]
+        units = [street[names("extended").index(name)] for street in description["streets"]]
         assert [BY_NAME[name].physical(unit) for unit in units] == pytest.approx([value] * 2)
-        assert [c["attributes"][name]["width"] for c in found["attributes"]["components"]] == [0, 0]
+        assert [
+            c["attributes"][name]["width"] for c in description["attributes"]["components"]
+        ] == [0, 0]
 
 
 @pytest.mark.parametrize(("flags", "message"), [
@@ -305,10 +316,10 @@ def test_the_command_line_holds_what_is_known(tmp_path, printed):
     ("--attributes nan.json", "nan.json is no JSON file: NaN"),
 ])  # fmt: skip
 def test_bad_input_is_one_line_and_exit_code_two(flags, message, tmp_path, refusal, monkeypatch):
-    begun = json.dumps(dict.fromkeys(NAMES, 0.5))[:-1]
+    start = json.dumps(dict.fromkeys(NAMES, 0.5))[:-1]
     ends = {"unknown": '"car_speed": 0.5}', "outside": '"car_position": 1.01}',
             "nan": '"car_position": NaN}', "garbled": '"car_position": '}  # fmt: skip
-    texts = {name: f"{begun}, {end}" for name, end in ends.items()}
+    texts = {name: f"{start}, {end}" for name, end in ends.items()}
     for name, text in {**texts, "list": "[]"}.items():
         (tmp_path / f"{name}.json").write_text(text)
     monkeypatch.chdir(tmp_path)

@@ -69,11 +69,11 @@ def test_masks_are_those_of_the_coco_api(seed):
     ids = panoptic_ids(*picture(seed))
     runs = rle.Runs(ids)
     for segment in segments(ids):
-        theirs = coco_mask.encode(np.asfortranarray(ids == segment.id).astype(np.uint8))
+        reference = coco_mask.encode(np.asfortranarray(ids == segment.id).astype(np.uint8))
         text = rle.encode(runs.counts(segment.id))
-        assert text == theirs["counts"].decode()
-        assert coco_mask.toBbox(theirs).tolist() == list(segment.box)
-        assert coco_mask.area(theirs) == segment.area
+        assert text == reference["counts"].decode()
+        assert coco_mask.toBbox(reference).tolist() == list(segment.box)
+        assert coco_mask.area(reference) == segment.area
         np.testing.assert_array_equal(rle.mask(rle.decode(text), *ids.shape), ids == segment.id)
 
 
@@ -89,7 +89,7 @@ def test_encodings_by_hand_and_bad_masks_are_refused():
     assert planes.normals_plane(normal).tolist() == [[[0, 0, 0], [255, 128, 128], [128, 0, 128]]]
     assert planes.panoptic_plane(np.array([[26001]])).tolist() == [[[145, 101, 0]]]
     assert rle.Runs(np.ones((2, 3), np.int32)).counts(7) == [6]
-    for text, message in (("P", "ends within a number"), ("0 ", "does not belong")):
+    for text, message in (("P", "ends within a number"), ("0 ", "is not valid")):
         refused(ValueError, message, rle.decode, text)
     refused(ValueError, "runs of 5 pixels do not fill an image of 3x2", rle.mask, [2, 3], 2, 3)
 
@@ -115,7 +115,7 @@ def test_pictures_come_back_from_their_files_and_damage_is_found(tmp_path):
     data = png.encode(np.zeros((9, 9), np.uint8))
     middle = data.index(b"IDAT") + 6
     broken = data[:middle] + bytes([data[middle] ^ 1]) + data[middle + 1 :]
-    assert [*map(png.fault_of, (broken, b"GIF89a"))] == ["is damaged", "is no PNG file"]
+    assert [*map(png.fault_of, (broken, b"GIF89a"))] == ["is damaged", "is not a PNG file"]
     empty = struct.pack(">I", 0) + b"IEND" + struct.pack(">I", zlib.crc32(b"IEND"))
     (tmp_path / "a.png").write_bytes(data[:8] + empty)
     refused(ValueError, r"a\.png cannot be decoded", png.read_png, tmp_path / "a.png")
@@ -131,13 +131,18 @@ def test_outcome_by_hand_and_lists_written_in_pieces():
     ]
     for record, camera in zip(records, ((0, False), (4, True)), strict=True):
         record["retaken"], record["refused"] = camera
-    found = outcome(
+    statistics = outcome(
         [{"placed": {"car": 2}, "images": records}], pixels=4, labels=engine_labels(True)
     )
-    assert found["class_frequency"]["sky"] == 0.75 and found["class_frequency"]["car"] == 0.125
-    assert found["images_with_class"]["sky"] == 2 and found["images_with_class"]["bus"] == 0
-    assert (found["shots_retaken"], found["shots_refused"]) == (0.5, 0.5)
-    assert found["mean_rgb"] == [50, 0, 0] and found["placed"] == {"car": 2}
+    assert (
+        statistics["class_frequency"]["sky"] == 0.75
+        and statistics["class_frequency"]["car"] == 0.125
+    )
+    assert (
+        statistics["images_with_class"]["sky"] == 2 and statistics["images_with_class"]["bus"] == 0
+    )
+    assert (statistics["shots_retaken"], statistics["shots_refused"]) == (0.5, 0.5)
+    assert statistics["mean_rgb"] == [50, 0, 0] and statistics["placed"] == {"car": 2}
     assert [("rle" in s) for s in records[0]["segments"]] == [False, False, True]
     members = {"a": [], "b": [1], "c": [{"x": "é"}, None]}
     assert json.loads("".join(coco.json_lines(members))) == members
@@ -163,9 +168,9 @@ def test_outlines_of_labels_meet_those_of_depth_and_categories_are_those_of_city
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_no_two_files_of_a_format_share_a_path(name):
-    found = layout(name)
-    paths = [path for stem in "ab" for path in found.paths("train", stem).values()]
-    paths += found.summary_paths("train").values()
+    files_layout = layout(name)
+    paths = [path for stem in "ab" for path in files_layout.paths("train", stem).values()]
+    paths += files_layout.summary_paths("train").values()
     assert len(set(paths)) == len(paths)
     refused(ValueError, "unknown format 'voc'; known: cityscapes, coco, folders", layout, "voc")
 
@@ -180,12 +185,12 @@ def test_the_camera_is_where_it_is_on_its_car_whichever_way_the_road_goes(course
         **course,
     )  # fmt: skip
     drawn_streets = [street(params, seed, shots=8) for seed in (0, 3, 4)]
-    for drawn in drawn_streets:
-        path = drawn.ground.path
-        for camera in drawn.cameras:
-            found = shot.camera_entry(camera, path, RenderSettings())["extrinsic"]
-            assert found["x"] == found["y"] == 0
-            angles = [found[name] for name in ("yaw", "pitch", "roll")]
+    for sampled in drawn_streets:
+        path = sampled.ground.path
+        for camera in sampled.cameras:
+            extrinsic = shot.camera_entry(camera, path, RenderSettings())["extrinsic"]
+            assert extrinsic["x"] == extrinsic["y"] == 0
+            angles = [extrinsic[name] for name in ("yaw", "pitch", "roll")]
             assert angles == pytest.approx([-yaw, pitch, roll], abs=2e-3)  # right is negative
             # The car: from the road a metre before and after it.
             [x], _ = nearest(path, np.array([camera.position[:2]]))
@@ -194,7 +199,7 @@ def test_the_camera_is_where_it_is_on_its_car_whichever_way_the_road_goes(course
             ahead = (after - before) / np.linalg.norm(after - before)
             left = np.cross([0, 0, 1], ahead) / np.hypot(*ahead[:2])
             car = np.stack([ahead, left, np.cross(ahead, left)], axis=1)
-            assert found["z"] == pytest.approx(height * car[2, 2], abs=1e-4)
+            assert extrinsic["z"] == pytest.approx(height * car[2, 2], abs=1e-4)
             right, up, forward = camera_axes(camera)
             turn = car @ Rotation.from_euler("ZYX", angles).as_matrix()
             np.testing.assert_allclose(turn.T, [forward, -right, up], atol=1e-3)
@@ -208,7 +213,9 @@ def test_angles_are_those_of_published_calibrations():
     camera = street(
         DEFAULT._replace(camera_rotation_y=0.0195, camera_rotation_x=0.038, camera_roll=0.0)
     )
-    found = shot.camera_entry(camera.cameras[0], camera.ground.path, RenderSettings())["extrinsic"]
-    assert [found[k] for k in ("yaw", "pitch", "roll")] == pytest.approx([-0.0195, 0.038, 0])
+    extrinsic = shot.camera_entry(camera.cameras[0], camera.ground.path, RenderSettings())[
+        "extrinsic"
+    ]
+    assert [extrinsic[k] for k in ("yaw", "pitch", "roll")] == pytest.approx([-0.0195, 0.038, 0])
     forward = [0.99909, -0.01948, -0.03799]
     assert camera_axes(camera.cameras[0])[2] == pytest.approx(forward, abs=1e-5)

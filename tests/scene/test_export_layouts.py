@@ -59,17 +59,17 @@ def frames():
 @pytest.fixture(scope="module")
 def exported(tmp_path_factory):
     """``exported(format, target)``: a folder, made once."""
-    made = {}
+    folders = {}
 
     def export(format, target=""):
-        if (format, target) not in made:
+        if (format, target) not in folders:
             folder = tmp_path_factory.mktemp(format) / "dataset"
-            made[format, target] = folder
+            folders[format, target] = folder
             options = {"settings": SETTINGS, "pool": POOL, "streets": random_proposal()}
             export_dataset(
                 UNITS, SEED, folder, shots=SHOTS, format=format, target=TARGETS[target], **options
             )
-        return made[format, target]
+        return folders[format, target]
 
     return export
 
@@ -93,21 +93,23 @@ def test_every_layout_is_read_back_checked_and_counted_in_the_classes_of_its_tar
 ):
     folder = exported(format, target)
     assert list(findings(folder)) == []
-    wanted = np.stack([classes(frame, target) for frame in frames])
-    told = json.loads((folder / "dataset.json").read_text())
+    expected = np.stack([classes(frame, target) for frame in frames])
+    description = json.loads((folder / "dataset.json").read_text())
     names = engine_labels(True).names if target == "" else tuple(TARGETS[target].classes)
-    share = [(wanted == k).mean() for k in range(len(names))]
-    assert tuple(told["class_frequency"]) == names and ("target" in told) == (target != "")
-    np.testing.assert_allclose([*told["class_frequency"].values()], share, atol=1e-9)
+    share = [(expected == k).mean() for k in range(len(names))]
+    assert tuple(description["class_frequency"]) == names and ("target" in description) == (
+        target != ""
+    )
+    np.testing.assert_allclose([*description["class_frequency"].values()], share, atol=1e-9)
     if format == "yolo-seg":
         refused(ValueError, "yolo-seg does not label every pixel", read_dataset, folder)
         return
-    found = read_dataset(folder)
-    np.testing.assert_array_equal(found.labels, wanted)
-    np.testing.assert_array_equal(found.images, np.stack([f.image for f in frames]))
+    dataset = read_dataset(folder)
+    np.testing.assert_array_equal(dataset.labels, expected)
+    np.testing.assert_array_equal(dataset.images, np.stack([f.image for f in frames]))
     counted, figures = compare(folder, None, ())
     assert counted == names
-    np.testing.assert_allclose(figures["dataset"].void, (wanted == 255).mean())
+    np.testing.assert_allclose(figures["dataset"].void, (expected == 255).mean())
 
 
 def test_masks_of_folders_hold_what_classes_txt_says(exported, frames):
@@ -115,7 +117,7 @@ def test_masks_of_folders_hold_what_classes_txt_says(exported, frames):
         folder = exported("folders", target)
         lines = [line.split(" ") for line in (folder / "classes.txt").read_text().splitlines()]
         size = 3 if target == "colours" else 1
-        table = {" ".join(own[size:]): [int(v) for v in own[:size]] for own in lines}
+        table = {" ".join(words[size:]): [int(v) for v in words[:size]] for words in lines}
         assert list(table)[-1] == "void" and len(table) == 1 + len(set(table) - {"void"})
         if target == "camvid":
             assert table["sky"] == [0] and table["bicyclist"] == [10] and table["void"] == [11]
@@ -137,22 +139,22 @@ def test_masks_of_folders_hold_what_classes_txt_says(exported, frames):
 
 
 def test_cityscapes_labels_are_the_targets_and_its_panoptic_files_stay(exported, frames):
-    plain, camvid = exported("cityscapes"), exported("cityscapes", "camvid")
-    for path in sorted(plain.rglob("*.*")):
-        other = camvid / path.relative_to(plain)
+    default, camvid = exported("cityscapes"), exported("cityscapes", "camvid")
+    for path in sorted(default.rglob("*.*")):
+        other = camvid / path.relative_to(default)
         same = not path.name.endswith(
             ("labelIds.png", "TrainIds.png", "color.png", "dataset.json", "README.md")
         )
         assert (path.read_bytes() == other.read_bytes()) == same, path
     ids = sorted(camvid.rglob("*_labelIds.png"))
     for path, frame in zip(ids, frames, strict=True):
-        wanted = classes(frame, "camvid")
-        found = np.array(Image.open(path))
-        np.testing.assert_array_equal(found, np.where(wanted == 255, 11, wanted))
+        expected = classes(frame, "camvid")
+        stored = np.array(Image.open(path))
+        np.testing.assert_array_equal(stored, np.where(expected == 255, 11, expected))
         numbers = np.array(Image.open(str(path).replace("labelIds", "labelTrainIds")))
-        np.testing.assert_array_equal(numbers, wanted)
+        np.testing.assert_array_equal(numbers, expected)
         colour = np.array(Image.open(str(path).replace("labelIds", "color")))
-        assert (colour[wanted == 3] == (128, 64, 128)).all()
+        assert (colour[expected == 3] == (128, 64, 128)).all()
 
 
 @pytest.mark.parametrize("target", TARGETS)
@@ -160,20 +162,18 @@ def test_pycocotools_reads_masks_of_all_classes(target, exported, frames, capsys
     from pycocotools.coco import COCO
 
     folder = exported("coco", target)
-    found = COCO(str(folder / "annotations" / "semantic.json"))
-    names = [entry["name"] for entry in found.loadCats(found.getCatIds())]
-    number = {
-        entry["id"]: names.index(entry["name"]) for entry in found.loadCats(found.getCatIds())
-    }
+    coco = COCO(str(folder / "annotations" / "semantic.json"))
+    names = [entry["name"] for entry in coco.loadCats(coco.getCatIds())]
+    number = {entry["id"]: names.index(entry["name"]) for entry in coco.loadCats(coco.getCatIds())}
     if target == "camvid":
         assert sorted(number) == list(range(11))  # the target's own ids
-    for image, frame in zip(found.loadImgs(found.getImgIds()), frames, strict=True):
-        seen = np.full(frame.label.shape, 255, np.uint8)
-        for annotation in found.loadAnns(found.getAnnIds(imgIds=image["id"])):
-            mask = found.annToMask(annotation).astype(bool)
+    for image, frame in zip(coco.loadImgs(coco.getImgIds()), frames, strict=True):
+        painted_classes = np.full(frame.label.shape, 255, np.uint8)
+        for annotation in coco.loadAnns(coco.getAnnIds(imgIds=image["id"])):
+            mask = coco.annToMask(annotation).astype(bool)
             assert mask.sum() == annotation["area"]
-            seen[mask] = number[annotation["category_id"]]
-        np.testing.assert_array_equal(seen, classes(frame, target))
+            painted_classes[mask] = number[annotation["category_id"]]
+        np.testing.assert_array_equal(painted_classes, classes(frame, target))
 
 
 def test_yolo_polygons_enclose_each_object_as_ultralytics_reads_them(exported, frames):
@@ -192,13 +192,13 @@ def test_yolo_polygons_enclose_each_object_as_ultralytics_reads_them(exported, f
             mask = thing & (frame.instance == instance)
             left.setdefault(int(frame.label[mask][0]) - FIRST_THING, []).append(mask)
         for line in lines:
-            own, *shares = line.split()
+            class_text, *shares = line.split()
             corners = np.array(shares, np.float32).reshape(-1, 2) * [160, 96]
             assert len(corners) >= 3 and 0 <= corners.min()
             filled = np.zeros(frame.label.shape, np.uint8)
             cv2.fillPoly(filled, [corners.astype(np.int32)], 1)
-            overlap = [(filled & m).sum() / (filled | m).sum() for m in left[int(own)]]
-            mask = left[int(own)].pop(int(np.argmax(overlap)))
+            overlap = [(filled & m).sum() / (filled | m).sum() for m in left[int(class_text)]]
+            mask = left[int(class_text)].pop(int(np.argmax(overlap)))
             assert abs(abs(yolo.area(corners.astype(float))) - mask.sum()) <= 0.02 * mask.sum()
             overlaps.append(max(overlap))
             objects += 1
@@ -219,8 +219,8 @@ def test_outlines_by_hand_and_of_any_mask():
     square[0, 0] = True  # and a second piece
     rng = np.random.default_rng(0)
     for mask in (square, *(rng.random((9, 14)) < share for share in (0.1, 0.5, 0.9))):
-        found = abs(yolo.area(yolo.outline(mask)))
-        assert abs(found - mask.sum()) <= 0.02 * mask.sum()
+        enclosed = abs(yolo.area(yolo.outline(mask)))
+        assert abs(enclosed - mask.sum()) <= 0.02 * mask.sum()
 
 
 @PARQUET
@@ -231,19 +231,19 @@ def test_datasets_loads_parquet_with_pictures_and_names_of_classes(
     datasets = pytest.importorskip("datasets", reason="needs the package datasets")
     folder = exported("parquet", target)
     files = {"train": str(folder / "data" / "*.parquet")}
-    found = datasets.load_dataset(
+    rows = datasets.load_dataset(
         "parquet", data_files=files, split="train", cache_dir=str(tmp_path)
     )
-    assert isinstance(found.features["image"], datasets.Image) and len(found) == len(frames)
-    names = found.features["classes"].feature.names
+    assert isinstance(rows.features["image"], datasets.Image) and len(rows) == len(frames)
+    names = rows.features["classes"].feature.names
     assert names == list(json.loads((folder / "dataset.json").read_text())["class_frequency"])
     values = target_labels(target_entry(TARGETS[target])).values if target else None
-    for row, frame in zip(found, frames, strict=True):
+    for row, frame in zip(rows, frames, strict=True):
         np.testing.assert_array_equal(np.array(row["image"]), frame.image)
-        wanted = classes(frame, target)
+        expected = classes(frame, target)
         label = np.array(row["label"])
-        np.testing.assert_array_equal(label, wanted if values is None else values[wanted])
-        assert row["classes"] == [k for k in np.unique(wanted).tolist() if k != 255]
+        np.testing.assert_array_equal(label, expected if values is None else values[expected])
+        assert row["classes"] == [k for k in np.unique(expected).tolist() if k != 255]
 
 
 @PARQUET
@@ -264,16 +264,16 @@ def test_parquet_has_as_many_shards_as_it_takes_and_no_other_files(exported, tmp
 ])  # fmt: skip
 def test_a_card_begins_with_yaml_as_hugging_face_reads_it(format, exported):
     begin, front, text = (exported(format, "camvid") / "README.md").read_text().split("---\n", 2)
-    found = yaml.safe_load(front)
-    assert begin == "" and found["task_categories"] == ["image-segmentation"]
-    assert found["size_categories"] == ["n<1K"] and text.startswith(
+    metadata = yaml.safe_load(front)
+    assert begin == "" and metadata["task_categories"] == ["image-segmentation"]
+    assert metadata["size_categories"] == ["n<1K"] and text.startswith(
         "# Rendered streets\n4 images of"
     )
     assert "| 10 | bicyclist |" in text and "the target camvid" in text
     folders = {line for line in re.findall(r'[`"](\w+)/', text)}
     assert folders and all((exported(format, "camvid") / name).is_dir() for name in folders)
     if format == "parquet":
-        [config] = found["configs"]
+        [config] = metadata["configs"]
         assert config["data_files"] == [{"split": "train", "path": "data/train-*"}]
 
 
@@ -281,11 +281,11 @@ def test_a_card_begins_with_yaml_as_hugging_face_reads_it(format, exported):
 def test_damage_to_parquet_files_is_found(exported, tmp_path):
     folder = shutil.copytree(exported("parquet"), tmp_path / "a")
     [shard] = parquet.shards(folder, "train")
-    whole = shard.read_bytes()
-    place = whole.index(b"IDAT") + 20
-    shard.write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
+    content = shard.read_bytes()
+    place = content.index(b"IDAT") + 20
+    shard.write_bytes(content[:place] + bytes([content[place] ^ 1]) + content[place + 1 :])
     assert any("is damaged" in line for line in findings(folder))
-    shard.write_bytes(whole[:-9])
+    shard.write_bytes(content[:-9])
     refused(ValueError, f"{shard} cannot be read: ", list, findings(folder))
     shard.unlink()
     assert f"{folder}: no row of image scenex_000000_000000 in data/" in list(findings(folder))
@@ -296,9 +296,9 @@ def test_damage_to_masks_and_polygons_is_found(exported, tmp_path):
     path = sorted((masks / "masks").iterdir())[0]
     mask = np.array(Image.open(path))
     Image.fromarray(np.where(mask == 3, 77, mask).astype(np.uint8)).save(path)
-    found = "\n".join(findings(masks))
-    assert "pixels have a value of no class" in found
-    assert "class_frequency of road is" in found
+    output = "\n".join(findings(masks))
+    assert "pixels have a value of no class" in output
+    assert "class_frequency of road is" in output
     (masks / "classes.txt").write_text("0 sky\n")
     assert f"{masks / 'classes.txt'} and dataset.json disagree on the classes" in list(
         findings(masks)
@@ -356,13 +356,13 @@ def test_an_export_of_other_classes_is_not_continued(exported):
 @pytest.mark.parametrize("name", SHIPPED)
 def test_every_shipped_target_has_a_value_of_its_own_for_each_class_and_void(name):
     target = find_target(name)
-    found = target_labels(json.loads(json.dumps(target_entry(target))))
-    values = [json.dumps(value) for value, _ in found.all_values]
+    labels = target_labels(json.loads(json.dumps(target_entry(target))))
+    values = [json.dumps(value) for value, _ in labels.all_values]
     assert len(set(values)) == len(values) == len(target.classes) + 1
-    assert found.of_engine[:19].tolist() == list(target.of_engine)
+    assert labels.of_engine[:19].tolist() == list(target.of_engine)
     train_ids = np.arange(19, dtype=np.uint8)[None]
-    picture = found.values.take(found.of_engine.take(train_ids), axis=0)
-    np.testing.assert_array_equal(found.classes_of(picture), found.of_engine[train_ids])
+    picture = labels.values.take(labels.of_engine.take(train_ids), axis=0)
+    np.testing.assert_array_equal(labels.classes_of(picture), labels.of_engine[train_ids])
 
 
 @pytest.mark.parametrize("change", [
@@ -378,10 +378,10 @@ def test_a_garbled_target_in_a_description_is_refused(change):
 def test_a_contact_sheet_shows_what_the_format_has(format, rows, exported, frames):
     dataset = describe(exported(format))
     height, width = SETTINGS.height, SETTINGS.width
-    shown = sheet(dataset)
-    assert shown.shape == (rows * height, len(frames) * width, 3)
+    page = sheet(dataset)
+    assert page.shape == (rows * height, len(frames) * width, 3)
     for k, frame in enumerate(frames):
-        column = shown[:, k * width : (k + 1) * width].reshape(rows, height, width, 3)
+        column = page[:, k * width : (k + 1) * width].reshape(rows, height, width, 3)
         expected = (frame.image, colorize(frame.label), depth_image(frame.depth))[:rows]
         for tile, image in zip(column, expected, strict=True):
             assert np.abs(tile.astype(int) - image).max() <= 1  # depth has steps of a centimetre

@@ -72,25 +72,25 @@ def test_labels_and_instances_are_those_of_the_street_by_the_official_table(city
             label = trainId2label[train_id]
             assert (ids[frame.label == train_id] == label.id).all()
             assert (color[frame.label == train_id] == label.color).all()
-        [found] = instances2dict([path.replace("label", "instance")]).values()
-        theirs = []
-        for name, entry in [(n, entry) for n in found for entry in found[n]]:
+        [instances] = instances2dict([path.replace("label", "instance")]).values()
+        stored = []
+        for name, entry in [(n, entry) for n in instances for entry in instances[n]]:
             label = id2label[entry["labelID"]]
             assert (label.name, label.hasInstances) == (name, entry["instID"] >= 1000)
             if label.hasInstances:
-                theirs.append((label.id, entry["pixelCount"]))
-        ours = sorted((label, int(mask.sum())) for label, mask in objects(frame))
-        assert sorted(theirs) == ours and len(ours) >= 3
+                stored.append((label.id, entry["pixelCount"]))
+        expected = sorted((label, int(mask.sum())) for label, mask in objects(frame))
+        assert sorted(stored) == expected and len(expected) >= 3
 
 
 def test_the_official_script_makes_the_same_panoptic_files(cityscapes, tmp_path, capsys):
     from cityscapesscripts.preparation.createPanopticImgs import convert2panoptic
 
     convert2panoptic(str(cityscapes / "gtFine"), str(tmp_path), setNames=["val"])
-    ours = json.loads((cityscapes / "gtFine" / "cityscapes_panoptic_val.json").read_text())
-    theirs = json.loads((tmp_path / "cityscapes_panoptic_val.json").read_text())
-    assert ours == theirs
-    for entry in theirs["annotations"]:
+    exported_json = json.loads((cityscapes / "gtFine" / "cityscapes_panoptic_val.json").read_text())
+    official = json.loads((tmp_path / "cityscapes_panoptic_val.json").read_text())
+    assert exported_json == official
+    for entry in official["annotations"]:
         path = f"cityscapes_panoptic_val/{entry['file_name']}"
         np.testing.assert_array_equal(read(cityscapes / "gtFine" / path), read(tmp_path / path))
 
@@ -124,14 +124,14 @@ def test_depth_and_normals_are_those_of_the_frames_and_the_camera_s_road_is_flat
 def test_pycocotools_reads_boxes_and_masks_of_both(format, file, root, frames, exported, capsys):
     from pycocotools.coco import COCO
 
-    found = COCO(str(exported[format] / "annotations" / file))
-    for image, frame in zip(found.loadImgs(found.getImgIds()), frames, strict=True):
+    coco_file = COCO(str(exported[format] / "annotations" / file))
+    for image, frame in zip(coco_file.loadImgs(coco_file.getImgIds()), frames, strict=True):
         picture = read(exported[format] / root / image["file_name"])
         assert picture.shape == (image["height"], image["width"], 3)
         np.testing.assert_array_equal(picture, frame.image)
         left = {mask.tobytes(): (label, mask) for label, mask in objects(frame)}
-        for annotation in found.loadAnns(found.getAnnIds(imgIds=image["id"])):
-            label, mask = left.pop(found.annToMask(annotation).astype(bool).tobytes())
+        for annotation in coco_file.loadAnns(coco_file.getAnnIds(imgIds=image["id"])):
+            label, mask = left.pop(coco_file.annToMask(annotation).astype(bool).tobytes())
             assert (annotation["area"], annotation["bbox"]) == area_and_box(mask)
             assert annotation["category_id"] == label and annotation["iscrowd"] == 0
         assert not left
@@ -139,18 +139,20 @@ def test_pycocotools_reads_boxes_and_masks_of_both(format, file, root, frames, e
 
 def test_the_panoptic_file_is_as_published(exported, frames):
     coco = exported["coco"]
-    found = json.loads((coco / "annotations" / "panoptic.json").read_text())
-    categories = {entry["id"]: entry for entry in found["categories"]}
+    panoptic = json.loads((coco / "annotations" / "panoptic.json").read_text())
+    categories = {entry["id"]: entry for entry in panoptic["categories"]}
     assert len(categories) == 19 and {c["isthing"] for c in categories.values()} == {0, 1}
-    images = {image["id"]: image for image in found["images"]}
-    assert [a["image_id"] for a in found["annotations"]] == list(images)
-    for annotation, frame in zip(found["annotations"], frames, strict=True):
+    images = {image["id"]: image for image in panoptic["images"]}
+    assert [a["image_id"] for a in panoptic["annotations"]] == list(images)
+    for annotation, frame in zip(panoptic["annotations"], frames, strict=True):
         image = images[annotation["image_id"]]
         assert (coco / "images" / image["file_name"]).exists()
         ids = planes.ids_of(read(coco / "panoptic" / annotation["file_name"]))
         assert ids.shape == (image["height"], image["width"])
-        listed = [segment["id"] for segment in annotation["segments_info"]]
-        assert sorted(listed) == np.unique(ids).tolist() and len(set(listed)) == len(listed)
+        segment_ids = [segment["id"] for segment in annotation["segments_info"]]
+        assert sorted(segment_ids) == np.unique(ids).tolist() and len(set(segment_ids)) == len(
+            segment_ids
+        )
         for segment in annotation["segments_info"]:
             assert set(segment) == {"id", "category_id", "area", "bbox", "iscrowd"}
             mask = ids == segment["id"]

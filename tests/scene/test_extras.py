@@ -51,8 +51,8 @@ def inside(points, family, ref, pose):
 @settings(max_examples=10)
 @given(SEEDS)
 def test_shares_of_zero_bring_nothing_and_the_same_seed_the_same(seed):
-    one, again = (added(seed, ALL, **FULL) for _ in range(2))
-    assert added(seed) == [] and one == again and len(one) > 100
+    one, repeated = (added(seed, ALL, **FULL) for _ in range(2))
+    assert added(seed) == [] and one == repeated and len(one) > 100
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -104,7 +104,7 @@ def test_traffic_of_side_streets_keeps_to_the_side_of_the_road_s_own(drive, side
 
 @pytest.mark.parametrize("drive", [1.0, -1.0])
 def test_at_junctions_what_drives_and_what_it_heeds_are_on_the_traffic_s_side(drive):
-    found = dict.fromkeys(("car", "bus", "truck", "rider", "traffic sign", "traffic light"), 0)
+    counts = dict.fromkeys(("car", "bus", "truck", "rider", "traffic sign", "traffic light"), 0)
     for seed in range(60):
         rng = np.random.default_rng(seed)
         ground = sample_ground(rng, drive=drive)
@@ -114,14 +114,14 @@ def test_at_junctions_what_drives_and_what_it_heeds_are_on_the_traffic_s_side(dr
         lights = [pose for family, _, pose in found_here if family == "traffic light"]
         for family, _, pose in found_here:
             arm = abs(pose[0, 3] - junction.x) < junction.outer
-            if family not in found or abs(pose[1, 3]) < ground.half_width or not arm:
+            if family not in counts or abs(pose[1, 3]) < ground.half_width or not arm:
                 continue
-            ours = keeps(pose, drive, junction.x)
+            on_side = keeps(pose, drive, junction.x)
             if family == "traffic light":  # a second one stands across from the first
-                ours = max(keeps(p, drive, junction.x) for p in lights if p[1, 0] == pose[1, 0])
-            assert ours > 0, family
-            found[family] += 1
-    assert min(found.values()) > 5, found
+                on_side = max(keeps(p, drive, junction.x) for p in lights if p[1, 0] == pose[1, 0])
+            assert on_side > 0, family
+            counts[family] += 1
+    assert min(counts.values()) > 5, counts
 
 
 def test_an_approach_to_a_junction_has_lights_of_one_colour():
@@ -145,15 +145,15 @@ def test_an_approach_to_a_junction_has_lights_of_one_colour():
 
 def in_something(ground, before, stands, passed_over=()):
     """Of objects in their order, those that stand in something that stood before them."""
-    taken, found = Rectangles(), []
-    taken.extend(rectangles(ground.path, before))
+    occupied, overlapping = Rectangles(), []
+    occupied.extend(rectangles(ground.path, before))
     for parts in objects(stands):
-        own = rectangles(ground.path, parts)
-        if taken.meet(Rectangle(*own[0]), 0.0):
-            found.append(parts)
+        footprints = rectangles(ground.path, parts)
+        if occupied.meet(Rectangle(*footprints[0]), 0.0):
+            overlapping.append(parts)
         if parts[0].family not in passed_over:
-            taken.extend(own)
-    return found
+            occupied.extend(footprints)
+    return overlapping
 
 
 def test_neither_riders_nor_what_they_ride_stand_in_something():
@@ -167,35 +167,35 @@ def test_neither_riders_nor_what_they_ride_stand_in_something():
 
 
 def test_what_stands_at_a_junction_stands_in_nothing_that_was_there(monkeypatch):
-    seen = {}
+    captured = {}
 
     def last(plot, seed, mix):
-        seen.update(plot=plot, stands=list(plot.stands))
+        captured.update(plot=plot, stands=list(plot.stands))
 
     monkeypatch.setattr("scene.street.street.extras", last)
     counts = dict.fromkeys(("person", "lamp", "tree", "car", "rider"), 0)
     for seed in range(30):
         params = DEFAULT._replace(junction_share=1.0, person_position=8.0)
         sample_street(params, seed, 1, POOL)
-        plot, stands = seen["plot"], seen["stands"]
-        wanted = set(junction_objects(plot.street, stream(seed, "corners")))
-        lines = [s for s in stands if s not in wanted or s.family == "building"]
-        own = [s for s in stands if s in wanted and s.family != "building"]
-        assert in_something(plot.ground, lines, own) == []
-        for parts in objects(own):
+        plot, stands = captured["plot"], captured["stands"]
+        junction_stands = set(junction_objects(plot.street, stream(seed, "corners")))
+        lines = [s for s in stands if s not in junction_stands or s.family == "building"]
+        placed_stands = [s for s in stands if s in junction_stands and s.family != "building"]
+        assert in_something(plot.ground, lines, placed_stands) == []
+        for parts in objects(placed_stands):
             counts[parts[0].family] = counts.get(parts[0].family, 0) + 1
     assert min(counts.values()) > 5, counts
 
 
 def share_of_water(params, count):
     """Of so many open sides."""
-    ground, found = sample_ground(np.random.default_rng(0)), 0
+    ground, water = sample_ground(np.random.default_rng(0)), 0
     for seed in range(count):
         plot = Plot(Setting(params, ground, AssetPool(), 1.0))
         open_side(plot, 1.0, np.random.default_rng(seed))
         land = {kind(s.family, s.ref) for s in plot.stands if s.family == "land"}
-        found += bool(land & {"water", "green water"})
-    return found / count
+        water += bool(land & {"water", "green water"})
+    return water / count
 
 
 @pytest.mark.parametrize("space", ["scenex", "extended"])
@@ -209,9 +209,11 @@ def test_the_camera_stays_clear_open_sides_have_no_houses_and_all_ingredients_co
     families = set()
     for seed, share in product(range(5), (0.0, 1.0)):
         params = DEFAULT._replace(parked_share=1.0, queue_share=1.0, open_share=share)
-        drawn = sample_street(params, seed, 4, AssetPool(), ALL)
-        lenses = np.array([camera.position for camera in drawn.cameras])
-        near = [p for p in drawn.placements if math.hypot(*p.pose[:2, 3] / (LINES_END, BEHIND)) < 1]
+        sampled = sample_street(params, seed, 4, AssetPool(), ALL)
+        lenses = np.array([camera.position for camera in sampled.cameras])
+        near = [
+            p for p in sampled.placements if math.hypot(*p.pose[:2, 3] / (LINES_END, BEHIND)) < 1
+        ]
         solid = [p for p in near if p.family not in ("tree", "bush", "lamp")]
         assert not any(inside(lenses, p.family, p.asset, p.pose).any() for p in solid)
         assert (sum(p.family in ("building", "train") for p in near) > 10) == (share == 0)

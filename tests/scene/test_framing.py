@@ -36,18 +36,18 @@ def drawn(seed, shots=1, proposal=EXTENDED, index=0):
     return street_of(unit, seed, index, shots, AssetPool())
 
 
-def seen(of, settings=SETTINGS):
-    geometry = build(of)
-    return framed(of, geometry, scene_bvh(geometry), settings)
+def seen(sampled, settings=SETTINGS):
+    geometry = build(sampled)
+    return framed(sampled, geometry, scene_bvh(geometry), settings)
 
 
 def corners_of(placements):
     """Corners f64[n, 4, 2] in the world of the rectangles below placements."""
-    own = np.stack([bounds(p.family, p.asset)[:, :2] for p in placements])
+    boxes = np.stack([bounds(p.family, p.asset)[:, :2] for p in placements])
     houses = [p.family == "building" for p in placements]
-    own[houses] += [[EAVES, 0.0], [-EAVES, -EAVES]]  # overhead
+    boxes[houses] += [[EAVES, 0.0], [-EAVES, -EAVES]]  # overhead
     poses = np.stack([p.pose for p in placements])
-    corners = np.stack([own[:, (0, 1, 1, 0), 0], own[:, (0, 0, 1, 1), 1]], axis=2)
+    corners = np.stack([boxes[:, (0, 1, 1, 0), 0], boxes[:, (0, 0, 1, 1), 1]], axis=2)
     return np.einsum("nij,nkj->nki", poses[:, :2, :2], corners) + poses[:, None, :2, 3]
 
 
@@ -67,46 +67,46 @@ def test_a_place_is_free_beside_every_rectangle_and_the_nearest_of_them():
             [10, 4.9, 0.0, 1.0, 0.5, 2.0],
             [30, 0.0, half, half, 1.0, 1.0],
             [50, 0.0, 1.0, 0.0, 1.0, 9.0]]  # fmt: skip
-    taken = np.array(rows)
+    obstacles = np.array(rows)
     x = np.array([0.0, 10.0, 12.9, 13.1, 30.0, 50.0])
-    found = nearest_free(STRAIGHT, x, 3.0, taken)
+    places = nearest_free(STRAIGHT, x, 3.0, obstacles)
     # Beside two that leave 1.9 m between them: below both; past both: where it was; beside a turned square
     # that reaches sqrt(2) times as far: where it was, too, or, from its middle, there; at a wall: nowhere.
     reach = 2 * math.sqrt(2)
-    assert found[:5].tolist() == pytest.approx([3.0, 0.5, 0.5, 3.0, 3.0]) and np.isnan(found[5])
-    assert nearest_free(STRAIGHT, x, 2.0, taken)[4] == pytest.approx(reach)
-    assert nearest_free(STRAIGHT, x, -2.0, taken)[4] == pytest.approx(-reach)
-    assert nearest_free(STRAIGHT, x, 3.0, taken[:0]).tolist() == [3.0] * 6
+    assert places[:5].tolist() == pytest.approx([3.0, 0.5, 0.5, 3.0, 3.0]) and np.isnan(places[5])
+    assert nearest_free(STRAIGHT, x, 2.0, obstacles)[4] == pytest.approx(reach)
+    assert nearest_free(STRAIGHT, x, -2.0, obstacles)[4] == pytest.approx(-reach)
+    assert nearest_free(STRAIGHT, x, 3.0, obstacles[:0]).tolist() == [3.0] * 6
 
 
 @given(SEEDS, st.sampled_from(["scenex", "extended"]))
 def test_cameras_stand_a_metre_beside_all_that_stands_at_their_own_height(seed, space):
     (unit,) = draw(random_proposal(space), seed, 1)
-    params, of = street_params(unit), street_of(unit, seed, 0, 2, AssetPool())
-    solid = [p for p in of.placements if p.family not in ("slab", "land", "paving", "tree")]
+    params, sampled = street_params(unit), street_of(unit, seed, 0, 2, AssetPool())
+    solid = [p for p in sampled.placements if p.family not in ("slab", "land", "paving", "tree")]
     stems = ("lamp", "signpost", "traffic sign", "traffic light")  # arms and boards are overhead
     corners = corners_of([p for p in solid if p.family not in stems])
-    places = [place for camera in of.cameras for place in (camera, *camera.further)]
-    x, _ = nearest(of.ground.path, np.array([place.position[:2] for place in places]))
+    places = [place for camera in sampled.cameras for place in (camera, *camera.further)]
+    x, _ = nearest(sampled.ground.path, np.array([place.position[:2] for place in places]))
     assert len(places) <= 2 * (1 + AGAIN) and (x > -1).all() and (x < DRIVE + SEARCH + 1).all()
-    for camera in of.cameras:
+    for camera in sampled.cameras:
         if camera.further:
             for place in (camera, *camera.further):
                 assert (
                     away(place.position[:2], corners).min() > SPARE - 0.01
                 )  # what leans is shorter from above
     if space == "scenex":  # where its attribute says
-        lane = of.ground.drive * params.camera_position_x
-        assert to_world(of.ground.path, x, lane) == pytest.approx(
+        lane = sampled.ground.drive * params.camera_position_x
+        assert to_world(sampled.ground.path, x, lane) == pytest.approx(
             np.array([place.position[:2] for place in places]), abs=0.01
         )
     level = math.hypot(*(np.subtract(places[0].position, places[-1].position)[:2])) > 0
     assert level  # it drives on
-    if of.ground.path.straight:
+    if sampled.ground.path.straight:
         for place in places:
-            along, beside, height = place.position
-            assert abs(beside) <= ASIDE
-            above = height - ground_height(of.ground, beside, along)
+            along, across, height = place.position
+            assert abs(across) <= ASIDE
+            above = height - ground_height(sampled.ground, across, along)
             assert above == pytest.approx(params.camera_position_y)
             turned = (place.yaw, place.pitch, place.roll, place.field_of_view)
             assert turned == (params.camera_rotation_y, params.camera_rotation_x,
@@ -114,17 +114,17 @@ def test_cameras_stand_a_metre_beside_all_that_stands_at_their_own_height(seed, 
 
 
 def test_posts_are_kept_away_from_by_their_stems():
-    of = street()
-    _, rows = standing([p for p in of.placements if p.family == "lamp"])
+    sampled = street()
+    _, rows = standing([p for p in sampled.placements if p.family == "lamp"])
     assert len(rows) > 3 and (rows[:, 4:] <= 0.3).all()
 
 
 def test_a_shot_needs_ground_and_not_one_thing_alone():
     def passes(**shares):
-        found = np.zeros(OWN + 1)
+        class_shares = np.zeros(OWN + 1)
         for name, share in shares.items():
-            found[TrainId[name.upper()]] = share
-        return judged(found)
+            class_shares[TrainId[name.upper()]] = share
+        return judged(class_shares)
 
     assert passes(sky=0.5, building=0.42, road=0.05, terrain=0.03) == (pytest.approx(0.08), True)
     assert passes(sky=0.5, building=0.43, road=0.04, terrain=0.03) == (pytest.approx(0.07), False)
@@ -136,8 +136,8 @@ def test_a_shot_needs_ground_and_not_one_thing_alone():
 
 @pytest.mark.parametrize("seed", range(4))
 def test_the_small_label_image_is_what_the_depth_buffer_sees(seed):
-    of = drawn(seed)
-    geometry, camera = build(of), of.cameras[0]
+    sampled = drawn(seed)
+    geometry, camera = build(sampled), sampled.cameras[0]
     small = seen_through(camera, RenderSettings(WIDTH, HEIGHT))
     hits = depth_buffer.nearest(geometry, camera, small, sample_rays(camera, small))
     label = geometry.train_id[hits.instance]
@@ -148,37 +148,39 @@ def test_the_small_label_image_is_what_the_depth_buffer_sees(seed):
 
 
 def test_it_is_taken_again_until_it_shows_a_street_and_else_where_most_ground_is_seen():
-    of = street(seed=2)
-    lane = of.cameras[0]
+    sampled = street(seed=2)
+    lane = sampled.cameras[0]
     up, down = lane._replace(pitch=-1.2, further=()), lane._replace(pitch=-0.35, further=())
     good = lane._replace(further=())
 
     def choice(*places):
-        (found,) = seen(of._replace(cameras=(places[0]._replace(further=places[1:]),))).cameras
-        return found
+        (chosen_camera,) = seen(
+            sampled._replace(cameras=(places[0]._replace(further=places[1:]),))
+        ).cameras
+        return chosen_camera
 
     assert choice(good, up) == good
     assert choice(up, up, good, lane) == good._replace(retaken=2)
     assert choice(up, down, up) == down._replace(retaken=2, refused=True)
     assert choice(up) == up  # it has no other place
-    again = seen(seen(of))
-    assert again == seen(of) and len(again.cameras) == 1
+    framed_twice = seen(seen(sampled))
+    assert framed_twice == seen(sampled) and len(framed_twice.cameras) == 1
     # Who is given one camera sees through that one.
     aside = Camera((20.0, 0.0, 1.5), 0.3, -1.0)
-    (frame,) = renderer("embree").render(of._replace(cameras=(aside,)), SETTINGS)
+    (frame,) = renderer("embree").render(sampled._replace(cameras=(aside,)), SETTINGS)
     assert frame.camera is aside
 
 
 @pytest.mark.parametrize("name", ["embree", "opengl"])
 def test_pictures_of_any_size_and_renderer_are_taken_from_the_same_place(name):
-    of = drawn(7, 2)
-    level = of.cameras[0]._replace(pitch=-1.2)
-    of = of._replace(cameras=(level, of.cameras[1]))
-    found = seen(of).cameras
-    assert found[0].retaken and not found[1].retaken
+    sampled = drawn(7, 2)
+    level = sampled.cameras[0]._replace(pitch=-1.2)
+    sampled = sampled._replace(cameras=(level, sampled.cameras[1]))
+    expected = seen(sampled).cameras
+    assert expected[0].retaken and not expected[1].retaken
     for size in ((40, 30), (96, 40)):
-        frames = chosen(name).render(of, RenderSettings(*size))
-        assert [frame.camera for frame in frames] == list(found)
+        frames = chosen(name).render(sampled, RenderSettings(*size))
+        assert [frame.camera for frame in frames] == list(expected)
 
 
 def horizon(unit):

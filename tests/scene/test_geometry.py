@@ -28,22 +28,22 @@ vector = st.tuples(number, number, number)
 @settings(max_examples=8)
 @given(SEEDS)
 def test_arrays_fit_together_the_same_each_time(seed):
-    drawn = street(seed=seed)
-    g, again = build(drawn), build(drawn)
-    for a, b in zip((g[3:7], *g.shapes), (again[3:7], *again.shapes), strict=True):
+    sampled = street(seed=seed)
+    g, repeated = build(sampled), build(sampled)
+    for a, b in zip((g[3:7], *g.shapes), (repeated[3:7], *repeated.shapes), strict=True):
         assert [x.tobytes() for x in a[:4]] == [x.tobytes() for x in b[:4]]
-    n = 4 + len(drawn.placements)
+    n = 4 + len(sampled.placements)
     assert len(g.shape) == len(g.surfaces) == len(g.pose) == len(g.train_id) == n
     stands = [g.shapes[k] for k in g.shape[1:]]
     assert g.triangles == sum(len(shape.faces) for shape in stands)
     assert len(set(g.assets)) == len(g.assets) == len(g.shapes) - 3
-    for p in drawn.placements:
+    for p in sampled.placements:
         assert g.assets[g.shape[p.instance] - 3][:2] == (p.family, p.asset)
         assert (g.assets[g.shape[p.instance] - 3][2] == "far") == p.far
         assert (g.pose[p.instance] == p.pose[:3].astype(np.float32)).all()
     assert (SKY_INSTANCE, g.train_id[0]) == (0, TrainId.SKY)
     assert g.train_id[1:4].tolist() == [TrainId.ROAD, TrainId.SIDEWALK, TrainId.TERRAIN]
-    assert all(g.train_id[p.instance] == FAMILIES[p.family].train_id for p in drawn.placements)
+    assert all(g.train_id[p.instance] == FAMILIES[p.family].train_id for p in sampled.placements)
     for shape, address in zip(stands, g.surfaces[1:].tolist(), strict=True):
         assert shape.surface.ctypes.data == address
         assert shape.surface.shape == (len(shape.faces), 16)
@@ -55,18 +55,18 @@ def test_arrays_fit_together_the_same_each_time(seed):
 
 def test_a_pickled_street_has_addresses_of_its_own():
     first = build(street(seed=2))
-    again = pickle.loads(pickle.dumps(first))
-    for one, other in zip(first.shapes, again.shapes, strict=True):
+    copy = pickle.loads(pickle.dumps(first))
+    for one, other in zip(first.shapes, copy.shapes, strict=True):
         assert all(np.array_equal(a, b) for a, b in zip(one[:4], other[:4], strict=True))
-    for g in (first, again):
+    for g in (first, copy):
         arrays = ("surface", "vertices", "faces")
         for k, row in zip(g.shape[1:], g.tables[1:], strict=True):
             shape = g.shapes[k]
             addresses = [getattr(shape, name).ctypes.data for name in arrays]
             assert [*addresses, len(shape.vertices), len(shape.faces)] == list(shape.table)
             assert list(shape.table) == row.tolist()
-    assert not np.isin(again.surfaces[1:], first.surfaces[1:]).any()
-    assert np.array_equal(first.pose, again.pose) and first.triangles == again.triangles
+    assert not np.isin(copy.surfaces[1:], first.surfaces[1:]).any()
+    assert np.array_equal(first.pose, copy.pose) and first.triangles == copy.triangles
 
 
 def test_normals_are_unit_and_perpendicular_to_their_faces():
@@ -118,11 +118,11 @@ def test_a_far_tree_covers_as_much_with_a_fraction_of_its_triangles():
 
 def test_leaves_seen_from_near_are_small_and_cover_as_much_as_their_cards():
     for index in (1, 5):
-        whole, near = asset_shape("tree", index), asset_shape("tree", index, "near")
-        leafy = [s.material == MATERIAL_ID["foliage"] for s in (whole, near)]
+        full, near = asset_shape("tree", index), asset_shape("tree", index, "near")
+        leafy = [s.material == MATERIAL_ID["foliage"] for s in (full, near)]
         areas = [
             twice_areas(s.vertices, s.faces)[m] / 2
-            for s, m in zip((whole, near), leafy, strict=True)
+            for s, m in zip((full, near), leafy, strict=True)
         ]
         assert areas[1].sum() == pytest.approx(areas[0].sum(), rel=0.1)
         assert np.median(areas[1]) < 0.3 * np.median(areas[0])
@@ -131,23 +131,23 @@ def test_leaves_seen_from_near_are_small_and_cover_as_much_as_their_cards():
 
 
 def test_greenery_beside_a_camera_is_seen_from_near():
-    drawn = street(seed=3, shots=4)
-    g = build(drawn)
-    eyes = np.array([e.position[:2] for c in drawn.cameras for e in (c, *c.further)])
+    sampled = street(seed=3, shots=4)
+    g = build(sampled)
+    eyes = np.array([e.position[:2] for c in sampled.cameras for e in (c, *c.further)])
     kinds = set()
-    for p in drawn.placements:
-        seen = g.assets[g.shape[p.instance] - 3][2]
+    for p in sampled.placements:
+        view = g.assets[g.shape[p.instance] - 3][2]
         least = np.hypot(*(eyes - p.pose[:2, 3]).T).min()
         green = p.train_id == TrainId.VEGETATION
-        assert (seen == "near") == (green and least < CLOSE)
-        kinds.add(seen)
+        assert (view == "near") == (green and least < CLOSE)
+        kinds.add(view)
     assert kinds == {"", "near", "far"}
 
 
 def test_quads_are_merged_ones_a_ball_is_trimesh_s_and_a_mesh_asks_for_what_it_does_not_hold():
-    theirs = trimesh.creation.icosphere(subdivisions=2)
-    assert (BALL.mesh.faces == theirs.faces).all()
-    assert BALL.mesh.vertices == pytest.approx(theirs.vertices, abs=1e-15)
+    reference = trimesh.creation.icosphere(subdivisions=2)
+    assert (BALL.mesh.faces == reference.faces).all()
+    assert BALL.mesh.vertices == pytest.approx(reference.vertices, abs=1e-15)
     both = quads(np.stack([SQUARE, SQUARE + 1]), [RED, BLUE], ["glass", "metal"])
     joined = merge(quads([SQUARE], [RED], ["glass"]), quads([SQUARE + 1], [BLUE], ["metal"]))
     assert both.mesh.faces.tolist() == [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]]
@@ -169,5 +169,5 @@ def test_products_are_those_of_numpy_and_turning_is_that_of_trimesh(a, b, angle)
         assert cross(one, np.array(b)).tolist() == np.cross(one, np.array(b)).tolist()
     asset = box((1, 2, 3), (4, 5, 6), RED)
     matrix = trimesh.transformations.rotation_matrix(angle, a, b)
-    wanted = trimesh.transformations.transform_points(asset.mesh.vertices, matrix)
-    assert rotate(asset, angle, a, b).mesh.vertices == pytest.approx(wanted, abs=1e-12)
+    expected = trimesh.transformations.transform_points(asset.mesh.vertices, matrix)
+    assert rotate(asset, angle, a, b).mesh.vertices == pytest.approx(expected, abs=1e-12)

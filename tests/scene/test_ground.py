@@ -21,14 +21,14 @@ def ground(seed, **arguments):
     return sample_ground(np.random.default_rng(seed), **arguments)
 
 
-def ground_assets(drawn):
+def ground_assets(sampled):
     """The three surfaces in the world."""
-    return {instance: surface.asset for instance, surface in ground_surfaces(drawn).items()}
+    return {instance: surface.asset for instance, surface in ground_surfaces(sampled).items()}
 
 
-def painted_on(drawn):
+def painted_on(sampled):
     """Corners [n, 3, 3] of the triangles painted on its road."""
-    road = ground_assets(drawn)[1]
+    road = ground_assets(sampled)[1]
     return solid(road.mesh).triangles[road.material == material_id("marking")]
 
 
@@ -41,27 +41,27 @@ def areas(outlines):
 def test_the_ground_is_flat_but_for_the_kerb_and_of_many_widths():
     for y, height in ((0, 0), (4.9, 0), (-4.9, 0), (5.5, 0.1), (-30, 0.1)):
         assert ground_height(ground(0)._replace(half_width=5.0, kerb_height=0.1), y) == height
-    drawn = [ground(seed) for seed in range(200)]
+    sampled = [ground(seed) for seed in range(200)]
     for name, (low, high) in (("half_width", HALF_WIDTHS), ("footway", FOOTWAYS),
                               ("kerb_height", KERB_HEIGHTS)):  # fmt: skip
-        widths = [(getattr(g, name) - low) / (high - low) for g in drawn]
+        widths = [(getattr(g, name) - low) / (high - low) for g in sampled]
         assert 0 <= min(widths) < 0.1 and 0.9 < max(widths) <= 1
 
 
 @given(SEEDS)
 def test_road_sidewalk_and_terrain_keep_to_their_strips_and_have_no_degenerate_face(seed):
     assert [TrainId(t).name for t in GROUND_INSTANCES.values()] == ["ROAD", "SIDEWALK", "TERRAIN"]
-    drawn = ground(seed)._replace(side_streets=())
-    assets = ground_assets(drawn)
+    sampled = ground(seed)._replace(side_streets=())
+    assets = ground_assets(sampled)
     road, sidewalk, terrain = (assets[k].mesh.vertices for k in GROUND_INSTANCES)
-    half, outer = pytest.approx(drawn.half_width), pytest.approx(drawn.outer)
+    half, outer = pytest.approx(sampled.half_width), pytest.approx(sampled.outer)
     reach = np.abs(sidewalk[:, 1])
     assert np.abs(road[:, 1]).max() == half == reach.min() and reach.max() == outer
     assert road[:, 2].max() < 0.02  # paint
-    assert sidewalk[:, 2].max() < drawn.kerb_height + 0.01
+    assert sidewalk[:, 2].max() < sampled.kerb_height + 0.01
     terrain = terrain[terrain[:, 0] < 300]
     assert np.abs(terrain[:, 1]).min() == outer
-    assert terrain[np.abs(terrain[:, 1]) < 90, 2] == pytest.approx(drawn.kerb_height)
+    assert terrain[np.abs(terrain[:, 1]) < 90, 2] == pytest.approx(sampled.kerb_height)
     assets = ground_assets(ground(seed)).values()
     for asset in assets:
         assert np.isfinite(asset.mesh.vertices).all() and solid(asset.mesh).area_faces.min() > 1e-6
@@ -71,46 +71,50 @@ def test_road_sidewalk_and_terrain_keep_to_their_strips_and_have_no_degenerate_f
 
 @given(SEEDS)
 def test_a_plain_ground_is_level_asphalt_without_paint(seed):
-    drawn = plain(ground(seed))
-    road, sidewalk, terrain = ground_assets(drawn).values()
+    sampled = plain(ground(seed))
+    road, sidewalk, terrain = ground_assets(sampled).values()
     assert (road.mesh.vertices[:, 2] == 0).all() and len(set(road.material.tolist())) == 1
-    assert np.unique(np.abs(terrain.mesh.vertices[:, 2] - drawn.kerb_height).round(3)).max() <= 0.01
-    assert solid(road.mesh).area == pytest.approx(640 * 2 * drawn.half_width)
+    assert (
+        np.unique(np.abs(terrain.mesh.vertices[:, 2] - sampled.kerb_height).round(3)).max() <= 0.01
+    )
+    assert solid(road.mesh).area == pytest.approx(640 * 2 * sampled.half_width)
     footways = solid(sidewalk.mesh)
     paved = footways.area_faces[
-        footways.triangles[..., 2].min(axis=1) > drawn.kerb_height - 0.02
+        footways.triangles[..., 2].min(axis=1) > sampled.kerb_height - 0.02
     ].sum()
-    assert paved == pytest.approx(640 * 2 * (drawn.footway - 0.02), rel=1e-3)
+    assert paved == pytest.approx(640 * 2 * (sampled.footway - 0.02), rel=1e-3)
 
 
 @given(SEEDS)
 def test_markings_lie_on_the_asphalt_and_the_kerb_drops_at_driveways_only(seed):
-    drawn = ground(seed)
-    painted = painted_on(drawn)
-    assert painted[..., 2] == pytest.approx(0.008)
-    assert (np.abs(painted[..., 1]) < drawn.half_width).all()
-    bare = drawn._replace(legends=(), boxes=(), side_streets=(), crosswalks=(30.0, 80.0))
+    sampled = ground(seed)
+    paint = painted_on(sampled)
+    assert paint[..., 2] == pytest.approx(0.008)
+    assert (np.abs(paint[..., 1]) < sampled.half_width).all()
+    bare = sampled._replace(legends=(), boxes=(), side_streets=(), crosswalks=(30.0, 80.0))
     away = np.abs(painted_on(bare)[..., 0] - 30.0)
     # Whatever reaches into the crossing belongs to it.
     assert (away.min(axis=1) < 3.9).sum() == (away.max(axis=1) < 3.7).sum() > 10
-    sidewalk = ground_assets(drawn)[2].mesh.vertices
-    kerb = sidewalk[np.isclose(np.abs(sidewalk[:, 1]), drawn.half_width + KERB_WIDTH)]
-    low = kerb[kerb[:, 2] < drawn.kerb_height - 0.001]
-    gaps = [(*gap, 1.8) for gap in drawn.driveways] + [(*gap, 5.0) for gap in drawn.side_streets]
+    sidewalk = ground_assets(sampled)[2].mesh.vertices
+    kerb = sidewalk[np.isclose(np.abs(sidewalk[:, 1]), sampled.half_width + KERB_WIDTH)]
+    low = kerb[kerb[:, 2] < sampled.kerb_height - 0.001]
+    gaps = [(*gap, 1.8) for gap in sampled.driveways] + [
+        (*gap, 5.0) for gap in sampled.side_streets
+    ]
     for x, y, _ in low:
         assert min(abs(x - p) - half for p, side, half in gaps if side * y > 0) < 1e-6
-    assert bool(len(low)) == bool(drawn.driveways or drawn.side_streets)
+    assert bool(len(low)) == bool(sampled.driveways or sampled.side_streets)
 
 
 def test_a_crosswalk_crosses_the_whole_road_and_stop_lines_stand_in_the_lane_that_comes_up():
     bare = plain(ground(0))._replace(crosswalks=(20.0,))
     for kind in ("zebra", "studs"):
-        painted, half = painted_on(bare._replace(crossing=kind)), bare.half_width
-        y = painted[np.abs(painted[..., 0] - 20).max(axis=1) < 1.7, :, 1]
+        paint, half = painted_on(bare._replace(crossing=kind)), bare.half_width
+        y = paint[np.abs(paint[..., 0] - 20).max(axis=1) < 1.7, :, 1]
         assert y.min() < -half + 0.8 and y.max() > half - 1.05
     for drive in (1.0, -1.0):
-        painted = painted_on(bare._replace(drive=drive, give_way=False))
-        x, y = painted[..., 0].mean(axis=1) - 20, painted[..., 1].mean(axis=1)
+        paint = painted_on(bare._replace(drive=drive, give_way=False))
+        x, y = paint[..., 0].mean(axis=1) - 20, paint[..., 1].mean(axis=1)
         stop = np.abs(np.abs(x) - 3.0) < 0.2
         assert np.sign(x[stop] * y[stop]).tolist() == [-drive] * 4
 
@@ -121,8 +125,8 @@ def test_dashes_have_their_length_and_spacing_and_keep_out_of_kept_places():
     assert np.diff(outline[:, 0, 0]) == pytest.approx(5.0)
     assert outline[..., 1].mean() == pytest.approx(1.0)
     outline = rectangles(np.arange(0.0, 10), np.arange(1.0, 11), np.array(0.0), np.array(1.0))
-    kept = markings.clear_of(outline, ((2.5, 4.0), (9.0, 20.0)))
-    assert sorted(kept[:, 0, 0]) == [0, 1, 4, 5, 6, 7, 8]
+    remaining = markings.clear_of(outline, ((2.5, 4.0), (9.0, 20.0)))
+    assert sorted(remaining[:, 0, 0]) == [0, 1, 4, 5, 6, 7, 8]
 
 
 @pytest.mark.parametrize("kind", [*markings.ARROWS, *(" ".join(w) for w in markings.WORDS)])
@@ -181,7 +185,7 @@ def test_grounds_vary_and_are_pure_and_a_share_of_the_surfaces_is_the_first_of_t
     assert {g.centre for g in grounds} == {"dashed", "double", "one side", "hatched", "none"}
     a, b = (ground_assets(grounds[3])[1] for _ in range(2))
     assert (a.mesh.vertices == b.mesh.vertices).all() and (a.color == b.color).all()
-    for share, known in ((0.01, 1), (0.5, 4)):
+    for share, allowed in ((0.01, 1), (0.5, 4)):
         grounds = [ground(seed, share=share) for seed in range(60)]
-        assert {g.road.name for g in grounds} == {s.name for s in ROADS[:known]}
-        assert {g.terrain.name for g in grounds} == {s.name for s in TERRAINS[:known]}
+        assert {g.road.name for g in grounds} == {s.name for s in ROADS[:allowed]}
+        assert {g.terrain.name for g in grounds} == {s.name for s in TERRAINS[:allowed]}

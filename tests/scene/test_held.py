@@ -24,7 +24,7 @@ WORDS = ("field_of_view=90", "camera_position_y=1.4")
     (["camera_position_y=nan"], "scenex", "must be a number from"),
     (["camera_position_y=high"], "scenex", "must be a number from"),
     (["camera_position_y"], "scenex", "must be a number from"),
-    (["camera_position_y=1", "camera_position_y=2"], "scenex", "camera_position_y is held already"),
+    (["camera_position_y=1", "camera_position_y=2"], "scenex", "camera_position_y is already fixed"),
 ])  # fmt: skip
 def test_what_cannot_be_held_is_refused_with_what_can(words, space, message):
     assert "\n" not in str(refused(UserError, message, read_fixed, words, space))
@@ -38,26 +38,26 @@ def test_what_is_held_stands_in_every_street_and_all_else_is_as_it_was(seed, nam
         streets = streets_named(name, "extended")
     attribute = data.draw(st.sampled_from(SPACES["extended"]))
     value = data.draw(st.floats(attribute.low, attribute.high))
-    held = read_fixed([f"{attribute.name}={value!r}"], "extended")
-    where, own = names("extended").index(attribute.name), hold(streets, held)
-    free, drawn = draw(streets, seed, 6), draw(own, seed, 6)
-    np.testing.assert_array_equal(np.delete(drawn, where, 1), np.delete(free, where, 1))
+    fixed = read_fixed([f"{attribute.name}={value!r}"], "extended")
+    where, fixed_streets = names("extended").index(attribute.name), hold(streets, fixed)
+    free, units = draw(streets, seed, 6), draw(fixed_streets, seed, 6)
+    np.testing.assert_array_equal(np.delete(units, where, 1), np.delete(free, where, 1))
     size = attribute.high - attribute.low
-    assert [attribute.physical(unit) for unit in drawn[:, where].tolist()] == pytest.approx(
+    assert [attribute.physical(unit) for unit in units[:, where].tolist()] == pytest.approx(
         [value] * 6, abs=1e-5 * size
     )
-    again = parse_streets(describe(own))  # as attributes.json has it
-    np.testing.assert_array_equal(draw(again, seed, 6), drawn)
+    parsed = parse_streets(describe(fixed_streets))  # as attributes.json has it
+    np.testing.assert_array_equal(draw(parsed, seed, 6), units)
     other = next(a.name for a in SPACES["extended"] if a.name != attribute.name)
-    more = draw(hold(own, {other: 0.25}), seed, 6)  # what was held stays so
-    np.testing.assert_array_equal(more[:, where], drawn[:, where])
+    more = draw(hold(fixed_streets, {other: 0.25}), seed, 6)  # what was held stays so
+    np.testing.assert_array_equal(more[:, where], units[:, where])
 
 
 def test_the_camera_is_where_it_is_held():
-    held = read_fixed(WORDS, "extended")
-    assert list(held) == ["camera_position_y", "field_of_view"]  # in the order of the space
-    params = street_params(draw(hold(streets_named("random", "extended"), held), 0, 1)[0])
+    fixed = read_fixed(WORDS, "extended")
+    assert list(fixed) == ["camera_position_y", "field_of_view"]  # in the order of the space
+    params = street_params(draw(hold(streets_named("random", "extended"), fixed), 0, 1)[0])
     assert np.degrees(params.field_of_view) == pytest.approx(90)
     assert params.camera_position_y == pytest.approx(1.4)
-    assert in_words(held) == "camera_position_y 1.4 m, field_of_view 90 deg"
+    assert in_words(fixed) == "camera_position_y 1.4 m, field_of_view 90 deg"
     assert in_words({}) == "" and hold(params, {}) is params

@@ -72,12 +72,12 @@ def test_an_added_mesh_is_labelled_and_nothing_else_moves():
 
 def test_intrinsics_and_pose_are_those_of_the_image(street):
     first = street.render(0, SIZE)
-    again = street.render((first.intrinsics, first.pose), SIZE)
-    np.testing.assert_allclose(again.intrinsics, first.intrinsics, rtol=1e-12)
-    np.testing.assert_allclose(again.pose, first.pose, atol=1e-12)
+    by_matrices = street.render((first.intrinsics, first.pose), SIZE)
+    np.testing.assert_allclose(by_matrices.intrinsics, first.intrinsics, rtol=1e-12)
+    np.testing.assert_allclose(by_matrices.pose, first.pose, atol=1e-12)
     for name in PASSES:
-        np.testing.assert_array_equal(getattr(again, name), getattr(first, name))
-    assert again.table == first.table
+        np.testing.assert_array_equal(getattr(by_matrices, name), getattr(first, name))
+    assert by_matrices.table == first.table
     # A point of the depth map, seen from a camera one metre further on, is where the camera model says.
     moved = first.pose.copy()
     moved[:3, 3] += first.pose[:3, 2]
@@ -105,19 +105,19 @@ def test_a_shifted_principal_point_renders_a_part_of_a_larger_image(name, street
     pose = street.render(0, SIZE, passes=()).pose
     whole_k = np.array([[80.0, 0, (wide - 1) / 2], [0, 80.0, (high - 1) / 2], [0, 0, 1]])
     part_k = whole_k - [[0, 0, left], [0, 0, top], [0, 0, 0]]
-    whole = street.render((whole_k, pose), (wide, high), renderer_name=name)
+    larger = street.render((whole_k, pose), (wide, high), renderer_name=name)
     part = street.render((part_k, pose), SIZE, renderer_name=name)
     np.testing.assert_allclose(part.intrinsics, part_k, atol=1e-9)
     window = np.s_[top : top + height, left : left + width]
     for field in ("classes", "instances"):
-        assert (getattr(part, field) != getattr(whole, field)[window]).mean() < 0.002
-    same = part.instances == whole.instances[window]
+        assert (getattr(part, field) != getattr(larger, field)[window]).mean() < 0.002
+    same = part.instances == larger.instances[window]
     for field in ("depth", "normals"):
-        a, b = getattr(part, field)[same], getattr(whole, field)[window][same]
+        a, b = getattr(part, field)[same], getattr(larger, field)[window][same]
         assert (np.abs(a - b) <= 1e-3 * np.abs(a) + 1e-4).mean() > 0.998
     # OpenGL knows of light only what is in the image, so more differs along its edges.
     most = {"embree": 1, "opengl": 3}[name]
-    assert (np.abs(part.image - whole.image[window].astype(float))[same]).mean() < most
+    assert (np.abs(part.image - larger.image[window].astype(float))[same]).mean() < most
 
 
 EYE = np.eye(4)
@@ -158,20 +158,20 @@ def test_what_cannot_be_is_one_line(work, words, street):
 @pytest.mark.parametrize("workers", [0, 1])
 def test_samples_of_a_stream_hold_the_passes_that_were_asked_for(workers):
     options = {"settings": RenderSettings(*SIZE), "pool": POOL, "images": 2, "shots": 2}
-    for number, found in enumerate(
+    for number, stream_sample in enumerate(
         scene.stream(
             "default", SEED, passes=("depth", "instances", "camera"), workers=workers, **options
         )
     ):
-        image, label, unit = found
+        image, label, unit = stream_sample
         [*_, frame] = render_street(unit, SEED, 0, 2, options["settings"], "embree", POOL)[
             : number + 1
         ]
         np.testing.assert_array_equal(image, frame.image)
         np.testing.assert_array_equal(label, frame.label)
-        np.testing.assert_array_equal(found.depth, frame.depth)
-        np.testing.assert_array_equal(found.instances, frame.instance)
-        assert found.camera == frame.camera and found.normals is None
+        np.testing.assert_array_equal(stream_sample.depth, frame.depth)
+        np.testing.assert_array_equal(stream_sample.instances, frame.instance)
+        assert stream_sample.camera == frame.camera and stream_sample.normals is None
     assert number == 1
     with pytest.raises(UserError, match="passes: 'flow' is unknown"):
         next(scene.stream(passes=("flow",)))

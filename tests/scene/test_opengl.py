@@ -29,9 +29,9 @@ def opengl():
     return chosen("opengl")
 
 
-def both(opengl, drawn, settings):
+def both(opengl, sampled, settings):
     """The first frame of each renderer, their images as numbers that can be subtracted."""
-    frames = [by.render(drawn, settings)[0] for by in (renderer("embree"), opengl)]
+    frames = [by.render(sampled, settings)[0] for by in (renderer("embree"), opengl)]
     return [frame._replace(image=frame.image.astype(float)) for frame in frames]
 
 
@@ -39,9 +39,9 @@ def both(opengl, drawn, settings):
 @pytest.mark.parametrize("seed", range(4))
 def test_labels_instances_and_depth_agree_with_embree(opengl, seed, random):
     unit = np.random.default_rng([3, seed]).random(23) if random else default_unit()
-    drawn = street(street_params(unit), seed, 2)
+    sampled = street(street_params(unit), seed, 2)
     settings = RenderSettings(width=640, height=320, shadows=False, occlusion=False, textures=False)
-    frames = (by.render(drawn, settings) for by in (renderer("embree"), opengl))
+    frames = (by.render(sampled, settings) for by in (renderer("embree"), opengl))
     for a, b in zip(*frames, strict=True):
         assert (a.label != b.label).mean() < 0.001  # 0.005 is promised
         # Facades of neighbours may lie in one plane: there, either is right.
@@ -60,12 +60,12 @@ def test_both_leave_the_same_pixels_void(opengl, family, kind):
 @pytest.mark.slow
 def test_labels_agree_over_a_hundred_images_of_streets_with_all_there_is(opengl):
     """On 99.9 % of pixels: attributes at random in the extended space, every ingredient as likely as not."""
-    plain = RenderSettings(480, 360, shadows=False, occlusion=False, textures=False)
+    flat_settings = RenderSettings(480, 360, shadows=False, occlusion=False, textures=False)
     units = np.random.default_rng(17).random((50, len(BY_NAME)))
     differ = []
     for seed, unit in enumerate(units):
-        drawn = sample_street(street_params(unit), seed, 2, POOL, Mix(*[0.5] * len(Mix._fields)))
-        frames = (by.render(drawn, plain) for by in (renderer("embree"), opengl))
+        sampled = sample_street(street_params(unit), seed, 2, POOL, Mix(*[0.5] * len(Mix._fields)))
+        frames = (by.render(sampled, flat_settings) for by in (renderer("embree"), opengl))
         differ += [(a.label != b.label).mean() for a, b in zip(*frames, strict=True)]
     mean, most = np.mean(differ), max(differ)
     print(f"labels differ on {mean:.4%} of pixels, at most {most:.3%} of an image")
@@ -74,16 +74,16 @@ def test_labels_agree_over_a_hundred_images_of_streets_with_all_there_is(opengl)
 
 @pytest.mark.parametrize("seed", range(3))
 def test_pictures_look_alike(opengl, seed):
-    drawn = street(seed=seed)
+    sampled = street(seed=seed)
     settings = RenderSettings(width=320, height=160, response=CameraResponse(noise=0.0))
-    a, b = both(opengl, drawn, settings)
+    a, b = both(opengl, sampled, settings)
     assert b.image.mean() == pytest.approx(a.image.mean(), abs=5)
     # Shadow maps and occlusion on screen are approximations; nothing else differs.
     assert np.abs(a.image - b.image).mean() < 8
-    a, b = both(opengl, drawn, settings._replace(shadows=False, occlusion=False))
+    a, b = both(opengl, sampled, settings._replace(shadows=False, occlusion=False))
     assert np.abs(a.image - b.image).mean() < 0.35  # levels of 255: the edges of leaves
     for samples in (2, 3):
-        a, b = both(opengl, drawn, SMALL._replace(samples=samples, occlusion=False))
+        a, b = both(opengl, sampled, SMALL._replace(samples=samples, occlusion=False))
         assert (a.label != b.label).mean() < 0.005 and np.abs(a.image - b.image).mean() < 3
 
 
@@ -99,28 +99,28 @@ def test_shadows_agree_with_embree(opengl):
 
 
 def test_neither_threads_nor_workers_nor_pictures_of_other_sizes_change_the_bytes(opengl):
-    drawn = street()
-    here = opengl.render(drawn, SMALL)[0]
+    sampled = street()
+    serial = opengl.render(sampled, SMALL)[0]
     with ThreadPoolExecutor(3) as threads:
-        frames = list(threads.map(lambda _: opengl.render(drawn, SMALL)[0], range(6)))
+        frames = list(threads.map(lambda _: opengl.render(sampled, SMALL)[0], range(6)))
     for width in (64, 80, 112, 128, 200):
-        opengl.render(drawn, SMALL._replace(width=width))
-    for frame in (*frames, opengl.render(drawn, SMALL)[0]):
-        assert all(a.tobytes() == b.tobytes() for a, b in zip(here[:5], frame[:5], strict=True))
+        opengl.render(sampled, SMALL._replace(width=width))
+    for frame in (*frames, opengl.render(sampled, SMALL)[0]):
+        assert all(a.tobytes() == b.tobytes() for a, b in zip(serial[:5], frame[:5], strict=True))
     with pytest.raises(RendererError, match=r"20000x8 samples exceed .* embree"):
         opengl.render(street(), RenderSettings(width=20_000, height=8))
     assert (opengl.render(street(), SMALL)[0].label == TrainId.ROAD).any()
     units = np.stack([default_unit(), np.full(23, 0.5, np.float32)])
     options = {"shots": 1, "settings": SMALL, "renderer_name": "opengl", "pool": POOL}
-    here, there = (render_dataset(units, 1, workers=workers, **options) for workers in (0, 1))
-    assert (here.images == there.images).all() and (here.labels == there.labels).all()
+    serial, parallel = (render_dataset(units, 1, workers=workers, **options) for workers in (0, 1))
+    assert (serial.images == parallel.images).all() and (serial.labels == parallel.labels).all()
 
 
 def test_after_a_failure_resources_are_free_and_the_next_picture_is_right(opengl, monkeypatch):
     from scene.render.opengl import raster
 
-    drawn, deleted, delete = street(), [], raster.Rasterizer.delete
-    before = opengl.render(drawn, SMALL)[0]
+    sampled, deleted, delete = street(), [], raster.Rasterizer.delete
+    before = opengl.render(sampled, SMALL)[0]
     monkeypatch.setattr(raster.Rasterizer, "delete", lambda r: (deleted.append(r), delete(r)))
 
     def fail(*_, **__):
@@ -129,9 +129,9 @@ def test_after_a_failure_resources_are_free_and_the_next_picture_is_right(opengl
     with monkeypatch.context() as broken:
         broken.setattr(raster._FaceRenderer, "_forward_pass", fail)
         with pytest.raises(RendererError, match=r"^OpenGL failed \(out of memory\); .*embree$"):
-            opengl.render(drawn, SMALL)
+            opengl.render(sampled, SMALL)
     assert len(deleted) == 1
-    assert opengl.render(drawn, SMALL)[0].image.tobytes() == before.image.tobytes()
+    assert opengl.render(sampled, SMALL)[0].image.tobytes() == before.image.tobytes()
 
 
 @pytest.mark.parametrize(("setting", "value"), [

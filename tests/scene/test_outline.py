@@ -45,19 +45,19 @@ def crown():
 
 @pytest.mark.parametrize("behind", [SKY, ROAD, FENCE, POLE])
 def test_a_hole_is_filled_where_the_sky_shows_through_it(crown, behind):
-    whole = crown.copy()
+    filled = crown.copy()
     crown[28:31, 40:43] = behind
-    np.testing.assert_array_equal(drawn(crown), whole if behind == SKY else crown)
+    np.testing.assert_array_equal(drawn(crown), filled if behind == SKY else crown)
     for name in ("camvid", "cityscapes", "idd-lite", "labelmefacade"):
-        found = drawn(crown, shipped(name).engine_outlines)
-        np.testing.assert_array_equal(found, whole if behind == SKY else crown)
+        outlined_crown = drawn(crown, shipped(name).engine_outlines)
+        np.testing.assert_array_equal(outlined_crown, filled if behind == SKY else crown)
 
 
 def test_a_hole_wider_than_the_kernel_stays(crown):
     crown[25:35, 40:50] = SKY
-    found = drawn(crown)
-    assert (found[26:34, 41:49] == SKY).all() and (
-        found != crown
+    outlined_crown = drawn(crown)
+    assert (outlined_crown[26:34, 41:49] == SKY).all() and (
+        outlined_crown != crown
     ).sum() <= 12  # corners of an ellipse
 
 
@@ -71,14 +71,14 @@ def test_a_hole_at_the_image_border_is_filled_as_it_goes_on_beyond():
 
 
 def test_loose_twigs_go_to_the_deepest_neighbour(crown):
-    whole = crown.copy()
+    expected = crown.copy()
     crown[5, 5:10] = TREE
-    np.testing.assert_array_equal(drawn(crown), whole)
-    crown[4:7, :12], whole[4:7, :12] = ROAD, ROAD  # sky is deeper than a road, a road than a car
+    np.testing.assert_array_equal(drawn(crown), expected)
+    crown[4:7, :12], expected[4:7, :12] = ROAD, ROAD  # sky is deeper than a road, a road than a car
     crown[5, 5:10] = TREE
-    crown[6, 5:8], whole[6, 5:8] = CAR, CAR
-    whole[5, 5:10] = ROAD
-    np.testing.assert_array_equal(drawn(crown), whole)
+    crown[6, 5:8], expected[6, 5:8] = CAR, CAR
+    expected[5, 5:10] = ROAD
+    np.testing.assert_array_equal(drawn(crown), expected)
     count = int(LEAST * WIDTH * HEIGHT) + 1  # of a part that is large enough to stay
     crown[50, 50 : 50 + count] = TREE
     assert (drawn(crown)[50, 50 : 50 + count] == TREE).all()
@@ -89,16 +89,16 @@ def test_the_first_of_two_outlines_closes_what_both_could():
     label[20:40, 30:60:4] = TREE  # a fence of bars between the stripes of a tree
     label[20:40, 32:60:4] = FENCE
     for first, second in ((TREE, FENCE), (FENCE, TREE)):
-        found = drawn(label, [Outline((k,), 0.025) for k in (first, second)])
-        assert (found[24:36, 35:55:2] == first).all()
-        np.testing.assert_array_equal(found[20:40, 34:56:2], label[20:40, 34:56:2])
+        result = drawn(label, [Outline((k,), 0.025) for k in (first, second)])
+        assert (result[24:36, 35:55:2] == first).all()
+        np.testing.assert_array_equal(result[20:40, 34:56:2], label[20:40, 34:56:2])
 
 
 def test_a_class_of_several_fills_with_the_nearest(crown):
     crown[20:40, 45:60] = FENCE
-    whole = crown.copy()
+    expected = crown.copy()
     crown[30, 35], crown[30, 55] = SKY, SKY
-    np.testing.assert_array_equal(drawn(crown, [Outline((TREE, FENCE), 0.025)]), whole)
+    np.testing.assert_array_equal(drawn(crown, [Outline((TREE, FENCE), 0.025)]), expected)
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.01, 0.03, 0.1]))
@@ -112,12 +112,12 @@ def test_only_classes_of_the_rule_grow_and_nothing_new_appears(seed, share):
     depth[label == SKY] = 0
     before = label.copy(), depth.copy()
     source = sources(label, depth, [Outline((TREE,), share)])
-    found = label.take(source)
+    result = label.take(source)
     assert (label == before[0]).all() and (depth == before[1]).all()
-    changed = found != label
-    assert ((found == TREE) | (label == TREE))[changed].all()
-    assert set(np.unique(found)) <= set(np.unique(label))
-    assert (label[changed & (found == TREE)] == SKY).all()
+    changed = result != label
+    assert ((result == TREE) | (label == TREE))[changed].all()
+    assert set(np.unique(result)) <= set(np.unique(label))
+    assert (label[changed & (result == TREE)] == SKY).all()
     np.testing.assert_array_equal(sources(label, depth, ()).ravel(), np.arange(label.size))
 
 
@@ -125,10 +125,10 @@ def test_only_classes_of_the_rule_grow_and_nothing_new_appears(seed, share):
 def test_sizes_that_are_odd_or_smaller_than_the_kernel(size):
     rng = np.random.default_rng(0)
     label = rng.choice([TREE, SKY], size).astype(np.uint8)
-    found = drawn(label, [Outline((k,), 0.1) for k in (TREE, CAR)])
-    assert found.shape == size and set(np.unique(found)) <= {TREE, SKY}
-    for whole in (TREE, SKY):
-        assert (drawn(np.full(size, whole)) == whole).all()
+    result = drawn(label, [Outline((k,), 0.1) for k in (TREE, CAR)])
+    assert result.shape == size and set(np.unique(result)) <= {TREE, SKY}
+    for only_class in (TREE, SKY):
+        assert (drawn(np.full(size, only_class)) == only_class).all()
 
 
 def test_labels_at_twice_the_size_are_outlined_alike():
@@ -195,8 +195,8 @@ def test_exports_in_the_layout_of_cityscapes_are_exact_without_its_target(tmp_pa
         folder = tmp_path / str(len(outlines))
         export_dataset(UNITS, 0, folder, target="cityscapes" if outlines else None, **options)
         labels[len(outlines)] = read_dataset(folder).labels
-        wanted = [outlined(frame, outlines).label for frame in frames]
-        np.testing.assert_array_equal(labels[len(outlines)], wanted)
+        expected = [outlined(frame, outlines).label for frame in frames]
+        np.testing.assert_array_equal(labels[len(outlines)], expected)
     assert (labels[0] != labels[1]).mean() > 0.003
 
 
@@ -204,9 +204,9 @@ def test_exports_have_one_convention_in_all_their_labels(target, tmp_path):
     exact = parse_target(TARGET.replace("outlines: {tree: 3 %, bicycle: 2 %}\n", ""), "trees.yaml")
     options = {"shots": 1, "settings": SETTINGS, "pool": POOL}
     labels = {}
-    for name, own in (("outlined", target), ("exact", exact), ("again", target)):
+    for name, label_target in (("outlined", target), ("exact", exact), ("again", target)):
         export_dataset(
-            UNITS, 0, tmp_path / name, target=own, workers=2 * (name == "again"), **options
+            UNITS, 0, tmp_path / name, target=label_target, workers=2 * (name == "again"), **options
         )
         labels[name] = read_dataset(tmp_path / name).labels
         assert not list(findings(tmp_path / name))
@@ -226,8 +226,8 @@ def test_exports_have_one_convention_in_all_their_labels(target, tmp_path):
     assert [row.get("outline") for row in rows] == [None, 0.03, 0.02, None]
     assert "outline" not in str(read_json(tmp_path / "exact" / "dataset.json")["target"])
     path = tmp_path / "outlined" / "dataset.json"
-    found = read_json(path)
-    found["target"]["classes"][1]["outline"] = 3
-    write_json(path, found)
-    with pytest.raises(ValueError, match="target is not as it was written: outlines"):
+    description = read_json(path)
+    description["target"]["classes"][1]["outline"] = 3
+    write_json(path, description)
+    with pytest.raises(ValueError, match="the entry of the target is damaged: outlines"):
         describe(tmp_path / "outlined")

@@ -132,10 +132,10 @@ def read_cityscapes(folder, frames):
             kind: np.array(Image.open(folder / f"{name}_{kind}.png"))
             for kind in ("labelIds", "labelTrainIds", "instanceIds", "color")
         }
-        own = frame.label == OWN
-        np.testing.assert_array_equal(planes["labelIds"] == 34, own)
+        is_own = frame.label == OWN
+        np.testing.assert_array_equal(planes["labelIds"] == 34, is_own)
         np.testing.assert_array_equal(planes["labelTrainIds"], frame.label)
-        np.testing.assert_array_equal((planes["color"] == (0, 255, 255)).all(axis=2), own)
+        np.testing.assert_array_equal((planes["color"] == (0, 255, 255)).all(axis=2), is_own)
         np.testing.assert_array_equal(planes["color"], colorize(frame.label))
         for number, mask in enumerate(masks_of(frame)):
             assert (planes["instanceIds"][mask] == 34000 + number).all()
@@ -172,8 +172,8 @@ def read_yolo(folder, frames):
     assert data["nc"] == 9 and data["names"][8] == NAME
     for k, frame in enumerate(frames):
         lines = (folder / f"labels/train/scenex_{k:06d}_000000.txt").read_text().splitlines()
-        own = [line.split()[1:] for line in lines if line.startswith("8 ")]
-        for shares, mask in zip(own, masks_of(frame), strict=True):
+        outlines = [line.split()[1:] for line in lines if line.startswith("8 ")]
+        for shares, mask in zip(outlines, masks_of(frame), strict=True):
             corners = np.array(shares, float).reshape(-1, 2) * [160, 96]
             assert abs(yolo.area(corners)) == pytest.approx(mask.sum(), rel=0.02)
 
@@ -322,10 +322,10 @@ def test_ids_of_a_class_that_a_dataset_does_not_have_are_found():
     ("--own-class bin", "--own-class needs --own-asset, too"),
     ("--own-place carriageway", "--own-place needs --own-asset, too"),
     ("--own-asset bin.glb --own-class bin --own-place roof", "carriageway, not 'roof'"),
-    ("--own-asset bin.glb --own-class traffic_Light", "'traffic_Light': there is such a class already"),
-    ("--own-asset bin.glb --own-class VOID", "'VOID': there is such a class already"),
-    ("--own-asset bin.glb --own-class=", "own class '' has no name that can be read"),
-    ("--own-asset bin.glb --own-class=a\nb", "own class 'a\\nb' has no name that can be read"),
+    ("--own-asset bin.glb --own-class traffic_Light", "'traffic_Light': this class already exists"),
+    ("--own-asset bin.glb --own-class VOID", "'VOID': this class already exists"),
+    ("--own-asset bin.glb --own-class=", "own class '': a name must be words"),
+    ("--own-asset bin.glb --own-class=a\nb", "own class 'a\\nb': a name must be words"),
     ("--own-asset bin.glb --own-class " + 41 * "x", "a name has at most 40 characters, not 41"),
     ("--own-asset nowhere.glb --own-class bin", "nowhere.glb does not exist; an own class needs a .glb"),
     ("--own-asset= --own-class bin", "own class needs a .glb file of its asset"),
@@ -334,7 +334,7 @@ def test_ids_of_a_class_that_a_dataset_does_not_have_are_found():
     ("--own-asset broken.glb --own-class bin", "broken.glb: broken: cut short"),
     ("--own-asset beside.glb --own-class bin", "beside.glb: needs the separate file skin.png; save"),
     ("--own-asset huge.glb --own-class bin", "huge.glb: is 100 m long; an asset of an own class is 0.05"),
-    ("--own-asset bin.glb --own-class bin --target camvid", "own class 'bin' and target camvid: labels are"),
+    ("--own-asset bin.glb --own-class bin --target camvid", "cannot be combined with target camvid"),
 ])  # fmt: skip
 def test_bad_input_is_one_line_and_nothing_is_written(
     flags, message, tmp_path, refusal, monkeypatch

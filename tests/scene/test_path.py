@@ -42,9 +42,9 @@ def test_one_place_is_where_many_say_to_the_bit(seed):
     path = sample_path(rng, 1 / 40, 0.1)
     x = np.append(rng.uniform(-100, 720, 20), [-80.0, 0.0, 12.5, 700.0])
     y = np.where(rng.random(len(x)) < 0.3, 0.0, rng.normal(0, 8, len(x)))
-    found = [place_at(path, *at) for at in zip(x.tolist(), y.tolist(), strict=True)]
+    places = [place_at(path, *at) for at in zip(x.tolist(), y.tolist(), strict=True)]
     many = *to_world(path, x, y).T, heading_at(path, x), height_at(path, x)
-    np.testing.assert_array_equal(found, np.stack(many, axis=1))
+    np.testing.assert_array_equal(places, np.stack(many, axis=1))
 
 
 @given(SEEDS)
@@ -59,13 +59,13 @@ def test_a_course_keeps_to_its_limits_and_is_straight_and_level_at_a_junction(se
 @settings(max_examples=12)
 @given(SEEDS)
 def test_what_stands_in_a_shaped_street_stands_on_its_ground_and_out_of_the_arms(seed):
-    drawn = street(SHAPED, seed)
-    assert np.array_equal(drawn.placements[-1].pose, street(SHAPED, seed).placements[-1].pose)
-    ground, junction = drawn.ground, drawn.ground.junction
-    places = np.array([p.pose[:2, 3] for p in drawn.placements])
+    sampled = street(SHAPED, seed)
+    assert np.array_equal(sampled.placements[-1].pose, street(SHAPED, seed).placements[-1].pose)
+    ground, junction = sampled.ground, sampled.ground.junction
+    places = np.array([p.pose[:2, 3] for p in sampled.placements])
     along, away = nearest(ground.path, places)
-    line, beside = (to_world(ground.path, along, y) for y in (0.0, 1.0))
-    left = ((places - line) * (beside - line)).sum(axis=1)
+    line, one_metre_left = (to_world(ground.path, along, y) for y in (0.0, 1.0))
+    left = ((places - line) * (one_metre_left - line)).sum(axis=1)
     near = (away < STRIP - 1) & (along > -38) & (along < 340)
     # The road is straight at a junction, but need not run along the world's axes.
     heading = float(heading_at(ground.path, junction.x))
@@ -73,8 +73,8 @@ def test_what_stands_in_a_shaped_street_stands_on_its_ground_and_out_of_the_arms
     turn, origin = np.eye(4), np.eye(4)
     turn[:2, :2] = [[c, s], [-s, c]]
     origin[:2, 3] = -to_world(ground.path, junction.x, 0.0)
-    boxed = bounds([p._replace(pose=turn @ origin @ p.pose) for p in drawn.placements])[:, :, :2]
-    boxed = zip(drawn.placements, *np.moveaxis(boxed, 1, 0), strict=True)
+    boxed = bounds([p._replace(pose=turn @ origin @ p.pose) for p in sampled.placements])[:, :, :2]
+    boxed = zip(sampled.placements, *np.moveaxis(boxed, 1, 0), strict=True)
     exact = []
     for k, (p, low, high) in enumerate(boxed):
         assert p.pose[:3, :3] @ p.pose[:3, :3].T == pytest.approx(np.eye(3))
@@ -100,8 +100,8 @@ def test_labels_of_a_junction_from_above_are_those_of_the_place(seed):
     east, north = to_world(path, junction.x, 0.0).tolist()
     place = (east, north, height_at(path, junction.x) + 40)
     camera = Camera(place, -heading_at(path, junction.x), math.pi / 2)
-    drawn = street(seed=seed)._replace(placements=(), ground=ground, cameras=(camera,))
-    (frame,) = chosen("embree").render(drawn, RenderSettings(120, 120, fov=60, shadows=False))
+    sampled = street(seed=seed)._replace(placements=(), ground=ground, cameras=(camera,))
+    (frame,) = chosen("embree").render(sampled, RenderSettings(120, 120, fov=60, shadows=False))
     at = (1 - (np.arange(120) + 0.5) / 60) * math.tan(math.radians(30)) * 40
     for (row, column), label in np.ndenumerate(frame.label):
         x, y = junction.x + at[row], at[column]
@@ -113,8 +113,8 @@ def test_labels_of_a_junction_from_above_are_those_of_the_place(seed):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_points_of_the_ground_are_found_again_where_the_road_goes(seed):
-    drawn = street(SHAPED, seed)
-    path, geometry = drawn.ground.path, build(drawn)
+    sampled = street(SHAPED, seed)
+    path, geometry = sampled.ground.path, build(sampled)
     rng = np.random.default_rng(seed)
     for surface in (1, 2, 3):
         shape = geometry.shapes[surface - 1]
@@ -122,12 +122,12 @@ def test_points_of_the_ground_are_found_again_where_the_road_goes(seed):
         share = rng.dirichlet(np.ones(3), len(faces))[:, :, None]
         points = (share * shape.vertices[shape.faces[faces]]).sum(axis=1).astype(np.float32)
         instance, normals = np.full(len(faces), surface, np.int32), shape.normal[faces]
-        found, turned = on_road(geometry, path, instance, faces, points, normals)
-        x, y, above = found.astype(float).T
+        places, turned = on_road(geometry, path, instance, faces, points, normals)
+        x, y, above = places.astype(float).T
         off = np.linalg.norm(to_world(path, x, y) - points[:, :2], axis=1)
         climbed = np.abs(height_at(path, x) + above - points[:, 2])
         # The open land keeps its place in the world; so does what lies where the road is straight.
-        land = np.abs(found[:, :2] - points[:, :2]).max(axis=1) < 0.01
+        land = np.abs(places[:, :2] - points[:, :2]).max(axis=1) < 0.01
         assert surface == 3 or not land.all()
         most = (0.05, 0.07, 0.3)[surface - 1]  # far from the road, faces are large
         assert off[~land].max() < most and climbed[~land].max() < most
@@ -143,10 +143,10 @@ def test_points_of_the_ground_are_found_again_where_the_road_goes(seed):
 
 def test_points_of_a_house_are_found_in_its_own_frame_however_it_stands():
     """Else textures stretch where a wall stands askew to the world's axes."""
-    drawn = street(SHAPED, 3)
-    path, geometry = drawn.ground.path, build(drawn)
+    sampled = street(SHAPED, 3)
+    path, geometry = sampled.ground.path, build(sampled)
     turned = 0
-    for placement in drawn.placements:
+    for placement in sampled.placements:
         if placement.family not in ("building", "wall"):
             continue
         shape = geometry.shapes[geometry.shape[placement.instance]]
@@ -170,14 +170,14 @@ def test_no_sky_shows_between_the_houses_of_a_row_along_an_arm():
     params = SHAPED._replace(building_probability=1.0)
     for seed in range(8):
         ground = street(SHAPED, seed).ground
-        found = junction_objects(
+        stands = junction_objects(
             Setting(params, ground, POOL, ground.drive), np.random.default_rng(seed)
         )
         for side, hand in product(ground.junction.arms, (1.0, -1.0)):
             row = []
-            for s in found:
-                beside = s.y * side > 0 and (s.x - ground.junction.x) * hand > 0
-                if beside and s.family == "building" and abs(abs(s.yaw) - math.pi / 2) < 0.01:
+            for s in stands:
+                on_arm = s.y * side > 0 and (s.x - ground.junction.x) * hand > 0
+                if on_arm and s.family == "building" and abs(abs(s.yaw) - math.pi / 2) < 0.01:
                     corners = asset("building", s.ref).mesh.vertices
                     walls = corners[corners[:, 2] < 2.0, 0]  # below the eaves
                     row.append((abs(s.y) + walls.min(), abs(s.y) + walls.max()))

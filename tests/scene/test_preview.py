@@ -100,11 +100,11 @@ def test_pages_are_written(line, file, height, columns, tmp_path):
 @pytest.mark.parametrize("theme", THEMES.values(), ids=THEMES)
 def test_a_theme_gives_each_street_what_it_says_and_leaves_the_rest(theme):
     rows = themed(theme, 3, 4)
-    wanted = {**VIEW, **theme.attributes}
+    expected = {**VIEW, **theme.attributes}
     for k, (name, row) in enumerate(BY_NAME.items()):
-        if name in wanted:
-            assert row.physical(rows[0, k]) == pytest.approx(wanted[name], abs=1e-5)
-        assert (np.ptp(rows[:, k]) > 0) == (k < len(NAMES) and name not in wanted)
+        if name in expected:
+            assert row.physical(rows[0, k]) == pytest.approx(expected[name], abs=1e-5)
+        assert (np.ptp(rows[:, k]) > 0) == (k < len(NAMES) and name not in expected)
     assert set(theme.mix) <= set(Mix._fields)
 
 
@@ -138,7 +138,7 @@ def test_own_assets_are_shown_and_what_is_left_out_is_said(folder, tmp_path, pri
 @pytest.mark.parametrize(("flags", "message"), [
     ("--sweep hats", "unknown attribute 'hats'; known: illumination_intensity"),
     ("--theme hats", "unknown theme 'hats'; known: islands, bends"),
-    ("--renderer both", "--renderer both goes with --theme only"),
+    ("--renderer both", "--renderer both works with --theme only"),
     ("--asset boat", "no assets of class 'boat'; known: building"),
     ("--size 48", "must look like 640x320, not '48'"), ("--size 0x32", "0x32 is too small"),
     ("--streets 0", "--streets must lie in 1..400, not 0"),
@@ -156,7 +156,7 @@ def test_own_assets_are_shown_and_what_is_left_out_is_said(folder, tmp_path, pri
     ("--assets /no/such", "/no/such does not exist"),
     ("--renderer blender", "both, not 'blender'"),
     ("--sweep all --asset all", "not allowed with"), ("--out x.gif", "must end in .png"),
-    ("--out none/x.png", "there is no folder"),
+    ("--out none/x.png", "the folder none does not exist"),
 ])  # fmt: skip
 def test_bad_input_is_refused_in_one_line(flags, message, folder, tmp_path, refusal, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -69,10 +69,10 @@ def test_a_street_does_not_depend_on_how_many_there_are_and_all_fill_their_inter
 def test_streets_from_a_later_one_on_are_those_of_the_whole_dataset():
     mixed = module.streets_named("mixed", "scenex", 0.2)
     for streets in (random_proposal(), mixed, histogram(np.ones((23, 4)))):
-        whole = draw(streets, 3, 9)
-        assert len(np.unique(whole, axis=0)) == 9
+        dataset = draw(streets, 3, 9)
+        assert len(np.unique(dataset, axis=0)) == 9
         for start, count in ((0, 9), (1, 8), (5, 3), (8, 1)):
-            np.testing.assert_array_equal(draw(streets, 3, count, start), whole[start:][:count])
+            np.testing.assert_array_equal(draw(streets, 3, count, start), dataset[start:][:count])
 
 
 def test_a_file_gives_values_or_intervals_and_a_description_says_where_they_lie_in_metres():
@@ -113,7 +113,7 @@ def test_a_file_older_than_some_attributes_has_their_defaults_and_one_line_says_
     units = draw(module.streets_in(path), 0, 6)
     np.testing.assert_array_equal(units[:, -3:], [default_unit("extended")[-3:]] * 6)
     (line,) = caplog.messages
-    assert line == f"{path}: no {', '.join(row.name for row in LATER)}; taken at their defaults"
+    assert line == f"{path}: no {', '.join(row.name for row in LATER)}; using their defaults"
     caplog.clear()
     for value in (VALUES, {"space": "scenex", **VALUES}, dict.fromkeys(BOTH, 0.25)):
         path.write_text(json.dumps(value))
@@ -129,8 +129,8 @@ def test_what_is_described_is_read_back_to_the_same_streets(lists, seed):
     proposal = slide(np.array(centre), np.array(width))
     rough = Proposal(np.float32(centre), np.float32(width))  # sticks out of [0, 1]
     described = (json.loads(json.dumps(describe(p))) for p in (proposal, rough))
-    again, other = map(module.parse_streets, described)
-    assert [part.tobytes() for part in again] == [part.tobytes() for part in proposal]
+    parsed, other = map(module.parse_streets, described)
+    assert [part.tobytes() for part in parsed] == [part.tobytes() for part in proposal]
     assert draw(other, seed, 2).tobytes() == draw(rough, seed, 2).tobytes()
 
 
@@ -161,7 +161,7 @@ WHOLE = {"share": 1, "attributes": VALUES}
 
 
 @pytest.mark.parametrize(("rows", "message"), [
-    ([], "components: expected a list"), ({}, "components: expected a list"),
+    ([], "components must be a list"), ({}, "components must be a list"),
     ([WHOLE, {"share": 1}], r"components\[1\]: expected an object of share and attributes"),
     ([{**WHOLE, "share": "all"}], r"components\[0\]: share is 'all'"),
     ([{**WHOLE, "attributes": {**VALUES, "car_position": 2}}], r"components\[0\]: .*car_position is 2"),
@@ -180,9 +180,9 @@ def test_a_mixture_draws_each_component_its_share(weights, seed):
     shares = [w / sum(weights) for w in weights]
     parts = [slide(np.full(23, k / 10), 0.0) for k in range(len(shares))]
     streets = module.mixture(shares, parts)
-    again = module.parse_streets(json.loads(json.dumps(describe(streets))))
+    parsed = module.parse_streets(json.loads(json.dumps(describe(streets))))
     units = draw(streets, seed, 200)
-    np.testing.assert_array_equal(draw(again, seed, 200), units)
+    np.testing.assert_array_equal(draw(parsed, seed, 200), units)
     np.testing.assert_array_equal(draw(streets, seed, 7), units[:7])
     for part, share in zip(parts, shares, strict=True):
         assert np.isclose(units[:, 0], part.centre[0]).mean() == pytest.approx(share, abs=0.02)
@@ -206,7 +206,7 @@ def test_a_file_has_its_own_space_and_another_is_refused(tmp_path):
     file.write_text(json.dumps(describe(random_proposal("extended"))))
     for space in (None, "extended"):
         assert module.space_in(module.read_streets(str(file), space)) == "extended"
-    complaint = "attributes.json has attributes of space extended, not scenex"
+    complaint = "attributes.json has the attributes of space extended, not scenex"
     refused(ValueError, complaint, module.read_streets, str(file), "scenex")
 
 
@@ -229,47 +229,50 @@ def bins_of(units, count):
 
 @given(ROWS, SEEDS)
 def test_a_histogram_is_read_back_to_the_bit_and_draws_the_same(weights, seed):
-    own = histogram(weights)
+    component = histogram(weights)
     for streets in (
-        own,
-        module.mixture((0.25, 0.75), (random_proposal(module.space_in(own)), own)),
+        component,
+        module.mixture((0.25, 0.75), (random_proposal(module.space_in(component)), component)),
     ):
-        again = module.parse_streets(json.loads(json.dumps(describe(streets))))
-        found = module.components(again)[-1][1]
-        assert isinstance(found, Histogram) and found.probabilities.dtype == np.float32
-        assert found.probabilities.tobytes() == own.probabilities.tobytes()
-        np.testing.assert_array_equal(draw(again, seed, 6), draw(streets, seed, 6))
-    units = draw(own, seed, 6)
+        parsed = module.parse_streets(json.loads(json.dumps(describe(streets))))
+        parsed_component = module.components(parsed)[-1][1]
+        assert (
+            isinstance(parsed_component, Histogram)
+            and parsed_component.probabilities.dtype == np.float32
+        )
+        assert parsed_component.probabilities.tobytes() == component.probabilities.tobytes()
+        np.testing.assert_array_equal(draw(parsed, seed, 6), draw(streets, seed, 6))
+    units = draw(component, seed, 6)
     assert units.dtype == np.float32 and (units >= 0).all() and (units < 1).all()
-    np.testing.assert_array_equal(draw(own, seed, 2), units[:2])
-    drawn = np.take_along_axis(own.probabilities, bins_of(units, len(weights[0])).T, axis=1)
-    assert (drawn > 0).all()
+    np.testing.assert_array_equal(draw(component, seed, 2), units[:2])
+    samples = np.take_along_axis(component.probabilities, bins_of(units, len(weights[0])).T, axis=1)
+    assert (samples > 0).all()
 
 
 @pytest.mark.parametrize("count", [2, 3, 7, 10])
 def test_bins_are_drawn_as_often_as_they_are_likely(count):
     weights = np.random.default_rng(count).gamma(0.5, size=(23, count))
     weights[:, 0][::2] = weights[:, -1][1::2] = 0
-    own = histogram(weights)
-    units = draw(own, 4, 4000)
+    component = histogram(weights)
+    units = draw(component, 4, 4000)
     bins = bins_of(units, count)
     shares = (bins[..., None] == np.arange(count)).mean(axis=0)
-    np.testing.assert_allclose(shares, own.probabilities, atol=0.03)
-    assert (shares[own.probabilities == 0] == 0).all()
+    np.testing.assert_allclose(shares, component.probabilities, atol=0.03)
+    assert (shares[component.probabilities == 0] == 0).all()
     inside = units * count - bins  # uniform within each bin
     assert inside[bins == np.argmax(weights, axis=1)].mean() == pytest.approx(0.5, abs=0.02)
-    mean = own.probabilities @ ((np.arange(count) + 0.5) / count)
+    mean = component.probabilities @ ((np.arange(count) + 0.5) / count)
     np.testing.assert_allclose(units.mean(axis=0), mean, atol=0.03)
     spread = np.minimum(units.std(axis=0), 12**-0.5)  # no interval is longer than 1
-    np.testing.assert_allclose(spread, moments(own).width * 12**-0.5, atol=0.03)
-    space, policy = sdr_jax.space(NAMES, count), jnp.asarray(own.probabilities)
-    np.testing.assert_allclose(moments(own), distributions.moments(space, policy), atol=1e-5)
+    np.testing.assert_allclose(spread, moments(component).width * 12**-0.5, atol=0.03)
+    space, policy = sdr_jax.space(NAMES, count), jnp.asarray(component.probabilities)
+    np.testing.assert_allclose(moments(component), distributions.moments(space, policy), atol=1e-5)
 
 
 def test_certain_bins_are_intervals_and_even_ones_the_whole_range():
     even = Histogram(np.full((23, 4), 0.25, np.float32))
-    for own, expected in ((moments(even), random_proposal()), (even, random_proposal())):
-        np.testing.assert_allclose(draw(own, 2, 50), draw(expected, 2, 50), atol=1e-6)
+    for component, expected in ((moments(even), random_proposal()), (even, random_proposal())):
+        np.testing.assert_allclose(draw(component, 2, 50), draw(expected, 2, 50), atol=1e-6)
     for count in (2, 9, 41):
         for bin_ in (0, count // 2, count - 1):
             certain = Histogram(np.tile(np.eye(count, dtype=np.float32)[bin_], (23, 1)))
@@ -308,12 +311,12 @@ BINNED = dict.fromkeys(NAMES, EVEN)
 
 @pytest.mark.parametrize(("entry", "message"), [
     ({"unit": {"centre": 0.5, "width": 0.1}}, "car_position has no probabilities, but illumination_inten"),
-    ({"probabilities": [0.5, 0.5]}, "car_position has 2 probabilities, but .* first attribute, 3"),
+    ({"probabilities": [0.5, 0.5]}, "car_position has 2 probabilities, but must have 3, as many as"),
     *(({"probabilities": value}, f"car_position{message}") for value, message in (
-        (0.5, ": probabilities must be a list of 2"), ([1.0], ": probabilities must be a list of 2"),
-        ([0.25, 0.25, 0.4], r" has probabilities that add up to 0.9, but must to 1"),
+        (0.5, ": probabilities must be a list of two"), ([1.0], ": probabilities must be a list of two"),
+        ([0.25, 0.25, 0.4], r" has probabilities that add up to 0.9, not 1"),
         ([0.5, 0.5, 3e-4], " has probabilities that add up to 1.0003"),
-        *(([0.5, 0.5, bad], f" has the probability {bad!r}; they are numbers in") for bad in (
+        *(([0.5, 0.5, bad], f" has the probability {bad!r}, which must be a number in") for bad in (
             -0.1, 5, np.nan, np.inf, True, None, "0")),
     )),
 ])  # fmt: skip
@@ -332,9 +335,9 @@ def test_what_is_wrong_in_probabilities_is_named(entry, message):
 
 
 def test_beside_probabilities_an_attribute_with_one_value_is_held():
-    own = module.parse_streets({**VALUES, "car_position": EVEN})
-    assert [NAMES[where] for where, _ in own.held] == [n for n in NAMES if n != "car_position"]
-    units = draw(own, 0, 400)
+    parsed = module.parse_streets({**VALUES, "car_position": EVEN})
+    assert [NAMES[where] for where, _ in parsed.held] == [n for n in NAMES if n != "car_position"]
+    units = draw(parsed, 0, 400)
     car = NAMES.index("car_position")
     assert (np.delete(units, car, axis=1) == np.float32(0.25)).all()
     assert 0.4 < (units[:, car] >= 2 / 3).mean() < 0.6
@@ -342,11 +345,11 @@ def test_beside_probabilities_an_attribute_with_one_value_is_held():
 
 def test_probabilities_alone_are_enough_and_decide():
     thirds = {"probabilities": [1 / 3, 1 / 3, 0.3333]}  # rounded by hand
-    told = {"unit": {"centre": 0.1, "width": 0, **thirds}}
-    own = module.parse_streets({**dict.fromkeys(NAMES, thirds), NAMES[3]: told})
-    assert own.probabilities.tobytes() == np.float32([thirds["probabilities"]] * 23).tobytes()
-    np.testing.assert_allclose(moments(own).centre, 0.5, atol=1e-4)
-    unit = describe(own)["components"][0]["attributes"][NAMES[3]]["unit"]
+    entry = {"unit": {"centre": 0.1, "width": 0, **thirds}}
+    parsed = module.parse_streets({**dict.fromkeys(NAMES, thirds), NAMES[3]: entry})
+    assert parsed.probabilities.tobytes() == np.float32([thirds["probabilities"]] * 23).tobytes()
+    np.testing.assert_allclose(moments(parsed).centre, 0.5, atol=1e-4)
+    unit = describe(parsed)["components"][0]["attributes"][NAMES[3]]["unit"]
     assert unit["probabilities"] == [0.33333334, 0.33333334, 0.3333]
     assert list(unit) == ["centre", "width", "probabilities"] and unit["width"] == pytest.approx(
         1, abs=1e-3

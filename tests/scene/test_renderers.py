@@ -32,14 +32,14 @@ LEVEL = Camera((0.0, 0.0, 1.5), yaw=0.0, pitch=0.0)
 def draw(request):
     """``draw(street, settings)``: the first frame, by each renderer in turn."""
     by = chosen(request.param)
-    return lambda drawn, settings=QUIET: by.render(drawn, settings)[0]
+    return lambda sampled, settings=QUIET: by.render(sampled, settings)[0]
 
 
 def bare_street(*placements, camera=LEVEL, cover=0.0, intensity=1.0, elevation=0.7, azimuth=1.2):
     """Road and sky only, with what is put there by hand; unpainted asphalt."""
     light = {"intensity": intensity, "elevation": elevation, "azimuth": azimuth}
-    drawn = (sample_sky(np.random.default_rng(seed), **light) for seed in range(200))
-    sky = next(sky for sky in drawn if sky.weather == "clear")._replace(cover=cover, haze=1e5)
+    sampled = (sample_sky(np.random.default_rng(seed), **light) for seed in range(200))
+    sky = next(sky for sky in sampled if sky.weather == "clear")._replace(cover=cover, haze=1e5)
     ground = plain(sample_ground(np.random.default_rng(0)))._replace(half_width=5.0, footway=3.0)
     return Street(tuple(placements), (camera,), sky, ground, seed=0)
 
@@ -69,10 +69,10 @@ def test_axes_are_right_handed_and_rays_span_the_field_of_view_symmetrically():
     assert x == pytest.approx(np.arange(-3.5, 4) / 4)
     assert y == pytest.approx(np.arange(7.5, -8, -1) / 4)
     for samples in range(1, 9):
-        found = through_middles(SMALL._replace(samples=samples))
-        x, y = pixel_rays(found, found.samples)
-        assert 0 < found.samples <= samples and found.samples % 2
-        middle = slice(found.samples // 2, None, found.samples)
+        settings = through_middles(SMALL._replace(samples=samples))
+        x, y = pixel_rays(settings, settings.samples)
+        assert 0 < settings.samples <= samples and settings.samples % 2
+        middle = slice(settings.samples // 2, None, settings.samples)
         expected = pixel_rays(SMALL, 1)
         assert x[middle] == pytest.approx(expected[0]) and y[middle] == pytest.approx(expected[1])
 
@@ -83,14 +83,16 @@ def test_a_camera_sees_with_its_own_lens_exposure_and_white_balance(draw):
     def seen(settings=QUIET, **changes):
         return draw(bare_street(post, camera=LEVEL._replace(**changes)), settings)
 
-    own = seen(field_of_view=math.radians(90), roll=0.2)
-    np.testing.assert_array_equal(own.image, seen(wide, roll=0.2).image)
-    assert own.label[0, 0] == TrainId.SKY and not np.array_equal(own.label, seen(wide).label)
+    by_camera = seen(field_of_view=math.radians(90), roll=0.2)
+    np.testing.assert_array_equal(by_camera.image, seen(wide, roll=0.2).image)
+    assert by_camera.label[0, 0] == TrainId.SKY and not np.array_equal(
+        by_camera.label, seen(wide).label
+    )
     changes = {}, {"exposure": 1.5}, {"warmth": 1}
-    plain, bright, warm = (seen(**change).image.mean(axis=(0, 1)) for change in changes)
-    assert (bright > plain + 5).all()
-    assert warm[0] > plain[0] + 5 and warm[1] == pytest.approx(plain[1], abs=1)
-    assert warm[2] < plain[2] - 5
+    default, bright, warm = (seen(**change).image.mean(axis=(0, 1)) for change in changes)
+    assert (bright > default + 5).all()
+    assert warm[0] > default[0] + 5 and warm[1] == pytest.approx(default[1], abs=1)
+    assert warm[2] < default[2] - 5
 
 
 @pytest.mark.parametrize(("change", "message"), [
@@ -136,9 +138,9 @@ def test_a_box_is_labelled_where_projection_says(draw, samples, monkeypatch):
     front = [(11.0, y, z) for y in (-1, 1) for z in (0.5, 1.5)]
     columns, rows = np.array([project(p, camera, settings) for p in front]).T
     bus = frame.label == TrainId.BUS
-    seen = np.argwhere(bus)
+    pixels = np.argwhere(bus)
     assert (frame.instance[bus] == 4).all()
-    ends = [*seen.min(axis=0), seen[:, 0].max() + 1]
+    ends = [*pixels.min(axis=0), pixels[:, 0].max() + 1]
     assert ends == pytest.approx([rows.min(), columns.min(), rows.max()], abs=1.5)
     centre = round(rows.mean()), round(columns.mean())
     expected = camera_axes(camera)[2] @ (np.array([11.0, 0, 1.0]) - camera.position)
@@ -191,27 +193,29 @@ def test_labels_ignore_what_cityscapes_gives_no_class(draw, family, kind, share)
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_parts_of_a_frame_agree(draw, seed):
-    drawn = street(seed=seed)
-    frame = draw(drawn, SMALL)
+    sampled = street(seed=seed)
+    frame = draw(sampled, SMALL)
     assert frame.image.shape == (64, 96, 3)
     assert [a.dtype for a in frame[:5]] == [np.uint8, np.uint8, np.uint16, np.float32, np.float32]
     void = frame.label == VOID  # what labels ignore
-    assert np.array_equal(frame.label[~void], build(drawn).train_id[frame.instance][~void])
+    assert np.array_equal(frame.label[~void], build(sampled).train_id[frame.instance][~void])
     sky = frame.instance == SKY_INSTANCE
     assert ((frame.depth == 0) == sky).all() and ((frame.label == TrainId.SKY) == sky).all()
     assert (frame.depth[~sky] > 0.04).all() and frame.depth.max() < 1000
 
 
 def test_labels_do_not_depend_on_light_or_quality_nor_much_on_samples(draw):
-    drawn = street(seed=1)
-    plain = SMALL._replace(shadows=False, occlusion=False, textures=False)
-    one, dark = draw(drawn), draw(drawn._replace(sky=street(seed=2).sky))
-    assert (one.label == dark.label).all() and (one.label == draw(drawn, plain).label).all()
+    sampled = street(seed=1)
+    flat_settings = SMALL._replace(shadows=False, occlusion=False, textures=False)
+    one, dark = draw(sampled), draw(sampled._replace(sky=street(seed=2).sky))
+    assert (one.label == dark.label).all() and (
+        one.label == draw(sampled, flat_settings).label
+    ).all()
     for samples in (2, 4):  # their labels are those of a ray through each pixel's middle
-        even = draw(drawn, QUIET._replace(samples=samples))
+        even = draw(sampled, QUIET._replace(samples=samples))
         assert (even.image != one.image).any()
         assert all(a.tobytes() == b.tobytes() for a, b in zip(even[1:5], one[1:5], strict=True))
-    three = draw(drawn, QUIET._replace(samples=3))
+    three = draw(sampled, QUIET._replace(samples=3))
     assert (one.label != three.label).mean() < 0.003  # twigs, at most
     assert np.abs(one.image.astype(int) - three.image).mean() > 0.5  # yet edges are smoother
 
@@ -221,18 +225,18 @@ def test_the_same_street_gives_the_same_bytes_and_noise_is_drawn_anew_for_every_
     assert all(x.tobytes() == y.tobytes() for x, y in zip(a[:5], b[:5], strict=True))
     assert a.camera == b.camera
     assert (a.image != other.image).mean() > 0.5 and (a.label != other.label).any()
-    drawn = bare_street()
+    sampled = bare_street()
     quiet = SMALL._replace(response=SMALL.response._replace(noise=0.0))  # the street's own camera
-    clean, noisy = draw(drawn, quiet), draw(drawn, SMALL)
+    clean, noisy = draw(sampled, quiet), draw(sampled, SMALL)
     assert 0.5 < (noisy.image.astype(int) - clean.image).std() < 8
-    a, b = renderer("embree").render(drawn._replace(cameras=(LEVEL, LEVEL)), SMALL)
+    a, b = renderer("embree").render(sampled._replace(cameras=(LEVEL, LEVEL)), SMALL)
     assert a.label.tobytes() == b.label.tobytes() and a.image.tobytes() != b.image.tobytes()
 
 
 def test_a_shadow_falls_away_from_the_sun_and_darkens(draw):
     # The sun stands left, ahead: the shadow of a bus on the left falls on the road.
-    drawn = bare_street(at("bus", 14, 4.5), elevation=0.6, azimuth=math.pi / 2)
-    with_it, without = draw(drawn), draw(drawn, QUIET._replace(shadows=False))
+    sampled = bare_street(at("bus", 14, 4.5), elevation=0.6, azimuth=math.pi / 2)
+    with_it, without = draw(sampled), draw(sampled, QUIET._replace(shadows=False))
     change = with_it.image.mean(axis=2) - without.image.mean(axis=2)
     road = with_it.label == TrainId.ROAD
     darker = road & (change < -10)
@@ -246,20 +250,20 @@ def test_a_shadow_falls_away_from_the_sun_and_darkens(draw):
 @pytest.mark.parametrize(("samples", "most"), [(1, 0.7), (2, 0.35)])
 def test_the_light_of_few_rays_is_that_of_one_for_every_spot(samples, most, monkeypatch):
     settings, cast, ask = QUIET._replace(width=200, height=120, samples=samples), [], sunlight.free
-    drawn = street(seed=1)._replace(sky=bare_street().sky)
+    sampled = street(seed=1)._replace(sky=bare_street().sky)
     monkeypatch.setattr(sunlight, "free", lambda *a: cast.append(len(a[3])) or ask(*a))
-    few, rays = renderer("embree").render(drawn, settings)[0], sum(cast)
+    few, rays = renderer("embree").render(sampled, settings)[0], sum(cast)
     monkeypatch.setattr(sunlight, "_others", lambda first, lit, *_: np.flatnonzero(lit < 0))
-    change = renderer("embree").render(drawn, settings)[0].image.astype(int) - few.image
+    change = renderer("embree").render(sampled, settings)[0].image.astype(int) - few.image
     assert rays < most * (few.instance > 0).sum() * samples**2 and rays < sum(cast) - rays
     assert 0 < np.abs(change).mean() < 0.5 and abs(change.mean()) < 0.2
 
 
 def test_samples_are_shaded_as_one_where_they_see_one_surface():
-    drawn, settings = street(seed=1), SMALL._replace(samples=2)
-    around = shot.surroundings(drawn, build(drawn), settings)
-    rays = shot.sample_rays(drawn.cameras[0], settings)
-    hits = depth_buffer.nearest(around.geometry, drawn.cameras[0], settings, rays)
+    sampled, settings = street(seed=1), SMALL._replace(samples=2)
+    around = shot.surroundings(sampled, build(sampled), settings)
+    rays = shot.sample_rays(sampled.cameras[0], settings)
+    hits = depth_buffer.nearest(around.geometry, sampled.cameras[0], settings, rays)
     spots = shot.visible(around, rays, hits, settings).spots
     assert len(spots.sample) < 0.5 * len(hits.face)
     assert (np.add.reduceat(spots.share, spots.first[:-1]) == 4).all()
@@ -267,13 +271,13 @@ def test_samples_are_shaded_as_one_where_they_see_one_surface():
 
 
 def test_occlusion_darkens_what_is_close_to_other_things_and_textures_roughen_the_asphalt(draw):
-    drawn = street(seed=2)
-    with_it, without = draw(drawn), draw(drawn, QUIET._replace(occlusion=False))
-    seen = with_it.label != TrainId.SKY
-    change = with_it.image[seen].astype(int) - without.image[seen]
-    assert change.mean() < -2 and np.array_equal(with_it.image[~seen], without.image[~seen])
-    drawn = bare_street(camera=LEVEL._replace(pitch=0.3))
-    rough, flat = draw(drawn), draw(drawn, QUIET._replace(textures=False))
+    sampled = street(seed=2)
+    with_it, without = draw(sampled), draw(sampled, QUIET._replace(occlusion=False))
+    solid = with_it.label != TrainId.SKY
+    change = with_it.image[solid].astype(int) - without.image[solid]
+    assert change.mean() < -2 and np.array_equal(with_it.image[~solid], without.image[~solid])
+    sampled = bare_street(camera=LEVEL._replace(pitch=0.3))
+    rough, flat = draw(sampled), draw(sampled, QUIET._replace(textures=False))
     grain = [np.diff(f.image[-20:, 40:56].astype(float), axis=1).std() for f in (rough, flat)]
     assert grain[0] > 1.5 * grain[1]
 
@@ -285,18 +289,18 @@ def test_textures_of_the_ground_follow_a_bend(draw):
     ground = straight.ground._replace(
         road=straight.ground.road._replace(material="patched asphalt")
     )
-    seen = []
+    images = []
     for path in (STRAIGHT, Path(bends=((-40.0, 1 / 40), (100.0, 1 / 40)))):
         patches = []
         for x, y in ((30.0, 1.0), (55.0, -2.0)):
             place = place_at(path, x, y)
             above = Camera((place.east, place.north, 3.0), -place.heading, math.radians(89.9))
-            drawn = straight._replace(ground=ground._replace(path=path), cameras=(above,))
-            patches.append(draw(drawn, settings).image[8:-8, 12:-12, 1].ravel())
-        seen.append(patches)
-    for one, other in zip(*seen, strict=True):
+            sampled = straight._replace(ground=ground._replace(path=path), cameras=(above,))
+            patches.append(draw(sampled, settings).image[8:-8, 12:-12, 1].ravel())
+        images.append(patches)
+    for one, other in zip(*images, strict=True):
         assert one.std() > 2 and np.corrcoef(one, other)[0, 1] > 0.7
-    assert abs(np.corrcoef(*seen[1])[0, 1]) < 0.5  # elsewhere it looks different
+    assert abs(np.corrcoef(*images[1])[0, 1]) < 0.5  # elsewhere it looks different
 
 
 @pytest.mark.parametrize("slope", [0.1, -0.1])
@@ -343,9 +347,9 @@ def test_few_pixels_are_clipped_on_sunny_hand_set_streets():
     clipped = []
     settings = RenderSettings(96, 72, 1)
     for seed in range(40):
-        drawn = street(seed=seed)
-        if drawn.sky.cover < 0.6 and drawn.sky.sun.max() > 0.8:
-            [frame] = renderer("embree").render(drawn, settings)
+        sampled = street(seed=seed)
+        if sampled.sky.cover < 0.6 and sampled.sky.sun.max() > 0.8:
+            [frame] = renderer("embree").render(sampled, settings)
             clipped.append((frame.image == 255).any(axis=2).mean())
         if len(clipped) == 10:
             break

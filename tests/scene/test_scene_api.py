@@ -15,17 +15,17 @@ ROOMS = (
 
 
 def test_imports_between_rooms_point_one_way():
-    root, seen = Path(scene.__path__[0]), set()
+    root, imports = Path(scene.__path__[0]), set()
     for path in sorted(root.rglob("*.py")):
         room = path.relative_to(root).parts[0].removesuffix(".py")
         if path.name == "__main__.py" or room == "__init__":
             continue  # a command uses what it likes; public names are imported on first use
-        seen.add(room)
+        imports.add(room)
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("scene."):
                 other = node.module.split(".")[1]
                 assert ROOMS.index(other) <= ROOMS.index(room), f"{path}: {node.module}"
-    assert seen == set(ROOMS)
+    assert imports == set(ROOMS)
 
 
 def test_the_example_in_the_docstring_runs():

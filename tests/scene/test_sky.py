@@ -34,8 +34,8 @@ def one_of(name, elevation=LOW, count=600):
 def test_the_sun_stands_where_its_angles_say_weak_and_red_if_low_and_clouds_hide_it():
     long = math.sqrt(3) / 2
     for elevation, azimuth, direction in ((30, 0, [long, 0, 0.5]), (60, 90, [0, 0.5, long])):
-        drawn = sky(elevation=math.radians(elevation), azimuth=math.radians(azimuth))
-        assert drawn.sun_direction == pytest.approx(direction, abs=1e-6)
+        sampled = sky(elevation=math.radians(elevation), azimuth=math.radians(azimuth))
+        assert sampled.sun_direction == pytest.approx(direction, abs=1e-6)
     low, high = (sky(elevation=math.radians(e), share=0.001).sun for e in (8, 70))
     assert (low < high).all() and low[2] / low[0] < 0.8 * high[2] / high[0]
     light = [s.sun.mean() for s in sorted(skies(HIGH), key=lambda s: s.cover)]
@@ -59,15 +59,15 @@ def test_all_light_is_proportional_to_the_intensity(seed, intensity, elevation, 
 
 @given(SEEDS, ELEVATION, AZIMUTH)
 def test_light_is_positive_and_the_weather_is_in_range(seed, elevation, azimuth):
-    drawn = sky(seed, 1.0, elevation, azimuth)
-    row = next(w for w in SKIES if w.name == drawn.weather)
+    sampled = sky(seed, 1.0, elevation, azimuth)
+    row = next(w for w in SKIES if w.name == sampled.weather)
     for name in ("cover", "haze", "wetness"):
         low, high = getattr(row, name)
-        assert low * 0.999 <= getattr(drawn, name) <= high * 1.001
-    assert np.linalg.norm(drawn.sun_direction) == pytest.approx(1, abs=1e-6)
-    image = panorama(drawn, COLUMNS)
+        assert low * 0.999 <= getattr(sampled, name) <= high * 1.001
+    assert np.linalg.norm(sampled.sun_direction) == pytest.approx(1, abs=1e-6)
+    image = panorama(sampled, COLUMNS)
     assert image.shape == (COLUMNS // 4, COLUMNS, 3) and image.dtype == np.float32
-    assert ((image > 0) & (image <= BRIGHTEST)).all() and (drawn.sun > 0).all()
+    assert ((image > 0) & (image <= BRIGHTEST)).all() and (sampled.sun > 0).all()
 
 
 def test_there_are_many_weathers_under_a_low_sun_and_cloud_closes_where_asked_to():
@@ -82,34 +82,36 @@ def test_there_are_many_weathers_under_a_low_sun_and_cloud_closes_where_asked_to
     counts = [sum(s.weather in low for s in skies(math.radians(e))) for e in (2, 13, 23)]
     assert counts[0] > 2 * counts[1] > counts[2] == 0
     for closed in (True, False):
-        drawn = [sky(k, closed=closed) for k in range(60)]
-        assert len({s.weather for s in drawn}) > 3
-        assert all((s.cover >= 0.8 and s.sun.max() < 0.3) == closed for s in drawn)
-        assert all(np.array_equal(s.cloud_offset, sky(k).cloud_offset) for k, s in enumerate(drawn))
+        sampled = [sky(k, closed=closed) for k in range(60)]
+        assert len({s.weather for s in sampled}) > 3
+        assert all((s.cover >= 0.8 and s.sun.max() < 0.3) == closed for s in sampled)
+        assert all(
+            np.array_equal(s.cloud_offset, sky(k).cloud_offset) for k, s in enumerate(sampled)
+        )
 
 
 @given(SEEDS, ELEVATION)
 def test_the_horizon_has_the_colour_of_haze_and_straight_up_that_of_the_zenith(seed, elevation):
-    drawn = sky(seed, 1.0, elevation)._replace(sun=np.zeros(3, np.float32))
-    edge = panorama(drawn, COLUMNS)[0]
-    np.testing.assert_allclose(edge, np.broadcast_to(drawn.horizon, edge.shape), rtol=0.02)
-    top = panorama(drawn._replace(cover=-1.0), COLUMNS)[-1]
-    np.testing.assert_allclose(top, np.broadcast_to(drawn.zenith, top.shape), rtol=1e-3)
+    sampled = sky(seed, 1.0, elevation)._replace(sun=np.zeros(3, np.float32))
+    edge = panorama(sampled, COLUMNS)[0]
+    np.testing.assert_allclose(edge, np.broadcast_to(sampled.horizon, edge.shape), rtol=0.02)
+    top = panorama(sampled._replace(cover=-1.0), COLUMNS)[-1]
+    np.testing.assert_allclose(top, np.broadcast_to(sampled.zenith, top.shape), rtol=1e-3)
 
 
 @pytest.mark.parametrize("name", ["clear", "fair cumulus", "cirrus"])
 def test_a_clear_sky_has_colour_down_to_the_horizon_and_is_no_brighter_than_a_sunlit_wall(name):
-    drawn = one_of(name, HIGH)._replace(cover=-1.0)
-    image = panorama(drawn, COLUMNS)
+    sampled = one_of(name, HIGH)._replace(cover=-1.0)
+    image = panorama(sampled, COLUMNS)
     away = image[:, :: COLUMNS // 8].min(axis=1)  # not towards the sun
     red, _, blue = away.T
     assert (blue > 1.4 * red).all() and (away[-1] < away[0]).all()
-    assert away.max() < 0.6 * drawn.sun.max()
+    assert away.max() < 0.6 * sampled.sun.max()
 
 
 def test_closed_cloud_is_three_times_as_bright_overhead_as_at_the_horizon():
-    drawn = one_of("bright overcast")._replace(cover=1.0, relief=0.0, sun=np.zeros(3, np.float32))
-    image = panorama(drawn, COLUMNS).mean(axis=(1, 2))
+    sampled = one_of("bright overcast")._replace(cover=1.0, relief=0.0, sun=np.zeros(3, np.float32))
+    image = panorama(sampled, COLUMNS).mean(axis=(1, 2))
     low = image[np.searchsorted(np.linspace(0, 1, len(image)) ** 2 * 90, 10)]  # 10 degrees up
     up = (3 + 6 * np.sin(np.radians([10, 90]))) / 7
     assert image[-1] / low == pytest.approx(up[1] / up[0], rel=0.1)

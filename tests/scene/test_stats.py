@@ -39,32 +39,34 @@ def camvid(tmp_path):
 def test_counts_by_hand():
     image = np.array([[(4, 8, 12)]] + [[(0, 0, 0)]] * 3, np.uint8)
     pairs = [(image, np.array([[1], [1], [0], [255]], np.uint8)), (image, np.full((4, 1), 0))]
-    found = count(pairs, 3)
-    assert found.images == 2 and found.void == pytest.approx(1 / 8)
-    assert found.frequency.tolist() == pytest.approx([5 / 7, 2 / 7, 0])
-    assert found.containing.tolist() == [2, 1, 0]
+    statistics = count(pairs, 3)
+    assert statistics.images == 2 and statistics.void == pytest.approx(1 / 8)
+    assert statistics.frequency.tolist() == pytest.approx([5 / 7, 2 / 7, 0])
+    assert statistics.containing.tolist() == [2, 1, 0]
     # Row centres: 1/8, 3/8, 5/8, 7/8.
-    assert found.mean_row[:2].tolist() == pytest.approx([(5 / 8 + 16 / 8) / 5, 1 / 4])
-    assert np.isnan(found.mean_row[2])
-    assert found.mean_rgb.tolist() == [1, 2, 3]
+    assert statistics.mean_row[:2].tolist() == pytest.approx([(5 / 8 + 16 / 8) / 5, 1 / 4])
+    assert np.isnan(statistics.mean_row[2])
+    assert statistics.mean_rgb.tolist() == [1, 2, 3]
 
 
 def test_the_figures_of_a_dataset_are_those_of_its_description(dataset):
-    classes, found = compare(dataset, None, ())
-    told = json.loads((dataset / "dataset.json").read_text())
-    assert classes == CLASS_NAMES and list(found) == ["dataset"]
-    figures = found["dataset"]
-    np.testing.assert_allclose(figures.frequency, [*told["class_frequency"].values()], atol=1e-8)
-    assert figures.containing.tolist() == [*told["images_with_class"].values()]
-    np.testing.assert_allclose(figures.mean_rgb, told["mean_rgb"], atol=1e-3)
-    assert figures.framing == (told["shots_retaken"], told["shots_refused"])
+    classes, statistics = compare(dataset, None, ())
+    description = json.loads((dataset / "dataset.json").read_text())
+    assert classes == CLASS_NAMES and list(statistics) == ["dataset"]
+    figures = statistics["dataset"]
+    np.testing.assert_allclose(
+        figures.frequency, [*description["class_frequency"].values()], atol=1e-8
+    )
+    assert figures.containing.tolist() == [*description["images_with_class"].values()]
+    np.testing.assert_allclose(figures.mean_rgb, description["mean_rgb"], atol=1e-3)
+    assert figures.framing == (description["shots_retaken"], description["shots_refused"])
 
 
 def test_camvid_is_the_measure_in_its_own_classes_all_of_it_or_some_sequences(dataset, camvid):
     assert CAMVID == CAMVID_11.classes
     np.testing.assert_array_equal(CAMVID_OF_TRAIN, CAMVID_11.from_train_id)
-    classes, found = compare(dataset, camvid, ())
-    target = found["target"]
+    classes, statistics = compare(dataset, camvid, ())
+    target = statistics["target"]
     assert classes == CAMVID and target.images == 2
     assert dict(zip(classes, target.frequency, strict=True)) == {
         **dict.fromkeys(CAMVID, 0), "sky": 2 / 5, "road": 2 / 5, "car": 1 / 5
@@ -72,21 +74,25 @@ def test_camvid_is_the_measure_in_its_own_classes_all_of_it_or_some_sequences(da
     assert target.void == 3 / 8 and target.mean_rgb.tolist() == [0, 0, 150]
     labels = CAMVID_OF_TRAIN[read_dataset(dataset).labels]
     share = np.bincount(labels.ravel(), minlength=256)[:11]
-    np.testing.assert_allclose(found["dataset"].frequency, share / share.sum())
-    _, found = compare(dataset, camvid, ("0016E5", "0006R0"))
-    assert found["target"].images == 1 and found["target"].mean_rgb.tolist() == [0, 0, 200]
+    np.testing.assert_allclose(statistics["dataset"].frequency, share / share.sum())
+    _, statistics = compare(dataset, camvid, ("0016E5", "0006R0"))
+    assert statistics["target"].images == 1 and statistics["target"].mean_rgb.tolist() == [
+        0,
+        0,
+        200,
+    ]
     with pytest.raises(ValueError, match="no images called Seq05"):
         compare(dataset, camvid, ("Seq05",))
 
 
 @pytest.mark.parametrize(("bits", "colour_type"), [(4, 0), (4, 3), (8, 3), (16, 0)])
 def test_labels_of_a_palette_and_of_other_bits_are_counted_alike(camvid, bits, colour_type):
-    _, plain = compare(camvid, None, ())
+    _, before = compare(camvid, None, ())
     for path in (camvid / "trainannot").iterdir():
         path.write_bytes(packed_png(read_png(path).tolist(), bits, colour_type))
-    _, found = compare(camvid, None, ())
-    np.testing.assert_array_equal(found["dataset"].frequency, plain["dataset"].frequency)
-    assert found["dataset"].void == plain["dataset"].void
+    _, after = compare(camvid, None, ())
+    np.testing.assert_array_equal(after["dataset"].frequency, before["dataset"].frequency)
+    assert after["dataset"].void == before["dataset"].void
 
 
 def test_a_folder_like_cityscapes_is_read_without_a_description(dataset, tmp_path):
@@ -99,10 +105,10 @@ def test_a_folder_like_cityscapes_is_read_without_a_description(dataset, tmp_pat
         for path in dataset.glob(f"{part}/train/scenex/*_{kind}.png"):
             shutil.copy(path, folder)
         (folder / f"scenex_9_9_{kind}.png").write_bytes(png(plane))
-    classes, found = compare(dataset, tmp_path, ())
+    classes, statistics = compare(dataset, tmp_path, ())
     assert len(classes) == 19
-    np.testing.assert_allclose(found["target"].frequency, found["dataset"].frequency)
-    assert found["target"].images == 5 and found["target"].void > 0
+    np.testing.assert_allclose(statistics["target"].frequency, statistics["dataset"].frequency)
+    assert statistics["target"].images == 5 and statistics["target"].void > 0
 
 
 def test_the_command_line_prints_and_writes_the_same_figures(dataset, camvid, tmp_path, printed):
@@ -136,6 +142,6 @@ def test_a_broken_target_is_one_line_and_exit_code_two(damage, message, dataset,
 
 
 def test_real_camvid(dataset, camvid_dir):
-    found = compare(dataset, camvid_dir, ("0016E5", "0001TP"))[1]["target"]
-    assert found.images > 200 and found.mean_row[CAMVID.index("sky")] < 0.3
-    assert 0.2 < found.frequency[CAMVID.index("road")] < 0.45
+    statistics = compare(dataset, camvid_dir, ("0016E5", "0001TP"))[1]["target"]
+    assert statistics.images > 200 and statistics.mean_row[CAMVID.index("sky")] < 0.3
+    assert 0.2 < statistics.frequency[CAMVID.index("road")] < 0.45

@@ -36,12 +36,12 @@ def exported(tmp_path_factory):
 @pytest.mark.parametrize(("start", "workers"), [(0, 0), (0, 1), (3, 0), (4, 1)])
 def test_each_image_is_that_of_an_export_with_its_street(start, workers, exported):
     units, dataset = exported
-    found = stream("random", SEED, start=start, workers=workers, target="camvid", **OPTIONS)
-    for k, sample in enumerate(islice(found, 6 - start), start=start):
+    samples = stream("random", SEED, start=start, workers=workers, target="camvid", **OPTIONS)
+    for k, sample in enumerate(islice(samples, 6 - start), start=start):
         np.testing.assert_array_equal(sample.image, dataset.images[k])
         np.testing.assert_array_equal(sample.label, dataset.labels[k])
         np.testing.assert_array_equal(sample.street, units[k // 2])
-    found.close()
+    samples.close()
 
 
 def test_without_a_target_labels_are_train_ids_and_a_number_of_images_is_the_end():
@@ -62,8 +62,8 @@ def test_bad_arguments_are_refused_before_the_first_image(changes, message):
 
 
 def test_streets_are_drawn_from_any_of_them_on():
-    whole = draw(random_proposal(), 3, 9)
-    np.testing.assert_array_equal(draw(random_proposal(), 3, 4, start=5), whole[5:])
+    dataset = draw(random_proposal(), 3, 9)
+    np.testing.assert_array_equal(draw(random_proposal(), 3, 4, start=5), dataset[5:])
 
 
 def test_endless_tasks_come_in_order_and_one_death_of_a_worker_is_survived(tmp_path):
@@ -74,9 +74,9 @@ def test_endless_tasks_come_in_order_and_one_death_of_a_worker_is_survived(tmp_p
             k += 1
 
     with WorkerPool(2) as pool:
-        found = pool.in_order(die_until, tasks("once", 1))
-        assert list(islice(found, 8)) == [k * k for k in range(8)]
-        found.close()
+        results = pool.in_order(die_until, tasks("once", 1))
+        assert list(islice(results, 8)) == [k * k for k in range(8)]
+        results.close()
         refused(WorkerError, "died twice", list, pool.in_order(die_until, tasks("always", 9)))
         assert list(pool.in_order(die_until, [(str(tmp_path / "once"), 1, 4)])) == [16]
 

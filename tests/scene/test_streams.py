@@ -23,14 +23,14 @@ FULL = dict.fromkeys(("junction_share", "parked_share", "queue_share"), 1.0)
 
 @pytest.mark.parametrize("open_share", (0.0, 1.0))
 def test_all_streams_of_a_street_of_many_shots_differ(monkeypatch, open_share):
-    made = np.random.default_rng
+    default_rng = np.random.default_rng
     places = defaultdict(list)  # state -> lines of code that asked for it
 
     def recorded(seed):
         frame = sys._getframe(1)
         while Path(frame.f_code.co_filename) == HELPER:
             frame = frame.f_back
-        rng = made(seed)
+        rng = default_rng(seed)
         name = Path(frame.f_code.co_filename)
         if name.is_relative_to(SCENE) and not name.is_relative_to(ASSETS):
             key = f"{name.relative_to(SCENE)}:{frame.f_lineno}"
@@ -53,10 +53,10 @@ def test_all_streams_of_a_street_of_many_shots_differ(monkeypatch, open_share):
 @pytest.mark.parametrize("path", sorted(SCENE.rglob("*.py")), ids=lambda p: p.stem)
 def test_streams_are_made_in_one_place(path):
     """But for those of assets, whose seeds are their parameters."""
-    found = [
+    uses = [
         node.lineno
         for node in ast.walk(ast.parse(path.read_text()))
         if isinstance(node, ast.Attribute | ast.Name)
         and "default_rng" in ast.unparse(node).split(".")
     ]
-    assert not found or path == HELPER or path.is_relative_to(ASSETS)
+    assert not uses or path == HELPER or path.is_relative_to(ASSETS)

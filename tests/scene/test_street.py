@@ -35,7 +35,9 @@ LINE_OF = {family: line for line, mix in LINES.items() for family in mix}
 
 def same(a, b):
     """Whether two lists of placements are bitwise the same, instance ids aside."""
-    one, other = ([p._replace(pose=p.pose.tobytes(), instance=0) for p in of] for of in (a, b))
+    one, other = (
+        [p._replace(pose=p.pose.tobytes(), instance=0) for p in sampled] for sampled in (a, b)
+    )
     return one == other
 
 
@@ -71,14 +73,14 @@ def test_the_same_arguments_give_the_same_street_and_another_seed_another(unit, 
 @given(UNITS, SEEDS)
 def test_every_object_stands_on_the_ground_and_the_camera_drives_on_at_its_height(unit, seed):
     params = lines_alone(unit)
-    drawn = street(params, seed)
-    wheeled = {id(p.pose) for p in drawn.placements if p.family in WHEELED}
-    for number, p in enumerate(drawn.placements, FIRST_INSTANCE):
+    sampled = street(params, seed)
+    wheeled = {id(p.pose) for p in sampled.placements if p.family in WHEELED}
+    for number, p in enumerate(sampled.placements, FIRST_INSTANCE):
         assert p.instance == number
         y, z = p.pose[1:3, 3]
         if id(p.pose) not in wheeled:  # by a kerb they stand on its lower side
-            by_kerb = abs(abs(y) - drawn.ground.half_width) < 8
-            assert z == ground_height(drawn.ground, y) or (by_kerb and z == 0)
+            by_kerb = abs(abs(y) - sampled.ground.half_width) < 8
+            assert z == ground_height(sampled.ground, y) or (by_kerb and z == 0)
             assert p.pose[:3, 2].tolist() == [0, 0, 1]  # upright
         assert p.pose[:3, :3] @ p.pose[:3, :3].T == pytest.approx(np.eye(3))
         low = catalogue.bounds(p.family, p.asset)[0, 2]
@@ -86,7 +88,7 @@ def test_every_object_stands_on_the_ground_and_the_camera_drives_on_at_its_heigh
         assert low > 0.05 if lifted else abs(low) <= 0.02
     for camera in street(params, seed, 5).cameras:
         _, y, z = camera.position
-        assert z == pytest.approx(ground_height(drawn.ground, y) + params.camera_position_y)
+        assert z == pytest.approx(ground_height(sampled.ground, y) + params.camera_position_y)
         assert (camera.yaw, camera.pitch) == (params.camera_rotation_y, params.camera_rotation_x)
         assert 0 <= camera.position[0] <= 60 + 24
     x = [c.position[0] for c in street(seed=5, shots=6).cameras]  # spread over the drive
@@ -94,10 +96,10 @@ def test_every_object_stands_on_the_ground_and_the_camera_drives_on_at_its_heigh
 
 
 def test_only_greenery_that_no_camera_comes_near_is_far():
-    drawn = street(shots=4)
-    far = [p for p in drawn.placements if p.far]
+    sampled = street(shots=4)
+    far = [p for p in sampled.placements if p.far]
     assert {p.train_id for p in far} == {TrainId.VEGETATION}
-    for camera in drawn.cameras:
+    for camera in sampled.cameras:
         assert min(math.dist(camera.position[:2], p.pose[:2, 3]) for p in far) > 25
 
 
@@ -123,7 +125,7 @@ def wheels(family, ref):
     corners = catalogue.asset(family, ref).mesh.vertices
     low = corners[corners[:, 2] < 0.03]
     quarters = (low[np.all(low[:, :2] * signs > 0, axis=1)] for signs in product((1, -1), repeat=2))
-    return np.array([of.mean(axis=0)[:2] for of in quarters if len(of)])
+    return np.array([placement.mean(axis=0)[:2] for placement in quarters if len(placement)])
 
 
 @pytest.mark.parametrize("position", [3.4, 4.3])
@@ -131,14 +133,14 @@ def test_no_wheel_of_a_vehicle_over_a_kerb_is_in_the_air_or_in_the_ground(positi
     params = DEFAULT._replace(car_position=position, car_interval=8.0, parked_share=0.5)
     off, tilted = [], 0
     for seed in range(12):
-        drawn = street(params, seed, pool=AssetPool())
-        for p in foreground(drawn.placements):
+        sampled = street(params, seed, pool=AssetPool())
+        for p in foreground(sampled.placements):
             if p.family not in ("car", "bus", "truck"):
                 continue
             touching = np.pad(wheels(p.family, p.asset), ((0, 0), (0, 1)))
             x, y, z = (touching @ p.pose[:3, :3].T + p.pose[:3, 3]).T
             # The ground below the middle of a tyre, or below one of its sides.
-            below = [ground_heights(drawn.ground, x, y + edge) for edge in (-0.1, 0.0, 0.1)]
+            below = [ground_heights(sampled.ground, x, y + edge) for edge in (-0.1, 0.0, 0.1)]
             off.append(np.abs(z - below).min(axis=0).max())
             tilted += p.pose[2, 2] < 1 - 1e-6
     assert len(off) > 300 and tilted > 30
@@ -215,19 +217,19 @@ def test_families_of_a_line_come_in_their_shares_riders_on_machines_signs_on_pos
 def test_no_sign_or_light_and_no_built_in_rider_is_in_the_air(shelf):
     """Whatever a pool leaves out."""
     shelf("rider/them.stl", trimesh.creation.box((0.6, 0.6, 1.8)))
-    own = shelf("traffic sign/stop.stl", trimesh.creation.box((0.02, 0.7, 0.7)))
-    assert "signpost" not in catalogue.missing_families(AssetPool(own=own, use="own"))
+    folder = shelf("traffic sign/stop.stl", trimesh.creation.box((0.02, 0.7, 0.7)))
+    assert "signpost" not in catalogue.missing_families(AssetPool(own=folder, use="own"))
     pools = {
-        AssetPool(own=own, use="own"): {"traffic sign", "rider"},
+        AssetPool(own=folder, use="own"): {"traffic sign", "rider"},
         POOL._replace(without=("signpost",)): {"rider"},
         POOL._replace(without=("bicycle", "motorcycle")): {"traffic sign", "traffic light"},
     }
-    for pool, there in pools.items():
-        found = [p for seed in range(3) for p in street(seed=seed, pool=pool).placements]
-        hanging = [p for p in found if p.family in ("traffic sign", "traffic light", "rider")]
-        assert {p.family for p in hanging} == there
+    for pool, expected in pools.items():
+        placements = [p for seed in range(3) for p in street(seed=seed, pool=pool).placements]
+        hanging = [p for p in placements if p.family in ("traffic sign", "traffic light", "rider")]
+        assert {p.family for p in hanging} == expected
         for p in hanging:
-            below = [o.family for o in found if o.pose is p.pose and o is not p]
+            below = [o.family for o in placements if o.pose is p.pose and o is not p]
             assert below or (p.family == "rider" and isinstance(p.asset, str))
 
 
@@ -260,13 +262,13 @@ def test_a_bus_and_the_camera_in_its_way_keep_apart(space):
         params = params._replace(field_of_view=1.0)
     moved = 0
     for seed in range(20):
-        drawn = street(params, seed, 4)
-        vehicles = [p for p in foreground(drawn.placements) if LINE_OF.get(p.family) == "car"]
+        sampled = street(params, seed, 4)
+        vehicles = [p for p in foreground(sampled.placements) if LINE_OF.get(p.family) == "car"]
         low, high = np.moveaxis(bounds(vehicles), 1, 0)
         aside = [abs(abs(p.pose[1, 3]) - 3.0) > 1e-9 for p in vehicles]
-        for camera in drawn.cameras:
-            beside = np.maximum(low - camera.position, camera.position - high)[:, :2]
-            assert beside.max(axis=1).min() > 0.5  # some stand askew in their boxes
+        for camera in sampled.cameras:
+            gaps = np.maximum(low - camera.position, camera.position - high)[:, :2]
+            assert gaps.max(axis=1).min() > 0.5  # some stand askew in their boxes
             elsewhere = abs(camera.position[1]) != 3.0
             assert space == "extended" or not elsewhere
             moved += elsewhere if space == "extended" else any(aside)
@@ -284,9 +286,11 @@ def test_an_object_in_the_camera_s_way_is_moved_no_farther_than_needed():
         Stand("signpost", 0, 21.0, 1.8, 0.0),
         Stand("traffic sign", 0, 21.0, 1.8, 0.0, part=True),
     ]
-    found = clear_of_camera(STRAIGHT, [near, *far, *sign], room)
-    assert found[:3] == [near._replace(y=near.y + 0.25), *far]
-    assert found[3][2:4] == found[4][2:4] != (21.0, 1.8) and found[4].part
+    cleared_stands = clear_of_camera(STRAIGHT, [near, *far, *sign], room)
+    assert cleared_stands[:3] == [near._replace(y=near.y + 0.25), *far]
+    assert (
+        cleared_stands[3][2:4] == cleared_stands[4][2:4] != (21.0, 1.8) and cleared_stands[4].part
+    )
     # One that no short move gets out is left out, with its parts.
     wall = np.array([[22.0, 1.8, 1.0, 0.0, 50.0, 50.0]])
     assert clear_of_camera(STRAIGHT, [near, *sign], wall) == []
@@ -317,11 +321,11 @@ def test_it_is_town_where_there_are_buildings_and_country_elsewhere(probability,
 
 @given(SEEDS)
 def test_it_leaves_lines_cameras_and_ground_as_they_are(seed):
-    drawn = street(seed=seed, shots=2)
+    sampled = street(seed=seed, shots=2)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("scene.street.street.background", lambda params, rng: [])
         bare = street(seed=seed, shots=2)
-    assert (bare.cameras, bare.ground) == (drawn.cameras, drawn.ground)
-    kept = drawn.placements[: len(bare.placements)]
-    assert [p[:4] for p in kept] == [p[:4] for p in bare.placements]
-    assert len(drawn.placements) > len(bare.placements)
+    assert (bare.cameras, bare.ground) == (sampled.cameras, sampled.ground)
+    unchanged = sampled.placements[: len(bare.placements)]
+    assert [p[:4] for p in unchanged] == [p[:4] for p in bare.placements]
+    assert len(sampled.placements) > len(bare.placements)

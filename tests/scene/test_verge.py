@@ -50,17 +50,17 @@ def level_area(ground, instance, low, high):
 def test_a_verge_takes_the_sidewalks_place_leaves_room_to_walk_and_ends_where_one_walks_over_it(
     seed,
 ):
-    drawn = sided(seed, 1.0)
-    inner, outer = drawn.half_width + KERB_WIDTH, drawn.outer
-    for own in drawn.sides:
-        low, high = own.verge
-        assert own.green.name in {row.name for row in VERGES} and own.rear == 0.0
+    sampled = sided(seed, 1.0)
+    inner, outer = sampled.half_width + KERB_WIDTH, sampled.outer
+    for roadside in sampled.sides:
+        low, high = roadside.verge
+        assert roadside.green.name in {row.name for row in VERGES} and roadside.rear == 0.0
         assert inner - 1e-9 <= low < high <= outer + 1e-9
         assert (low, high) == (inner, outer) or high - low <= outer - inner - LEAST_FOOTWAY + 1e-9
-    level = plain(drawn)._replace(sides=drawn.sides)
-    bare = level_area(plain(drawn), SIDEWALK, inner, outer)
+    level = plain(sampled)._replace(sides=sampled.sides)
+    bare = level_area(plain(sampled), SIDEWALK, inner, outer)
     green = level_area(level, TERRAIN, inner, outer)
-    assert green == pytest.approx(640 * sum(np.ptp(own.verge) for own in drawn.sides))
+    assert green == pytest.approx(640 * sum(np.ptp(roadside.verge) for roadside in sampled.sides))
     assert level_area(level, SIDEWALK, inner, outer) + green == pytest.approx(bare)
     crossed = level._replace(crosswalks=(40.0,), driveways=((60.0, 1.0), (60.0, -1.0)))
     assert level_area(crossed, TERRAIN, inner, outer) < green - 2
@@ -71,15 +71,15 @@ def test_a_verge_takes_the_sidewalks_place_leaves_room_to_walk_and_ends_where_on
 
 @given(SEEDS, st.floats(5, 30))
 def test_without_a_verge_paving_reaches_below_houses_that_are_near(seed, front):
-    drawn = sided(seed, 0.0, front)
-    open_side, built = drawn.sides
+    sampled = sided(seed, 0.0, front)
+    open_side, built = sampled.sides
     assert open_side.green is None and built.green is None and open_side.rear == 0.0
-    near = front - drawn.outer < DEEPEST
+    near = front - sampled.outer < DEEPEST
     assert built.rear == (front + UNDER if near else 0.0)
-    level = plain(drawn)._replace(sides=drawn.sides)
+    level = plain(sampled)._replace(sides=sampled.sides)
     for side in (1.0, -1.0):
         land = ground_surfaces(level)[TERRAIN].asset.mesh.vertices[:, 1] * side
-        assert land[land > 0].min() == pytest.approx(drawn.rear(side))
+        assert land[land > 0].min() == pytest.approx(sampled.rear(side))
 
 
 @given(SEEDS, st.floats(0, 1), st.floats(0, 1))
@@ -102,14 +102,14 @@ def test_a_sidewalk_of_asphalt_is_about_as_dark_as_the_road_and_its_kerb_little_
 
 def test_older_roads_have_more_repairs_more_dust_and_paler_paint():
     def means(wear):
-        found = [sample_ground(np.random.default_rng(seed), wear=wear) for seed in range(60)]
+        grounds = [sample_ground(np.random.default_rng(seed), wear=wear) for seed in range(60)]
         paint = material_id("marking")
         bright = []
-        for ground in found[:12]:
-            road = ground_surfaces(ground._replace(road=found[0].road))[1].asset
+        for ground in grounds[:12]:
+            road = ground_surfaces(ground._replace(road=grounds[0].road))[1].asset
             bright += [road.color[road.material == paint].mean()]
-        fresh = np.mean([g.road.name == "fresh asphalt" for g in found])
-        return [np.mean([g.patches for g in found]), np.mean([g.dust for g in found]),
+        fresh = np.mean([g.road.name == "fresh asphalt" for g in grounds])
+        return [np.mean([g.patches for g in grounds]), np.mean([g.dust for g in grounds]),
                 -np.nanmean(bright), -fresh]  # fmt: skip
 
     new, usual, old = means(0.0), means(0.45), means(1.0)
@@ -127,49 +127,49 @@ def seen_from_above(ground, seed):
 @pytest.mark.parametrize("shaped", [False, True])
 def test_the_share_of_terrain_in_labels_grows_with_the_share_of_verges(shaped):
     flat = {} if shaped else {"bend": 0.0, "gradient": 0.0, "junction_share": 0.0}
-    found = []
+    shares = []
     for share in (0.0, 0.5, 1.0):
         params = EXTENDED._replace(green_verge_share=share, **flat)
         grounds = [sample_street(params, seed, 1, POOL).ground for seed in range(8)]
-        found.append(np.mean([seen_from_above(g, k) for k, g in enumerate(grounds)], axis=0))
-    sidewalk, terrain = np.transpose(found)
+        shares.append(np.mean([seen_from_above(g, k) for k, g in enumerate(grounds)], axis=0))
+    sidewalk, terrain = np.transpose(shares)
     assert (np.diff(terrain) > 0.01).all() and (np.diff(sidewalk) < -0.01).all()
 
 
 @given(SEEDS, st.booleans())
 def test_leaves_lie_on_paving_and_water_on_the_road(seed, green):
-    drawn = sided(seed, float(green))._replace(leaves=300, puddles=5)
-    drawn = plain(drawn)._replace(leaves=300, puddles=5, sides=drawn.sides)
+    sampled = sided(seed, float(green))._replace(leaves=300, puddles=5)
+    sampled = plain(sampled)._replace(leaves=300, puddles=5, sides=sampled.sides)
     rng = np.random.default_rng(seed)
-    half, outer = drawn.half_width, drawn.outer
-    (water,), (wet,) = puddles(drawn, rng), leaves(drawn, rng, road=True)
+    half, outer = sampled.half_width, sampled.outer
+    (water,), (wet,) = puddles(sampled, rng), leaves(sampled, rng, road=True)
     for part in (water, wet):
         assert np.abs(part.corners[..., 1]).max() < half and part.corners[..., 2].max() < 0.02
     assert areas(water.corners).min() > 1e-4 and 3 < areas(water.corners).sum() < 40
-    (dry,) = leaves(drawn, rng, road=False)
+    (dry,) = leaves(sampled, rng, road=False)
     y = dry.corners[..., 1]
     assert (np.abs(y) > half + KERB_WIDTH).all() and (np.abs(y) < outer).all()
     for side in (-1.0, 1.0):
-        low, high = drawn.side(side).verge
-        here = side * y[side * y[:, 0] > 0]
-        assert not ((here > low) & (here < high)).any()
+        low, high = sampled.side(side).verge
+        on_side = side * y[side * y[:, 0] > 0]
+        assert not ((on_side > low) & (on_side < high)).any()
 
 
 @given(SEEDS)
 def test_plants_stand_on_green_verges_alone(seed):
     for share in (0.0, 1.0):
-        drawn = sided(seed, share)
-        plot = Plot(Setting(EXTENDED, drawn, POOL, 1.0))
+        sampled = sided(seed, share)
+        plot = Plot(Setting(EXTENDED, sampled, POOL, 1.0))
         for side in (-1.0, 1.0):
             plantings(plot, side, 1.0, np.random.default_rng(seed))
         assert share or not plot.stands
         for stand in plot.stands:
-            low, high = drawn.side(math.copysign(1, stand.y)).verge
+            low, high = sampled.side(math.copysign(1, stand.y)).verge
             _, _, _, wide = footprint((stand.family, stand.ref))
             assert stand.family == "bush"
             assert low - OVERHANG / 2 < abs(stand.y) - wide + 1e-9
             assert abs(stand.y) + wide - 1e-9 < high + OVERHANG / 2
-            assert all(abs(stand.x - x) > 2 for x, s in drawn.driveways if s * stand.y > 0)
+            assert all(abs(stand.x - x) > 2 for x, s in sampled.driveways if s * stand.y > 0)
 
 
 def test_some_verges_are_planted():
@@ -188,8 +188,8 @@ def areas(corners):
 
 
 def test_drives_lie_on_what_they_cross_and_reach_the_house():
-    drawn = plain(sided(3, 0.0))._replace(driveways=((20.0, 1.0),), sides=sided(3, 0.0).sides)
-    mesh = ground_surfaces(drawn)[SIDEWALK].asset.mesh.vertices
-    drive = mesh[np.isclose(mesh[:, 2], drawn.kerb_height + DRIVE_LIFT)]
+    sampled = plain(sided(3, 0.0))._replace(driveways=((20.0, 1.0),), sides=sided(3, 0.0).sides)
+    mesh = ground_surfaces(sampled)[SIDEWALK].asset.mesh.vertices
+    drive = mesh[np.isclose(mesh[:, 2], sampled.kerb_height + DRIVE_LIFT)]
     assert drive[:, 1].max() == pytest.approx(9.0 - 0.3)
     assert (np.abs(drive[:, 0] - 20) < 1.7).all()

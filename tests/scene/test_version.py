@@ -26,24 +26,24 @@ MOST = {"cells": 0.5, "shares": 0.002}
 
 def figures() -> dict[str, object]:
     """What pictures and labels of a few streets come to."""
-    found: dict[str, object] = {"engine": ENGINE}
+    result: dict[str, object] = {"engine": ENGINE}
     for name, proposal in (("random", random_proposal()), ("default", default_proposal())):
         units = draw(proposal, SEED, STREETS)
         images, labels = render_dataset(units, SEED, shots=1, settings=SETTINGS)
         cells = images.reshape(STREETS, 64 // CELL, CELL, 128 // CELL, CELL, 3).mean(axis=(2, 4))
         shares = [np.bincount(label.ravel(), minlength=256)[:19] / label.size for label in labels]
-        found[name] = {
+        result[name] = {
             "cells": np.round(cells, 2).reshape(STREETS, -1).tolist(),
             "shares": np.round(shares, 5).tolist(),
         }
-    return found
+    return result
 
 
 def test_pictures_are_those_of_this_engine():
-    found, golden = figures(), json.loads(GOLDEN.read_text())
+    current, golden = figures(), json.loads(GOLDEN.read_text())
     cure = "raise ENGINE in scene/version.py, then python -m tests.scene.test_version"
     for name, (key, most) in product(("random", "default"), MOST.items()):
-        away = np.abs(np.array(found[name][key]) - golden[name][key]).max(axis=1)
+        away = np.abs(np.array(current[name][key]) - golden[name][key]).max(axis=1)
         assert away.max() <= most, f"{name} {key} of street {away.argmax()}: {away.max()}; {cure}"
     assert golden["engine"] == ENGINE, "golden figures of another engine: " + cure
 

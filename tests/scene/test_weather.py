@@ -15,19 +15,21 @@ from tests.scene.conftest import POOL, refused, street
 
 @pytest.mark.parametrize("weather", WEATHERS)
 def test_a_weather_that_is_asked_for_changes_the_sky_and_nothing_else(weather):
-    by_chance, asked = (
+    by_chance, requested = (
         street(seed=4, shots=2, pool=p) for p in (POOL, POOL._replace(weather=weather))
     )
-    assert asked.sky.weather in {row.name for row in REQUESTED[weather]}
-    assert (asked.sky.snow > 0.5) == (weather == "snow") and (asked.sky.haze < 150) == (
+    assert requested.sky.weather in {row.name for row in REQUESTED[weather]}
+    assert (requested.sky.snow > 0.5) == (weather == "snow") and (requested.sky.haze < 150) == (
         weather == "fog"
     )
-    assert (asked.sky.wetness >= 0.7) == (weather == "rain")
-    assert asked.cameras == by_chance.cameras
-    assert asked.ground == by_chance.ground
-    for one, other in zip(asked.placements, by_chance.placements, strict=True):
+    assert (requested.sky.wetness >= 0.7) == (weather == "rain")
+    assert requested.cameras == by_chance.cameras
+    assert requested.ground == by_chance.ground
+    for one, other in zip(requested.placements, by_chance.placements, strict=True):
         assert one[:4] == other[:4] and (one.pose == other.pose).all()
-    frames = [renderer("embree").render(s, RenderSettings(64, 48, 1)) for s in (asked, by_chance)]
+    frames = [
+        renderer("embree").render(s, RenderSettings(64, 48, 1)) for s in (requested, by_chance)
+    ]
     for one, other in zip(*frames, strict=True):
         assert (one.label == other.label).all() and (one.image != other.image).any()
 
@@ -56,18 +58,20 @@ def test_a_lamp_lights_what_lies_below_it_by_the_square_of_the_distance():
 
 
 def test_at_night_the_road_is_dark_but_below_a_lamp():
-    drawn = street(seed=4, pool=POOL._replace(weather="night"))
+    sampled = street(seed=4, pool=POOL._replace(weather="night"))
     pose = np.eye(4)
-    pose[:3, 3] = drawn.cameras[0].position[0] + 12, 3.0, 0.0
+    pose[:3, 3] = sampled.cameras[0].position[0] + 12, 3.0, 0.0
     lamp = Placement("lamp", 0, int(TrainId.POLE), FIRST_INSTANCE, pose)
-    drawn = drawn._replace(placements=(lamp,))
+    sampled = sampled._replace(placements=(lamp,))
     response = CameraResponse(exposure=10.0, meter=0.0, noise=0.0, variation=0.0)
     settings = RenderSettings(96, 72, 1, response=response)
     lit, unlit = (
-        renderer("embree").render(drawn._replace(sky=drawn.sky._replace(lamps=power)), settings)[0]
-        for power in (drawn.sky.lamps, 0.0)
+        renderer("embree").render(
+            sampled._replace(sky=sampled.sky._replace(lamps=power)), settings
+        )[0]
+        for power in (sampled.sky.lamps, 0.0)
     )
-    assert drawn.sky.lamps > 0 and (lit.label == unlit.label).all()
+    assert sampled.sky.lamps > 0 and (lit.label == unlit.label).all()
     road = lit.label == TrainId.ROAD
     change = lit.image[road].astype(float).mean(axis=1) - unlit.image[road].mean(axis=1)
     assert change.max() > 40 and change.min() > -1

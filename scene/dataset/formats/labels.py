@@ -48,14 +48,14 @@ class Labels(NamedTuple):
         places = [*range(len(self.names)), VOID]
         return list(zip(self.values[places].tolist(), (*self.names, "void"), strict=True))
 
-    def classes_of(self, picture: np.ndarray) -> np.ndarray:
+    def classes_of(self, label_image: np.ndarray) -> np.ndarray:
         """Classes u8[h, w] of a label image, `ILLEGAL` for invalid values."""
         coloured = self.values.ndim == 2
         codes = _codes(self.values, coloured).tolist()
         class_of = {codes[VOID]: VOID, **{codes[k]: k for k in range(len(self.names))}}
-        values, places = np.unique(_codes(picture, coloured), return_inverse=True)
+        values, places = np.unique(_codes(label_image, coloured), return_inverse=True)
         classes = np.array([class_of.get(value, ILLEGAL) for value in values.tolist()], np.uint8)
-        return classes[places].reshape(picture.shape[:2])
+        return classes[places].reshape(label_image.shape[:2])
 
 
 def _codes(values: np.ndarray, coloured: bool) -> np.ndarray:

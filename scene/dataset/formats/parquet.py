@@ -58,9 +58,9 @@ def pack(folder: Path, about: About) -> None:
     import pyarrow
     from pyarrow import parquet
 
-    picture = pyarrow.struct({"bytes": pyarrow.binary(), "path": pyarrow.string()})
+    image_bytes = pyarrow.struct({"bytes": pyarrow.binary(), "path": pyarrow.string()})
     schema = pyarrow.schema(
-        {**dict.fromkeys(COLUMNS.values(), picture), "classes": pyarrow.list_(pyarrow.int64())},
+        {**dict.fromkeys(COLUMNS.values(), image_bytes), "classes": pyarrow.list_(pyarrow.int64())},
         {"huggingface": json.dumps({"info": {"features": features(about)}})},
     )
     split, starts, room = SPLIT[about.split], [0], SHARD
@@ -129,7 +129,7 @@ def places(folder: Path, split: str) -> dict[str, Place]:
     return places_by_stem
 
 
-def picture(place: Place, kind: str) -> bytes:
+def image_bytes(place: Place, kind: str) -> bytes:
     """The bytes of one PNG file in a shard.
 
     Raises:

@@ -156,34 +156,34 @@ def _look(
 ) -> tuple[np.ndarray, Visible]:
     """Draw a shot: face ids and depths, and the geometry of its spots."""
     rays = sample_rays(camera, settings)
-    picture = rasterizer.draw(*_view(camera, settings), rays.columns, rays.rows)
-    return picture, visible(around, rays, _hits(picture, rays, merged), settings)
+    face_image = rasterizer.draw(*_view(camera, settings), rays.columns, rays.rows)
+    return face_image, visible(around, rays, _hits(face_image, rays, merged), settings)
 
 
-def _hits(picture: np.ndarray, rays: Rays, merged: World) -> Hits:
+def _hits(face_image: np.ndarray, rays: Rays, merged: World) -> Hits:
     """Convert the drawing of OpenGL to the hits of the other renderers."""
     n = rays.rows * rays.columns
     hits = Hits(
         np.empty(n, np.int32), np.empty(n, np.int32), *(np.empty(n, np.float32) for _ in range(3))
     )
-    _read(picture.reshape(n, 2), rays, merged, hits)
+    _read(face_image.reshape(n, 2), rays, merged, hits)
     return hits
 
 
 @njit(cache=True, fastmath=True)
-def _read(picture: np.ndarray, rays: Rays, merged: World, hits: Hits) -> None:
+def _read(face_image: np.ndarray, rays: Rays, merged: World, hits: Hits) -> None:
     """Faces, distances and positions in the faces from an image of face ids and depths."""
     origin, directions, along = rays.origin, rays.directions, rays.along
     vertices, instances, faces = merged.vertices, merged.instance, merged.face
     face, instance, distance, u, v = hits.face, hits.instance, hits.distance, hits.u, hits.v
     for i in range(face.shape[0]):
-        number = int(picture[i, 0])
+        number = int(face_image[i, 0])
         if number < 0:
             face[i], instance[i] = shade.MISS, 0
             distance[i] = u[i] = v[i] = 0
             continue
         face[i], instance[i] = faces[number], instances[number]
-        distance[i] = picture[i, 1] / along[i]
+        distance[i] = face_image[i, 1] / along[i]
         # Barycentric coordinates of the point, from dot products with the two edges.
         bb = bc = cc = pb = pc = np.float32(0)
         for k in range(3):
@@ -206,14 +206,14 @@ def _light(
     around: Surroundings,
     merged: World,
     camera: Camera,
-    picture: np.ndarray,
+    face_image: np.ndarray,
     view: Visible,
     settings: RenderSettings,
 ) -> Light:
     """Sun and sky light at each spot, from images instead of rays."""
     rays, lit = view.rays, np.ones(len(view.points), np.float32)
     if settings.shadows:
-        face_ids = picture[..., 0].ravel().astype(np.int32)
+        face_ids = face_image[..., 0].ravel().astype(np.int32)
         towards = around.street.sky.sun_direction
         cast_shadows(rasterizer, merged, view, face_ids, towards, lit)
     opened = np.ones(len(view.points), np.float32)
@@ -224,7 +224,7 @@ def _light(
         _open_on_screen(
             rays.origin, np.float32(rays.spacing), (0.5 + camera.offset[0]) * rays.columns,
             0.5 * rays.rows + camera.offset[1] * rays.columns, segments.starts,
-            segments.directions, segments.needed, axes, picture, free,
+            segments.directions, segments.needed, axes, face_image, free,
         )  # fmt: skip
         opened = spread(free, view, settings)
     return Light(lit, opened)
@@ -254,11 +254,11 @@ def _open_on_screen(
     directions: np.ndarray,
     needed: np.ndarray,
     axes: np.ndarray,
-    picture: np.ndarray,
+    face_image: np.ndarray,
     free: np.ndarray,
 ) -> None:
     """Set ``free`` to 0 where a few steps along a sky ray pass behind a visible surface."""
-    rows, columns = picture.shape[0], picture.shape[1]
+    rows, columns = face_image.shape[0], face_image.shape[1]
     for j in range(needed.shape[0]):
         if not needed[j]:
             continue
@@ -279,8 +279,8 @@ def _open_on_screen(
             row = math.floor(middle_row - y / (z * spacing))
             if column < 0 or column >= columns or row < 0 or row >= rows:
                 break
-            behind = z - picture[row, column, 1]
+            behind = z - face_image[row, column, 1]
             # What is much nearer is in front of it, not above it.
-            if picture[row, column, 0] >= 0 and 0.002 * z < behind < 0.3 + reach:
+            if face_image[row, column, 0] >= 0 and 0.002 * z < behind < 0.3 + reach:
                 free[j] = 0.0
                 break

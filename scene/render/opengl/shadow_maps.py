@@ -57,10 +57,10 @@ def cast_shadows(
         place = np.array([centre[0], centre[1], top]) @ axes
         projection = np.diag([1 / half[0], 1 / half[1], -2 / reach, 1.0])
         projection[2, 3] = -1.0
-        picture = rasterizer.draw(pose_of(axes, place), projection, size, size)
+        shadow_map = rasterizer.draw(pose_of(axes, place), projection, size, size)
         _compare(
             k, cascade, face_ids[view.spots.sample], local, outwards, axes.astype(np.float32),
-            low, high, np.float32(top), picture, lit,
+            low, high, np.float32(top), shadow_map, lit,
         )  # fmt: skip
 
 
@@ -108,11 +108,11 @@ def _compare(
     low: np.ndarray,
     high: np.ndarray,
     top: np.float32,
-    picture: np.ndarray,
+    shadow_map: np.ndarray,
     lit: np.ndarray,
 ) -> None:
     """Compare spots with the four nearest texels of the shadow map and interpolate between them."""
-    size = picture.shape[0]
+    size = shadow_map.shape[0]
     texel_x, texel_y = (high[0] - low[0]) / size, (high[1] - low[1]) / size
     # Start a little above the surface, so that it does not shadow itself.
     offset = 1.5 * max(texel_x, texel_y) + 0.01
@@ -131,7 +131,7 @@ def _compare(
         share = 0.0
         for r, weight_r in ((r0, 1 - (row - r0)), (r0 + 1, row - r0)):
             for c, weight_c in ((c0, 1 - (column - c0)), (c0 + 1, column - c0)):
-                face, blocker = picture[min(max(r, 0), size - 1), min(max(c, 0), size - 1)]
+                face, blocker = shadow_map[min(max(r, 0), size - 1), min(max(c, 0), size - 1)]
                 if face < 0 or face == faces[i] or blocker >= depth:
                     share += weight_r * weight_c
         lit[i] = share
