@@ -1,4 +1,4 @@
-"""Types and bounds of values, which are annotations on the fields of dataclasses, and their check.
+"""Bounds of values, written as annotations on the fields of dataclasses, and their check.
 
 @dataclass(frozen=True)
 class Settings:
@@ -27,13 +27,13 @@ class Bound(NamedTuple):
 
 
 def check_bounds(value: Any, prefix: str = "") -> None:
-    """Raise UserError for the first field of a dataclass that is of another type, or out of bounds.
+    """Raise UserError for the first field of a dataclass that is of the wrong type or out of bounds.
 
-    Fields that are dataclasses are checked as well. None is within all bounds.
+    Nested dataclasses are checked as well. None is within all bounds.
 
     Args:
         value: the dataclass.
-        prefix: prefix of names in the message; ``--`` makes them flags: ``--reward.train.head-width``.
+        prefix: prefix of names in the message; ``--`` turns them into flags: ``--reward.train.head-width``.
     """
     check_fields(type(value), vars(value), prefix)
 
@@ -43,46 +43,46 @@ def check_fields(kind: Any, values: Mapping[str, Any], prefix: str = "") -> None
     for name, annotation, bounds in _annotated(kind):
         if name not in values:
             continue
-        held = values[name]
+        value = values[name]
         word = prefix + (name.replace("_", "-") if prefix.startswith("--") else name)
-        if is_dataclass(held):
-            check_bounds(held, f"{word}.")
+        if is_dataclass(value):
+            check_bounds(value, f"{word}.")
             continue
-        if not _fits(held, annotation):
-            shown = held if get_origin(annotation) is Literal else repr(held)
+        if not _fits(value, annotation):
+            shown = value if get_origin(annotation) is Literal else repr(value)
             raise UserError(f"{word} must be {_in_words(annotation)}, not {shown}")
-        if held is not None:
+        if value is not None:
             for bound in bounds:
-                bound.refuse(word, held)
+                bound.refuse(word, value)
 
 
 @lru_cache
 def _annotated(kind: type) -> tuple[tuple[str, Any, tuple[Bound, ...]], ...]:
     """The fields of a dataclass with their types and bounds."""
     hints = get_type_hints(kind, include_extras=True)
-    plain = get_type_hints(kind)
+    bare = get_type_hints(kind)
     return tuple(
         (
             field.name,
-            plain[field.name],
+            bare[field.name],
             tuple(m for m in get_args(hints[field.name]) if isinstance(m, Bound)),
         )
         for field in fields(kind)
     )
 
 
-_PLAIN: dict[Any, tuple[type, str]] = {
+_TYPES: dict[Any, tuple[type, str]] = {
     bool: (bool, "True or False"),
     int: (Integral, "a whole number"),
     float: (Real, "a number"),
     str: (str, "text"),
     NoneType: (NoneType, "None"),
 }
-"""The types of plain values, and their names; NumPy's numbers are numbers, but True is none."""
+"""The checked types, and their names; NumPy's numbers count as numbers, but True does not."""
 
 
 def _fits(value: Any, annotation: Any) -> bool:
-    """Whether a value is of a plain type, or of a union or tuple of these; other types are not checked."""
+    """Whether a value fits one of `_TYPES`, or a union or tuple of them; other types are not checked."""
     kind, parts = get_origin(annotation), get_args(annotation)
     if kind is Annotated:
         return _fits(value, parts[0])
@@ -96,15 +96,15 @@ def _fits(value: Any, annotation: Any) -> bool:
         if parts[-1] is ...:
             return all(_fits(part, parts[0]) for part in value)
         return len(value) == len(parts) and all(map(_fits, value, parts))
-    if annotation not in _PLAIN:
+    if annotation not in _TYPES:
         return True
-    return isinstance(value, _PLAIN[annotation][0]) and (
+    return isinstance(value, _TYPES[annotation][0]) and (
         annotation is bool or not isinstance(value, bool)
     )
 
 
 def _in_words(annotation: Any) -> str:
-    """A type in words."""
+    """Describe a type in words."""
     kind, parts = get_origin(annotation), get_args(annotation)
     if kind is Literal:
         return f"one of {', '.join(map(str, parts))}"
@@ -112,15 +112,15 @@ def _in_words(annotation: Any) -> str:
         return " or ".join(map(_in_words, parts))
     if kind is tuple:
         return f"a tuple, each {_in_words(parts[0])}"
-    return _PLAIN[annotation][1] if annotation in _PLAIN else getattr(annotation, "__name__", "set")
+    return _TYPES[annotation][1] if annotation in _TYPES else getattr(annotation, "__name__", "set")
 
 
 def must(be: str, holds: Callable[[Any], bool]) -> Bound:
-    """A bound of a number, or of each number of a tuple.
+    """Make a bound for a number, or for each number of a tuple.
 
     Args:
         be: the condition in words, such as "be positive".
-        holds: whether a number meets it.
+        holds: tells whether a number meets it.
     """
 
     def refuse(name: str, value: Any) -> None:
@@ -155,11 +155,11 @@ POSITIVE = must("be positive", lambda number: 0 < number < math.inf)
 """Finite numbers above 0."""
 
 
-def _refuse_few(name: str, values: tuple[Any, ...]) -> None:
+def _refuse_empty_or_repeated(name: str, values: tuple[Any, ...]) -> None:
     if not values:
         raise UserError(f"{name} needs at least one value")
     refuse_repeats(name, values)
 
 
-DISTINCT = Bound(_refuse_few)
-"""Allows tuples of one value or more, without a value twice."""
+DISTINCT = Bound(_refuse_empty_or_repeated)
+"""Allows tuples of one or more values that all differ."""

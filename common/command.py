@@ -1,4 +1,4 @@
-"""Parts shared by command lines: help, errors in one line, and exit codes."""
+"""What all command lines share: help, errors in one line, and exit codes."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ from typing import Any, NoReturn
 from common.errors import Unfinished, UserError, printable
 from common.interrupt import INTERRUPTED, PROGRAM, while_working
 
-USAGE, MISTAKE, UNREAD = 2, 70, 141
-"""Exit codes: an error of the user; a mistake of the program; the output's reader is gone (``| head``)."""
+USAGE, BUG, UNREAD = 2, 70, 141
+"""Exit codes: an error of the user; a bug; the reader of the output is gone (``| head``)."""
 DEBUG = "--debug"
 """Flag of every command: show where an error comes from."""
 HELP = ("-h", "--help", "--help-all")
 SIMILAR = 0.75
-"""The least similarity of a suggestion, see `difflib.get_close_matches`: seed has it to sede, start not to
-target."""
+"""The least similarity of a suggestion, see `difflib.get_close_matches`: sede suggests seed, start does not
+suggest target."""
 Arguments = Sequence[str] | argparse.Namespace | None
-"""Words of a command line, by default the program's; or what its parser has made of them."""
+"""Words of a command line, by default those of the program; or the result of its parser."""
 _parsed: str | None = None
-_at_work: str | None = None
-"""The last command line that was parsed, and the one that `exit_code` carries out."""
+_running: str | None = None
+"""The command line parsed last, and the one that `exit_code` runs."""
 
 
 class _Layout(argparse.HelpFormatter):
-    """Fills paragraphs to the width of the terminal, keeps examples, and shows defaults."""
+    """Fills paragraphs to the width of the terminal, keeps the layout of examples, and shows defaults."""
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         parts = re.split(r"\n\s*\n", text.strip("\n"))
@@ -45,15 +45,15 @@ class _Layout(argparse.HelpFormatter):
     def _format_action_invocation(self, action: argparse.Action) -> str:
         if not action.option_strings or action.nargs == 0:
             return super()._format_action_invocation(action)
-        own = self._format_args(action, self._get_default_metavar_for_optional(action))
-        return f"{', '.join(action.option_strings)} {own}"
+        values = self._format_args(action, self._get_default_metavar_for_optional(action))
+        return f"{', '.join(action.option_strings)} {values}"
 
     def _get_help_string(self, action: argparse.Action) -> str:
-        said, default = action.help or "", action.default
-        plain = default in (None, "", argparse.SUPPRESS) or isinstance(default, bool | list)
-        if plain or not action.option_strings:
-            return said
-        return f"{said} (default: %(default)s)".strip()
+        text, default = action.help or "", action.default
+        hidden = default in (None, "", argparse.SUPPRESS) or isinstance(default, bool | list)
+        if hidden or not action.option_strings:
+            return text
+        return f"{text} (default: %(default)s)".strip()
 
 
 def _laid_out(paragraph: str, width: int) -> str:
@@ -62,11 +62,11 @@ def _laid_out(paragraph: str, width: int) -> str:
         return textwrap.fill(paragraph, width)
     lines = textwrap.indent(textwrap.dedent(paragraph), "    ").splitlines()
     if max(map(len, lines)) > width:
-        apart = [re.split(r" +(?=# )", line.rstrip(), maxsplit=1) for line in lines]
+        parts = [re.split(r" +(?=# )", line.rstrip(), maxsplit=1) for line in lines]
         lines = [
-            own
-            for command, *comment in apart
-            for own in (*(f"    {said}" for said in comment), *_broken(command, width))
+            line
+            for command, *comments in parts
+            for line in (*(f"    {comment}" for comment in comments), *_broken(command, width))
         ]
     return "\n".join(lines)
 
@@ -108,7 +108,7 @@ class Parser(argparse.ArgumentParser):
         add(DEBUG, action="store_true", help="show where an error comes from")
 
     def group(self, title: str) -> Callable[..., argparse.Action]:
-        """Begin a group of options that only ``--help-all`` shows; returns its ``add_argument``."""
+        """Add a group of options that only ``--help-all`` shows; returns its ``add_argument``."""
         if not self._rare:
             self._common.add_argument("--help-all", action=_Help, everything=True)
         self._rare.append(self.add_argument_group(title))
@@ -123,15 +123,15 @@ class Parser(argparse.ArgumentParser):
         self._excludes.append((flag, others))
 
     def format_help(self, everything: bool = False) -> str:
-        """The short help, or all of it."""
+        """Format the short help, or all of it."""
         formatter = self._get_formatter()
         formatter.add_usage(self.usage or self._usage(), [], [])
         formatter.add_text(self.description)
-        others = [action for group in self._rare for action in group._group_actions]
+        rare = [action for group in self._rare for action in group._group_actions]
         for action in self._common._group_actions:
             if "--help-all" in action.option_strings:
                 titles = ", ".join(str(group.title) for group in self._rare)
-                count = sum(action.help != argparse.SUPPRESS for action in others)
+                count = sum(action.help != argparse.SUPPRESS for action in rare)
                 action.help = f"show {count} more options: {titles}"
         groups = [g for g in self._action_groups if g is not self._common]
         for group in (*groups, self._common):
@@ -143,15 +143,15 @@ class Parser(argparse.ArgumentParser):
         return formatter.format_help()
 
     def _usage(self) -> str:
-        """The usage line: required arguments in the order of the help."""
+        """Format the usage line: required arguments in the order of the help."""
         words = []
         for action in self._actions:
-            own = action.metavar or "|".join(action.choices or ()) or action.dest.upper()
+            value = action.metavar or "|".join(action.choices or ()) or action.dest.upper()
             more = " ..." if action.nargs in ("+", "*") else ""
             if not action.option_strings:
-                words.append(f"[{own}]" if action.nargs in ("?", "*") else f"{own}{more}")
+                words.append(f"[{value}]" if action.nargs in ("?", "*") else f"{value}{more}")
             elif action.required:
-                words.append(f"{action.option_strings[-1]} {own}{more}")
+                words.append(f"{action.option_strings[-1]} {value}{more}")
         return " ".join(["%(prog)s", *words, "[options]"])
 
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
@@ -159,13 +159,13 @@ class Parser(argparse.ArgumentParser):
         if isinstance(args, argparse.Namespace):
             return args
         words = sys.argv[1:] if args is None else list(args)
-        known = self._option_string_actions
+        actions = self._option_string_actions
         for k, word in enumerate(takewhile("--".__ne__, words)):
             flag, equals, value = word.partition("=")
-            if not flag.startswith("--") or flag in known:
+            if not flag.startswith("--") or flag in actions:
                 continue
-            if (flag := flag.replace("_", "-")) not in known:
-                shown = [own for own, a in known.items() if a.help != argparse.SUPPRESS]
+            if (flag := flag.replace("_", "-")) not in actions:
+                shown = [name for name, a in actions.items() if a.help != argparse.SUPPRESS]
                 self.error(f"no option {word.partition('=')[0]}{meant(flag, shown)}")
             words[k] = flag + equals + value
         global _parsed
@@ -222,8 +222,8 @@ def path_of(module: str) -> Path:
 
 
 def given() -> str | None:
-    """The command line that is at work, as one would type it; None in a job called from Python."""
-    return _at_work
+    """The command line that is running, as one would type it; None in a job called from Python."""
+    return _running
 
 
 def size(text: str) -> tuple[int, int]:
@@ -243,20 +243,20 @@ def exit_code(
     *,
     users: tuple[type[Exception], ...] = (UserError,),
     debug: bool = False,
-    goes_on: bool = True,
+    resumes: bool = True,
 ) -> int:
-    """Work, and turn errors into one line on standard error and an exit code.
+    """Run a job, and turn errors into one line on standard error and an exit code.
 
     Args:
         work: the job, which may return an exit code.
         also: errors that end with code 1 and are nobody's fault, such as workers that died.
-        users: errors that end with code 2, which the user can mend; `Unfinished` ends with 1.
+        users: errors that end with code 2, which the user can fix; `Unfinished` ends with 1.
         debug: whether to print the traceback before the line.
-        goes_on: whether the same command continues a stopped job.
+        resumes: whether the same command resumes a stopped job.
     """
-    global _parsed, _at_work
-    outer, _at_work, _parsed = _at_work, _parsed, None
-    cure = "; once that is put right, the same command goes on" if goes_on else ""
+    global _parsed, _running
+    outer, _running, _parsed = _running, _parsed, None
+    hint = "; once this is fixed, the same command resumes" if resumes else ""
     try:
         with while_working():
             code = work()
@@ -271,23 +271,23 @@ def exit_code(
         return UNREAD
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
-        return _fail(error, f"{where}{error.strerror or error}{cure}", USAGE, debug)
+        return _fail(error, f"{where}{error.strerror or error}{hint}", USAGE, debug)
     except also as error:
         return _fail(error, str(error), 1, debug)
     except MemoryError as error:
-        said = str(error) or "too little is free"
-        return _fail(error, f"out of memory: {said}; smaller sizes need less", USAGE, debug)
+        reason = str(error) or "too little is free"
+        return _fail(error, f"out of memory: {reason}; smaller sizes need less", USAGE, debug)
     except KeyboardInterrupt:
-        on = "; the same command goes on where it was" if goes_on else ""
-        print(f"\nstopped{on}", file=sys.stderr, flush=True)
+        hint = "; the same command resumes" if resumes else ""
+        print(f"\nstopped{hint}", file=sys.stderr, flush=True)
         return INTERRUPTED
     except Exception as error:
         last = traceback.extract_tb(error.__traceback__)[-1]
         where = f"{os.path.basename(last.filename)}, line {last.lineno}"
-        said = f"a mistake of this program: {type(error).__name__}: {error} ({where})"
-        return _fail(error, f"{said}; {DEBUG} shows all of it", MISTAKE, debug)
+        bug = f"a bug in sdr-jax: {type(error).__name__}: {error} ({where})"
+        return _fail(error, f"{bug}; {DEBUG} shows the traceback", BUG, debug)
     finally:
-        _at_work = outer
+        _running = outer
 
 
 def _fail(error: Exception, message: str, code: int, debug: bool) -> int:

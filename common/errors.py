@@ -1,4 +1,4 @@
-"""Errors of the user, told in one line."""
+"""Errors of the user, whose message is one line."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ class UserError(ValueError):
 
 
 class Unfinished(UserError):
-    """The work could not be finished, as too many evaluations failed; a command ends with code 1, not 2."""
+    """Too many evaluations failed to finish the work; a command ends with code 1, not 2."""
 
 
 def printable(text: str) -> str:
-    """Text of others with codes for its control characters, which a terminal would obey."""
+    """Replace control characters, which a terminal would obey, by their codes."""
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
@@ -25,9 +25,9 @@ def counted(count: int, noun: str) -> str:
 
 
 def refuse_repeats(flag: str, values: Sequence[object]) -> None:
-    """Raise UserError if a flag names one value twice."""
+    """Raise UserError if a flag has a value twice."""
     if len(set(values)) < len(values):
-        raise UserError(f"{flag} {' '.join(map(str, values))} names one of them twice")
+        raise UserError(f"{flag} {' '.join(map(str, values))} has a value twice")
 
 
 @contextmanager
@@ -41,5 +41,5 @@ def flagged(flag: str, unless: str = "--") -> Iterator[None]:
     try:
         yield
     except (ValueError, ImportError) as error:
-        said = str(error)
-        raise UserError(said if said.startswith(unless) else f"{flag}: {said}") from None
+        message = str(error)
+        raise UserError(message if message.startswith(unless) else f"{flag}: {message}") from None

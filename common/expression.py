@@ -1,4 +1,4 @@
-"""Refuses regular expressions of a user's file that may search a name for hours."""
+"""Refuse regular expressions in a user's file that may search a name for hours."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MOST_WAYS = 64 * (LONGEST + 1) ** 4
 
 
 def expression_fault(expression: str) -> str:
-    """What is wrong with a regular expression; empty if nothing is.
+    """Describe what is wrong with a regular expression; empty if nothing is.
 
     Python searches by trying all ways to match, and ``^(a+)+$`` has 2^n ways in n characters.
     """
@@ -22,7 +22,7 @@ def expression_fault(expression: str) -> str:
         re.compile(expression)
         ways = _ways(re._parser.parse(expression))  # type: ignore[attr-defined]
     except (re.error, OverflowError, RecursionError) as error:
-        return f"is no regular expression: {error}"
+        return f"is not a regular expression: {error}"
     if ways > MOST_WAYS:
         return (
             "may search for hours; expected no repetition inside a repetition such as (a+)+, and at "
@@ -32,7 +32,7 @@ def expression_fault(expression: str) -> str:
 
 
 def _ways(parts: Iterable[tuple[Any, Any]]) -> float:
-    """At most so many ways lead through an expression from one start, as `re` parses it."""
+    """Bound the number of ways through an expression from one start, as `re` parses it."""
     return math.prod(_ways_of(str(operator), value) for operator, value in parts)
 
 

@@ -1,4 +1,4 @@
-"""Writes files that stay whole if the program is killed, and reads JSON with checks."""
+"""Write files that stay whole if the program is killed, and read JSON with checks."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from typing import Any, NoReturn
 from common.errors import UserError
 
 FRESH = 2.0
-"""Within so many seconds, a file's time does not tell whether it has changed."""
+"""Seconds within which the time of a file does not show whether it has changed."""
 IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
-"""Endings of the image files that are read, in small letters."""
+"""Endings of the image files that are read, in lower case."""
 LARGEST = 2**30
 """The most bytes of a JSON file: the lists of a dataset of a million images."""
 
@@ -135,9 +135,7 @@ def read_bytes(path: Path, most: int | None = None) -> bytes:
         size = os.fstat(file.fileno()).st_size
         data = file.read(most + 1) if size <= most else b""
     if size > most or len(data) > most:
-        raise UserError(
-            f"{path} has more than {most:,} bytes, the most that is read of such a file"
-        )
+        raise UserError(f"{path} has more than {most:,} bytes, the limit for such a file")
     return data
 
 
@@ -146,17 +144,17 @@ WIDE = 100
 
 
 def check_file(flag: str, path: Path) -> None:
-    """Raise UserError if a flag's file cannot be written where it is to be: before long work, not after."""
+    """Raise UserError if the file of a flag cannot be written: before long work, not after."""
     if path.is_dir():
         raise UserError(f"{flag} {path} is a folder; name a file")
     if not path.parent.is_dir():
-        raise UserError(f"{flag} {path}: no folder {path.parent}; make it, or name another")
+        raise UserError(f"{flag} {path}: no folder {path.parent}; create it, or name another")
     try:
         with tempfile.TemporaryFile(dir=path.parent):
             pass
     except OSError as error:
         raise UserError(
-            f"{flag} {path}: no file can be written to {path.parent} ({error.strerror}); name another folder"
+            f"{flag} {path}: cannot write to {path.parent} ({error.strerror}); name another folder"
         ) from None
 
 
@@ -166,22 +164,22 @@ def write_json(path: Path, value: Any) -> None:
 
 
 def json_text(value: Any) -> str:
-    """JSON for readers: what fits a line is on one, and so is every list of numbers; the rest is indented.
+    """Format JSON for readers: lists of numbers and what fits a line are on one line, the rest is indented.
 
     Raises:
         ValueError: NaN or an infinity, which JSON lacks.
     """
 
-    def lines(own: Any, margin: str, key: str = "") -> str:
-        text = key + json.dumps(own)
-        named = isinstance(own, dict)
-        inner = list(own.values()) if named else own if isinstance(own, list) else []
-        numbers = not named and not any(isinstance(each, str | list | dict) for each in inner)
-        if numbers or not inner or len(margin) + len(text) <= WIDE:
+    def lines(value: Any, margin: str, key: str = "") -> str:
+        text = key + json.dumps(value)
+        is_object = isinstance(value, dict)
+        items = list(value.values()) if is_object else value if isinstance(value, list) else []
+        numbers = not is_object and not any(isinstance(item, str | list | dict) for item in items)
+        if numbers or not items or len(margin) + len(text) <= WIDE:
             return text
         deeper = margin + "  "
-        keys = [f"{json.dumps(name)}: " for name in own] if named else [""] * len(inner)
-        rows = [deeper + lines(*each) for each in zip(inner, repeat(deeper), keys)]
+        keys = [f"{json.dumps(name)}: " for name in value] if is_object else [""] * len(items)
+        rows = [deeper + lines(*row) for row in zip(items, repeat(deeper), keys)]
         return "\n".join((text[: len(key) + 1], ",\n".join(rows), margin + text[-1]))
 
     return lines(json.loads(json.dumps(value, allow_nan=False)), "") + "\n"
@@ -191,7 +189,7 @@ def parse_json(text: str | bytes) -> Any:
     """Parse a JSON text; NaN and infinities, which JSON lacks, are refused.
 
     Raises:
-        ValueError: it is no JSON.
+        ValueError: it is not JSON.
     """
     try:
         return json.loads(text, parse_constant=_refuse_constant)
@@ -207,31 +205,31 @@ def read_json(path: Path) -> Any:
     """Read the value of a JSON file.
 
     Raises:
-        UserError: it is no JSON, or too large; the message names the file.
+        UserError: it is not JSON, or too large; the message names the file.
         OSError: it cannot be read.
     """
     data = read_bytes(path)
     try:
         return parse_json(data)
     except ValueError as error:
-        raise UserError(f"{path} is no JSON file: {error}") from None
+        raise UserError(f"{path} is not a JSON file: {error}") from None
 
 
 def digest(value: Any) -> str:
-    """SHA-256 of a plain value as canonical JSON."""
+    """Compute the SHA-256 of a value as canonical JSON."""
     text = json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def composed(name: str) -> str:
-    """A name with composed accents (NFC): macOS may store the same name with separate ones."""
+    """Compose the accents of a name (NFC): macOS may store the same name with separate ones."""
     return unicodedata.normalize("NFC", name)
 
 
 def plain_path(path: str) -> str:
-    """A path as people write it into lists, in one form: slashes, no empty or `.` part, composed accents.
+    """Normalise a path from a list: slashes, no empty or `.` part, composed accents.
 
-    It stays absolute if it was, and keeps `..`; the letter of a Windows drive goes.
+    An absolute path stays absolute, and `..` stays; the letter of a Windows drive is removed.
     """
     path = re.sub(r"^[A-Za-z]:(?=/)", "", composed(path).strip().replace("\\", "/"))
     parts = [part for part in path.split("/") if part not in ("", ".")]
@@ -239,36 +237,36 @@ def plain_path(path: str) -> str:
 
 
 def spelled(path: Path) -> Path | None:
-    """The existing file of a path, whose accents may be composed or separate; None if there is none."""
+    """Find the file of a path, whose accents may be composed or separate; None if it does not exist."""
     if path.is_file():
         return path
     if str(path).isascii():
         return None
-    found = Path(*path.parts[:1])
+    existing = Path(*path.parts[:1])
     for part in path.parts[1:]:
         names = (part, *(unicodedata.normalize(form, part) for form in ("NFC", "NFD")))
-        steps = (found / name for name in names)
+        steps = (existing / name for name in names)
         match = next((step for step in steps if step.exists()), None)
         if match is None:
             return None
-        found = match
-    return found if found.is_file() else None
+        existing = match
+    return existing if existing.is_file() else None
 
 
 def leads_out(folder: Path, name: str) -> bool:
     """Whether a path relative to a folder leads out of that folder."""
-    whole = os.path.normpath(folder.absolute() / name)
-    return not Path(whole).is_relative_to(os.path.normpath(folder.absolute()))
+    path = os.path.normpath(folder.absolute() / name)
+    return not Path(path).is_relative_to(os.path.normpath(folder.absolute()))
 
 
 def file_digest(path: Path) -> str:
-    """SHA-256 of the bytes of a file. Raises OSError."""
+    """Compute the SHA-256 of the bytes of a file. Raises OSError."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def files_below(root: Path) -> list[Path]:
-    """All files below a folder, sorted, without hidden ones; folders may be links.
+    """List all files below a folder, sorted, without hidden ones; folders may be links.
 
     Raises PermissionError for a folder that may not be read.
     """
@@ -277,19 +275,19 @@ def files_below(root: Path) -> list[Path]:
         if isinstance(error, PermissionError):
             raise error
 
-    found, seen = [], set()
+    files, visited = [], set()
     for folder, inner, names in os.walk(root, onerror=refuse, followlinks=True):
-        seen.add(os.path.realpath(folder))
+        visited.add(os.path.realpath(folder))
         inner[:] = [
             name for name in inner
-            if name[0] != "." and os.path.realpath(os.path.join(folder, name)) not in seen
+            if name[0] != "." and os.path.realpath(os.path.join(folder, name)) not in visited
         ]  # fmt: skip
-        found += [Path(folder, name) for name in names if name[0] != "."]
-    return sorted(path for path in found if path.is_file())
+        files += [Path(folder, name) for name in names if name[0] != "."]
+    return sorted(path for path in files if path.is_file())
 
 
 def folder_digest(root: Path) -> str:
-    """SHA-256 of the names and bytes of ``files_below`` a folder, or of the bytes of a file.
+    """Compute the SHA-256 of the names and bytes of ``files_below`` a folder, or of the bytes of a file.
 
     Files are read again only if a name, size or time has changed. Raises OSError.
     """
@@ -305,18 +303,20 @@ def folder_digest(root: Path) -> str:
 def _digest_of(root: Path, state: tuple[tuple[Any, ...], ...]) -> str:
     if root.is_file():
         return file_digest(root)
-    found = hashlib.sha256()
+    names_and_bytes = hashlib.sha256()
     for path, *_ in state:
-        found.update(f"{path.relative_to(root).as_posix()} {file_digest(path)}\n".encode())
-    return found.hexdigest()
+        names_and_bytes.update(
+            f"{path.relative_to(root).as_posix()} {file_digest(path)}\n".encode()
+        )
+    return names_and_bytes.hexdigest()
 
 
 def versions(packages: Sequence[str]) -> dict[str, str]:
-    """Versions of packages by name."""
-    found = {}
+    """Look up the installed versions of packages by name."""
+    installed = {}
     for package in packages:
         try:
-            found[package] = version(package)
+            installed[package] = version(package)
         except PackageNotFoundError:
-            found[package] = "not installed"
-    return found
+            installed[package] = "not installed"
+    return installed

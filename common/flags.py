@@ -1,4 +1,4 @@
-"""Flags from dataclasses: every field is a flag with its docstring as help; nested fields have dots.
+"""Flags from dataclasses: every field is a flag, its docstring is the help; nested fields have dots.
 
 @dataclass(frozen=True)
 class Settings:
@@ -7,7 +7,7 @@ class Settings:
 
 for field in flags_of(Settings()):
     add_flag(parser.add_argument, field)
-settings = filled(Settings(), vars(parser.parse_args(["--steps", "3"])))
+settings = fill(Settings(), vars(parser.parse_args(["--steps", "3"])))
 
 Where every field has one default, `command_line` makes the whole parser.
 """
@@ -30,9 +30,9 @@ from common.command import Parser, docstring, size
 
 Value = TypeVar("Value")
 KINDS: dict[type, str] = {int: "a whole number", float: "a number", Path: "a path", str: "a word"}
-"""Types of a word of the command line, and their names in messages."""
+"""Types of a word on the command line, and their names in messages."""
 SHORT = 24
-"""Choices of more characters stand in a flag's help, not beside the flag."""
+"""Longer lists of choices, in characters, are in the help of a flag, not next to the flag."""
 
 
 class Alias(NamedTuple):
@@ -42,7 +42,7 @@ class Alias(NamedTuple):
 
 
 class Option(NamedTuple):
-    """Marks how a field stands on the command line, where its type and its docstring do not say it."""
+    """Marks how a field appears on the command line, beyond what its type and docstring say."""
 
     metavar: str | None = None
     flag: str | None = None  # in place of the field's name
@@ -50,12 +50,12 @@ class Option(NamedTuple):
     const: Any = None  # the value of the flag without a word
     choices: Collection[str] = ()
     help: str | None = None  # in place of the docstring
-    needs: tuple[str, ...] = ()  # flags without one of which it has no effect
-    excludes: tuple[str, ...] = ()  # flags with which it has none
+    needs: tuple[str, ...] = ()  # it has no effect without one of these flags
+    excludes: tuple[str, ...] = ()  # it has no effect with any of these flags
 
 
 class Word(NamedTuple):
-    """Marks a type whose values are one word of the command line."""
+    """Marks a type whose values are one word on the command line."""
 
     metavar: str
     read: Callable[[str], Any]
@@ -63,7 +63,7 @@ class Word(NamedTuple):
 
 
 UNUSED = "no flag"
-"""Marks a field that is no flag of this command."""
+"""Marks a field that is not a flag of this command."""
 REPEATED = "once for each"
 """Marks a tuple whose flag takes one word and is repeated for each member."""
 Size = Annotated[tuple[int, int], Word("WxH", size, lambda pixels: "{}x{}".format(*pixels))]
@@ -73,7 +73,7 @@ ARGUMENT = "no flag but a word in its place"
 SWITCH = "no flag turns it off"
 """Marks a bool with one flag, which turns it on."""
 ONE_OF = "instead of the others"
-"""Marks fields of which a command line may have one."""
+"""Marks fields of which a command line may have only one."""
 
 
 class Field(NamedTuple):
@@ -92,14 +92,14 @@ class Field(NamedTuple):
 
     @property
     def option(self) -> Option:
-        """How it stands on the command line."""
+        """How it appears on the command line."""
         return next((mark for mark in self.marks if isinstance(mark, Option)), Option())
 
 
 def command_line(
     name: str, kind: type, module: str, groups: Mapping[str, Sequence[str]] = MappingProxyType({})
 ) -> Parser:
-    """Make the parser of a command, whose result has the fields of a dataclass.
+    """Make the parser of a command; its result has the fields of a dataclass.
 
     Args:
         name: the command's name.
@@ -113,10 +113,10 @@ def command_line(
     for title, names in groups.items():
         adders |= dict.fromkeys(names, parser.group(title))
     for field in flags:
-        usual = one_of if ONE_OF in field.marks else parser.add_argument
+        default_add = one_of if ONE_OF in field.marks else parser.add_argument
         if field.default is not MISSING:
             parser.set_defaults(**{field.path[0]: field.default})
-        add_flag(adders.get(field.path[0], usual), field)
+        add_flag(adders.get(field.path[0], default_add), field)
         if field.option.needs:
             parser.needs(field.flag, *field.option.needs)
         parser.excludes(field.flag, *field.option.excludes)
@@ -124,41 +124,41 @@ def command_line(
 
 
 def flags_of(value: Any, path: tuple[str, ...] = ()) -> Iterator[Field]:
-    """The fields of a dataclass, or of an instance with its values, that are flags; nested ones, too."""
+    """List the fields of a dataclass, or of an instance with its values, that are flags; nested ones, too."""
     kind: Any = value if isinstance(value, type) else type(value)
     hints = _hints(kind)
-    for own in fields(kind):
-        default, where = getattr(value, own.name, own.default), (*path, own.name)
-        bare, marks = _bare(hints[own.name])
+    for entry in fields(kind):
+        default, where = getattr(value, entry.name, entry.default), (*path, entry.name)
+        bare, marks = _bare(hints[entry.name])
         if UNUSED in marks:
             continue
         if is_dataclass(default):
             yield from flags_of(default, where)
         else:
             word = any(isinstance(mark, Word) for mark in marks)
-            yield Field(where, kind, hints[own.name] if word else bare, marks, default)
+            yield Field(where, kind, hints[entry.name] if word else bare, marks, default)
 
 
-def filled(value: Value, given: Mapping[str, Any], path: tuple[str, ...] = ()) -> Value:
-    """Fill a dataclass with the values of the given flags.
+def fill(value: Value, values: Mapping[str, Any], path: tuple[str, ...] = ()) -> Value:
+    """Fill a dataclass with the values of flags.
 
     Args:
         value: the defaults.
-        given: values by the path of their field, joined by dots.
+        values: values by the path of their field, joined by dots.
         path: the path of the dataclass itself.
     """
     changes: dict[str, Any] = {}
-    for own in fields(value):  # type: ignore[arg-type]
-        default, where = vars(value)[own.name], (*path, own.name)
+    for entry in fields(value):  # type: ignore[arg-type]
+        default, where = vars(value)[entry.name], (*path, entry.name)
         if is_dataclass(default):
-            changes[own.name] = filled(default, given, where)
-        elif ".".join(where) in given:
-            changes[own.name] = given[".".join(where)]
+            changes[entry.name] = fill(default, values, where)
+        elif ".".join(where) in values:
+            changes[entry.name] = values[".".join(where)]
     return replace(value, **changes)  # type: ignore[type-var]
 
 
 def add_flag(add: Callable[..., Any], field: Field) -> None:
-    """Add a field to a parser or a group; the result has it only if its flag is given.
+    """Add a field to a parser or a group; the result has it only if its flag is set.
 
     Args:
         add: the ``add_argument`` of the parser or group.
@@ -167,15 +167,15 @@ def add_flag(add: Callable[..., Any], field: Field) -> None:
     option = field.option
     flags = [field.flag, *(mark.flag for mark in field.marks if isinstance(mark, Alias))]
     options: dict[str, Any] = {"dest": ".".join(field.path), "default": argparse.SUPPRESS}
-    said = option.help or documented(field.owner).get(field.path[-1], "")
+    text = option.help or documented(field.owner).get(field.path[-1], "")
     if SWITCH in field.marks:
-        add(*flags, action="store_true", help=_escaped(said), **options)
+        add(*flags, action="store_true", help=_escaped(text), **options)
         return
     if field.kind is bool:
         head, dot, leaf = field.flag[2:].rpartition(".")
-        said += f" (default: {'on' if field.default else 'off'})"
+        text += f" (default: {'on' if field.default else 'off'})"
         flags.append(f"--{head}{dot}no-{leaf}")
-        add(*flags, action=_Switch, help=_escaped(said), **options)
+        add(*flags, action=_Switch, help=_escaped(text), **options)
         return
     if ARGUMENT in field.marks:
         flags, options = [options["dest"]], {"default": None}
@@ -183,21 +183,21 @@ def add_flag(add: Callable[..., Any], field: Field) -> None:
         options["required"] = True
     kind = Literal[tuple(option.choices)] if option.choices else field.kind
     if inner := _inner(kind):
-        again = REPEATED in field.marks
-        options |= {"action": _Repeated} if again else {"nargs": "*", "action": _Tuple}
+        repeated = REPEATED in field.marks
+        options |= {"action": _Repeated} if repeated else {"nargs": "*", "action": _Tuple}
         kind = inner | None if NoneType in _parts(kind) else inner
     choices = [word for part in _parts(kind) for word in _choices(part)]
     metavar = option.metavar or _metavar(kind)
     if choices and len("|".join(choices)) > SHORT:
-        metavar, said = "NAME", f"{said.rstrip('.')}. One of {', '.join(choices)}."
+        metavar, text = "NAME", f"{text.rstrip('.')}. One of {', '.join(choices)}."
     if choices and all(_choices(part) or part is NoneType for part in _parts(kind)):
-        # What is not among them the reader refuses, in words of its own; completion asks for them.
+        # The reader refuses other words, with a message of its own; completion reads the choices.
         options["choices"] = [*choices, *([None] if NoneType in _parts(kind) else [])]
     if option.nargs:
         options |= {"nargs": option.nargs, "const": option.const}
-    plain = field.default in (None, (), "", MISSING)
-    shown = "" if plain else f" (default: {_shown(field.kind, field.default)})"
-    add(*flags, type=_reader(kind), metavar=metavar, help=_escaped(said + shown), **options)
+    hidden = field.default in (None, (), "", MISSING)
+    shown = "" if hidden else f" (default: {_shown(field.kind, field.default)})"
+    add(*flags, type=_reader(kind), metavar=metavar, help=_escaped(text + shown), **options)
 
 
 class _Switch(argparse.Action):
@@ -211,14 +211,14 @@ class _Switch(argparse.Action):
 
 
 class _Tuple(argparse.Action):
-    """The words of a flag as a tuple; the single word None means None."""
+    """Stores the words of a flag as a tuple; the single word None means None."""
 
     def __call__(self, parser: Any, namespace: Any, values: Any, option: str | None = None) -> None:
         setattr(namespace, self.dest, None if values == [None] else tuple(values))
 
 
 class _Repeated(argparse.Action):
-    """The words of a repeated flag as a tuple."""
+    """Stores the words of a repeated flag as a tuple."""
 
     def __call__(self, parser: Any, namespace: Any, values: Any, option: str | None = None) -> None:
         setattr(namespace, self.dest, (*getattr(namespace, self.dest, ()), values))
@@ -241,7 +241,7 @@ def _parts(kind: Any) -> tuple[Any, ...]:
 
 
 def _inner(kind: Any) -> Any:
-    """The type of a tuple's members; None if the type is no tuple."""
+    """Find the type of a tuple's members; None if the type is not a tuple."""
     return next((get_args(p)[0] for p in _parts(kind) if get_origin(p) is tuple), None)
 
 
@@ -261,7 +261,7 @@ def _name(kind: Any) -> str:
 
 
 def _reader(kind: Any) -> Callable[[str], Any]:
-    """A function that reads one word of a type, or says what would be right."""
+    """Make a function that reads one word of a type, or says what would be right."""
     if word := _word(kind):
         return word.read
 
@@ -278,7 +278,7 @@ def _reader(kind: Any) -> Callable[[str], Any]:
                 return part(text)
             except ValueError:
                 continue
-        wanted = " or ".join(
+        expected = " or ".join(
             "None"
             if p is NoneType
             else f"one of {', '.join(c)}"
@@ -286,17 +286,17 @@ def _reader(kind: Any) -> Callable[[str], Any]:
             else KINDS[p]
             for p in _parts(kind)
         )
-        raise argparse.ArgumentTypeError(f"must be {wanted}, not {text!r}")
+        raise argparse.ArgumentTypeError(f"must be {expected}, not {text!r}")
 
     return read
 
 
 def _shown(kind: Any, value: Any) -> str:
-    """A default as one would type it."""
+    """Format a default as one would type it."""
     if word := _word(kind):
         return word.show(value)
     if isinstance(value, tuple):
-        return " ".join(_shown(_inner(kind), one) for one in value)
+        return " ".join(_shown(_inner(kind), member) for member in value)
     return str(value)
 
 
@@ -311,11 +311,11 @@ def _hints(kind: type) -> dict[str, Any]:
 
 @lru_cache
 def documented(kind: type) -> dict[str, str]:
-    """The docstring of each field of a dataclass and its bases, in one line.
+    """Find the docstring of each field of a dataclass and its bases, in one line.
 
-    It stands behind the field, or among the ``Attributes`` of the class.
+    It follows the field, or is among the ``Attributes`` of the class.
     """
-    found: dict[str, str] = {}
+    texts: dict[str, str] = {}
     for base in reversed(kind.__mro__):
         node = _classes(base.__module__).get(base.__name__)
         if node is None:
@@ -323,20 +323,20 @@ def documented(kind: type) -> dict[str, str]:
         section = (ast.get_docstring(node) or "").partition("\nAttributes:\n")[2]
         entries = re.findall(r"^    (\w+): (.*(?:\n {8}.*)*)", section, re.MULTILINE)
         for field, after in zip(node.body, node.body[1:], strict=False):
-            said = after.value if isinstance(after, ast.Expr) else None
+            text = after.value if isinstance(after, ast.Expr) else None
             if (
                 isinstance(field, ast.AnnAssign)
                 and isinstance(field.target, ast.Name)
-                and isinstance(said, ast.Constant)
+                and isinstance(text, ast.Constant)
             ):
-                entries.append((field.target.id, said.value))
-        found |= {name: " ".join(text.replace("`", "").split()) for name, text in entries}
-    return found
+                entries.append((field.target.id, text.value))
+        texts |= {name: " ".join(text.replace("`", "").split()) for name, text in entries}
+    return texts
 
 
 @lru_cache
 def _classes(module: str) -> dict[str, ast.ClassDef]:
-    """The classes of a module by name."""
+    """Parse the classes of a module, by name."""
     path = getattr(sys.modules.get(module), "__file__", None)
     if path is None or not path.endswith(".py"):
         return {}

@@ -1,8 +1,8 @@
-"""Makes Ctrl-C print one line, also while a command loads its libraries or has ended.
+"""Make Ctrl-C print one line, also while a command loads its libraries or has ended.
 
-During imports a KeyboardInterrupt gives a traceback of a library, or an error that a library makes from it.
-There is nothing to clean up yet, so the program just ends. Each package sets this before it imports anything
-large; `common.command.exit_code` restores the usual handling while it works.
+During imports, KeyboardInterrupt ends in the traceback of a library, or in an error that a library turns it
+into. There is nothing to clean up yet, so the program just ends. Each package sets this before it imports
+anything large; `common.command.exit_code` restores the usual handling while it runs a job.
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ def while_loading(package: str) -> None:
     words = sys.orig_argv[1:]
     module = words[words.index("-m") + 1 :][:1] if "-m" in words else []
     installed = bool(words) and os.path.basename(words[0]) == PROGRAM
-    ours = installed or (bool(module) and module[0].split(".")[0] == package)
-    if ours and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+    is_program = installed or (bool(module) and module[0].split(".")[0] == package)
+    if is_program and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         _set(_end)
 
 
 @contextmanager
 def while_working() -> Iterator[None]:
-    """Inside, Ctrl-C raises KeyboardInterrupt, so that unfinished work is cleaned up."""
-    ours = signal.getsignal(signal.SIGINT) is _end
-    if ours:
+    """Let Ctrl-C raise KeyboardInterrupt in the block, so that unfinished work is cleaned up."""
+    is_set = signal.getsignal(signal.SIGINT) is _end
+    if is_set:
         _set(signal.default_int_handler)
     try:
         yield
     finally:
-        if ours:
+        if is_set:
             _set(_end)
 
 

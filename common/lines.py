@@ -1,6 +1,6 @@
 """Lines of JSON, appended one by one, in which every long job keeps its state.
 
-A half-written last line, which a kill may leave, is dropped; any other broken line is an error.
+An incomplete last line, which a kill may leave, is dropped; any other broken line is an error.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from common.errors import UserError
 from common.files import naming, parse_json, sync_folder
 
 Record = dict[str, Any]
-CURE = "remove it and all after it"
+CURE = "remove this line and all after it"
 
 
 def _lock(file: Any) -> None:
-    """Let other processes wait until an open file is closed; on Windows one process at a time must write."""
+    """Make other processes wait until an open file is closed; on Windows only one process may write."""
     with suppress(ImportError):
         import fcntl
 
@@ -34,14 +34,14 @@ class JsonLines:
 
     Args:
         path: the file, which the first line creates; None keeps the lines in memory.
-        cure: the end of the error's sentence, which says what to do about a bad line.
+        cure: the end of error messages, which says what to do about a bad line.
 
     Attributes:
         path: the file.
         lines: every object so far.
 
     Raises:
-        UserError: a line is no JSON object.
+        UserError: a line is not a JSON object.
         OSError: the file cannot be read.
     """
 
@@ -52,7 +52,7 @@ class JsonLines:
         self.refresh()
 
     def where(self, number: int) -> str:
-        """File and line of an object by its index, for errors."""
+        """Name the file and line of an object by its index, for errors."""
         return f"{self.path}: line {number + 1}"
 
     def refresh(self) -> list[Record]:
@@ -74,14 +74,14 @@ class JsonLines:
         except ValueError:
             raise UserError(f"{self.where(len(self.lines))} is not JSON; {self._cure}") from None
         if not isinstance(record, dict):
-            raise UserError(f"{self.where(len(self.lines))} is no JSON object; {self._cure}")
+            raise UserError(f"{self.where(len(self.lines))} is not a JSON object; {self._cure}")
         return record
 
     def append(self, *records: Record) -> None:
-        """Add lines and sync them to the disk; on a full disk, none of them stays.
+        """Add lines and sync them to the disk; on a full disk, none of them remains.
 
         Raises:
-            RuntimeError: another process has added lines that were not read, or has removed some.
+            RuntimeError: another process has added lines that this one has not read, or has removed some.
             OSError: the file cannot be written.
         """
         text = "".join(json.dumps(record, allow_nan=False) + "\n" for record in records).encode()

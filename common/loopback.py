@@ -1,4 +1,4 @@
-"""What a page that is served on this machine answers: itself alone, neither other sites nor other names."""
+"""Which requests a page served on this machine answers: its own, none from other sites or names."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from common.errors import UserError
 HOST = "127.0.0.1"
 NAMES = (HOST, "localhost")
 MOST_BYTES = 1_000_000
-"""Of one upload; an attributes.json of ten components has 70,000."""
+"""The most bytes of one upload; an attributes.json of ten components has 70,000."""
 
 
 class Headers(Protocol):
-    """Of a request; names in any case."""
+    """Headers of a request; names in any case."""
 
     def get(self, key: str, default: str, /) -> str:
         """A header's value."""
@@ -22,9 +22,10 @@ class Headers(Protocol):
 
 
 def refusal(headers: Headers) -> int:
-    """The status with which a request to a page of this machine is refused, 0 where it may pass.
+    """Choose the status with which to refuse a request, 0 if it may pass.
 
-    A page of another site may send requests here, and another name may lead here: both show in the headers.
+    A page of another site may send requests here, and another name may resolve to this machine: both show
+    in the headers.
     """
     host, origin = headers.get("host", ""), headers.get("origin", "")
     if host.partition(":")[0].lower() not in NAMES:
@@ -34,12 +35,12 @@ def refusal(headers: Headers) -> int:
     if headers.get("transfer-encoding", ""):
         return 411
     length = headers.get("content-length", "0")
-    few = length.isascii() and length.isdigit() and len(length) <= len(str(MOST_BYTES))
-    return 0 if few and int(length) <= MOST_BYTES else 413
+    is_short = length.isascii() and length.isdigit() and len(length) <= len(str(MOST_BYTES))
+    return 0 if is_short and int(length) <= MOST_BYTES else 413
 
 
 def check_port(port: int, flag: str = "--port") -> None:
-    """Raise UserError unless a page can be served there."""
+    """Raise UserError unless a page can be served at a port."""
     if not 1 <= port <= 65535:
         raise UserError(f"{flag} must lie in 1..65535, not {port}")
     with socket.socket() as probe:

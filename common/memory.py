@@ -1,4 +1,4 @@
-"""Refuses sizes that do not fit into memory before it is allocated."""
+"""Refuse sizes that do not fit into memory before it is allocated."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 from common.errors import UserError
 
 LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
-"""The files that hold a container's memory limit."""
+"""The files with the memory limit of a container."""
 UNITS = ("B", "kB", "MB", "GB", "TB", "PB", "EB")
 MOST = 2**62
 """The largest count."""
@@ -19,18 +19,18 @@ MOST = 2**62
 
 @cache
 def memory() -> int:
-    """Bytes of memory of this machine, or of the container that this process runs in."""
-    found = [MOST]
+    """The bytes of memory of this machine, or of the container that this process runs in."""
+    limits = [MOST]
     if hasattr(os, "sysconf") and "SC_PHYS_PAGES" in os.sysconf_names:
-        found.append(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
-    for limit in map(Path, LIMITS):
-        text = limit.read_text().strip() if limit.is_file() else ""
-        found += [int(text)] if text.isdigit() else []
-    return min(found)
+        limits.append(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    for path in map(Path, LIMITS):
+        text = path.read_text().strip() if path.is_file() else ""
+        limits += [int(text)] if text.isdigit() else []
+    return min(limits)
 
 
 def in_words(size: float) -> str:
-    """Bytes in words, such as ``12 MB``."""
+    """Format a number of bytes, such as ``12 MB``."""
     if size >= MOST:
         return "more than 4,000 PB"
     power = 0
@@ -40,12 +40,12 @@ def in_words(size: float) -> str:
 
 
 def refuse_larger(flag: str, value: int, need: Callable[[int], int], what: str) -> None:
-    """Raise UserError if a number of things needs more memory than there is.
+    """Raise UserError if a number of things needs more memory than this machine has.
 
     Args:
         flag: the flag of the number.
         value: the number.
-        need: the least bytes for a number of things; grows with the number.
+        need: the least bytes that a number of things takes; grows with the number.
         what: the things in a few words.
     """
     if need(value) <= memory():

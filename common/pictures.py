@@ -1,4 +1,4 @@
-"""Pictures of any origin: a check of their size before they are decoded, and the ids in a label file."""
+"""Image files of any origin: their size, checked before they are decoded, and the ids in a label file."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ import numpy as np
 from common.errors import UserError
 
 MOST_PIXELS, MOST_BYTES = 50_000_000, 500_000_000
-"""Limits of a picture and its file; the engine renders no larger ones."""
+"""Limits of an image and its file; the engine renders no larger ones."""
 
 
 def too_large(data: bytes) -> str | None:
-    """The reason not to decode the bytes of an image file; None if they may be decoded.
+    """Explain why the bytes of an image file must not be decoded; None if they may be.
 
-    Bytes that are no image are left to the decoder, whose message is better.
+    Bytes that are not an image are left to the decoder, whose message is better.
     """
     from PIL import Image  # only for programs that read images
 
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            with Image.open(io.BytesIO(data)) as picture:
-                width, height = picture.size
+            with Image.open(io.BytesIO(data)) as image:
+                width, height = image.size
     except Image.DecompressionBombError:
         return f"more than {MOST_PIXELS:,} pixels"
     except Exception:  # Pillow has many errors
@@ -35,7 +35,7 @@ def too_large(data: bytes) -> str | None:
 
 
 def _as_stored(data: bytes, values: np.ndarray) -> np.ndarray:
-    """The channels of an image with all of their bits; grey with alpha comes as four channels."""
+    """Decode the channels of an image with all of their bits; grey with alpha has four channels."""
     import cv2  # only for files of 16 bits and of other formats than PNG
 
     stored = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
@@ -46,7 +46,7 @@ def label_ids(data: bytes) -> np.ndarray:
     """Decode the ids of a label file as they are stored, u8[h, w], or u16[h, w] for 16 bits.
 
     Ids of a palette are its indices. Pillow spreads grey of 2 and 4 bits over 0..255; this is undone. Grey in
-    three equal channels, or with transparency, holds ids, too.
+    three equal channels, or with transparency, is ids, too.
 
     Raises:
         UserError: the file is broken or in colours; the message does not name it.
@@ -54,12 +54,12 @@ def label_ids(data: bytes) -> np.ndarray:
     from PIL import Image
 
     try:
-        with Image.open(io.BytesIO(data)) as picture:
-            mode, kind = picture.mode, picture.format
-            values = np.asarray(picture)
+        with Image.open(io.BytesIO(data)) as image:
+            mode, kind = image.mode, image.format
+            values = np.asarray(image)
     except Exception as error:  # Pillow has many errors
-        why = f"not a readable image, broken or truncated ({error})"
-        raise UserError(f"{why}; put an intact copy there") from error
+        reason = f"not a readable image, broken or truncated ({error})"
+        raise UserError(f"{reason}; replace it by an intact copy") from error
     if mode in ("LA", "RGB", "RGBA"):
         if kind != "PNG" or data[24] == 16:  # in the header; Pillow halves the bits of colours
             values = _as_stored(data, values)
@@ -67,11 +67,11 @@ def label_ids(data: bytes) -> np.ndarray:
         if (colours == values[..., :1]).all():
             return values[..., 0]
     if mode.startswith("F"):
-        raise UserError(f"holds fractions (mode {mode}); save class ids as whole numbers, in a PNG")
-    if mode not in ("P", "L", "1") and not mode.startswith("I"):
         raise UserError(
-            f"a label of mode {mode}, that is colours; expected one channel of class ids"
+            f"contains fractions (mode {mode}); save class ids as whole numbers, in a PNG"
         )
+    if mode not in ("P", "L", "1") and not mode.startswith("I"):
+        raise UserError(f"a label in colours (mode {mode}); expected one channel of class ids")
     if mode == "L" and kind == "PNG":
         bits = data[24]  # in the header
         return values // (255 // (2**bits - 1))

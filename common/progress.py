@@ -1,4 +1,4 @@
-"""Shows the progress of a job and the time left: live bars on a terminal, plain lines elsewhere."""
+"""Show the progress of a job and the time left: live bars on a terminal, lines of text elsewhere."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from rich.text import Text
 from common.errors import printable
 
 
-def _plain(text: str) -> str:
-    """Lines without control characters, which names of files may have."""
+def _printable_lines(text: str) -> str:
+    """Replace control characters, which names of files may have, in several lines."""
     return "\n".join(map(printable, text.split("\n")))
 
 
 def duration(seconds: float) -> str:
-    """``75 s``, ``12 min`` or ``3.4 h``."""
+    """Format a time: ``75 s``, ``12 min`` or ``3.4 h``."""
     if seconds < 100:
         return f"{seconds:.0f} s"
     if seconds < 100 * 60:
@@ -37,11 +37,11 @@ TRUST = 0.1
 
 
 class Stage(NamedTuple):
-    """Nets of one kind; a job goes through its stages in order."""
+    """Networks of one kind; a job goes through its stages in order."""
 
     what: str
     nets: int
-    units: float  # of work in all
+    units: float  # of work in total
 
 
 class _Board(Bar):
@@ -62,7 +62,7 @@ class Progress:
     Args:
         total: units of the whole job.
         elapsed: seconds spent by earlier sessions.
-        label: the beginning of every line of progress.
+        label: the start of every line of progress.
         stream: the stream to print to; by default standard output.
         stages: stages of the work in order; on a terminal each has its own bar.
         workers: the number of workers, each on one core.
@@ -95,33 +95,33 @@ class Progress:
         terminal = self._console.is_terminal and not self._console.is_dumb_terminal
         self._live = terminal and self._stream.isatty()
         self._bar: _Board | None = None
-        self._told: Callable[[float, str], None] | None = None
+        self._report: Callable[[float, str], None] | None = None
         self._every = self._due = 0.0
         self._shown = ""  # the percentage of the last plain line
         self._text = ""  # of the last update
 
-    def tell(self, every: float, told: Callable[[float, str], None]) -> None:
-        """Tell someone else, too, where the job is: at the next update, then once in a while.
+    def tell(self, every: float, report: Callable[[float, str], None]) -> None:
+        """Report the progress to a function, too: at the next update, then at intervals.
 
         Args:
-            every: seconds.
-            told: given the share of the work that is done, in [0, 1], and a line.
+            every: seconds between two reports.
+            report: takes the share of the work that is done, in [0, 1], and a line of text.
         """
-        self._every, self._due, self._told = every, 0.0, told
+        self._every, self._due, self._report = every, 0.0, report
 
     @property
     def elapsed(self) -> float:
-        """Seconds spent on the job, with earlier sessions."""
+        """The seconds spent on the job, earlier sessions included."""
         return self._before + time.perf_counter() - self._started
 
     def expect(self, seconds: float, start: float) -> None:
-        """Tell how long all work is expected to take: ``start`` seconds from now, then ``seconds``."""
+        """Set how long all work is expected to take: ``start`` seconds from now, then ``seconds``."""
         self._expected, self._start = seconds, start
         self._paced = self._latest = time.perf_counter()
 
     @property
     def left(self) -> float | None:
-        """Seconds left: as expected at first, then ever more at the pace of this session.
+        """The seconds left: as expected at first, then more and more by the pace of this session.
 
         Without an expected time it is None until a hundredth is done, since the first pieces compile.
         """
@@ -166,21 +166,21 @@ class Progress:
             self._line_time = time.perf_counter()
 
     def say(self, text: str) -> None:
-        """Print a line that stays, or several."""
-        text = _plain(text)
+        """Print one or several lines that stay."""
+        text = _printable_lines(text)
         if self._bar is not None:
             self._console.print(Text(text), soft_wrap=True)
         else:
             print(text, file=self._stream, flush=True)
 
     def update(self, text: str, *, minor: bool = False) -> None:
-        """Show the state of the job; a minor one has no line of its own while the percentage is the same."""
+        """Show the state of the job; a minor one has no line of its own until the percentage changes."""
         self._text = text = printable(text)
         done = self._done + self._under_way
         share = min(done / self._total, 1) if self._total > 0 else 1.0
         left = [] if self.left is None else [f"{duration(self.left)} left"]
-        if self._told is not None and time.perf_counter() >= self._due:
-            self._told(share, " | ".join([text, *left]))
+        if self._report is not None and time.perf_counter() >= self._due:
+            self._report(share, " | ".join([text, *left]))
             self._due = time.perf_counter() + self._every
         if not self._live:
             shown = f"[{100 * share:3.0f} %]"
@@ -215,19 +215,19 @@ class Progress:
             yield stage, done
 
     def _facts(self) -> list[str]:
-        """The line below the bars: pace, cost and state of the job."""
-        found = [self.standing] if self.standing else []
+        """The parts of the line below the bars: pace, cost and state of the job."""
+        facts = [self.standing] if self.standing else []
         if self._stages and self._worked > 0:
             spent = time.perf_counter() - self._started
             cpu = spent / self._worked * self._total * self._workers
-            found[:0] = [
+            facts[:0] = [
                 f"{60 * self._nets / max(spent, 1e-9):.3g} nets a minute",
-                f"about {duration(cpu)} of CPU in all",
+                f"about {duration(cpu)} of CPU in total",
             ]
-        return found
+        return facts
 
     def close(self) -> None:
-        """Leave the last line as it is; the next output begins on a new line."""
+        """Keep the last line; the next output starts on a new line."""
         if self._bar is not None:
             self._bar.stop()
             self._bar = None

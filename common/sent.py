@@ -1,6 +1,6 @@
-"""Finds the files that tasks name on this machine.
+"""Find the files that tasks name on this machine.
 
-A worker on another disk than the sender of its tasks has copies of the files that tasks name. Such tasks name
+A worker that does not share a disk with the sender of its tasks has copies of their files. Such tasks name
 a file by its content, and the worker knows the path of its copy; any other name is a path.
 """
 

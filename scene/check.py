@@ -242,7 +242,7 @@ def main(arguments: Arguments = None) -> int:
             print(f"{options.dataset}: no faults: all files are complete and all labels agree")
         return int(count > 0)
 
-    return exit_code(work, users=(ValueError,), debug=options.debug, goes_on=False)
+    return exit_code(work, users=(ValueError,), debug=options.debug, resumes=False)
 
 
 if __name__ == "__main__":

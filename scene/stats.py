@@ -160,7 +160,7 @@ def main(arguments: Arguments = None) -> int:
         if options.json is not None:
             write_json(options.json, {name: report(classes, s) for name, s in statistics.items()})
 
-    return exit_code(work, users=(ValueError,), debug=options.debug, goes_on=False)
+    return exit_code(work, users=(ValueError,), debug=options.debug, resumes=False)
 
 
 if __name__ == "__main__":

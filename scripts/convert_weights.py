@@ -200,7 +200,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"{options.out}: {convert(options.file, options.out)}")
         print(f"next: sdr-jax weights convert {options.out} --out vgg16.npz")
 
-    return exit_code(work, debug=options.debug, goes_on=False)
+    return exit_code(work, debug=options.debug, resumes=False)
 
 
 if __name__ == "__main__":

@@ -97,7 +97,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         make(options.datasets, options.steps, options.seed).save(options.out)
         print(options.out)
 
-    return exit_code(work, also=(TrainingError,), debug=options.debug, goes_on=False)
+    return exit_code(work, also=(TrainingError,), debug=options.debug, resumes=False)
 
 
 if __name__ == "__main__":

@@ -303,4 +303,4 @@ def main(arguments: Arguments = None) -> int:
             write_json(options.json, {**about, **scores})
             print(options.json)
 
-    return exit_code(work, debug=options.debug, goes_on=False)
+    return exit_code(work, debug=options.debug, resumes=False)

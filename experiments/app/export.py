@@ -36,4 +36,4 @@ def main(arguments: Arguments = None) -> int:
         size = export(model, options.onnx)
         print(f"{options.onnx}: {size / 1e6:.1f} MB")
 
-    return exit_code(work, debug=options.debug, goes_on=False)
+    return exit_code(work, debug=options.debug, resumes=False)

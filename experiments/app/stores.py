@@ -74,4 +74,4 @@ def main(arguments: Arguments = None) -> int:
         else:
             print(merge(options.files, options.out))
 
-    return exit_code(work, debug=options.debug, goes_on=False)
+    return exit_code(work, debug=options.debug, resumes=False)

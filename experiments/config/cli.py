@@ -15,7 +15,7 @@ from typing import Any
 
 from common.command import HELP, Parser, docstring, exit_code, meant
 from common.errors import UserError
-from common.flags import Field, add_flag, filled, flags_of
+from common.flags import Field, add_flag, fill, flags_of
 from common.workers.pool import WorkerError
 from experiments.config.config import AnyConfig, Config, GroupsConfig, LearntConfig, fidelities
 from experiments.config.jobs import JOBS, defaults_of, methods_of
@@ -113,7 +113,7 @@ def configured(name: str, values: Mapping[str, Any]) -> Any:
     options = [".".join(field.path) for field in flags_of(default)]
     for unknown in values.keys() - {*options}:
         raise UserError(f"{JOBS[name].called} has no option {unknown}{meant(unknown, options)}")
-    config = filled(default, values)
+    config = fill(default, values)
     if values.get("rederive") is None:
         refuse_unused(config, values)
     return config

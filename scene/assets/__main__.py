@@ -68,7 +68,7 @@ def main(arguments: Arguments = None) -> int:
         for lines in blocks:
             print("\n".join(lines))
 
-    return exit_code(report, users=(ValueError,), debug=options.debug, goes_on=False)
+    return exit_code(report, users=(ValueError,), debug=options.debug, resumes=False)
 
 
 if __name__ == "__main__":

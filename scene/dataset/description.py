@@ -14,7 +14,7 @@ import numpy as np
 
 from common import files
 from common.files import folder_digest
-from common.folder import plain
+from common.folder import as_json
 from common.labels.classes import OWN as OWN_ROW
 from scene.assets import library
 from scene.assets.catalogue import AssetPool
@@ -99,7 +99,7 @@ def settings(plan: Plan, units: np.ndarray, streets: Streets | None) -> dict[str
         "shots": plan.shots,
         "seed": plan.seed,
         "renderer": plan.renderer,
-        "render": plain(render),
+        "render": as_json(render),
         "assets": {**pool, "own": Path(plan.pool.own).name},
         "own_assets": _own_assets(plan.own_folder),
         "own_files": own_files(plan.own_folder),

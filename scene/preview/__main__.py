@@ -115,7 +115,7 @@ def main(arguments: Arguments = None) -> int:
         save(image, options.out)
 
     users = (ValueError, RendererError)
-    return exit_code(work, users=users, debug=options.debug, goes_on=False)
+    return exit_code(work, users=users, debug=options.debug, resumes=False)
 
 
 if __name__ == "__main__":

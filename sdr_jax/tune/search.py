@@ -72,7 +72,7 @@ def tune(
         raise UserError(f"--out {out} has no evaluations to repeat; remove --retry-failed")
     outputs = EVALUATIONS, RETRIED, ANSWER
     try:
-        with opened(out, config, free=FREE, ours=outputs, packages=PACKAGES):
+        with opened(out, config, free=FREE, allowed=outputs, packages=PACKAGES):
             if retry_failed:
                 _remove_failures(_resumed(settings, method, out).history, out)
             answer = _search(settings, method, command, out)

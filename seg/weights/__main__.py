@@ -47,7 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             f"{options.out}: {contents}; expected {contents.normalisation}'s images, now takes ours"
         )
 
-    return exit_code(work, debug=options.debug, goes_on=False)
+    return exit_code(work, debug=options.debug, resumes=False)
 
 
 if __name__ == "__main__":

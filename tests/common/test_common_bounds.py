@@ -54,7 +54,7 @@ def test_a_bound_takes_what_is_inside_and_says_what_the_others_must_be(bound, in
     (Outer(own_share=0.0), "--own-share must lie in (0, 1], not 0.0", "own_share"),
     (Outer(counts=(2, 0)), "--counts must be 1 or more, not 0", "counts"),
     (Outer(counts=()), "--counts needs at least one value", "counts"),
-    (Outer(counts=(2, 2)), "--counts 2 2 names one of them twice", "counts"),
+    (Outer(counts=(2, 2)), "--counts 2 2 has a value twice", "counts"),
     (Outer(dtype="float16"), "--dtype must be one of float32, bfloat16, not float16", "dtype"),
     (Outer(dtype=None), "--dtype must be one of float32, bfloat16, not None", "dtype"),
     (Outer(mirror="no"), "--mirror must be True or False, not 'no'", "mirror"),

@@ -11,13 +11,13 @@ from unittest.mock import Mock
 import pytest
 
 from common import loopback
-from common.command import MISTAKE, UNREAD, Parser, exit_code, given, meant, size
+from common.command import BUG, UNREAD, Parser, exit_code, given, meant, size
 from common.errors import Unfinished, UserError, refuse_repeats
 from common.interrupt import INTERRUPTED
 from tests.conftest import ROOT, refused
 
 FULL = OSError(errno.ENOSPC, "No space left on device", "x.json")
-CURE = "once that is put right, the same command goes on"
+CURE = "once this is fixed, the same command resumes"
 PRINT = "import sys; from common.command import *; sys.exit(exit_code(lambda: print('x' * {})))"
 
 
@@ -28,13 +28,13 @@ PRINT = "import sys; from common.command import *; sys.exit(exit_code(lambda: pr
     (OSError("odd"), 2, f"error: odd; {CURE}\n"),
     (EOFError("workers died"), 1, "error: workers died\n"),
     (MemoryError("8 GB"), 2, "error: out of memory: 8 GB; smaller sizes need less\n"),
-    (KeyboardInterrupt(), 130, "\nstopped; the same command goes on where it was\n"),
+    (KeyboardInterrupt(), 130, "\nstopped; the same command resumes\n"),
 ])  # fmt: skip
 def test_what_went_wrong_is_one_line_and_a_code(error, code, text, capsys):
     assert exit_code(Mock(side_effect=error, return_value=None), also=(EOFError,)) == code
     assert capsys.readouterr() == ("", text)
     if error is FULL:
-        assert exit_code(Mock(side_effect=error), goes_on=False) == code
+        assert exit_code(Mock(side_effect=error), resumes=False) == code
         assert capsys.readouterr().err == text.replace(f"; {CURE}", "")
 
 
@@ -42,7 +42,7 @@ def test_our_own_mistakes_say_where_and_with_debug_how(capsys):
     where = f"{Path(__file__).name}, line "
     codes = [exit_code(lambda: print(1 / 0), debug=debug) for debug in (False, True)]
     first, second, *_ = capsys.readouterr().err.splitlines()
-    assert codes == [MISTAKE] * 2 and second.startswith("Traceback ")
+    assert codes == [BUG] * 2 and second.startswith("Traceback ")
     assert "ZeroDivisionError: division by zero" in first and where in first
 
 
@@ -168,7 +168,7 @@ def test_sizes_and_repeats():
     for text in ("640", "x320", "640x", "640x320x3", "axb", ""):
         refused(argparse.ArgumentTypeError, "must look like 640x320, not", size, text)
     refuse_repeats("--nets", ["a", "b"])
-    with pytest.raises(UserError, match="--nets a b a names one of them twice"):
+    with pytest.raises(UserError, match="--nets a b a has a value twice"):
         refuse_repeats("--nets", ["a", "b", "a"])
 
 

@@ -108,7 +108,7 @@ def test_a_folder_that_takes_no_file_is_refused_before_the_work(tmp_path, monkey
     check_file("--json", tmp_path / "scores.json")
     assert not list(tmp_path.iterdir())
     monkeypatch.setattr("common.files.tempfile.TemporaryFile", refuse)
-    message = r"--json .*scores\.json: no file can be written to .* \(Read-only file system\)"
+    message = r"--json .*scores\.json: cannot write to .* \(Read-only file system\)"
     refused(UserError, message, check_file, "--json", tmp_path / "scores.json")
 
 
@@ -134,7 +134,7 @@ def test_json_has_what_fits_a_line_on_one_and_so_every_list_of_numbers(value):
 def test_what_is_no_json_is_named(text, tmp_path):
     path = tmp_path / "x.json"
     path.write_bytes(text.encode("latin-1"))
-    refused(UserError, f"{path} is no JSON file", read_json, path)
+    refused(UserError, f"{path} is not a JSON file", read_json, path)
 
 
 def test_canonical_json_by_hand_folders_by_names_and_bytes_and_versions(tmp_path):

@@ -21,7 +21,7 @@ from common.flags import (
     add_flag,
     command_line,
     documented,
-    filled,
+    fill,
     flags_of,
 )
 
@@ -71,7 +71,7 @@ def read(*words: str) -> Settings:
     parser = Parser("x", None)
     for one in flags_of(Settings()):
         add_flag(parser.add_argument, one)
-    return filled(Settings(), vars(parser.parse_args(words)))
+    return fill(Settings(), vars(parser.parse_args(words)))
 
 
 @pytest.mark.parametrize(("words", "changed"), [

@@ -12,7 +12,7 @@ from unittest.mock import Mock
 import pytest
 
 from common.errors import UserError
-from common.folder import opened, plain, refuse_foreign
+from common.folder import as_json, opened, refuse_foreign
 
 ROWS = [{"name": "yaw", "low": 0.0}, {"name": "fog", "low": 0.5}]
 JOB = {
@@ -45,7 +45,7 @@ def test_a_new_folder_says_everything_needed_to_repeat_the_job(tmp_path):
     out = tmp_path / "runs" / "new"
     assert began(out, packages=["none"])
     stored = json.loads((out / "config.json").read_text())
-    assert stored == {"version": 1, **plain(JOB), "versions": {"none": "not installed"}}
+    assert stored == {"version": 1, **as_json(JOB), "versions": {"none": "not installed"}}
     assert stored["data"] == "/data" and stored["names"] == ["argmax", "spread"]
 
 
@@ -95,8 +95,8 @@ def test_a_folder_killed_at_its_birth_is_taken_and_one_of_other_things_is_not(ou
     refuse_foreign(out, JOB)
     for name in ("lock", "config.json.part", "mine"):
         (out / name).write_text("")
-    assert "holds other files and no run" in refused(out)
-    assert began(out, ours=("mine",))
+    assert "contains other files and no run" in refused(out)
+    assert began(out, allowed=("mine",))
     assert {path.name for path in out.iterdir()} == {"config.json", "lock", "mine"}
 
 
@@ -117,7 +117,7 @@ def test_a_version_that_nobody_reads_is_refused(out, version):
     (out / "config.json").write_text(json.dumps({**stored, "version": version}))
     said = refused(out)
     assert (
-        f"config.json has version {json.dumps(version)}, and this program reads version 1" in said
+        f"config.json has version {json.dumps(version)}, but this program reads version 1" in said
     )
 
 
@@ -125,7 +125,7 @@ def test_a_version_that_nobody_reads_is_refused(out, version):
 def test_a_broken_config_is_named(out, text):
     out.mkdir()
     (out / "config.json").write_bytes(text.encode("latin-1"))
-    assert "config.json is no JSON object" in refused(out)
+    assert "config.json is not a JSON object" in refused(out)
 
 
 def test_out_is_a_file_or_cannot_be_written(out, monkeypatch):

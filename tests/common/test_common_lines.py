@@ -56,7 +56,7 @@ def test_a_kill_while_writing_loses_at_most_the_last_line(tmp_path_factory, reco
 @pytest.mark.parametrize(("line", "complaint"), [
     ("{update: 1}", "line 2 is not JSON"), ("", "line 2 is not JSON"),
     ("\xff\xfe", "line 2 is not JSON"), ("[" * 10**5, "line 2 is not JSON"),
-    ('{"reward": NaN}', "line 2 is not JSON"), ("[1, 2]", "line 2 is no JSON object"),
+    ('{"reward": NaN}', "line 2 is not JSON"), ("[1, 2]", "line 2 is not a JSON object"),
 ])  # fmt: skip
 def test_a_corrupt_line_is_named_with_its_cure(path, line, complaint):
     path.write_bytes(f"{json.dumps(LINE)}\n{line}\n{json.dumps(LINE)}\n".encode("latin-1"))

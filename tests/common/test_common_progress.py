@@ -167,7 +167,7 @@ def test_on_a_terminal_every_stage_has_a_bar_and_the_pace_is_told(clock, termina
     assert rewards.endswith("100 % rewards, 4 of 4 nets")
     assert finals.endswith(" 50 % final nets, 1 of 2 nets")
     # Five nets in 20 s; 10 of 9 units, two cores.
-    assert pace == "15 nets a minute | about 44 s of CPU in all | best mIoU 20.4"
+    assert pace == "15 nets a minute | about 44 s of CPU in total | best mIoU 20.4"
 
 
 def test_someone_else_is_told_at_once_and_then_not_too_often(clock):

@@ -108,7 +108,7 @@ def test_the_format_follows_from_the_classes():
     ("labels/{name}", "/labels/{name}", ("line 2: labels:", "inside the data folder")),
     ("labels/{name}.png", "{train: a/{name}.png}", ("line 2:", "not valid YAML")),
     ("labels/{name}.png", "{train: 'a/{name}.png'}", ("line 2: labels:", "must both be one pattern")),
-    ("^(.*)__", "^(.*__", ("line 4: group:", "no regular expression: missing )")),
+    ("^(.*)__", "^(.*__", ("line 4: group:", "not a regular expression: missing )")),
     ("{train: train.txt, test: test.txt}", "train.txt", ("line 3: splits:", "expected {split} in the")),
     ("{train: train.txt, test: test.txt}", "{train: train.txt, test: 0.2}", ("line 3: splits:", "one kind")),
     ("{train: train.txt, test: test.txt}", "{train: 0.5}", ("line 3: splits.train:", "remove its share")),
@@ -262,4 +262,4 @@ def test_expressions_that_people_write_are_not_refused(expression):
 
 def test_wrong_expressions_are_refused():
     for expression in ("(", "a**", "a{99999999999}", "(" * 5000 + ")" * 5000):
-        refuses(TEXT.replace("^(.*)__", expression), "line 4: group:", "no regular expression")
+        refuses(TEXT.replace("^(.*)__", expression), "line 4: group:", "not a regular expression")

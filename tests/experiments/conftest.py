@@ -22,7 +22,7 @@ from PIL import Image
 
 from common.command import Parser
 from common.files import read_json
-from common.flags import add_flag, filled, flags_of
+from common.flags import add_flag, fill, flags_of
 from common.progress import Progress
 from common.workers.pool import WorkerPool
 from experiments.__main__ import COMMANDS
@@ -291,7 +291,7 @@ def parsed(default: Any, flags: Sequence[str]) -> Any:
     parser = Parser("study", None)
     for field in flags_of(default):
         add_flag(parser.add_argument, field)
-    return filled(default, vars(parser.parse_args(flags)))
+    return fill(default, vars(parser.parse_args(flags)))
 
 
 def job_of(name: str) -> Any:

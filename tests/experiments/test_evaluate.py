@@ -211,7 +211,7 @@ def test_what_cannot_be_scored_is_refused(model, red, camvid, tmp_path, capsys):
     refused(
         UserError, "has other files, such as letter.txt", evaluate, red, DATA, tmp_path / "full"
     )
-    message = "--split train train names one of them twice"
+    message = "--split train train has a value twice"
     refused(UserError, message, labelled, "camvid", camvid, ("train", "train"))
     model.save(tmp_path / "model")
     words = [str(tmp_path / "model"), str(camvid), "--json"]
@@ -220,5 +220,5 @@ def test_what_cannot_be_scored_is_refused(model, red, camvid, tmp_path, capsys):
     assert main([*words, str(tmp_path / "s.json"), "--target", "mars"]) == 2
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 3 and "is a folder; name a file" in lines[0] and "mars" in lines[2]
-    assert f"no folder {tmp_path / 'no'}; make it" in lines[1]
+    assert f"no folder {tmp_path / 'no'}; create it" in lines[1]
     assert not (tmp_path / "s.json").exists()

@@ -515,7 +515,7 @@ def test_merge_refuses_two_values_for_one_key_and_names_both(make, tmp_path, ref
     ([{**HEADER, "attributes": list(reversed(NAMES))}], "in another order"),
     ([{**HEADER, "store": "sdr-jax evaluations, 1"}], "of an earlier version"),
     ([record()], "is no store of evaluations"),
-    ([HEADER, [1]], "line 2 is no JSON object"),
+    ([HEADER, [1]], "line 2 is not a JSON object"),
     ([HEADER, math.nan], "line 2 is not JSON"),
     ([HEADER, {"key": 1}], "line 2: key must be of type str"),
     ([HEADER, record(reward=None, failed=None)], "one of the two"),

@@ -454,7 +454,7 @@ def test_from_a_folder_of_ones_own_to_a_net(folder, tmp_path, capsys, monkeypatc
     with pytest.raises(UserError, match=re.escape(f"whose model is {tmp_path / 'run' / 'model'}")):
         load_model(tmp_path / "run")
     options = {"seeds": 1, "size": (64, 48), "workers": 0, "fix": FIX}
-    with pytest.raises(UserError, match="begun with --preset smoke"):
+    with pytest.raises(UserError, match="started with --preset smoke"):
         fit(config_of(folder, tmp_path / "run", **options))
     # Again: everything is known, nothing is rendered or trained, and the answer is the same.
     charges.clear()

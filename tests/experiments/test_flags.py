@@ -11,7 +11,7 @@ import pytest
 
 from common.errors import UserError
 from common.files import write_json
-from common.folder import plain
+from common.folder import as_json
 from experiments.app.main_job import MAIN
 from experiments.attribute_search.learn import plan_of
 from experiments.config import (
@@ -441,9 +441,11 @@ def test_a_folder_with_the_twins_sizes_is_not_continued_with_others(
         target="cityscapes", data=cityscapes, out=out,
     )  # fmt: skip
     out.mkdir()
-    write_json(out / "config.json", plain({"engine": ENGINE, **asdict(old)}))
+    write_json(out / "config.json", as_json({"engine": ENGINE, **asdict(old)}))
     flags = ("--data", str(cityscapes), "--out", str(out), "--workers", "0")
-    with pytest.raises(UserError, match=r"a run with final.height = 64, not 128; put that back"):
+    with pytest.raises(
+        UserError, match=r"a run with final.height = 64, not 128; restore that value"
+    ):
         do(MAIN, called(*flags))
     assert [path.name for path in out.iterdir()] == ["config.json"]
 

@@ -97,7 +97,7 @@ def test_stopped_and_killed_it_ends_as_an_unbroken_run(unbroken, start_job, tmp_
     wait_for_lines(job.process, out / "evaluations.jsonl", 1)
     job.send(signal.SIGINT)  # as a terminal does, to the main process and to its workers
     code, _, stderr = job.finish()
-    assert (code, stderr.strip()) == (130, "stopped; the same command goes on where it was")
+    assert (code, stderr.strip()) == (130, "stopped; the same command resumes")
 
     job = start_job(out, *TINY)
     wait_for_lines(job.process, out / "evaluations.jsonl", 7)

@@ -269,8 +269,8 @@ def test_what_cannot_be_served_is_refused(flags, complaint, tmp_path, error_line
     ({}, "is not the folder of a run: it has no config.json"),
     ({"config.json": {}}, "the run is not finished; run its command again"),
     ({"config.json": {}, "labels.json": {"study": "labels"}}, "a run of the study labels; read its report"),
-    ({"config.json": [], "summary.json": {}}, "config.json is no JSON object"),
-    ({"config.json": {"version": 2}, "summary.json": {}}, "config.json has version 2, and this program"),
+    ({"config.json": [], "summary.json": {}}, "config.json is not a JSON object"),
+    ({"config.json": {"version": 2}, "summary.json": {}}, "config.json has version 2, but this program"),
     ({"config.json": {}, "summary.json": {"nets": 3}}, "is not the result of a run"),
 ])  # fmt: skip
 def test_a_folder_that_is_no_finished_run_is_refused(files, complaint, tmp_path, error_line):

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from common.errors import UserError
-from common.folder import plain
+from common.folder import as_json
 from common.workers.pool import WorkerPool
 from experiments.app.main_job import RUN
 from experiments.app.stores import main as merge_stores
@@ -65,7 +65,7 @@ def test_a_folder_says_everything_needed_to_repeat_the_run(tiny_camvid):
         stored = json.loads((tiny_camvid.out / "config.json").read_text())
     assert set(stored.pop("versions")) >= {"sdr-jax"} and stored.pop("version") == 1
     own = {"engine": session.ENGINE, "made_with": dict(made_with())}
-    assert stored == plain({**own, **asdict(tiny_camvid)})
+    assert stored == as_json({**own, **asdict(tiny_camvid)})
 
 
 def test_jobs_called_from_python_set_up_their_process_like_commands(tiny_camvid, monkeypatch):
@@ -150,7 +150,9 @@ def test_a_run_keeps_to_its_backend_and_versions(tiny_camvid, fails, elsewhere):
     assert (ours["backend"], ours["jax"], ours["numpy"]) == ("cpu", jax.__version__, np.__version__)
     elsewhere()
     line = fails(tiny_camvid.out)
-    assert 'a run with made_with.backend = "cpu", not "gpu"; put that back to continue it' in line
+    assert (
+        'a run with made_with.backend = "cpu", not "gpu"; restore that value to resume it' in line
+    )
     assert json.loads((tiny_camvid.out / "config.json").read_text()) == stored
 
 

@@ -131,7 +131,7 @@ def end(camvid, out, scored_by, capsys):
 @pytest.mark.parametrize(("evaluate", "flags", "code", "words"), [
     (nothing_to_score, (), 2, ["the reward is nan", "at least one labelled class"]),
     (diverge, (), 1, ["2 of 12 evaluations failed", "the loss is nan after 50 of 200 steps"]),
-    (Mock(side_effect=KeyboardInterrupt), (), 130, ["stopped; the same command goes on where it was"]),
+    (Mock(side_effect=KeyboardInterrupt), (), 130, ["stopped; the same command resumes"]),
     (die, ("--workers", "1"), 1, ["a worker process died twice", "--workers"]),
 ])  # fmt: skip
 def test_what_ends_a_search_is_one_line(end, evaluate, flags, code, words):

@@ -146,7 +146,7 @@ def test_a_recorded_report_is_derived_anew(recorded, out):
 
 
 @pytest.mark.parametrize(("name", "flags", "complaint"), [
-    ("table", ("--nets", "compact", "compact"), "names one of them twice"),
+    ("table", ("--nets", "compact", "compact"), "has a value twice"),
     ("table", ("--gta5", "/nowhere"), "/nowhere: no such folder; expected gta5"),
     ("table", ("--synthia", "/nowhere"), "/nowhere: no such folder; expected synthia"),
     ("table", ("--kitti", "/nowhere"), "/nowhere: no such folder; expected kitti"),
@@ -156,13 +156,13 @@ def test_a_recorded_report_is_derived_anew(recorded, out):
     ("table", ("--data", "/nowhere"), "/nowhere"),
     ("pretrain", ("--fractions", "0.1"), "0.1 selects none of the 4 real images; 0.25 or"),
     ("pretrain", ("--fractions", "nan"), "--fractions must lie in (0, 1], not nan"),
-    ("pretrain", ("--rows", "scratch", "scratch"), "names one of them twice"),
+    ("pretrain", ("--rows", "scratch", "scratch"), "has a value twice"),
     ("pretrain", ("--finetune-steps", "0"), "--finetune-steps must be 1 or more"),
     ("pretrain", ("--finetune-lr", "-1"), "--finetune-lr must be positive"),
     ("assets", ("--images", "3"), "--images must be multiples of --final.shots 2"),
     ("assets", ("--images", "0"), "--images must be 1 or more, not 0"),
-    ("assets", ("--images", "4", "4"), "--images 4 4 names one of them twice"),
-    ("assets", ("--fractions", "0.5", "0.5"), "--fractions 0.5 0.5 names one of them twice"),
+    ("assets", ("--images", "4", "4"), "--images 4 4 has a value twice"),
+    ("assets", ("--fractions", "0.5", "0.5"), "--fractions 0.5 0.5 has a value twice"),
     ("assets", ("--fractions", "0"), "--fractions must lie in (0, 1], not 0"),
     ("assets", ("--fractions", "1.5"), "--fractions must lie in (0, 1], not 1.5"),
     ("assets", ("--learnt", "FILE"), "--learnt has no effect with --attributes default"),
@@ -172,15 +172,15 @@ def test_a_recorded_report_is_derived_anew(recorded, out):
     ("labels", ("--renders", "random", "--learnt", "FILE"), "has no effect with --renders random"),
     ("labels", ("--few-share", "1"), "--few-share must lie in (0, 1), not 1"),
     ("searches", ("--searches", "0"), "--searches must be 1 or more, not 0"),
-    ("searches", ("--methods", "sdr", "sdr"), "--methods sdr sdr names one of them twice"),
+    ("searches", ("--methods", "sdr", "sdr"), "--methods sdr sdr has a value twice"),
     ("searches", ("--methods", "random_attributes"), "does not search"),
     ("searches", ("--groups", "car_position"), "--groups: in no group"),
     ("searches", ("--core-minutes", "0.0001"), "0.0001 are too few for one update of intervals"),
     ("searches", ("--subset", "car_position"), "--subset needs --core-minutes"),
     ("searches", ("--subset", "fog", "--core-minutes", "1"), "--subset: unknown attribute 'fog'"),
-    ("searches", ("--subset", "bend", "bend", "--core-minutes", "1"), "--subset bend bend names one"),
+    ("searches", ("--subset", "bend", "bend", "--core-minutes", "1"), "--subset bend bend has a value twice"),
     ("table", ("--few", "4"), "--few 4 selects all 4 labelled images of camvid"),
-    ("ablation", ("--variants", "full", "full"), "--variants full full names one of them twice"),
+    ("ablation", ("--variants", "full", "full"), "--variants full full has a value twice"),
     ("ablation", ("--variants", "no_groups"), "--variants must include full"),
     ("ablation", ("--method", "sdr"), "--evaluations 4 are too few for sdr on 23 attributes"),
     ("ablation", ("--method", "random_attributes"), "random_attributes does not search"),
@@ -395,7 +395,7 @@ def test_a_report_is_derived_anew_from_its_scores(config, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(("content", "attributes", "report"), [
-    (None, "No such file", "No such file"), ("{", "is no JSON file", "is no JSON file"),
+    (None, "No such file", "No such file"), ("{", "is not a JSON file", "is not a JSON file"),
     ('{"fog": 0.5}', "unknown attribute 'fog'", "the study some"),
     ('{"study": "other"}', "unknown attribute 'study'", "is not a report of the study some"),
     ('{"study": "some"}', "unknown", "is not a complete report of the study some"),

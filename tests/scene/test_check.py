@@ -93,7 +93,7 @@ def test_garbled_descriptions_are_refused(dataset, change):
     path.write_text(json.dumps({**json.loads(path.read_text()), **change}))
     refused(ValueError, message, list, findings(dataset))
     path.write_text("{")
-    refused(ValueError, r"dataset\.json is no JSON file", list, findings(dataset))
+    refused(ValueError, r"dataset\.json is not a JSON file", list, findings(dataset))
 
 
 @pytest.mark.parametrize("garbage", [None, "x", [[]], {"": None}])

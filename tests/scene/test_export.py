@@ -309,11 +309,11 @@ def test_the_command_line_holds_what_is_known(tmp_path, printed):
     ("--split test", "train, val, not 'test'"),
     ("--asset-fraction 0", "asset fraction must lie in (0, 1], not 0.0"),
     ("--assets nowhere", "nowhere does not exist"), ("--attributes nowhere.json", "nowhere.json"),
-    ("--attributes garbled.json", "garbled.json is no JSON file"),
+    ("--attributes garbled.json", "garbled.json is not a JSON file"),
     ("--attributes list.json", "list.json: expected a JSON object"),
     ("--attributes unknown.json", "unknown.json: unknown attribute 'car_speed'"),
     ("--attributes outside.json", "outside.json: attribute car_position is 1.01"),
-    ("--attributes nan.json", "nan.json is no JSON file: NaN"),
+    ("--attributes nan.json", "nan.json is not a JSON file: NaN"),
 ])  # fmt: skip
 def test_bad_input_is_one_line_and_exit_code_two(flags, message, tmp_path, refusal, monkeypatch):
     start = json.dumps(dict.fromkeys(NAMES, 0.5))[:-1]

@@ -152,7 +152,7 @@ def test_a_sitting_with_some_parts_adds_them_to_the_page(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(("flags", "complaint"), [
-    (("--only", "table", "table"), "names one of them twice"),
+    (("--only", "table", "table"), "has a value twice"),
     (("--only", "tables"), "--only tables is none of the parts that this data makes: camvid, camvid-0006R0"),
     (("--searches", "0"), "--searches must be 1 or more"),
 ])  # fmt: skip

@@ -480,5 +480,5 @@ def test_no_signal_leaves_a_simulator_and_the_folder_is_locked_until_then(
     _, error = process.communicate(timeout=60)
     assert process.returncode == (130 if number in (SIGINT, SIGTERM) else -number), error
     if process.returncode == 130:
-        assert error.strip() == "stopped; the same command goes on where it was"
+        assert error.strip() == "stopped; the same command resumes"
     assert all(gone(int(pid)) for pid in pids.read_text().split()) and len(runs.lines()) == 1

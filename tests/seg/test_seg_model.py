@@ -254,7 +254,7 @@ def test_damaged_files_are_refused_by_name(saved):
     (saved / WEIGHTS).unlink()
     refused(ModelError, f"{WEIGHTS}: No such file", load_model, saved)
     (saved / CONFIG).write_text("{")
-    refused(ModelError, f"{CONFIG} is no JSON file", load_model, saved)
+    refused(ModelError, f"{CONFIG} is not a JSON file", load_model, saved)
 
 
 def test_nothing_is_lost_or_half_written(saved, compact, tmp_path, full_disk):

@@ -290,7 +290,7 @@ def test_smoothed_labels_and_labels_of_other_kinds_are_refused(tmp_path):
     facade, synthia = (LabelReader(shipped(name)) for name in ("labelmefacade", "synthia"))
     save(path, pixels(9, 9, 3))
     refuses_file(r"colour (\(.*\).*, ){2}\(.*\) and 78 more; add each", facade, path)
-    refuses_file("a label of mode RGB, that is colours", LabelReader(shipped("camvid")), path)
+    refuses_file("a label in colours \\(mode RGB\\)", LabelReader(shipped("camvid")), path)
     write_packed(path, pixels(3, 4, below=20), np.uint8)
     refuses_file(r"3 channel\(s\) of 8 bits; expected three of 16", synthia, path)
     save(path, np.full((3, 4), 5))
@@ -628,7 +628,7 @@ def test_equal_channels_are_ids_and_others_are_colours(tmp_path, mode):
     np.testing.assert_array_equal(label_ids((tmp_path / "a.png").read_bytes()), np.asarray(grey))
     if mode != "LA":
         Image.new(mode, (2, 2), (1, 2, 3)).save(tmp_path / "a.png")
-        with pytest.raises(UserError, match=f"a label of mode {mode}, that is colours"):
+        with pytest.raises(UserError, match=rf"a label in colours \(mode {mode}\)"):
             label_ids((tmp_path / "a.png").read_bytes())
 
 

@@ -256,5 +256,5 @@ def main(arguments: Arguments = None) -> int:
     return exit_code(
         lambda: diagnose(options.data, options.target, options.write, options.out),
         debug=options.debug,
-        goes_on=False,
+        resumes=False,
     )

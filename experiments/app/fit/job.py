@@ -11,7 +11,7 @@ import numpy as np
 from common.command import given
 from common.errors import UserError
 from common.files import file_digest, write
-from common.folder import plain
+from common.folder import as_json
 from common.labels.target_file import find_target
 from experiments.app.fit.config import FitConfig, planned
 from experiments.app.fit.streets import Pool, RenderedStreets, pool_of
@@ -294,7 +294,7 @@ def _save_model(
 def _is_saved(config: FitConfig, notes: Mapping[str, Any]) -> bool:
     """Whether the run folder holds the model that these notes describe."""
     try:
-        return load_model(config.out / MODEL).notes == plain(notes)
+        return load_model(config.out / MODEL).notes == as_json(notes)
     except ModelError:
         return False  # there is none, or it is damaged
 

@@ -60,4 +60,4 @@ def main(arguments: Arguments = None) -> int:
 
         serve(state, photographs, options.port, not options.no_browser)
 
-    return exit_code(work, users=(ValueError, RendererError), debug=options.debug, goes_on=False)
+    return exit_code(work, users=(ValueError, RendererError), debug=options.debug, resumes=False)

@@ -49,4 +49,4 @@ def main(arguments: Arguments = None) -> int:
             make(run, None)
         live.serve(run, options.serve)
 
-    return exit_code(work, debug=options.debug, goes_on=False)
+    return exit_code(work, debug=options.debug, resumes=False)
