@@ -1,1 +1,1 @@
-"""What needs a checkout: results, the model that comes with the package, pictures, conversions."""
+"""Scripts that need a checkout: results, the packaged model, images of the pages, conversions."""

@@ -1,4 +1,4 @@
-"""What MkDocs does beside its own: pages from elsewhere in the repository, links, equations, versions."""
+"""Hooks of MkDocs: pages from elsewhere in the repository, links, equations, versions."""
 
 import posixpath
 import re
@@ -23,7 +23,7 @@ ELSEWHERE = {
     "howto/tune.md": "examples/tune/README.md",
     "howto/own_net.md": "examples/own_net/README.md",
 }
-"""Pages whose text lies outside docs/."""
+"""Pages whose text is outside docs/."""
 PAGES = {source: page for page, source in ELSEWHERE.items()}
 LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)#:\s]+)(#[^)\s]*)?\)")
 MATH = re.compile(r"^```math\n(.*?)^```$", re.DOTALL | re.MULTILINE)
@@ -32,14 +32,14 @@ FETCHED = re.compile(r'<(?:link|script|img|iframe)\b[^>]*?(?:href|src)="(?:https
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
-    """Puts the versions of program and engine at the foot of each page."""
+    """Put the versions of program and engine at the foot of each page."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     config.copyright = f"{project['name']} {project['version']}, engine {ENGINE}"
     return config
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Adds the pages from elsewhere."""
+    """Add the pages from elsewhere."""
     for page, source in ELSEWHERE.items():
         text = (ROOT / source).read_text(encoding="utf-8")
         files.append(File.generated(config, page, content=text))
@@ -47,34 +47,34 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
-    """Makes links of the repository links of the site, and equations MathML."""
-    here = page.file.src_uri
-    source = ELSEWHERE.get(here, f"docs/{here}")
-    if here == "reference/commands.md":
+    """Turn links within the repository into links of the site, and equations into MathML."""
+    address = page.file.src_uri
+    source = ELSEWHERE.get(address, f"docs/{address}")
+    if address == "reference/commands.md":
         markdown += _commands()
-    linked = LINK.sub(lambda found: _link(found, source, here), markdown)
+    linked = LINK.sub(lambda match: _link(match, source, address), markdown)
     return MATH.sub(_equation, linked)
 
 
 def on_post_page(output: str, page: Page, **_: Any) -> str:
-    """Refuses a page that would fetch something from elsewhere."""
+    """Refuse a page that would fetch something from the network."""
     fetched = FETCHED.search(output)
     if fetched:
         raise PluginError(f"{page.file.src_uri} needs a network: {fetched[0]}")
     return output
 
 
-def _equation(found: re.Match[str]) -> str:
-    """MathML of a block of LaTeX."""
-    equation = convert(found[1].strip(), display="block")
+def _equation(match: re.Match[str]) -> str:
+    """Convert a block of LaTeX to MathML."""
+    equation = convert(match[1].strip(), display="block")
     if "\\" in equation:
-        raise PluginError(f"latex2mathml does not know all of {found[1].strip()}")
+        raise PluginError(f"latex2mathml does not know all of {match[1].strip()}")
     return equation
 
 
-def _link(found: re.Match[str], source: str, here: str) -> str:
-    """A link as the page needs it; what is no page of the site keeps its text only."""
-    image, text, path, anchor = found.groups()
+def _link(match: re.Match[str], source: str, address: str) -> str:
+    """Make the link that a page needs; a target that is not a page of the site keeps only its text."""
+    image, text, path, anchor = match.groups()
     target = posixpath.normpath(posixpath.join(posixpath.dirname(source), path))
     if target.startswith("docs/"):
         target = target.removeprefix("docs/")
@@ -83,12 +83,12 @@ def _link(found: re.Match[str], source: str, here: str) -> str:
     elif (ROOT / target).exists():
         return text
     else:
-        return found[0]
-    return f"{image}[{text}]({posixpath.relpath(target, posixpath.dirname(here) or '.')}{anchor or ''})"
+        return match[0]
+    return f"{image}[{text}]({posixpath.relpath(target, posixpath.dirname(address) or '.')}{anchor or ''})"
 
 
 def _commands() -> str:
-    """The table of all commands, with the first line of each one's docstring."""
+    """Make the table of all commands, with the first line of their docstrings."""
     rows = [
         f"| `{'study ' * (name in STUDIES)}{name}` | `{module}` | {summary(module)} |"
         for name, module in COMMANDS.items()

@@ -1,4 +1,4 @@
-"""Draws the images of the pages, again for each engine.
+"""Draw the images of the pages, again for each engine.
 
     python -m scripts.pictures --out docs --run runs/demo
 
@@ -31,7 +31,7 @@ from seg.model import load_model
 TWIN_STREETS = (2, 6)
 """Streets of the twin's test split, one a row: both show cars, people and a traffic light or sign."""
 TWIN_SIZE = (304, 424)
-"""Height and width of each picture of the strip: three and two gaps are 1280 wide."""
+"""Height and width of each image of the strip: three and two gaps are 1280 wide."""
 SEARCHED_STREETS = (3, 14)
 """Seeds of the streets of `search_streets.webp`, one a row."""
 SEARCH_SIZE = (384, 192)
@@ -44,9 +44,9 @@ GAP = 4
 
 
 def main() -> None:
-    """Write the pictures."""
+    """Write the images."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--out", type=Path, default=Path("docs"), help="folder of the pictures")
+    parser.add_argument("--out", type=Path, default=Path("docs"), help="folder of the images")
     parser.add_argument(
         "--run", type=Path, help="finished run of make demo, for search_streets.webp"
     )
@@ -60,7 +60,7 @@ def main() -> None:
 
 
 def strip() -> np.ndarray:
-    """Image, label and prediction of streets of the twin, u8[rows, 1280, 3]."""
+    """Show image, label and prediction of streets of the twin, u8[rows, 1280, 3]."""
     world, model = twin_world(0), load_model("renders19")
     count = (max(TWIN_STREETS) + 1) * world.shots
     with WorkerPool(2) as workers:
@@ -121,15 +121,15 @@ def _frame(caption: str, centre: np.ndarray, targets: Sequence[np.ndarray]) -> n
 
 
 def grid(rows: Sequence[Sequence[np.ndarray]]) -> np.ndarray:
-    """Pictures of one size beside and below each other, white between them."""
+    """Arrange images of one size in rows, white between them."""
     gap = ((0, GAP), (0, GAP), (0, 0))
-    framed = [np.pad(picture, gap, constant_values=255) for row in rows for picture in row]
+    framed = [np.pad(image, gap, constant_values=255) for row in rows for image in row]
     return layout.grid(framed, len(rows[0]))[:-GAP, :-GAP]
 
 
-def save(path: Path, picture: np.ndarray) -> None:
-    """Write an RGB picture as a JPEG file."""
-    cv2.imwrite(str(path), picture[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])
+def save(path: Path, image: np.ndarray) -> None:
+    """Write an RGB image as a JPEG file."""
+    cv2.imwrite(str(path), image[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])
 
 
 if __name__ == "__main__":

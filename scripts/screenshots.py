@@ -1,4 +1,4 @@
-"""Takes the screenshots of the pages: a report and the playground, in an installed browser.
+"""Take the screenshots of the pages: a report and the playground, in an installed browser.
 
     python -m scripts.screenshots --run runs/demo --out docs
 

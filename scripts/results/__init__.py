@@ -1,1 +1,1 @@
-"""Makes every recorded result by one command from one commit."""
+"""Make every recorded result by one command from one commit."""

@@ -1,11 +1,11 @@
-"""Makes every recorded result and their page from one commit: `make results`.
+"""Make every recorded result and their page from one commit: `make results`.
 
     python -m scripts.results --data CAMVID --facades LABELMEFACADE      # all; hours on two cores
     python -m scripts.results --data CAMVID --only camvid --docs docs
-    python -m scripts.results --data CAMVID --preset smoke               # all of it, tiny: only a trial
+    python -m scripts.results --data CAMVID --preset smoke               # all of it, tiny: a trial run
 
 Each part is a command with its own folder, in the order of the page; all share a store, so that nothing is
-evaluated twice. Parts on data that is not given are left out. The same command continues a killed run. A
+evaluated twice. Parts without their data are left out. The same command resumes a killed run. A
 folder from another commit is refused.
 """
 
@@ -35,15 +35,15 @@ class ResultsConfig:
     out: Path = Path("runs/results")
     """Folder of all runs."""
     store: Path | None = None
-    """File of evaluations that runs share, instead of OUT/store.jsonl; known ones are not made again."""
+    """File of evaluations that runs share, instead of OUT/store.jsonl; none of them is repeated."""
     docs: Path | None = None
-    """Also write results.md, with pictures and reports in results/, into this folder."""
+    """Also write results.md, with plots and reports in results/, into this folder."""
     only: tuple[str, ...] = ()
     """The parts to make; by default all of them."""
     preset: Size = "quick"
-    """How much is spent."""
+    """Size of all runs."""
     weights: Path | None = None
-    """VGG16's weights from `sdr-jax weights convert`, which add FCN8s and DeepLabv2 (two hours)."""
+    """VGG16's weights from `sdr-jax weights convert`; with them, tables have FCN8s and DeepLabv2 (two hours)."""
     searches: Annotated[int, at_least(1)] = 3
     """Number of searches of each method."""
     twins: Annotated[int, at_least(1)] = 5
@@ -51,16 +51,16 @@ class ResultsConfig:
 
 
 def parser() -> Parser:
-    """The command line of `python -m scripts.results`."""
+    """Make the command line of `python -m scripts.results`."""
     options = command_line("results", ResultsConfig, "scripts.results")
     options.prog = "python -m scripts.results"
     return options
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """The command line; returns the exit code."""
-    given = vars(parser().parse_args(arguments))
-    debug, config = given.pop("debug"), ResultsConfig(**given)
+    """Run the command line; returns the exit code."""
+    flags = vars(parser().parse_args(arguments))
+    debug, config = flags.pop("debug"), ResultsConfig(**flags)
     from scripts.results.making import make  # the help needs no job
 
     def work() -> None:
@@ -76,7 +76,7 @@ def main(arguments: list[str] | None = None) -> int:
         for name in config.only:
             if name not in names:
                 raise UserError(
-                    f"--only {name} is none of the parts that this data makes: {', '.join(names)}"
+                    f"--only {name}: no such part with this data; choose from {', '.join(names)}"
                 )
         make(every, config.out, config.docs, config.store, config.only)
 

@@ -27,25 +27,25 @@ def _run(command: Sequence[str]) -> int:
 
 
 def commit(checkout: Path = Path(__file__).parent) -> str:
-    """The commit of the program, with a word if more than its pages was changed since.
+    """Name the commit of the program, and whether anything but its pages has changed since.
 
     Args:
         checkout: a folder of the checkout.
 
     Raises:
-        UserError: there is no checkout, so the origin of figures would be unknown.
+        UserError: there is no checkout, so the origin of results would be unknown.
     """
 
     def git(*words: str) -> str:
-        where = ["git", "-C", str(checkout), *words]
-        return subprocess.run(where, check=True, capture_output=True, text=True).stdout.strip()
+        command = ["git", "-C", str(checkout), *words]
+        return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
 
     try:
         code = (":/", ":(top,exclude)docs")
         changed = git("status", "--porcelain", "--untracked-files=no", "--", *code)
         return git("rev-parse", "--short", "HEAD") + (", changed" if changed else "")
     except (OSError, subprocess.CalledProcessError):
-        raise UserError("results are made in a git checkout: they name their commit") from None
+        raise UserError("results need a git checkout, since they name their commit") from None
 
 
 def make(
@@ -59,10 +59,10 @@ def make(
     """Make the missing parts one after the other; write the page after each.
 
     Args:
-        parts: every part, in the order of the page, which says what is not made yet.
+        parts: every part, in the order of the page, which lists missing parts.
         out: folder of all runs.
-        docs: second folder for the page with its pictures.
-        store: store of evaluations instead of the folder's own; known evaluations are not made again.
+        docs: second folder for the page with its plots.
+        store: store of evaluations instead of the folder's own; none of them is repeated.
         only: names of the parts to make; by default all of them.
         run: runs a part's command.
 
@@ -72,23 +72,23 @@ def make(
     Raises:
         UserError: a part failed, or the folder is from another commit.
     """
-    at = commit()
+    commit_name = commit()
     store = store or out / "store.jsonl"
-    wanted = [part for part in parts if not only or part.name in only]
+    selected = [part for part in parts if not only or part.name in only]
     with ExitStack() as stack:
-        stack.enter_context(folder.opened(out, {"commit": at, "engine": ENGINE}))
+        stack.enter_context(folder.opened(out, {"commit": commit_name, "engine": ENGINE}))
         done: list[str] = read_json(out / PARTS) if (out / PARTS).exists() else []
-        for number, part in enumerate(wanted, 1):
+        for number, part in enumerate(selected, 1):
             if part.name not in done:
-                print(f"\n== {number} of {len(wanted)}: {part.name} ==", flush=True)
-                own = ("--out", str(out / part.name), "--store", str(store))
-                if (code := run([*part.command, *own])) != 0:
+                print(f"\n== {number} of {len(selected)}: {part.name} ==", flush=True)
+                files = ("--out", str(out / part.name), "--store", str(store))
+                if (code := run([*part.command, *files])) != 0:
                     raise UserError(
-                        f"{part.name} ended with exit code {code}; once that is put right, the same "
-                        "command goes on"
+                        f"{part.name} ended with exit code {code}; once this is fixed, the same "
+                        "command resumes"
                     )
                 done.append(part.name)
                 write_json(out / PARTS, done)
-            page.write(parts, done, at, out, docs)
-    print(f"\nAll {len(wanted)} parts are done: {out / page.NAME}", flush=True)
+            page.write(parts, done, commit_name, out, docs)
+    print(f"\nAll {len(selected)} parts are done: {out / page.NAME}", flush=True)
     return done

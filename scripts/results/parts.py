@@ -1,4 +1,4 @@
-"""The parts of the results, each of which is a command, in groups of the page."""
+"""The parts of the results, each of them a command, in the groups of the page."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Group(NamedTuple):
 
     title: str
     asks: str  # its question in a sentence
-    summed: bool = False  # whether one table has a row for each part, in place of the parts' own
+    summed: bool = False  # whether one table has a row per part, instead of a table per part
     averaged: bool = (
         False  # whether that table ends with means over parts of one kind, as far-0 and far-1
     )
@@ -48,7 +48,7 @@ GROUPS = {
         "with the subset, also in the search.",
         summed=True,
     ),
-    "rivals": Group("Rivals", "Search methods at equal minutes of a core."),
+    "rivals": Group("Rivals", "Search methods at equal core-minutes."),
     "paper": Group(
         "The paper's tables",
         "Training sets, ablation, assets, pre-training and sensitivity, on a far twin and on CamVid: the "
@@ -70,7 +70,7 @@ class Part(NamedTuple):
 
     @property
     def study(self) -> str:
-        """The study, after which its files are named."""
+        """The name of the study, and of its files."""
         return self.module.rpartition(".")[2]
 
     @property
@@ -80,7 +80,7 @@ class Part(NamedTuple):
 
     @property
     def shown(self) -> str:
-        """The command for people, without the paths of data and weights."""
+        """The command to show, without the paths of data and weights."""
         words = ["sdr-jax", "study", self.study, *self.flags]
         for flag, word in (("--data", "DIR"), ("--weights", "FILE")):
             if flag in words:
@@ -89,14 +89,14 @@ class Part(NamedTuple):
 
 
 class Data(NamedTuple):
-    """Where real data is; parts on what is None are left out."""
+    """Folders of real data; parts without their data are left out."""
 
     camvid: Path | None = None
     labelmefacade: Path | None = None
     weights: Path | None = None  # VGG16's, which add FCN8s and DeepLabv2 to the tables
 
     def flags(self, target: TargetName) -> tuple[str, ...] | None:
-        """Flags of a target, or None without its data."""
+        """Make the flags of a target; None without its data."""
         if target == "twin":
             return ("--target", target)
         folder = self.camvid if target == "camvid" else self.labelmefacade
@@ -106,12 +106,12 @@ class Data(NamedTuple):
 Size = Literal["smoke", "quick"]
 LARGE = ("--final.width", "480", "--final.height", "360")
 MINUTES, TWIN_MINUTES = "15", "6"
-"""Minutes of a core of each search, and of each rival on a twin."""
+"""Core-minutes of each search, and of each rival on a twin."""
 RIVALS = ("intervals", "surrogate", "sdr", "random_search", "tpe", "gaussian_process")
 COUNTS = ("7", "14", "27", "67")
 """Numbers of labelled images with a search of their own."""
 LENGTHS = ("5", "15", "45")
-"""Minutes of a core of shorter and longer searches."""
+"""Core-minutes of shorter and longer searches."""
 
 
 def parts(data: Data, out: Path, preset: Size, searches: int, twins: int) -> list[Part]:
@@ -119,7 +119,7 @@ def parts(data: Data, out: Path, preset: Size, searches: int, twins: int) -> lis
 
     Args:
         data: folders of real data, and weights.
-        out: folder of all runs; some parts take what another has learnt.
+        out: folder of all runs; some parts use the attributes that another has optimised.
         preset: preset of all commands.
         searches: number of searches of each method.
         twins: number of twins of each kind.
@@ -141,7 +141,7 @@ def parts(data: Data, out: Path, preset: Size, searches: int, twins: int) -> lis
         if where is not None:
             yield Part(name, group, f"experiments.studies.{module}", (*where, *size, *flags))
 
-    def learnt(main: str) -> tuple[str, str]:
+    def optimised(main: str) -> tuple[str, str]:
         return "--learnt", str(out / f"{main}/attributes/{METHOD}-0.json")
 
     def within(minutes: str) -> tuple[str, str]:
@@ -159,7 +159,7 @@ def parts(data: Data, out: Path, preset: Size, searches: int, twins: int) -> lis
         for name, target, flags in real:
             every = "266" if target == "camvid" else "100"
             counts = ("--counts", "0", *COUNTS, every) if quick else ()
-            rows = ("--renders", "random", "default", "mixed", "learnt", *learnt(name))
+            rows = ("--renders", "random", "default", "mixed", "learnt", *optimised(name))
             yield from study(f"labels-{name}", "labels", "labels", target, *flags, *counts, *rows)
         for name, target, flags in real:
             for count in COUNTS if quick else ("2",):
@@ -178,10 +178,10 @@ def parts(data: Data, out: Path, preset: Size, searches: int, twins: int) -> lis
             yield from study(f"minutes-{minutes}", "scale", "searches", "labelmefacade", *length)
         images = ("--images", "100", "400", "1600", "6400") if quick else ()
         for name in ("random", "learnt"):
-            drawn = (*images, "--final.shots", "1", "--fractions", "1", "--attributes", name)
-            known = learnt("labelmefacade") if name == "learnt" else ()
+            sizes = (*images, "--final.shots", "1", "--fractions", "1", "--attributes", name)
+            source = optimised("labelmefacade") if name == "learnt" else ()
             yield from study(
-                f"images-{name}", "images", "assets", "labelmefacade", *drawn, *known, *three
+                f"images-{name}", "images", "assets", "labelmefacade", *sizes, *source, *three
             )
 
     def papers() -> Iterator[Part]:
@@ -189,17 +189,17 @@ def parts(data: Data, out: Path, preset: Size, searches: int, twins: int) -> lis
         nets = ("--nets", "lite0", *(("lite2",) if quick else ()), "compact", *vgg)
         fractions = ("--fractions", "0.05", "0.25", "1") if quick else ()
         starts = ("--rows", "scratch", "random", "learnt", "longer", *fractions)
-        # The smoke preset's four evaluations are too few for sdr's groups.
+        # The four evaluations of the smoke preset are too few for the groups of sdr.
         evaluations = ("--evaluations", "48" if quick else "20")
         images = ("--images", "90", "180", "450", "900") if quick else ()
         main, far = f"camvid-{HOLDOUT}", ("--twin", "far")
         for name, target, flags, source in (
-            (main, "camvid", ("--holdout", HOLDOUT), learnt(main)),
-            ("far", "twin", far, learnt("far-0")),
+            (main, "camvid", ("--holdout", HOLDOUT), optimised(main)),
+            ("far", "twin", far, optimised("far-0")),
         ):
             for kind, more in (("table", (*source, *nets)), ("pretrain", (*source, *starts))):
-                own = (*flags, *more, *three)
-                yield from study(f"{kind}-{name}", "paper", kind, target, *own)  # type: ignore[arg-type]
+                all_flags = (*flags, *more, *three)
+                yield from study(f"{kind}-{name}", "paper", kind, target, *all_flags)  # type: ignore[arg-type]
         yield from study("ablation", "paper", "ablation", "twin", *far, *evaluations)
         yield from study("assets", "paper", "assets", "twin", *far, *images)
         records = ("--records", str(out / "rivals-labelmefacade"))

@@ -1,4 +1,4 @@
-"""All results from one commit: every part is a sound command, done once, and told on one page."""
+"""All results from one commit: every part is a valid command, runs once, and is on one page."""
 
 import json
 from pathlib import Path
@@ -26,11 +26,11 @@ EVERYTHING = results.Data(Path("CAMVID"), Path("FACADES"), Path("/a.npz"))
 
 
 @pytest.mark.parametrize("preset", ["smoke", "quick"])
-def test_every_part_is_a_sound_command(preset, learnt_file, tmp_path):
-    wanted = results.parts(EVERYTHING, tmp_path, preset, 2, 2)
-    names = [part.name for part in wanted]
-    assert len(set(names)) == len(names) and {part.group for part in wanted} <= set(results.GROUPS)
-    for part in wanted:
+def test_every_part_is_a_valid_command(preset, learnt_file, tmp_path):
+    parts = results.parts(EVERYTHING, tmp_path, preset, 2, 2)
+    names = [part.name for part in parts]
+    assert len(set(names)) == len(names) and {part.group for part in parts} <= set(results.GROUPS)
+    for part in parts:
         job = job_of(part.study)
         flags = [str(learnt_file) if flag.endswith("-0.json") else flag for flag in part.flags]
         target = flags[flags.index("--target") + 1]
@@ -44,16 +44,16 @@ def test_every_part_is_a_sound_command(preset, learnt_file, tmp_path):
 def test_parts_without_their_data_are_left_out(tmp_path):
     twins = results.parts(results.Data(), tmp_path, "quick", 1, 1)
     assert {part.flags[1] for part in twins} == {"twin"}
-    some = results.parts(results.Data(camvid=Path("DIR")), tmp_path, "quick", 1, 1)
-    assert {part.flags[1] for part in some} == {"twin", "camvid"}
+    with_camvid = results.parts(results.Data(camvid=Path("DIR")), tmp_path, "quick", 1, 1)
+    assert {part.flags[1] for part in with_camvid} == {"twin", "camvid"}
 
 
 @pytest.mark.slow
-def test_what_parts_leave_to_others_is_what_these_read(camvid_dir, tmp_path, monkeypatch):
+def test_parts_read_what_other_parts_write(camvid_dir, tmp_path, monkeypatch):
     monkeypatch.setattr(making, "commit", lambda: "abc")
-    wanted = results.parts(results.Data(camvid_dir), tmp_path / "out", "smoke", 1, 2)
+    parts = results.parts(results.Data(camvid_dir), tmp_path / "out", "smoke", 1, 2)
     names = ["camvid-0006R0", "far-0", "far-1", "table-camvid-0006R0", "table-far"]
-    assert making.make(wanted, tmp_path / "out", only=names) == names
+    assert making.make(parts, tmp_path / "out", only=names) == names
     page = (tmp_path / "out" / "results.md").read_text()
     assert "mean of 2 far" in page and "Not made yet: camvid, near-0" in page
 
@@ -65,7 +65,7 @@ NET = {
 
 
 class Runs:
-    """Stands for the parts' commands: writes what they leave, and fails at the given one."""
+    """Stands for the commands of parts: writes their files, and fails at one of them."""
 
     def __init__(self, failing: str = "") -> None:
         self.failing, self.ran = failing, []
@@ -81,7 +81,7 @@ class Runs:
         return 3 if out.name == self.failing else 0
 
 
-def test_parts_are_done_once_and_told_on_one_page(tmp_path, monkeypatch):
+def test_parts_run_once_and_are_on_one_page(tmp_path, monkeypatch):
     monkeypatch.setattr(making, "commit", lambda: "abc")
     out, docs, store = tmp_path / "out", tmp_path / "docs", tmp_path / "shared.jsonl"
     broken = Runs("two")
@@ -103,7 +103,7 @@ def test_parts_are_done_once_and_told_on_one_page(tmp_path, monkeypatch):
         making.make(SOME, out, docs, store, run=Runs())
 
 
-def test_a_changed_page_is_no_other_program(tmp_path):
+def test_a_changed_page_does_not_change_the_commit(tmp_path):
     def git(*words):
         who = ("-c", "user.name=any", "-c", "user.email=any")
         run(["git", "-C", tmp_path, *who, *words], check=True, capture_output=True)
@@ -123,11 +123,11 @@ def test_a_changed_page_is_no_other_program(tmp_path):
 
 
 def test_parts_of_one_kind_have_a_table_with_their_means(tmp_path):
-    wanted = [
+    parts = [
         results.Part(name, "twins", "experiments.studies.searches", ())
         for name in ("far-0", "far-1", "near")
     ]
-    for k, part in enumerate(wanted):
+    for k, part in enumerate(parts):
         gains = {f"gain_over_{base}": {"mean": 2.0 * k, "ci95": None} for base in OVER}
         rows = [
             {"name": name, "mean": mean, "ci95": None, **gains}
@@ -137,14 +137,14 @@ def test_parts_of_one_kind_have_a_table_with_their_means(tmp_path):
         ]  # fmt: skip
         (tmp_path / part.name).mkdir()
         write_json(tmp_path / part.name / "searches.json", {"rows": rows})
-    page = text(wanted, {part.name for part in wanted}, "abc", tmp_path)
+    page = text(parts, {part.name for part in parts}, "abc", tmp_path)
     none = "too few networks for an interval"
     assert f"| far-1 |  | 10.0 | 20.0 | 31.0 | 40.0 | +2.0 | {none} | +2.0 | {none} |" in page
     assert "| mean of 2 far |  | 10.0 | 20.0 | 30.5 | 40.0 | +1.0 | -11.7 to 13.7 | +1.0 |" in page
     assert "mean of 1" not in page and "- near: `sdr-jax study searches`" in page
 
 
-def test_a_sitting_with_some_parts_adds_them_to_the_page(tmp_path, monkeypatch):
+def test_a_run_of_some_parts_adds_them_to_the_page(tmp_path, monkeypatch):
     monkeypatch.setattr(making, "commit", lambda: "abc")
     for name, missing in (("two", "Not made yet: one."), ("one", "table of two")):
         making.make(SOME, tmp_path / "out", only=[name], run=Runs())
@@ -153,7 +153,7 @@ def test_a_sitting_with_some_parts_adds_them_to_the_page(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(("flags", "complaint"), [
     (("--only", "table", "table"), "has a value twice"),
-    (("--only", "tables"), "--only tables is none of the parts that this data makes: camvid, camvid-0006R0"),
+    (("--only", "tables"), "--only tables: no such part with this data; choose from camvid, camvid-0006R0"),
     (("--searches", "0"), "--searches must be 1 or more"),
 ])  # fmt: skip
 def test_bad_flags_are_one_line(flags, complaint, error_line):
