@@ -1,4 +1,4 @@
-"""Benchmarks that compare things side by side in one run. Each takes ``--json FILE``."""
+"""Benchmarks that compare alternatives side by side in one run. Each takes ``--json FILE``."""
 
 from common.interrupt import while_loading
 

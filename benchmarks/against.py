@@ -1,8 +1,8 @@
-"""Compares this checkout with another one: both render the same streets in turn.
+"""Compare this checkout with another one: both render the same streets in turn.
 
-Each has its own process, which makes one measurement at a time, so that other work on the machine slows both.
-Times are CPU times of one thread, the least of all rounds; ``ratio`` is the other checkout's time over ours,
-``median`` the median of that over rounds.
+Each has its own process, and they measure in turn, so other work on the machine slows both. Times are CPU
+times of one thread, the least of all rounds; ``ratio`` is the time of the other checkout over ours,
+``median`` its median over rounds.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ CASES = tuple(
     for shots in (1, 4)
     for streets in ("default", "random")
 )
-"""Width, height, rays per pixel along each axis, shots per street; hand-set streets or random ones."""
+"""Width, height, rays per pixel along each axis, shots per street; default or random streets."""
 SERVE = """
 import json, sys, time
 import cv2
@@ -36,13 +36,13 @@ cv2.setNumThreads(1)
 renderer("embree")
 for line in sys.stdin:
     width, height, samples, shots, kind, streets = json.loads(line)
-    drawn = draw(named(kind, "extended"), 0, streets)
+    units = draw(named(kind, "extended"), 0, streets)
     started = time.process_time()
-    for k, unit in enumerate(drawn):
+    for k, unit in enumerate(units):
         render_street(unit, 0, k, shots, RenderSettings(width, height, samples), "embree", AssetPool())
     print((time.process_time() - started) / (streets * shots), flush=True)
 """
-"""Answers each case with seconds per image; it uses only functions that older checkouts have."""
+"""Answers each case with seconds per image, with functions that older checkouts have, too."""
 FIRST_IMAGE = """
 from scene.attributes import default_unit
 from scene.dataset.render import render_dataset
@@ -52,24 +52,24 @@ render_dataset(default_unit()[None], 0, shots=1, settings=RenderSettings(640, 32
 
 
 def check_checkout(text: str) -> Path:
-    """The folder of a checkout; raises ValueError if it holds no engine."""
+    """Find the folder of a checkout; raise ValueError if it has no engine."""
     path = Path(text).resolve()
     if not (path / "scene" / "render" / "__init__.py").exists():
-        raise ValueError(f"{text} is no checkout of this repository: it has no scene/render")
+        raise ValueError(f"{text} is not a checkout of this repository: it has no scene/render")
     return path
 
 
 def _environment(checkout: Path) -> dict[str, str]:
-    """An environment in which compiled code lies beside its sources, apart from other checkouts."""
+    """Make an environment that caches compiled code in the checkout, next to its sources."""
     changed = {"PYTHONPATH": str(checkout), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    kept = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
-    return {**kept, **changed}
+    inherited = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+    return {**inherited, **changed}
 
 
 def speeds(
     checkout: Path, streets: int, rounds: int, cases: tuple[tuple[Any, ...], ...] = CASES
 ) -> list[Row]:
-    """Measure one row for each case; the first round, which compiles and builds assets, does not count."""
+    """Measure a row per case; the first round, which compiles and builds assets, does not count."""
     servers = [
         subprocess.Popen(
             [sys.executable, "-c", SERVE], cwd=folder, env=_environment(folder), text=True,
@@ -83,13 +83,13 @@ def speeds(
             pairs = [
                 [_ask(server, (*case, streets)) for server in servers] for _ in range(rounds + 1)
             ]
-            there, here = zip(*pairs[1:], strict=True)
+            theirs_s, ours_s = zip(*pairs[1:], strict=True)
             rows.append(
                 {
                     "width": case[0], "height": case[1], "rays_per_pixel": case[2] ** 2,
                     "shots": case[3], "streets": case[4],
-                    "ms_there": 1000 * min(there), "ms_here": 1000 * min(here),
-                    "ratio": min(there) / min(here),
+                    "ms_there": 1000 * min(theirs_s), "ms_here": 1000 * min(ours_s),
+                    "ratio": min(theirs_s) / min(ours_s),
                     "median": statistics.median(t / h for t, h in pairs[1:]),
                 }
             )  # fmt: skip
@@ -106,5 +106,5 @@ def _ask(server: subprocess.Popen[str], case: tuple[Any, ...]) -> float:
     server.stdin.flush()
     answer = server.stdout.readline()
     if not answer:
-        raise SystemExit("the other side stopped answering; its message is above")
+        raise SystemExit("one of the checkouts stopped; its message is above")
     return float(answer)

@@ -1,6 +1,6 @@
-"""Problems of other forms than the models of the methods here, for tests and not for tuning.
+"""Problems of other forms than the models of our methods, for tests and not for tuning.
 
-As in `benchmarks.problems`, 0 is the value of random attributes and 100 that of the best bins found. They
+As in `benchmarks.problems`, 0 is the value of random attributes and 100 that of the best bins. These problems
 were written before any method was run on them.
 """
 
@@ -18,7 +18,7 @@ import sdr_jax
 from benchmarks.problems import GRID, Scaled, cells, integrals_of, means, scaled, tabular
 
 POINTS = 64
-"""Sobol points at which the ridge is averaged within intervals, since it has no closed form."""
+"""Sobol points over which the ridge is averaged within intervals, since it has no closed form."""
 
 CHOICES = (2, 3, 4, 5, 6, 3, 4, 5)
 """Values of the categorical problem's attributes."""
@@ -28,27 +28,27 @@ SHARES = {1: 0.5, 2: 0.35, 3: 0.15}
 
 
 def products(seed: int, space: sdr_jax.Space) -> Scaled:
-    """Bumps of three attributes from different groups, without effects of pairs or within groups."""
+    """Make bumps of three attributes from different groups, without effects of pairs or within groups."""
     rng = np.random.default_rng([seed, 4])
     groups = [rng.choice(len(space.groups), 3, replace=False) for _ in range(12)]
     terms = np.asarray([[rng.choice(space.groups[g]) for g in three] for three in groups])
     middle, reach = rng.uniform(0.1, 0.9, (12, 3, 1)), rng.uniform(0.15, 0.35, (12, 3, 1))
     bumps = np.exp(-(((cells() - middle) / reach) ** 2)).reshape(-1, 1, GRID)
-    worth = jnp.asarray(rng.lognormal(0, 0.5, 12), jnp.float32)
-    return scaled(space, partial(_triples, integrals_of(bumps), terms.ravel(), worth))
+    weights = jnp.asarray(rng.lognormal(0, 0.5, 12), jnp.float32)
+    return scaled(space, partial(_triples, integrals_of(bumps), terms.ravel(), weights))
 
 
 @jax.jit
 def _triples(
-    integrals: jax.Array, terms: jax.Array, worth: jax.Array, centre: jax.Array, width: jax.Array
+    integrals: jax.Array, terms: jax.Array, weights: jax.Array, centre: jax.Array, width: jax.Array
 ) -> jax.Array:
-    """The weighted sum of products of three bumps each, f32[n]."""
-    found = means(integrals, centre[:, terms], width[:, terms])
-    return jnp.prod(found.reshape(len(centre), -1, 3), axis=2) @ worth
+    """Compute the weighted sum of products of three bumps each, f32[n]."""
+    values = means(integrals, centre[:, terms], width[:, terms])
+    return jnp.prod(values.reshape(len(centre), -1, 3), axis=2) @ weights
 
 
 def ridge(seed: int, space: sdr_jax.Space) -> Scaled:
-    """`b.x - 4 |a.x|`: a sharp ridge in a random direction over all attributes, with a slope along it."""
+    """Make `b.x - 4 |a.x|`: a sharp ridge in a random direction of all attributes, with a slope along it."""
     rng = np.random.default_rng([seed, 5])
     across, along = np.linalg.qr(rng.normal(size=(space.attributes, 2)))[0].T.astype(np.float32)
     start = rng.uniform(0.2, 0.8, space.attributes).astype(np.float32)
@@ -63,7 +63,7 @@ def ridge(seed: int, space: sdr_jax.Space) -> Scaled:
 
 
 def categories(seed: int) -> Scaled:
-    """A table of unordered attributes with 2 to 6 values each, with effects of one, two and three."""
+    """Make a table of unordered attributes of 2 to 6 values, with effects of one, two and three of them."""
     rng = np.random.default_rng([seed, 6])
     names = [f"x{k}" for k in range(len(CHOICES))]
     space = sdr_jax.space(names, CHOICES, [names[:4], names[4:]], unordered=names)
@@ -74,7 +74,7 @@ def categories(seed: int) -> Scaled:
 
 
 def binary(seed: int) -> Scaled:
-    """All 2^8 rewards of eight switches without noise; each order of effects has half the last one's."""
+    """Make the 2^8 rewards of eight switches, without noise; effects halve from each order to the next."""
     rng = np.random.default_rng([seed, 7])
     table = sum(_effects(rng, (2,) * 8, order, 0.5**order) for order in range(1, 9))
     return _in_percent(sdr_jax.space([f"x{k}" for k in range(8)], 2), np.asarray(table), 0.0)
@@ -89,12 +89,12 @@ def _in_percent(space: sdr_jax.Space, table: np.ndarray, noise: float) -> Scaled
 def _effects(
     rng: np.random.Generator, sizes: tuple[int, ...], order: int, share: float
 ) -> np.ndarray:
-    """A table with variance ``share``: the joint effects of all combinations of ``order`` attributes."""
-    found = np.zeros(sizes)
+    """Make a table with variance ``share``: the joint effects of all combinations of ``order`` attributes."""
+    table = np.zeros(sizes)
     for members in combinations(range(len(sizes)), order):
         shape = [size if axis in members else 1 for axis, size in enumerate(sizes)]
         effect = rng.normal(size=shape)
         for axis in members:
             effect = effect - effect.mean(axis=axis, keepdims=True)
-        found += effect
-    return np.sqrt(share) * found / found.std()
+        table += effect
+    return np.sqrt(share) * table / table.std()

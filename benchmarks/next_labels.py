@@ -1,19 +1,19 @@
-"""Measures which images to label next, and which first.
+"""Measure which images to label next, and which first.
 
-    python -m benchmarks.next_labels CAMVID --seed 6 --seeds 8 [--json FILE]    # two minutes of a core a seed
+    python -m benchmarks.next_labels CAMVID --seed 6 --seeds 8 [--json FILE]    # two core-minutes per seed
     python -m benchmarks.next_labels DIR --first 7 14 --seed 0 --seeds 5 --target camvid --holdout 0006R0
 
-A net as `sdr-jax fit` trains it on labels alone (240x176) learns from 14 random images of the drives 0016E5
-and 0001TP and ranks the others; a fresh net then learns from these and the first 14 of each ranking. All
-are tested on the drive 0006R0. Rankings of a seed begin with the same net, so they are paired. ``spread`` is
-the order of `sdr-jax predict --rank`; ``margin`` and ``entropy`` are means over pixels alone; ``balanced``
-weights each pixel's entropy by the rarity of its classes in the predictions, as mIoU does.
+A network as `sdr-jax fit` trains it on labels alone (240x176) is trained on 14 random images of the sequences
+0016E5 and 0001TP and ranks the others; a new one is then trained on these and the first 14 of each ranking.
+All are tested on the sequence 0006R0. Rankings of a seed start from the same network, so they are paired.
+``spread`` is the order of `sdr-jax predict --rank`; ``margin`` and ``entropy`` are means over pixels;
+``balanced`` weights the entropy of each pixel by the rarity of its classes in the predictions, as mIoU does.
 
 ``--first`` compares choices of the first images, before any network: ``spread`` over groups and time, as
 ``--few`` does, and ``k-centre``, which starts with a random image and adds the one whose pooled features are
 farthest from all before it. A seed holds out a fifth of each group (`benchmarks.transfer`), on which networks
-are tested; they train on the chosen images alone and mixed with ``--streets`` streets. What ``--holdout``
-names is not read.
+are tested; they train on the chosen images alone and mixed with ``--streets`` streets. The group of
+``--holdout`` is not read.
 """
 
 from __future__ import annotations
@@ -51,58 +51,60 @@ WIDTH, HEIGHT = 240, 176
 SETTINGS = configured((WIDTH, HEIGHT)).final.train
 HELD_OUT = "0006R0"
 BATCH = 32
-AFRESH = 1000
-"""Added to the seed of nets that learn from the chosen images."""
+RETRAINED = 1000
+"""Added to the seed of networks that are trained on the chosen images."""
 RANKINGS = ("random", "entropy", "margin", "balanced", "spread")
 
 
-class Drives(NamedTuple):
-    """Images with the frozen trunk's features."""
+class Split(NamedTuple):
+    """Images with the features of the frozen backbone."""
 
     pool: LabelledImages  # of all views
     test: LabelledImages
     classes: int
 
 
-def drives(data: Path) -> Drives:
+def read_split(data: Path) -> Split:
     """Read CamVid, and compute features once."""
     target = find_target("camvid", data)
     parts = parts_of(target, data, HELD_OUT)
     images, pool = reader(parts)(HEIGHT, WIDTH), len(parts.entries)
-    own = images.between(0, pool)
-    maps = pyramid.features(view_images(own.images, SETTINGS), SETTINGS)
+    unlabelled = images.between(0, pool)
+    maps = pyramid.features(view_images(unlabelled.images, SETTINGS), SETTINGS)
     test = images.between(pool, len(images.images))
     test = test._replace(features=pyramid.features(test.images, SETTINGS))
-    return Drives(own._replace(features=maps), test, len(target.classes))
+    return Split(unlabelled._replace(features=maps), test, len(target.classes))
 
 
-def fitted(own: Drives, chosen: Sequence[int], seed: int) -> Params:
-    """Train a net on some images of the pool."""
-    part = own.pool.take(chosen)
-    return train(seed, part.images, part.labels, SETTINGS, own.classes, features=part.features)
+def fitted(split: Split, chosen: Sequence[int], seed: int) -> Params:
+    """Train a network on some images of the pool."""
+    part = split.pool.take(chosen)
+    return train(seed, part.images, part.labels, SETTINGS, split.classes, features=part.features)
 
 
-def tested(own: Drives, net: Params) -> float:
-    """MIoU in percent on the held-out drive."""
-    test = own.test
-    found = score(net, test.images, test.labels, SETTINGS, own.classes, features=test.features)
-    return 100 * float(mean_iou(found))
+def tested(split: Split, net: Params) -> float:
+    """Compute the mIoU in percent on the held-out sequence."""
+    test = split.test
+    confusion = score(
+        net, test.images, test.labels, SETTINGS, split.classes, features=test.features
+    )
+    return 100 * float(mean_iou(confusion))
 
 
-def _scores(own: Drives, net: Params) -> Iterator[np.ndarray]:
-    assert own.pool.features is not None
-    for start in range(0, len(own.pool.images), BATCH):
-        there = slice(start, min(start + BATCH, len(own.pool.images)))
-        maps = tuple(each[there] for each in own.pool.features)
-        yield from logits(net, own.pool.images[there], SETTINGS, own.classes, features=maps)
+def _scores(split: Split, net: Params) -> Iterator[np.ndarray]:
+    assert split.pool.features is not None
+    for start in range(0, len(split.pool.images), BATCH):
+        rows = slice(start, min(start + BATCH, len(split.pool.images)))
+        maps = tuple(part[rows] for part in split.pool.features)
+        yield from logits(net, split.pool.images[rows], SETTINGS, split.classes, features=maps)
 
 
 def ranked(
-    own: Drives, net: Params, rng: np.random.Generator, rest: list[int]
+    split: Split, net: Params, rng: np.random.Generator, rest: list[int]
 ) -> dict[str, list[int]]:
-    """The unlabelled images in the order of each ranking."""
+    """Order the unlabelled images by each ranking."""
     entropy, unsure, by_class, shares = [], [], [], []
-    for scores in _scores(own, net):
+    for scores in _scores(split, net):
         p = np.exp(scores - scores.max(axis=-1, keepdims=True))
         p /= p.sum(axis=-1, keepdims=True)
         h = -(p * np.log(np.maximum(p, 1e-12))).sum(axis=-1)
@@ -113,31 +115,31 @@ def ranked(
     rarity = 1 / np.maximum(np.mean(shares, axis=0), 1e-4)
     values = {
         "entropy": entropy,
-        "margin": [each.margin for each in unsure],
+        "margin": [image.margin for image in unsure],
         "balanced": (by_class * rarity).mean(axis=1),
     }
-    found = {"random": rng.permutation(rest).tolist()}
-    for name, of in values.items():
-        found[name] = [rest[k] for k in np.argsort(-np.array(of)[rest], kind="stable")]
-    return found | {"spread": [rest[k] for k in order([unsure[k] for k in rest], FIRST)]}
+    rankings = {"random": rng.permutation(rest).tolist()}
+    for name, scores_of in values.items():
+        rankings[name] = [rest[k] for k in np.argsort(-np.array(scores_of)[rest], kind="stable")]
+    return rankings | {"spread": [rest[k] for k in order([unsure[k] for k in rest], FIRST)]}
 
 
-def measured(own: Drives, seed: int) -> list[Row]:
-    """MIoU at the start, and with the images of each ranking."""
+def measured(split: Split, seed: int) -> list[Row]:
+    """Measure the mIoU at the start, and with the images of each ranking."""
     rng = np.random.default_rng(seed)
-    first = rng.choice(len(own.pool.images), FIRST, replace=False).tolist()
-    net = fitted(own, first, seed)
-    rest = [k for k in range(len(own.pool.images)) if k not in first]
-    rows = [{"seed": seed, "ranking": "none", HELD_OUT: tested(own, net)}]
-    for name, chosen in ranked(own, net, rng, rest).items():
-        grown = fitted(own, [*first, *chosen[:FIRST]], AFRESH + seed)
-        rows.append({"seed": seed, "ranking": name, HELD_OUT: tested(own, grown)})
+    first = rng.choice(len(split.pool.images), FIRST, replace=False).tolist()
+    net = fitted(split, first, seed)
+    rest = [k for k in range(len(split.pool.images)) if k not in first]
+    rows = [{"seed": seed, "ranking": "none", HELD_OUT: tested(split, net)}]
+    for name, chosen in ranked(split, net, rng, rest).items():
+        grown = fitted(split, [*first, *chosen[:FIRST]], RETRAINED + seed)
+        rows.append({"seed": seed, "ranking": name, HELD_OUT: tested(split, grown)})
     return rows
 
 
 def summary(rows: Sequence[Row]) -> list[Row]:
-    """Each ranking's mean, and its gain over random images with a 95 % interval over seeds."""
-    found = []
+    """Compute the mean of each ranking, and its gain over random images with a 95 % interval over seeds."""
+    lines = []
     for name in ("none", *RANKINGS):
         line: Row = {"14 more by": name}
         values, base = (
@@ -148,15 +150,15 @@ def summary(rows: Sequence[Row]) -> list[Row]:
         line[HELD_OUT] = f"{values.mean():.1f}"
         between = "" if ci95 is None else f" ({ci95[0]:+.1f} to {ci95[1]:+.1f})"
         line["over random"] = "" if name == "random" else f"{gain:+.1f}{between}"
-        found.append(line)
-    return found
+        lines.append(line)
+    return lines
 
 
 CHOICES = ("spread", "k-centre")
 
 
 def pooled(maps: Maps) -> np.ndarray:
-    """Means of all channels over an image's cells, with a deviation of 1 over images."""
+    """Compute means of all channels over the cells of an image, with a deviation of 1 over images."""
     means = np.concatenate([m.astype(np.float32).mean(axis=(1, 2)) for m in maps], axis=1)
     return means / np.maximum(means.std(axis=0), 1e-6)
 
@@ -172,7 +174,7 @@ def k_centre(vectors: np.ndarray, count: int, start: int) -> list[int]:
 
 
 def first_choices(pool: LabelledImages, count: int, seed: int) -> dict[str, list[int]]:
-    """The images of each of `CHOICES`; ``pool`` has features of all views."""
+    """Choose images by each of `CHOICES`; ``pool`` has features of all views."""
     assert pool.features is not None
     images = len(pool.images)
     vectors = pooled(tuple(m[:images] for m in pool.features))
@@ -184,7 +186,7 @@ def first_choices(pool: LabelledImages, count: int, seed: int) -> dict[str, list
 
 
 def measured_first(recipe: Recipe, counts: Sequence[int], seed: int) -> list[Row]:
-    """MIoU of networks of each choice on the images that the seed holds out."""
+    """Measure the mIoU of networks of each choice on the images that the seed holds out."""
     settings, classes = recipe.train, len(recipe.classes.classes)
     pool, test = sides(recipe, seed)
     streets = None
@@ -206,7 +208,7 @@ def measured_first(recipe: Recipe, counts: Sequence[int], seed: int) -> list[Row
                     beside=few if renders else None,
                     share=share_of(labels),
                 )
-                found = score(
+                confusion = score(
                     net, test.images, test.labels, settings, classes, features=test.features
                 )
                 rows.append(
@@ -215,14 +217,14 @@ def measured_first(recipe: Recipe, counts: Sequence[int], seed: int) -> list[Row
                         "labels": labels,
                         "renders": len(renders.images) if renders else 0,
                         "choice": name,
-                        "mIoU": 100 * float(mean_iou(found)),
+                        "mIoU": 100 * float(mean_iou(confusion)),
                     }
                 )
     return rows
 
 
 def summary_first(rows: Sequence[Row]) -> list[Row]:
-    """Means of both choices, and the gain of k-centre with its 95 % interval over seeds."""
+    """Compute the means of both choices, and the gain of k-centre with its 95 % interval over seeds."""
     lines = []
     for labels, renders in dict.fromkeys((row["labels"], row["renders"]) for row in rows):
         scores = {
@@ -243,10 +245,10 @@ def summary_first(rows: Sequence[Row]) -> list[Row]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """The command line."""
+    """Run the command line."""
     command = parser(__doc__)
-    command.add_argument("data", type=Path, help="folder of CamVid; with --first of any target")
-    command.add_argument("--seed", type=int, default=6, help="the first")
+    command.add_argument("data", type=Path, help="folder of CamVid; with --first, of any target")
+    command.add_argument("--seed", type=int, default=6, help="first seed")
     command.add_argument("--seeds", type=partial(count, 1), default=8)
     command.add_argument(
         "--first", type=partial(count, 1), nargs="+", metavar="N", help="choices of so many images"
@@ -254,14 +256,17 @@ def main(arguments: list[str] | None = None) -> int:
     command.add_argument("--target", help="with --first: the target; by default the folder's")
     command.add_argument("--holdout", help="with --first: a group that is not read")
     command.add_argument(
-        "--streets", type=partial(count, 0), default=300, help="with --first: mixed with (300)"
+        "--streets",
+        type=partial(count, 0),
+        default=300,
+        help="with --first: streets to mix with (300)",
     )
     options = command.parse_args(arguments)
     if options.first:
         return _first(options)
-    own, rows = drives(options.data), []
+    split, rows = read_split(options.data), []
     for seed in range(options.seed, options.seed + options.seeds):
-        rows += measured(own, seed)
+        rows += measured(split, seed)
         print(table(rows[-1 - len(RANKINGS) :]), flush=True)
     print(table(summary(rows)))
     write(options.json, rows=rows)

@@ -1,4 +1,4 @@
-"""What do outlines as annotators draw them gain, against labels that are exact to the pixel?
+"""What is the gain of outlines as annotators draw them over labels that are exact to the pixel?
 
     python -m benchmarks.outlines --target camvid --data DIR --holdout 0006R0 --seeds 5
     python -m benchmarks.outlines --target camvid --data DIR --holdout 0006R0 --few 14 --attributes random
@@ -6,11 +6,11 @@
 
 Networks are trained on the same renders with exact labels and with those of each rule, alone or mixed with
 ``--few`` labelled images of the target. They are tested on its development images, without those few, and on
-its reported images: a split, or what ``--holdout`` names. Gains are paired by seed.
+its reported images: a split, or the group of ``--holdout``. Gains are paired by seed.
 
 A rule such as ``tree=3%,fence=2%`` outlines classes as `outlines` in target.yaml does.
 
-``--out`` remembers renders and finished networks: the same command resumes, also with more rules or seeds.
+``--out`` stores renders and finished networks: the same command resumes, also with more rules or seeds.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ SHOWN = 6
 
 
 class Recipe(NamedTuple):
-    """The same for every network of a table but its labels."""
+    """What all networks of a table share; only their labels differ."""
 
     data: str
     target: str | None = None
@@ -87,24 +87,24 @@ class Recipe(NamedTuple):
 
     @property
     def train(self) -> TrainSettings:
-        """How a network is trained."""
+        """The training settings of a network."""
         return with_steps(RECIPES[self.training], self.steps)
 
     @property
     def file(self) -> TargetFile:
-        """The target's file."""
+        """The file of the target."""
         return find_target(self.target, Path(self.data))
 
     @property
     def rendered(self) -> dict[str, Any]:
-        """What decides renders, but their seed."""
+        """Everything that renders depend on, but their seed."""
         names = ("space", "width", "height", "streets")
         path = Path(self.attributes)
         source = self.attributes if self.attributes in NAMES else files.file_digest(path)
         return {"engine": ENGINE, "attributes": source, **{n: getattr(self, n) for n in names}}
 
     def key(self, rule: str, seed: int) -> dict[str, Any]:
-        """What decides a network; the sources of outlines are part of it, since these are being changed."""
+        """Everything that a network depends on, with the source code of outlines."""
         names = ("holdout", "few", "training", "steps")
         source = None if rule == EXACT else files.file_digest(Path(outline.__file__))[:16]
         return {
@@ -121,10 +121,10 @@ class Recipe(NamedTuple):
 
 
 def with_outlines(rule: str, target: TargetFile) -> TargetFile:
-    """The target with the outlines of a rule.
+    """Give a target the outlines of a rule.
 
     Raises:
-        UserError: the text is no rule, or names no class that is rendered.
+        UserError: the text is not a rule, or names a class that is not rendered.
     """
     rendered = [name for name, has in zip(target.classes, target.rendered, strict=True) if has]
     shares = {}
@@ -136,13 +136,13 @@ def with_outlines(rule: str, target: TargetFile) -> TargetFile:
                 f"--rules {item}: expected such as tree=3%, up to {100 * WIDEST:g} % of the width"
             )
         if match[1] not in rendered:
-            raise UserError(f"--rules {item}: no such class; there are {', '.join(rendered)}")
+            raise UserError(f"--rules {item}: no such class; choose from {', '.join(rendered)}")
         shares[match[1]] = share
     return msgspec.structs.replace(target, outlines=shares)
 
 
 def labels_of(rule: str, dataset: Renders, target: TargetFile) -> np.ndarray:
-    """Labels u8[n, h, w] of a target by a rule."""
+    """Draw the labels u8[n, h, w] of a target by a rule."""
     outlines = with_outlines(rule, target).engine_outlines
     return RenderedLabels(dataset.labels, dataset.depths).classes(target, outlines)
 
@@ -151,7 +151,7 @@ def labels_of(rule: str, dataset: Renders, target: TargetFile) -> np.ndarray:
 
 
 class Renders(NamedTuple):
-    """Rendered images with what labels follow from."""
+    """Rendered images, and what their labels are made from."""
 
     images: np.ndarray  # u8[n, h, w, 3]
     labels: np.ndarray  # u8[n, h, w] train ids
@@ -159,7 +159,7 @@ class Renders(NamedTuple):
 
 
 def renders(recipe: Recipe, seed: int, folder: Path) -> Renders:
-    """The renders of a seed, which a file remembers."""
+    """Load the renders of a seed from their file, or render and store them."""
     key = files.digest({**recipe.rendered, "seed": seed})[:16]
     path = folder / f"renders-{key}.npz"
     if not path.exists():
@@ -190,8 +190,8 @@ class Real(NamedTuple):
 
 
 @lru_cache(maxsize=2)
-def real_images(recipe: Recipe, seen: bool) -> Real:
-    """The labelled images; with what a frozen backbone sees in them, and in all views of the few."""
+def real_images(recipe: Recipe, with_features: bool) -> Real:
+    """Read the labelled images, on request with the features of a frozen backbone; the few with all views."""
     target, size, settings = recipe.file, (recipe.height, recipe.width), recipe.train
     parts = parts_of(target, Path(recipe.data), recipe.holdout)
     entries = parts.entries
@@ -202,7 +202,7 @@ def real_images(recipe: Recipe, seen: bool) -> Real:
         if not entries:
             return None
         images = load(entries, target, size)
-        if not (seen and settings.frozen):
+        if not (with_features and settings.frozen):
             return images
         shown = view_images(images.images, settings) if training else images.images
         return images._replace(features=features(shown, settings))
@@ -217,7 +217,7 @@ def real_images(recipe: Recipe, seen: bool) -> Real:
 
 
 def networks(recipe: Recipe, seed: int, rules: Sequence[str], folder: Path) -> list[dict[str, Any]]:
-    """Train and test a network of each rule on the renders of a seed, whose features all share.
+    """Train and test a network per rule on the renders of a seed, which share their features.
 
     Each line is written at once; runs in a worker.
     """
@@ -230,9 +230,9 @@ def networks(recipe: Recipe, seed: int, rules: Sequence[str], folder: Path) -> l
     if real.few is not None:
         mixed = {"beside": real.few, "share": share_of(recipe.few)}
     for rule in rules:
-        began = time.process_time()
+        started = time.process_time()
         labels = labels_of(rule, rendered, recipe.file)
-        spent = 1000 * (time.process_time() - began) / len(labels)
+        spent = 1000 * (time.process_time() - started) / len(labels)
         params = train(seed, images, labels, settings, classes, features=maps, **mixed)
         confusions = {}
         for side, tested in ((DEVELOPMENT, real.development), (REPORTED, real.reported)):
@@ -251,21 +251,21 @@ def networks(recipe: Recipe, seed: int, rules: Sequence[str], folder: Path) -> l
 
 
 def gain_rows(scores: dict[str, dict[int, np.ndarray]], classes: Sequence[str]) -> list[Row]:
-    """The gain of each rule over exact labels: by seed, its mean with the 95 % interval, and by class."""
+    """Tabulate the gain of each rule over exact labels: by seed, its mean with a 95 % interval, by class."""
     exact, rows = scores[EXACT], []
     for rule, by_seed in scores.items():
         seeds = sorted(by_seed)
-        ours, theirs = ([100 * mean_iou(c[s]) for s in seeds] for c in (by_seed, exact))
-        row: Row = {"labels": rule, "mIoU": float(np.mean(ours))}
+        mious, exact_mious = ([100 * mean_iou(c[s]) for s in seeds] for c in (by_seed, exact))
+        row: Row = {"labels": rule, "mIoU": float(np.mean(mious))}
         row |= {"gain by seed": "", "gain": "", "95 %": "", "classes": ""}
         if rule != EXACT:
-            gain, ci95 = paired_gain(ours, theirs)
+            gain, ci95 = paired_gain(mious, exact_mious)
             one, other = (np.mean([iou(c[s]) for s in seeds], axis=0) for c in (by_seed, exact))
             changes = dict(zip(classes, (100 * (one - other)).tolist(), strict=True))
             largest = sorted(changes.items(), key=lambda item: -abs(np.nan_to_num(item[1])))
             row |= {
                 "gain by seed": " ".join(
-                    f"{a - b:+.2f}" for a, b in zip(ours, theirs, strict=True)
+                    f"{a - b:+.2f}" for a, b in zip(mious, exact_mious, strict=True)
                 ),
                 "gain": f"{gain:+.2f}",
                 "95 %": ci95 and "{:+.2f} to {:+.2f}".format(*ci95),
@@ -276,7 +276,7 @@ def gain_rows(scores: dict[str, dict[int, np.ndarray]], classes: Sequence[str]) 
 
 
 def shape_rows(sets: dict[str, np.ndarray], classes: Sequence[str]) -> list[Row]:
-    """Boundary per area of each class, and its connected parts per image, in sets of labels."""
+    """Tabulate boundary per area of each class, and connected parts per image, in sets of labels."""
     rows: list[Row] = [{"class": name} for name in classes]
     for title, labels in sets.items():
         sides, areas = perimeters(labels, len(classes))
@@ -288,20 +288,20 @@ def shape_rows(sets: dict[str, np.ndarray], classes: Sequence[str]) -> list[Row]
 
 
 def sheet(recipe: Recipe, rules: Sequence[str], folder: Path) -> np.ndarray:
-    """Rows of a rendered image, its labels by each rule, a real label and its image."""
+    """Arrange rows of a rendered image, its labels by each rule, a real label and its image."""
     table, real = table_of(recipe.file), real_images(recipe, False).development
     shown = Renders(*(array[:SHOWN] for array in renders(recipe, 0, folder)))
-    picked = np.linspace(0, len(real.images) - 1, len(shown.images)).round().astype(int)
+    chosen = np.linspace(0, len(real.images) - 1, len(shown.images)).round().astype(int)
     labels = [labels_of(rule, shown, recipe.file) for rule in rules]
-    columns = [colorize(column, table.colors) for column in (*labels, real.labels[picked])]
-    return np.vstack(list(np.concatenate([shown.images, *columns, real.images[picked]], axis=2)))
+    columns = [colorize(column, table.colors) for column in (*labels, real.labels[chosen])]
+    return np.vstack(list(np.concatenate([shown.images, *columns, real.images[chosen]], axis=2)))
 
 
 # ---- command line
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """The command line; returns the exit code."""
+    """Run the command line; returns the exit code."""
     options = _options(arguments)
     users = (UserError, DataError, TrainingError)
     return exit_code(lambda: _run(options), (WorkerError,), users=users)
@@ -314,7 +314,12 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
         __doc__, "outlines", defaults, holdout="reported on", seeds=5, counts=[few]
     )
     add = command.add_argument
-    add("--rules", nargs="+", default=["tree=3%"], help="rules beside exact labels (tree=3%%)")
+    add(
+        "--rules",
+        nargs="+",
+        default=["tree=3%"],
+        help="rules to compare with exact labels (tree=3%%)",
+    )
     add("--attributes", default="default", help=f"{', '.join(NAMES)}, or a file (default)")
     add("--training", choices=tuple(RECIPES), default="lite0-frozen", help="(lite0-frozen)")
     return command.parse_args(arguments)
@@ -375,14 +380,14 @@ def finished(
     options: argparse.Namespace,
     *more: Any,
 ) -> dict[tuple[Variant, int], dict[str, Any]]:
-    """The lines of all networks by variant and seed, trained now or stored.
+    """Collect the lines of all networks by variant and seed, trained now or stored.
 
     Args:
         train_all: called in a worker with the recipe, a seed, its missing variants, ``more`` and the folder;
-            gives their lines, which it has written.
+            returns their lines, which it has written.
         recipe: the same for every network.
-        variants: what is compared.
-        key: what decides the network of a variant and a seed.
+        variants: the alternatives to compare.
+        key: everything that the network of a variant and a seed depends on.
         options: with ``seeds``, ``workers`` and ``out``.
         more: further arguments of ``train_all``.
     """

@@ -1,9 +1,9 @@
-"""Times other renderers on one of our streets, each in its own process, in any Python that has it.
+"""Time other renderers on one of our streets, each in its own process, in any Python that has it.
 
     python benchmarks/peers.py mitsuba FOLDER     # FOLDER from export_street
 
-They draw one merged mesh in one colour from one camera under one sun on both cores, and time themselves: the
-median of three images after one for warming up. Their work is simpler than ours (no textures, and labels only
+They render one merged mesh in one colour from one camera under one sun on both cores, and time themselves:
+the median of three images after a warm-up. Their work is simpler than ours (no textures, and labels only
 where noted), so a ratio is a lower bound.
 """
 
@@ -56,7 +56,7 @@ def export_street(folder: Path, street: Street, width: int, height: int) -> None
 
 
 def run_peer(python: str, name: str, folder: Path) -> list[tuple[str, float]]:
-    """(what, ms) of the peer's measurements; empty, with a note, if it is not installed."""
+    """Run a peer, and return its measurements (what, ms); empty, with a note, if it is not installed."""
     command = [python, str(Path(__file__)), name, str(folder)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode == NOT_INSTALLED:
@@ -71,7 +71,7 @@ def run_peer(python: str, name: str, folder: Path) -> list[tuple[str, float]]:
 
 
 def _median(draw: Callable[[], Any]) -> float:
-    """The median milliseconds of three runs after one for warming up."""
+    """Measure the median milliseconds of three runs after a warm-up."""
     times = []
     for _ in range(4):
         started = time.perf_counter()

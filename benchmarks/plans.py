@@ -1,11 +1,11 @@
-"""How far is the time that a plan names from the time that its job takes?
+"""How far is the planned time of a job from the time that it takes?
 
     python -m benchmarks.plans --data CAMVID --json plans.json
     python -m benchmarks.plans --data CAMVID --few 14 40 --workers 1
 
-Each row is a `sdr-jax fit` into a new folder, from its plan to its report: the seconds that the plan names,
-those it took, and their ratio, which should lie between 1 / 1.5 and 1.5. Other work on the machine makes the
-job longer and not the plan. The first run on a machine also measures its pace, which counts as the job's.
+Each row is a `sdr-jax fit` into a new folder, from its plan to its report: planned seconds, measured seconds,
+and their ratio, which should lie between 1 / 1.5 and 1.5. Other work on the machine slows the job, but does
+not change the plan. The first run on a machine also measures its speed, which counts as part of the job.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from experiments.app.fit.job import fit
 
 
 def measured(options: argparse.Namespace, few: int) -> Row:
-    """Fit a network with so many labels, and compare the time with its plan."""
-    planned: list[tuple[float, float]] = []  # seconds that are expected, and when
+    """Fit a network with so many labels, and compare the time with the plan."""
+    planned: list[tuple[float, float]] = []  # expected seconds, and the time of the estimate
     expect = Progress.expect
 
-    def remembered(progress: Progress, seconds: float, start: float) -> None:
+    def record(progress: Progress, seconds: float, start: float) -> None:
         planned.append((seconds + start, time.perf_counter()))
         expect(progress, seconds, start)
 
-    with tempfile.TemporaryDirectory() as folder, mock.patch.object(Progress, "expect", remembered):
+    with tempfile.TemporaryDirectory() as folder, mock.patch.object(Progress, "expect", record):
         config = config_of(
             options.data, Path(folder) / "run", target=options.target, few=few,
             holdout=options.holdout, seeds=options.seeds, workers=options.workers,
@@ -54,16 +54,16 @@ def measured(options: argparse.Namespace, few: int) -> Row:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """The command line; returns the exit code."""
+    """Run the command line; returns the exit code."""
     command = parser(__doc__)
     command.prog = "python -m benchmarks.plans"
     add = command.add_argument
     add("--data", required=True, type=Path, help="folder of labelled images")
     add("--target", default="camvid", help=f"{', '.join(SHIPPED)}, or a target's file (camvid)")
-    add("--holdout", help="the group to test on; by default as fit chooses")
+    add("--holdout", help="group to test on; by default that of fit")
     add("--few", nargs="+", type=partial(count, 1), default=[14], help="labels of each row (14)")
-    add("--seeds", type=partial(count, 1), default=3, help="networks of each of fit's rows (3)")
-    add("--workers", type=partial(count, 1), help="processes; by default fit's")
+    add("--seeds", type=partial(count, 1), default=3, help="networks per row of fit (3)")
+    add("--workers", type=partial(count, 1), help="processes; by default those of fit")
     options = command.parse_args(arguments)
     return exit_code(lambda: report([measured(options, few) for few in options.few], options.json))
 

@@ -1,9 +1,9 @@
-"""Times the playground from slider to picture, within its page in a headless browser.
+"""Time the playground from slider to image, within its page in a headless browser.
 
     python -m benchmarks.playground
     python -m benchmarks.playground --size 640x360 --repeats 10
 
-A key moves a slider; the times end when the browser has drawn the preview, and when it has drawn the picture
+A key moves a slider; the times end when the browser has drawn the preview, and when it has drawn the image
 at full size, which follows if nothing else moves. It needs the extras `playground` and `test`, and Chromium.
 """
 
@@ -38,23 +38,25 @@ LISTEN = """() => {
         if (window.began) window.drawn.push(performance.now() - window.began);
     });
 }"""
-"""Records in the page when a key goes down, and when pictures are drawn after it."""
+"""Records in the page when a key goes down, and when images are drawn after it."""
 
 
 def browser() -> str | None:
-    """The program of an installed browser, if there is one."""
+    """Find the program of an installed browser."""
     return next(filter(None, map(shutil.which, BROWSERS)), None)
 
 
 @contextmanager
 def served(size: str) -> Iterator[str]:
-    """Start a playground; its address."""
+    """Serve a playground; yields its address."""
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = str(free.getsockname()[1])
     words = ["-m", "experiments.playground", "--no-browser", "--size", size, "--port", port]
-    ours = {name: v for name, v in os.environ.items() if "PYTEST" not in name}  # NiceGUI reads it
+    environment = {
+        name: v for name, v in os.environ.items() if "PYTEST" not in name
+    }  # NiceGUI reads it
     command = [sys.executable, *words]
-    with Popen(command, cwd=ROOT, stdout=PIPE, text=True, env=ours) as server:
+    with Popen(command, cwd=ROOT, stdout=PIPE, text=True, env=environment) as server:
         try:
             assert server.stdout is not None
             if port not in server.stdout.readline():
@@ -64,8 +66,8 @@ def served(size: str) -> Iterator[str]:
             server.terminate()
 
 
-def drawn(page: Any, slider: str, key: str) -> tuple[float, float]:
-    """Seconds from a key on a slider to the preview, and to the full picture."""
+def press(page: Any, slider: str, key: str) -> tuple[float, float]:
+    """Press a key on a slider; returns the seconds to the preview, and to the full image."""
     page.locator(f"[data-attribute={slider}] .q-slider__thumb").nth(1).press(key)
     page.wait_for_function("window.drawn.length >= 2", timeout=60_000)
     first, last = page.evaluate("window.drawn.slice(0, 2)")
@@ -73,7 +75,7 @@ def drawn(page: Any, slider: str, key: str) -> tuple[float, float]:
 
 
 def measured(size: str, repeats: int, program: str) -> list[Row]:
-    """One row for previews and one for full pictures."""
+    """Measure one row for previews and one for full images."""
     from playwright.sync_api import sync_playwright
 
     with served(size) as address, sync_playwright() as playwright:
@@ -82,13 +84,13 @@ def measured(size: str, repeats: int, program: str) -> list[Row]:
         page.wait_for_selector(".time:has-text('image in')", timeout=600_000)
         page.evaluate(LISTEN)
         for slider in SLIDERS:  # warms up
-            drawn(page, slider, "PageDown")
-        found = [
-            drawn(page, SLIDERS[k % len(SLIDERS)], ("PageUp", "PageDown")[k // len(SLIDERS) % 2])
+            press(page, slider, "PageDown")
+        moves = [
+            press(page, SLIDERS[k % len(SLIDERS)], ("PageUp", "PageDown")[k // len(SLIDERS) % 2])
             for k in range(repeats)
         ]
     rows: list[Row] = []
-    for what, seconds in zip(("preview", "picture"), np.array(found).T, strict=True):
+    for what, seconds in zip(("preview", "image"), np.array(moves).T, strict=True):
         best, median, worst = (float(1000 * value) for value in np.quantile(seconds, (0, 0.5, 1)))
         times = {"best_ms": best, "median_ms": median, "worst_ms": worst}
         rows.append({"drawn": what, "size": size, "moves": repeats, **times})
@@ -96,9 +98,9 @@ def measured(size: str, repeats: int, program: str) -> list[Row]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """The command line; returns the exit code."""
+    """Run the command line; returns the exit code."""
     command = parser(__doc__)
-    command.add_argument("--size", default="480x270", help="WIDTHxHEIGHT of the picture")
+    command.add_argument("--size", default="480x270", help="WIDTHxHEIGHT of the image")
     command.add_argument("--repeats", type=partial(count, 1), default=40, help="moves of a slider")
     options = command.parse_args(arguments)
     program = browser()

@@ -2,7 +2,7 @@
 
 Values are sums of one function per attribute and of products of two within a group, tabulated on a fixed
 grid, so that the mean over a proposal's intervals is exact. 0 is the value of random attributes, 100 that of
-the best bins. This file also has the parts of all problems; `benchmarks.foreign` has problems of other forms.
+the best bins. This file also has what all problems share; `benchmarks.foreign` has problems of other forms.
 """
 
 from __future__ import annotations
@@ -29,26 +29,26 @@ GROUPS = (7, 2, 2, 2, 2, 8)
 BINS = 10
 
 Raw = Callable[[jax.Array, jax.Array], jax.Array]
-"""Gives values f32[n] in any unit from the centres and widths f32[n attributes] of proposals."""
+"""Computes values f32[n] in any unit from the centres and widths f32[n attributes] of proposals."""
 
 
 class Problem(Protocol):
-    """A problem for `benchmarks.search.evaluate`; your own needs these three."""
+    """A problem for `benchmarks.search.evaluate`: implement these three."""
 
     @property
     def space(self) -> sdr_jax.Space:
         """The attributes, their bins and groups."""
 
     def reward(self, rng_key: jax.Array, proposals: sdr_jax.Proposal) -> jax.Array:
-        """Noisy rewards f32[n] of proposals f32[n attributes]."""
+        """Sample noisy rewards f32[n] of proposals f32[n attributes]."""
 
     def true_value(self, proposal: sdr_jax.Proposal) -> float:
-        """The expected reward of one proposal f32[attributes]."""
+        """Compute the expected reward of one proposal f32[attributes]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scaled:
-    """Any values, on a scale of their own and with normal noise."""
+    """Values on any scale, with normal noise."""
 
     space: sdr_jax.Space
     raw: Raw
@@ -57,12 +57,12 @@ class Scaled:
     unit: float = 1.0  # raw difference that counts as 1
 
     def reward(self, rng_key: jax.Array, proposals: sdr_jax.Proposal) -> jax.Array:
-        """Values with normal noise; the key is consumed."""
+        """Sample values with normal noise; the key is consumed."""
         values = (self.raw(*map(jnp.asarray, proposals)) - self.zero) / self.unit
         return values + self.noise * jax.random.normal(rng_key, values.shape)
 
     def true_value(self, proposal: sdr_jax.Proposal) -> float:
-        """The value without noise."""
+        """Compute the value without noise."""
         centre, width = (jnp.asarray(part)[None] for part in proposal)
         return float((self.raw(centre, width)[0] - self.zero) / self.unit)
 
@@ -84,18 +84,18 @@ def scaled(space: sdr_jax.Space, raw: Raw, best: np.ndarray | None = None) -> Sc
 
 def _ascent(space: sdr_jax.Space, raw: Raw) -> np.ndarray:
     rng, bins = np.random.default_rng(0), np.asarray(space.bins)
-    found = rng.integers(0, bins, (16, space.attributes)).astype(np.int32)
+    best = rng.integers(0, bins, (16, space.attributes)).astype(np.int32)
     for _ in range(6):
         for i, size in enumerate(space.bins):
-            tried = np.repeat(found[:, None], size, axis=1)
-            tried[:, :, i] = np.arange(size)
-            values = raw(*sdr_jax.relax(space, tried.reshape(-1, space.attributes)))
-            found[:, i] = np.asarray(values).reshape(len(found), size).argmax(axis=1)
-    return found
+            actions = np.repeat(best[:, None], size, axis=1)
+            actions[:, :, i] = np.arange(size)
+            values = raw(*sdr_jax.relax(space, actions.reshape(-1, space.attributes)))
+            best[:, i] = np.asarray(values).reshape(len(best), size).argmax(axis=1)
+    return best
 
 
 def tabular(space: sdr_jax.Space, table: np.ndarray, noise: float = 0.0) -> Scaled:
-    """The problem of a table of rewards f64[bins of attribute 0, bins of attribute 1, ...], in its units.
+    """Make the problem of a table of rewards f64[bins of attribute 0, bins of attribute 1, ...].
 
     The value of a proposal is the mean of the entries that its intervals cover, weighted by the coverage.
     """
@@ -106,15 +106,15 @@ def tabular(space: sdr_jax.Space, table: np.ndarray, noise: float = 0.0) -> Scal
             for axis, size in enumerate(table.shape)
         ]
         values = np.einsum("na,a...->n...", shares[0], table)
-        for own in shares[1:]:
-            values = np.einsum("na,na...->n...", own, values)
+        for share in shares[1:]:
+            values = np.einsum("na,na...->n...", share, values)
         return jnp.asarray(values, jnp.float32)
 
     return Scaled(space, raw, noise)
 
 
 def integrals_of(functions: np.ndarray) -> jax.Array:
-    """Integrals from 0 to each edge of the grid, f32[rows grid+1 functions].
+    """Compute integrals from 0 to each edge of the grid, f32[rows grid+1 functions].
 
     Args:
         functions: f64[rows functions grid], their values on the cells.
@@ -124,7 +124,7 @@ def integrals_of(functions: np.ndarray) -> jax.Array:
 
 
 def means(integrals: jax.Array, centre: jax.Array, width: jax.Array) -> jax.Array:
-    """The exact mean of each row's functions over the row's interval, f32[n rows functions].
+    """Compute the exact mean of each row's functions over its interval, f32[n rows functions].
 
     Args:
         integrals: f32[rows grid+1 functions], from `integrals_of`.
@@ -149,14 +149,14 @@ def _pairwise(integrals: jax.Array, centre: jax.Array, width: jax.Array) -> jax.
 
     The integrals of attribute i are those of f_i, then of h_i0, h_i1, ...
     """
-    found = means(integrals, centre, width)
-    halves = found[:, :, 1:]
+    parts = means(integrals, centre, width)
+    halves = parts[:, :, 1:]
     pairs = jnp.sum(halves * halves.transpose(0, 2, 1), axis=(1, 2))
-    return found[:, :, 0].sum(axis=1) + 0.5 * pairs
+    return parts[:, :, 0].sum(axis=1) + 0.5 * pairs
 
 
 def grouped_space() -> sdr_jax.Space:
-    """23 attributes with 10 bins each, in six groups."""
+    """Make a space of 23 attributes with 10 bins each, in six groups."""
     groups = [[f"{'abcdef'[g]}{i}" for i in range(size)] for g, size in enumerate(GROUPS)]
     return sdr_jax.space([name for group in groups for name in group], BINS, groups)
 
@@ -184,7 +184,7 @@ def rugged(seed: int) -> Scaled:
 
 
 def plateau(seed: int) -> Scaled:
-    """Flat except for a window in each attribute, whose value grows if its neighbours are in theirs."""
+    """Flat except for a window in each attribute, which counts for more if its group is in theirs, too."""
     rng = np.random.default_rng([seed, 2])
     space, u = grouped_space(), cells()
     functions = np.zeros((space.attributes, 1 + space.attributes, GRID))
@@ -194,8 +194,8 @@ def plateau(seed: int) -> Scaled:
     functions[:, 0] = weights[:, None] * windows
     sizes = {i: len(group) for group in space.groups for i in group}
     for i, j in _pairs(space):
-        worth = rng.uniform(0, 1) * np.sqrt(weights[i] * weights[j]) / (sizes[i] - 1)
-        functions[i, 1 + j], functions[j, 1 + i] = worth * windows[i], windows[j]
+        weight = rng.uniform(0, 1) * np.sqrt(weights[i] * weights[j]) / (sizes[i] - 1)
+        functions[i, 1 + j], functions[j, 1 + i] = weight * windows[i], windows[j]
     return analytic(space, functions)
 
 
@@ -235,7 +235,7 @@ def _bowl(
 
 
 def analytic(space: sdr_jax.Space, functions: np.ndarray) -> Scaled:
-    """The problem of functions f64[attributes 1+attributes grid]: f_i, then h_i0, h_i1, ..."""
+    """Make the problem of functions f64[attributes 1+attributes grid]: f_i, then h_i0, h_i1, ..."""
     raw = partial(_pairwise, integrals_of(functions))
     return scaled(space, raw, _best_bins(space, functions)[None])
 
@@ -245,12 +245,12 @@ def _best_bins(space: sdr_jax.Space, functions: np.ndarray, starts: int = 64) ->
     rng = np.random.default_rng(0)
     means = functions.reshape(*functions.shape[:2], BINS, -1).mean(axis=3)  # [i, 1+j, bins]
     rows = np.arange(space.attributes)
-    found = rng.integers(0, BINS, (starts, space.attributes))
+    bins = rng.integers(0, BINS, (starts, space.attributes))
     for _ in range(12):
         for i in rows:
-            others = means[rows[None, :], 1 + i, found]  # [starts, j]: h_ji at their bins
-            found[:, i] = (means[i, 0][None] + others @ means[i, 1:]).argmax(axis=1)
-    alone = means[rows[None, :], 0, found].sum(axis=1)
-    halves = means[rows[None, :, None], 1 + rows[None, None, :], found[:, :, None]]
+            others = means[rows[None, :], 1 + i, bins]  # [starts, j]: h_ji at their bins
+            bins[:, i] = (means[i, 0][None] + others @ means[i, 1:]).argmax(axis=1)
+    alone = means[rows[None, :], 0, bins].sum(axis=1)
+    halves = means[rows[None, :, None], 1 + rows[None, None, :], bins[:, :, None]]
     pairs = 0.5 * (halves * halves.transpose(0, 2, 1)).sum(axis=(1, 2))
-    return found[(alone + pairs).argmax()].astype(np.int32)
+    return bins[(alone + pairs).argmax()].astype(np.int32)

@@ -19,24 +19,24 @@ def _names(values: Mapping[tuple[str, str], Any]) -> tuple[list[str], list[str]]
 
 
 def mean_ranks(values: Values) -> dict[str, float]:
-    """The mean of each method's rank over all problems and budgets, best (lowest) first."""
+    """Compute the mean rank of each method over all problems and budgets, best (lowest) first."""
     methods, problems = _names(values)
     means = np.stack([[values[m, p].mean(axis=1) for p in problems] for m in methods])
     ranks = rankdata(-means, axis=0).mean(axis=(1, 2))
     return {methods[i]: float(ranks[i]) for i in np.argsort(ranks, kind="stable")}
 
 
-def behind(values: Values, ours: str, budgets: tuple[int, ...]) -> list[Row]:
-    """Each column's paired difference from the best rival, also in its standard errors."""
+def behind(values: Values, reference: str, budgets: tuple[int, ...]) -> list[Row]:
+    """Tabulate the paired difference of a method from its best rival, also in standard errors."""
     methods, problems = _names(values)
-    rivals = [method for method in methods if method != ours]
-    if ours not in methods or not rivals:
+    rivals = [method for method in methods if method != reference]
+    if reference not in methods or not rivals:
         return []
     rows: list[Row] = []
     for problem in problems:
         for i, budget in enumerate(budgets):
             best = max(rivals, key=lambda m: float(values[m, problem][i].mean()))
-            difference = values[ours, problem][i] - values[best, problem][i]
+            difference = values[reference, problem][i] - values[best, problem][i]
             many = len(difference) > 1
             se = float(difference.std(ddof=1) / np.sqrt(len(difference))) if many else None
             rows.append(
@@ -52,16 +52,16 @@ def behind(values: Values, ours: str, budgets: tuple[int, ...]) -> list[Row]:
     return rows
 
 
-def text(ranks: dict[str, float], lost: list[Row], ours: str) -> str:
-    """The ranks and the losses for people, as Markdown."""
+def text(ranks: dict[str, float], lost: list[Row], reference: str) -> str:
+    """Format the ranks and the losses as Markdown."""
     parts = ["Mean rank over all problems and numbers of evaluations:"]
     parts.append(table([{"method": m, "mean rank": rank} for m, rank in ranks.items()]))
     if lost:
-        parts += [f"{ours} less the best rival, paired by seed:", table(lost)]
+        parts += [f"{reference} less the best rival, paired by seed:", table(lost)]
     return "\n\n".join(parts)
 
 
-def plot(course: Mapping[tuple[str, str], Mapping[int, float]], path: str, ours: str) -> None:
+def plot(course: Mapping[tuple[str, str], Mapping[int, float]], path: str, reference: str) -> None:
     """Draw the value of the recommendation against evaluations, one panel per problem."""
     import matplotlib
 
@@ -83,7 +83,7 @@ def plot(course: Mapping[tuple[str, str], Mapping[int, float]], path: str, ours:
                 "color": f"C{k % 10}",
                 "ls": "-" if k < 10 else "--",
             }
-            if method == ours:
+            if method == reference:
                 style = {"lw": 2.6, "color": "black", "zorder": 3}
             axis.plot(x, y, label=method.replace("_", " "), **style)
         axis.set(title=problem, xlabel="evaluations", ylabel="true value of the answer")

@@ -1,4 +1,4 @@
-"""What does a change of the training recipe gain, from the same images, and what does it cost?
+"""What is the gain of a change of the training recipe, from the same images, and what does it cost?
 
     python -m benchmarks.recipes --target camvid --data DIR --holdout 0006R0 --few 14 --seeds 5 \\
         --recipes lite0-frozen lite0-heads lite0-heads:jaccard=0 lite0-heads:last_share=None
@@ -7,10 +7,10 @@
 A recipe is one of `seg.recipes`, with changes of its fields after a colon. Networks of a seed share the
 features of the same images: ``--few`` labelled images of the target, and ``--streets`` rendered ones, half
 random and half default. They are tested on development images, without those few, and on reported images: a
-split, or what ``--holdout`` names. Gains over the first recipe are paired by seed; ``one head`` is the mean
-over the heads of a network, each alone.
+split, or the group of ``--holdout``. Gains over the first recipe are paired by seed; ``one head`` is the mean
+over the single heads of a network.
 
-``--out`` remembers renders and finished networks: the same command resumes, also with more recipes or seeds.
+``--out`` stores renders and finished networks: the same command resumes, also with more recipes or seeds.
 """
 
 from __future__ import annotations
@@ -49,18 +49,18 @@ from seg.train import TrainingError, train
 from seg.views import LOOKS, view_images, with_mirror
 
 ON = ("labels", "labels+renders", "renders", "all")
-"""What networks are trained on; all labelled images are tested on reported ones alone."""
+"""Training sets; networks of all labelled images are tested on reported images only."""
 
 
 def settings_of(recipe: str) -> TrainSettings:
-    """The settings of a recipe such as ``lite0-heads:heads=5,steps=500``.
+    """Read the settings of a recipe such as ``lite0-heads:heads=5,steps=500``.
 
     Raises:
-        UserError: no recipe or field has the name, or the settings allow no training on a frozen backbone.
+        UserError: an unknown recipe or field, or settings that do not allow a frozen backbone.
     """
     name, _, changes = recipe.partition(":")
     if name not in RECIPES:
-        raise UserError(f"--recipes {recipe}: no such recipe; there are {', '.join(RECIPES)}")
+        raise UserError(f"--recipes {recipe}: no such recipe; choose from {', '.join(RECIPES)}")
     values = {}
     for change in filter(None, changes.split(",")):
         key, _, text = change.partition("=")
@@ -81,12 +81,12 @@ def settings_of(recipe: str) -> TrainSettings:
 
 
 def key(recipe: outlines.Recipe, settings: TrainSettings, on: str, seed: int) -> dict[str, Any]:
-    """What decides a network."""
-    plain = TrainSettings()
+    """Everything that a network depends on."""
+    defaults = TrainSettings()
     values = {
         field.name: getattr(settings, field.name)
         for field in fields(settings)
-        if getattr(settings, field.name) != getattr(plain, field.name)
+        if getattr(settings, field.name) != getattr(defaults, field.name)
     }
     same = {"target": recipe.file.name, "holdout": recipe.holdout, "few": recipe.few}
     return {**recipe.rendered, **same, "settings": values, "on": on, "seed": seed}
@@ -94,27 +94,27 @@ def key(recipe: outlines.Recipe, settings: TrainSettings, on: str, seed: int) ->
 
 @lru_cache(maxsize=2)
 def _real(recipe: outlines.Recipe, tested: int) -> Real:
-    """The labelled images; those for tests with the features of images and mirror images."""
+    """Read the labelled images; those for tests have features of images and mirror images."""
     real = real_images(recipe, False)
 
-    def seen(images: LabelledImages | None) -> LabelledImages | None:
+    def with_features(images: LabelledImages | None) -> LabelledImages | None:
         if images is None:
             return None
         count = len(images.images)
-        picked = np.unique(np.linspace(0, count - 1, min(tested, count)).round().astype(int))
-        some = images.take(picked)
-        both = with_mirror(some.images, RECIPES["lite0-heads"])
-        return some._replace(features=features(both))
+        chosen = np.unique(np.linspace(0, count - 1, min(tested, count)).round().astype(int))
+        subset = images.take(chosen)
+        views = with_mirror(subset.images, RECIPES["lite0-heads"])
+        return subset._replace(features=features(views))
 
-    development = seen(real.development)
+    development = with_features(real.development)
     assert development is not None
-    return Real(real.few, development, seen(real.reported))
+    return Real(real.few, development, with_features(real.reported))
 
 
 def networks(
     recipe: outlines.Recipe, seed: int, work: Sequence[tuple[str, str]], tested: int, folder: Path
 ) -> list[dict[str, Any]]:
-    """Train and test a network for each recipe and training set of a seed; runs in a worker.
+    """Train and test a network per recipe and training set of a seed; runs in a worker.
 
     Each line is written at once.
     """
@@ -129,23 +129,23 @@ def networks(
         "renders": LabelledImages(rendered.images, labels),
         "all": _joined(whole),
     }
-    seen: dict[Any, LabelledImages] = {}
+    views: dict[Any, LabelledImages] = {}
 
     def trained_on(name: str, settings: TrainSettings) -> LabelledImages:
         looks = (name, *(getattr(settings, look) for look in LOOKS))
-        if looks not in seen:
+        if looks not in views:
             images = sets[name]
             assert images is not None
             maps = features(view_images(images.images, settings), settings)
-            seen[looks] = images._replace(features=maps)
-        return seen[looks]
+            views[looks] = images._replace(features=maps)
+        return views[looks]
 
     lines = []
     for on, name in work:
         settings = settings_of(name)
         images = trained_on("renders" if on == "labels+renders" else on, settings)
         few = trained_on("labels", settings) if on == "labels+renders" else None
-        began = time.process_time()
+        started = time.process_time()
         params = train(
             seed,
             images.images,
@@ -156,7 +156,7 @@ def networks(
             beside=few,
             share=share_of(recipe.few),
         )
-        seconds = time.process_time() - began
+        seconds = time.process_time() - started
         confusions, of_heads = {}, {}
         for side, tested_on in ((DEVELOPMENT, real.development), (REPORTED, real.reported)):
             if tested_on is None or (on == "all" and side == DEVELOPMENT):
@@ -185,7 +185,7 @@ def networks(
 
 
 def _joined(real: Real) -> LabelledImages:
-    """All images that are not reported on."""
+    """Join all images that are not reported on."""
     parts = [part for part in (real.few, real.development) if part is not None]
     return LabelledImages(
         np.concatenate([part.images for part in parts]),
@@ -200,31 +200,31 @@ def gain_rows(
     seeds: Sequence[int],
     side: str,
 ) -> list[Row]:
-    """Each recipe's mIoU in percent and its paired gain over the first, with the CPU seconds of a network."""
+    """Tabulate the mIoU of recipes in percent, paired gains over the first, and CPU seconds per network."""
     rows: list[Row] = []
     scores = {
         name: [100 * mean_iou(np.array(lines[on, name, seed]["scores"][side])) for seed in seeds]
         for name in recipes
     }
     for name in recipes:
-        own = [lines[on, name, seed] for seed in seeds]
+        recipe_lines = [lines[on, name, seed] for seed in seeds]
         gain, ci95 = paired_gain(scores[name], scores[recipes[0]])
         rows.append(
             {
                 "recipe": name,
                 "mIoU": f"{np.mean(scores[name]):.1f}",
-                "one head": f"{100 * np.mean([np.mean(line['heads'][side]) for line in own]):.1f}",
+                "one head": f"{100 * np.mean([np.mean(line['heads'][side]) for line in recipe_lines]):.1f}",
                 "gain": "" if name == recipes[0] else f"{gain:+.2f}",
                 "95 %": "{:+.2f} to {:+.2f}".format(*ci95) if ci95 and name != recipes[0] else "",
                 "by seed": " ".join(f"{value:.1f}" for value in scores[name]),
-                "CPU s": f"{np.median([line['seconds'] for line in own]):.0f}",
+                "CPU s": f"{np.median([line['seconds'] for line in recipe_lines]):.0f}",
             }
         )
     return rows
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """The command line; returns the exit code."""
+    """Run the command line; returns the exit code."""
     options = _options(arguments)
     users = (UserError, DataError, TrainingError)
     return exit_code(lambda: _run(options), (WorkerError,), users=users)

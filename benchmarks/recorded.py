@@ -1,10 +1,10 @@
-"""Recorded rewards on real CamVid, and a surrogate fitted to them that gives rewards of any bins.
+"""Recorded rewards on real CamVid, and a surrogate fitted to them that predicts rewards of any bins.
 
 Each line of `data/camvid.jsonl` is one reward of an early engine: bins of all 23 attributes, and the mIoU on
-sequences 0016E5 and 0001TP, in percent, of a net trained on 96 images of 64x48 rendered with them. The
-adaptive ones come first (method `surrogate` at temperatures 0.7 and 1, 288 each), then 128 at random. The
-surrogate is a Gaussian process, a model that none of the methods has: Matern 5/2 over all attributes at once,
-with a length scale for each. Scales, size and noise have the highest evidence.
+sequences 0016E5 and 0001TP, in percent, of a network trained on 96 images of 64x48 rendered with them.
+The adaptive ones come first (method `surrogate` at temperatures 0.7 and 1, 288 each), then 128 random ones.
+The surrogate is a Gaussian process, a model that none of the methods has: Matern 5/2 over all attributes at
+once, with a length scale per attribute. Scales, size and noise maximise the evidence.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ WIDTH = 0.3
 """Width of the relaxed bins when the rewards were recorded."""
 
 POINTS = 64
-"""Number of centres at which a wider interval is evaluated."""
+"""Number of centres over which a wider interval is averaged."""
 
 
 @dataclass(frozen=True, eq=False)
 class Surrogate:
-    """A Gaussian process's mean with its fitted noise."""
+    """The mean of a Gaussian process, with its fitted noise."""
 
     space: sdr_jax.Space
     centres: jax.Array  # f32[records attributes], divided by the length scales
@@ -43,16 +43,16 @@ class Surrogate:
     noise: float  # standard deviation of a reward, in percent
 
     def reward(self, rng_key: jax.Array, proposals: sdr_jax.Proposal) -> jax.Array:
-        """MIoU in percent with normal noise; the key is consumed."""
+        """Sample the mIoU in percent with normal noise; the key is consumed."""
         return _noisy(rng_key, self._values(proposals), self.noise)
 
     def true_value(self, proposal: sdr_jax.Proposal) -> float:
-        """The value without noise."""
+        """Compute the value without noise."""
         centre, width = (jnp.asarray(part)[None] for part in proposal)
         return float(self._values(sdr_jax.Proposal(centre, width))[0])
 
     def _values(self, proposals: sdr_jax.Proposal) -> jax.Array:
-        # If the records' own width leaves no choice, all points are equal.
+        # Intervals no wider than those of the records have one centre.
         points = POINTS if np.any(np.asarray(proposals.width) > WIDTH) else 1
         return _predict(
             self.centres, self.lengths, self.weights, *proposals, self.mean, points=points
@@ -74,7 +74,7 @@ def _predict(
     mean: float,
     points: int,
 ) -> jax.Array:
-    """Mean over the centres of the records' width within each interval, f32[n]."""
+    """Average over the intervals of the records' width within each interval, f32[n]."""
     slack = jnp.maximum(width - WIDTH, 0.0)
     offsets = jnp.asarray(_points(centre.shape[1])[:points]) - 0.5
     at = centre[:, None] + slack[:, None] * offsets[None]
@@ -96,14 +96,14 @@ def _matern(xp, difference):  # type: ignore[no-untyped-def]
 
 
 def read(path: Path = RECORD) -> tuple[np.ndarray, np.ndarray]:
-    """Bins i64[records attributes] and rewards f64[records] in percent."""
+    """Read bins i64[records attributes] and rewards f64[records] in percent."""
     lines = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
     return np.asarray([r["bins"] for r in lines]), np.asarray([r["reward"] for r in lines])
 
 
 @cache
 def camvid() -> Surrogate:
-    """The surrogate of the committed records."""
+    """Fit the surrogate of the committed records."""
     from experiments.config import MainConfig, make_space
     from experiments.config.presets import defaults
 
@@ -111,7 +111,7 @@ def camvid() -> Surrogate:
 
 
 def fit(space: sdr_jax.Space, bins: np.ndarray, rewards: np.ndarray) -> Surrogate:
-    """Fit the surrogate by the highest evidence, with a weak preference for smooth functions."""
+    """Fit the surrogate by maximising the evidence, with a weak preference for smooth functions."""
     centre = np.asarray(sdr_jax.relax(space, bins.astype(np.int32), WIDTH).centre, np.float64)
     mean, spread = rewards.mean(), rewards.std()
     y = (rewards - mean) / spread

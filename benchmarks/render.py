@@ -1,11 +1,11 @@
-"""Measures images with labels per second for both renderers on the same streets.
+"""Measure images with labels per second for both renderers on the same streets.
 
     python -m benchmarks.render --json render.json
     python -m benchmarks.render --peers     # also other installed renderers on the same street
-    python -m benchmarks.render --against ../before     # only compares this checkout with another one
+    python -m benchmarks.render --against ../before     # only compare this checkout with another one
 
-Streets are hand-set, and times include building them. Workers are started before the clock and have loaded
-the streets' assets once, as after the first streets of any dataset; ``starts`` gives the cost of the first
+Streets are default ones, and times include building them. Workers are started and have loaded their assets
+before the clock starts, as after the first streets of any dataset; ``starts`` has the cost of the first
 ones. ``ratio`` is the speed relative to the first row of the same size. The split is that of one process, in
 ms per image: ``build`` (the street, its arrays and its sky), ``bvh`` (hierarchies, or upload to OpenGL),
 ``rays`` (visibility and light), ``shade`` (to the finished frame), ``write`` (image and label as PNG, not
@@ -45,7 +45,7 @@ STAGES = ("build", "bvh", "rays", "shade", "write")
 
 
 def _memory(_: int) -> float:
-    """Peak memory of this process, MiB."""
+    """Read the peak memory of this process, MiB."""
     status = Path("/proc/self/status")
     if status.exists():  # ``getrusage`` may give the peak of the parent process
         fields = dict(line.split(":", 1) for line in status.read_text().splitlines())
@@ -57,16 +57,16 @@ def _memory(_: int) -> float:
 def speed(
     name: str, size: tuple[int, int, int], workers: int, streets: int, shots: int
 ) -> tuple[float, float]:
-    """Images per second: the median of three renderings of a dataset, after one that makes the assets.
+    """Measure images per second: the median of three renderings of a dataset, after one that makes assets.
 
     Returns:
         Images per second, and the peak memory of a worker, MiB.
     """
-    drawn, settings = draw(default_proposal(), 0, streets), RenderSettings(*size)
+    units, settings = draw(default_proposal(), 0, streets), RenderSettings(*size)
     with WorkerPool(workers) as pool:
         run = partial(
             render_dataset,
-            drawn,
+            units,
             0,
             shots=shots,
             settings=settings,
@@ -79,7 +79,7 @@ def speed(
 
 
 def split(name: str, size: tuple[int, int, int], streets: int, shots: int) -> dict[str, float]:
-    """Milliseconds per image of every stage: the median over streets, which were rendered once before."""
+    """Measure milliseconds per image of every stage: the median over streets, rendered once before."""
     settings, engine = RenderSettings(*size), renderer(name)
     costs = defaultdict(list)
     for k, unit in enumerate(draw(default_proposal(), 0, streets)):
@@ -106,12 +106,12 @@ def split(name: str, size: tuple[int, int, int], streets: int, shots: int) -> di
 
 
 def renderers(sizes: list[tuple[int, int, int]], streets: int, shots: int) -> list[Row]:
-    """Measure one row for each size, renderer and number of workers."""
-    drawn = [
+    """Measure a row per size, renderer and number of workers."""
+    drawn_streets = [
         street_of(u, 0, k, 1, AssetPool())
         for k, u in enumerate(draw(default_proposal(), 0, streets))
     ]
-    triangles = int(np.mean([build(street).triangles for street in drawn]))
+    triangles = int(np.mean([build(street).triangles for street in drawn_streets]))
     rows: list[Row] = []
     for size in sizes:
         base = None
@@ -148,20 +148,20 @@ def renderers(sizes: list[tuple[int, int, int]], streets: int, shots: int) -> li
 
 
 def starts() -> list[Row]:
-    """Seconds until the first image: of a new process, and of a worker beside a running one."""
+    """Measure seconds until the first image: of a new process, and of an additional worker."""
     program = [sys.executable, "-c", against.FIRST_IMAGE]
-    found: dict[str, Callable[[], Any]] = {
+    runs: dict[str, Callable[[], Any]] = {
         "new process to first image": partial(subprocess.run, program, check=True)
     }
     unit, settings = draw(default_proposal(), 0, 1), RenderSettings(64, 48)
     with WorkerPool(1) as pool:
         street = partial(render_dataset, unit, 0, shots=1, settings=settings, workers=pool)
-        found |= {"new worker to first street": street, "warm worker to next street": street}
-        return [{"start": name, "seconds": timed(run)[0]} for name, run in found.items()]
+        runs |= {"new worker to first street": street, "warm worker to next street": street}
+        return [{"start": name, "seconds": timed(run)[0]} for name, run in runs.items()]
 
 
 def peers(pythons: list[str], width: int, height: int, ours_ms: float) -> list[Row]:
-    """Milliseconds per image of other renderers on one hand-set street, as one merged mesh."""
+    """Measure milliseconds per image of other renderers on one default street, as one merged mesh."""
     rows: list[Row] = [
         {"renderer": "embree, one worker", "what": "image and label", "ms": ours_ms, "ratio": 1.0}
     ]
@@ -169,14 +169,16 @@ def peers(pythons: list[str], width: int, height: int, ours_ms: float) -> list[R
     with tempfile.TemporaryDirectory() as folder:
         export_street(Path(folder), street, width, height)
         for name in PEERS:
-            found = next(filter(None, (run_peer(p, name, Path(folder)) for p in pythons)), [])
-            for what, ms in found:
+            measurements = next(
+                filter(None, (run_peer(p, name, Path(folder)) for p in pythons)), []
+            )
+            for what, ms in measurements:
                 rows.append({"renderer": name, "what": what, "ms": ms, "ratio": ms / ours_ms})
     return rows
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """The command line; returns the exit code."""
+    """Run the command line; returns the exit code."""
     command = parser(__doc__)
     positive = partial(count, 1)
     command.add_argument("--streets", type=positive, default=6)
@@ -190,7 +192,9 @@ def main(arguments: list[str] | None = None) -> int:
     )
     command.add_argument("--peers", action="store_true", help="measure other renderers, too")
     command.add_argument(
-        "--peer-python", default=sys.executable, help="another Python in which some are installed"
+        "--peer-python",
+        default=sys.executable,
+        help="another Python, in which some of them are installed",
     )
     command.add_argument(
         "--against", metavar="CHECKOUT", help="compare with the engine of a folder"

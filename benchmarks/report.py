@@ -1,4 +1,4 @@
-"""The output of every benchmark: the machine, the versions, and rows of plain values."""
+"""The output of every benchmark: machine, versions, and rows of numbers and text."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Done = TypeVar("Done")
 
 
 def parser(description: str | None) -> argparse.ArgumentParser:
-    """A command line with ``--json``."""
+    """Make a command line with ``--json``."""
     parser = argparse.ArgumentParser(
         description=description, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -39,13 +39,13 @@ def target_parser(
     seeds: int,
     counts: Sequence[tuple[str, int, str]] = (),
 ) -> argparse.ArgumentParser:
-    """A command line of a benchmark whose networks are tested on a target's labelled images.
+    """Make the command line of a benchmark whose networks are tested on labelled images of a target.
 
     Args:
         description: the module's docstring.
-        name: of the module.
-        defaults: of the recipe.
-        holdout: what is done with the images that ``--holdout`` names.
+        name: name of the module.
+        defaults: defaults of the recipe.
+        holdout: what happens to the images that ``--holdout`` names.
         seeds: networks of each row.
         counts: further options for whole numbers, their least values and meanings.
     """
@@ -57,47 +57,47 @@ def target_parser(
     add("--holdout", help=f"a group of images that is {holdout}, such as 0006R0")
     add("--out", type=Path, default=Path("runs", name), help="folder of finished networks")
     for option, least, meaning in (
-        ("width", 32, "pixels across, of renders and real images alike"),
-        ("height", 32, "pixels down"),
-        ("streets", 1, "of each training set"),
-        ("steps", 1, "of a network"),
+        ("width", 32, "width in pixels, of renders and real images"),
+        ("height", 32, "height in pixels"),
+        ("streets", 1, "streets of each training set"),
+        ("steps", 1, "training steps of a network"),
         *counts,
     ):
         default = defaults[option]
         help = f"{meaning} ({'the recipe has them' if default is None else default})"
         add(f"--{option}", type=partial(count, least), default=default, help=help)
     add("--seeds", type=partial(count, 1), default=seeds, help=f"networks of each row ({seeds})")
-    workers = "processes, one core each; 0 works in this one (2)"
+    workers = "processes, one core each; 0 uses this one (2)"
     add("--workers", type=partial(count, 0), default=2, help=workers)
     return command
 
 
 def _new_file(text: str) -> Path:
-    """A path that can be written; it is checked before the work begins."""
+    """Read the path of a new file, and check it before the work starts."""
     path = Path(text)
     if path.is_dir() or not path.parent.is_dir():
-        raise argparse.ArgumentTypeError(
-            f"{text} is no place for a file: no such folder to put it in"
-        )
+        raise argparse.ArgumentTypeError(f"{text} must be a file in an existing folder")
     return path
 
 
 def count(least: int, text: str) -> int:
-    """A whole number of at least ``least``, for ``argparse``."""
+    """Read a whole number of at least ``least``, for ``argparse``."""
     if not text.isdecimal() or int(text) < least:
-        raise argparse.ArgumentTypeError(f"must be a whole number from {least} on, not {text!r}")
+        raise argparse.ArgumentTypeError(
+            f"must be a whole number of at least {least}, not {text!r}"
+        )
     return int(text)
 
 
 def timed(work: Callable[[], Done]) -> tuple[float, Done]:
-    """The wall-clock seconds of some work, and its result."""
+    """Measure the wall-clock seconds of some work, and return its result."""
     started = time.perf_counter()
     done = work()
     return time.perf_counter() - started, done
 
 
 def machine() -> dict[str, Any]:
-    """The system's name of the processor, and the number of cores that this process may use."""
+    """Describe the machine: its processor, and the number of cores that this process may use."""
     name = platform.processor() or platform.machine()
     cpuinfo = Path("/proc/cpuinfo")
     if cpuinfo.exists():
@@ -116,7 +116,7 @@ def report(rows: list[Row], path: Path | None) -> None:
 
 
 def table(rows: list[Row]) -> str:
-    """Rows as a Markdown table with aligned columns; the columns are those of the first row."""
+    """Format rows as a Markdown table with aligned columns; the columns are those of the first row."""
     columns = list(rows[0])
     cells = [[_text(row[c]) for c in columns] for row in rows]
     widths = [max(len(c), *(len(r[i]) for r in cells)) for i, c in enumerate(columns)]

@@ -1,13 +1,13 @@
-"""Measures the speed with 1 and 2 workers, and estimates it for 1, 8 and 64.
+"""Measure the speed with 1 and 2 workers, and estimate it for 1, 8 and 64.
 
-    python -m benchmarks.scale [--json FILE]                              # some minutes
+    python -m benchmarks.scale [--json FILE]                              # a few minutes
     python -m benchmarks.scale --scheduler tcp://10.0.0.1:8786            # also an existing Dask cluster
 
 It measures exports of labelled streets, and rewards (render, train, test) as in the demo. The estimate is for
 10,000 images of that size and for a search of 1,000 rewards at the paper's size, whose training costs as much
-as ``experiments.evaluation.cost`` says. Some work is serial: the main process writes the files of an export,
-which come over a network of 1 Gbit/s; updates of a search follow each other, and each needs some rewards at
-once. ``busy`` is the share of the workers' time that is work, ``first`` the bottleneck.
+as ``experiments.evaluation.cost`` estimates. Some work is serial: the main process writes the files of an
+export, which come over a network of 1 Gbit/s; updates of a search follow each other, and each needs all its
+rewards. ``busy`` is the share of the workers' time spent on work, ``first`` the bottleneck.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class Export(NamedTuple):
 
 
 def export(workers: Workers, streets: int, width: int, height: int) -> tuple[float, Export]:
-    """Wall seconds per image, and its costs; from the second of two exports, since assets exist then."""
+    """Measure wall seconds and costs per image in the second of two exports, when assets exist."""
     settings = RenderSettings(width, height)
     with tempfile.TemporaryDirectory() as folder:
         for name in ("first", "second"):
@@ -75,7 +75,7 @@ def export(workers: Workers, streets: int, width: int, height: int) -> tuple[flo
 
 
 def rewards(workers: Workers, number: int, fidelity: Fidelity) -> tuple[float, float]:
-    """Wall seconds per reward, and the seconds of a worker, without compilation and loading."""
+    """Measure wall seconds per reward, and worker seconds, without compilation and loading."""
     truth = random_truth(fidelity, 8, 19)
     recipe = Recipe(fidelity, "cityscapes", "embree", AssetPool())
     spent = 0.0
@@ -91,10 +91,10 @@ def rewards(workers: Workers, number: int, fidelity: Fidelity) -> tuple[float, f
 
 
 def update_seconds(datasets: int, updates: int = 12) -> float:
-    """Seconds of the paper's method itself for an update."""
+    """Measure the seconds of an update of the paper's method, without rewards."""
     space = sdr_jax.space(NAMES, 10, [NAMES])
     method = sdr_jax.registry.make("sdr", space, None, updates_per_group=updates + 1)
-    reward = sdr_jax.host_reward(lambda asked: np.zeros(len(asked.seeds), np.float32))
+    reward = sdr_jax.host_reward(lambda data_sets: np.zeros(len(data_sets.seeds), np.float32))
     steps = sdr_jax.drive(jax.random.key(0), method, reward, updates + 1, datasets)
     next(steps)  # compiles
     seconds, _ = timed(lambda: jax.block_until_ready([record.rewards for _, record in steps]))
@@ -102,21 +102,21 @@ def update_seconds(datasets: int, updates: int = 12) -> float:
 
 
 def measured(kind: str, seconds: dict[str, tuple[int, float]]) -> list[Row]:
-    """Rows of one kind of work: seconds per item, and the efficiency of more workers."""
+    """Tabulate one kind of work: seconds per item, and the efficiency of more workers."""
     alone = next(iter(seconds.values()))
     return [
         {
             "work": kind,
             "workers": who,
-            "s_per_item": each,
-            "efficiency": alone[1] * alone[0] / (each * number),
+            "s_per_item": s_per_item,
+            "efficiency": alone[1] * alone[0] / (s_per_item * number),
         }
-        for who, (number, each) in seconds.items()
+        for who, (number, s_per_item) in seconds.items()
     ]
 
 
 def dataset_plan(images: int, costs: Export, workers: int) -> Row:
-    """Hours of a dataset, and the bottleneck: the slowest of three parts that work side by side."""
+    """Estimate the hours of a dataset, and its bottleneck: the slowest of three concurrent parts."""
     parts = {
         "workers": images * costs.seconds / workers,
         "main process (files)": images * costs.main,
@@ -134,12 +134,12 @@ class Reward(NamedTuple):
 
 
 def search_plan(number: int, datasets: int, costs: Reward, workers: int) -> Row:
-    """Hours of a search whose updates each evaluate some data sets and then wait for the method."""
+    """Estimate the hours of a search; each update evaluates data sets, then waits for the method."""
 
-    def update(asked: int) -> float:
-        if asked < workers:  # all of them render each
-            return asked * costs.render / workers + costs.train + costs.update
-        return math.ceil(asked / workers) * (costs.render + costs.train) + costs.update
+    def update(count: int) -> float:
+        if count < workers:  # all workers render for each reward
+            return count * costs.render / workers + costs.train + costs.update
+        return math.ceil(count / workers) * (costs.render + costs.train) + costs.update
 
     full, rest = divmod(number, datasets)
     parts = {
@@ -163,7 +163,7 @@ def _planned(what: str, workers: int, parts: dict[str, float]) -> Row:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """The command line; returns the exit code."""
+    """Run the command line; returns the exit code."""
     command = parser(__doc__)
     positive = partial(count, 1)
     command.add_argument("--streets", type=positive, default=8, help="streets of the export")
@@ -174,8 +174,8 @@ def main(arguments: list[str] | None = None) -> int:
     command.add_argument("--scheduler", metavar="ADDRESS", help="measure a Dask cluster, too")
     options = command.parse_args(arguments)
     if options.workers[0] != 1:
-        command.error("--workers must begin with 1, with which the others are compared")
-    alone, own = Export(0.0, 0.0, 0.0), 0.0  # of the first worker, which works alone
+        command.error("--workers must start with 1, with which the others are compared")
+    image_costs, reward_seconds = Export(0.0, 0.0, 0.0), 0.0  # with one worker
     images: dict[str, tuple[int, float]] = {}
     nets: dict[str, tuple[int, float]] = {}
     fidelity = defaults(MainConfig, "twin", options.preset).reward
@@ -190,12 +190,12 @@ def main(arguments: list[str] | None = None) -> int:
             everyone.append((f"{cluster.workers} (dask)", cluster))
         for who, workers in everyone:
             with workers:
-                each, costs = export(workers, options.streets, *options.size)
-                images[who] = workers.workers, each
-                alone = costs if who == "1" else alone
-                each, core = rewards(workers, options.rewards, fidelity)
-                nets[who] = workers.workers, each
-                own = core if who == "1" else own
+                s_per_item, costs = export(workers, options.streets, *options.size)
+                images[who] = workers.workers, s_per_item
+                image_costs = costs if who == "1" else image_costs
+                s_per_item, core = rewards(workers, options.rewards, fidelity)
+                nets[who] = workers.workers, s_per_item
+                reward_seconds = core if who == "1" else reward_seconds
     except (UserError, OSError) as error:
         command.error(str(error))
     paper = defaults(MainConfig, "cityscapes", "paper").reward
@@ -204,17 +204,17 @@ def main(arguments: list[str] | None = None) -> int:
     reward = Reward(cost_of(paper) - train, train, update)
     rows = measured(f"images of {options.size[0]}x{options.size[1]}", images)
     rows += measured(f"rewards of --preset {options.preset}", nets)
-    plan = [dataset_plan(IMAGES, alone, workers) for workers in PLANNED]
+    plan = [dataset_plan(IMAGES, image_costs, workers) for workers in PLANNED]
     plan += [
         search_plan(REWARDS, datasets, reward, workers)
         for datasets in (1, 8, 64)
         for workers in PLANNED
     ]
     costs_of = {
-        "image, worker s": alone.seconds,
-        "image, main process s": alone.main,
-        "image, bytes": alone.size,
-        "reward here, worker s": own,
+        "image, worker s": image_costs.seconds,
+        "image, main process s": image_costs.main,
+        "image, bytes": image_costs.size,
+        "reward here, worker s": reward_seconds,
         "reward here by cost_of, s": cost_of(fidelity),
         "paper's reward by cost_of, rendering, s": reward.render,
         "paper's reward by cost_of, training, s": reward.train,

@@ -1,11 +1,11 @@
-"""Compares search methods on problems whose answer is known.
+"""Compare search methods on problems with known answers.
 
     python -m benchmarks.search --json search.json --plot search.png
     python -m benchmarks.search --evaluations 50 --seeds 3 --methods sdr surrogate --problems smooth
 
-Every value is the true one of the proposal that a method recommends after a number of noisy evaluations. On
-the analytic problems random attributes have 0 and the best bins 100, and every seed is another instance, the
-same for all methods; `camvid` is in percent of mIoU (see ``benchmarks/recorded.py``).
+Every value is the true value of the proposal that a method recommends after a number of noisy evaluations.
+On the analytic problems random attributes have 0 and the best bins 100, and every seed is another instance,
+the same for all methods; `camvid` is in percent of mIoU (see ``benchmarks/recorded.py``).
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ DEFAULT = "surrogate"
 """The default method of `sdr-jax tune`, which has no start."""
 
 AT_ONCE = {"surrogate": 5, "intervals": 5, "gaussian": 5, "gaussian_process": 5}
-"""Data sets per update of methods that compare them, or learn a model anew; others take one."""
+"""Data sets per update of methods that compare them, or fit a model from scratch; others take one."""
 
 BUDGETED = "sdr"
-"""The method that needs the number of updates beforehand."""
+"""The method that needs the number of updates in advance."""
 
 PROBLEMS: dict[str, Callable[[int], Problem]] = {
     "smooth": problems.smooth,
@@ -50,10 +50,10 @@ PROBLEMS: dict[str, Callable[[int], Problem]] = {
     "categories": foreign.categories,
     "binary": foreign.binary,
 }
-"""Name -> a function that makes the problem's instance of a seed."""
+"""Functions that make the instance of a problem for a seed, by name."""
 
 LOOKS = 10
-"""Evaluations between two checks of a method's recommendation."""
+"""Evaluations between two checks of the recommendation of a method."""
 
 
 class Trace(NamedTuple):
@@ -66,7 +66,7 @@ class Trace(NamedTuple):
 
 @cache
 def _method(name: str, space: sdr_jax.Space, evaluations: int | None) -> sdr_jax.Method:
-    """A method, made once, so that the next seed uses its compiled functions."""
+    """Make a method once, so that the next seed uses its compiled functions."""
     options = {}
     if evaluations:  # spread evenly over the groups, one data set per update
         options["updates_per_group"] = max(1, evaluations // len(space.groups))
@@ -75,12 +75,12 @@ def _method(name: str, space: sdr_jax.Space, evaluations: int | None) -> sdr_jax
 
 @cache
 def _instance(problem: str, seed: int) -> Problem:
-    """An instance of a problem, made once: some search long for their best, and compile their reward."""
+    """Make an instance of a problem once: some take long to find their best bins, or to compile."""
     return PROBLEMS[problem](seed)
 
 
 class _Watched:
-    """A problem's reward, which records its seconds."""
+    """The reward of a problem, which records its seconds."""
 
     def __init__(self, problem: Problem) -> None:
         self._problem, self.seconds = problem, 0.0
@@ -112,7 +112,7 @@ def trace(
         The trace; a check between two updates takes the state after the earlier one.
     """
     if name not in METHODS:
-        raise ValueError(f"unknown method {name!r}; known are {', '.join(METHODS)}")
+        raise ValueError(f"unknown method {name!r}; choose from {', '.join(METHODS)}")
     n = min(AT_ONCE.get(name, 1), evaluations)
     method = _method(name, problem.space, evaluations if name == BUDGETED else None)
     updates = min(evaluations // n, method.updates or evaluations)
@@ -140,8 +140,8 @@ def evaluate(method_name: str, problem: Problem, evaluations: int, seed: int) ->
         method_name: a key of `METHODS`.
         problem: any object with `space`, `reward(rng_key, proposals)` and `true_value(proposal)`;
             it need not be written in JAX. For tables see `benchmarks.problems.tabular`.
-        evaluations: the most data sets that the search may evaluate; a rest that does not fill an update,
-            or with SDR all groups equally, is not used.
+        evaluations: the most data sets that the search may evaluate; a remainder that does not fill an
+            update, or with SDR all groups equally, is not used.
         seed: seed of the search and of the noise.
 
     Returns:
@@ -194,8 +194,8 @@ def work(task: Task) -> Result:
     def at(budget: int) -> list[float]:
         return [run.values[budget] for run in runs[budget if budgeted else longest]]
 
-    seconds = sum(run.seconds for found in runs.values() for run in found)
-    updates = sum(run.updates for found in runs.values() for run in found)
+    seconds = sum(run.seconds for traces in runs.values() for run in traces)
+    updates = sum(run.updates for traces in runs.values() for run in traces)
     return Result(
         task,
         np.asarray([at(budget) for budget in task.budgets]),
@@ -205,7 +205,7 @@ def work(task: Task) -> Result:
 
 
 def batches(tasks: list[Task]) -> list[list[Task]]:
-    """Batches of tasks for one process: all problems of a method that compiles, so that it compiles once.
+    """Split tasks into batches for one process: all problems of a method, so that it compiles once.
 
     Methods of other libraries compile hardly anything and take long: their tasks come first, one by one.
     """
@@ -215,12 +215,12 @@ def batches(tasks: list[Task]) -> list[list[Task]]:
 
 
 def work_all(tasks: list[Task]) -> list[Result]:
-    """Do one batch."""
+    """Run one batch."""
     return [work(task) for task in tasks]
 
 
 def results(tasks: list[Task], workers: int) -> Iterator[list[Result]]:
-    """Do all batches in order in ``workers`` processes; 0 works in this one."""
+    """Run all batches in order in ``workers`` processes; 0 uses this one."""
     if workers == 0:
         yield from map(work_all, batches(tasks))
         return
@@ -230,8 +230,8 @@ def results(tasks: list[Task], workers: int) -> Iterator[list[Result]]:
         yield from pool.map(work_all, batches(tasks))
 
 
-def rows_of(found: list[Result]) -> list[Row]:
-    """One row for each method, problem and number of evaluations."""
+def rows_of(results: list[Result]) -> list[Row]:
+    """Tabulate methods, problems and numbers of evaluations."""
     return [
         {
             "method": result.task.method,
@@ -241,13 +241,13 @@ def rows_of(found: list[Result]) -> list[Row]:
             "se": float(values.std(ddof=1) / np.sqrt(len(values))) if len(values) > 1 else None,
             "seconds_per_update": result.seconds_per_update,
         }
-        for result in found
+        for result in results
         for evaluations, values in zip(result.task.budgets, result.values, strict=True)
     ]
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """The command line; returns the exit code."""
+    """Run the command line; returns the exit code."""
     command = parser(__doc__)
     names: dict[str, Any] = {"nargs": "+", "metavar": "NAME"}
     positive = partial(count, 1)
@@ -262,24 +262,24 @@ def main(arguments: list[str] | None = None) -> int:
     options = command.parse_args(arguments)
     budgets = tuple(sorted(set(options.evaluations)))
     tasks = [Task(m, p, budgets, options.seeds) for m in options.methods for p in options.problems]
-    found: list[Result] = []
+    done_results: list[Result] = []
     started = time.perf_counter()
     try:
         for batch in results(tasks, options.workers):
-            found += batch
+            done_results += batch
             seconds = time.perf_counter() - started
             done = ", ".join(result.task.problem for result in batch)
             print(
-                f"[{100 * len(found) / len(tasks):3.0f} %] {batch[0].task.method} on {done}"
+                f"[{100 * len(done_results) / len(tasks):3.0f} %] {batch[0].task.method} on {done}"
                 f" | {seconds:.0f} s",
                 file=sys.stderr, flush=True,
             )  # fmt: skip
     except (ImportError, ValueError) as error:
         command.error(str(error))
-    found.sort(key=lambda r: (options.methods.index(r.task.method), r.task.problem))
-    rows = rows_of(found)
-    values = {(r.task.method, r.task.problem): r.values for r in found}
-    course = {(r.task.method, r.task.problem): r.course for r in found}
+    done_results.sort(key=lambda r: (options.methods.index(r.task.method), r.task.problem))
+    rows = rows_of(done_results)
+    values = {(r.task.method, r.task.problem): r.values for r in done_results}
+    course = {(r.task.method, r.task.problem): r.course for r in done_results}
     ranks, lost = mean_ranks(values), behind(values, DEFAULT, budgets)
     print(table(rows), end="\n\n")
     print(text(ranks, lost, DEFAULT))

@@ -1,8 +1,8 @@
-"""Times the start of commands and libraries against a Python that does nothing.
+"""Time the start of commands and libraries against a Python that does nothing.
 
     python -m benchmarks.startup --json startup.json
     python -m benchmarks.startup --only seg table --repeats 9
-    python -m benchmarks.startup --texts                        # help texts alone
+    python -m benchmarks.startup --texts                        # help texts only
 
 Each row is a program in its own process: the import of a library, the import of a command's module, or the
 help of a command. ``cpu`` and ``seconds`` are medians over several processes after one that does not count:
@@ -32,74 +32,76 @@ ALL = "sdr-jax"
 
 
 def programs(names: Sequence[str]) -> dict[str, list[str]]:
-    """The arguments of Python for the programs of some libraries and commands; the first does nothing."""
-    found = {NOTHING: ["-c", "pass"]}
+    """Make the arguments of Python for some libraries and commands; the first does nothing."""
+    arguments = {NOTHING: ["-c", "pass"]}
     for name in names:
         if name in LIBRARIES:
-            found[f"import {name}"] = ["-c", f"import {name}"]
+            arguments[f"import {name}"] = ["-c", f"import {name}"]
         elif name == ALL:
-            found[f"{ALL} --help"] = ["-m", "experiments", "--help"]
+            arguments[f"{ALL} --help"] = ["-m", "experiments", "--help"]
         else:
             module, words = COMMANDS[name], [*([STUDY] if name in STUDIES else []), name, "--help"]
             # The file that `python -m` would run, also for a folder.
-            own = f"{module}.__main__" if path_of(module).stem == "__main__" else module
-            found[f"import {module}"] = ["-c", f"import {own}"]
-            found[" ".join((ALL, *words))] = ["-m", "experiments", *words]
-    return found
+            program = f"{module}.__main__" if path_of(module).stem == "__main__" else module
+            arguments[f"import {module}"] = ["-c", f"import {program}"]
+            arguments[" ".join((ALL, *words))] = ["-m", "experiments", *words]
+    return arguments
 
 
-def measured(wanted: Mapping[str, Sequence[str]], repeats: int) -> list[Row]:
-    """Measure one row for each program.
+def measured(commands: Mapping[str, Sequence[str]], repeats: int) -> list[Row]:
+    """Measure a row per program.
 
     Raises:
         CalledProcessError: a program ended with an error.
     """
     rounds = [
-        {name: timed(partial(_run, given)) for name, given in wanted.items()}
+        {name: timed(partial(_run, arguments)) for name, arguments in commands.items()}
         for _ in range(repeats + 1)
     ]
-    passed = {name: statistics.median(one[name][0] for one in rounds[1:]) for name in wanted}
-    worked = {name: statistics.median(one[name][1] for one in rounds[1:]) for name in wanted}
+    seconds, cpu = (
+        {name: statistics.median(times[name][k] for times in rounds[1:]) for name in commands}
+        for k in (0, 1)
+    )
     return [
         {
             "program": name,
-            "cpu": worked[name],
-            "seconds": passed[name],
-            "ratio": worked[name] / worked[NOTHING],
+            "cpu": cpu[name],
+            "seconds": seconds[name],
+            "ratio": cpu[name] / cpu[NOTHING],
         }
-        for name in wanted
+        for name in commands
     ]
 
 
 def _run(arguments: Sequence[str]) -> float:
     """Run Python; returns its core seconds."""
-    before, command = _worked(), [sys.executable, *arguments]
+    before, command = _core_seconds(), [sys.executable, *arguments]
     subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
-    return _worked() - before
+    return _core_seconds() - before
 
 
-def _worked() -> float:
-    """Core seconds of all programs so far."""
+def _core_seconds() -> float:
+    """The core seconds of all programs so far."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """The command line; returns the exit code."""
+    """Run the command line; returns the exit code."""
     command = parser(__doc__)
-    known = (*LIBRARIES, ALL, *COMMANDS)
+    choices = (*LIBRARIES, ALL, *COMMANDS)
     command.add_argument(
-        "--only", choices=known, nargs="+", default=known, metavar="NAME",
+        "--only", choices=choices, nargs="+", default=choices, metavar="NAME",
         help="these libraries and commands; by default all of them",
     )  # fmt: skip
     command.add_argument("--texts", action="store_true", help="only help texts, no imports")
     command.add_argument("--repeats", type=partial(count, 1), default=5, help="processes of each")
     options = command.parse_args(arguments)
-    wanted = programs(options.only)
+    commands = programs(options.only)
     if options.texts:
-        wanted = {k: own for k, own in wanted.items() if k == NOTHING or k.endswith("--help")}
+        commands = {k: v for k, v in commands.items() if k == NOTHING or k.endswith("--help")}
     try:
-        rows = measured(wanted, options.repeats)
+        rows = measured(commands, options.repeats)
     except subprocess.CalledProcessError as error:
         last = (error.stderr.strip().splitlines() or ["no message"])[-1]
         command.error(f"{' '.join(error.cmd)} ended with code {error.returncode}: {last}")

@@ -1,4 +1,4 @@
-"""Times inference and training of the nets against the same nets in PyTorch, and the parts of one reward.
+"""Time inference and training of our networks against PyTorch, and the parts of one reward.
 
     python -m benchmarks.train --json train.json
     python -m benchmarks.train --nets compact --sizes 128x96 --repeats 3 --no-reward
@@ -7,13 +7,13 @@
 
 Each row is one net at one size: `forward` is bytes to logits at full resolution, `step` a whole update (loss,
 gradient, SGD or Adam), with a learning rate of 0 so that random images do no harm. A Lite also has
-`features`, bytes to the frozen trunk's features, and `head`, an update from a frozen trunk's features; its
-`step` tunes the trunk, in PyTorch at one rate for all. Times are medians; PyTorch has the better one of its
-two memory layouts. Without PyTorch its columns stay empty.
+`features`, bytes to the features of the frozen backbone, and `head`, an update from these features; its
+`step` tunes the backbone, in PyTorch with one learning rate. Times are medians; PyTorch has the better of
+its two memory layouts. Without PyTorch its columns stay empty.
 
-With --learn each row instead has a net's mIoU after training on a target's labelled images: in percent on the
-test images, mean and 95 % interval over seeds; and the core seconds of the features of all views and of one
-training, without compilation.
+With --learn each row instead has the mIoU of a network trained on the labelled images of a target: in percent
+on the test images, mean and 95 % interval over seeds; and the core seconds of the features of all views and
+of one training, without compilation.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ BUDGET = 12.0  # seconds after which no further repeat begins, except for the se
 
 
 class Job(NamedTuple):
-    """One net at one size."""
+    """One network at one size."""
 
     net: NetName
     width: int
@@ -77,12 +77,12 @@ class Job(NamedTuple):
 
     @property
     def settings(self) -> TrainSettings:
-        """The net's own recipe without augmentation, which PyTorch lacks."""
+        """The recipe of the network without augmentation, which PyTorch lacks."""
         tuned = RECIPES["lite0-tuned"]
         whole = RECIPES["paper"] if self.net in VGG_NETS else TrainSettings()
-        own = tuned if replace(tuned, net=self.net).has_trunk else whole
+        recipe = tuned if replace(tuned, net=self.net).has_trunk else whole
         return replace(
-            own,
+            recipe,
             net=self.net,
             batch=self.batch,
             steps=1,
@@ -95,7 +95,7 @@ class Job(NamedTuple):
         )
 
     def data(self) -> tuple[np.ndarray, np.ndarray]:
-        """Random images and labels."""
+        """Make random images and labels."""
         rng = np.random.default_rng(0)
         shape = (self.batch, self.height, self.width)
         return rng.integers(0, 256, (*shape, 3), np.uint8), rng.integers(
@@ -198,16 +198,16 @@ def torch_runs(job: Job, channels_last: bool, threads: int) -> Runs:
 
 
 def medians(runs: Runs, repeats: int) -> dict[str, float]:
-    """Median milliseconds of each pass, after one that is not counted."""
-    found = {}
+    """Measure the median milliseconds of each pass, after a first run that does not count."""
+    ms_of = {}
     for name, run in runs:
         run()
         times: list[float] = []
         while len(times) < repeats and (len(times) < 2 or sum(times) < BUDGET):
             times.append(timed(run)[0])
-        found[name] = 1000 * statistics.median(times)
+        ms_of[name] = 1000 * statistics.median(times)
     gc.collect()
-    return found
+    return ms_of
 
 
 def has_torch() -> bool:
@@ -221,14 +221,16 @@ def has_torch() -> bool:
 
 
 def net_rows(job: Job, repeats: int, threads: int, compare: bool) -> list[Row]:
-    """Measure the passes of one net at one size."""
-    ours = medians(jax_runs(job), repeats)
+    """Measure the passes of one network at one size."""
+    jax_ms = medians(jax_runs(job), repeats)
     layouts = {"contiguous": False, "channels_last": True} if compare else {}
-    theirs = {k: medians(torch_runs(job, last, threads), repeats) for k, last in layouts.items()}
+    torch_ms_of = {
+        k: medians(torch_runs(job, last, threads), repeats) for k, last in layouts.items()
+    }
     rows: list[Row] = []
-    for name, ms in ours.items():
-        best = min(theirs, key=lambda layout: theirs[layout][name], default=None)
-        torch_ms = theirs[best][name] if best else None
+    for name, ms in jax_ms.items():
+        best = min(torch_ms_of, key=lambda layout: torch_ms_of[layout][name], default=None)
+        torch_ms = torch_ms_of[best][name] if best else None
         rows.append(
             {
                 "net": job.net,
@@ -247,7 +249,7 @@ def net_rows(job: Job, repeats: int, threads: int, compare: bool) -> list[Row]:
 
 
 def random_truth(fidelity: Fidelity, number: int, classes: int = CLASSES) -> LabelledImages:
-    """Images and labels of noise, for timing."""
+    """Make images and labels of noise, for timing."""
     rng = np.random.default_rng(0)
     shape = (number, fidelity.height, fidelity.width)
     images = rng.integers(0, 256, (*shape, 3), np.uint8)
@@ -255,9 +257,9 @@ def random_truth(fidelity: Fidelity, number: int, classes: int = CLASSES) -> Lab
 
 
 def reward_row(number: int = REAL, steps: int | None = None, images: int | None = None) -> Row:
-    """Seconds of each part of one quick reward of `sdr-jax camvid` in this process.
+    """Measure the seconds of each part of one quick reward of `sdr-jax camvid` in this process.
 
-    A frozen trunk's features of the real images are computed once per run, so they do not count.
+    Features of the real images are computed once per run, so they do not count.
     ``compile_s`` is the extra time of the first training and prediction of a process over the second: a
     search pays it once per worker, and with JAX's cache on disk only the first search does.
 
@@ -277,17 +279,17 @@ def reward_row(number: int = REAL, steps: int | None = None, images: int | None 
     brief = recipe._replace(fidelity=replace(stage, train=with_steps(settings, 1)))
 
     rendered_set(brief, random_proposal(), 0)  # builds and keeps assets, and loads the renderer
-    render_s, own = timed(lambda: rendered_set(recipe, random_proposal(), 0))
+    render_s, training_set = timed(lambda: rendered_set(recipe, random_proposal(), 0))
 
     def short() -> None:
-        tested(brief, trained(brief, own, 0), truth, 0.0, 0.0)
+        tested(brief, trained(brief, training_set, 0), truth, 0.0, 0.0)
 
     cold, warm = timed(short)[0], timed(short)[0]
-    train_s, params = timed(lambda: trained(recipe, own, 1))
+    train_s, params = timed(lambda: trained(recipe, training_set, 1))
     score_s, _ = timed(lambda: tested(recipe, params, truth, 0.0, 0.0))
     return {
         "size": stage.size,
-        "images": len(own.images),
+        "images": len(training_set.images),
         "steps": settings.steps,
         "scored": number,
         "render_s": render_s,
@@ -299,25 +301,25 @@ def reward_row(number: int = REAL, steps: int | None = None, images: int | None 
 
 
 def core_timed(work: Callable[[], Any]) -> tuple[float, Any]:
-    """The core seconds of some work of this process, and its result."""
+    """Measure the core seconds of some work of this process, and return its result."""
     started = time.process_time()
-    done = work()
-    return time.process_time() - started, done
+    result = work()
+    return time.process_time() - started, result
 
 
 def learning_row(sides: Sides, settings: TrainSettings, classes: int, seeds: Sequence[int]) -> Row:
-    """A net's mIoU after training on the labelled images of a target, and its cost."""
-    own, truth = sides["labelled"], sides["test"]
+    """Measure the mIoU of a network trained on the labelled images of a target, and its cost."""
+    labelled, truth = sides["labelled"], sides["test"]
     maps, tested, features_s = None, None, 0.0
     if settings.frozen:
         tested = features(truth.images, settings)  # compiles, too
-        looks = view_images(own.images, settings)
+        looks = view_images(labelled.images, settings)
         features_s, maps = core_timed(lambda: features(looks, settings))
     # Compiles.
-    train(0, *own[:2], with_steps(settings, 1), classes, features=maps)
+    train(0, *labelled[:2], with_steps(settings, 1), classes, features=maps)
     mious, times = [], []
     for seed in seeds:
-        fit = partial(train, seed, *own[:2], settings, classes, features=maps)
+        fit = partial(train, seed, *labelled[:2], settings, classes, features=maps)
         seconds, params = core_timed(fit)
         times.append(seconds)
         mious.append(100 * mean_iou(score(params, *truth[:2], settings, classes, features=tested)))
@@ -332,14 +334,14 @@ def learning_row(sides: Sides, settings: TrainSettings, classes: int, seeds: Seq
         "features_s": features_s,
         "train_s": statistics.mean(times),
         "core_s": features_s + statistics.mean(times),
-        "images": len(own.images),
+        "images": len(labelled.images),
         "tested": len(truth.images),
         "mious": " ".join(f"{miou:.2f}" for miou in mious),
     }
 
 
 def learning_rows(options: argparse.Namespace) -> list[Row]:
-    """The rows of each net at each size on the target of ``--learn``."""
+    """Measure each network at each size on the target of ``--learn``."""
     base = defaults(MainConfig, options.learn, "quick")
     base = replace(base, holdout=options.holdout, reward_images=None, test_images=None)
     data = options.data or base.data
@@ -359,7 +361,7 @@ def learning_rows(options: argparse.Namespace) -> list[Row]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """The command line; returns the exit code."""
+    """Run the command line; returns the exit code."""
     command = parser(__doc__)
     positive = partial(count, 1)
     command.add_argument("--nets", nargs="+", choices=list(BATCHES), default=list(BATCHES))
@@ -392,11 +394,11 @@ def main(arguments: list[str] | None = None) -> int:
     options = command.parse_args(arguments)
     if options.learn:
         try:
-            learnt = learning_rows(options)
+            learning = learning_rows(options)
         except UserError as error:
             command.error(str(error))
-        print(table(learnt))
-        write(options.json, rows=learnt)
+        print(table(learning))
+        write(options.json, rows=learning)
         return 0
     compare = has_torch()
     rows: list[Row] = []

@@ -17,9 +17,9 @@ RIVALS: dict[str, Callable[..., sdr_jax.Method]] = {
     "tpe": tpe,
     "gaussian_process": gaussian_process,
 }
-"""What makes each method of another library, by name, of a space and, by keyword, a width."""
+"""The methods of other libraries by name: functions of a space and, by keyword, a width."""
 METHODS = {**sdr_jax.METHODS, **RIVALS}
-"""What makes each method, ours and theirs."""
+"""All methods by name."""
 
 
 def make(name: str, space: sdr_jax.Space, width: Width = None, **options: Any) -> sdr_jax.Method:

@@ -21,8 +21,8 @@ class CmaState(NamedTuple):
     """A Python object, not a pytree of arrays; an update that changes the optimiser copies it."""
 
     optimizer: Any  # a `cmaes.CMAwM`
-    told: tuple[tuple[np.ndarray, float], ...]  # evaluations of the unfinished generation
-    seen: bool  # whether it has had any reward
+    generation: tuple[tuple[np.ndarray, float], ...]  # evaluations of the unfinished generation
+    has_reward: bool  # whether any evaluation had a reward
 
 
 def cma_es(
@@ -34,9 +34,9 @@ def cma_es(
 ) -> Method:
     """Covariance matrix adaptation with margin: a Gaussian over all attributes, rounded to bins.
 
-    The margin keeps the probability of leaving a bin above 0; plain CMA-ES gets stuck where it vanishes.
-    Bins without an order are taken in the given order. The answer is the bins in which the mean lies;
-    groups play no part. A generation takes as many updates as it needs, with any n.
+    The margin keeps the probability of leaving a bin above 0; CMA-ES without it gets stuck where it vanishes.
+    Bins without an order are taken as if they had one. The answer is the bins in which the mean lies;
+    groups have no effect. A generation takes as many updates as it needs, with any n.
 
     This is a host adapter, which cannot be jitted: `drive` takes it, `run` does not. Otherwise it behaves
     like the pure methods: the same key gives the same data sets, and earlier states stay valid.
@@ -80,45 +80,45 @@ def cma_es(
         return CmaState(optimizer, (), False)
 
     def sample(rng_key: RngKey, state: CmaState, n: int) -> tuple[Values, Proposal]:
-        asked = drawn(state, host.seed(rng_key), n)
-        return jnp.asarray(asked[:, 1], jnp.float32), relaxed(bins_of(asked[:, 0]))
+        samples = samples_of(state, host.seed(rng_key), n)
+        return jnp.asarray(samples[:, 1], jnp.float32), relaxed(bins_of(samples[:, 0]))
 
     def update(state: CmaState, actions: Values, rewards: Rewards) -> tuple[CmaState, Info]:
-        optimizer, told = state.optimizer, list(state.told)
+        optimizer, generation = state.optimizer, list(state.generation)
         for action, reward in zip(
             np.asarray(actions, np.float64), np.asarray(rewards), strict=True
         ):
             if not np.isfinite(reward):
                 continue
-            told.append((action, -float(reward)))  # the library minimises
-            if len(told) == optimizer.population_size:
+            generation.append((action, -float(reward)))  # the library minimises
+            if len(generation) == optimizer.population_size:
                 optimizer = deepcopy(optimizer)
-                optimizer.tell(told)
-                told = []
-        seen = state.seen or bool(np.any(np.isfinite(rewards)))
+                optimizer.tell(generation)
+                generation = []
+        has_reward = state.has_reward or bool(np.any(np.isfinite(rewards)))
         info = host.info(rewards, probabilities(state))
-        return CmaState(optimizer, tuple(told), seen), info
+        return CmaState(optimizer, tuple(generation), has_reward), info
 
     def bins_of(values: np.ndarray) -> np.ndarray:
         return np.clip(np.floor(values * sizes), 0, sizes - 1).astype(np.int32)
 
     def solution(state: CmaState) -> Proposal:
         best = bins_of(state.optimizer.mean)
-        return relaxed(best if state.seen else np.full_like(best, UNDECIDED))
+        return relaxed(best if state.has_reward else np.full_like(best, UNDECIDED))
 
-    def drawn(state: CmaState, seed: int, n: int) -> np.ndarray:
-        """The optimiser's samples f64[n 2 attributes], rounded and raw; the state is not changed."""
-        asks = deepcopy(state.optimizer)
-        asks.reseed_rng(seed)
-        return np.asarray([asks.ask() for _ in range(n)])
+    def samples_of(state: CmaState, seed: int, n: int) -> np.ndarray:
+        """Sample the optimiser, f64[n 2 attributes], rounded and raw; the state is not changed."""
+        optimizer = deepcopy(state.optimizer)
+        optimizer.reseed_rng(seed)
+        return np.asarray([optimizer.ask() for _ in range(n)])
 
     def spread(state: CmaState) -> Proposal:
         return moments(space, probabilities(state), width)
 
     def probabilities(state: CmaState) -> Float[Array, "attributes bins"]:
         # With a fixed seed the same evaluations give the same shares.
-        tried = bins_of(drawn(state, 0, DRAWS)[:, 0])
-        shares = (tried[:, :, None] == np.arange(space.max_bins)).mean(axis=0)
+        bins = bins_of(samples_of(state, 0, DRAWS)[:, 0])
+        shares = (bins[:, :, None] == np.arange(space.max_bins)).mean(axis=0)
         return jnp.asarray(shares, jnp.float32)
 
     return Method(init, sample, update, solution, Diagnostics(spread, probabilities), traced=False)

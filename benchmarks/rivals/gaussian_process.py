@@ -18,7 +18,7 @@ from sdr_jax.relaxation import UNDECIDED
 from sdr_jax.space import Proposal, Space, Width
 
 GROWTH = 1.25
-"""Scales and noise are fitted again whenever the number of evaluations has grown by this factor."""
+"""Scales and noise are fitted again each time the number of evaluations has grown by this factor."""
 
 NEAR = 8
 """Number of evaluations with the highest means, around which half of the candidates lie."""
@@ -31,14 +31,14 @@ def gaussian_process(
     startup: int = 10,
     candidates: int = 1000,
 ) -> Method:
-    """Proposes where a Gaussian process expects the greatest improvement.
+    """Propose where a Gaussian process expects the greatest improvement.
 
     The kernel is a Matern 5/2 with one length scale, a scale of rewards and white noise, all three by
     maximum likelihood; ordered bins are numbers in [0, 1], bins without an order one number each. The
     improvement is over the highest mean of the evaluated data sets. Candidates are random, or differ from
     the best in one to three attributes. The n data sets of an update are chosen one after the other, and
     each counts as if it had its mean as reward (the kriging believer). The answer is the evaluated data
-    set with the highest mean. Groups play no part.
+    set with the highest mean. Groups have no effect.
 
     This is a host adapter, which cannot be jitted: `drive` takes it, `run` does not. Otherwise it behaves
     like the pure methods: the same key gives the same data sets, and earlier states stay valid.
@@ -74,11 +74,11 @@ def gaussian_process(
 
     def encoded(actions: np.ndarray) -> np.ndarray:
         columns = []
-        for own, count, in_order in zip(actions.T, space.bins, ordered(space), strict=True):
+        for column, count, in_order in zip(actions.T, space.bins, ordered(space), strict=True):
             if in_order:
-                columns.append(own[:, None] / max(count - 1, 1))
+                columns.append(column[:, None] / max(count - 1, 1))
             else:  # two values are as far apart as the ends of an ordered attribute
-                columns.append(np.eye(count)[own] / np.sqrt(2))
+                columns.append(np.eye(count)[column] / np.sqrt(2))
         return np.concatenate(columns, axis=1)
 
     def fit(kernel: Any, actions: np.ndarray, values: np.ndarray, optimizer: str | None) -> Any:
@@ -88,8 +88,8 @@ def gaussian_process(
             return model.fit(encoded(actions), values)
 
     @lru_cache(maxsize=4)
-    def learnt(actions: bytes, rewards: bytes) -> Any:
-        """The kernel with parameters fitted to these evaluations."""
+    def fitted_kernel(actions: bytes, rewards: bytes) -> Any:
+        """Fit the parameters of the kernel to these evaluations."""
         rows = np.frombuffer(actions, np.int32).reshape(-1, space.attributes)
         kernels = library.kernels
         kernel = kernels.ConstantKernel(1.0, (1e-2, 1e2)) * kernels.Matern(
@@ -97,34 +97,34 @@ def gaussian_process(
         ) + kernels.WhiteKernel(0.1, (1e-6, 1e1))
         return fit(kernel, rows, _standard(np.frombuffer(rewards)), "fmin_l_bfgs_b").kernel_
 
-    latest: tuple[host.Seen, Any] | None = None
+    latest: tuple[host.Evaluations, Any] | None = None
 
-    def fitted(state: host.Seen) -> Any:
+    def fitted(state: host.Evaluations) -> Any:
         """The process after all evaluations, with parameters fitted to the first ones, see `GROWTH`."""
         nonlocal latest
         if latest is None or latest[0] is not state:
             steps = np.floor(np.log(len(state.rewards)) / np.log(GROWTH) + 1e-9)
             first = int(np.ceil(GROWTH**steps - 1e-9))
-            kernel = learnt(state.actions[:first].tobytes(), state.rewards[:first].tobytes())
+            kernel = fitted_kernel(state.actions[:first].tobytes(), state.rewards[:first].tobytes())
             latest = state, fit(kernel, state.actions, _standard(state.rewards), None)
         return latest[1]
 
     def means(model: Any, actions: np.ndarray) -> np.ndarray:
-        """The mean rewards of data sets, in standard deviations of all rewards."""
+        """Predict the mean rewards of data sets, in standard deviations of all rewards."""
         return model.predict(encoded(actions))
 
-    def looked_at(rng: np.random.Generator, best: np.ndarray) -> np.ndarray:
-        """Candidates: random ones, and neighbours of the best."""
-        anew = rng.integers(0, bins, (candidates, space.attributes), np.int32)
+    def candidate_rows(rng: np.random.Generator, best: np.ndarray) -> np.ndarray:
+        """Make candidates: random ones, and neighbours of the best."""
+        rows = rng.integers(0, bins, (candidates, space.attributes), np.int32)
         around = best[rng.integers(0, len(best), candidates // 2)]
-        # The random candidate gives the one to three attributes with the lowest numbers.
+        # The one to three attributes with the lowest numbers are those of the random candidate.
         rank = rng.random(around.shape).argsort(axis=1).argsort(axis=1)
         changed = rank < rng.integers(1, 4, (len(around), 1))
-        anew[: len(around)] = np.where(changed, anew[: len(around)], around)
-        return anew
+        rows[: len(around)] = np.where(changed, rows[: len(around)], around)
+        return rows
 
     def promising(model: Any, actions: np.ndarray, rows: np.ndarray, n: int) -> list[int]:
-        """Chooses n rows by expected improvement over the highest mean, one after the other.
+        """Choose n rows by expected improvement over the highest mean, one after the other.
 
         A row that counts with its mean changes no other mean; deviations shrink as for any evaluation.
         """
@@ -143,43 +143,45 @@ def gaussian_process(
             chosen.append(best)
             highest = max(highest, mean[best])
             shared = signal(x[best][None], x)[0] - explained[:, best] @ explained
-            found = shared / np.sqrt(max(left[best], 0.0) + noise)
-            explained, left = np.vstack([explained, found]), left - found**2
+            column = shared / np.sqrt(max(left[best], 0.0) + noise)
+            explained, left = np.vstack([explained, column]), left - column**2
         return chosen
 
-    def init(rng_key: RngKey) -> host.Seen:
+    def init(rng_key: RngKey) -> host.Evaluations:
         del rng_key  # nothing is random before the first sample
-        return host.nothing(space)
+        return host.no_evaluations(space)
 
-    def sample(rng_key: RngKey, state: host.Seen, n: int) -> tuple[Bins, Proposal]:
+    def sample(rng_key: RngKey, state: host.Evaluations, n: int) -> tuple[Bins, Proposal]:
         rng = np.random.default_rng(host.seed(rng_key))
         if len(state.rewards) < startup:
             actions = rng.integers(0, bins, (n, space.attributes), np.int32)
             return jnp.asarray(actions), relaxed(actions)
         model = fitted(state)
         best = np.argsort(-means(model, state.actions), kind="stable")[:NEAR]
-        rows = looked_at(rng, state.actions[best])
+        rows = candidate_rows(rng, state.actions[best])
         actions = rows[promising(model, state.actions, rows, n)]
         return jnp.asarray(actions), relaxed(actions)
 
-    def update(state: host.Seen, actions: Bins, rewards: Rewards) -> tuple[host.Seen, Info]:
+    def update(
+        state: host.Evaluations, actions: Bins, rewards: Rewards
+    ) -> tuple[host.Evaluations, Info]:
         info = host.info(rewards, probabilities(state))
         return host.with_new(state, actions, rewards), info
 
-    def solution(state: host.Seen) -> Proposal:
+    def solution(state: host.Evaluations) -> Proposal:
         if not len(state.rewards):
             return relaxed(np.full(space.attributes, UNDECIDED, np.int32))
         return relaxed(state.actions[means(fitted(state), state.actions).argmax()])
 
-    def probabilities(state: host.Seen) -> Float[Array, "attributes bins"]:
+    def probabilities(state: host.Evaluations) -> Float[Array, "attributes bins"]:
         if not len(state.rewards):
             return jnp.asarray(prior)
         return host.best_quarter(prior, state.actions, means(fitted(state), state.actions))
 
-    def spread(state: host.Seen) -> Proposal:
+    def spread(state: host.Evaluations) -> Proposal:
         return moments(space, probabilities(state), width)
 
-    def predict(state: host.Seen, actions: Bins) -> tuple[Rewards, Rewards]:
+    def predict(state: host.Evaluations, actions: Bins) -> tuple[Rewards, Rewards]:
         if not len(state.rewards):
             return (jnp.full(len(actions), jnp.nan),) * 2
         mean, std = fitted(state).predict(encoded(np.asarray(actions)), return_std=True)
@@ -197,10 +199,10 @@ def gaussian_process(
 
 
 def _unit(rewards: np.ndarray) -> float:
-    """The standard deviation of values; 1 if all of them are the same."""
+    """The standard deviation of rewards; 1 if all of them are equal."""
     return float(rewards.std()) or 1.0
 
 
 def _standard(rewards: np.ndarray) -> np.ndarray:
-    """Values less their mean, in standard deviations."""
+    """Standardise rewards: their difference from the mean, in standard deviations."""
     return (rewards - rewards.mean()) / _unit(rewards)

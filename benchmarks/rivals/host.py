@@ -1,4 +1,4 @@
-"""Parts shared by adapters of other libraries: the import, and the functions that can be jitted."""
+"""What adapters of other libraries share: the import, their history, and functions that can be jitted."""
 
 import importlib
 from collections.abc import Callable
@@ -19,7 +19,7 @@ info = jax.jit(lambda rewards, probabilities: basic_info(rewards, entropy(probab
 
 
 def needs(module: str, method: str, package: str | None = None) -> Any:
-    """Imports a module of another library; by default its package has the same name.
+    """Import a module of another library; by default its package has the same name.
 
     Raises:
         ImportError: it is not installed; the message says how to install it.
@@ -36,12 +36,12 @@ def needs(module: str, method: str, package: str | None = None) -> Any:
 
 
 def seed(rng_key: Key[Array, ""]) -> int:
-    """A library's seed, of 32 bits; the key is consumed."""
+    """Make the 32-bit seed of a library; the key is consumed."""
     return int(_bits(rng_key))
 
 
 def relaxation(space: Space, width: Width) -> Callable[[Array | np.ndarray], Proposal]:
-    """`relax` for a space and a width as a table: the same numbers without dispatches to JAX.
+    """Tabulate `relax` for a space and a width: the same numbers without dispatches to JAX.
 
     Raises:
         ValueError: a width outside [0, 1].
@@ -58,29 +58,32 @@ def relaxation(space: Space, width: Width) -> Callable[[Array | np.ndarray], Pro
     return relaxed
 
 
-class Seen(NamedTuple):
+class Evaluations(NamedTuple):
     """All evaluations so far; its size grows, so it cannot be jitted."""
 
     actions: np.ndarray  # i32[evaluations attributes]: bins
     rewards: np.ndarray  # f64[evaluations]: finite
 
 
-def nothing(space: Space) -> Seen:
+def no_evaluations(space: Space) -> Evaluations:
     """The state before any evaluation."""
-    return Seen(np.zeros((0, space.attributes), np.int32), np.zeros(0))
+    return Evaluations(np.zeros((0, space.attributes), np.int32), np.zeros(0))
 
 
-def with_new(seen: Seen, actions: Array | np.ndarray, rewards: Array | np.ndarray) -> Seen:
-    """Adds n evaluations, i32[n attributes] and [n]; it leaves out those without a finite reward."""
+def with_new(
+    evaluations: Evaluations, actions: Array | np.ndarray, rewards: Array | np.ndarray
+) -> Evaluations:
+    """Add n evaluations, i32[n attributes] and [n], except those without a finite reward."""
     rows, values = np.asarray(actions, np.int32), np.asarray(rewards, np.float64)
     finite = np.isfinite(values)
-    return Seen(
-        np.concatenate([seen.actions, rows[finite]]), np.concatenate([seen.rewards, values[finite]])
+    return Evaluations(
+        np.concatenate([evaluations.actions, rows[finite]]),
+        np.concatenate([evaluations.rewards, values[finite]]),
     )
 
 
 def best_quarter(prior: np.ndarray, actions: np.ndarray, values: np.ndarray) -> Array:
-    """Share of each bin, f32[attributes bins], among the best quarter of evaluations.
+    """Compute the share of each bin, f32[attributes bins], among the best quarter of evaluations.
 
     Args:
         prior: f32[attributes bins], with the weight of one evaluation.

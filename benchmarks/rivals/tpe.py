@@ -15,10 +15,10 @@ from sdr_jax.space import Proposal, Space, Width
 
 
 class _Latest(NamedTuple):
-    """The study of the latest state; it is kept, since telling a new study all evaluations takes long."""
+    """The study of the latest state, kept since adding all evaluations to a new study takes long."""
 
-    state: host.Seen
-    study: Any  # the library's study, which knows the evaluations of the state
+    state: host.Evaluations
+    study: Any  # the library's study, which has the evaluations of the state
     asked: list[Any]  # its trials that wait for a reward: the last sample
     actions: list[list[int]]  # their bins
 
@@ -30,16 +30,16 @@ def tpe(
     startup: int = 10,
     multivariate: bool = True,
 ) -> Method:
-    """Models good and other evaluations separately, and proposes bins where good ones are denser.
+    """Model good and other evaluations separately, and propose bins where good ones are denser.
 
     Bins are ordered integers, so that neighbours share evidence, or categories if they have no order.
     Other options are the library's defaults. The n data sets of an update are asked for one after the
     other, and pending ones count as poor (the library's constant liar), which spreads them. The answer is
-    the library's, the best data set so far, which under noise is partly the luckiest. Groups play no part.
+    the library's, the best data set so far, which under noise is partly the luckiest. Groups have no effect.
 
     This is a host adapter, which cannot be jitted: `drive` takes it, `run` does not. Otherwise it behaves
     like the pure methods: the same key gives the same data sets, and earlier states stay valid. The
-    library is told the history anew only if a state does not follow from the last one.
+    library gets the whole history again only if a state does not follow from the last one.
 
     `probabilities` and `spread` are estimated from the best quarter of the evaluations, and a uniform
     distribution with the weight of one evaluation.
@@ -92,26 +92,26 @@ def tpe(
         )
 
     def forget(study: Any, trials: list[Any]) -> None:
-        """Marks trials without a reward as failed, since the library ignores failed ones."""
+        """Mark trials without a reward as failed, since the library ignores failed ones."""
         for trial in trials:
             study.tell(trial, state=optuna.trial.TrialState.FAIL)
 
     latest: _Latest | None = None
 
-    def known(state: host.Seen) -> _Latest:
+    def latest_of(state: host.Evaluations) -> _Latest:
         nonlocal latest
         if latest is None or latest.state is not state:
             latest = _Latest(state, new_study(), [], [])
             tell(latest.study, state.actions, state.rewards)
         return latest
 
-    def init(rng_key: RngKey) -> host.Seen:
+    def init(rng_key: RngKey) -> host.Evaluations:
         del rng_key  # nothing is random before the first sample
-        return host.nothing(space)
+        return host.no_evaluations(space)
 
-    def sample(rng_key: RngKey, state: host.Seen, n: int) -> tuple[Bins, Proposal]:
+    def sample(rng_key: RngKey, state: host.Evaluations, n: int) -> tuple[Bins, Proposal]:
         nonlocal latest
-        before = known(state)
+        before = latest_of(state)
         study = before.study
         forget(study, before.asked)
         # All randomness comes from this seed, so an old study proposes the same as a new one.
@@ -127,12 +127,14 @@ def tpe(
         actions = np.asarray(rows, np.int32)
         return jnp.asarray(actions), relaxed(actions)
 
-    def update(state: host.Seen, actions: Bins, rewards: Rewards) -> tuple[host.Seen, Info]:
+    def update(
+        state: host.Evaluations, actions: Bins, rewards: Rewards
+    ) -> tuple[host.Evaluations, Info]:
         nonlocal latest
         info = host.info(rewards, probabilities(state))
         rows, values = np.asarray(actions, np.int32), np.asarray(rewards, np.float64)
         finite = np.isfinite(values)
-        before = known(state)
+        before = latest_of(state)
         if rows.tolist() == before.actions:
             for trial, value, good in zip(before.asked, values, finite, strict=True):
                 if good:
@@ -146,15 +148,15 @@ def tpe(
         latest = _Latest(next_state, before.study, [], [])
         return next_state, info
 
-    def solution(state: host.Seen) -> Proposal:
+    def solution(state: host.Evaluations) -> Proposal:
         if not len(state.rewards):
             return relaxed(np.full(space.attributes, UNDECIDED, np.int32))
         return relaxed(state.actions[np.argmax(state.rewards)])
 
-    def probabilities(state: host.Seen) -> Float[Array, "attributes bins"]:
+    def probabilities(state: host.Evaluations) -> Float[Array, "attributes bins"]:
         return host.best_quarter(prior, state.actions, state.rewards)
 
-    def spread(state: host.Seen) -> Proposal:
+    def spread(state: host.Evaluations) -> Proposal:
         return moments(space, probabilities(state), width)
 
     return Method(init, sample, update, solution, Diagnostics(spread, probabilities), traced=False)

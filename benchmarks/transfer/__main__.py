@@ -4,11 +4,11 @@
     python -m benchmarks.transfer --target labelmefacade --data DIR --only transfer --seeds 5
     python -m benchmarks.transfer --data DIR --only transfer --seeds 5 --against runs/before/nets.jsonl
 
-Nets trained on renders with random and with hand-set attributes, tested on a target's labelled images; the
-same on hand-set streets without one ingredient, paired by seed; nets trained on real images, tested on
+Networks trained on renders of random and of default streets, tested on labelled images of a target; the
+same on default streets without one ingredient, paired by seed; networks trained on real images, tested on
 others and on renders; and how light each class is in both. The split that is reported on, and what
 ``--holdout`` names, are never read.
-``--out`` remembers finished nets: the same command goes on, and begins anew where the engine has changed.
+``--out`` stores finished networks: the same command resumes, and starts again if the engine has changed.
 ``--against`` is such a memory of another engine's: what has been gained since, class by class.
 """
 
@@ -104,12 +104,12 @@ def _before(options: argparse.Namespace, recipe: Recipe) -> dict[str, list[np.nd
         raise UserError(f"--against {options.against}: it lacks the net {error.args[0]}") from None
 
 
-def _train(wanted: Sequence[Net], log: JsonLines, options: argparse.Namespace) -> Scores:
-    """The results of every net, trained now or stored; confusion matrices as lists."""
+def _train(nets: Sequence[Net], log: JsonLines, options: argparse.Namespace) -> Scores:
+    """Collect the results of every network, trained now or stored; confusion matrices as lists."""
     done = _done(log)
-    missing = [net for net in wanted if _name(net.key) not in done]
-    progress = Progress(sum(net.cost for net in wanted))
-    progress.advance(sum(n.cost for n in wanted) - sum(n.cost for n in missing), replayed=True)
+    missing = [net for net in nets if _name(net.key) not in done]
+    progress = Progress(sum(net.cost for net in nets))
+    progress.advance(sum(n.cost for n in nets) - sum(n.cost for n in missing), replayed=True)
     with WorkerPool(options.workers, worker_environment()) as workers:
         for index, scores in workers.map(call, [net.task for net in missing]):
             key = missing[index].key
@@ -118,14 +118,14 @@ def _train(wanted: Sequence[Net], log: JsonLines, options: argparse.Namespace) -
             progress.advance(missing[index].cost)
             progress.update(f"{key['net']}, seed {key['seed']}")
     progress.close()
-    found: Scores = {}
-    for net in wanted:
-        found.setdefault(net.key["net"], []).append(done[_name(net.key)])
-    return found
+    results: Scores = {}
+    for net in nets:
+        results.setdefault(net.key["net"], []).append(done[_name(net.key)])
+    return results
 
 
 def _done(log: JsonLines) -> dict[str, dict[str, Any]]:
-    """The scores of every net in a file, by its key."""
+    """Read the scores of every network in a file, by its key."""
     done: dict[str, dict[str, Any]] = {}
     for k, line in enumerate(log.lines):
         if not isinstance(line.get("key"), dict) or not isinstance(line.get("scores"), dict):
@@ -141,22 +141,24 @@ def _name(key: dict[str, Any]) -> str:
 def summary(
     scores: Scores, classes: Sequence[str], before: Mapping[str, tables.Confusions] | None
 ) -> dict[str, list[Row]]:
-    """The tables for which there are nets; gains over those of another engine, if ``before`` has any."""
-    real = {name: [np.array(one["real"]) for one in every] for name, every in scores.items()}
-    found = {}
+    """Make the tables for which there are networks; gains over another engine, if ``before`` has any."""
+    real = {
+        name: [np.array(result["real"]) for result in results] for name, results in scores.items()
+    }
+    rows_of = {}
     if ATTRIBUTES[0] in real:
-        found["transfer"] = tables.transfer_rows({n: real[n] for n in ATTRIBUTES}, classes)
+        rows_of["transfer"] = tables.transfer_rows({n: real[n] for n in ATTRIBUTES}, classes)
     without = {
         name.removeprefix(WITHOUT): c for name, c in real.items() if name.startswith(WITHOUT)
     }
     if without:
-        found["ingredients"] = tables.ingredient_rows(real["default"], without, classes)
+        rows_of["ingredients"] = tables.ingredient_rows(real["default"], without, classes)
     if REAL in real:
-        renders = [np.array(one["renders"]) for one in scores[REAL]]
-        found["recognition"] = tables.recognition_rows(real[REAL], renders, classes)
+        renders = [np.array(result["renders"]) for result in scores[REAL]]
+        rows_of["recognition"] = tables.recognition_rows(real[REAL], renders, classes)
     if before is not None:
-        found["gains"] = tables.gain_rows({n: real[n] for n in ATTRIBUTES}, before, classes)
-    return found
+        rows_of["gains"] = tables.gain_rows({n: real[n] for n in ATTRIBUTES}, before, classes)
+    return rows_of
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What a rendered world is made of, and the same world with one ingredient left out."""
+"""The ingredients of a rendered world, and the same world with one ingredient left out."""
 
 from __future__ import annotations
 

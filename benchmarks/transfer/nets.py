@@ -21,27 +21,27 @@ REAL_COST = 2.0
 
 
 class Net(NamedTuple):
-    """One net to train."""
+    """One network to train."""
 
-    key: dict[str, Any]  # what it is, plain values: nets with the same key are the same
+    key: dict[str, Any]  # numbers and text: networks with the same key are the same
     cost: float
     task: tuple  # function and arguments
 
 
 def engine() -> str:
-    """A name for the sources that decide the figures: tables are made while the engine is changed."""
+    """Hash the sources that results depend on: tables are made while the engine is being changed."""
     folders = (Path(package.__path__[0]) for package in (scene, seg))
     sources = sorted(path for folder in folders for path in folder.rglob("*.py"))
     return hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:16]
 
 
 def nets(recipe: Recipe, parts: Sequence[str], seeds: Sequence[int]) -> list[Net]:
-    """Every net that the tables in ``parts`` need, the longest first so that workers end together."""
+    """List all networks that the tables in ``parts`` need, the longest first so that workers end together."""
     same = {"engine": engine(), "recipe": recipe._asdict()}
-    found = []
+    all_nets = []
 
     def add(name: str, seed: int, cost: float, *task: Any) -> None:
-        found.append(Net({**same, "net": name, "seed": seed}, cost, task))
+        all_nets.append(Net({**same, "net": name, "seed": seed}, cost, task))
 
     for seed in seeds if "recognition" in parts else ():
         add(REAL, seed, REAL_COST, real_net, recipe, seed)
@@ -55,4 +55,4 @@ def nets(recipe: Recipe, parts: Sequence[str], seeds: Sequence[int]) -> list[Net
             rows += [(WITHOUT + name, "default", name) for name in INGREDIENTS]
         for name, attributes, without in rows:
             add(name, seed, 1.0, rendered_net, recipe, attributes, without, seed)
-    return found
+    return all_nets

@@ -1,4 +1,4 @@
-"""One net of the transfer benchmark: what it is trained on and what it is tested on.
+"""One network of the transfer benchmark: what it is trained on and what it is tested on.
 
 The functions here run in worker processes and are pure in their arguments.
 """
@@ -28,11 +28,11 @@ from seg.train import train
 from seg.views import view_images
 
 BLOCKS = 5
-"""Each group of images is cut into so many stretches; a net trained on real images is tested on one."""
+"""Each group of images is cut into so many stretches; a network trained on real images is tested on one."""
 
 
 class Recipe(NamedTuple):
-    """The same for every net of a table."""
+    """What all networks of a table share."""
 
     data: str  # folder of the real images
     target: str | None = None  # as `find_target` takes it
@@ -48,13 +48,13 @@ class Recipe(NamedTuple):
 
     @property
     def train(self) -> TrainSettings:
-        """How a net is trained."""
-        own = RECIPES[self.training]
-        return own if self.steps is None else with_steps(own, self.steps)
+        """The training settings of a network."""
+        settings = RECIPES[self.training]
+        return settings if self.steps is None else with_steps(settings, self.steps)
 
     @property
     def classes(self) -> ClassTable:
-        """The target's classes."""
+        """The classes of the target."""
         return table_of(find_target(self.target, Path(self.data)))
 
 
@@ -63,16 +63,16 @@ Result = dict[str, Any]
 
 
 def call(function: Callable[..., Result], *arguments: Any) -> Result:
-    """Calls a function, so that one queue of tasks can hold calls of several functions."""
+    """Call a function, so that one queue of tasks can hold calls of several functions."""
     return function(*arguments)
 
 
 @lru_cache(maxsize=1)
 def real_images(recipe: Recipe) -> LabelledImages:
-    """The labelled images that figures come from: all but those of the split that is reported on or held out.
+    """Read the labelled images to evaluate on: all but the reported split or the held-out group.
 
     Raises:
-        UserError: there are none, or the folder is not as its target says.
+        UserError: there are none, or the folder does not match its target.
         DataError: an image or a label cannot be read.
     """
     data = Path(recipe.data)
@@ -82,8 +82,8 @@ def real_images(recipe: Recipe) -> LabelledImages:
 
 
 @lru_cache(maxsize=2)
-def _seen(recipe: Recipe, views: bool) -> tuple[np.ndarray, ...] | None:
-    """What a frozen trunk sees in the real images, or in all their views."""
+def _features(recipe: Recipe, views: bool) -> tuple[np.ndarray, ...] | None:
+    """Compute the features of the real images, or of all their views, if the backbone is frozen."""
     images, settings = real_images(recipe).images, recipe.train
     if not settings.frozen:
         return None
@@ -91,17 +91,17 @@ def _seen(recipe: Recipe, views: bool) -> tuple[np.ndarray, ...] | None:
 
 
 def sides(recipe: Recipe, block: int) -> tuple[LabelledImages, LabelledImages]:
-    """The real images but for a block, with features of all views; and the block, with its own."""
+    """Split the real images into all but a block, with features of all views, and the block."""
     real = real_images(recipe)
-    held = held_out(real.sequences, block)
+    is_held_out = held_out(real.sequences, block)
     return (
-        real._replace(features=_seen(recipe, True)).take(np.flatnonzero(~held)),
-        real._replace(features=_seen(recipe, False)).take(np.flatnonzero(held)),
+        real._replace(features=_features(recipe, True)).take(np.flatnonzero(~is_held_out)),
+        real._replace(features=_features(recipe, False)).take(np.flatnonzero(is_held_out)),
     )
 
 
 def held_out(sequences: tuple[str, ...], block: int) -> np.ndarray:
-    """bool[n]: the images of the ``block``-th stretch of every group; small groups are cut as one."""
+    """Mark the images of the ``block``-th stretch of every group, bool[n]; small groups count as one."""
     names = np.asarray(sequences)
     groups, which, counts = np.unique(names, return_inverse=True, return_counts=True)
     which = np.where(counts[which] < BLOCKS, len(groups), which)
@@ -112,7 +112,7 @@ def held_out(sequences: tuple[str, ...], block: int) -> np.ndarray:
 
 
 def world(recipe: Recipe, without: str | None = None) -> World:
-    """The engine as it renders by default, or without one ingredient."""
+    """Make the world of the engine, or one without an ingredient."""
     whole = World(RenderSettings(recipe.width, recipe.height, recipe.samples))
     return whole if without is None else INGREDIENTS[without](whole)
 
@@ -120,32 +120,36 @@ def world(recipe: Recipe, without: str | None = None) -> World:
 def rendered(
     recipe: Recipe, attributes: str, seed: int, without: str | None = None
 ) -> LabelledImages:
-    """Renders of ``random`` or ``default`` attributes, whole or without one ingredient."""
+    """Render ``random`` or ``default`` streets, whole or without one ingredient."""
     units = draw(streets_named(attributes, recipe.space), seed, recipe.streets)
     whole = world(recipe, without)
     return LabelledImages(*render_world(whole, units, seed, recipe.shots, recipe.classes))
 
 
 def rendered_net(recipe: Recipe, attributes: str, without: str | None, seed: int) -> Result:
-    """Trains a net on renders and tests it on real images."""
-    own, real, settings = (
+    """Train a network on renders and test it on real images."""
+    renders, real, settings = (
         rendered(recipe, attributes, seed, without),
         real_images(recipe),
         recipe.train,
     )
-    count, seen = len(recipe.classes.classes), _seen(recipe, False)
-    params = train(seed, own.images, own.labels, settings, count)
-    found = score(params, real.images, real.labels, settings, count, features=seen)
-    return {"real": found.tolist()}
+    count, maps = len(recipe.classes.classes), _features(recipe, False)
+    params = train(seed, renders.images, renders.labels, settings, count)
+    confusion = score(params, real.images, real.labels, settings, count, features=maps)
+    return {"real": confusion.tolist()}
 
 
 def real_net(recipe: Recipe, seed: int) -> Result:
-    """Trains a net on real images and tests it on unseen ones and on hand-set streets."""
+    """Train a network on real images and test it on held-out ones and on default streets."""
     settings, count = recipe.train, len(recipe.classes.classes)
-    seen, unseen = sides(recipe, seed)
-    params = train(seed, seen.images, seen.labels, settings, count, features=seen.features)
+    training, held_out_images = sides(recipe, seed)
+    params = train(
+        seed, training.images, training.labels, settings, count, features=training.features
+    )
     scores = {}
-    for name, own in (("real", unseen), ("renders", rendered(recipe, "default", seed))):
-        found = score(params, own.images, own.labels, settings, count, features=own.features)
-        scores[name] = found.tolist()
+    for name, images in (("real", held_out_images), ("renders", rendered(recipe, "default", seed))):
+        confusion = score(
+            params, images.images, images.labels, settings, count, features=images.features
+        )
+        scores[name] = confusion.tolist()
     return scores

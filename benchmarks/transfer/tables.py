@@ -12,13 +12,13 @@ from experiments.tables.stats import paired_gain
 from seg.metrics import iou, mean_iou
 
 LEAST = 20
-"""The fewest pixels of a class for which an image counts in the class's tone."""
+"""The fewest pixels of a class with which an image counts in the tone of the class."""
 Confusions = Sequence[np.ndarray]
 """One confusion matrix i64[classes, classes] per seed, the same seeds everywhere."""
 
 
 def transfer_rows(nets: Mapping[str, Confusions], classes: Sequence[str]) -> list[Row]:
-    """What nets trained on renders reach on real images: mIoU with its spread, and each class's IoU."""
+    """Tabulate networks trained on renders on real images: mIoU with its spread, and the IoU of classes."""
     return [
         {"attributes": attributes, "mIoU": float(np.mean(_mious(confusions)))}
         | {"spread": _spread(_mious(confusions)), **_by_class(confusions, classes)}
@@ -29,23 +29,23 @@ def transfer_rows(nets: Mapping[str, Confusions], classes: Sequence[str]) -> lis
 def gain_rows(
     nets: Mapping[str, Confusions], before: Mapping[str, Confusions], classes: Sequence[str]
 ) -> list[Row]:
-    """What another engine gains, paired by seed: of each class and of mIoU, with its 95 % interval."""
+    """Tabulate the gain over another engine, paired by seed, of classes and mIoU, with 95 % intervals."""
     rows: list[Row] = []
     for k, name in enumerate((*classes, "mIoU")):
         row: Row = {"class": name}
         for attributes, confusions in nets.items():
-            ours, theirs = _of(confusions, k), _of(before[attributes], k)
-            gain, ci95 = paired_gain(ours, theirs)
-            row |= {attributes: float(np.mean(ours)), f"{attributes}, gain": gain}
+            new, old = _of(confusions, k), _of(before[attributes], k)
+            gain, ci95 = paired_gain(new, old)
+            row |= {attributes: float(np.mean(new)), f"{attributes}, gain": gain}
             row[f"{attributes}, 95 %"] = ci95 and "{:.1f} to {:.1f}".format(*ci95)
         rows.append(row)
     return rows
 
 
 def _of(confusions: Confusions, k: int) -> list[float]:
-    """The IoU of a class with each seed; of the one behind the last, mIoU. 0 where the class is nowhere."""
+    """Compute the IoU of a class per seed, or the mIoU after the last class; 0 where the class is absent."""
     values = (np.append(np.nan_to_num(iou(c)), mean_iou(c)) for c in confusions)
-    return [100 * float(own[k]) for own in values]
+    return [100 * float(ious[k]) for ious in values]
 
 
 def _mious(confusions: Confusions) -> np.ndarray:
@@ -53,23 +53,23 @@ def _mious(confusions: Confusions) -> np.ndarray:
 
 
 def _by_class(confusions: Confusions, classes: Sequence[str]) -> dict[str, float]:
-    """The mean IoU of each class over the seeds."""
+    """Compute the mean IoU of each class over the seeds."""
     means = 100 * np.nanmean([iou(c) for c in confusions], axis=0)
     return dict(zip(classes, map(float, means), strict=True))
 
 
 def _worth(better: Confusions, worse: Confusions) -> Row:
-    """The mean difference in mIoU, paired by seed, and its standard error."""
-    worth = _mious(better) - _mious(worse)
-    spread = _spread(worth)
-    error = None if spread is None else spread / math.sqrt(len(worth))
-    return {"worth": float(worth.mean()), "error": error}
+    """Compute the mean difference in mIoU, paired by seed, and its standard error."""
+    gains = _mious(better) - _mious(worse)
+    spread = _spread(gains)
+    error = None if spread is None else spread / math.sqrt(len(gains))
+    return {"worth": float(gains.mean()), "error": error}
 
 
 def tone_rows(
     sets: Mapping[str, tuple[np.ndarray, np.ndarray]], classes: Sequence[str]
 ) -> list[Row]:
-    """How light every class is in each set of images u8[n, h, w, 3] and labels [n, h, w].
+    """Tabulate how light every class is in each set of images u8[n, h, w, 3] and labels [n, h, w].
 
     The middle grey of the class, and that over the road's, if there is a road: the mean over images of the
     median over pixels, of images with at least ``LEAST`` pixels of the class.
@@ -104,7 +104,7 @@ def _tones(images: np.ndarray, labels: np.ndarray, classes: int) -> np.ndarray:
 def ingredient_rows(
     whole: Confusions, without: Mapping[str, Confusions], classes: Sequence[str]
 ) -> list[Row]:
-    """What each ingredient is worth: mIoU with everything less mIoU without it, paired by seed.
+    """Tabulate the gain of each ingredient: mIoU with everything minus mIoU without it, paired by seed.
 
     ``gains`` and ``loses`` name the classes whose IoU the ingredient changes most.
     """
@@ -126,28 +126,28 @@ def ingredient_rows(
 
 
 def recognition_rows(real: Confusions, renders: Confusions, classes: Sequence[str]) -> list[Row]:
-    """How nets trained on real images see unseen real images and renders, class by class."""
-    seen, rendered = np.sum(real, axis=0), np.sum(renders, axis=0)
+    """Tabulate how networks trained on real images recognise held-out ones and renders, by class."""
+    real_sum, render_sum = np.sum(real, axis=0), np.sum(renders, axis=0)
     rows: list[Row] = [
         {
             "class": name,
-            "real recall": _share(seen[k], k),
-            "render recall": _share(rendered[k], k),
-            "real IoU": 100 * float(iou(seen)[k]),
-            "render IoU": 100 * float(iou(rendered)[k]),
-            "taken for": taken_for(rendered[k], k, classes),
+            "real recall": _share(real_sum[k], k),
+            "render recall": _share(render_sum[k], k),
+            "real IoU": 100 * float(iou(real_sum)[k]),
+            "render IoU": 100 * float(iou(render_sum)[k]),
+            "taken for": taken_for(render_sum[k], k, classes),
         }
         for k, name in enumerate(classes)
     ]
     recalls = ("real recall", "render recall")
     means = {name: float(np.mean([row[name] for row in rows])) for name in recalls}
-    ious = {"real IoU": 100 * mean_iou(seen), "render IoU": 100 * mean_iou(rendered)}
+    ious = {"real IoU": 100 * mean_iou(real_sum), "render IoU": 100 * mean_iou(render_sum)}
     return [*rows, {"class": "mean", **means, **ious, "taken for": ""}]
 
 
-def taken_for(predicted: np.ndarray, own: int, classes: Sequence[str], most: int = 3) -> str:
-    """The classes most often seen instead of ``own``, with their share of the pixels."""
-    others = [int(k) for k in np.argsort(-predicted, kind="stable") if k != own][:most]
+def taken_for(predicted: np.ndarray, label: int, classes: Sequence[str], most: int = 3) -> str:
+    """List the classes most often predicted instead of a label, with their share of the pixels."""
+    others = [int(k) for k in np.argsort(-predicted, kind="stable") if k != label][:most]
     shares = [(classes[k], _share(predicted, k)) for k in others]
     return ", ".join(f"{name} {share:.0f}" for name, share in shares if share >= 5)
 
@@ -157,5 +157,5 @@ def _share(row: np.ndarray, k: int) -> float:
 
 
 def _spread(values: np.ndarray) -> float | None:
-    """Standard deviation over the seeds, None for a single one."""
+    """Compute the standard deviation over the seeds, None for a single one."""
     return float(np.std(values, ddof=1)) if len(values) > 1 else None

@@ -1,4 +1,4 @@
-"""Which images a ranking puts first, and what is made of the scores of nets that learnt from them."""
+"""Which images a ranking puts first, and the summary of the scores of networks trained on them."""
 
 import numpy as np
 
@@ -24,12 +24,12 @@ def test_doubt_comes_first_and_where_classes_are_balanced_that_about_rare_ones(m
     scores[SMALL, 0, 0] = [0, 30, 29]  # but one, of rare ones; the net wavers between these
     scores[LARGE, :2, :2, 1] = 10  # here it wavers a little about four
     scores[LARGE, :2, :2, 0] = 12
-    monkeypatch.setattr(next_labels, "_scores", lambda own, net: iter(scores))
+    monkeypatch.setattr(next_labels, "_scores", lambda split, net: iter(scores))
     rng = np.random.default_rng(0)
-    found = ranked(None, None, rng, [CERTAIN, LARGE, SMALL])
-    assert tuple(found) == RANKINGS and sorted(found["random"]) == [0, 1, 2]
-    assert found["margin"] == [LARGE, SMALL, CERTAIN] and found["entropy"][-1] == CERTAIN
-    assert found["balanced"] == [SMALL, LARGE, CERTAIN] and found["spread"][0] == LARGE
+    rankings = ranked(None, None, rng, [CERTAIN, LARGE, SMALL])
+    assert tuple(rankings) == RANKINGS and sorted(rankings["random"]) == [0, 1, 2]
+    assert rankings["margin"] == [LARGE, SMALL, CERTAIN] and rankings["entropy"][-1] == CERTAIN
+    assert rankings["balanced"] == [SMALL, LARGE, CERTAIN] and rankings["spread"][0] == LARGE
     assert SMALL not in ranked(None, None, rng, [CERTAIN, LARGE])["margin"]
 
 
@@ -49,8 +49,8 @@ def test_k_centre_takes_the_image_that_is_farthest_from_all_before_it():
     line = np.array([[0.0], [1.5], [5.0], [9.0], [10.0]])
     assert k_centre(line, 4, start=1) == [1, 4, 2, 0]  # 8.5, 3.5 and 1.5 away from those before
     maps = tuple(np.ones((5, 2, 3, 2), np.float16) * line[:, None, None] for _ in range(2))
-    found = pooled(maps)
-    assert found.shape == (5, 4) and np.allclose(found, line / line.std())
+    vectors = pooled(maps)
+    assert vectors.shape == (5, 4) and np.allclose(vectors, line / line.std())
     maps[0][:, 0] += 1  # all images alike: their order does not change
     assert k_centre(pooled(maps), 4, start=1) == [1, 4, 2, 0]
 
@@ -61,10 +61,12 @@ def test_first_images_are_chosen_by_seed_and_without_views():
     maps = (rng.random((views * count, 2, 2, 3)).astype(np.float16),)
     names, groups = tuple(f"{k:02}" for k in range(count)), ("a", "b", "c") * 4
     pool = LabelledImages(np.zeros((count, 8, 8, 3), np.uint8), None, names, groups, maps)
-    found = [first_choices(pool, 6, seed) for seed in range(5)]
-    assert all(len({*chosen}) == 6 and max(chosen) < count for f in found for chosen in f.values())
-    assert len({tuple(choices["k-centre"]) for choices in found}) > 1
-    for choices in found:
+    by_seed = [first_choices(pool, 6, seed) for seed in range(5)]
+    assert all(
+        len({*chosen}) == 6 and max(chosen) < count for f in by_seed for chosen in f.values()
+    )
+    assert len({tuple(choices["k-centre"]) for choices in by_seed}) > 1
+    for choices in by_seed:
         assert sorted(groups[k] for k in choices["spread"]) == ["a", "a", "b", "b", "c", "c"]
 
 

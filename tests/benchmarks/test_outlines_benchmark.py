@@ -79,7 +79,7 @@ def test_more_rules_and_seeds_add_to_what_is_done(camvid, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(("change", "complaint"), [
-    (["--rules", "oak=3%"], "--rules oak=3%: no such class; there are sky, building"),
+    (["--rules", "oak=3%"], "--rules oak=3%: no such class; choose from sky, building"),
     (["--rules", "tree=3"], "--rules tree=3: expected such as tree=3%, up to 10 % of the width"),
     (["--rules", "tree=3%,fence=11%"], "--rules fence=11%: expected such as tree=3%, up to 10 %"),
     (["--data", "nowhere"], "nowhere: no such folder"),

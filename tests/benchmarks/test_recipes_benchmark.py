@@ -20,9 +20,9 @@ def test_a_recipe_is_one_of_ours_with_changes():
 def test_gains_are_paired_by_seed():
     good, bad = np.diag([8, 8]).tolist(), [[4, 4], [0, 8]]
     lines = {
-        ("all", name, seed): {"scores": {"reported": found}, "heads": {"reported": [0.5, 0.6]}, "seconds": 3}
+        ("all", name, seed): {"scores": {"reported": matrix}, "heads": {"reported": [0.5, 0.6]}, "seconds": 3}
         for name, every in {"a": (bad, bad), "b": (good, bad)}.items()
-        for seed, found in enumerate(every)
+        for seed, matrix in enumerate(every)
     }  # fmt: skip
     first, second = gain_rows(lines, "all", ["a", "b"], (0, 1), "reported")
     assert first["mIoU"] == "58.3" and first["gain"] == "" and first["one head"] == "55.0"
@@ -48,7 +48,7 @@ def test_more_training_sets_and_seeds_add_to_what_is_done(camvid, tmp_path, caps
         lines = (tmp_path / "out" / NETWORKS).read_text().splitlines()
         assert len(lines) == count
     heads = [json.loads(line)["heads"]["reported"] for line in lines]
-    assert {len(found) for found in heads} == {1, 2}
+    assert {len(mious) for mious in heads} == {1, 2}
     tables = json.loads((tmp_path / "t.json").read_text())
     assert "trained on all, tested on reported images" in tables
     assert "trained on all, tested on development images" not in tables
@@ -56,7 +56,7 @@ def test_more_training_sets_and_seeds_add_to_what_is_done(camvid, tmp_path, caps
 
 
 @pytest.mark.parametrize(("change", "complaint"), [
-    (["--recipes", "lite9"], "--recipes lite9: no such recipe; there are compact, paper"),
+    (["--recipes", "lite9"], "--recipes lite9: no such recipe; choose from compact, paper"),
     (["--recipes", "lite0-heads:hats=3"], "--recipes lite0-heads:hats=3: recipes have no field hats"),
     (["--recipes", "lite0-heads:heads=0"], "heads must be 1 or more, not 0"),
     (["--recipes", "lite0-tuned"], "features are shared, so the backbone must be frozen"),

@@ -25,11 +25,11 @@ def test_it_finds_the_function_the_noise_and_means_over_wide_intervals() -> None
     assert surrogate.lengths[1] > 2 * surrogate.lengths[0]
     for centre in (0.2, 0.5, 0.8):
         proposal = sdr_jax.Proposal(jnp.asarray([centre, 0.5]), jnp.full(2, recorded.WIDTH))
-        wanted = 20 + 3 * np.sin(4 * centre)
-        assert surrogate.true_value(proposal) == pytest.approx(wanted, abs=0.25)
+        expected = 20 + 3 * np.sin(4 * centre)
+        assert surrogate.true_value(proposal) == pytest.approx(expected, abs=0.25)
     everything = sdr_jax.Proposal(jnp.full(2, 0.5), jnp.ones(2))
-    wanted = 20 + 3 * np.sin(4 * np.linspace(0.15, 0.85, 400)).mean()
-    assert surrogate.true_value(everything) == pytest.approx(wanted, abs=0.3)
+    expected = 20 + 3 * np.sin(4 * np.linspace(0.15, 0.85, 400)).mean()
+    assert surrogate.true_value(everything) == pytest.approx(expected, abs=0.3)
     many = jax.tree.map(lambda part: jnp.broadcast_to(part, (500, 2)), everything)
     rewards = surrogate.reward(jax.random.key(0), many)
     assert float(rewards.std()) == pytest.approx(surrogate.noise, rel=0.15)

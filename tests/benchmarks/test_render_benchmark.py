@@ -1,4 +1,4 @@
-"""The benchmark of renderers beside another checkout, which here is this one."""
+"""The benchmark of renderers against another checkout, which is this one here."""
 
 import json
 

@@ -25,8 +25,8 @@ def test_values_are_means_over_the_intervals_from_0_to_100(name: str) -> None:
     size = problem.space.attributes
     assert tuple(map(len, problem.space.groups)) == GROUPS or name in FOREIGN[2:]
     rng = np.random.default_rng(0)
-    drawn = rng.uniform(size=size), rng.uniform(0.05, 1, size)
-    proposal = sdr_jax.slide(*(jnp.asarray(part, jnp.float32) for part in drawn))
+    intervals = rng.uniform(size=size), rng.uniform(0.05, 1, size)
+    proposal = sdr_jax.slide(*(jnp.asarray(part, jnp.float32) for part in intervals))
     offsets = rng.uniform(-0.5, 0.5, (4000, size))
     units = jnp.asarray(np.asarray(proposal.centre) + np.asarray(proposal.width) * offsets)
     points = sdr_jax.Proposal(units, jnp.zeros_like(units))
@@ -66,8 +66,8 @@ def test_a_problem_of_ones_own_needs_no_jax(name: str) -> None:
         return np.asarray([value(sdr_jax.Proposal(*p)) for p in zip(*proposals, strict=True)])
 
     problem = SimpleNamespace(space=TWO, reward=reward, true_value=value)
-    found = evaluate(name, problem, 8, 0)
-    assert found in (0.0, 5.0) and evaluate(name, problem, 8, 0) == found
+    reached = evaluate(name, problem, 8, 0)
+    assert reached in (0.0, 5.0) and evaluate(name, problem, 8, 0) == reached
 
 
 def test_a_table_gives_the_mean_of_the_entries_that_intervals_cover() -> None:
@@ -84,18 +84,18 @@ def test_a_table_gives_the_mean_of_the_entries_that_intervals_cover() -> None:
 
 def test_recommendations_on_the_way_are_those_of_shorter_searches() -> None:
     problem = PROBLEMS["smooth"](0)
-    found = trace("gaussian", problem, 20, 3, (10, 15, 20))
-    assert set(found.values) == {10, 15, 20}
-    for evaluations, value in found.values.items():
+    course = trace("gaussian", problem, 20, 3, (10, 15, 20))
+    assert set(course.values) == {10, 15, 20}
+    for evaluations, value in course.values.items():
         assert value == evaluate("gaussian", problem, evaluations, 3)
 
 
 def test_the_command_line_writes_rows(tmp_path, capsys) -> None:
-    path, picture = tmp_path / "search.json", tmp_path / "search.png"
+    path, plot = tmp_path / "search.json", tmp_path / "search.png"
     flags = "--seeds 2 --evaluations 10 --problems smooth --workers 0".split()
     flags += ["--methods", "random_search", "gaussian"]
-    assert main([*flags, "--json", str(path), "--plot", str(picture)]) == 0
-    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert main([*flags, "--json", str(path), "--plot", str(plot)]) == 0
+    assert plot.read_bytes().startswith(b"\x89PNG")
     written = json.loads(path.read_text())
     assert written["default"] in METHODS
     assert [row["method"] for row in written["rows"]] == ["random_search", "gaussian"]
@@ -134,7 +134,7 @@ def test_ranks_and_differences_to_the_best_rival_by_hand() -> None:
 
 def test_one_process_has_all_problems_of_a_method_that_compiles() -> None:
     tasks = [Task(m, p, (4,), 1) for m in ("sdr", "tpe") for p in ("smooth", "ridge")]
-    found = [[(task.method, task.problem) for task in batch] for batch in batches(tasks)]
-    assert found == [
+    batch_tasks = [[(task.method, task.problem) for task in batch] for batch in batches(tasks)]
+    assert batch_tasks == [
         [("tpe", "smooth")], [("tpe", "ridge")], [("sdr", "smooth"), ("sdr", "ridge")],
     ]  # fmt: skip

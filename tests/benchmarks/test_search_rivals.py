@@ -51,7 +51,7 @@ def test_a_generation_is_filled_over_any_number_of_updates() -> None:
         state = None
         for a, b in pairwise(cuts):
             state, _ = tell(method, actions[a:b], rewards[a:b], state)
-        assert (state.optimizer.generation, len(state.told)) == (2, 2)
+        assert (state.optimizer.generation, len(state.generation)) == (2, 2)
         ends.append(state.optimizer.mean)
     np.testing.assert_array_equal(*ends)
 
@@ -70,12 +70,14 @@ def test_cma_es_leaves_its_generator_alone_and_says_where_it_tries() -> None:
     p = np.asarray(method.diagnostics.probabilities(state))
     assert left() == before
     _, proposals = method.sample(jax.random.key(2), state, 2000)
-    for own, column, bins in zip(p, np.asarray(proposals.centre).T, SPACE.bins, strict=True):
+    for probabilities, column, bins in zip(
+        p, np.asarray(proposals.centre).T, SPACE.bins, strict=True
+    ):
         counts, _ = np.histogram(column, bins, (0, 1))
-        np.testing.assert_allclose(own[:bins], counts / 2000, atol=0.11)
+        np.testing.assert_allclose(probabilities[:bins], counts / 2000, atol=0.11)
 
 
-def test_tpe_answers_with_the_best_it_has_seen() -> None:
+def test_tpe_answers_with_the_best_evaluation() -> None:
     method = tpe(SPACE)
     state, _ = tell(method, [[0, 1, 2], [1, 9, 4], [1, 8, 3]], [0.1, 0.9, np.nan])
     np.testing.assert_allclose(method.solution(state).centre, [0.75, 0.95, 0.9], rtol=1e-6)
@@ -95,7 +97,7 @@ def test_a_gaussian_process_answers_with_the_highest_mean_not_the_luckiest() -> 
 
 
 def test_a_gaussian_process_looks_where_it_expects_to_improve() -> None:
-    """Rewards rise towards the last bins of both: it goes on there, by chance one time in 16."""
+    """Rewards rise towards the last bins of both, so it samples there; by chance one time in 16."""
     method = gaussian_process(space(["a", "b"], bins=[8, 8]), startup=1)
     tried = np.asarray([[a, b] for a in range(0, 6, 2) for b in range(0, 6, 2)], np.int32)
     state, _ = tell(method, tried, tried.sum(axis=1))

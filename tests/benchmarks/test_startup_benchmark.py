@@ -1,4 +1,4 @@
-"""How long programs take to start, beside a Python that does nothing."""
+"""How long programs take to start, compared with a Python that does nothing."""
 
 import json
 import subprocess
@@ -26,8 +26,8 @@ def test_each_program_is_compared_with_a_python_that_does_nothing(tmp_path, monk
     assert [row["ratio"] for row in rows] == pytest.approx([1, 8 / 7, 9 / 7, 10 / 7])
     assert "| sdr-jax check --help" in capsys.readouterr().out
     assert startup.main(["--only", "seg", "check", "--repeats", "1", "--texts"]) == 0
-    told = capsys.readouterr().out
-    assert "| sdr-jax check --help" in told and "import" not in told
+    output = capsys.readouterr().out
+    assert "| sdr-jax check --help" in output and "import" not in output
 
 
 def test_every_command_and_library_is_there():

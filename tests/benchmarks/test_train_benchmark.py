@@ -83,14 +83,14 @@ def test_lite0_has_four_passes():
 @pytest.mark.parametrize("channels_last", [False, True])
 def test_pytorch_does_the_same_work(job, passes, channels_last):
     pytest.importorskip("torch", reason="PyTorch is not installed: pip install torch")
-    found = benchmark.medians(benchmark.torch_runs(job, channels_last, 1), 1)
-    assert list(found) == passes.split() and min(found.values()) > 0
+    ms = benchmark.medians(benchmark.torch_runs(job, channels_last, 1), 1)
+    assert list(ms) == passes.split() and min(ms.values()) > 0
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("wanted", "images"), [(None, 96), (14, 12)])
-def test_a_reward_is_split(wanted, images):
-    row = benchmark.reward_row(4, steps=3, images=wanted)  # whole streets, of 4 images each
+@pytest.mark.parametrize(("requested", "images"), [(None, 96), (14, 12)])
+def test_a_reward_is_split(requested, images):
+    row = benchmark.reward_row(4, steps=3, images=requested)  # whole streets, of 4 images each
     assert (row["size"], row["images"], row["scored"], row["steps"]) == ("240x176", images, 4, 3)
     parts = [row[f"{part}_s"] for part in ("render", "train", "score")]
     assert min(parts) > 0 and row["reward_s"] == pytest.approx(sum(parts))

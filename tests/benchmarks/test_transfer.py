@@ -42,9 +42,9 @@ def camvid(tmp_path):
 
 def test_the_drive_that_results_are_reported_on_is_never_read(camvid):
     recipe = TINY._replace(data=str(camvid), target="camvid", holdout="0006R0")
-    found = real_images(recipe)
-    assert found.names == ("0001TP_1", "0001TP_2", "0016E5_1", "0016E5_0")
-    assert found.images.shape == (4, 32, 32, 3)
+    images = real_images(recipe)
+    assert images.names == ("0001TP_1", "0001TP_2", "0016E5_1", "0016E5_0")
+    assert images.images.shape == (4, 32, 32, 3)
     with pytest.raises(
         UserError, match="--holdout 0005VD must leave images to train on and to test on"
     ):
@@ -66,17 +66,17 @@ def test_every_image_is_held_out_once_and_in_one_piece(lengths):
 
 def test_every_ingredient_shows_in_the_picture_and_most_leave_the_street_standing():
     recipe = TINY._replace(streets=5, shots=1)
-    drawn = draw(default_proposal(), 0, recipe.streets)
+    units = draw(default_proposal(), 0, recipe.streets)
     whole = world(recipe)._replace(pool=AssetPool(size=10))
-    complete, labels = ingredients.render_world(whole, drawn, 0, recipe.shots, CAMVID_11)
+    complete, labels = ingredients.render_world(whole, units, 0, recipe.shots, CAMVID_11)
     for name, leave_out in ingredients.INGREDIENTS.items():
-        images, found = ingredients.render_world(
-            leave_out(whole), drawn, 0, recipe.shots, CAMVID_11
+        images, new_labels = ingredients.render_world(
+            leave_out(whole), units, 0, recipe.shots, CAMVID_11
         )
         assert images.shape == complete.shape
         assert (images != complete).any(), name
         reshaping = ("markings", "background", "of the assets")
-        assert np.array_equal(found, labels) != any(word in name for word in reshaping), name
+        assert np.array_equal(new_labels, labels) != any(word in name for word in reshaping), name
 
 
 def test_gains_are_paired_by_seed_and_told_of_each_class():
@@ -127,14 +127,14 @@ def test_only_another_engine_trains_again_and_gains_over_the_one_before_are_told
     camvid, tmp_path, capsys, monkeypatch
 ):
     command = [*FLAGS.split(), str(camvid), "--json", str(tmp_path / "t.json"), "--out"]
-    log, said = tmp_path / "out" / "nets.jsonl", []
+    log, outputs = tmp_path / "out" / "nets.jsonl", []
     # The same engine twice, and another: two nets each, printed alike.
     for engine, count in (("one", 2), ("one", 2), ("another", 4)):
         monkeypatch.setattr("benchmarks.transfer.nets.engine", lambda engine=engine: engine)
         assert main([*command, str(tmp_path / "out")]) == 0
-        said.append(capsys.readouterr().out.splitlines()[-3:])
+        outputs.append(capsys.readouterr().out.splitlines()[-3:])
         assert len(log.read_bytes().splitlines()) == count
-    assert said[0] == said[1]
+    assert outputs[0] == outputs[1]
     rows = json.loads((tmp_path / "t.json").read_text())["transfer"]
     assert [row["attributes"] for row in rows] == ["random", "default"]
     monkeypatch.setattr("benchmarks.transfer.nets.engine", lambda: "a third")
@@ -152,7 +152,7 @@ def test_only_another_engine_trains_again_and_gains_over_the_one_before_are_told
     (["--data", "nowhere"], "nowhere: no such folder"),
     (["--seeds", "0"], "from 1 on, not '0'"), (["--steps", "many"], "from 1 on, not 'many'"),
     (["--only", "looks"], "invalid choice"), (["--target", "moon"], "--target moon: no such file"),
-    (["--json", "nowhere/t.json"], "no place for a file"),
+    (["--json", "nowhere/t.json"], "must be a file in an existing folder"),
     (["--against", "nowhere"], "--against nowhere: no such file"),
     (["--against", "nowhere", "--only", "tones"], "--against needs the table transfer"),
     (["--out", "{data}/train.txt"], "train.txt"),
