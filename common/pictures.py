@@ -59,7 +59,7 @@ def label_ids(data: bytes) -> np.ndarray:
             values = np.asarray(image)
     except Exception as error:  # Pillow has many errors
         reason = f"not a readable image, broken or truncated ({error})"
-        raise UserError(f"{reason}; replace it by an intact copy") from error
+        raise UserError(f"{reason}; replace it with an intact copy") from error
     if mode in ("LA", "RGB", "RGBA"):
         if kind != "PNG" or data[24] == 16:  # in the header; Pillow halves the bits of colours
             values = _as_stored(data, values)

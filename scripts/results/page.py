@@ -108,7 +108,7 @@ def _row(part: Part, out: Path) -> Report:
     return {
         "name": part.name,
         **{name: rows[name] for name in OTHERS if name in rows},
-        "optimised": optimised,
+        "learnt": optimised,
         "over_random": optimised["gain_over_random"],
         "over_default": optimised["gain_over_default"],
     }

@@ -13,6 +13,8 @@ from common.files import read_bytes
 from common.pictures import MOST_BYTES, too_large
 from seg.errors import DataError
 
+# Warnings on damaged files do not say which; our errors do.
+cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)
 _JPEG_START, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
 
 

@@ -62,6 +62,8 @@ def diagnose(
         if write_to.exists():
             raise UserError(f"--write {write_to} exists; remove it, or name another file")
         check_file("--write", write_to)
+    if data is not None and not data.is_dir():
+        raise UserError(f"{data}: no such folder; expected one with images and labels")
     facts, problems = machine.look()
     width = max(len(name) for name, _ in facts)
     for name, value in facts:
@@ -79,8 +81,6 @@ def _folder(data: Path, target: str | None, write_to: Path | None, out: Path) ->
 
     if target is not None:
         target_file = find_target(target, data)
-        if not data.is_dir():
-            raise UserError(f"{data}: no such folder; expected one with images and labels")
         proposal = Proposal("", [])
     else:
         proposal = propose(data)
@@ -94,10 +94,41 @@ def _folder(data: Path, target: str | None, write_to: Path | None, out: Path) ->
     print(f"\n{data} as {target_file.name}: {_counts(findings)}")
     for note in proposal.notes:
         print(f"  {note}")
+    if findings.sizes:
+        _print_tables(findings, boundaries)
+    for fault in findings.faults:
+        print(f"! {fault.what}\n    {fault.fix}")
+    has_renders = any(target_file.rendered)
+    can_train = has_renders and bool(findings.sizes)
+    costs = _costs(target_file, data, findings) if can_train else Costs()
+    if not has_renders:
+        print(
+            "! no class has 'renders', which fit needs: edit the file, and run doctor again to see run times"
+        )
+    elif costs.minutes:
+        if costs.fit:
+            print(f"fit: {costs.fit}")
+        print(
+            f"Estimated minutes on {costs.cores} cores, from a measurement of {costs.measured} seconds:"
+        )
+    elif can_train:
+        print("! run times unknown: this machine cannot train or render, see above")
+    for command, minutes in costs.minutes:
+        print(f"  {minutes:>6s}  {command}")
+    _write_page(target_file, findings, out, data, proposal.text, costs, boundaries, examples)
+    written = f"; wrote {write_to}" if write_to is not None else ""
+    print(f"{out / PAGE} and {out / SHEET} show images with their labels{written}")
+    if write_to is None and target is None and not (data / "target.yaml").exists():
+        print(f"\nProposed file, which --write FILE writes:\n\n{proposal.text}")
+    return 0 if findings.usable else 2
+
+
+def _print_tables(findings: Any, boundaries: Sequence[Any]) -> None:
+    """Print the sizes of the images, the shares of the classes, and their boundaries with the sky."""
     sizes = ", ".join(f"{count} of {w}x{h}" for (w, h), count in findings.sizes[:4])
     more = " and others" if len(findings.sizes) > 4 else ""
     print(f"  sizes: {sizes}{more}")
-    wide = max(map(len, (*target_file.classes, "ignored")))
+    wide = max(len(name) for name in (*(share.name for share in findings.classes), "ignored"))
     print(f"  {'class':{wide}s}  pixels %  images %  mean row  rendered as")
     for share in findings.classes:
         row = f"{share.row:8.2f}" if share.share else f"{'-':>8s}"
@@ -110,36 +141,9 @@ def _folder(data: Path, target: str | None, write_to: Path | None, out: Path) ->
     if boundaries:
         print("  boundary with the sky: pixel sides that touch the sky, per pixel of the class")
         print(f"  {'class':{wide}s}  labels  renders  with outline")
-        for boundary in boundaries:
-            outline = f"{100 * boundary.outline:g} %: {boundary.outlined:.2f}"
-            outline = outline if boundary.outline else "-"
-            print(
-                f"  {boundary.name:{wide}s}  {boundary.real:6.2f}  {boundary.exact:7.2f}  {outline}"
-            )
-    for fault in findings.faults:
-        print(f"! {fault.what}\n    {fault.fix}")
-    has_renders = any(target_file.rendered)
-    costs = _costs(target_file, data, findings) if has_renders else Costs()
-    if not has_renders:
-        print(
-            "! no class has 'renders', which fit needs: edit the file, and run doctor again to see run times"
-        )
-    elif costs.minutes:
-        if costs.fit:
-            print(f"fit: {costs.fit}")
-        print(
-            f"Estimated minutes on {costs.cores} cores, from a measurement of {costs.measured} seconds:"
-        )
-    else:
-        print("! run times unknown: this machine cannot train or render, see above")
-    for command, minutes in costs.minutes:
-        print(f"  {minutes:>6s}  {command}")
-    _write_page(target_file, findings, out, data, proposal.text, costs, boundaries, examples)
-    written = f"; wrote {write_to}" if write_to is not None else ""
-    print(f"{out / PAGE} and {out / SHEET} show images with their labels{written}")
-    if write_to is None and target is None and not (data / "target.yaml").exists():
-        print(f"\nProposed file, which --write FILE writes:\n\n{proposal.text}")
-    return 0 if findings.usable else 2
+        for row in boundaries:
+            outline = f"{100 * row.outline:g} %: {row.outlined:.2f}" if row.outline else "-"
+            print(f"  {row.name:{wide}s}  {row.real:6.2f}  {row.exact:7.2f}  {outline}")
 
 
 def _counts(findings: Any) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path, PurePosixPath
@@ -12,8 +13,10 @@ import numpy as np
 
 from common.errors import UserError, counted
 from common.files import IMAGES
+from common.interrupt import PROGRAM
 from common.labels.listing import HELD_OUT, matches
 from common.labels.target_file import FILE, TRAIN, Format
+from seg.data.frames import unreadable_note
 from seg.data.images import read_image
 from seg.data.labels import FORMATS
 
@@ -139,11 +142,14 @@ def no_pairs(root: Path, files: Sequence[Path], errors: Sequence[str]) -> UserEr
                 )
     kinds = Counter(path.suffix.lower() for path in files).most_common(4)
     counts = ", ".join(f"{count} {kind or 'without extension'}" for kind, count in kinds)
-    unreadable = [*errors, *parts.errors]
-    why = f"; {unreadable[0]}" if unreadable else ""
+    reasons = [*errors, *parts.errors, unreadable_note(root)]
+    if reasons[0]:
+        return UserError(f"{root}: no labelled images ({counts}): {reasons[0]}")
+    command = f"{shlex.join([PROGRAM, 'predict', 'renders19', str(root)])} --out labels"
+    hint = f"; to label photographs: {command}" if parts.images and not parts.labels else ""
     return UserError(
-        f"{root}: no labelled images ({counts or 'the folder is empty'}){why}; expected image and label of "
-        f"the same name, such as images/a.jpg and labels/a.png, or a {FILE} with the patterns of both"
+        f"{root}: no labelled images ({counts or 'the folder is empty'}); expected image and label of "
+        f"the same name, such as images/a.jpg and labels/a.png, or a {FILE} with the patterns of both{hint}"
     )
 
 

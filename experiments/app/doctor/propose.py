@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 
@@ -145,7 +144,7 @@ def _guess(root: Path) -> Proposal:
         value_names = value_names or _as_cityscapes(pattern, content.format, keys)
     classes, void = _classes(root, content, value_names, notes)
     lines = [
-        _line(f"images: {layout.images}", "{name} is what the names of image and label share"),
+        _line(f"images: {layout.images}", "{name} is the same for image and label"),
         _line(f"labels: {layout.labels}", _row(layout.labels, content, void)),
     ]
     if content.format in POLYGONS:
@@ -231,14 +230,22 @@ def _content(labelled: Sequence[tuple[Path, Path | None]]) -> _Content:
 
     Args:
         labelled: label files; with the image where a file labels many.
+
+    Raises:
+        UserError: none of the labels can be read.
     """
     content = _Content("ids", Counter(), Counter(), False)
     sample = labelled[:: max(len(labelled) // LOOKED_AT, 1)]
     looks: list[tuple[Path, Format, np.ndarray, tuple[str, ...]]] = []
+    errors: list[UserError] = []  # the survey reports them if other labels are readable
     for path, image in sample:
-        with suppress(UserError):  # the survey reports it
+        try:
             look = looked_at(path) if image is None else ("coco-json", *draw_regions(path, image))
             looks.append((path, *look))
+        except UserError as error:
+            errors.append(error)
+    if not looks:
+        raise errors[0]
     formats = {look[1] for look in looks}
     # Every other pixel will do where there are several values: the survey reads whole files.
     distinct = {value for _, _, codes, _ in looks for value in np.unique(codes[::2, ::2])}
@@ -322,11 +329,13 @@ def _classes(
         taken |= {*renders}
         renders_field = f", renders: [{', '.join(renders)}]" if renders else ""
         line = f"  {quoted(name)}: {{{field}: [{', '.join(keys)}]{renders_field}}}"
-        lines.append(_line(line, "" if renders else "add 'renders' if the engine has it"))
+        unnamed = name not in shown.values()
+        comment = "name it, and add renders: [...]" if unnamed else "trained on labels alone"
+        lines.append(_line(line, "" if renders else comment))
     if not taken:
         notes.append(
-            "the names of the classes are unknown: name them after the images, and give each that the engine "
-            f"renders a 'renders' from {', '.join(engine.NAMES)}"
+            "the labels do not name their classes: look at the overlays, name them, and add 'renders' where "
+            f"the engine has the class: {', '.join(engine.NAMES)}"
         )
     return lines, void
 

@@ -30,7 +30,7 @@ LOADED = 60
 """The most images whose labels are read at the size for training."""
 SHOWN = 4
 """Number of images that are shown with their labels."""
-REPLACE = "replace it with an intact file"
+REPLACE = "replace it with an intact copy"
 ALIKE = 0.03
 """Images have one shape if their aspect ratios differ by less than this share."""
 
@@ -82,15 +82,15 @@ def survey(target: TargetFile, root: Path) -> Survey:
             splits[split] = list_split(target, root, split)
         except UserError as error:
             usable = False
-            fix = "add the file, correct the patterns or lists, or write 'unlabelled: skip'"
-            faults.append(Fault(str(error), fix))
+            faults.append(_fault(str(error), "correct the patterns or lists"))
     entries = [entry for split_entries in splits.values() for entry in split_entries]
     sizes = _sizes(entries, faults)
     classes, ignored, read, readable = _classes(target, entries, faults)
     usable = usable and readable and bool(entries)
     _find_group_faults(splits, faults)
     usable = _find_copies(splits, faults) and usable
-    _find_engine_faults(target, faults)
+    if entries:
+        _find_engine_faults(target, faults)
     shapes = {round(np.log(w / h) / ALIKE) for (w, h), _ in sizes}
     if len(shapes) > 1:
         other = "cut" if target.fit == "pad" else "pad"
@@ -127,6 +127,12 @@ def survey(target: TargetFile, root: Path) -> Survey:
     )
 
 
+def _fault(message: str, fix: str) -> Fault:
+    """The fault of an error, which says after a semicolon what would be right; otherwise ``fix`` does."""
+    what, _, expected = message.partition("; ")
+    return Fault(what, expected or fix)
+
+
 def _spread(entries: Sequence[Entry], count: int) -> list[Entry]:
     """Choose a number of entries, spread over all."""
     indices = np.linspace(0, len(entries) - 1, min(count, len(entries))).round().astype(int)
@@ -155,7 +161,7 @@ def _sizes(entries: Sequence[Entry], faults: list[Fault]) -> list[tuple[tuple[in
             why = (
                 str(error) if str(path) in str(error) else f"{path}: not a readable image ({error})"
             )
-            faults.append(Fault(why, REPLACE))
+            faults.append(_fault(why, REPLACE))
     if dark:
         path, largest = dark[0]
         faults.append(
@@ -191,7 +197,7 @@ def _classes(
             with Image.open(entry.image_path) as picture:
                 size, stored = upright(picture), picture.size
         except (UserError, OSError) as error:
-            faults.append(Fault(str(error), REPLACE))
+            faults.append(_fault(str(error), REPLACE))
             right = False
             continue
         if size != label.shape[::-1]:
@@ -217,7 +223,7 @@ def _classes(
         images_with += counts[:count] > 0
         read += 1
     if unknown:
-        faults.append(Fault(str(reader.error(unknown)), f"edit {target.source}"))
+        faults.append(_fault(str(reader.error(unknown)), f"edit {target.source}"))
         right = False
     labelled = max(int(pixels[:count].sum()), 1)
     palette = target.palette
@@ -289,6 +295,8 @@ def _find_copies(splits: Mapping[str, Sequence[Entry]], faults: list[Fault]) -> 
 def _find_engine_faults(target: TargetFile, faults: list[Fault]) -> None:
     rendered = zip(target.classes, target.rendered, strict=True)
     unrendered = [name for name, has_renders in rendered if not has_renders]
+    if len(unrendered) == len(target.classes):
+        return  # doctor says so in its last line
     if unrendered:
         faults.append(
             Fault(
