@@ -415,7 +415,7 @@ def test_what_cannot_be_looked_at_is_refused_in_one_line(doctor, tmp_path, stree
     empty, taken = tmp_path / "empty", tmp_path / "taken.yaml"
     empty.mkdir()
     taken.write_text("")
-    save(tmp_path / "alone" / "a.png", photograph(0, (16, 16)))
+    save(tmp_path / "alone" / "a.png", photograph(0, (48, 64)))
     (streets / "target.yaml").write_text("images: 7\n")
     for words, message in (
         (("--write", "x.yaml"), "--target, --write and --out need DATA"),

@@ -1,4 +1,4 @@
-"""Estimates the cost of commands for a folder."""
+"""Estimates the run times of commands for a folder."""
 
 from __future__ import annotations
 
@@ -30,27 +30,27 @@ def choice(target: TargetFile, data: Path, photographs: Size, pace: Pace) -> Cho
 
 
 def commands(
-    target: TargetFile, data: Path, size: Size, known: Mapping[str, TargetName]
+    target: TargetFile, data: Path, size: Size, targets: Mapping[str, TargetName]
 ) -> dict[str, Cost]:
-    """Commands for a folder with the cost of each; a new command is one line here.
+    """Commands for a folder with the cost of each.
 
     Args:
         target: describes its files.
         data: the folder.
         size: width and height of the images.
-        known: targets with their own command.
+        targets: targets with their own command.
     """
     streets = Fidelity(*size, streets=400, shots=1, samples=1, train=RECIPES["lite0-frozen"])
     training = training_cost(streets)
     words = f"--images 400 --shots 1 --size {size[0]}x{size[1]}"
-    found = {f"{PROGRAM} render {words} --out DIR": Cost(cost_of(streets) - training)}
+    costs = {f"{PROGRAM} render {words} --out DIR": Cost(cost_of(streets) - training)}
     with suppress(UserError):
         command = f"{shlex.join([PROGRAM, 'fit', str(data)])} --out DIR"
-        found[command] = cost_of_fit(configured(size), parts_of(target, data))
-    if target.name in known:
+        costs[command] = cost_of_fit(configured(size), parts_of(target, data))
+    if target.name in targets:
         presets: tuple[Preset, ...] = ("smoke", "quick")
         for preset in presets:
-            config = defaults(MainConfig, known[target.name], preset)
+            config = defaults(MainConfig, targets[target.name], preset)
             words = shlex.join([PROGRAM, target.name, "--data", str(data), "--preset", preset])
-            found[words] = total_of(plan(config))
-    return found
+            costs[words] = total_of(plan(config))
+    return costs
