@@ -49,4 +49,4 @@ CLASSES = (
 )
 OWN = EngineClass("", 34, (0, 255, 255))
 """A user's own class, which comes after these; the user names it, and its id follows the published ones."""
-NAMES: tuple[str, ...] = tuple(own.name for own in CLASSES)
+NAMES: tuple[str, ...] = tuple(row.name for row in CLASSES)

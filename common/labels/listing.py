@@ -466,10 +466,10 @@ def _split_up(target: TargetFile, root: Path, entries: Iterable[Entry]) -> dict[
     left: dict[str, list[Entry]] = {}
     for entry in entries:
         left.setdefault(entry.sequence, []).append(entry)
-    wanted = cast(Mapping[str, float | tuple[str, ...]], target.splits)
+    rules = cast(Mapping[str, float | tuple[str, ...]], target.splits)
     total = sum(map(len, left.values()))
     splits: dict[str, list[Entry]] = {}
-    for split, rule in wanted.items():
+    for split, rule in rules.items():
         groups = _share(left, rule * total) if isinstance(rule, float) else rule
         missing = [group for group in groups if group not in left]
         if missing:
@@ -492,13 +492,13 @@ def _split_up(target: TargetFile, root: Path, entries: Iterable[Entry]) -> dict[
     return splits
 
 
-def _share(groups: Mapping[str, Sequence[Entry]], wanted: float) -> list[str]:
+def _share(groups: Mapping[str, Sequence[Entry]], images: float) -> list[str]:
     """Choose groups, one or more, with about so many images, in the order of their names' digests."""
     taken: list[str] = []
     count = 0
     for group in sorted(groups, key=lambda name: hashlib.sha256(name.encode()).hexdigest()):
         size = len(groups[group])
-        if not taken or abs(count + size - wanted) < abs(count - wanted):
+        if not taken or abs(count + size - images) < abs(count - images):
             taken.append(group)
             count += size
     return taken

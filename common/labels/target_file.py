@@ -253,7 +253,7 @@ def parse_target(text: bytes | str, source: str) -> TargetFile:
         lines.refuse_at(error.problem_mark, f"not valid YAML: {error.problem}")
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
         raise UserError(f"{source}: not valid YAML: {' '.join(str(error).split())}") from None
-    fields = lines.plain(node, "") if node is not None else {}
+    fields = lines.value_of(node, "") if node is not None else {}
     if not isinstance(fields, dict):
         raise UserError(f"{source}, line 1: expected fields such as 'images: images/{{name}}.jpg'")
     if "source" in fields:
@@ -337,7 +337,7 @@ class _Lines:
         where = f", line {mark.line + 1}" if mark is not None else ""
         raise UserError(f"{self._source}{where}: {why}")
 
-    def plain(self, node: yaml.Node, field: str) -> Any:
+    def value_of(self, node: yaml.Node, field: str) -> Any:
         """The plain value of a YAML node; keys are always text as written."""
         self._of[field] = node.start_mark.line + 1
         if isinstance(node, yaml.ScalarNode):
@@ -351,7 +351,7 @@ class _Lines:
             self.refuse(field, "is an alias for another part of the file; write it out")
         self._seen.add(id(node))
         if isinstance(node, yaml.SequenceNode):
-            return [self.plain(value, f"{field}[{k}]") for k, value in enumerate(node.value)]
+            return [self.value_of(value, f"{field}[{k}]") for k, value in enumerate(node.value)]
         table: dict[str, Any] = {}
         for key, value in cast(yaml.MappingNode, node).value:
             if not isinstance(key, yaml.ScalarNode):
@@ -360,7 +360,7 @@ class _Lines:
             inner = f"{field}.{name}" if field else name
             if name in table:
                 self.refuse_at(key.start_mark, f"{inner}: appears twice; remove one")
-            table[name] = self.plain(value, inner)
+            table[name] = self.value_of(value, inner)
             self._of[inner] = key.start_mark.line + 1
         return table
 

@@ -25,23 +25,23 @@ def put(root: Path, *names: str, text: str = "never read") -> Path:
     return root
 
 
-def target(text: str):
+def target_of(text: str):
     return parse_target(text + CLASSES, "t.yaml")
 
 
-def names(found) -> dict[str, list[str]]:
-    return {split: [entry.name for entry in own] for split, own in found.items()}
+def names(splits) -> dict[str, list[str]]:
+    return {split: [entry.name for entry in entries] for split, entries in splits.items()}
 
 
-def groups(found) -> dict[str, str]:
-    return {entry.name: entry.sequence for own in found.values() for entry in own}
+def groups(splits) -> dict[str, str]:
+    return {entry.name: entry.sequence for entries in splits.values() for entry in entries}
 
 
-def refuses(root: Path, own, split: str, *words: str) -> None:
+def refuses(root: Path, target, split: str, *words: str) -> None:
     with pytest.raises(UserError) as caught:
-        list_split(own, root, split)
-    said = str(caught.value)
-    assert "\n" not in said and all(word in said for word in words), said
+        list_split(target, root, split)
+    message = str(caught.value)
+    assert "\n" not in message and all(word in message for word in words), message
 
 
 LAYOUTS = {
@@ -86,22 +86,22 @@ LAYOUTS = {
 def test_the_published_layouts_of_the_targets_that_come_with_the_package(tmp_path, name):
     files, splits, expected = LAYOUTS[name]
     for words in files:
-        image, label, *own = words.split()
-        for stem in own:
+        image, label, *stems = words.split()
+        for stem in stems:
             put(tmp_path, image.format(stem), label.format(stem))
     if name == "labelmefacade":
         put(tmp_path, "train.txt", text="town__p10\nboston__img_7\n\ntown__p9\n")
         put(tmp_path, "test.txt", text="laredo__street")
-    found = list_all(shipped(name), tmp_path)
-    shown = names(found)
-    assert list(shown) == list(splits)
-    for split, own in splits.items():
-        assert shown[split] == own or len(shown[split]) == own
-    assert sorted(set(groups(found).values())) == expected
-    for entries in found.values():
+    listed = list_all(shipped(name), tmp_path)
+    listed_names = names(listed)
+    assert list(listed_names) == list(splits)
+    for split, names_or_count in splits.items():
+        assert names_or_count in (listed_names[split], len(listed_names[split]))
+    assert sorted(set(groups(listed).values())) == expected
+    for entries in listed.values():
         assert list(entries) == sorted(entries, key=lambda entry: (entry.sequence, entry.name))
         assert all(entry.image_path.is_file() and entry.label_path.is_file() for entry in entries)
-    label = next(entry for own in found.values() for entry in own).label_path
+    label = next(entry for entries in listed.values() for entry in entries).label_path
     label.unlink()
     with pytest.raises(
         UserError, match=r"image without label; expected .*" + re.escape(label.name)
@@ -110,33 +110,35 @@ def test_the_published_layouts_of_the_targets_that_come_with_the_package(tmp_pat
 
 
 def test_lists_of_names_of_paths_and_of_pairs(tmp_path):
-    own = target("images: '{split}/{name}'\nlabels: '{split}_l/{name}'\nsplits: '{split}.txt'")
+    target = target_of(
+        "images: '{split}/{name}'\nlabels: '{split}_l/{name}'\nsplits: '{split}.txt'"
+    )
     put(tmp_path, *(f"day/{k}.png" for k in "abc"), *(f"day_l/{k}.png" for k in "abc"))
     for text in (
         "a\nb", " b \n\na\n", "day/a.png\nday/b.png", "/home/x/data/day/a.png /data/day_l/a.png\nb",
         "day/a.jpg day_l/a.png\nday/b.png day_l/b.jpeg", "a.png\nb.png",
     ):  # fmt: skip
         put(tmp_path, "day.txt", text=text)
-        found = list_split(own, tmp_path, "day")
-        assert [e.name for e in found] == ["a", "b"], text
-        assert {e.image_path.suffix for e in found} == {".png"}
+        entries = list_split(target, tmp_path, "day")
+        assert [e.name for e in entries] == ["a", "b"], text
+        assert {e.image_path.suffix for e in entries} == {".png"}
     (tmp_path / "day.txt").unlink()
-    assert [e.name for e in list_split(own, tmp_path, "day")] == ["a", "b", "c"]
-    assert split_names(own, tmp_path) == ("day",)
+    assert [e.name for e in list_split(target, tmp_path, "day")] == ["a", "b", "c"]
+    assert split_names(target, tmp_path) == ("day",)
 
 
 def test_a_list_of_images_whose_groups_are_folders(tmp_path):
-    own = target(
+    target = target_of(
         "images: 'i/{group}/{name}.jpg'\nlabels: 'l/{group}/{name}.png'\nsplits: {train: t.txt}"
     )
     for name in ("x/1", "x/2", "y/2"):
         put(tmp_path, f"i/{name}.jpg", f"l/{name}.png")
     put(tmp_path, "t.txt", text="1\ni/y/2.jpg")
-    assert groups(list_all(own, tmp_path)) == {"x_1": "x", "y_2": "y"}
+    assert groups(list_all(target, tmp_path)) == {"x_1": "x", "y_2": "y"}
     put(tmp_path, "t.txt", text="1\n2")
     refuses(
         tmp_path,
-        own,
+        target,
         "train",
         "t.txt, line 2:",
         "i/x/2.jpg and",
@@ -145,21 +147,21 @@ def test_a_list_of_images_whose_groups_are_folders(tmp_path):
 
 
 def test_tables_of_images_and_labels(tmp_path):
-    own = target("images: {a: 'd/{name}.jpg', b: [n/1.jpg, /p/n/2.jpg]}\n"
+    target = target_of("images: {a: 'd/{name}.jpg', b: [n/1.jpg, /p/n/2.jpg]}\n"
                  "labels: {a: 'dl/{name}.png', b: [m/1.png, m/2.png]}")  # fmt: skip
     put(tmp_path, "d/x.jpg", "dl/x.png", "n/1.jpg", "n/2.jpg", "m/1.png", "m/2.png")
-    assert names(list_all(own, tmp_path)) == {"a": ["x"], "b": ["1", "2"]}
+    assert names(list_all(target, tmp_path)) == {"a": ["x"], "b": ["1", "2"]}
     (tmp_path / "m/2.png").unlink()
-    refuses(tmp_path, own, "b", "n/2.jpg: image without label", "m/2.png")
+    refuses(tmp_path, target, "b", "n/2.jpg: image without label", "m/2.png")
     (tmp_path / "n/1.jpg").unlink()
-    refuses(tmp_path, own, "b", "t.yaml, images.b[0]: no image", "n/1.jpg")
-    refuses(tmp_path, own, "c", "no split 'c'; in t.yaml. Its splits: a, b")
+    refuses(tmp_path, target, "b", "t.yaml, images.b[0]: no image", "n/1.jpg")
+    refuses(tmp_path, target, "c", "no split 'c'; in t.yaml. Its splits: a, b")
 
 
 def test_names_with_signs_of_patterns_are_names(tmp_path):
-    own = target("images: 'a[1]/{name}.v2.jpg'\nlabels: 'l*/{name}.png'")
+    target = target_of("images: 'a[1]/{name}.v2.jpg'\nlabels: 'l*/{name}.png'")
     put(tmp_path, "a[1]/x.v2.jpg", "a[1]/y.jpg", "a1/z.v2.jpg", "l*/x.png")
-    assert names(list_all(own, tmp_path)) == {"train": ["x"]}
+    assert names(list_all(target, tmp_path)) == {"train": ["x"]}
 
 
 @pytest.mark.parametrize(("expression", "expected"), [
@@ -169,28 +171,30 @@ def test_names_with_signs_of_patterns_are_names(tmp_path):
     (r"\d", {"a__1": "1", "a__2": "2", "b": "b"}),
 ])  # fmt: skip
 def test_groups_by_an_expression(tmp_path, expression, expected):
-    own = target(f"images: 'i/{{name}}'\nlabels: 'l/{{name}}'\ngroup: '{expression}'")
+    target = target_of(f"images: 'i/{{name}}'\nlabels: 'l/{{name}}'\ngroup: '{expression}'")
     for name in expected:
         put(tmp_path, f"i/{name}.jpeg", f"l/{name}.png")
-    assert groups(list_all(own, tmp_path)) == expected
+    assert groups(list_all(target, tmp_path)) == expected
 
 
 def test_splits_by_group_leave_the_rest_for_training(tmp_path):
     text = "images: 'i/{name}.png'\nlabels: 'l/{name}.png'\ngroup: '^.'\n"
     for name in ("a1", "a2", "b1", "c1", "c2"):
         put(tmp_path, f"i/{name}.png", f"l/{name}.png")
-    own = target(text + "splits: {test: [c], val: [b]}")
-    found = list_all(own, tmp_path)
-    assert names(found) == {"train": ["a1", "a2"], "test": ["c1", "c2"], "val": ["b1"]}
-    assert not shared_groups(found)
-    refuses(tmp_path, target(text + "splits: {test: [d]}"), "test", "no group 'd'", "has a, b, c")
-    own = target(text + "splits: {test: [a], val: [b, c]}")
+    target = target_of(text + "splits: {test: [c], val: [b]}")
+    splits = list_all(target, tmp_path)
+    assert names(splits) == {"train": ["a1", "a2"], "test": ["c1", "c2"], "val": ["b1"]}
+    assert not shared_groups(splits)
     refuses(
-        tmp_path, own, "val", "splits: no images left for train, since every split needs a group"
+        tmp_path, target_of(text + "splits: {test: [d]}"), "test", "no group 'd'", "has a, b, c"
     )
-    own = target(text + "splits: {train: [a], test: [c]}")
-    assert names(list_all(own, tmp_path)) == {"train": ["a1", "a2"], "test": ["c1", "c2"]}
-    refuses(tmp_path, own, "val", "no split 'val'", "Its splits: train, test")
+    target = target_of(text + "splits: {test: [a], val: [b, c]}")
+    refuses(
+        tmp_path, target, "val", "splits: no images left for train, since every split needs a group"
+    )
+    target = target_of(text + "splits: {train: [a], test: [c]}")
+    assert names(list_all(target, tmp_path)) == {"train": ["a1", "a2"], "test": ["c1", "c2"]}
+    refuses(tmp_path, target, "val", "no split 'val'", "Its splits: train, test")
 
 
 @given(st.lists(st.integers(1, 9), min_size=3, max_size=12), st.sampled_from([0.1, 0.25, 0.5]))
@@ -199,38 +203,38 @@ def test_shares_never_split_a_group(tmp_path_factory, sizes, share):
     for k, size in enumerate(sizes):
         put(root, *(f"{f}/g{k}_{n}.png" for n in range(size) for f in "il"))
     text = "images: 'i/{name}.png'\nlabels: 'l/{name}.png'\ngroup: '^[^_]+'\n"
-    found = list_all(target(f"{text}splits: {{test: {share}}}"), root)
-    sides = [{entry.sequence for entry in own} for own in found.values()]
+    splits = list_all(target_of(f"{text}splits: {{test: {share}}}"), root)
+    sides = [{entry.sequence for entry in entries} for entries in splits.values()]
     assert len(sides) == 2 and all(sides) and not sides[0] & sides[1]
-    assert sum(map(len, found.values())) == sum(sizes)
+    assert sum(map(len, splits.values())) == sum(sizes)
     # With one more group or one less in it, the split would not be nearer to its share.
-    wanted, count = share * sum(sizes), len(found["test"])
-    of = Counter(entry.sequence for entry in found["test"])
-    assert len(of) == 1 or abs(count - wanted) <= max(sizes)
-    assert found == list_all(target(f"{text}splits: {{test: {share}}}"), root)
+    expected, count = share * sum(sizes), len(splits["test"])
+    test_groups = Counter(entry.sequence for entry in splits["test"])
+    assert len(test_groups) == 1 or abs(count - expected) <= max(sizes)
+    assert splits == list_all(target_of(f"{text}splits: {{test: {share}}}"), root)
 
 
 def test_a_share_of_one_group_leaves_nothing(tmp_path):
     put(tmp_path, "i/g_1.png", "l/g_1.png", "i/g_2.png", "l/g_2.png")
-    own = target("images: 'i/{name}'\nlabels: 'l/{name}'\ngroup: '^.'\nsplits: {test: 0.5}")
-    refuses(tmp_path, own, "train", "no images left for train, since every split")
+    target = target_of("images: 'i/{name}'\nlabels: 'l/{name}'\ngroup: '^.'\nsplits: {test: 0.5}")
+    refuses(tmp_path, target, "train", "no images left for train, since every split")
 
 
-def test_published_lists_that_share_groups_are_told_once(tmp_path):
-    own = msgspec.structs.replace(shipped("camvid"), group="^.")
+def test_published_lists_that_share_groups_are_noted_once(tmp_path):
+    target = msgspec.structs.replace(shipped("camvid"), group="^.")
     for split, stems in {"train": "a1 a2 b1", "test": "a3 c1"}.items():
         for stem in stems.split():
             put(tmp_path, f"{split}/{stem}.png", f"{split}annot/{stem}.png")
-    said = shared_groups(list_all(own, tmp_path))
-    assert "share 1 of 3 groups (a) between train and test" in said
+    note = shared_groups(list_all(target, tmp_path))
+    assert "share 1 of 3 groups (a) between train and test" in note
 
 
 def test_what_is_missing_or_not_as_it_should_be(tmp_path):
-    own = target(
+    target = target_of(
         "images: '{split}/{name}.png'\nlabels: '{split}_l/{name}.png'\nsplits: '{split}.txt'"
     )
-    refuses(tmp_path / "gone", own, "train", "gone: no such folder", "{split}/{name}.png and")
-    refuses(tmp_path, own, "train", "no split 'train'", "Its splits: none")
+    refuses(tmp_path / "gone", target, "train", "gone: no such folder", "{split}/{name}.png and")
+    refuses(tmp_path, target, "train", "no split 'train'", "Its splits: none")
     put(
         tmp_path,
         "train/a.png",
@@ -242,15 +246,17 @@ def test_what_is_missing_or_not_as_it_should_be(tmp_path):
     )
     refuses(
         tmp_path,
-        own,
+        target,
         "val",
         "no split 'val'; expected val.txt or val/{name}.png",
         "Its splits: train, none",
     )
     refuses(
-        tmp_path, own, "none", "no images in split 'none'; expected none.txt or none/{name}.png"
+        tmp_path, target, "none", "no images in split 'none'; expected none.txt or none/{name}.png"
     )
-    refuses(tmp_path, own, "train", "train/b.png: image without label; expected", "train_l/b.png")
+    refuses(
+        tmp_path, target, "train", "train/b.png: image without label; expected", "train_l/b.png"
+    )
     for text, words in {
         "\n": ("no images in split 'train'",), "a\na": ("line 2: a is listed twice",),
         "c": ("line 1: no image", "train/c.png; expected a name, a path"),
@@ -261,35 +267,41 @@ def test_what_is_missing_or_not_as_it_should_be(tmp_path):
         "train/a.png y/a.png": ("a.png: image without label; expected", "y/a.png"),
     }.items():  # fmt: skip
         put(tmp_path, "train.txt", text=text)
-        refuses(tmp_path, own, "train", *words)
+        refuses(tmp_path, target, "train", *words)
     (tmp_path / "train.txt").write_bytes(b"\xff\xfe\x00")
-    refuses(tmp_path, own, "train", "train.txt: not a readable text file")
-    own = target("images: '{name}'\nlabels: '{name}'\nsplits: {train: t.txt}")
-    refuses(tmp_path, own, "train", "t.txt: not a readable text file (")
-    own = target("images: 'train/{name}.png'\nlabels: 'train/{name}.png'")
-    assert names(list_all(own, tmp_path)) == {"train": ["a", "b"]}
-    refuses(tmp_path, own, "test", "no split 'test'; t.yaml defines none. Its splits: train")
+    refuses(tmp_path, target, "train", "train.txt: not a readable text file")
+    target = target_of("images: '{name}'\nlabels: '{name}'\nsplits: {train: t.txt}")
+    refuses(tmp_path, target, "train", "t.txt: not a readable text file (")
+    target = target_of("images: 'train/{name}.png'\nlabels: 'train/{name}.png'")
+    assert names(list_all(target, tmp_path)) == {"train": ["a", "b"]}
+    refuses(tmp_path, target, "test", "no split 'test'; t.yaml defines none. Its splits: train")
 
 
 def test_text_files_beside_lists_are_no_splits(tmp_path):
-    own = target("images: 'i/{name}.png'\nlabels: 'l/{name}.png'\nsplits: '{split}.txt'")
+    target = target_of("images: 'i/{name}.png'\nlabels: 'l/{name}.png'\nsplits: '{split}.txt'")
     put(tmp_path, "i/a.png", "l/a.png", "i/b.png", "l/b.png")
     put(tmp_path, "train.txt", text="a\n")
     put(tmp_path, "extra.txt", text="i/b.png l/b.png\n")
     put(tmp_path, "README.txt", text="My images of a road.\n\nThey are mine.\n" + "long " * 2000)
     put(tmp_path, "empty.txt", text="")
     (tmp_path / "latin.txt").write_bytes(b"stra\xdfe")
-    assert names(list_all(own, tmp_path)) == {"train": ["a"], "extra": ["b"]}
+    assert names(list_all(target, tmp_path)) == {"train": ["a"], "extra": ["b"]}
     # A list by its name is one even if it names no image: figures must not come from elsewhere.
     put(tmp_path, "test.txt", text="gone\n")
-    assert split_names(own, tmp_path) == ("train", "extra", "test")
-    refuses(tmp_path, own, "test", "test.txt, line 1: no image", "gone.png")
+    assert split_names(target, tmp_path) == ("train", "extra", "test")
+    refuses(tmp_path, target, "test", "test.txt, line 1: no image", "gone.png")
 
 
 def test_lists_as_people_write_them(tmp_path):
     put(tmp_path, "i/a b.png", "l/a b.png", "i/c.png", "l/c.png", "i/d,e.png", "l/d,e.png")
-    own = target("images: './i//{name}.png'\nlabels: 'l\\{name}.png'\nsplits: './{split}.txt'")
-    assert (own.images, own.labels, own.splits) == ("i/{name}.png", "l/{name}.png", "{split}.txt")
+    target = target_of(
+        "images: './i//{name}.png'\nlabels: 'l\\{name}.png'\nsplits: './{split}.txt'"
+    )
+    assert (target.images, target.labels, target.splits) == (
+        "i/{name}.png",
+        "l/{name}.png",
+        "{split}.txt",
+    )
     for line, name in {
         "./i/c.png": "c", "i\\c.png": "c", ".\\i\\c.png .\\l\\c.png": "c", "i//c.png": "c",
         "i/c.png,l/c.png": "c", "i/c.png, ./l/c.png": "c", "i/c.png;l/c.png": "c",
@@ -297,7 +309,7 @@ def test_lists_as_people_write_them(tmp_path):
         "C:\\mine\\i\\c.png C:\\mine\\l\\c.png": "c",
     }.items():  # fmt: skip
         put(tmp_path, "train.txt", text=f"{line}\n")
-        assert names(list_all(own, tmp_path)) == {"train": [name]}, line
+        assert names(list_all(target, tmp_path)) == {"train": [name]}, line
 
 
 @pytest.mark.parametrize("disk", ["NFC", "NFD"])
@@ -308,11 +320,11 @@ def test_accents_may_be_composed_or_not(tmp_path, disk, text):
     put(tmp_path, normalize(disk, path), normalize(other, label))
     put(tmp_path, "train.txt", text=normalize(text, "é1\n"))
     pattern = "images: 'größe/{group}/{name}.png'\nlabels: 'bäume/{name}.png'\n"
-    whole = target(normalize(text, pattern))
-    listed = target(normalize(text, f"{pattern}splits: '{{split}}.txt'"))
-    pairs = target(normalize(text, f"images: {{train: [{path}]}}\nlabels: {{train: [{label}]}}"))
-    for own, name in ((whole, "été_é1"), (listed, "été_é1"), (pairs, "é1")):
-        [entry] = list_split(own, tmp_path, "train")
+    whole = target_of(normalize(text, pattern))
+    listed = target_of(normalize(text, f"{pattern}splits: '{{split}}.txt'"))
+    pairs = target_of(normalize(text, f"images: {{train: [{path}]}}\nlabels: {{train: [{label}]}}"))
+    for target, name in ((whole, "été_é1"), (listed, "été_é1"), (pairs, "é1")):
+        [entry] = list_split(target, tmp_path, "train")
         assert entry.name == name and entry.image_path.is_file() and entry.label_path.is_file()
 
 
@@ -320,20 +332,24 @@ def test_no_place_of_a_pattern_leads_out(tmp_path):
     root = tmp_path / "data"
     put(tmp_path, "secret.png", "labels/secret.png", "x/a.png", "x.txt", text="a\n")
     put(root, "a/b.png", "labels/a.png", "labels/b.png", "labels/secret.png")
-    own = target("images: '{group}/{name}.png'\nlabels: 'labels/{name}.png'\nsplits: '{split}.txt'")
+    target = target_of(
+        "images: '{group}/{name}.png'\nlabels: 'labels/{name}.png'\nsplits: '{split}.txt'"
+    )
     put(root, "train.txt", text="../secret.png\n")
-    refuses(root, own, "train", "line 1", "../secret.png")
-    own = target("images: '{split}/{name}.png'\nlabels: 'labels/{name}.png'\nsplits: '{split}.txt'")
+    refuses(root, target, "train", "line 1", "../secret.png")
+    target = target_of(
+        "images: '{split}/{name}.png'\nlabels: 'labels/{name}.png'\nsplits: '{split}.txt'"
+    )
     for split in ("..", "../x", "../data/a", str(tmp_path / "x")):
-        refuses(root, own, split, f"no split {split!r}; expected a name, not a path")
-    own = target("images: {'..': '{split}/{name}.png'}\nlabels: {'..': 'labels/{name}.png'}")
-    refuses(root, own, "..", "secret.png is outside")
+        refuses(root, target, split, f"no split {split!r}; expected a name, not a path")
+    target = target_of("images: {'..': '{split}/{name}.png'}\nlabels: {'..': 'labels/{name}.png'}")
+    refuses(root, target, "..", "secret.png is outside")
 
 
 def test_an_image_without_a_label_names_the_field_that_leaves_it_out(tmp_path):
     put(tmp_path, "i/a.png", "l/a.png", "i/b.png")
-    own = target("images: 'i/{name}.png'\nlabels: 'l/{name}.png'")
+    target = target_of("images: 'i/{name}.png'\nlabels: 'l/{name}.png'")
     words = "b.png: image without label; expected", "'unlabelled: skip' in t.yaml leaves such"
-    refuses(tmp_path, own, "train", *words)
-    own = msgspec.structs.replace(own, unlabelled="skip")
-    assert names(list_all(own, tmp_path)) == {"train": ["a"]}
+    refuses(tmp_path, target, "train", *words)
+    target = msgspec.structs.replace(target, unlabelled="skip")
+    assert names(list_all(target, tmp_path)) == {"train": ["a"]}

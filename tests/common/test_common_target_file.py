@@ -1,4 +1,4 @@
-"""Files that describe targets: what they say, those of the package, and everything that can be wrong."""
+"""Files that describe targets: their fields, those of the package, and everything that can be wrong."""
 
 import gc
 from collections.abc import Callable, Iterator
@@ -31,12 +31,12 @@ def refuses(text: str, *words: str) -> None:
     """One line that begins with the file and its line, and has all words."""
     with pytest.raises(UserError) as caught:
         parse_target(text, "x/target.yaml")
-    said = str(caught.value)
-    assert said.startswith("x/target.yaml") and "\n" not in said
-    assert all(word in said for word in words), said
+    message = str(caught.value)
+    assert message.startswith("x/target.yaml") and "\n" not in message
+    assert all(word in message for word in words), message
 
 
-def test_what_a_file_says():
+def test_fields_of_a_file():
     target = parse_target(TEXT, "mine/target.yaml")
     assert (target.name, target.format, target.kind, target.fit) == ("mine", "ids", "ids", "pad")
     assert target.class_names == ("road", "building", "lane mark")
@@ -54,21 +54,21 @@ def test_outlines_are_shares_of_the_width_by_engine_class():
     target = parse_target(f"{TEXT}{outlines}", "t.yaml")
     assert target.outlines == {"building": 0.025, "road": 0.1}
     assert target.engine_outlines == (((0,), 0.1), ((2, 3, 4), 0.025))
-    plain = parse_target(TEXT, "t.yaml")
-    assert plain.engine_outlines == () == shipped("kitti").engine_outlines
-    assert parse_target(f"{TEXT}outlines: {{road: 0 %}}", "t.yaml") == plain
+    exact = parse_target(TEXT, "t.yaml")
+    assert exact.engine_outlines == () == shipped("kitti").engine_outlines
+    assert parse_target(f"{TEXT}outlines: {{road: 0 %}}", "t.yaml") == exact
     rest = parse_target(f"{TEXT}rest: other\noutlines: {{other: 1 %}}", "t.yaml")
     assert rest.engine_outlines == (((1, *range(5, 19)), 0.01),)
 
 
 def test_the_format_follows_from_the_classes():
-    for field, value, kind, own in (
+    for field, value, kind, label_format in (
         ("ids", "[4]", "ids", "ids"), ("colours", "[[1, 2, 3]]", "colours", "colours"),
         ("names", "[Road]", "names", "labelme-json"),
     ):  # fmt: skip
         text = f"images: i/{{name}}.png\nlabels: l/{{name}}\nrest: b\nclasses: {{road: {{{field}: {value}}}}}"
-        found = parse_target(text, "t.yaml")
-        assert (found.format, found.kind, found.name) == (own, kind, "t")
+        target = parse_target(text, "t.yaml")
+        assert (target.format, target.kind, target.name) == (label_format, kind, "t")
     both = text.replace("{names", "{ids: [1], names").replace(
         "[Road]", "[Road], colours: [[1, 2, 3]]"
     )
@@ -130,7 +130,7 @@ def test_the_format_follows_from_the_classes():
     ("void: [255]", "outlines: {lane mark: 3 %}", ("line 5: outlines.lane mark: has no 'renders'",)),
     ("void: [255]", "format: colours", ("line 7: classes.road:", "missing colours")),
 ])  # fmt: skip
-def test_what_is_wrong_is_said_with_its_line_and_field(old, new, words):
+def test_errors_name_line_and_field(old, new, words):
     assert old in TEXT
     refuses(TEXT.replace(old, new), *words)
 
@@ -141,8 +141,8 @@ def test_tables_of_splits():
         "labels: {train: 'c/{name}.png', test: [d/x.png, d/y.png]}\n"
         "classes: {road: {ids: [0]}, sky: {ids: [1]}}"
     )
-    found = parse_target(text + labels, "t.yaml")
-    assert isinstance(found.images, dict) and found.images["test"] == ("b/x.png", "b/y.png")
+    target = parse_target(text + labels, "t.yaml")
+    assert isinstance(target.images, dict) and target.images["test"] == ("b/x.png", "b/y.png")
     refuses(
         text + labels.replace("test", "val"), "line 2: labels:", "only one of them has test, val"
     )
@@ -172,8 +172,8 @@ def test_too_many_classes_and_none():
 
 
 def test_the_files_that_come_with_the_package():
-    wanted = {"camvid", "camvid-32", "cityscapes", "labelmefacade", "idd-lite", "kitti"}
-    assert wanted <= set(SHIPPED)
+    documented = {"camvid", "camvid-32", "cityscapes", "labelmefacade", "idd-lite", "kitti"}
+    assert documented <= set(SHIPPED)
     for name in SHIPPED:
         target = shipped(name)
         assert target.name == target.source == name
@@ -184,20 +184,20 @@ def test_the_files_that_come_with_the_package():
     assert shipped("cityscapes").of_engine == tuple(range(19))
     assert all(shipped("idd-lite").rendered) and 255 not in shipped("idd-lite").of_engine
     for name in ("cityscapes", "kitti", "gta5"):
-        ids = [own.ids for own in shipped(name).classes.values()]
-        assert ids == [(own.file_id,) for own in engine.CLASSES]
-        assert shipped(name).palette == tuple(own.colour for own in engine.CLASSES)
+        ids = [target_class.ids for target_class in shipped(name).classes.values()]
+        assert ids == [(row.file_id,) for row in engine.CLASSES]
+        assert shipped(name).palette == tuple(row.colour for row in engine.CLASSES)
 
 
-def test_a_file_beside_the_images_or_anywhere(tmp_path):
+def test_a_file_with_the_images_or_anywhere(tmp_path):
     data = tmp_path / "my streets"
     refuses_call("no such folder", find_target, None, data, error=UserError)
     data.mkdir()
-    said = (
+    message = (
         r"has no target\.yaml; sdr-jax doctor '.*my streets' --write .*names another file, "
         "or one of camvid"
     )
-    refuses_call(said, find_target, None, data, error=UserError)
+    refuses_call(message, find_target, None, data, error=UserError)
     refuses_call(
         r"--target .*a\.yaml: no such file", find_target, tmp_path / "a.yaml", error=UserError
     )
@@ -212,7 +212,7 @@ def test_a_file_beside_the_images_or_anywhere(tmp_path):
 
 @pytest.fixture
 def collected() -> Iterator[Callable[[], int]]:
-    """A collection of what was made since, and not of all that this process has imported."""
+    """Collects garbage created since, without all that this process has imported."""
     gc.collect()
     gc.freeze()
     yield gc.collect
@@ -224,11 +224,11 @@ def collected() -> Iterator[Callable[[], int]]:
 def test_no_text_ends_in_anything_but_a_target_or_one_error(collected, text, place):
     for whole in (text, TEXT[:place] + text + TEXT[place:], TEXT[:place]):
         try:
-            found = parse_target(whole, "x.yaml")
+            target = parse_target(whole, "x.yaml")
         except UserError as error:
             assert str(error).startswith("x.yaml")
         else:
-            assert isinstance(found, TargetFile)
+            assert isinstance(target, TargetFile)
     collected()  # a value that the library built wrongly ends the process here
 
 

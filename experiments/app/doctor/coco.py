@@ -120,7 +120,7 @@ def _field(parts: Sequence[_Part], values: Sequence[str]) -> str:
         return quoted(values[0])
     words = [_SPLIT.findall(f"{part.pattern} {part.file.as_posix()}".lower()) for part in parts]
     names = [
-        found[-1] if found else part.file.stem for found, part in zip(words, parts, strict=True)
+        splits[-1] if splits else part.file.stem for splits, part in zip(words, parts, strict=True)
     ]
     if len({*names}) < len(names):
         names = [part.file.with_suffix("").as_posix().replace("/", "_") for part in parts]

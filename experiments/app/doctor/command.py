@@ -116,8 +116,8 @@ def _folder(data: Path, target: str | None, write_to: Path | None, out: Path) ->
     for command, minutes in costs.minutes:
         print(f"  {minutes:>6s}  {command}")
     _write_page(target_file, findings, out, data, proposal.text, costs, boundaries, examples)
-    written = f"; wrote {write_to}" if write_to is not None else ""
-    print(f"{out / PAGE} and {out / SHEET} show images with their labels{written}")
+    ending = f"; wrote {write_to}" if write_to is not None else ""
+    print(f"{out / PAGE} and {out / SHEET} show images with their labels{ending}")
     if write_to is None and target is None and not (data / "target.yaml").exists():
         print(f"\nProposed file, which --write FILE writes:\n\n{proposal.text}")
     return 0 if findings.usable else 2

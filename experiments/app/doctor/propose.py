@@ -352,8 +352,8 @@ def _key(value: int, form: Format) -> str:
 
 
 def _is_void(key: str, name: str) -> bool:
-    plain = (name or key).lower()
-    return plain in VOID_NAMES or (not name and key in ("255", "65535", "[0, 0, 0]"))
+    phrase = (name or key).lower()
+    return phrase in VOID_NAMES or (not name and key in ("255", "65535", "[0, 0, 0]"))
 
 
 ZEROS = ("0", "[0, 0, 0]")
@@ -432,8 +432,8 @@ def _as_cityscapes(labels: str, form: Format, keys: Sequence[str]) -> dict[str, 
 
 def _rendered(name: str) -> list[str]:
     """Engine classes that a name may mean."""
-    plain = re.sub(r"[_-]+", " ", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)).lower().strip()
-    forms = {plain, plain.removesuffix("s"), plain.replace(" ", "")}
+    phrase = re.sub(r"[_-]+", " ", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)).lower().strip()
+    forms = {phrase, phrase.removesuffix("s"), phrase.replace(" ", "")}
     return [
         engine_class
         for engine_class, others in SYNONYMS.items()
