@@ -20,8 +20,10 @@ from typing import Any
 import jax
 import numpy as np
 
+from common.memory import memory
 from common.workers.pool import Workers
 from common.workers.under_way import ending_report, report
+from experiments.config.limits import training_bytes
 from experiments.evaluation.cached import loaded
 from experiments.evaluation.compiling import compiled_once
 from experiments.evaluation.cost import head_cost
@@ -122,9 +124,10 @@ def attempt_all(
     with compiled_once(recipe):
         if not (at_once and _may_be_at_once(tasks[0])):
             return [attempt(*task, ready=parts) for task, parts in zip(tasks, ready, strict=True)]
+        most = _most_at_once(recipe)
         while len(results) < len(tasks):
             done = len(results)
-            count = next(count for count in AT_ONCE if count <= len(tasks) - done)
+            count = next(count for count in AT_ONCE if count <= min(len(tasks) - done, most))
             results += _evaluated_at_once(tasks[done : done + count], ready[done : done + count])
     return results
 
@@ -138,6 +141,12 @@ def _may_be_at_once(task: tuple) -> bool:
         return False
     settings: TrainSettings = recipe.fidelity.train
     return settings.frozen or settings.net == "compact"
+
+
+def _most_at_once(recipe: Recipe) -> int:
+    """The number of networks whose training sets take a third of the device's memory, but at least one."""
+    room = device().memory or memory()
+    return max(1, room // (3 * training_bytes(recipe.fidelity)))
 
 
 def _evaluated_at_once(

@@ -22,14 +22,14 @@ def test_who_dies_or_comes_changes_nothing_and_files_are_sent_to_all(dask_cluste
         assert cluster.workers == 1 and "/status" in cluster.dashboard
         name = cluster.share(str(tmp_path / "own"))
         assert name == cluster.share(str(tmp_path / "own")) and cluster.share("") == ""
-        found = {}
+        answers_by_index = {}
         for index, answer in cluster.map(told, [(name, 0.3)] * 12):
-            if not found:  # another comes, and the only one dies
+            if not answers_by_index:  # another comes, and the only one dies
                 dask_cluster.start("GPU=1")
                 os.kill(answer[-1], signal.SIGKILL)
-            found[index] = answer
-        assert sorted(found) == list(range(12))
-        texts, roots, values, pids = zip(*found.values(), strict=True)
+            answers_by_index[index] = answer
+        assert sorted(answers_by_index) == list(range(12))
+        texts, roots, values, pids = zip(*answers_by_index.values(), strict=True)
         assert set(map(tuple, texts)) == {("", "first")} and set(values) == {"yes"}
         assert len(set(pids)) == len(set(roots)) == 2 and str(tmp_path / "own") not in roots
         refused(UserError, "cannot do 3", list, cluster.map(fail, [(3,)]))
@@ -72,9 +72,9 @@ def test_a_scheduler_that_goes_away_ends_the_work_with_one_error(dask_cluster):
     (("dask", 1, "host:99999"), "--scheduler host:99999: .* expected an address with a port"),
     (("processes", 1, "tcp://127.0.0.1:9"), "--scheduler is for --executor dask"),
 ])  # fmt: skip
-def test_what_cannot_be_reached_is_one_error(asked, complaint, monkeypatch):
+def test_what_cannot_be_reached_is_one_error(arguments, complaint, monkeypatch):
     monkeypatch.setattr("common.workers.cluster.PATIENCE", 1.0)
-    refused(UserError, complaint, workers_of, *asked)
+    refused(UserError, complaint, workers_of, *arguments)
 
 
 def test_without_the_extra_it_says_what_to_install(monkeypatch):
@@ -85,9 +85,9 @@ def test_without_the_extra_it_says_what_to_install(monkeypatch):
 
 def test_a_worker_that_makes_other_pictures_is_refused():
     cluster = pytest.importorskip("common.workers.cluster")
-    ours = picture_versions()
-    assert cluster._alone(picture_versions, ours, doubled, 3) == 6
+    versions = picture_versions()
+    assert cluster._alone(picture_versions, versions, doubled, 3) == 6
     for name in ("engine", "numba", "numpy"):
-        message = f"a worker of the cluster has {name} {ours[name]}, this program 0: install"
-        expected = {**ours, name: 0}
+        message = f"a worker of the cluster has {name} {versions[name]}, this program 0: install"
+        expected = {**versions, name: 0}
         refused(UserError, message, cluster._alone, picture_versions, expected, doubled, 3)

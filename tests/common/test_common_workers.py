@@ -65,22 +65,22 @@ def test_requested_work_that_still_waits_behind_other_work_is_urgent(tmp_path):
     with WorkerPool(1) as pool:
         gate = tmp_path / "gate"
         blocked = [pool.begin(wait_for, str(gate)) for _ in range(3)]  # one waits for its process
-        asked = pool.begin(os.getpriority, os.PRIO_PROCESS, 0)
-        answer = pool.map(os.getpriority, [(os.PRIO_PROCESS, 0)], started={0: asked})
+        future = pool.begin(os.getpriority, os.PRIO_PROCESS, 0)
+        answer = pool.map(os.getpriority, [(os.PRIO_PROCESS, 0)], started={0: future})
         assert list(answer) == [(0, os.getpriority(os.PRIO_PROCESS, 0))]
-        assert asked.cancelled() and not blocked[0].done()
+        assert future.cancelled() and not blocked[0].done()
         gate.touch()
         assert list(pool.map(wait_for, [(str(gate),)], started={0: blocked[0]})) == [(0, None)]
 
 
 def test_workers_have_one_thread_one_gpu_their_environment_and_leaving_early_drops_the_work():
     with WorkerPool(1, {"SCENE_TEST": "yes", "CUDA_VISIBLE_DEVICES": "5,7"}) as pool:
-        [(_, (*own, pid))] = pool.map(surroundings, [()])
-        assert own[1:] == ["1", 1, "5", "yes"]
+        [(_, (*settings, pid))] = pool.map(surroundings, [()])
+        assert settings[1:] == ["1", 1, "5", "yes"]
         # Two jobs would give their first workers the same one.
-        assert own[0] is None or own[0] == os.sched_getaffinity(0)
+        assert settings[0] is None or settings[0] == os.sched_getaffinity(0)
         assert pid != os.getpid()
-        assert list(pool.map(surroundings, [()])) == [(0, (*own, pid))]  # long-lived
+        assert list(pool.map(surroundings, [()])) == [(0, (*settings, pid))]  # long-lived
         behind = pool.begin(os.getpriority, os.PRIO_PROCESS, 0).result()
         assert behind == min(os.getpriority(os.PRIO_PROCESS, 0) + LESS_URGENT, 19)
         assert 0 < pool.cpu_share() < 2

@@ -15,6 +15,7 @@ from common.files import read_json, write_json
 from common.labels.target_file import shipped
 from common.workers.pool import WorkerPool
 from experiments.config import Fidelity
+from experiments.config.limits import training_bytes
 from experiments.evaluation import cache, in_worker, renders
 from experiments.evaluation.cache import ABOUT, FOLDER, Cache
 from experiments.evaluation.cached import loaded
@@ -52,8 +53,8 @@ TARGET = target_of(REAL, TEST)
 def made(runner: Runner, recipe: Recipe = RECIPE) -> list[tuple]:
     """Keys and results of two nets that are trained on the reward images."""
     jobs = [Job(recipe, REAL, 5 + k, {}) for k in range(2)]
-    found = runner.run(jobs)
-    return [(runner.key(job), r.reward, r.class_iou) for job, r in zip(jobs, found, strict=True)]
+    results = runner.run(jobs)
+    return [(runner.key(job), r.reward, r.class_iou) for job, r in zip(jobs, results, strict=True)]
 
 
 def test_the_reward_is_that_of_the_best_checkpoint(monkeypatch):
@@ -72,8 +73,8 @@ def test_the_reward_is_that_of_the_best_checkpoint(monkeypatch):
 
 def plain(recipe: Recipe = RECIPE) -> list[tuple]:
     """The same results, of nets that are given arrays."""
-    found = [evaluate_miou(recipe, REAL, 5 + k, TEST) for k in range(2)]
-    return [(result.reward, result.class_iou) for result in found]
+    results = [evaluate_miou(recipe, REAL, 5 + k, TEST) for k in range(2)]
+    return [(result.reward, result.class_iou) for result in results]
 
 
 @pytest.fixture
@@ -92,24 +93,24 @@ def flat(images: LabelledImages) -> list:
     return [images.images, images.labels, *images.features]
 
 
-def same(ours, theirs) -> bool:
-    return all(map(np.array_equal, ours, theirs))
+def same(first, second) -> bool:
+    return all(map(np.array_equal, first, second))
 
 
 @pytest.mark.parametrize(("workers", "trainers"), [
     (0, None), pytest.param(2, None, marks=pytest.mark.slow), pytest.param(2, 1, marks=pytest.mark.slow),
 ])  # fmt: skip
 def test_results_are_those_of_arrays(workers, trainers, tmp_path):
-    told: list[str] = []
+    progress: list[str] = []
     with WorkerPool(workers, worker_environment(), trainers) as pool:
-        own = runner_of(TARGET, tmp_path / "run", pool, told.append)
-        found = made(own)
-        assert [result for _, *result in found] == [list(result) for result in plain()]
-        assert found[0][0] != found[1][0] and found[0][1] != found[1][1]
+        opened_runner = runner_of(TARGET, tmp_path / "run", pool, progress.append)
+        results = made(opened_runner)
+        assert [result for _, *result in results] == [list(result) for result in plain()]
+        assert results[0][0] != results[1][0] and results[0][1] != results[1][1]
         # A single set is rendered by all workers, and the same.
         streets, two = default_proposal(), replace(RECIPE.fidelity, streets=2)
         recipe = RECIPE._replace(fidelity=two)
-        (result,) = own.run([Job(recipe, streets, 5, {})])
+        (result,) = opened_runner.run([Job(recipe, streets, 5, {})])
         alone = evaluate_miou(recipe, streets, 5, TEST)
         assert (result.reward, result.class_iou) == (alone.reward, alone.class_iou)
         assert result.render_seconds > 0 and not list((tmp_path / "run").glob("**/renders/*"))
@@ -120,7 +121,7 @@ def test_results_are_those_of_arrays(workers, trainers, tmp_path):
             for workers, name in ((pool, "run"), (POOL, "alone"))
         ]
         assert all(same(kept, made) for kept, made in zip(*map(flat, pooled), strict=True))
-    done = [line.rpartition(": ")[2] for line in told]
+    done = [line.rpartition(": ")[2] for line in progress]
     assert done[0] == "3 of 3" and done[2:] == ["25 of 25"]
 
 
@@ -170,6 +171,8 @@ def test_networks_of_a_trainer_may_be_made_at_once(recipe, keeps, opened, tmp_pa
     kept = partial(evaluate_miou, keeps="predictions")
     (whole,) = in_worker.attempt_all([(kept, rendering, REAL.take([0, 1]), 5, real)], [[]], True)
     assert whole.predictions.predictions is not None and not counts
+    monkeypatch.setattr(in_worker, "memory", lambda: 3 * training_bytes(rendering.fidelity))
+    assert in_worker._most_at_once(rendering) == 1
 
 
 def test_features_are_computed_once_for_all_nets_of_a_run(opened, runner, tmp_path, monkeypatch):
@@ -211,17 +214,17 @@ def test_a_killed_run_leaves_nothing_that_is_trusted(opened, tmp_path, full_disk
 
 def test_streets_are_rendered_once_and_whole_pieces_outlive_a_kill(opened, monkeypatch):
     monkeypatch.setattr(cache, "CHUNK", 3)
-    units, told = draw(default_proposal(), 0, 7), []
+    units, counts = draw(default_proposal(), 0, 7), []
 
     def made(**stubs):
         with monkeypatch.context() as patch:
             for name, stub in stubs.items():
                 patch.setattr(renders if name == "images_and_labels" else cache, name, stub)
-            found = loaded(opened().streets("a" * 64, RECIPE, units, 3, told.append))
-        return flat(found)
+            streets = loaded(opened().streets("a" * 64, RECIPE, units, 3, counts.append))
+        return flat(streets)
 
     whole = made()
-    assert len(whole[0]) == 7 and told == [0, 3, 3, 1]
+    assert len(whole[0]) == 7 and counts == [0, 3, 3, 1]
     assert same(made(images_and_labels=never), whole)
     # The same streets with other classes have other labels.
     other = loaded(opened().streets("a" * 64, RECIPE._replace(table="cityscapes"), units, 3, int))
@@ -276,26 +279,28 @@ def test_files_of_others_and_damaged_ones_are_refused(part, name, change, compla
         path.write_bytes(path.read_bytes()[:-1] + change)
     with pytest.raises(UserError) as caught:
         opened().put(TEST, TRAIN, "test")
-    said = str(caught.value)
-    assert str(path) in said and complaint in said and f"remove {path.parent}" in said
+    message = str(caught.value)
+    assert str(path) in message and complaint in message and f"remove {path.parent}" in message
 
 
 def test_a_command_ends_with_exit_code_2(command, learnt_file, tmp_path, error_line):
     run = tmp_path / "run"
-    asked = ("table", run, "--learnt", str(learnt_file), "--nets", "lite0")
-    assert command(*asked) == 0
+    arguments = ("table", run, "--learnt", str(learnt_file), "--nets", "lite0")
+    assert command(*arguments) == 0
     for path in (run / FOLDER).glob(f"*-*/{ABOUT}"):
         write_json(path, read_json(path) | {"trunk": "0"})
     (run / "finals.jsonl").unlink()
-    assert command(*asked) == 2 and "is of other trunk" in error_line(begun=True)
+    assert command(*arguments) == 2 and "is of other trunk" in error_line(begun=True)
 
 
 def test_heads_may_normalise_by_the_images_that_give_the_reward(runner):
     train = replace(TRAIN, head_statistics="target")
-    own = RECIPE._replace(fidelity=replace(RECIPE.fidelity, train=train))
+    by_target = RECIPE._replace(fidelity=replace(RECIPE.fidelity, train=train))
     targets = TARGET, target_of(noise(COUNT, 2), TEST)
-    names = [about(r, t, "test", TEST)["config"] for r, t in product((RECIPE, own), targets)]
+    names = [about(r, t, "test", TEST)["config"] for r, t in product((RECIPE, by_target), targets)]
     assert names[0] == names[1] and len(set(names)) == 3
-    found = made(runner(), own)
-    own = own._replace(statistics=pyramid.channel_statistics(pyramid.features(REAL.images)))
-    assert [tuple(result) for _, *result in found] == plain(own)
+    results = made(runner(), by_target)
+    by_target = by_target._replace(
+        statistics=pyramid.channel_statistics(pyramid.features(REAL.images))
+    )
+    assert [tuple(result) for _, *result in results] == plain(by_target)

@@ -11,7 +11,7 @@ from .test_main_job import SCORES
 
 @pytest.mark.slow
 def test_on_a_cluster_it_ends_as_on_this_machine(unbroken, start_job, tmp_path_factory, out):
-    found = []
+    finished = []
     for cut in (True, False):
         cluster = DaskCluster(tmp_path_factory.mktemp("dask"))
         try:
@@ -22,15 +22,17 @@ def test_on_a_cluster_it_ends_as_on_this_machine(unbroken, start_job, tmp_path_f
                 victim.kill()
                 wait_for_lines(job.process, out / "evaluations.jsonl", 6)
                 cluster.scheduler.kill()
-            found.append(job.finish(timeout=900))
+            finished.append(job.finish(timeout=900))
         finally:
             cluster.stop()
-    (code, _, stderr), (end, stdout, nothing) = found
+    (code, _, stderr), (end, stdout, nothing) = finished
     assert code == 2 and stderr.count("\n") == 1 and "the same command goes on" in stderr
     assert (end, nothing) == (0, "") and "/status" in stdout
     logs = (lines(folder / "evaluations.jsonl") for folder in (out, unbroken[0]))
-    ours, theirs = (sorted((r["update"], r["dataset"], r["reward"]) for r in log) for log in logs)
-    assert ours == theirs
-    ours, theirs = (read_json(folder / "summary.json") for folder in (out, unbroken[0]))
-    assert {k: ours[k] for k in SCORES} == {k: theirs[k] for k in SCORES}
-    assert ours["cpu_share"] is None and 0 < theirs["cpu_share"] < 2
+    of_cluster, of_processes = (
+        sorted((r["update"], r["dataset"], r["reward"]) for r in log) for log in logs
+    )
+    assert of_cluster == of_processes
+    of_cluster, of_processes = (read_json(folder / "summary.json") for folder in (out, unbroken[0]))
+    assert {k: of_cluster[k] for k in SCORES} == {k: of_processes[k] for k in SCORES}
+    assert of_cluster["cpu_share"] is None and 0 < of_processes["cpu_share"] < 2

@@ -72,8 +72,8 @@ def record(key: str = "k", reward: float | None = 0.25, **others) -> dict:
     failed = None if reward is not None else "the loss is nan"
     scores = (math.nan, []) if failed else (reward, [0.5, None])
     outcome = Result(*scores, 1.0, 2.0, failed)
-    own = {"config": "c", "engine": 1, "made_with": {"backend": "cpu"}}
-    return record_of(key, random_proposal(), 1, outcome) | own | others
+    fields = {"config": "c", "engine": 1, "made_with": {"backend": "cpu"}}
+    return record_of(key, random_proposal(), 1, outcome) | fields | others
 
 
 @pytest.fixture
@@ -128,8 +128,8 @@ def test_names_of_intervals_and_mixtures_are_those_of_earlier_versions():
     """Else a store would be of no use to a later version."""
     third = Proposal(np.full(23, 1 / 3, np.float32), np.full(23, 0.1, np.float32))
     mixed = mixture((0.25, 0.75), (third, random_proposal()))
-    found = [identity("c", source, 7)[:16] for source in (third, mixed)]
-    assert found == ["3840d4a09e2a3bbe", "80fcb9269a4b1756"]
+    keys = [identity("c", source, 7)[:16] for source in (third, mixed)]
+    assert keys == ["3840d4a09e2a3bbe", "80fcb9269a4b1756"]
 
 
 def test_an_array_is_read_once_and_stays_as_it_was(monkeypatch):
@@ -158,40 +158,42 @@ def test_a_job_reads_each_of_its_real_images_once(few, camvid, out, counted, mon
 def test_a_mixture_is_kept_by_its_components(tmp_path):
     streets = mixture((0.25, 0.75), (default_proposal(), random_proposal()))
     outcome = Result(0.5, [0.5, None], 1.0, 2.0, heads=([0.25, None], [0.75, 0.5]))
-    kept = record_of("k", streets, 1, outcome) | {"config": "c", "engine": 1}
-    Store(tmp_path / "log").add(kept)
-    (found,) = Store(tmp_path / "log").records
-    assert found == kept and result_of(found) == outcome._replace(stored=True)
-    assert (found["centre"], found["width"]) == (None, None)
-    assert [row["share"] for row in found["components"]] == [0.25, 0.75]
-    assert found["components"][1] == {"share": 0.75, "centre": [0.5] * 23, "width": [1.0] * 23}
+    record = record_of("k", streets, 1, outcome) | {"config": "c", "engine": 1}
+    Store(tmp_path / "log").add(record)
+    (stored,) = Store(tmp_path / "log").records
+    assert stored == record and result_of(stored) == outcome._replace(stored=True)
+    assert (stored["centre"], stored["width"]) == (None, None)
+    assert [row["share"] for row in stored["components"]] == [0.25, 0.75]
+    assert stored["components"][1] == {"share": 0.75, "centre": [0.5] * 23, "width": [1.0] * 23}
 
 
 def test_a_histogram_is_kept_by_its_probabilities(tmp_path):
-    own = Histogram(np.tile(np.float32([0.1, 0.2, 0.7]), (23, 1)))
-    for source in (own, mixture((0.25, 0.75), (random_proposal(), own))):
+    histogram = Histogram(np.tile(np.float32([0.1, 0.2, 0.7]), (23, 1)))
+    for source in (histogram, mixture((0.25, 0.75), (random_proposal(), histogram))):
         kept = record_of("k", source, 1, Result(0.5, [], 1.0, 2.0)) | {"config": "c", "engine": 1}
         Store(tmp_path / "log").add(kept)
-        found = Store(tmp_path / "log").records[-1]
-        assert found == kept and (found["centre"], found["width"]) == (None, None)
-        told = found if source is own else found["components"][1]
-        assert told["probabilities"] == [[0.1, 0.2, 0.7]] * 23
+        stored = Store(tmp_path / "log").records[-1]
+        assert stored == kept and (stored["centre"], stored["width"]) == (None, None)
+        with_probabilities = stored if source is histogram else stored["components"][1]
+        assert with_probabilities["probabilities"] == [[0.1, 0.2, 0.7]] * 23
 
 
 def test_a_class_of_one_s_own_counts_by_its_name_and_the_content_of_its_file(a_run, tmp_path):
     run = a_run()
     recipe = run.recipe(run.config.reward)
 
-    def name(*own):
-        pool = recipe.pool._replace(own_class=OwnClass(*own) if own else None)
+    def name(*own_class_fields):
+        pool = recipe.pool._replace(
+            own_class=OwnClass(*own_class_fields) if own_class_fields else None
+        )
         return runner.about(recipe._replace(pool=pool), TARGET, "reward", TRUTH)["config"]
 
     first, second, copy = (str(tmp_path / f"{k}.glb") for k in "abc")
     for file, content in ((first, "1"), (second, "2"), (copy, "1")):
         (tmp_path / file).write_text(content)
-    told = [name(), name("bin", first), name("cone", first), name("bin", second)]
-    assert len({*told, name("bin", first, "carriageway")}) == 5
-    assert name("bin", copy) == told[1]
+    names = [name(), name("bin", first), name("cone", first), name("bin", second)]
+    assert len({*names, name("bin", first, "carriageway")}) == 5
+    assert name("bin", copy) == names[1]
 
 
 def test_a_configuration_is_all_that_decides_a_reward(a_run, tmp_path, monkeypatch):
@@ -203,20 +205,20 @@ def test_a_configuration_is_all_that_decides_a_reward(a_run, tmp_path, monkeypat
         return runner.about(recipe, target, side, truth)["config"]
 
     reward = CONFIG.reward
-    own = {"assets": tmp_path / "own"}
-    train, asked = reward.train, TARGET._replace(reward_names=("a", "x"))
+    assets_field = {"assets": tmp_path / "own"}
+    train, other_names = reward.train, TARGET._replace(reward_names=("a", "x"))
     others = [
         *(name(reward=replace(reward, **k)) for k in ({"shots": 3}, {"samples": 2})),
         *(name(reward=replace(reward, train=replace(train, **k))) for k in ({"steps": 13}, {"lr": 0.5})),
-        name(renderer="opengl"), name(asset_fraction=0.5), name(asset_count=5), name(**own),
+        name(renderer="opengl"), name(asset_fraction=0.5), name(asset_count=5), name(**assets_field),
         name(table="cityscapes"), name(checkpoints=2),
-        name(target=TARGET._replace(name="twin")), name(target=asked),
+        name(target=TARGET._replace(name="twin")), name(target=other_names),
         name(side="test"), name(truth=TRUTH._replace(labels=TRUTH.labels + 1)),
         name(truth=mmd.Reference(np.zeros((2, 3)), "net", "images")),
     ]  # fmt: skip
     for corner in ("v 0 0 0", "v 0 0 1"):
         (tmp_path / "own" / "car" / "a.obj").write_text(corner)
-        others += [name(**own)]
+        others += [name(**assets_field)]
     assert len({name(), *others}) == 1 + len(others)
     (tmp_path / "own").rename(tmp_path / "moved")
     assert name(assets=tmp_path / "moved") == others[-1]
@@ -291,14 +293,14 @@ def test_known_evaluations_are_not_made_again(a_run, tmp_path, scored_by):
         assert [o.reward for o in again] == [first[1].reward, first[0].reward]
         assert all(o.stored and o.seconds == 2.0 and len(o.class_iou) == 11 for o in again)
     # Each run's log has its own notes, beside all that the store knows.
-    kept = Store(store, shared=True).records
-    assert len(kept) == 2 and "row" not in kept[0]
-    ours, theirs = (lines(tmp_path / name / LOGS[1]) for name in ("run", "other"))
-    assert [line["row"] for line in ours] == ["r1", "r2"]
-    assert untimed(theirs) == untimed(ours[::-1])
-    assert kept[0] == {k: v for k, v in ours[0].items() if k not in ("row", "elapsed")}
-    assert kept[0]["centre"] == [0.5] * 23 and kept[0]["width"] == [1.0] * 23
-    assert (kept[0]["seed"], kept[0]["side"], kept[0]["size"]) == (1, "reward", "64x48")
+    stored = Store(store, shared=True).records
+    assert len(stored) == 2 and "row" not in stored[0]
+    first_lines, second_lines = (lines(tmp_path / name / LOGS[1]) for name in ("run", "other"))
+    assert [line["row"] for line in first_lines] == ["r1", "r2"]
+    assert untimed(second_lines) == untimed(first_lines[::-1])
+    assert stored[0] == {k: v for k, v in first_lines[0].items() if k not in ("row", "elapsed")}
+    assert stored[0]["centre"] == [0.5] * 23 and stored[0]["width"] == [1.0] * 23
+    assert (stored[0]["seed"], stored[0]["side"], stored[0]["size"]) == (1, "reward", "64x48")
 
 
 def test_the_log_has_a_line_for_each_row_of_a_net_that_is_known_already(a_run, scored_by, capsys):
@@ -306,13 +308,13 @@ def test_the_log_has_a_line_for_each_row_of_a_net_that_is_known_already(a_run, s
     run = a_run()
     recipe = run.recipe(run.config.final)
     for names in (("default",), ("default", "learnt"), ("default", "learnt")):
-        found = results_of(run, "final", dict.fromkeys(names, default_proposal()), recipe, [0, 1])
+        results = results_of(run, "final", dict.fromkeys(names, default_proposal()), recipe, [0, 1])
     for opened in (run, a_run()):  # nor does it grow when a run goes on
         results_of(opened, "final", dict.fromkeys(names, default_proposal()), recipe, [0, 1])
     assert [(line["row"], line["seed"]) for line in opened.finals.records] == [
         ("default", 0), ("default", 1), ("learnt", 0), ("learnt", 1),
     ]  # fmt: skip
-    assert len(first_of_each(opened.finals.records)) == 2 and found["learnt"][0].stored
+    assert len(first_of_each(opened.finals.records)) == 2 and results["learnt"][0].stored
 
 
 def test_what_the_store_holds_stands(a_run, tmp_path, scored_by):
@@ -347,13 +349,13 @@ def test_a_score_that_is_no_number_is_the_images_fault(a_run, tmp_path, scored_b
 
 
 def test_a_second_search_takes_its_rewards_from_the_store(a_run, tmp_path, scored_by):
-    found = []
+    results = []
     for out in ("one", "two"):
         scored_by(formula if out == "one" else never)
         options = searching(CONFIG, method="random_search").search
         run = a_run(out, store=tmp_path / "store.jsonl", search=options)
-        found.append(search(run, plan_of(run.config)))
-    np.testing.assert_array_equal(*(result.rewards for result in found))
+        results.append(search(run, plan_of(run.config)))
+    np.testing.assert_array_equal(*(result.rewards for result in results))
     logs = [lines(tmp_path / out / LOGS[0]) for out in ("one", "two")]
     assert untimed(logs[0]) == untimed(logs[1])
     # The store tells what was proposed: a bin's interval for each attribute.
@@ -372,20 +374,27 @@ def nets(run: Session[MainConfig]) -> dict[str, list[Result]]:
 def test_rows_are_paired_and_scored_once_on_the_test_images(a_run, scored_by, capsys):
     scored_by(formula)
     run = a_run()
-    found = nets(run)
+    results = nets(run)
     rows = [(r["nets"], r["side"], r["row"], r["seed"]) for r in run.finals.records]
     names = ["random", "default", "random", "random", "real", "real", "real"]
     seeds = [5, 5, 6, 7, 5, 6, 7]  # the longest first
     assert rows == [("final", "test", *row) for row in zip(names, seeds, strict=True)]
-    wanted = [formula(run.recipe(CONFIG.final), TRUTH, seed, TRUTH).reward for seed in (5, 6, 7)]
-    assert [outcome.reward for outcome in found["real"]] == wanted
-    told = capsys.readouterr().out.splitlines()
-    assert len(told) == 7 and f"final: real, seed 6 | mIoU {100 * wanted[1]:.1f}" in told[5]
+    rewards = [formula(run.recipe(CONFIG.final), TRUTH, seed, TRUTH).reward for seed in (5, 6, 7)]
+    assert [outcome.reward for outcome in results["real"]] == rewards
+    lines_shown = capsys.readouterr().out.splitlines()
+    assert (
+        len(lines_shown) == 7
+        and f"final: real, seed 6 | mIoU {100 * rewards[1]:.1f}" in lines_shown[5]
+    )
     scored_by(never)
     again = nets(a_run())
-    for name, own in again.items():
-        assert [o.reward for o in own] == [o.reward for o in found[name]]
-    assert [len(own) for own in again.values()] == [3, 1, 3] and capsys.readouterr().out == ""
+    for name, row_results in again.items():
+        assert [o.reward for o in row_results] == [o.reward for o in results[name]]
+    assert [len(row_results) for row_results in again.values()] == [
+        3,
+        1,
+        3,
+    ] and capsys.readouterr().out == ""
 
 
 @pytest.mark.parametrize(("killed", "trainers"), [(False, None), (True, None), (False, 1)])
@@ -393,7 +402,7 @@ def test_prefetched_nets_are_made_once_with_the_same_values(
     killed, trainers, a_run, scored_by, monkeypatch
 ):
     scored_by(formula)
-    plain = nets(a_run())
+    expected = nets(a_run())
     monkeypatch.setattr("experiments.evaluation.runner.LEAST", 0.0)
     with WorkerPool(1, worker_environment(), trainers) as pool:
         run = a_run("ahead", pool=pool)
@@ -405,19 +414,21 @@ def test_prefetched_nets_are_made_once_with_the_same_values(
         if killed:
             os.kill(behind[0], signal.SIGKILL)
         evaluate(run, 1, 2)  # urgent
-        found = nets(run)
+        results_by_row = nets(run)
         if trainers:
             libraries = "numba", "jax", "jaxlib", "flax", "optax"
             assert [*pool.map(loaded, [libraries])] == [(0, {"numba"})]
             assert pool._submit(loaded, libraries, behind=True).result() == {"numba"}
             ((_, of_trainer),) = pool.map(loaded, [libraries], net=True)
             assert "jax" in of_trainer
-            rendered = [r for results in found.values() for r in results if r.render_seconds != 0.5]
+            rendered = [
+                r for results in results_by_row.values() for r in results if r.render_seconds != 0.5
+            ]
             assert len(rendered) == 4  # on renderers: the others have real images
             assert not list(run.config.out.glob("shared/renders/*"))
-    assert found.keys() == plain.keys()
-    for name, own in found.items():
-        assert [o.reward for o in own] == [o.reward for o in plain[name]]
+    assert results_by_row.keys() == expected.keys()
+    for name, row_results in results_by_row.items():
+        assert [o.reward for o in row_results] == [o.reward for o in expected[name]]
     kept = [line for line in run.finals.records if "nets" in line]
     assert len(kept) == len({(line["nets"], line["row"], line["seed"]) for line in kept}) == 7
     full, real = cost_of(CONFIG.final), head_cost(CONFIG.final)
@@ -473,8 +484,8 @@ def test_show_counts_by_configuration(tmp_path, capsys):
 def test_show_tells_rewards_without_labels_as_they_are(tmp_path, capsys):
     records = [record(key, reward, kind="mmd") for key, reward in (("a", -0.5), ("b", -0.25))]
     assert main(["show", str(written(tmp_path / "s.jsonl", *records))]) == 0
-    said = capsys.readouterr().out
-    assert "-MMD^2 best -0.2500, mean -0.3750" in said and "mIoU" not in said
+    output = capsys.readouterr().out
+    assert "-MMD^2 best -0.2500, mean -0.3750" in output and "mIoU" not in output
 
 
 def test_merge_folds_duplicates(tmp_path, capsys, refused):

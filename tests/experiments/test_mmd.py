@@ -120,13 +120,17 @@ def test_kinds_of_rewards_are_kept_apart(recipe, net, tmp_path):
     images = unlabelled(recipe.fidelity.height, recipe.fidelity.width)
     truth, reference = images, net.reference(images.images)
     moved = reference._replace(net="elsewhere.npz")  # where the net lies does not matter
-    told = [about(recipe, TARGET, "reward", t) for t in (truth, reference, moved)]
-    keys = [each["config"] for each in told]
+    fields = [about(recipe, TARGET, "reward", t) for t in (truth, reference, moved)]
+    keys = [kind_fields["config"] for kind_fields in fields]
     assert keys[0] != keys[1] == keys[2]
-    assert [each["kind"] for each in told] == ["miou", "mmd", "mmd"]  # by which records are chosen
+    assert [kind_fields["kind"] for kind_fields in fields] == [
+        "miou",
+        "mmd",
+        "mmd",
+    ]  # by which records are chosen
     shutil.copy(net.path, tmp_path)
     runner = runner_of(TARGET, tmp_path)
     job = Job(recipe, random_proposal(), 1, {}, "reward", "mmd")
     (first,), (again,) = (runner.run([job]) for _ in range(2))
-    assert runner.about(job) == told[1]
+    assert runner.about(job) == fields[1]
     assert again.stored and not first.stored and again.reward == first.reward

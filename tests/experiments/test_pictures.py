@@ -10,16 +10,16 @@ from seg.classes import CAMVID_11, CITYSCAPES_19, IGNORE_LABEL, colorize
 
 def test_colours_are_the_tables():
     labels = np.array([[0, 1], [10, IGNORE_LABEL]], np.uint8)
-    wanted = [[(128, 64, 128), (244, 35, 232)], [(70, 130, 180), (0, 0, 0)]]
-    np.testing.assert_array_equal(colorize(labels, CITYSCAPES_19.colors), wanted)
+    expected = [[(128, 64, 128), (244, 35, 232)], [(70, 130, 180), (0, 0, 0)]]
+    np.testing.assert_array_equal(colorize(labels, CITYSCAPES_19.colors), expected)
     np.testing.assert_array_equal(colorize(labels, CAMVID_11.colors)[0, 0], (128, 128, 128))
 
 
 def test_shares_and_mean_rows_by_hand():
-    found = pictures.shares(np.array([[[0, 0], [0, 1]], [[255, 255], [1, 1]]], np.uint8), 3)
-    assert found["pixels"] == [50, 50, 0]
+    contents = pictures.shares(np.array([[[0, 0], [0, 1]], [[255, 255], [1, 1]]], np.uint8), 3)
+    assert contents["pixels"] == [50, 50, 0]
     # Of two rows of pixels the middles lie at 25 and 75 %.
-    assert found["row"] == [pytest.approx(100 * (0.25 + 0.25 + 0.75) / 3, abs=0.01), 75, None]
+    assert contents["row"] == [pytest.approx(100 * (0.25 + 0.25 + 0.75) / 3, abs=0.01), 75, None]
 
 
 def test_what_a_net_saw_is_left_whole_or_not_at_all(tmp_path):
@@ -28,14 +28,14 @@ def test_what_a_net_saw_is_left_whole_or_not_at_all(tmp_path):
     predictions = np.array([[[0, 0]], [[1, 1]]], np.uint8)
     by_image = np.array([[[1, 0], [1, 0]], np.zeros((2, 2))], np.int64)  # the second is all void
     save(path, predictions_of(by_image))
-    found = load(path)
-    assert found.predictions is None
-    np.testing.assert_array_equal(found.confusion, by_image[0])
+    contents = load(path)
+    assert contents.predictions is None
+    np.testing.assert_array_equal(contents.confusion, by_image[0])
     save(path, predictions_of(by_image, predictions))
-    found = load(path)
-    np.testing.assert_array_equal(found.by_image, by_image)
-    np.testing.assert_array_equal(found.miou, [0.25, np.nan])  # IoU 1/2 and 0; all void
-    np.testing.assert_array_equal(found.predictions, predictions)
+    contents = load(path)
+    np.testing.assert_array_equal(contents.by_image, by_image)
+    np.testing.assert_array_equal(contents.miou, [0.25, np.nan])  # IoU 1/2 and 0; all void
+    np.testing.assert_array_equal(contents.predictions, predictions)
     path.write_bytes(path.read_bytes()[:-9])
     assert load(path) is None
     assert picked(5).tolist() == [0, 1, 2, 3, 4]

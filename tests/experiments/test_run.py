@@ -64,8 +64,8 @@ def test_a_folder_says_everything_needed_to_repeat_the_run(tiny_camvid):
     with session.open(tiny_camvid):
         stored = json.loads((tiny_camvid.out / "config.json").read_text())
     assert set(stored.pop("versions")) >= {"sdr-jax"} and stored.pop("version") == 1
-    own = {"engine": session.ENGINE, "made_with": dict(made_with())}
-    assert stored == as_json({**own, **asdict(tiny_camvid)})
+    added_fields = {"engine": session.ENGINE, "made_with": dict(made_with())}
+    assert stored == as_json({**added_fields, **asdict(tiny_camvid)})
 
 
 def test_jobs_called_from_python_set_up_their_process_like_commands(tiny_camvid, monkeypatch):
@@ -137,8 +137,8 @@ def elsewhere(monkeypatch):
     """From here on nets are made by another backend."""
 
     def change() -> None:
-        found = (("backend", "gpu"), *made_with()[1:])
-        monkeypatch.setattr("experiments.evaluation.made_with.made_with", lambda: found)
+        other_made_with = (("backend", "gpu"), *made_with()[1:])
+        monkeypatch.setattr("experiments.evaluation.made_with.made_with", lambda: other_made_with)
 
     return change
 
@@ -146,8 +146,12 @@ def elsewhere(monkeypatch):
 def test_a_run_keeps_to_its_backend_and_versions(tiny_camvid, fails, elsewhere):
     with session.open(tiny_camvid):
         stored = json.loads((tiny_camvid.out / "config.json").read_text())
-    ours = stored["made_with"]
-    assert (ours["backend"], ours["jax"], ours["numpy"]) == ("cpu", jax.__version__, np.__version__)
+    recorded = stored["made_with"]
+    assert (recorded["backend"], recorded["jax"], recorded["numpy"]) == (
+        "cpu",
+        jax.__version__,
+        np.__version__,
+    )
     elsewhere()
     line = fails(tiny_camvid.out)
     assert (
@@ -172,14 +176,14 @@ def test_a_store_keeps_two_backends_apart(tiny_camvid, counted, elsewhere, capsy
     elsewhere()
     capsys.readouterr()
     assert (score("b"), score("more")) == (2, 0)
-    said = [line for line in capsys.readouterr().out.splitlines() if "holds" in line]
-    assert said[0].endswith("holds 2, 2 of them made with other backends or versions")
-    assert said[1].endswith("holds 4, 2 of them made with other backends or versions")
+    counts = [line for line in capsys.readouterr().out.splitlines() if "holds" in line]
+    assert counts[0].endswith("holds 2, 2 of them made with other backends or versions")
+    assert counts[1].endswith("holds 4, 2 of them made with other backends or versions")
     runs = [str(tiny_camvid.out.with_name(name)) for name in ("a", "b")]
     merged = store.with_name("merged.jsonl")
     assert merge_stores(["merge", *runs, "--out", str(merged)]) == 0
-    told = capsys.readouterr().out.splitlines()
-    assert len(read(merged)) == 4 and told == [
+    output = capsys.readouterr().out.splitlines()
+    assert len(read(merged)) == 4 and output == [
         f"{merged}: 4 evaluations",
         "Runs take only what their own backend and versions made: 2 with backend cpu; 2 with backend gpu",
     ]
@@ -224,8 +228,8 @@ def test_the_number_of_trainers_is_that_of_the_gpus_unless_told():
 def test_a_trainer_without_its_gpu_or_with_too_little_memory_is_refused():
     large = replace(FINAL, width=640, height=480, streets=2000)
     refuse_unusable(GPU, ["0"], {"final": FINAL})
-    for found in (GPU._replace(memory=None), GPU._replace(memory=10**12)):
-        refuse_unusable(found, ["0"], {"final": large})
+    for larger in (GPU._replace(memory=None), GPU._replace(memory=10**12)):
+        refuse_unusable(larger, ["0"], {"final": large})
     refuse_unusable(Device("cpu", "cpu", None), [], {"final": large})
     message = r"--final: training on \d+ images of 640x480 takes at least .* H200 offers 1 GB: use a smaller"
     refused(UserError, message, refuse_unusable, GPU, ["0"], {"reward": FINAL, "final": large})

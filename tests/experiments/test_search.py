@@ -43,8 +43,8 @@ def test_every_reward_is_logged_with_its_actions(config, run):
     config = searching(config, common_random_numbers=True)
     found = run(config)
     logged = lines(config.out / "evaluations.jsonl")
-    wanted = [("search", update, dataset) for update in range(12) for dataset in range(2)]
-    assert [(r["search"], r["update"], r["dataset"]) for r in logged] == wanted
+    places = [("search", update, dataset) for update in range(12) for dataset in range(2)]
+    assert [(r["search"], r["update"], r["dataset"]) for r in logged] == places
     rewards = np.float32([r["reward"] for r in logged]).reshape(12, 2)
     np.testing.assert_array_equal(found.rewards, rewards)
     np.testing.assert_array_equal(found.groups, np.repeat(np.arange(6), 2))
