@@ -139,7 +139,7 @@ class Cluster(Workers):
         return 1
 
     def begin_part(self, function: Callable[..., Any], task: tuple, behind: bool) -> Any:
-        """Begin a part of a net on a renderer; its result stays there until a trainer needs it."""
+        """Begin a part of a network on a renderer; its result stays there until a trainer needs it."""
         return self._client.submit(
             *self._called(function, task), **self._options(trains=False, behind=behind), pure=False
         )
@@ -190,7 +190,7 @@ class Cluster(Workers):
     def _lost(self) -> UserError:
         return UserError(
             f"--scheduler {self._address}: the scheduler is gone; what was finished is saved, and the "
-            "same command goes on"
+            "same command resumes"
         )
 
 

@@ -25,8 +25,8 @@ def workers_of(
         scheduler: address of the cluster's scheduler.
         environment: variables that workers get before they import JAX.
         versions: gives the versions that workers of a cluster must share with this process.
-        trainers: number of separate processes for nets; by default processes render and train, and a cluster
-            has the trainers that announce a GPU.
+        trainers: number of separate processes for networks. By default processes render and train; on a
+            cluster the workers that announce a GPU are trainers.
 
     Raises:
         UserError: processes have a scheduler, a cluster has none, trainers, or one that does not answer, or

@@ -4,8 +4,7 @@ They render, and evaluate whole rewards for the experiments. Results come as the
 their task, so that progress can be shown and answers do not depend on the order. `WorkerPool` has processes
 of this machine, ``cluster.Cluster`` those of a Dask cluster.
 
-One kind of worker does everything, or there are two: renderers, and *trainers* with a device, to which nets
-go (`pipeline`).
+One kind of worker does everything, or there are two: renderers, and *trainers* with a device (`pipeline`).
 """
 
 from __future__ import annotations
@@ -31,12 +30,12 @@ from common.workers.pipeline import Pipeline, Split
 ExecutorName = Literal["processes", "dask"]
 Self = TypeVar("Self", bound="Workers")
 LESS_URGENT = 10
-"""Niceness of processes for work of low priority, if the system has it. With the greatest, 19, a net that was
-begun would wait for hours beside programs of others."""
+"""Niceness of processes for work of low priority, if the system has it. With the greatest, 19, a network
+would wait for hours while other programs run."""
 TICK = 2.0
 """Seconds between two looks at tasks under way."""
 AHEAD = 2
-"""Tasks per worker that are begun before their results are taken."""
+"""Tasks per worker that are started before their results are taken."""
 UNGUARDED = 78
 """The exit code of a process that would start processes of its own while it starts."""
 PROCESS = 100_000_000
@@ -96,7 +95,7 @@ class Workers:
         split: Split | None = None,
         behind: bool = True,
     ) -> Future | None:
-        """Begin a net, by default behind all urgent work, for a later ``map``; None with 0 workers."""
+        """Begin a network, by default behind all urgent work, for a later ``map``; None with 0 workers."""
         return self._nets(function, [task], split, behind)[0] if self.workers else None
 
     def map(
@@ -113,8 +112,8 @@ class Workers:
         Args:
             function: a function of a module.
             tasks: its arguments.
-            net: whether it trains or applies a net, and uses a GPU if there is one.
-            split: how a net is divided where renderers and trainers are apart; by default a trainer does all.
+            net: whether it trains or applies a network, and uses a GPU if there is one.
+            split: how a network is divided between renderers and trainers; by default a trainer does it all.
             started: futures from `begin` by the index of their task; those that still wait become urgent.
 
         Raises:
@@ -158,7 +157,7 @@ class Workers:
             raise
 
     def in_order(self, function: Callable[..., Any], tasks: Iterable[tuple]) -> Iterator[Any]:
-        """Yield ``function(*task)`` in the order of tasks, which may be endless; a few are begun ahead.
+        """Yield ``function(*task)`` in the order of tasks, which may be endless; a few are started ahead.
 
         Raises:
             WorkerError: a process died, and died again when the work was repeated.
@@ -218,7 +217,7 @@ class Workers:
         split: Split | None,
         behind: bool,
     ) -> list[Future]:
-        """Begin nets, on trainers if they are apart."""
+        """Begin networks, on trainers if they are apart."""
         if self.trainers is None:
             return [self._submit(function, task, trains=True, behind=behind) for task in tasks]
         if self._pipeline is None:
@@ -230,7 +229,7 @@ class Workers:
         return self.trainers or 0
 
     def begin_part(self, function: Callable[..., Any], task: tuple, behind: bool) -> Any:
-        """Begin a part of a net on a renderer; returns its future."""
+        """Begin a part of a network on a renderer; returns its future."""
         return self._submit(function, task, behind=behind)
 
     def begin_training(self, function: Callable[..., Any], task: tuple, behind: bool) -> Future:
@@ -285,7 +284,7 @@ class WorkerPool(Workers):
     Args:
         workers: number of processes; 0 works in this one.
         environment: variables that they get before they import anything.
-        trainers: number of separate processes for nets, each of which sees one GPU if there are any; the
+        trainers: number of separate processes for networks, each of which sees one GPU if there are any; the
             others then see none. By default workers do both.
     """
 

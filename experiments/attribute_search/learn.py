@@ -37,7 +37,7 @@ def plan_of(config: SearchConfig, name: str = "search") -> SearchPlan:
 
 
 def work_of(config: SearchConfig, plan: SearchPlan | None = None) -> list[Work]:
-    """The nets that `learn` trains."""
+    """The networks that `learn` trains."""
     return [plans.work_of(config, [plan or plan_of(config)])]
 
 

@@ -1,1 +1,1 @@
-"""Evaluations: a `Job` is a net to train and test, a `Result` its outcome; a `Runner` makes them."""
+"""Evaluations: a `Job` is a network to train and test, a `Result` its outcome; a `Runner` makes them."""

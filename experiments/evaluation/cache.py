@@ -1,15 +1,15 @@
-"""Images for many nets of a run, and their features by a frozen trunk: made once, read by all processes.
+"""Images for many networks of a run with their frozen features: made once, read by all processes.
 
-A folder of images and labels is named by its content, and so is the folder of their features by a trunk.
+A folder of images and labels is named by its content, and so is the folder of their features.
 
     RUN/shared/3f2ab07c91d4e655/            images.npy, labels.npy: 4 bytes a pixel
-    RUN/shared/3f2ab07c91d4e655-1c9d02aa/   map0.npy, map1.npy and so on, the trunk's feature maps: for lite0
-                                            3.5 bytes a pixel of every view
+    RUN/shared/3f2ab07c91d4e655-1c9d02aa/   map0.npy, map1.npy and so on, feature maps of a frozen backbone:
+                                            for lite0 3.5 bytes per pixel of every view
     RUN/shared/pool-90b3c5d07e1f2a64/       all of these for streets of one shot
     RUN/shared/renders/                     sets on their way from renderers to separate trainers
 
-``about.json`` beside them describes them, with hashes of the files, which are checked once per run. A folder
-exists as a whole or not at all; a folder that lacks a file is written anew.
+Each folder has an ``about.json`` with hashes of the files, which are checked once per run. A folder exists as
+a whole or not at all; a folder that lacks a file is written again.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ from seg.views import LOOKS, view_images, with_mirror
 
 FOLDER, ABOUT, SECONDS, RENDERS = "shared", "about.json", "seconds", "renders"
 CHUNK = 16
-"""Images per task of a worker, in whole batches of the trunk."""
+"""Images per task of a worker, in whole batches of the backbone."""
 
 
 def _files(maps: Maps) -> dict[str, np.ndarray]:
@@ -86,12 +86,12 @@ class Cache:
 
         Args:
             images: real images and labels.
-            train: settings of the nets; nets with a frozen trunk get features.
+            train: settings of the networks; networks with a frozen backbone get features.
             what: name of the images in progress lines, such as "reward".
-            training: whether nets are trained on the images instead of tested.
+            training: whether networks are trained on the images instead of tested.
 
         Raises:
-            UserError: files are damaged, or belong to other images or another trunk.
+            UserError: files are damaged, or belong to other images or another backbone.
         """
         source = digest_of(images.images, images.labels)
         folder = self._root / source[:16]
@@ -122,11 +122,11 @@ class Cache:
     def streets(
         self, name: str, recipe: Recipe, units: np.ndarray, seed: int, done: Callable[[int], None]
     ) -> Cached:
-        """Render one shot of each street with its features for a frozen trunk, if it does not exist.
+        """Render one shot of each street with its features for a frozen backbone, if it does not exist.
 
         Args:
             name: hash of everything that decides images and features.
-            recipe: sizes, assets, trunk, and the classes of the labels.
+            recipe: sizes, assets, backbone, and the classes of the labels.
             units: f32[streets, attributes] of every street, in [0, 1].
             seed: decides, with the street's index, all random choices.
             done: called with the number of new streets.
@@ -166,13 +166,13 @@ class Cache:
         return float(read_json(self._pool(name, recipe) / ABOUT).get(SECONDS, 0.0))
 
     def forget(self, name: str, recipe: Recipe) -> None:
-        """Remove the streets of a name once all their nets are trained."""
+        """Remove the streets of a name once all their networks are trained."""
         folder = self._pool(name, recipe)
         shutil.rmtree(folder, ignore_errors=True)
         self._checked.discard(folder)
 
     def _pool(self, name: str, recipe: Recipe) -> Path:
-        # The name is that of evaluations, whose keys have the classes beside it.
+        # The name is part of the keys of evaluations, which have the classes apart from it.
         return self._root / f"pool-{digest([name, recipe.table, *recipe.classes.outlines])[:16]}"
 
     def normalised(self, recipe: Recipe, target: Target) -> Recipe:
@@ -184,7 +184,7 @@ class Cache:
         if not by_target(fidelity.train):
             return recipe
         real = target.at(fidelity.height, fidelity.width)["reward"]
-        trunk = replace(fidelity.train, trunk="frozen")  # a tuned one begins like this
+        trunk = replace(fidelity.train, trunk="frozen")  # a tuned one starts like this
         cached = self.put(real, trunk, "reward")
         ((_, statistics),) = self._workers.map(statistics_of, [(cached,)], net=True)
         return recipe._replace(statistics=statistics)
@@ -233,12 +233,12 @@ def _sent(train: TrainSettings, workers: Workers) -> TrainSettings:
 
 
 def by_target(train: TrainSettings) -> bool:
-    """Whether a net's head normalises features by statistics of the target's images."""
+    """Whether a network's head normalises features by statistics of the target's images."""
     return train.has_trunk and train.head_statistics == "target"
 
 
 def _views(train: TrainSettings, training: bool) -> dict[str, Any]:
-    """The settings that decide features, beside images."""
+    """The settings that decide the features of images."""
     looks: dict[str, Any] = {"views": 1}
     if training:
         looks = {name: getattr(train, name) for name in LOOKS}
@@ -315,7 +315,7 @@ def _assemble(part: Path, pieces: Sequence[Path], count: int) -> float:
             piece = _piece(path)
             if piece is None:
                 raise UserError(
-                    f"{path} was damaged after it was made; the same command makes it anew"
+                    f"{path} was damaged after it was written; run the same command again to replace it"
                 )
             seconds += float(piece.pop(SECONDS, 0.0))
             end = first + len(piece["images"])

@@ -68,4 +68,4 @@ def _mapped(folder: str, name: str) -> np.ndarray:
 
 def removable(folder: str | Path) -> str:
     """The end of errors about a file of a cache."""
-    return f"remove {folder}, and the same command writes it anew"
+    return f"remove {folder}, and run the same command again to replace it"

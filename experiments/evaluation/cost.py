@@ -1,6 +1,6 @@
 """Estimates the cost of evaluations in CPU seconds of the machine of `docs/benchmarks.md`.
 
-`experiments.evaluation.pace` says how fast this machine is beside that one.
+`experiments.evaluation.pace` compares this machine with that one.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ STREET_COST = 0.035
 IMAGE_COST = 0.014, 2.5e-7
 """CPU seconds of rendering an image: of each image, and of each ray."""
 VIEW_COST = {"lite0": 2.5e-7, "lite1": 3.1e-7, "lite2": 3.3e-7, "dinov2": 3e-6}
-"""CPU seconds per pixel of a frozen trunk's features of one view; other trunks count as lite0."""
+"""CPU seconds per pixel of a frozen backbone's features of one view; other backbones count as lite0."""
 
 
 COMPILE_COST = 45.0
@@ -43,7 +43,7 @@ class Cost(NamedTuple):
 
 
 def cost_of(fidelity: Fidelity) -> float:
-    """Estimate the CPU seconds of a net on a rendered dataset, without testing."""
+    """Estimate the CPU seconds of a network on a rendered dataset, without testing."""
     streets = fidelity.streets * STREET_COST
     return streets + fidelity.images * _image_cost(fidelity) + training_cost(fidelity)
 
@@ -59,7 +59,7 @@ def street_cost(fidelity: Fidelity) -> float:
 
 
 def _views_cost(fidelity: Fidelity) -> float:
-    """The cost of a frozen trunk's features of all views of an image."""
+    """The cost of a frozen backbone's features of all views of an image."""
     train, pixels = fidelity.train, fidelity.width * fidelity.height
     return pixels * train.views * _view_cost(train) if train.frozen else 0.0
 
@@ -69,7 +69,7 @@ def _view_cost(train: TrainSettings) -> float:
 
 
 def head_cost(fidelity: Fidelity) -> float:
-    """The part of `training_cost` without the features; the cost of a net on labelled images or a pool."""
+    """The part of `training_cost` without features: the cost of a network on labelled images or a pool."""
     train = fidelity.train
     pixels = fidelity.width * fidelity.height
     recipe = recipe_for(train)
@@ -98,7 +98,7 @@ def prepare_cost(fidelity: Fidelity, images: int) -> Cost:
 def job_cost(job: Job) -> float:
     """Estimate the CPU seconds of a job, with its share of the work before the fine-tuning.
 
-    Labelled images and pools have their features already, which nets of all seeds share.
+    Labelled images and pools have their features already, which networks of all seeds share.
     """
     fidelity, start, before = job.recipe.fidelity, job.start, 0.0
     if start is not None and start.on_subset:

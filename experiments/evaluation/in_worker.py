@@ -1,4 +1,4 @@
-"""Makes one evaluation: it renders a dataset or takes a real one, trains a fresh net and tests it.
+"""Makes one evaluation: it renders a dataset or takes a real one, trains a fresh network and tests it.
 
 The functions here run in worker processes; they are pure in their arguments, so that work lost with a worker
 can be repeated.
@@ -230,7 +230,8 @@ def rendered_set(
 def training_set(recipe: Recipe, source: Source, seed: int) -> LabelledImages:
     """The images of a source without the labelled ones mixed in, with labels in the classes of the recipe.
 
-    The last set rendered for a mixture is kept with its features: the next net may mix it with other images.
+    The last set rendered for a mixture is kept with its features: the next network may use it, too, with
+    other labelled images.
     """
     streets = rendered_of(source)
     if isinstance(streets, LabelledImages):
@@ -273,12 +274,12 @@ def evaluate_miou(
     """Render, train, test.
 
     Args:
-        recipe: sizes, net, training, assets.
+        recipe: sizes, network, training, assets.
         source: the training set.
-        seed: seed of the streets and of the net.
+        seed: seed of the streets and of the network.
         real: images to test on.
         ready: the rendered set, if renderers made it.
-        keeps: what to keep of the net's predictions.
+        keeps: what to keep of the network's predictions.
 
     Raises:
         TrainingError: training diverged.
@@ -306,9 +307,9 @@ def trained(
     source: Source | None = None,
     test: Callable[[Params], None] | None = None,
 ) -> Params:
-    """Train a net on a set, and beside it on the second part of its source if there is one.
+    """Train a network on a set, mixed with the second part of its source if there is one.
 
-    It starts from given parameters, or anew. Each of the recipe's checkpoints goes to `test`.
+    It starts from the given parameters, or from scratch. Each of the recipe's checkpoints goes to `test`.
 
     Raises:
         TrainingError: training diverged.
@@ -338,7 +339,7 @@ def trained(
 
 
 def trained_net(recipe: Recipe, source: Any, seed: int, params: Params | None) -> Params | str:
-    """Train a net on a source; its variables in NumPy, or why there are none. Runs in a worker."""
+    """Train a network on a source; its variables in NumPy, or why there are none. Runs in a worker."""
     source = loaded(source)
     try:
         images = training_set(recipe, source, seed)
@@ -356,7 +357,7 @@ def tested(
     train_seconds: float,
     keeps: Keeps | None = None,
 ) -> Result:
-    """Test a trained net; the time of testing counts as training."""
+    """Test a trained network; the time of testing counts as training."""
     started = time.perf_counter()
     settings, classes = recipe.fidelity.train, len(recipe.classes.classes)
     predicted = predict_heads(params, real.images, settings, classes, features=real.features)

@@ -21,19 +21,19 @@ REWARD_NAMES: dict[RewardKind, str] = {"miou": "mIoU", "mmd": "-MMD^2"}
 
 
 class Recipe(NamedTuple):
-    """Everything that decides a net but its training set and its seed."""
+    """Everything that decides a network but its training set and its seed."""
 
     fidelity: Fidelity
     table: str  # name of the class table
     renderer: str
     pool: AssetPool  # the assets that may appear
-    statistics: Statistics | None = None  # of a trunk's head; None: those of its training set
+    statistics: Statistics | None = None  # of a backbone's head; None: those of its training set
     checkpoints: int = 1  # of the training, the best of which gives the reward
     made_with: MadeWith = ()  # backend and versions of all workers of the run
 
     @property
     def classes(self) -> ClassTable:
-        """The classes of its nets."""
+        """The classes of its networks."""
         return class_table(self.table)
 
 
@@ -59,7 +59,7 @@ Source = Streets | StreetPool | LabelledSource | TrainingSet
 
 
 def rendered_of(source: Any) -> Any:
-    """A source without the labelled images beside it."""
+    """A source without the labelled images mixed in."""
     return source.parts[0] if isinstance(source, TrainingSet) else source
 
 
@@ -69,25 +69,25 @@ def count_of(images: LabelledSource) -> int:
 
 
 Keeps = Literal["confusion", "predictions"]
-"""What to keep of a tested net: its confusion matrix alone, or predictions, too."""
+"""What to keep of a tested network: its confusion matrix alone, or predictions, too."""
 
 
 class Start(NamedTuple):
-    """The training of a net before it is fine-tuned on labelled images."""
+    """The training of a network before it is fine-tuned on labelled images."""
 
-    recipe: Recipe  # sizes, net and training, as on a rendered dataset
+    recipe: Recipe  # sizes, network and training, as on a rendered dataset
     streets: Streets | None  # of that dataset; None begins with the fine-tuning
     on_subset: bool = False  # whether to take the images of the fine-tuning instead
-    nets: int = 1  # number of nets that are fine-tuned from this one
+    nets: int = 1  # number of networks that are fine-tuned from this one
 
 
 class Job(NamedTuple):
-    """One evaluation: a net to train, and to test on the images of a side of the target."""
+    """One evaluation: a network to train, and to test on the images of a side of the target."""
 
     recipe: Recipe
     source: Source
-    seed: int  # of the streets and of the net
-    notes: dict[str, Any]  # fields of its record in the run's store, beside the result
+    seed: int  # of the streets and of the network
+    notes: dict[str, Any]  # more fields of its record in the run's store
     side: Side = "test"
     kind: RewardKind = "miou"
     keeps: Keeps | None = None  # what to keep in the run folder
@@ -113,7 +113,7 @@ class Result(NamedTuple):
 
 
 def progress_line(job: Job, result: Result) -> str:
-    """The progress line of a net outside a search."""
+    """The progress line of a network outside a search."""
     notes = job.notes
     return f"{notes['nets']}: {notes['row']}, seed {notes['seed']} | {verdict(result, job.kind)}"
 

@@ -1,8 +1,8 @@
-"""A reward without labels: the closeness of rendered and real images in the features of a net.
+"""A reward without labels: the closeness of rendered and real images in the features of a network.
 
 The reward is -MMD^2 (``seg.mmd``), at most about 0, and higher is better; its units are not those of mIoU.
-The net is compact and trained once per run on a rendered dataset with random attributes, so that no label of
-a real image is read.
+The network is compact and trained once per run on a rendered dataset with random attributes: it reads no
+label of a real image.
 """
 
 from __future__ import annotations
@@ -36,21 +36,21 @@ from seg.settings import TrainSettings
 from seg.train import TrainingError, train
 
 FILE = "feature-net.npz"
-"""File of the net's parameters in the run folder."""
+"""File of the network's parameters in the run folder."""
 SEED = 20060
-"""Seed of the net and of its streets; the same for all runs, so that they can share a store."""
+"""Seed of the network and of its streets; the same for all runs, so that they can share a store."""
 
 
 class Reference(NamedTuple):
     """The features of the real images: all that this reward uses of the target."""
 
     features: np.ndarray  # f32[n, vector]
-    net: str  # file of the net's parameters
-    source: str  # hash of the images and of the net
+    net: str  # file of the network's parameters
+    source: str  # hash of the images and of the network
 
 
 class FeatureNet(NamedTuple):
-    """A net in a file, in whose features images are compared."""
+    """A network in a file, in whose features images are compared."""
 
     path: Path
     classes: int
@@ -69,7 +69,7 @@ class FeatureNet(NamedTuple):
 
 
 def feature_net(recipe: Recipe, folder: Path, workers: Workers) -> FeatureNet:
-    """The net of a run folder, which is trained if it does not exist.
+    """The network of a run folder, which is trained if it does not exist.
 
     Raises:
         UserError: training diverged.
@@ -87,9 +87,9 @@ def feature_net(recipe: Recipe, folder: Path, workers: Workers) -> FeatureNet:
 
 
 def train_features(recipe: Recipe) -> Any:
-    """Train a compact net on streets with all attributes random; its parameters."""
+    """Train a compact network on streets with all attributes random; its parameters."""
     reward_settings = recipe.fidelity.train
-    # The net is compact, with its own settings, whatever net the recipe has.
+    # The network is compact, with its own settings, whatever network the recipe has.
     settings = with_steps(TrainSettings(batch=reward_settings.batch), reward_settings.steps)
     refuse_other(recipe.made_with)
     images, labels, *_ = training_set(recipe, random_proposal(), SEED)
@@ -115,4 +115,5 @@ def _load(path: str) -> Any:
         with np.load(here(path)) as file:
             return unflatten_dict(dict(file), sep="/")
     except (ValueError, EOFError, OSError, BadZipFile) as error:
-        raise UserError(f"{path} cannot be read ({error}); remove it to train it anew") from None
+        cure = "remove it, and run the same command again"
+        raise UserError(f"{path} cannot be read ({error}); {cure}") from None

@@ -1,4 +1,4 @@
-"""How fast this machine is beside that of `cost`: measured once, then read by every job.
+"""How fast this machine is, compared with that of `cost`: measured once, then read by every job.
 
 `sdr-jax doctor` measures it again.
 """

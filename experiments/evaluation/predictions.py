@@ -1,7 +1,7 @@
-"""Confusion matrices and predictions of tested nets.
+"""Confusion matrices and predictions of tested networks.
 
-The run folder has a file for each net, named by its evaluation; the store gives its row and seed. So stores
-stay small, and a net that two rows share has one file.
+The run folder has a file for each network, named by its evaluation; the store gives its row and seed. Stores
+stay small, and a network that two rows share has one file.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class Predictions(NamedTuple):
 
     confusion: np.ndarray  # i64[classes, classes], pixels; row: true class
     picked: np.ndarray | None = None  # i32[n], the images with predictions
-    miou: np.ndarray | None = None  # f32[n], of each such image, in [0, 1]; NaN if all is void
+    miou: np.ndarray | None = None  # f32[n], of each such image, in [0, 1]; NaN if all pixels are ignored
     predictions: np.ndarray | None = None  # u8[n, h, w]
     by_image: np.ndarray | None = None  # i32[images, classes, classes], of every tested image
 
@@ -70,7 +70,7 @@ def save(path: Path, contents: Predictions) -> None:
 
 
 def load(path: Path) -> Predictions | None:
-    """Read the file; None if there is no readable one, such as for a net from ``--store``."""
+    """Read the file; None if there is no readable one, such as for a network from ``--store``."""
     try:
         with np.load(io.BytesIO(path.read_bytes())) as arrays:
             return Predictions(

@@ -1,7 +1,7 @@
 """Makes evaluations: known ones come from stores, the others from worker processes.
 
-A search waits for the last dataset of an update, then for its method. Nets that do not depend on its answer
-use the idle cores meanwhile, with lower priority; a later request finds them known, or begun
+A search waits for the last dataset of an update, then for its method. Networks that do not depend on its answer
+use the idle cores meanwhile, with lower priority; a later request finds them finished, or started
 (`Runner.prefetch`).
 """
 
@@ -74,11 +74,11 @@ from seg.data import LabelledImages
 from seg.step import Params
 
 LEAST = 60.0
-"""CPU seconds of nets from which new workers pay, since one takes ten to start."""
+"""CPU seconds of networks for which more workers are started, since one takes ten to start."""
 
 
 class _Prefetched(NamedTuple):
-    """A net that trains before it is requested."""
+    """A network that trains before it is requested."""
 
     job: Job
     future: Future
@@ -88,13 +88,13 @@ class Runner:
     """Makes the evaluations of a run: `Job` to `Result`.
 
     Args:
-        target: the target on which nets are tested.
+        target: the target on which networks are tested.
         workers: the workers that render and train.
         folder: the folder of the run.
         finals: the store of evaluations that are no rewards of a search.
         store: a store that many runs share, if there is one.
         progress: gives the run's progress.
-        features: recipe of the net in whose features -MMD^2 compares images.
+        features: recipe of the network in whose features -MMD^2 compares images.
 
     Attributes:
         cache: files in which workers find images.
@@ -212,7 +212,7 @@ class Runner:
         """Make evaluations that are no rewards of a search, and report each result.
 
         Raises:
-            UserError: more than a tenth of the nets of one kind (``nets`` in their notes) failed.
+            UserError: more than a tenth of the networks of one kind (``nets`` in their notes) failed.
         """
         results = self.run(jobs, say=lambda index, result: progress_line(jobs[index], result))
         for what in dict.fromkeys(job.notes["nets"] for job in jobs):
@@ -223,10 +223,10 @@ class Runner:
         return results
 
     def train(self, job: Job, params: Params | None = None) -> Params:
-        """Train a job's net and return its variables, without a test or a record.
+        """Train a job's network and return its variables, without a test or a record.
 
         Args:
-            job: the job of the net.
+            job: the job of the network.
             params: parameters at the start.
 
         Raises:
@@ -236,7 +236,7 @@ class Runner:
         task = (recipe, self._source(job.source, job.recipe), int(job.seed), params)
         ((_, variables),) = self._workers.map(trained_net, [task], net=True)
         if isinstance(variables, str):
-            raise UserError(f"the net that is left failed in training: {variables}")
+            raise UserError(f"training of the network failed: {variables}")
         return variables
 
     def _results(self, jobs: Sequence[Job], log: Store) -> Iterator[tuple[int, str, Result]]:
@@ -313,7 +313,7 @@ class Runner:
         """
         if result.failed is None and not math.isfinite(result.reward):
             raise UserError(
-                f"the reward is {result.reward}: the images that nets are tested on must hold at least "
+                f"the reward is {result.reward}: the images that networks are tested on must have at least "
                 "one labelled class"
             )
         if result.predictions is not None:
@@ -329,7 +329,7 @@ class Runner:
         log.add({**record, **job.notes, "elapsed": round(self._progress().elapsed, 2)})
 
     def _keep_ended(self) -> None:
-        """Record and report the results of prefetched nets that are done."""
+        """Record and report the results of prefetched networks that are done."""
         for key, (job, future) in list(self._prefetched.items()):
             if future.done():
                 del self._prefetched[key]
@@ -348,14 +348,14 @@ class Runner:
             self._store.refresh()
 
     def _real(self, job: Job) -> LabelledImages | Reference:
-        """The images on which a job's net is tested, or for rewards without labels their features."""
+        """The images on which a job's network is tested, or for rewards without labels their features."""
         size = (job.recipe.fidelity.height, job.recipe.fidelity.width)
         images = self._target.at(*size)[job.side]
         if job.kind == "miou":
             return images
         if self._net is None:
             self._progress().say(
-                "The reward is -MMD^2 in the features of one net: labels are left alone"
+                "The reward is -MMD^2 in the features of one network, which uses no labels"
             )
             self._net = feature_net(self._features, self._folder, self._workers)
         if (*size, job.side) not in self._references:
@@ -363,7 +363,7 @@ class Runner:
         return self._references[*size, job.side]
 
     def _task(self, jobs: Sequence[Job]) -> tuple:
-        """Arguments of `attempt`; jobs that are fine-tuned from one net are one task."""
+        """Arguments of `attempt`; jobs that are fine-tuned from one network are one task."""
         job = jobs[0]
         recipe, real = self._for_tasks(job)
         train, start = job.recipe.fidelity.train, job.start
@@ -446,7 +446,7 @@ def _alike(task: tuple) -> bytes:
 
 
 def _grouped(jobs: Sequence[Job], missing: Sequence[int]) -> list[list[int]]:
-    """Group jobs by index into tasks, the longest first; jobs fine-tuned from one net are one task."""
+    """Group jobs by index into tasks, the longest first; jobs fine-tuned from one network are one task."""
     groups: dict[Any, list[int]] = {}
     for index in missing:
         job = jobs[index]
@@ -501,7 +501,7 @@ def about(recipe: Recipe, target: Target, side: Side, real: LabelledImages | Ref
         "config": digest(decides)[:16],
         "target": target.name,
         "side": side,
-        "kind": kind,  # of the reward; the kind of nets is "nets"
+        "kind": kind,  # of the reward; the kind of networks is "nets"
         "size": fidelity.size,
         "images": fidelity.images,
         "steps": fidelity.train.steps,

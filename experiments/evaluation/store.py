@@ -30,7 +30,7 @@ NAMES = names("extended")
 """Names of all attributes; a proposal of a smaller space holds the first of them."""
 HEADER = {"store": FORMAT, "attributes": list(NAMES)}
 LOGS = ("evaluations.jsonl", "finals.jsonl")
-"""The files of a run folder: rewards of searches, and all other nets."""
+"""The files of a run folder: rewards of searches, and all other networks."""
 
 FIELDS: dict[str, tuple[type, ...]] = {
     "key": (str,),
@@ -45,8 +45,8 @@ FIELDS: dict[str, tuple[type, ...]] = {
     "train_seconds": (float,),
     "failed": (str, type(None)),
 }
-"""One record. A failed evaluation has its reason in ``failed`` and no reward. A net that was trained on real
-images has no proposal, on a histogram ``probabilities`` instead, on a mixture ``components``. ``heads`` has
+"""One record. A failed evaluation has its reason in ``failed`` and no reward. A network of real images
+has no proposal, one of a histogram ``probabilities`` instead, one of a mixture ``components``. ``heads`` has
 the class IoU of each of several heads alone."""
 OF_A_RUN = ("nets", "row", "fraction", "search", "update", "dataset", "actions", "elapsed")
 """Fields that only a run's own lines have: which job of the run the evaluation was, and when."""
@@ -60,7 +60,7 @@ def identity(config: str, source: Source, seed: int) -> str:
     Args:
         config: hash of everything that decides it but the two below.
         source: streets, or the training images.
-        seed: seed of the streets and of the net.
+        seed: seed of the streets and of the network.
     """
     if isinstance(source, LabelledSource):
         source_parts: Any = digest_of_images(source)

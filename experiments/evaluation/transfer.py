@@ -1,4 +1,4 @@
-"""Trains a net once, then fine-tunes it on several subsets of the real images.
+"""Trains a network once, then fine-tunes it on several subsets of the real images.
 
 The functions here run in worker processes; they are pure in their arguments.
 """
@@ -28,11 +28,11 @@ def transfer(
     real: LabelledImages,
     ready: Rendered | None = None,
 ) -> list[Result]:
-    """Train a net once, fine-tune it on each subset, and test each result.
+    """Train a network once, fine-tune it on each subset, and test each result.
 
     Args:
         start: the training before the fine-tuning.
-        fine: how the net is fine-tuned.
+        fine: how the network is fine-tuned.
         seed: seed of the streets and of all training.
         images: the images for fine-tuning.
         chosen: indices of each subset, i64[images of the subset].

@@ -49,7 +49,7 @@ from seg.data import LabelledImages
 from seg.weights import described
 
 PACKAGES = ("sdr-jax", "trimesh", "pyrender")
-"""Packages with versions in ``config.json``, beside those that decide evaluations."""
+"""More packages with versions in ``config.json``; those that decide evaluations are in `FIELD`."""
 FREE_FIELDS = ("out", "workers", "trainers", "executor", "scheduler", "store", "from_scratch")
 """Fields that may differ when a job is continued."""
 AnyConfig = TypeVar("AnyConfig", bound=Config)
@@ -100,7 +100,7 @@ class Session(Generic[AnyConfig]):
     evaluations: Store
     """Rewards of searches, one line each, as they are made."""
     finals: Store
-    """All other nets."""
+    """All other networks."""
     store: Store | None
     """Evaluations shared with other runs."""
     progress: Progress
@@ -116,7 +116,7 @@ class Session(Generic[AnyConfig]):
         )  # fmt: skip
 
     def recipe(self, fidelity: Fidelity, **pool: Any) -> Recipe:
-        """The recipe of nets at a fidelity; fields of the pool of assets may be changed."""
+        """The recipe of networks at a fidelity; fields of the pool of assets may be changed."""
         config = self.config
         assets = config.pool._replace(**pool)
         table = self.target.table
@@ -150,7 +150,7 @@ class Session(Generic[AnyConfig]):
         if lines:
             self.progress.say(
                 f"Continuing: {len(self.evaluations.records)} rewards and "
-                f"{len(self.finals.records)} other nets are done, in {duration(elapsed)}"
+                f"{len(self.finals.records)} other networks are done, in {duration(elapsed)}"
             )
         self._expect(cost, pace or REFERENCE, start)
         compile_first(self.workers, self.config.renderer)
@@ -190,13 +190,13 @@ class Session(Generic[AnyConfig]):
 def plan_text(
     plan: Sequence[Work], workers: int, pace: Pace, start: Cost, trainers: int | None = None
 ) -> str:
-    """The plan in words: one line per kind of net, the weights, and the approximate time.
+    """The plan in words: one line per kind of network, the weights, and the approximate time.
 
     Args:
-        plan: the nets.
+        plan: the networks.
         workers: number of workers.
         pace: the pace of each.
-        start: the cost of what precedes the nets.
+        start: the cost of what precedes the networks.
         trainers: number of separate trainers, if there are any.
     """
     lines = ["Plan, in CPU seconds:"]
@@ -259,7 +259,7 @@ def measured_here(workers: int, say: Callable[[str], None] = lambda text: None) 
 
 
 def workers_for(config: Config) -> Workers:
-    """The workers: at least one process, since nets must not train in JAX's callback.
+    """The workers: at least one process, since networks must not train in JAX's callback.
 
     Raises:
         UserError: as `workers_of` and `trainers_of`.
@@ -274,9 +274,9 @@ def workers_for(config: Config) -> Workers:
 
 def set_up_process() -> None:
     """Set the environment of this process as jobs need it; it has no effect once JAX has started."""
-    # A GPU's memory is for the workers' nets.
+    # A GPU's memory is for the workers' networks.
     os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
-    # XLA's threads: nets of this process are the same as those of workers.
+    # XLA's threads: networks of this process are the same as those of workers.
     os.environ["NPROC"] = "1"
 
 

@@ -57,7 +57,7 @@ def test_who_dies_or_comes_changes_nothing_and_files_are_sent_to_all(dask_cluste
 
 def test_a_scheduler_that_goes_away_ends_the_work_with_one_error(dask_cluster):
     with workers_of("dask", 0, dask_cluster.address) as cluster:
-        with pytest.raises(UserError, match=r"scheduler is gone; .* the same command goes on"):
+        with pytest.raises(UserError, match=r"scheduler is gone; .* the same command resumes"):
             for _ in cluster.map(told, [(str(Path(__file__).parent / "none"), 0.2)] * 50):
                 dask_cluster.scheduler.kill()
 

@@ -26,7 +26,7 @@ def test_on_a_cluster_it_ends_as_on_this_machine(unbroken, start_job, tmp_path_f
         finally:
             cluster.stop()
     (code, _, stderr), (end, stdout, nothing) = finished
-    assert code == 2 and stderr.count("\n") == 1 and "the same command goes on" in stderr
+    assert code == 2 and stderr.count("\n") == 1 and "the same command resumes" in stderr
     assert (end, nothing) == (0, "") and "/status" in stdout
     logs = (lines(folder / "evaluations.jsonl") for folder in (out, unbroken[0]))
     of_cluster, of_processes = (

@@ -92,7 +92,7 @@ def test_what_cannot_work_is_refused(tiny_camvid, tmp_path, config, recipe, net,
         ("checkpoints needs --reward-kind miou", check, searching(config, checkpoints=2)),
         ("at least 2 images", check, single),
         ("at least 2 reward images", net.reference, unlabelled(16, 16, 1).images),
-        ("remove it to train it anew", broken.reference, unlabelled(16, 16).images),
+        ("remove it, and run the same command again", broken.reference, unlabelled(16, 16).images),
         ("--reward-kind mmd: the loss is nan", feature_net, recipe, tmp_path / "new", POOL),
     ):
         with pytest.raises(UserError, match=complaint):
