@@ -61,7 +61,7 @@ class _Part(NamedTuple):
     future: Any
 
 
-class _Net:
+class _Item:
     """A task on its way."""
 
     def __init__(
@@ -83,10 +83,10 @@ class Pipeline:
 
     def __init__(self, stages: Stages) -> None:
         self._stages = stages
-        self._waiting: list[_Net] = []
-        self._preparing: list[_Net] = []
-        self._ready: list[_Net] = []
-        self._training: dict[Future, list[_Net]] = {}
+        self._waiting: list[_Item] = []
+        self._preparing: list[_Item] = []
+        self._ready: list[_Item] = []
+        self._training: dict[Future, list[_Item]] = {}
         self._events: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
         self._thread = threading.Thread(target=self._work, daemon=True)
         self._thread.start()
@@ -99,9 +99,9 @@ class Pipeline:
         behind: bool,
     ) -> list[Future]:
         """Accept tasks; returns the futures of their results."""
-        nets = [_Net(function, task, split, behind) for task in tasks]
-        self._events.put(lambda: self._waiting.extend(nets))
-        return [net.future for net in nets]
+        items = [_Item(function, task, split, behind) for task in tasks]
+        self._events.put(lambda: self._waiting.extend(items))
+        return [item.future for item in items]
 
     def hurry(self, future: Future) -> None:
         """Make a task urgent."""
@@ -122,101 +122,102 @@ class Pipeline:
                 event()
                 self._prepare_next()
                 self._train_next()
-            except (
-                BaseException
-            ) as error:  # a worker cannot be started, or a task cannot be divided
+            except BaseException as error:
+                # No worker can be started, or a task cannot be divided.
                 self._fail(self._unfinished(), error)
         self._fail(self._unfinished(), CancelledError())
 
-    def _unfinished(self) -> list[_Net]:
-        training = [net for nets in self._training.values() for net in nets]
+    def _unfinished(self) -> list[_Item]:
+        training = [item for items in self._training.values() for item in items]
         return [*self._waiting, *self._preparing, *self._ready, *training]
 
     def _prepare_next(self) -> None:
         """Begin waiting tasks, urgent ones first, as far ahead of the trainers as is allowed."""
-        for net in sorted(self._waiting, key=lambda net: net.behind):
-            ahead = [n for n in (*self._preparing, *self._ready) if n.behind <= net.behind]
+        for item in sorted(self._waiting, key=lambda item: item.behind):
+            ahead = [n for n in (*self._preparing, *self._ready) if n.behind <= item.behind]
             if len(ahead) >= AHEAD * self._stages.workers:
                 return
-            if net.split is not None:
-                rivals = sum(n.behind <= net.behind for n in (*self._waiting, *self._preparing))
+            if item.split is not None:
+                rivals = sum(n.behind <= item.behind for n in (*self._waiting, *self._preparing))
                 most = -(-self._stages.workers // rivals)  # with fewer, renderers would be idle
-                net.parts = [self._begin(net, part) for part in net.split.parts(most, net.task)]
-            net.unprepared = len(net.parts)
-            self._waiting.remove(net)
-            (self._preparing if net.parts else self._ready).append(net)
+                item.parts = [self._begin(item, part) for part in item.split.parts(most, item.task)]
+            item.unprepared = len(item.parts)
+            self._waiting.remove(item)
+            (self._preparing if item.parts else self._ready).append(item)
 
-    def _begin(self, net: _Net, arguments: tuple) -> _Part:
-        assert net.split is not None
-        future = self._stages.begin_part(net.split.render, arguments, net.behind)
-        future.add_done_callback(lambda done: self._events.put(partial(self._prepared, net, done)))
+    def _begin(self, item: _Item, arguments: tuple) -> _Part:
+        assert item.split is not None
+        future = self._stages.begin_part(item.split.render, arguments, item.behind)
+        future.add_done_callback(lambda done: self._events.put(partial(self._prepared, item, done)))
         return _Part(arguments, future)
 
-    def _prepared(self, net: _Net, done: Any) -> None:
+    def _prepared(self, item: _Item, done: Any) -> None:
         """Note that a part is done."""
-        if net not in self._preparing or all(part.future is not done for part in net.parts):
+        if item not in self._preparing or all(part.future is not done for part in item.parts):
             return  # the task was dropped, or another renderer has the part
         if error := _error(done):
-            self._fail([net], error)
+            self._fail([item], error)
             return
-        net.unprepared -= 1
-        if not net.unprepared:
-            self._preparing.remove(net)
-            self._ready.append(net)
+        item.unprepared -= 1
+        if not item.unprepared:
+            self._preparing.remove(item)
+            self._ready.append(item)
 
     def _train_next(self) -> None:
-        """Give idle trainers the first tasks that are ready, and with each all that are like it."""
-        if not self._ready or len(self._training) >= self._stages.trainers_now():
+        """Give idle trainers the first task that is ready, and all that are like it, in equal shares."""
+        idle = self._stages.trainers_now() - len(self._training) if self._ready else 0
+        if idle <= 0:
             return
-        in_order = sorted(self._ready, key=lambda net: net.behind)
-        nets = [net for net in in_order if net.alike == in_order[0].alike][:MOST]
-        results = [[self._stages.part_result(part.future) for part in net.parts] for net in nets]
-        first, tasks = nets[0], [net.task for net in nets]
+        in_order = sorted(self._ready, key=lambda item: item.behind)
+        alike = [item for item in in_order if item.alike == in_order[0].alike]
+        items = alike[: min(MOST, -(-len(alike) // idle))]
+        results = [[self._stages.part_result(part.future) for part in item.parts] for item in items]
+        first, tasks = items[0], [item.task for item in items]
         many = None if first.split is None else first.split.many
         future = self._stages.begin_training(
             trained, (first.function, many, tasks, results), first.behind
         )
-        self._training[future] = nets
-        self._ready = [net for net in self._ready if net not in nets]
+        self._training[future] = items
+        self._ready = [item for item in self._ready if item not in items]
         future.add_done_callback(lambda done: self._events.put(partial(self._trained, done)))
         self._train_next()
 
     def _trained(self, done: Future) -> None:
         """Pass on the results of a trainer."""
-        nets = self._training[done]
+        items = self._training[done]
         if error := _error(done):
-            self._fail(nets, error)
+            self._fail(items, error)
         else:
-            for net, result in zip(nets, done.result(), strict=True):
+            for item, result in zip(items, done.result(), strict=True):
                 with suppress(InvalidStateError):  # it was dropped
-                    net.future.set_result(result)
+                    item.future.set_result(result)
         del self._training[done]
 
     def _hurry(self, future: Future) -> None:
-        for net in self._unfinished():
-            if net.future is future and net.behind:
-                net.behind = False
-                for number, part in enumerate(net.parts):
-                    if net in self._preparing and part.future.cancel():
-                        net.parts[number] = self._begin(net, part.arguments)
+        for item in self._unfinished():
+            if item.future is future and item.behind:
+                item.behind = False
+                for number, part in enumerate(item.parts):
+                    if item in self._preparing and part.future.cancel():
+                        item.parts[number] = self._begin(item, part.arguments)
 
     def _drop(self, futures: set[Future]) -> None:
-        dropped = [net for net in self._unfinished() if net.future in futures]
+        dropped = [item for item in self._unfinished() if item.future in futures]
         self._fail(dropped, CancelledError())
-        for future, nets in self._training.items():
-            if all(net in dropped for net in nets):
+        for future, items in self._training.items():
+            if all(item in dropped for item in items):
                 future.cancel()
 
-    def _fail(self, nets: Iterable[_Net], error: BaseException) -> None:
+    def _fail(self, items: Iterable[_Item], error: BaseException) -> None:
         """Finish tasks with an error."""
-        for net in nets:
+        for item in items:
             for stage in (self._waiting, self._preparing, self._ready):
-                if net in stage:
-                    stage.remove(net)
-            for part in net.parts:
+                if item in stage:
+                    stage.remove(item)
+            for part in item.parts:
                 part.future.cancel()
             with suppress(InvalidStateError):
-                net.future.set_exception(error)
+                item.future.set_exception(error)
 
 
 def _error(done: Any) -> BaseException | None:

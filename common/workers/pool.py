@@ -96,7 +96,7 @@ class Workers:
         behind: bool = True,
     ) -> Future | None:
         """Begin a network, by default behind all urgent work, for a later ``map``; None with 0 workers."""
-        return self._nets(function, [task], split, behind)[0] if self.workers else None
+        return self._begin_nets(function, [task], split, behind)[0] if self.workers else None
 
     def map(
         self,
@@ -136,7 +136,7 @@ class Workers:
                     new = [k for k in range(len(tasks)) if k not in done and k not in futures]
                     new_tasks = [tasks[k] for k in new]
                     if net:
-                        new_futures = self._nets(function, new_tasks, split, False)
+                        new_futures = self._begin_nets(function, new_tasks, split, False)
                     else:
                         new_futures = [self._submit(function, t, behind=False) for t in new_tasks]
                     futures.update(zip(new, new_futures, strict=True))
@@ -210,7 +210,7 @@ class Workers:
                 del futures[index]
                 yield index, self.result(future)
 
-    def _nets(
+    def _begin_nets(
         self,
         function: Callable[..., Any],
         tasks: Sequence[tuple],
