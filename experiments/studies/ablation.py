@@ -199,7 +199,7 @@ def _search(config: AblationConfig, variant: Variant, answer: Found) -> Report:
 
 
 def derive(report: Report) -> Report:
-    """Add means, intervals and losses of the nets' mIoU to the report."""
+    """Add means, intervals and differences of the networks' mIoU to the report."""
     (full,) = [miou(row["nets"]) for row in report["rows"] if row["variant"] == FULL]
     rows = [
         {**row, **statistics(miou(row["nets"]), full), "paper": PAPER.get(row["variant"])}

@@ -202,7 +202,7 @@ def subset_miou(scored: Sequence[Report | None], classes: Sequence[int]) -> list
 
 
 def derive(report: Report) -> Report:
-    """Add means, intervals and gains of the nets' mIoU to the report."""
+    """Add means, intervals and gains of the networks' mIoU to the report."""
     classes, paper = report["classes"], PAPER.get(report["target"])
     scored = {(row["net"], row["trained_on"]): row["nets"] for row in report["rows"]}
     subsets = SUBSETS if classes == list(CITYSCAPES_19.classes) else {}

@@ -39,8 +39,8 @@ def common_size(entries: Sequence[Entry]) -> tuple[int, int]:
     sizes: Counter[tuple[int, int]] = Counter()
     for entry in entries:
         try:
-            with Image.open(entry.image_path) as picture:
-                sizes[upright(picture)] += 1
+            with Image.open(entry.image_path) as image:
+                sizes[upright(image)] += 1
         except OSError as error:
             raise UserError(f"{entry.image_path}: not a readable image ({error})") from None
     return sizes.most_common(1)[0][0]
