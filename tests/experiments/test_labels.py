@@ -61,7 +61,7 @@ def test_labels_that_renders_are_worth_by_hand():
     ends = [(end["labels"], end["bound"]) for end in beyond["worth"]]
     assert ends == [(7, "at most"), (14, "at least")]
     assert [end["ci95"] for end in beyond["worth"]] == [[None, 7], [14, None]]
-    assert "at least 14 labelled images (95 % interval at least 14)" in FORM.text(beyond)
+    assert "at least 14 labelled images alone (95 % interval at least 14)" in FORM.text(beyond)
 
 
 def test_what_streets_gain_over_random_ones_beside_the_same_labels():
