@@ -44,7 +44,7 @@ class BicycleParams(NamedTuple):
     load: str = ""  # on the rack: "panniers", "child seat", "box" or ""
     bottle: bool = False
     chaincase: bool = False
-    second: Color = (0.3, 0.3, 0.3)  # of fork, bags and rims
+    second_color: Color = (0.3, 0.3, 0.3)  # of fork, bags and rims
     rise: float = 0.0  # m added to the head tube
     color: Color = BLACK
     tyre_color: Color = TYRE
@@ -86,7 +86,7 @@ def sample_bicycle(rng: np.random.Generator, kind: str) -> BicycleParams:
         basket=maybe(0.8 if model.basket else 0.25 if model.mudguards else 0.0),
         rack=model.rack and (bool(load) or maybe(0.7)), load=model.load or load,
         bottle=not model.mudguards and maybe(0.6), chaincase=model.mudguards and maybe(0.5),
-        rise=between(-0.02, 0.04), color=near(0.25, *_PAINTS), second=near(0.15, *_PAINTS, STEEL),
+        rise=between(-0.02, 0.04), color=near(0.25, *_PAINTS), second_color=near(0.15, *_PAINTS, STEEL),
         tyre_color=near(0.15, *_TYRES), saddle_color=near(0.15, *_SADDLES),
     )  # fmt: skip
 
@@ -104,7 +104,14 @@ def _wheel(p: BicycleParams, x: float) -> Asset:
     rim = radius - 0.5 * p.tyre - 0.006
     parts = [
         ring(hub, radius, p.tyre, p.tyre_color, "rubber", sides=24),
-        ring(hub, rim, 0.018, STEEL if max(p.second) < 0.1 else p.second, "metal", sides=24),
+        ring(
+            hub,
+            rim,
+            0.018,
+            STEEL if max(p.second_color) < 0.1 else p.second_color,
+            "metal",
+            sides=24,
+        ),
         tube((x, -0.04, hub[2]), (x, 0.04, hub[2]), 0.03, STEEL, "metal", sides=8),
     ]
     for k, angle in enumerate(np.arange(9) * np.pi / 9 + 0.3):
@@ -147,7 +154,7 @@ def _frame(p: BicycleParams) -> list[Asset]:
         parts += [
             rod((CRANK[0], 0.6 * y, CRANK[2]), rear, 0.7 * p.tube, p.color, "paint"),
             rod((seat[0], 0.6 * y, seat[2] - 0.04), rear, 0.6 * p.tube, p.color, "paint"),
-            rod((foot[0], y, foot[2]), (hub[0], y, hub[2]), 0.7 * p.tube, p.second, "paint"),
+            rod((foot[0], y, foot[2]), (hub[0], y, hub[2]), 0.7 * p.tube, p.second_color, "paint"),
         ]
     return parts
 
@@ -225,7 +232,7 @@ def _fittings(p: BicycleParams) -> list[Asset]:
         parts.append(card((rear - 0.18, 0.0, top - 0.025), 0.06, 0.05, TAILLAMP, "lamp"))
     if p.bottle:
         low, high = (_on_down_tube(p, share) for share in (0.4, 0.75))
-        parts.append(tube(low, high, 0.036, p.second, sides=8))
+        parts.append(tube(low, high, 0.036, p.second_color, sides=8))
     return [*parts, *_front_load(p), *_rear_load(p)]
 
 
@@ -264,18 +271,18 @@ def _rear_load(p: BicycleParams) -> list[Asset]:
     """Build bags at the sides of the rack, or a child's seat or a box on it."""
     rear, top = -p.wheelbase / 2, 2 * p.wheel_radius + 0.08
     if p.load == "panniers":
-        return [cuboid((rear - 0.16, rear + 0.16), 0.06, (top - 0.36, top), p.second, "cloth", at=y)
+        return [cuboid((rear - 0.16, rear + 0.16), 0.06, (top - 0.36, top), p.second_color, "cloth", at=y)
                 for y in (0.15, -0.15)]  # fmt: skip
     if p.load == "child seat":
         return [
             cuboid((rear - 0.12, rear + 0.16), 0.15, (top, top + 0.08), BLACK),
-            cuboid((rear - 0.18, rear - 0.12), 0.15, (top, top + 0.36), p.second),
+            cuboid((rear - 0.18, rear - 0.12), 0.15, (top, top + 0.36), p.second_color),
             *(cuboid((rear - 0.15, rear + 0.1), 0.02, (top, top + 0.2), BLACK, at=y)
               for y in (0.15, -0.15)),
         ]  # fmt: skip
     if p.load == "box":
         high = min(top + 0.36, 1.1)
-        return [cuboid((rear - 0.24, rear + 0.16), 0.19, (top + 0.02, high), p.second)]
+        return [cuboid((rear - 0.24, rear + 0.16), 0.19, (top + 0.02, high), p.second_color)]
     return []
 
 

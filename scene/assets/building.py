@@ -196,7 +196,7 @@ def _additions(rng: np.random.Generator, p: BuildingParams) -> list[Part]:
     """Build shop fronts, bay windows, hoods over the doors and balconies."""
     parts: list[Part] = []
     if p.ground_floor == "shop":
-        parts += ornament.shop_front(rng, p.width, p.ground, (p.accent, p.second), p.hood)
+        parts += ornament.shop_front(rng, p.width, p.ground, (p.accent, p.second_color), p.hood)
     elif p.ground_floor == "doors" and p.hood:
         spans = bays(p.width, p.bays, p.window[0] + 0.15)
         parts += [ornament.band(spans[d], p.hood, 0.84 * p.ground, 0.14, p.frame) for d in p.doors]

@@ -77,7 +77,7 @@ class BusParams(NamedTuple):
     bonnet: float = 0.0  # m of engine ahead of the windscreen
     round: float = 0.2  # radius of the corners
     color: Color = (0.3, 0.02, 0.02)
-    second: Color = (0.05, 0.05, 0.05)  # of the livery
+    second_color: Color = (0.05, 0.05, 0.05)  # of the livery
     livery: str = "plain"
     advert: Color | None = None
     pods: int = 0  # boxes on the roof (cooling, gas)
@@ -127,7 +127,7 @@ def sample_bus(rng: np.random.Generator, kind: str) -> BusParams:
     return sample_fields(
         rng, model, length=times(0.92, 1.07), height=times(0.965, 1.035), bays=plus(-1, 3),
         rake=times(0.5, 1.8), round=between(0.12, 0.3), color=color,
-        second=perhaps(0.75, near(0.15, _LIVERIES[second_color]), near(0.15, BLACK, TRIM)),
+        second_color=perhaps(0.75, near(0.15, _LIVERIES[second_color]), near(0.15, BLACK, TRIM)),
         livery=one_of(*_PATTERNS), advert=perhaps(0.55, near(0.15, *_LIVERIES)),
         pods=integer(0, 4) if model.decks == 1 else 0,
         rim=near(0.15, STEEL, OFF_WHITE, (0.12, 0.12, 0.12), color), seed=SEED,
@@ -196,7 +196,7 @@ def _livery(p: BusParams, shape: Hull, side: Walls) -> list[Asset]:
     for mirror, wall in ((False, side.right), (True, side.left)):
         a, b = edge, 1 - edge
         u = (1 - b, 1 - a) if mirror else (a, b)
-        parts += [panel(wall, u, v, p.second, "paint", lift=0.005) for v in bands]
+        parts += [panel(wall, u, v, p.second_color, "paint", lift=0.005) for v in bands]
         if p.livery in ("swoop", "rear"):
             slant = 0.16 if p.livery == "swoop" else 0.0
             a, b, top = (0.25, 0.5, 0.96) if slant else (edge, 0.28, 0.94)
@@ -209,7 +209,7 @@ def _livery(p: BusParams, shape: Hull, side: Walls) -> list[Asset]:
                 for u, v in (shares[::-1] if mirror else shares)
             ]
             corners = np.array(corners) + [0, np.sign(wall[0, 1]) * 0.006, 0]
-            parts.append(polygon(corners, p.second, "paint"))
+            parts.append(polygon(corners, p.second_color, "paint"))
         if p.advert is not None:
             a, b = (head + 0.025, _glass(p, 1)[0] - 0.02) if p.decks == 2 else (0.16, foot - 0.03)
             if b - a > 0.08 and p.livery != "two-tone":
@@ -219,7 +219,7 @@ def _livery(p: BusParams, shape: Hull, side: Walls) -> list[Asset]:
                 parts.append(lettering(wall, (0.36, 0.66), middle, ink, p.seed))
     if p.livery == "skirt":
         parts += [
-            wrap(shape, end, (0, 0.5 * foot), 0.05, p.second, "paint", lift=0.006)
+            wrap(shape, end, (0, 0.5 * foot), 0.05, p.second_color, "paint", lift=0.006)
             for end in (1, -1)
         ]
     return parts
@@ -316,7 +316,9 @@ def _on_roof(p: BusParams, shape: Hull) -> list[Asset]:
     if p.open_top:
         low, inner, end = shape.high, p.width / 2 - 0.12, shape.length / 2
         for x, y in product(np.arange(-end + 0.8, end - 1, 0.85).tolist(), (-0.55, 0.55)):
-            parts.append(cuboid((x, x + 0.1), 0.4, (low, low + 0.75), p.second, "cloth", at=y))
+            parts.append(
+                cuboid((x, x + 0.1), 0.4, (low, low + 0.75), p.second_color, "cloth", at=y)
+            )
         for y in (-inner, inner):
             parapet = (-end + 0.2, end - 0.4), 0.03, (low - 0.05, low + 0.4)
             parts.append(cuboid(*parapet, p.color, at=y))

@@ -37,7 +37,7 @@ class FenceParams(NamedTuple):
     color: Color
     material: str
     tip: str = ""  # of posts: "", "ball", "point" or "feet"
-    second: Color = FENCE_WHITE  # of stripes, feet and reflectors
+    second_color: Color = FENCE_WHITE  # of stripes, feet and reflectors
     seed: int = 0  # unevenness of boards and pickets
 
 
@@ -58,14 +58,14 @@ _KINDS: dict[str, FenceParams] = {
                             color=WEATHERED_TIMBER),
     "heras": _IRON._replace(height=2.0, rails=(0.03, 0.97), infill="grid", pitch=0.14, gauge=0.008,
                             color=GALVANISED, material="metal", tip="feet", post_width=0.045,
-                            second=(0.30, 0.08, 0.02)),
+                            second_color=(0.30, 0.08, 0.02)),
     "bollard and chain": _IRON._replace(height=1.0, rails=(), infill="chain", posts=3,
                                         post_width=0.13, tip="ball"),
     "bow top": _IRON._replace(height=1.15, infill="bows", rails=(0.12, 0.72), color=FENCE_GREEN, pitch=0.2),
     "palisade": _IRON._replace(height=2.3, infill="pales", rails=(0.15, 0.85), pitch=0.155,
                                gauge=0.07, color=GALVANISED, material="metal", post_width=0.1),
     "barrier boards": _IRON._replace(height=1.05, rails=(), infill="stripes", posts=3, color=FENCE_WHITE,
-                                     second=(0.48, 0.03, 0.02), pitch=0.35, post_width=0.05,
+                                     second_color=(0.48, 0.03, 0.02), pitch=0.35, post_width=0.05,
                                      tip="feet"),
     "trellis": _WOOD._replace(height=1.6, rails=(0.04, 0.96), infill="diamonds", pitch=0.22,
                               gauge=0.035),
@@ -181,7 +181,7 @@ def _beam(p: FenceParams) -> list[Asset]:
     half = p.length / 2
     rings = [np.column_stack([np.full(7, x), y, level]) for x in (-half, half)]
     band = loft(np.array(rings), p.color, p.material, closed=False, caps=False)
-    marks = [box((0.08, 0.01, 0.1), (x, -p.post_width / 2 - 0.03, p.height - 0.2), p.second, "metal")
+    marks = [box((0.08, 0.01, 0.1), (x, -p.post_width / 2 - 0.03, p.height - 0.2), p.second_color, "metal")
              for x in (-half / 2, half / 2)]  # fmt: skip
     return [band, *marks]
 
@@ -210,7 +210,7 @@ def _stripes(p: FenceParams) -> list[Asset]:
         for x in np.arange(-half, half - slant - p.pitch / 2, p.pitch):
             corners = [(x, y, a), (x + p.pitch / 2, y, a), (x + p.pitch / 2 + slant, y, b),
                        (x + slant, y, b)]  # fmt: skip
-            parts.append(polygon(corners, p.second, "paint"))
+            parts.append(polygon(corners, p.second_color, "paint"))
     return parts
 
 
@@ -277,7 +277,7 @@ def _post(p: FenceParams, x: float) -> list[Asset]:
         return [post, tube((x, 0, h - 0.08), (x, 0, h), 0.7 * w, p.color, p.material,
                            end_radius=0.01, sides=4)]  # fmt: skip
     if p.tip == "feet":
-        return [post, box((0.16, 0.38, 0.12), (x, 0, 0), p.second, "rubber")]
+        return [post, box((0.16, 0.38, 0.12), (x, 0, 0), p.second_color, "rubber")]
     return [post]
 
 
@@ -297,7 +297,7 @@ def fence(p: FenceParams) -> Asset:
 FAMILY = Family(
     "fence", TrainId.FENCE, KINDS,
     sampler(_KINDS, length=between(3.2, 3.8), height=times(0.92, 1.07), pitch=times(0.95, 1.08),
-            color=near(0.25), second=near(0.15), seed=SEED),
+            color=near(0.25), second_color=near(0.15), seed=SEED),
     fence,
     count=16, size=Size((0.5, 40), (0.3, 5)), tone=0.85, line=("fence", 0.6),
     facing="road", front="right", stage=FRONTAGE, in_rows=True,

@@ -49,7 +49,7 @@ class MotorcycleParams(NamedTuple):
     color: Color = BLACK
     seat_color: Color = BLACK
     engine_color: Color = STEEL
-    second: Color = TRIM  # of fairing stripes, cases and side panels
+    second_color: Color = TRIM  # of fairing stripes, cases and side panels
     spokes: int = 5
     rim: Color = STEEL
     pipes: int = 1  # exhausts
@@ -89,7 +89,7 @@ def sample_motorcycle(rng: np.random.Generator, kind: str) -> MotorcycleParams:
         cases=model.cases or (not model.fairing and maybe(0.25)), tail=times(0.6, 1.4),
         color=near(0.2, *_PAINTS), seat_color=near(0.15, BLACK, TRIM, (0.09, 0.045, 0.025)),
         engine_color=near(0.15, STEEL, (0.06, 0.06, 0.062), (0.15, 0.15, 0.15)),
-        second=near(0.2, *_PAINTS), spokes=model.spokes if model.spokes > 8 else integer(3, 8),
+        second_color=near(0.2, *_PAINTS), spokes=model.spokes if model.spokes > 8 else integer(3, 8),
         rim=near(0.15, STEEL, BLACK, (0.45, 0.30, 0.05), (0.5, 0.5, 0.5)),
         pipes=2 if model.pipes == 2 else perhaps(0.3, 2, 1), front_box=model.scooter and maybe(0.3),
     )  # fmt: skip
@@ -164,7 +164,7 @@ def _machine(p: MotorcycleParams) -> list[Asset]:
     for y in (0.1, -0.1):
         parts.append(rod((0.3, y, z - 0.02), (-0.2, y, 0.4), 0.022, BLACK))
         cover = [(-0.3, 1.4 * y, z - 0.1), (-0.08, 1.4 * y, z - 0.1), (-0.14, 1.4 * y, 0.5)]
-        parts.append(polygon(cover, p.second, "paint"))
+        parts.append(polygon(cover, p.second_color, "paint"))
         parts.append(rod((-0.15, y, 0.42), (rear, y, radius), 0.035, BLACK))
         parts.append(rod((rear + 0.06, y, radius), (x - 0.12, y, z - 0.05), 0.022, STEEL))
     if p.fairing:
@@ -208,7 +208,7 @@ def _fairing(p: MotorcycleParams) -> Asset:
     return merge(
         rounded_body(stations, p.color, "paint"),
         disc((0.63, 0.0, 0.85), 0.085, HEADLAMP, "lamp", axis=(1, 0, 0), sides=12),
-        pair(polygon(stripe, p.second, "paint")),
+        pair(polygon(stripe, p.second_color, "paint")),
     )
 
 
@@ -237,11 +237,11 @@ def _scooter_details(p: MotorcycleParams) -> list[Asset]:
     x = SADDLE[0]
     low, high = [(x - 0.3, 0.186, 0.42), (x + 0.05, 0.186, 0.36)], (x - 0.02, 0.19, 0.56)
     parts = [
-        pair(polygon([*low, high, (x - 0.25, 0.186, 0.6)], p.second, "paint")),
+        pair(polygon([*low, high, (x - 0.25, 0.186, 0.6)], p.second_color, "paint")),
         pair(ellipsoid((0.43, 0.13, 0.72), (0.04, 0.035, 0.05), AMBER, "paint", subdivisions=0)),
     ]
     if p.front_box:
-        parts.append(cuboid((0.46, 0.66), 0.15, (0.76, 0.98), p.second, "plain"))
+        parts.append(cuboid((0.46, 0.66), 0.15, (0.76, 0.98), p.second_color, "plain"))
     return parts
 
 
@@ -271,7 +271,7 @@ def _cases(p: MotorcycleParams) -> list[Asset]:
     """Build a delivery box on a scooter, or panniers and a top case on a tourer."""
     rear, low = -p.wheelbase / 2, SADDLE[2] + 0.06
     if p.scooter:
-        return [cuboid((rear - 0.25, rear + 0.17), 0.2, (low, low + 0.42), p.second, "plain")]
+        return [cuboid((rear - 0.25, rear + 0.17), 0.2, (low, low + 0.42), p.second_color, "plain")]
     top = cuboid((rear - 0.25, rear + 0.17), 0.17, (low, low + 0.28), TRIM)
     return [top] + [
         cuboid((rear - 0.28, rear + 0.22), 0.1, (0.42, 0.76), p.color, "paint", at=y)

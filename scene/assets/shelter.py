@@ -42,7 +42,7 @@ class ShelterParams(NamedTuple):
     size: tuple[float, float, float]  # along x, y and z, m
     frame: Color
     cover: Color
-    second: Color  # of posters, benches or the awning
+    second_color: Color  # of posters, benches or the awning
     seed: int
 
 
@@ -54,9 +54,9 @@ def sample_shelter(rng: np.random.Generator, kind: str) -> ShelterParams:
     choices: dict[Any, Color] = {
         k: colors[rng.integers(len(colors))] for k, colors in _COLOR_SETS.items()
     }
-    frame, cover, second = (choices.get(color, color) for color in _KINDS[kind].colors)
+    frame, cover, second_color = (choices.get(color, color) for color in _KINDS[kind].colors)
     return ShelterParams(
-        kind, size, vary(rng, frame, 0.3), vary(rng, cover, 0.25), vary(rng, second, 0.25),
+        kind, size, vary(rng, frame, 0.3), vary(rng, cover, 0.25), vary(rng, second_color, 0.25),
         int(rng.integers(2**31)),
     )  # fmt: skip
 
@@ -90,7 +90,7 @@ def _glazed(p: ShelterParams, ends: tuple[int, ...] = (1,)) -> list[Asset]:
         )
         for d in (-1, 1):
             poster_x = s * (x / 2 - 0.06) + d * 0.085
-            poster = box((0.008, 0.66 * y, 1.5), (poster_x, y / 2, 0.42), p.second, "lamp")
+            poster = box((0.008, 0.66 * y, 1.5), (poster_x, y / 2, 0.42), p.second_color, "lamp")
             parts += [
                 poster,
                 box((0.01, 0.4 * y, 0.35), (poster_x, y / 2, 1.2), SHELTER_WHITE, "paint"),
@@ -112,7 +112,7 @@ def _cantilever(p: ShelterParams) -> list[Asset]:
         box((0.1, 0.1, z - 0.5), (s * 0.32 * x, y - 0.08, 0), p.frame, "metal") for s in (-1, 1)
     ]
     rail = box((0.8 * x, 0.12, 0.08), (0, y - 0.25, 0.7), p.frame, "metal")
-    frame = box((0.9, 0.06, 1.2), (0, y - 0.1, 0.8), p.second, "lamp")
+    frame = box((0.9, 0.06, 1.2), (0, y - 0.1, 0.8), p.second_color, "lamp")
     return [roof, rail, frame, *posts]
 
 
@@ -130,9 +130,9 @@ def _walled(p: ShelterParams, material: str) -> list[Asset]:
         [(at, y / 2 - half, low), (at, y / 2 + half, low), (at, y / 2, low + 0.65)]
         for at in (-x / 2 - 0.2, x / 2 + 0.2)
     ]
-    bench = box((x - 0.4, 0.35, 0.06), (0, y - 0.35, 0.45), p.second, "wood")
+    bench = box((x - 0.4, 0.35, 0.06), (0, y - 0.35, 0.45), p.second_color, "wood")
     window = box((0.4 * x, 0.02, 0.6), (0, y - 0.15, 1.2), GLASS, "glass")
-    beam = box((x, 0.12, 0.16), (0, 0.1, low - 0.16), p.second, "wood")
+    beam = box((x, 0.12, 0.16), (0, 0.1, low - 0.16), p.second_color, "wood")
     return [*walls, loft(np.array(roof), p.cover, "roof"), bench, window, beam]
 
 
@@ -177,7 +177,7 @@ def _kiosk(p: ShelterParams) -> list[Asset]:
         color = pick(rng, POSTERS, 0.3)
         parts.append(box((0.13 * x, 0.03, 0.5), ((k - 2) * 0.17 * x, -0.02, 0.35), color, "paint"))
     awning = extrude(
-        [(0.0, 0.0), (0.9, -0.35), (0.9, -0.3), (0.0, 0.06)], 0.9 * x, p.second, "cloth"
+        [(0.0, 0.0), (0.9, -0.35), (0.9, -0.3), (0.0, 0.06)], 0.9 * x, p.second_color, "cloth"
     )
     return [*parts, translate(rotate(awning, -np.pi / 2, (0, 0, 1)), (0, 0, z - 0.1))]
 

@@ -24,34 +24,34 @@ from scene.mesh.solids import box, extrude, turned
 _BASE = WallParams(3.6, 1.6, 0.28, BRICK, "brick", PALE_STONE, 0.08)
 _KINDS: dict[str, WallParams] = {
     "brick": _BASE,
-    "rubble stone": _BASE._replace(color=RUBBLE, material="concrete", second=(0.12, 0.11, 0.10),
+    "rubble stone": _BASE._replace(color=RUBBLE, material="concrete", second_color=(0.12, 0.11, 0.10),
                                    thickness=0.42, height=1.3, coping=0.0, face="blocks"),
     "concrete panels": _BASE._replace(color=PANEL_CONCRETE, material="concrete", coping=0.0, height=2.0,
-                                      piers=(-1.0, 0.0, 1.0), second=PANEL_CONCRETE),
-    "rendered": _BASE._replace(color=CREAM_RENDER, material="plaster", plinth=0.35, second=BRICK, height=1.9,
-                               ridge=True, coping=0.16),
+                                      piers=(-1.0, 0.0, 1.0), second_color=PANEL_CONCRETE),
+    "rendered": _BASE._replace(color=CREAM_RENDER, material="plaster", plinth=0.35, second_color=BRICK,
+                               height=1.9, ridge=True, coping=0.16),
     "retaining": _BASE._replace(height=2.4, thickness=0.5, batter=0.22, color=PALE_STONE, face="weep holes",
-                                material="concrete", second=(0.05, 0.05, 0.05)),
+                                material="concrete", second_color=(0.05, 0.05, 0.05)),
     "piered": _BASE._replace(height=0.9, piers=(-0.95, 0.95), ball=True, color=YELLOW_BRICK),
-    "railing top": _BASE._replace(height=0.75, top="railings", second=RUBBLE, piers=(-1.0, 1.0)),
+    "railing top": _BASE._replace(height=0.75, top="railings", second_color=RUBBLE, piers=(-1.0, 1.0)),
     "graffiti": _BASE._replace(height=2.3, color=PANEL_CONCRETE, material="concrete", coping=0.0,
                                face="graffiti"),
     "noise barrier": _BASE._replace(height=2.7, thickness=0.2, color=(0.05, 0.10, 0.065), coping=0.0,
-                                    material="metal", face="ribs", second=GALVANISED),
+                                    material="metal", face="ribs", second_color=GALVANISED),
     "gabions": _BASE._replace(height=1.5, thickness=0.55, color=(0.19, 0.19, 0.185), coping=0.0,
-                              material="concrete", face="stones", second=(0.06, 0.06, 0.06)),
+                              material="concrete", face="stones", second_color=(0.06, 0.06, 0.06)),
     "banded brick": _BASE._replace(height=2.1, color=YELLOW_BRICK, face="bands",
-                                   second=(0.15, 0.05, 0.04), coping=0.12, ridge=True),
+                                   second_color=(0.15, 0.05, 0.04), coping=0.12, ridge=True),
     "balustrade": _BASE._replace(height=0.4, color=(0.42, 0.39, 0.33), material="plaster",
-                                 second=(0.42, 0.39, 0.33), top="balusters", piers=(-1.0, 1.0)),
-    "stepped": _BASE._replace(height=1.9, steps=3, color=(0.20, 0.10, 0.075), second=PANEL_CONCRETE),
+                                 second_color=(0.42, 0.39, 0.33), top="balusters", piers=(-1.0, 1.0)),
+    "stepped": _BASE._replace(height=1.9, steps=3, color=(0.20, 0.10, 0.075), second_color=PANEL_CONCRETE),
     "sleepers": _BASE._replace(height=1.2, color=(0.085, 0.06, 0.04), material="wood", coping=0.0,
-                               face="beams", second=(0.03, 0.022, 0.017), thickness=0.3),
-    "ivy": _BASE._replace(height=2.0, face="ivy", second=(0.022, 0.05, 0.018), coping=0.0,
+                               face="beams", second_color=(0.03, 0.022, 0.017), thickness=0.3),
+    "ivy": _BASE._replace(height=2.0, face="ivy", second_color=(0.022, 0.05, 0.018), coping=0.0,
                           top="mound"),
     "crash barrier": _BASE._replace(height=0.85, thickness=0.55, color=(0.36, 0.355, 0.34),
                                     material="concrete", coping=0.0, face="profile",
-                                    second=(0.5, 0.03, 0.02)),
+                                    second_color=(0.5, 0.03, 0.02)),
 }  # fmt: skip
 KINDS: tuple[str, ...] = tuple(_KINDS)
 
@@ -59,7 +59,7 @@ KINDS: tuple[str, ...] = tuple(_KINDS)
 def _leaning(p: WallParams, x: float, length: float, height: float, front: float) -> Asset:
     """Build a box from y = ``front`` backwards whose near face leans back by ``batter``."""
     depth = p.thickness - front
-    color = p.second if p.face in ("blocks", "stones", "beams") else p.color
+    color = p.second_color if p.face in ("blocks", "stones", "beams") else p.color
     body = box((length, depth, height), (x, front + depth / 2, 0), color, p.material)
     vertices = np.array(body.mesh.vertices)
     vertices[(vertices[:, 1] < front + 1e-9) & (vertices[:, 2] > 0), 1] += p.batter
@@ -70,10 +70,10 @@ def _coping(p: WallParams, x: float, length: float, height: float) -> Asset:
     """Build a flat coping, or one with two slopes like a roof."""
     width, middle = p.thickness - p.batter + 0.1, (p.thickness + p.batter) / 2
     if not p.ridge:
-        return box((length, width, p.coping), (x, middle, height), p.second, "concrete")
+        return box((length, width, p.coping), (x, middle, height), p.second_color, "concrete")
     outline = [(-width / 2, 0.0), (width / 2, 0.0), (width / 2, 0.04), (0.0, p.coping),
                (-width / 2, 0.04)]  # fmt: skip
-    roof = rotate(extrude(outline, length, p.second, "concrete"), np.pi / 2, (0, 0, 1))
+    roof = rotate(extrude(outline, length, p.second_color, "concrete"), np.pi / 2, (0, 0, 1))
     return translate(roof, (x, middle, height))
 
 
@@ -83,11 +83,13 @@ def _piers(p: WallParams) -> list[Asset]:
         x = share * (p.length - 0.36) / 2
         y = p.thickness / 2
         parts.append(box((0.36, p.thickness + 0.2, high), (x, y, 0), p.color, p.material))
-        parts.append(box((0.46, p.thickness + 0.29, 0.08), (x, y, high), p.second, "concrete"))
+        parts.append(
+            box((0.46, p.thickness + 0.29, 0.08), (x, y, high), p.second_color, "concrete")
+        )
         if p.ball:
             globe = [(high + 0.21 + 0.15 * np.sin(a), max(0.15 * np.cos(a), 0.004))
                      for a in np.linspace(-1.2, np.pi / 2, 6)]  # fmt: skip
-            parts.append(turned(globe, p.second, "concrete", at=(x, y)))
+            parts.append(turned(globe, p.second_color, "concrete", at=(x, y)))
     return parts
 
 
@@ -121,7 +123,7 @@ def wall(p: WallParams) -> Asset:
 FAMILY = Family(
     "wall", TrainId.WALL, KINDS,
     sampler(_KINDS, length=between(3.3, 3.9), height=times(0.9, 1.1), thickness=times(0.95, 1.05),
-            color=near(0.22), second=near(0.2), seed=SEED),
+            color=near(0.22), second_color=near(0.2), seed=SEED),
     wall,
     count=16, size=Size((0.5, 40), (0.3, 8)), tone=0.66, line=("fence", 0.4),
     facing="road", front="right", stage=FRONTAGE, in_rows=True,

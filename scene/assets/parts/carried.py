@@ -97,7 +97,7 @@ def _suitcase(body: Body, pose: Pose, color: Color) -> Asset:
     return translate(rotate(case, tilt, (0, 1, 0)), foot)
 
 
-def _umbrella(hand: np.ndarray, body: Body, color: Color, second: Color) -> Asset:
+def _umbrella(hand: np.ndarray, body: Body, color: Color, second_color: Color) -> Asset:
     """Build an open umbrella over the head, its panels in two alternating colours."""
     x, y, z = hand
     top = max(1.13 * body.height, z + 0.55)
@@ -113,7 +113,7 @@ def _umbrella(hand: np.ndarray, body: Body, color: Color, second: Color) -> Asse
     canopy = skin(np.array(rings), color)
     count = 3 * 4 * sides
     colors = canopy.color[:count].copy()
-    colors[(np.arange(count) // 4) % 2 == 1] = second
+    colors[(np.arange(count) // 4) % 2 == 1] = second_color
     canopy = solid(canopy.mesh.vertices, canopy.mesh.faces[:count], color, "cloth")._replace(
         color=colors
     )
@@ -180,7 +180,7 @@ def _pram(pose: Pose, color: Color, buggy: bool) -> Asset:
     return merge(*parts)
 
 
-def carried(name: str, body: Body, pose: Pose, color: Color, second: Color) -> Asset:
+def carried(name: str, body: Body, pose: Pose, color: Color, second_color: Color) -> Asset:
     """Build an object of ``CARRIED`` where a person in ``pose`` holds it.
 
     Raises:
@@ -192,11 +192,11 @@ def carried(name: str, body: Body, pose: Pose, color: Color, second: Color) -> A
         case "backpack":
             return backpack(body, pose, color)
         case "shopping":
-            return merge(_shopping(left, h, second), _shopping(right, 1.1 * h, color))
+            return merge(_shopping(left, h, second_color), _shopping(right, 1.1 * h, color))
         case "handbag":
             return _shopping(right, 0.85 * h, color)
         case "shoulder bag":
-            return _shoulder_bag(body, pose, color, across=bool(second[0] > color[0]))
+            return _shoulder_bag(body, pose, color, across=bool(second_color[0] > color[0]))
         case "briefcase":
             x, y, z = (float(v) for v in right)
             low, high = (x - 0.2, y - 0.05, z - 0.45), (x + 0.2, y + 0.05, z - 0.14)
@@ -205,7 +205,7 @@ def carried(name: str, body: Body, pose: Pose, color: Color, second: Color) -> A
         case "suitcase":
             return ignore(_suitcase(body, pose, color))
         case "umbrella":
-            return _umbrella(right, body, color, second)
+            return _umbrella(right, body, color, second_color)
         case "stick":
             return _stick(right, h, (0.12, 0.06, 0.03))
         case "pram" | "buggy":

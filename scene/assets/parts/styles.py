@@ -62,7 +62,7 @@ class BuildingParams(NamedTuple):
     ground_wall: Finish  # of the ground floor
     frame: Color  # around panes; sills, cornice, slabs
     accent: Color  # doors, signboard, gates, railings
-    second: Color  # stripes of awnings
+    second_color: Color  # stripes of awnings
     roof_color: Color
     chimney: Color
     curtain: Color
@@ -94,7 +94,7 @@ def _shop(d: Choices, wall: Finish) -> dict[str, Any]:
         roof="flat" if d.has_flat_roof else "gable", trim=("sills", "lintels", "sign", "cornice"),
         rise=between(0.6, 1) if d.has_flat_roof else between(1.8, 2.8),
         hood=0.6 if d.has_hood else 0.0, chimneys=integer(0, 3),
-        dormers=0 if d.has_flat_roof else integer(0, 3), second=d.white,
+        dormers=0 if d.has_flat_roof else integer(0, 3), second_color=d.white,
     )  # fmt: skip
 
 
@@ -189,7 +189,7 @@ _KINDS: dict[str, Callable[[Choices], dict[str, Any]]] = {
     "corner": lambda d: dict(
         width=between(10, 12), storeys=integer(2, 4), ground=3.6,
         storey=between(2.9, 3.3), ground_floor="shop", ground_wall=(d.paint, "paint"),
-        trim=("turret", "sills", "lintels", "strings"), dormers=2, bays=4, second=d.white,
+        trim=("turret", "sills", "lintels", "strings"), dormers=2, bays=4, second_color=d.white,
         hood=0.6 if d.has_hood else 0.0, wall=d.brick_or_plaster,
     ),
     "concrete block": lambda d: dict(
@@ -263,7 +263,7 @@ def sample_building(rng: np.random.Generator, kind: str) -> BuildingParams:
         head="flat", side_windows=1, ground_floor="doors", doors=((0, 3), (1, 2))[rng.integers(2)],
         hood=0.45 if choices.has_hood else 0.0, balconies=(), bay_windows=(), dormers=0, roof="gable",
         rise=float(rng.uniform(2, 3)), chimneys=2, tower=0.0, spire=0.0, wall=bricks, ground_wall=bricks,
-        frame=choices.white, accent=paint, second=pick(rng, RENDERS, 0.3),
+        frame=choices.white, accent=paint, second_color=pick(rng, RENDERS, 0.3),
         roof_color=pick(rng, SLATES, 0.3), chimney=brick, curtain=pick(rng, CURTAINS, 0.3),
         seed=int(rng.integers(2**31)),
     )  # fmt: skip

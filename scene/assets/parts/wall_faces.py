@@ -28,7 +28,7 @@ class WallParams(NamedTuple):
     thickness: float  # at the foot, m
     color: Color
     material: str
-    second: Color  # of the coping, the bands or the joints
+    second_color: Color  # of the coping, the bands or the joints
     coping: float = 0.0  # height of the coping, m; 0 for none
     ridge: bool = False  # a coping like a roof
     batter: float = 0.0  # m that the near face leans back at the top
@@ -61,9 +61,9 @@ def _stones(p: WallParams, rng: np.random.Generator) -> list[Asset]:
     """Build small stones in wire baskets."""
     parts = _blocks(p, rng, rows=11, width=0.16)
     for x in np.linspace(-0.5, 0.5, 4) * (p.length - 0.03):
-        parts.append(box((0.03, 0.03, p.height), (x, -0.05, 0), p.second, "metal"))
+        parts.append(box((0.03, 0.03, p.height), (x, -0.05, 0), p.second_color, "metal"))
     for z in (0.0, p.height / 2 - 0.01, p.height - 0.03):
-        parts.append(box((p.length, 0.03, 0.03), (0, -0.11, z), p.second, "metal"))
+        parts.append(box((p.length, 0.03, 0.03), (0, -0.11, z), p.second_color, "metal"))
     return parts
 
 
@@ -73,7 +73,9 @@ def _weep_holes(p: WallParams, rng: np.random.Generator) -> list[Asset]:
     for z in (0.35, 1.2):
         y = p.batter * z / p.height
         for x in np.linspace(-0.4, 0.4, 4) * p.length:
-            parts.append(tube((x, y + 0.02, z), (x, y - 0.05, z), 0.05, p.second, "plain", sides=8))
+            parts.append(
+                tube((x, y + 0.02, z), (x, y - 0.05, z), 0.05, p.second_color, "plain", sides=8)
+            )
     return parts
 
 
@@ -113,7 +115,7 @@ def _ribs(p: WallParams, rng: np.random.Generator) -> list[Asset]:
     rings = [
         np.column_stack([np.full(2 * n, x), y - 0.032, z]) for x in (-p.length / 2, p.length / 2)
     ]
-    posts = [box((0.14, 0.05, p.height + 0.06), (x, -0.125, 0), p.second, "metal")
+    posts = [box((0.14, 0.05, p.height + 0.06), (x, -0.125, 0), p.second_color, "metal")
              for x in (-p.length / 2 + 0.07, 0.0, p.length / 2 - 0.07)]  # fmt: skip
     return [loft(np.array(rings), p.color, p.material, closed=False, caps=False), *posts]
 
@@ -124,11 +126,11 @@ def _bands(p: WallParams, rng: np.random.Generator) -> list[Asset]:
     courses = [
         upright(-half, half, z, z + 0.11, -PAINT) for z in (0.12 * p.height, 0.82 * p.height)
     ]
-    parts = [polygon(course, p.second, p.material) for course in courses]
+    parts = [polygon(course, p.second_color, p.material) for course in courses]
     for x in np.linspace(-0.375, 0.375, 4) * p.length:
         z, r = 0.5 * p.height, 0.26
         parts.append(polygon([(x - r, -PAINT, z), (x, -PAINT, z - r), (x + r, -PAINT, z),
-                           (x, -PAINT, z + r)], p.second, p.material))  # fmt: skip
+                           (x, -PAINT, z + r)], p.second_color, p.material))  # fmt: skip
     return parts
 
 
@@ -144,7 +146,7 @@ def _ivy(p: WallParams, rng: np.random.Generator) -> list[Asset]:
         z = float(np.clip(z, size + 0.02, p.height))
         corners = np.column_stack([x + size * np.cos(angle), y + 0.35 * size * np.sin(angle + 1),
                                    z + size * np.sin(angle)])  # fmt: skip
-        leaves.append(polygon(corners, vary(rng, p.second, 0.6), "foliage"))
+        leaves.append(polygon(corners, vary(rng, p.second_color, 0.6), "foliage"))
     return leaves
 
 
@@ -153,7 +155,7 @@ def _profile(p: WallParams, rng: np.random.Generator) -> list[Asset]:
     slots = [polygon(upright(x - 0.3, x + 0.3, 0.0, 0.08, -0.04), BLACK)
              for x in (-0.25 * p.length, 0.25 * p.length)]  # fmt: skip
     y = 0.36 * p.thickness
-    marks = [box((0.09, 0.04, 0.09), (x, y - 0.02, 0.78 * p.height), p.second, "metal")
+    marks = [box((0.09, 0.04, 0.09), (x, y - 0.02, 0.78 * p.height), p.second_color, "metal")
              for x in (-0.3 * p.length, 0.0, 0.3 * p.length)]  # fmt: skip
     return slots + marks
 
@@ -181,7 +183,7 @@ def _balusters(p: WallParams, rng: np.random.Generator) -> list[Asset]:
     low, middle = p.height + p.coping, p.thickness / 2
     tiers = ((0.0, 0.07), (0.05, 0.07), (0.08, 0.04), (0.2, 0.085), (0.34, 0.045), (0.4, 0.04),
              (0.43, 0.07), (0.48, 0.07))  # fmt: skip
-    parts = [box((p.length, 0.3, 0.13), (0, middle, low + 0.48), p.second, "plaster")]
+    parts = [box((p.length, 0.3, 0.13), (0, middle, low + 0.48), p.second_color, "plaster")]
     for x in np.arange(-p.length / 2 + 0.35, p.length / 2 - 0.3, 0.24):
         stations = [(low + z, r) for z, r in tiers]
         parts.append(turned(stations, p.color, p.material, 8, at=(float(x), middle)))
@@ -198,7 +200,7 @@ def _mound(p: WallParams, rng: np.random.Generator) -> list[Asset]:
         rings.append(np.column_stack([
             np.full(7, x), p.thickness / 2 - (p.thickness / 2 + 0.09) * np.cos(turn),
             p.height - 0.02 + r * np.sin(turn)]))  # fmt: skip
-    return [loft(np.array(rings), p.second, "foliage")]
+    return [loft(np.array(rings), p.second_color, "foliage")]
 
 
 TOPS: dict[str, BuildDetail] = {"railings": _railings, "balusters": _balusters, "mound": _mound}
