@@ -65,9 +65,7 @@ class Family:
     in_rows: bool = False  # an asset is one panel of up to three in a row
     frequent: tuple[str, ...] = ()  # more common kinds, once for each additional turn in the cycle
     classes: tuple[tuple[str, TrainId], ...] = ()  # of kinds with another class than ``train_id``
-    redrawn: tuple[
-        int, ...
-    ] = ()  # indices that use a second seed, as the first looked like an earlier asset
+    redrawn: tuple[int, ...] = ()  # indices drawn from a second seed, as the first gave a lookalike
 
     @property
     def kind_cycle(self) -> tuple[str, ...]:

@@ -183,7 +183,7 @@ def _kiosk(p: ShelterParams) -> list[Asset]:
 
 
 class _Kind(NamedTuple):
-    """How a kind is built, and its colours of frame, cover and the rest (``second``)."""
+    """How a kind is built, and its colours of frame, cover and the rest (``second_color``)."""
 
     build: Callable[[ShelterParams], list[Asset]]
     colors: tuple[Any, Any, Any] = ("metal", "cloth", "poster")  # or names of ``_COLOR_SETS``
