@@ -17,9 +17,7 @@ class BollardParams(NamedTuple):
 
     height: float  # m
     radius: float  # m, at the foot
-    outline: tuple[
-        tuple[float, float], ...
-    ]  # shares of height and radius from the foot up; () a box
+    outline: tuple[tuple[float, float], ...]  # shares of height and radius upwards; () a box
     color: Color
     band: Color
     bands: tuple[tuple[float, float], ...]  # from and to, as shares of the height

@@ -59,9 +59,7 @@ class Family:
     facing: str = "any"
     front: str = "ahead"  # its front in its own frame: "ahead" +x, "right" -y, "back" -x
     stage: Stage = FOOTWAY
-    mounted_on: str | Mapping[str, str] = (
-        ""  # family of the post or machine it comes with, or that by kind
-    )
+    mounted_on: str | Mapping[str, str] = ""  # family of its post or machine, or that by kind
     in_rows: bool = False  # an asset is one panel of up to three in a row
     frequent: tuple[str, ...] = ()  # more common kinds, once for each additional turn in the cycle
     classes: tuple[tuple[str, TrainId], ...] = ()  # of kinds with another class than ``train_id``

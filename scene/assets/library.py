@@ -240,9 +240,7 @@ def _rows(path: Path) -> list[Row]:
 
 def _scale(text: str, path: Path, number: int) -> float:
     try:
-        value = float(
-            text.replace(",", ".") or 1
-        )  # spreadsheets with semicolons write decimal commas
+        value = float(text.replace(",", ".") or 1)  # some spreadsheets write decimal commas
     except ValueError:
         value = math.nan
     if not 0 < value < math.inf:
