@@ -55,7 +55,7 @@ class Render(Assets):
     """default, random, mixed (half default, half random), or a JSON file: a run's attributes.json, or a
     value in [0, 1] for every attribute"""
     space: SpaceName | None = None
-    """attributes of default, random or mixed streets (default: scenex)"""
+    """set of attributes for default, random or mixed streets (default: scenex)"""
     fix: Annotated[tuple[str, ...], REPEATED, Option("NAME=VALUE", help=HELD)] = ()
     images: Annotated[int, Option("N")] = 180
     """number of images; each shows a different street unless --shots is set"""

@@ -1,4 +1,4 @@
-"""What the tests of the engine share: streets and assets to try, rays, own assets, refusals."""
+"""Shared by the tests of the engine: streets, assets, rays, own assets, refusals."""
 
 import numpy as np
 import pytest
@@ -48,7 +48,7 @@ def make(family: str, kind: str, seed: int):
 
 
 def solid(mesh: Mesh) -> trimesh.Trimesh:
-    """A mesh with all that trimesh knows of it."""
+    """A mesh as a trimesh."""
     return trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
 
 
@@ -66,7 +66,7 @@ def chosen(name: str) -> Renderer:
 
 
 def free(bvh, starts, directions, needed, columns, reach=np.inf) -> np.ndarray:
-    """Which rays meet nothing: f32[n], 1 if so, 0 if not, -1 where not wanted.
+    """Which rays meet nothing: f32[n], 1 if so, 0 if not, -1 where not needed.
 
     All on the thread that asks. The wheel's own classes start a device of Embree for each mesh, with threads;
     once they are gone, one of the threads may go on spinning, and slow down all that the process does after.
@@ -102,7 +102,7 @@ def cast(origin, directions, corners) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.fixture
 def refusal(capsys):
-    """``refusal(main, *arguments)``: the one line with which a command ends, its exit code 2."""
+    """``refusal(main, *arguments)``: the one line of error of a command that ends with exit code 2."""
 
     def ask(main, *arguments) -> str:
         try:
@@ -118,7 +118,7 @@ def refusal(capsys):
 
 @pytest.fixture
 def printed(capsys):
-    """``printed(main, *arguments)``: what a command says that ends with exit code 0."""
+    """``printed(main, *arguments)``: the output of a command that ends with exit code 0."""
 
     def ask(main, *arguments) -> str:
         assert main([str(argument) for argument in arguments]) == 0
@@ -129,7 +129,7 @@ def printed(capsys):
 
 @pytest.fixture
 def shelf(tmp_path):
-    """``shelf(path, mesh_or_bytes, column=...)`` puts a file there with its row; gives the folder."""
+    """``shelf(path, mesh_or_bytes, column=...)`` writes a file with its row; returns the folder."""
     folder = tmp_path / "own"
     rows: list[dict[str, str]] = []
 

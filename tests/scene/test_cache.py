@@ -1,4 +1,4 @@
-"""Arrays on disk: the same as made anew, whatever has happened to the files."""
+"""Arrays on disk equal computed ones, whatever has happened to the files."""
 
 import os
 
@@ -20,7 +20,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def ask(name="x"):
-    """Whether the numbers came from disk; either way they must be right."""
+    """Whether the numbers came from disk; they must be right in both cases."""
     calls = []
     arrays = cache.cached(name, lambda: calls.append(1) or {"a": NUMBERS.copy()})
     assert list(arrays) == ["a"] and (arrays["a"] == NUMBERS).all()

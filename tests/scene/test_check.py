@@ -20,7 +20,7 @@ LIST, PANOPTIC = "annotations/instances*", "*panoptic*.json"
 
 # Layouts of other tools hold less: test_export_layouts.py.
 @pytest.fixture(scope="module", params=["cityscapes", "coco"])
-def whole(request, tmp_path_factory):
+def exported(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp(request.param) / "dataset"
     options = {"settings": RenderSettings(160, 96), "pool": AssetPool(0, 3)}
     units = draw(random_proposal(), 1, 2)
@@ -38,7 +38,7 @@ def first(dataset, pattern):
 
 
 def edit(path, change):
-    """Replace a picture by what is made of it, or change what a JSON file holds."""
+    """Change an image file by a function of its pixels, or a JSON file by a function of its content."""
     if path.suffix == ".png":
         path.write_bytes(png.encode(np.ascontiguousarray(change(png.read_png(path).copy()))))
     else:
@@ -47,11 +47,11 @@ def edit(path, change):
         path.write_text(json.dumps(value))
 
 
-def test_nothing_is_found_in_what_was_exported_with_edges_to_spare(whole, printed):
-    assert list(findings(whole)) == [] and "no faults" in printed(main, whole)
+def test_nothing_is_found_in_what_was_exported_with_edges_to_spare(exported, printed):
+    assert list(findings(exported)) == [] and "no faults" in printed(main, exported)
     edges, moved = Overlap(), Overlap()
-    for path in whole.glob(DEPTH):
-        segments = first(whole, f"*panoptic*/{path.stem.removesuffix('_depth')}*.png")
+    for path in exported.glob(DEPTH):
+        segments = first(exported, f"*panoptic*/{path.stem.removesuffix('_depth')}*.png")
         ids, depth = planes.ids_of(png.read_png(segments)), png.read_png(path)
         edges, moved = edges.plus(overlap(ids, depth)), moved.plus(overlap(shift(ids), depth))
     assert edges.lift > 1.2 * check.LEAST_LIFT and moved.lift < 0.8 * check.LEAST_LIFT
@@ -172,7 +172,7 @@ def test_shifted_depth_is_found(dataset, monkeypatch):
     assert "label and depth edges disagree" in "\n".join(findings(dataset))
 
 
-@pytest.mark.parametrize("whole", ["cityscapes"], indirect=True)
+@pytest.mark.parametrize("exported", ["cityscapes"], indirect=True)
 @pytest.mark.parametrize("kind", ["labelIds", "labelTrainIds", "instanceIds", "color"])
 def test_label_pictures_that_disagree_are_found(dataset, kind):
     edit(first(dataset, f"*_{kind}.png"), shift)

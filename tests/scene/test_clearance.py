@@ -1,4 +1,4 @@
-"""Rectangles on the ground, and streets in which nothing stands in anything."""
+"""Rectangles on the ground, and streets without overlaps."""
 
 import math
 
@@ -20,7 +20,7 @@ rectangles = st.builds(
 
 
 def points_of(box: Rectangle) -> np.ndarray:
-    """Places f64[n, 2] all over a rectangle."""
+    """Points f64[n, 2] all over a rectangle."""
     u, v = (half * np.linspace(-1, 1, 13) for half in (box.long, box.wide))
     u, v = (part.ravel() for part in np.meshgrid(u, v))
     return np.stack([box.x + u * box.cos - v * box.sin, box.y + u * box.sin + v * box.cos], axis=1)

@@ -1,4 +1,4 @@
-"""What is kept of compiled functions is never that of other sources, and need not be kept."""
+"""Cached functions are never those of other sources, and the cache may be missing."""
 
 import ast
 import os
@@ -28,7 +28,7 @@ with WorkerPool(1) as pool:
 
 @pytest.fixture
 def copied(tmp_path):
-    """``copied(code, variable=...)`` runs code on a copy of the sources; gives its output and errors."""
+    """``copied(code, variable=...)`` runs code on a copy of the sources; returns its output and errors."""
     hidden = shutil.ignore_patterns("__pycache__")
     for package in ("scene", "common"):
         shutil.copytree(ROOT / package, tmp_path / package, ignore=hidden)
@@ -76,7 +76,7 @@ def test_a_folder_that_the_user_names_is_used(copied, tmp_path):
 
 @pytest.mark.parametrize("path", sorted(SCENE.rglob("*.py")), ids=lambda p: p.stem)
 def test_all_functions_are_compiled_so(path):
-    """And none in the folders whose changes are not looked at."""
+    """There are none in folders whose changes are ignored."""
     from scene.compiled import WITHOUT
 
     names = {

@@ -14,7 +14,7 @@ ROAD, CAR = 0, 13
 
 
 def share_below(places, box):
-    """Share of the open sky at places f64[n, 2] of the ground around one box at the origin."""
+    """Share of visible sky at points f64[n, 2] of the ground around one box at the origin."""
     points = np.column_stack([places, np.zeros(len(places))]).astype(np.float32)
     row = np.array([[1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, *box]], np.float32)
     ones, ids = np.ones(len(points), np.float32), np.array([10, ROAD, CAR], np.uint8)

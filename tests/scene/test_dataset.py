@@ -21,7 +21,7 @@ def render(workers=0, **changes):
 
 
 @pytest.fixture(scope="module")
-def here():
+def serial():
     return render()
 
 
@@ -35,16 +35,16 @@ def test_bytes_do_not_depend_on_the_workers_and_an_open_pool_is_left_open(serial
         assert (parallel.images == serial.images).all() and (parallel.labels == serial.labels).all()
 
 
-def test_images_come_in_order_and_depend_on_attributes_seed_and_index_only(dataset):
-    assert np.array_equal(render(units=units(3)[:2]).images, dataset.images[:4])
+def test_images_come_in_order_and_depend_on_attributes_seed_and_index_only(serial):
+    assert np.array_equal(render(units=units(3)[:2]).images, serial.images[:4])
     alike = render(units=np.stack([default_unit()] * 2))
     assert not np.array_equal(alike.images[:2], alike.images[2:])
-    assert (dataset.images.shape, dataset.labels.shape) == ((6, 32, 48, 3), (6, 32, 48))
+    assert (serial.images.shape, serial.labels.shape) == ((6, 32, 48, 3), (6, 32, 48))
     street_frames = (
         render_street(unit, 7, i, 2, TINY, "embree", POOL) for i, unit in enumerate(units(3))
     )
     images, labels, *_ = zip(*chain(*street_frames), strict=True)
-    assert np.array_equal(dataset.images, images) and np.array_equal(dataset.labels, labels)
+    assert np.array_equal(serial.images, images) and np.array_equal(serial.labels, labels)
 
 
 def test_streets_of_neighbouring_seeds_are_not_the_same_and_the_pool_of_assets_is_theirs():

@@ -1,4 +1,4 @@
-"""Exports: the same bytes however they come about, and nothing lost or overwritten."""
+"""Exports: the same bytes in all ways to make them, and nothing lost or overwritten."""
 
 import errno
 import io

@@ -58,7 +58,7 @@ def frames():
 
 @pytest.fixture(scope="module")
 def exported(tmp_path_factory):
-    """``exported(format, target)``: a folder, made once."""
+    """``exported(format, target)``: a folder, exported once."""
     folders = {}
 
     def export(format, target=""):
@@ -75,7 +75,7 @@ def exported(tmp_path_factory):
 
 
 def classes(frame, target):
-    """Numbers of classes u8[h, w] of a frame, straight from the target's file."""
+    """Class indices u8[h, w] of a frame, directly from the target file."""
     if TARGETS[target] is None:
         return frame.label
     of_engine = np.full(256, 255, np.uint8)

@@ -1,4 +1,4 @@
-"""What comes to a street's lines: shares govern it, it overlaps nothing, and the camera stays clear."""
+"""Ingredients of streets: their shares, no overlaps, and a clear camera."""
 
 import math
 from itertools import combinations, product
@@ -29,7 +29,7 @@ FULL = {"parked_share": 1.0, "queue_share": 1.0, "open_share": 1.0}
 
 
 def added(seed, mix=NONE, drive=1.0, **shares):
-    """What comes to an empty street."""
+    """Objects added to an empty street."""
     ground = sample_ground(np.random.default_rng(seed), drive=drive)
     plot = Plot(Setting(DEFAULT._replace(**shares), ground, POOL, drive))
     extras(plot, seed, mix)
@@ -37,13 +37,13 @@ def added(seed, mix=NONE, drive=1.0, **shares):
 
 
 def posed(stands, drive=1.0):
-    """Families, references and poses of what stands on a straight road."""
+    """Families, references and poses of objects on a straight road."""
     ground = sample_ground(np.random.default_rng(0), drive=drive)
     return [(*s[:2], pose) for s, pose in zip(stands, poses(ground, stands), strict=True)]
 
 
 def inside(points, family, ref, pose):
-    """Which points f64[n, 3] lie in the box of an asset."""
+    """Which points f64[n, 3] are in the box of an asset."""
     local, (low, high) = (points - pose[:3, 3]) @ pose[:3, :3], bounds(family, ref)
     return ((local > low) & (local < high)).all(axis=1)
 
@@ -144,7 +144,7 @@ def test_an_approach_to_a_junction_has_lights_of_one_colour():
 
 
 def in_something(ground, before, stands, passed_over=()):
-    """Of objects in their order, those that stand in something that stood before them."""
+    """Objects that overlap an earlier one."""
     occupied, overlapping = Rectangles(), []
     occupied.extend(rectangles(ground.path, before))
     for parts in objects(stands):
@@ -188,7 +188,7 @@ def test_what_stands_at_a_junction_stands_in_nothing_that_was_there(monkeypatch)
 
 
 def share_of_water(params, count):
-    """Of so many open sides."""
+    """Number of open sides with water."""
     ground, water = sample_ground(np.random.default_rng(0)), 0
     for seed in range(count):
         plot = Plot(Setting(params, ground, AssetPool(), 1.0))

@@ -1,4 +1,4 @@
-"""Where shots are taken: beside all that stands, and where a street is seen."""
+"""Positions of shots: clear of all objects, and with a street in view."""
 
 import math
 
@@ -28,7 +28,7 @@ from tests.scene.conftest import SEEDS, chosen, street
 SETTINGS = RenderSettings(64, 32)
 EXTENDED = random_proposal("extended")
 LOW = 9.0
-"""Degrees below the horizon to which a frame has to reach, or hardly any ground is in it."""
+"""Degrees below the horizon that a frame has to reach to show enough ground."""
 
 
 def drawn(seed, shots=1, proposal=EXTENDED, index=0):
@@ -52,7 +52,7 @@ def corners_of(placements):
 
 
 def away(point, corners):
-    """How far a point is from each of the rectangles f64[n, 4, 2], metres; 0 inside."""
+    """Distances of a point from rectangles f64[n, 4, 2], metres; 0 inside."""
     start = corners[:, 0]
     sides = np.stack([corners[:, 1] - start, corners[:, 3] - start], axis=1)
     length = np.linalg.norm(sides, axis=2)
@@ -165,7 +165,7 @@ def test_it_is_taken_again_until_it_shows_a_street_and_else_where_most_ground_is
     assert choice(up) == up  # it has no other place
     framed_twice = seen(seen(sampled))
     assert framed_twice == seen(sampled) and len(framed_twice.cameras) == 1
-    # Who is given one camera sees through that one.
+    # A camera without other places is used as it is.
     aside = Camera((20.0, 0.0, 1.5), 0.3, -1.0)
     (frame,) = renderer("embree").render(sampled._replace(cameras=(aside,)), SETTINGS)
     assert frame.camera is aside
@@ -192,7 +192,7 @@ def horizon(unit):
 
 
 def counts(space, streets, seed=11):
-    """Of random streets, how many are taken again, are refused, and are refused though they look down."""
+    """Numbers of random streets that are retaken, refused, and refused although they look down."""
     retaken = refused = able = lost = 0
     for index, unit in enumerate(draw(random_proposal(space), seed, streets)):
         (camera,) = seen(street_of(unit, seed, index, 1, AssetPool())).cameras

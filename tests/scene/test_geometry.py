@@ -1,4 +1,4 @@
-"""Meshes as plain arrays, the solids that trimesh makes, too, and a street of them."""
+"""Meshes as arrays, solids compared with those of trimesh, and the geometry of a street."""
 
 import pickle
 

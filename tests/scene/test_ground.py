@@ -1,4 +1,4 @@
-"""Road, sidewalk and terrain: where they lie and what is painted on them."""
+"""Road, sidewalk and terrain: positions and markings."""
 
 from itertools import product
 

@@ -1,4 +1,4 @@
-"""Attributes held at known values: what may be held, and that it stands in every street."""
+"""Fixed attributes: valid values, and their effect on every street."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Streets in a few lines of Python: sampled, added to, and rendered with any camera."""
+"""Streets in a few lines of Python: sampled, extended with objects, and rendered from any camera."""
 
 from functools import partial
 
@@ -115,7 +115,7 @@ def test_a_shifted_principal_point_renders_a_part_of_a_larger_image(name, street
     for field in ("depth", "normals"):
         a, b = getattr(part, field)[same], getattr(larger, field)[window][same]
         assert (np.abs(a - b) <= 1e-3 * np.abs(a) + 1e-4).mean() > 0.998
-    # OpenGL knows of light only what is in the image, so more differs along its edges.
+    # OpenGL finds occluders in the image only, so more differs along its edges.
     most = {"embree": 1, "opengl": 3}[name]
     assert (np.abs(part.image - larger.image[window].astype(float))[same]).mean() < most
 

@@ -1,4 +1,4 @@
-"""The opengl renderer against embree, and what happens where OpenGL fails."""
+"""The opengl renderer compared with embree, and failures of OpenGL."""
 
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -30,7 +30,7 @@ def opengl():
 
 
 def both(opengl, sampled, settings):
-    """The first frame of each renderer, their images as numbers that can be subtracted."""
+    """The first frame of each renderer, with images as floats."""
     frames = [by.render(sampled, settings)[0] for by in (renderer("embree"), opengl)]
     return [frame._replace(image=frame.image.astype(float)) for frame in frames]
 

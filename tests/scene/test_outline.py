@@ -1,4 +1,4 @@
-"""Labels as annotators draw them: what is closed, what is dropped, and what stays as it is."""
+"""Labels as annotators draw them: closed gaps, dropped twigs, and unchanged pixels."""
 
 import cv2
 import numpy as np
@@ -37,7 +37,7 @@ def drawn(label, outlines=RULE, depth=None):
 
 @pytest.fixture
 def crown():
-    """A tree of 30x20 pixels before the sky."""
+    """A tree of 30x20 pixels in front of the sky."""
     label = np.full((HEIGHT, WIDTH), SKY, np.uint8)
     label[20:40, 30:60] = TREE
     return label

@@ -1,4 +1,4 @@
-"""Roads that bend and slope, and junctions: where things stand, and what labels say of the ground."""
+"""Roads that bend and slope, and junctions: positions of objects, and labels of the ground."""
 
 import math
 from itertools import pairwise, product
@@ -142,7 +142,7 @@ def test_points_of_the_ground_are_found_again_where_the_road_goes(seed):
 
 
 def test_points_of_a_house_are_found_in_its_own_frame_however_it_stands():
-    """Else textures stretch where a wall stands askew to the world's axes."""
+    """Otherwise textures would stretch on walls at an angle to the world's axes."""
     sampled = street(SHAPED, 3)
     path, geometry = sampled.ground.path, build(sampled)
     turned = 0

@@ -1,4 +1,4 @@
-"""Contact sheets, sweeps and pages of assets: right pictures in the right places, or one line."""
+"""Contact sheets, sweeps and pages of assets: the right images in the right places, or one line of error."""
 
 import math
 
@@ -35,7 +35,7 @@ def test_grids_stacks_and_tiles_show_their_parts():
     assert page.shape == (8, 12, 3) and stack([red, page]).shape == (12, 12, 3)
     assert (page[:4, 6:] == blue).all() and (page[4:, :6] == red).all()
     assert (page[4:, 6:] == 255).all()
-    # A caption stands above and leaves the picture alone.
+    # A caption is above the image and does not change it.
     above = captioned(np.zeros((20, 60, 3), np.uint8), "car 3")
     assert not above[CAPTION:].any() and 0.02 < (above[:CAPTION] < 128).mean() < 0.5
     frame = look(asset_street("car", 0, 4 / 3, 50.0))
@@ -120,7 +120,7 @@ def test_a_theme_is_shown_by_both_renderers(tmp_path, printed):
 
 @pytest.fixture
 def folder(shelf):
-    """One box of our own, to stand for a bus."""
+    """One box as an own bus."""
     return shelf("bus/box.stl", trimesh.creation.box((10, 2.5, 3)))
 
 

@@ -1,4 +1,4 @@
-"""Intervals of attributes: what a file may say, and what is drawn from them."""
+"""Distributions of attributes: valid files, and draws."""
 
 import json
 
@@ -284,7 +284,7 @@ def test_certain_bins_are_intervals_and_even_ones_the_whole_range():
 
 @pytest.mark.parametrize("count", [3, 7, 10, 41])
 def test_the_ends_of_bins_belong_to_them(count):
-    """The least and the largest number that a stream gives, and the border between two bins."""
+    """The smallest and largest number of a stream, and the border between two bins."""
     numbers = np.float32([0, np.nextafter(np.float32(0.5), np.float32(0)), 0.5, module.BELOW_ONE])
     for low, high in ((0, 1), (0, count - 1), (1, count - 1)):
         row = np.zeros(count, np.float32)

@@ -1,4 +1,4 @@
-"""What every renderer must do: exact labels, instances and depth, and pictures that obey the light."""
+"""Every renderer: exact labels, instances and depth, and images that follow the light."""
 
 import math
 
@@ -36,7 +36,7 @@ def draw(request):
 
 
 def bare_street(*placements, camera=LEVEL, cover=0.0, intensity=1.0, elevation=0.7, azimuth=1.2):
-    """Road and sky only, with what is put there by hand; unpainted asphalt."""
+    """Road and sky only, with the given placements; unpainted asphalt."""
     light = {"intensity": intensity, "elevation": elevation, "azimuth": azimuth}
     sampled = (sample_sky(np.random.default_rng(seed), **light) for seed in range(200))
     sky = next(sky for sky in sampled if sky.weather == "clear")._replace(cover=cover, haze=1e5)
@@ -283,7 +283,7 @@ def test_occlusion_darkens_what_is_close_to_other_things_and_textures_roughen_th
 
 
 def test_textures_of_the_ground_follow_a_bend(draw):
-    """Seen from above, a road that bends looks as a straight one does at the same place along it."""
+    """From above, a bent road looks like a straight one at the same place along it."""
     settings = QUIET._replace(shadows=False, occlusion=False)
     straight = bare_street()._replace(cameras=())
     ground = straight.ground._replace(

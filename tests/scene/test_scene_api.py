@@ -11,7 +11,7 @@ ROOMS = (
     "proposal", "held", "look", "mesh", "sky", "ground", "assets", "street", "render",
     "outline", "dataset", "labelled", "preview", "check", "stats", "callback", "parsers",
 )  # fmt: skip
-"""Each imports from those before it only."""
+"""Folders in order; each imports from earlier ones only."""
 
 
 def test_imports_between_rooms_point_one_way():

@@ -1,4 +1,4 @@
-"""Statistics of a dataset beside those of its target."""
+"""Statistics of a dataset, compared with those of its target."""
 
 import json
 import shutil
@@ -27,7 +27,7 @@ def dataset(tmp_path_factory):
 
 @pytest.fixture
 def camvid(tmp_path):
-    """Two images of two by two pixels in CamVid's layout: sky over road, then all void but a car."""
+    """Two images of two by two pixels in CamVid's layout: sky over road, then a car and ignored pixels."""
     rows = ("0001TP_1", 100, [[0, 0], [3, 3]]), ("0016E5_2", 200, [[11, 11], [11, 8]])
     for name, blue, label in rows:
         for part, plane in (("train", [[(0, 0, blue)] * 2] * 2), ("trainannot", label)):

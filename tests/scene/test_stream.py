@@ -1,4 +1,4 @@
-"""Streams: the images of an export without its files, from any of them on, however many work."""
+"""Streams: the images of an export without files, from any index, with any number of workers."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""No two streams of random numbers of a street are the same, and all are made in one place."""
+"""No two random streams of a street are equal, and all are made in one place."""
 
 import ast
 import sys
@@ -52,7 +52,7 @@ def test_all_streams_of_a_street_of_many_shots_differ(monkeypatch, open_share):
 
 @pytest.mark.parametrize("path", sorted(SCENE.rglob("*.py")), ids=lambda p: p.stem)
 def test_streams_are_made_in_one_place(path):
-    """But for those of assets, whose seeds are their parameters."""
+    """Except those of assets, whose seeds are their parameters."""
     uses = [
         node.lineno
         for node in ast.walk(ast.parse(path.read_text()))

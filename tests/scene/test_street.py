@@ -34,7 +34,7 @@ LINE_OF = {family: line for line, mix in LINES.items() for family in mix}
 
 
 def same(a, b):
-    """Whether two lists of placements are bitwise the same, instance ids aside."""
+    """Whether two lists of placements are equal to the bit, except for instance ids."""
     one, other = (
         [p._replace(pose=p.pose.tobytes(), instance=0) for p in sampled] for sampled in (a, b)
     )

@@ -1,4 +1,4 @@
-"""What lies along sidewalks, how old roads are, and what sidewalks are made of."""
+"""Strips along sidewalks, ages of roads, and surfaces of sidewalks."""
 
 import math
 
@@ -30,7 +30,7 @@ EXTENDED = street_params(default_unit("extended"))
 
 
 def sided(seed, share, front=9.0):
-    """A ground with what lies along its sidewalks, houses on the left only."""
+    """A ground with the strips along its sidewalks, and houses on the left only."""
     ground = sample_ground(np.random.default_rng(seed), asphalt=0.0)
     rngs = tuple(np.random.default_rng([seed, side]) for side in range(2))
     return with_sides(ground, share, (None, front), rngs)

@@ -1,6 +1,6 @@
-"""The pictures are those of this ``ENGINE``; where they are not, raise it in ``scene/version.py``.
+"""The images are those of this ``ENGINE``; if they differ, raise it in ``scene/version.py``.
 
-Then write the golden figures anew, in the root of the repository:
+Then write the golden figures again, in the root of the repository:
 
     python -m tests.scene.test_version
 """
@@ -21,11 +21,11 @@ STREETS, SEED = 4, 11
 CELL = 16
 """Pixels along each side of the cells whose mean colours are compared."""
 MOST = {"cells": 0.5, "shares": 0.002}
-"""What machines may differ by: levels of a cell's mean colour, share of the pixels of a class."""
+"""Largest differences between machines: levels of a cell's mean colour, share of the pixels of a class."""
 
 
 def figures() -> dict[str, object]:
-    """What pictures and labels of a few streets come to."""
+    """Statistics of images and labels of a few streets."""
     result: dict[str, object] = {"engine": ENGINE}
     for name, proposal in (("random", random_proposal()), ("default", default_proposal())):
         units = draw(proposal, SEED, STREETS)

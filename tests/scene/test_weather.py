@@ -1,4 +1,4 @@
-"""Weathers that are asked for: they change the light and what lies on the ground, and no label."""
+"""Requested weathers change the light and the ground, but no label."""
 
 import numpy as np
 import pytest
