@@ -179,14 +179,14 @@ def expose(
     pixel_view: Visible,
     settings: RenderSettings,
 ) -> Frame:
-    """Shade, average and develop the samples, and pick label, instance, depth and normal of every pixel.
+    """Shade, average and develop the samples, and select label, instance, depth and normal of every pixel.
 
     Args:
         around: the street, with the seed of the camera's noise.
         shot: index of the camera.
-        view: what the samples see.
-        light: what reaches it.
-        pixel_view: what the middles of the pixels see, by the samples of ``through_middles``.
+        view: hits and spots of the samples.
+        light: light at the spots.
+        pixel_view: the same for the pixel centres, with the samples of ``through_middles``.
         settings: size and quality.
     """
     street = around.street

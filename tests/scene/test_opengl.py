@@ -52,8 +52,8 @@ def test_labels_instances_and_depth_agree_with_embree(opengl, seed, random):
 
 @pytest.mark.parametrize(("family", "kind"), [("fence", "guard rail"), ("person", "suitcase")])
 def test_both_leave_the_same_pixels_void(opengl, family, kind):
-    drawn = asset_street(family, FAMILIES[family].kind_cycle.index(kind), 4 / 3, 50)
-    a, b = both(opengl, drawn, RenderSettings(400, 300, shadows=False, occlusion=False))
+    sampled = asset_street(family, FAMILIES[family].kind_cycle.index(kind), 4 / 3, 50)
+    a, b = both(opengl, sampled, RenderSettings(400, 300, shadows=False, occlusion=False))
     assert (a.label == VOID).mean() > 0.02 and (a.label != b.label).mean() < 0.001
 
 
