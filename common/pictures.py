@@ -67,7 +67,9 @@ def label_ids(data: bytes) -> np.ndarray:
         if (colours == values[..., :1]).all():
             return values[..., 0]
     if mode.startswith("F"):
-        raise UserError(f"has floating-point values (mode {mode}); save class ids as whole numbers, in a PNG")
+        raise UserError(
+            f"has floating-point values (mode {mode}); save class ids as whole numbers, in a PNG"
+        )
     if mode not in ("P", "L", "1") and not mode.startswith("I"):
         raise UserError(f"a label in colours (mode {mode}); expected one channel of class ids")
     if mode == "L" and kind == "PNG":

@@ -1,7 +1,7 @@
 """Makes evaluations: known ones come from stores, the others from worker processes.
 
-A search waits for the last dataset of an update, then for its method. Networks that do not depend on its answer
-use the idle cores meanwhile, with lower priority; a later request finds them finished, or started
+A search waits for the last dataset of an update, then for its method. Networks that do not depend on its
+answer use the idle cores meanwhile, with lower priority; a later request finds them finished, or started
 (`Runner.prefetch`).
 """
 

@@ -97,7 +97,9 @@ def test_a_run_goes_on_with_other_workers_and_another_store(tiny_camvid, scored_
     store = tiny_camvid.out.with_name("store.jsonl")
     assert score(replace(tiny_camvid, workers=1, store=store)) == first
     text = capsys.readouterr().out
-    assert "Continuing: 0 rewards and 2 other networks are done" in text and f"{store} holds 0" in text
+    assert (
+        "Continuing: 0 rewards and 2 other networks are done" in text and f"{store} holds 0" in text
+    )
 
 
 def test_a_folder_in_use_and_a_missing_renderer(fails, tiny_camvid, camvid, monkeypatch, tmp_path):
