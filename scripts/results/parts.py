@@ -43,7 +43,7 @@ GROUPS = {
     ),
     "labels": Group("Labels plus renders", "What renders add to a few labelled images."),
     "few": Group(
-        "Searches that know the labels",
+        "Searches with labels",
         "Do optimised streets add more to a labelled subset than random ones? Every training set is mixed "
         "with the subset, also in the search.",
         summed=True,
