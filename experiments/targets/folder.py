@@ -68,7 +68,7 @@ class Parts(NamedTuple):
         return (*self.entries, *self.held_out)
 
     @property
-    def seen(self) -> tuple[Entry, ...]:
+    def model_entries(self) -> tuple[Entry, ...]:
         """The training images of the saved network.
 
         They include a held-out group, unless only a few labels may be used, but not a split.
@@ -256,7 +256,7 @@ def fold_targets(parts: Parts, data: Path, read: Read) -> list[Target]:
 
 def all_labelled(parts: Parts, fold: Target, data: Path, read: Read) -> Target:
     """Make the target whose labelled images are all training images of the saved network."""
-    entries = parts.seen
+    entries = parts.model_entries
 
     @lru_cache(maxsize=SIZES)
     def at(height: int, width: int) -> Sides:

@@ -261,7 +261,7 @@ def _save_model(
     notes = {
         "target": parts.target.name,
         "labelled_images": len(labels.images),
-        SEEN: sorted(file_digest(entry.image_path) for entry in parts.seen),
+        SEEN: sorted(file_digest(entry.image_path) for entry in parts.model_entries),
         "trained_on": best,
         "verdict": report["verdict"],
         "miou": report["rows"][best].get("averaged") or report["rows"][best]["mean"],
