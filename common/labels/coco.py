@@ -5,6 +5,7 @@ Source: cocodataset.org, "Data format".
 
 from __future__ import annotations
 
+import codecs
 import re
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
@@ -172,9 +173,9 @@ def read_coco_file(path: Path) -> CocoFile:
     return _read(path, state.st_size, state.st_mtime_ns)
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=4)
 def _read(path: Path, _size: int, _time: int) -> CocoFile:
-    return CocoFile(path, read_bytes(path))
+    return CocoFile(path, read_bytes(path).removeprefix(codecs.BOM_UTF8))
 
 
 def has_annotations(path: Path) -> bool:

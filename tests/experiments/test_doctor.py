@@ -1,4 +1,4 @@
-"""What doctor finds: the machine, a file for a folder, what does not fit, what commands cost."""
+"""What doctor reports: the machine, a file for a folder, problems, run times."""
 
 import json
 import re
@@ -109,9 +109,9 @@ def doctor(tmp_path, monkeypatch, capsys):
 
 @pytest.mark.parametrize("layout", [name for name in LAYOUTS if name not in ("gta5", "synthia")])
 def test_known_data_sets_are_known_by_their_layout_and_values(layout, tmp_path):
-    found = propose(write(layout, tmp_path))
-    assert parse_target(found.text, "x").name == layout
-    assert found.notes == [f"the folder has the layout and the values of {layout}"]
+    proposal = propose(write(layout, tmp_path))
+    assert parse_target(proposal.text, "x").name == layout
+    assert proposal.notes == [f"the folder has the layout and the values of {layout}"]
 
 
 def test_a_folder_of_your_own_becomes_a_target(streets, doctor, tmp_path):
@@ -121,12 +121,12 @@ def test_a_folder_of_your_own_becomes_a_target(streets, doctor, tmp_path):
     target = find_target(file, streets)
     assert target.images == "photos/{group}/{name}.jpg"
     assert target.labels == "masks/{group}/{name}_mask.png" and target.void == (255,)
-    renders = {name: own.renders for name, own in target.classes.items()}
+    renders = {name: values.renders for name, values in target.classes.items()}
     assert renders == {
         "road": ("road",), "house": ("building",), "Traffic signs": ("traffic sign",),
         "trees": ("vegetation",), "manhole": (),
     }  # fmt: skip
-    assert [own.ids for own in target.classes.values()] == [(0,), (1,), (2,), (3,), (4,)]
+    assert [values.ids for values in target.classes.values()] == [(0,), (1,), (2,), (3,), (4,)]
     data = read_target(target, streets, (48, 64))
     assert data.splits["train"].images.shape == (6, 48, 64, 3)
     assert set(data.splits["train"].sequences) == {"monday", "friday"}
@@ -164,15 +164,15 @@ def test_folders_of_splits_with_colours_that_a_file_names(tmp_path):
         "{split}/images/{name}.png",
         "{split}/labels/{name}.png",
     )
-    assert {name: own.renders for name, own in target.classes.items()} == {
+    assert {name: values.renders for name, values in target.classes.items()} == {
         "Sidewalk": ("sidewalk",), "Road": ("road",),
     }  # fmt: skip
     assert target.void == ((0, 0, 0),) and target.format == "colours"
-    found = survey(target, tmp_path)
-    assert found.counts == {"train": 2, "val": 1} and found.usable
-    (sidewalk, road), labelled = found.classes, sum(own.share for own in found.classes)
+    findings = survey(target, tmp_path)
+    assert findings.counts == {"train": 2, "val": 1} and findings.usable
+    (sidewalk, road), labelled = findings.classes, sum(row.share for row in findings.classes)
     assert labelled == pytest.approx(1) and road.images == sidewalk.images == 1
-    assert any("share 1 of 1 groups (a)" in fault.what for fault in found.faults)
+    assert any("share 1 of 1 groups (a)" in fault.what for fault in findings.faults)
 
 
 @pytest.mark.parametrize(("line", "pair"), [
@@ -211,8 +211,8 @@ def test_lists_with_backslashes_are_found(tmp_path):
         lines = "".join(f".\\images\\{k}.png\n" for k in names)
         (tmp_path / f"{split}.txt").write_text(lines)
     target = parse_target(propose(tmp_path).text, "x/target.yaml")
-    found = list_all(target, tmp_path)
-    assert {split: len(entries) for split, entries in found.items()} == {"train": 3, "test": 1}
+    splits = list_all(target, tmp_path)
+    assert {split: len(entries) for split, entries in splits.items()} == {"train": 3, "test": 1}
 
 
 def test_many_faults_of_one_kind_are_counted(tmp_path):
@@ -241,19 +241,19 @@ def test_lists_and_polygons(tmp_path):
     (tmp_path / "test.txt").write_text("s_2\ns_3")
     target = parse_target(propose(tmp_path).text, "x.yaml")
     assert target.format == "labelme-json" and target.classes["street"].renders == ("road",)
-    assert {split: len(own) for split, own in list_all(target, tmp_path).items()} == {
+    assert {split: len(entries) for split, entries in list_all(target, tmp_path).items()} == {
         "train": 2,
         "test": 2,
     }
 
 
-def test_what_does_not_fit_is_told_with_how_to_mend_it(streets, doctor, tmp_path):
+def test_problems_come_with_their_fix(streets, doctor, tmp_path):
     file = tmp_path / "t.yaml"
     assert doctor(streets, "--write", file)[0] == 0
     file.write_text(file.read_text().replace("[255]", "[9]"))
     code, out, _ = doctor(streets, "--target", file)
-    said = r"! .*_mask\.png: no class of .* has the label id 255 \(384 pixels in 6 images\)"
-    assert code == 2 and re.search(said, out)
+    message = r"! .*_mask\.png: no class of .* has the label id 255 \(384 pixels in 6 images\)"
+    assert code == 2 and re.search(message, out)
     assert "    add each to a class or to 'void'\n" in out
     save(streets / "masks" / "friday" / "f0_mask.png", np.zeros((8, 8)))
     code, out, _ = doctor(streets)
@@ -327,10 +327,10 @@ def test_images_of_several_endings_are_one_set(tmp_path):
         save(tmp_path / "ann" / f"a_{k}.PNG", blocks(k, (48, 64), 3))
     text = propose(tmp_path).text
     assert "images: 'img/{name}'  # {name} is" in text and "labels: 'ann/{name}.PNG'\n" in text
-    for own in (text, text.replace("{name}.PNG", "{name}")):
-        found = list_all(parse_target(own, "x.yaml"), tmp_path)["train"]
-        assert [entry.image_path.name for entry in found] == ["a_0.JPG", "a_1.jpeg", "a_2.png"]
-        assert found[0].label_path.name == "a_0.PNG"
+    for variant in (text, text.replace("{name}.PNG", "{name}")):
+        entries = list_all(parse_target(variant, "x.yaml"), tmp_path)["train"]
+        assert [entry.image_path.name for entry in entries] == ["a_0.JPG", "a_1.jpeg", "a_2.png"]
+        assert entries[0].label_path.name == "a_0.PNG"
 
 
 def test_an_export_of_cvat_comes_with_its_lists_and_names(tmp_path):
@@ -341,17 +341,17 @@ def test_an_export_of_cvat_comes_with_its_lists_and_names(tmp_path):
             save(tmp_path / folder / f"p{k}.png", colours[blocks(k, (48, 64), 3)])
     lists = tmp_path / "ImageSets" / "Segmentation"
     lists.mkdir(parents=True)
-    for name, own in {"train": "p0 p1", "val": "p2 p3", "trainval": "p0 p1 p2 p3"}.items():
-        (lists / f"{name}.txt").write_text(own.replace(" ", "\n"))
+    for name, names in {"train": "p0 p1", "val": "p2 p3", "trainval": "p0 p1 p2 p3"}.items():
+        (lists / f"{name}.txt").write_text(names.replace(" ", "\n"))
     legend = (
         "# label:color_rgb:parts:actions\nbackground:0,0,0::\nstreet:128,64,128::\ncar:0,0,192::\n"
     )
     (tmp_path / "labelmap.txt").write_text(legend)
     target = parse_target(propose(tmp_path).text, "x/target.yaml")
     assert target.labels == "SegmentationClass/{name}.png" and target.void == ((0, 0, 0),)
-    renders = {name: own.renders for name, own in target.classes.items()}
+    renders = {name: values.renders for name, values in target.classes.items()}
     assert renders == {"car": ("car",), "street": ("road",)}
-    counts = {split: len(own) for split, own in list_all(target, tmp_path).items()}
+    counts = {split: len(entries) for split, entries in list_all(target, tmp_path).items()}
     assert counts == {"train": 2, "val": 2}
 
 
@@ -363,12 +363,12 @@ def test_an_export_of_cvat_comes_with_its_lists_and_names(tmp_path):
 def test_labels_of_the_kind_of_cityscapes_have_its_names(tmp_path, ending, void, values):
     for k in range(3):
         save(tmp_path / "leftImg8bit" / f"a_{k}_leftImg8bit.png", photograph(k, (48, 64)))
-        found = np.array(list(values))[blocks(k, (48, 64), 3)]
-        save(tmp_path / "gt" / f"a_{k}{ending}.png", found)
-        save(tmp_path / "gt" / f"a_{k}_gtFine_instances.png", found)
+        label = np.array(list(values))[blocks(k, (48, 64), 3)]
+        save(tmp_path / "gt" / f"a_{k}{ending}.png", label)
+        save(tmp_path / "gt" / f"a_{k}_gtFine_instances.png", label)
     target = parse_target(propose(tmp_path).text, "x/target.yaml")
     assert target.images == "leftImg8bit/{name}_leftImg8bit.png" and target.void == void
-    assert {name: own.renders for name, own in target.classes.items()} == {
+    assert {name: values.renders for name, values in target.classes.items()} == {
         name: (name,) for name in values.values() if name
     }
 
@@ -467,9 +467,9 @@ def test_a_suitable_size_has_the_shape_and_no_more_pixels(size, expected):
 
 def test_costs_scale_with_the_pace_of_both_parts(tmp_path):
     data = write("camvid", tmp_path)
-    found = costs.commands(find_target("camvid"), data, (480, 360), {"camvid": "camvid"})
-    assert [name.split()[1] for name in found] == ["render", "fit", "camvid", "camvid"]
-    renders, fit, smoke, quick = found.values()
+    command_costs = costs.commands(find_target("camvid"), data, (480, 360), {"camvid": "camvid"})
+    assert [name.split()[1] for name in command_costs] == ["render", "fit", "camvid", "camvid"]
+    renders, fit, smoke, quick = command_costs.values()
     assert renders.train == 0  # 400 x (0.035 + 0.014 + 2.5e-7 x 480 x 360)
     assert renders.render == pytest.approx(36.88, abs=0.01)
     config, images = configured((480, 360)), sum(1 for _ in (data).rglob("*.png")) // 2
@@ -478,11 +478,11 @@ def test_costs_scale_with_the_pace_of_both_parts(tmp_path):
     features = images * 4 * 480 * 360 * 2.5e-7
     assert Pace(1.0, 1.0).seconds(fit) == pytest.approx(expected + features)
     assert renders.render < fit.render < 3 * renders.render and fit.train > 0  # one pool
-    for preset, own in (("smoke", smoke), ("quick", quick)):
+    for preset, cost in (("smoke", smoke), ("quick", quick)):
         expected = sum(work.cost for work in plan(defaults(MainConfig, "camvid", preset)))
-        assert Pace(1.0, 1.0).seconds(own) == pytest.approx(expected)
-        assert own.render > 0 < own.train
-        assert Pace(3.0, 2.0).seconds(own) == pytest.approx(2 * expected + own.render)
+        assert Pace(1.0, 1.0).seconds(cost) == pytest.approx(expected)
+        assert cost.render > 0 < cost.train
+        assert Pace(3.0, 2.0).seconds(cost) == pytest.approx(2 * expected + cost.render)
     (tmp_path / "none").mkdir()  # nothing to fit
     spaces = costs.commands(find_target("camvid"), Path("my data"), (64, 48), {"camvid": "camvid"})
     assert "sdr-jax camvid --data 'my data' --preset quick" in spaces
@@ -492,8 +492,8 @@ def test_costs_scale_with_the_pace_of_both_parts(tmp_path):
 
 @pytest.mark.slow
 def test_the_machine_and_its_pace(monkeypatch):
-    found = machine.look()
-    facts = dict(found.facts)
+    looked = machine.look()
+    facts = dict(looked.facts)
     assert facts["renderer embree"] == "works" and "jax " in facts["versions"]
     assert facts["extra dask"].startswith(
         ("installed", "not installed: pip install 'sdr-jax[dask]'")
@@ -527,10 +527,10 @@ def masks(root, values, dtype=np.uint8, names="", shape=(48, 64)):
     ([0, 1, 2], np.uint8, "0 other\n1 road\n2 sky\n", {"road": 1, "sky": 2}, "0 is ignored (66.7 %"),
 ])  # fmt: skip
 def test_masks_of_two_values_are_two_classes(tmp_path, values, dtype, names, classes, note):
-    found = propose(masks(tmp_path, values, dtype, names))
-    target = parse_target(found.text, "x")
-    assert {name: own.ids[0] for name, own in target.classes.items()} == classes
-    assert any(note in own for own in found.notes), found.notes
+    proposal = propose(masks(tmp_path, values, dtype, names))
+    target = parse_target(proposal.text, "x")
+    assert {name: value.ids[0] for name, value in target.classes.items()} == classes
+    assert any(note in line for line in proposal.notes), proposal.notes
     assert len(target.classes) + len(target.void) == len(values)
 
 
@@ -550,10 +550,10 @@ def test_pixels_without_a_polygon_can_be_a_class(tmp_path):
         }
         polygons = {"shapes": [shape], "imageHeight": 48, "imageWidth": 64}
         (tmp_path / "a" / f"{k}.json").write_text(json.dumps(polygons))
-    found = propose(tmp_path)
-    target = parse_target(found.text, "x")
+    proposal = propose(tmp_path)
+    target = parse_target(proposal.text, "x")
     assert target.class_names == ("road", "background") and target.rest == "background"
-    assert any("pixels without a polygon, 50" in note for note in found.notes)
+    assert any("pixels without a polygon, 50" in note for note in proposal.notes)
     label = LabelReader(target)(tmp_path / "a" / "0.json")
     assert (label[0] == 1).all() and (label[-1] == 0).all()
     # What the engine renders for no class is the rest, too, so that renders show both.
@@ -566,7 +566,7 @@ def test_pixels_without_a_polygon_can_be_a_class(tmp_path):
     ({"shape_type": "mask"}, "shape_type is 'mask'"),
     ({"points": "x"}, "points must be a list of points"),
 ])  # fmt: skip
-def test_why_labels_cannot_be_read_is_said(tmp_path, change, reason):
+def test_the_reason_why_labels_cannot_be_read(tmp_path, change, reason):
     points = [[0, 24], [64, 24], [64, 48], [0, 48]]
     for k in range(4):
         save(tmp_path / "a" / f"{k}.jpg", photograph(k, (48, 64)))
@@ -575,7 +575,7 @@ def test_why_labels_cannot_be_read_is_said(tmp_path, change, reason):
     refuses(reason, propose, tmp_path)
 
 
-def test_a_height_of_nothing_is_said_and_rectangles_may_have_four_points(tmp_path):
+def test_a_missing_height_is_refused_and_rectangles_may_have_four_points(tmp_path):
     points = [[0, 24], [64, 24], [64, 48], [0, 48]]
     shapes = [{"label": "road", "points": points, "shape_type": "rectangle"}]
     for k in range(4):
@@ -650,12 +650,12 @@ def test_the_layout_that_coco_publishes(tmp_path):
         (tmp_path / f"annotations/captions_{split}2017.json").write_text(
             '{"images": [], "annotations": [1]}'
         )
-    found = propose(tmp_path)
-    target = parse_target(found.text, "t.yaml")
+    proposal = propose(tmp_path)
+    target = parse_target(proposal.text, "t.yaml")
     assert target.images == {split: f"{split}2017/{{name}}.jpg" for split in ("train", "val")}
     counts = {split: len(entries) for split, entries in list_all(target, tmp_path).items()}
     assert counts == {"train": 2, "val": 2}
-    assert sum("labels the same images" in note for note in found.notes) == 2
+    assert sum("labels the same images" in note for note in proposal.notes) == 2
 
 
 def test_files_of_coco_for_groups_and_for_parts_of_one_folder(tmp_path):
@@ -674,7 +674,7 @@ def test_files_of_coco_for_groups_and_for_parts_of_one_folder(tmp_path):
     assert counts == {"test": 1, "train": 3} and target.unlabelled == "skip"
 
 
-def test_why_a_file_of_coco_is_not_used_is_said(tmp_path):
+def test_the_reason_why_a_file_of_coco_is_not_used(tmp_path):
     root = annotations(tmp_path, "instances.json", "images", ["a"])
     content = json.loads((root / "instances.json").read_text())
     content["images"][0]["height"] = "tall"
@@ -719,7 +719,7 @@ def test_doctor_fit_and_predict_read_the_same_endings(tmp_path, ending, kind):
 
 
 @pytest.mark.parametrize("way", ["jpeg", "smoothed"])
-def test_smoothed_labels_are_said_to_be_so(tmp_path, way):
+def test_smoothed_labels_are_recognised(tmp_path, way):
     root = masks(tmp_path, [0, 60, 120, 180])
     for path in sorted((root / "masks").iterdir()):
         # Noise stands for the many colours of anti-aliased edges.
@@ -740,7 +740,7 @@ def test_equal_channels_hold_ids_whatever_the_mode(tmp_path):
             grey = grey.convert("RGB") if k % 3 == 1 else Image.merge("LA", (grey, alpha))
         grey.save(path)
     target = parse_target(propose(root).text, "x")
-    assert {own.ids for own in target.classes.values()} == {(0,), (1,), (2,)}
+    assert {values.ids for values in target.classes.values()} == {(0,), (1,), (2,)}
     reader = LabelReader(target)
     labels = [reader(path) for path in sorted((root / "masks").iterdir())]
     assert all((label == labels[0]).all() for label in labels)
@@ -770,7 +770,7 @@ def test_a_grey_file_among_colours_is_in_colours(tmp_path):
         save(path, palette[blocks(k, (48, 64), 2 if k == 5 else 4)])
     target = parse_target(propose(root).text, "x")
     assert target.format == "colours" and target.void == ((0, 0, 0),)
-    assert {own.colours[0] for own in target.classes.values()} == {
+    assert {values.colours[0] for values in target.classes.values()} == {
         *map(tuple, palette[1:].tolist())
     }
 
@@ -784,8 +784,8 @@ def test_depth_is_not_taken_for_photographs(tmp_path, depth):
         (root / depth).mkdir(exist_ok=True)
         cv2.imwrite(str(root / depth / f"{k:02d}.png"), far)
         save(root / "normals" / f"{k:02d}.png", photograph(k + 90, (48, 64)))
-    found = propose(root)
-    assert parse_target(found.text, "x").images == "rgb/{name}.png"
+    proposal = propose(root)
+    assert parse_target(proposal.text, "x").images == "rgb/{name}.png"
 
 
 def test_photographs_that_cannot_be_told_apart_are_asked_for(tmp_path):
@@ -875,10 +875,10 @@ def test_doctor_says_what_fit_says(tmp_path, doctor):
     assert f"fit: {lines[0]}\n" in out and config.final.size in lines[0]
     assert f"--size {config.final.size} --out DIR" in out
     (minutes,) = re.findall(r"(\S+)  sdr-jax fit", out)
-    known = Pace(1.0, 2.0).seconds_of(
+    seconds = Pace(1.0, 2.0).seconds_of(
         cost_of_fit(config, parts_of(find_target(None, root), root)), config.workers
     )
-    assert float(minutes) == pytest.approx(known / 60, abs=0.5)
+    assert float(minutes) == pytest.approx(seconds / 60, abs=0.5)
 
 
 def test_all_extras_that_bring_something_are_listed():
@@ -902,7 +902,7 @@ classes:
 def trees(tmp_path):
     """Writes images whose trees have a gap in every so many columns."""
 
-    def written(every):
+    def write_images(every):
         for k in range(4):
             label = np.zeros((120, 160), np.uint8)
             label[:30] = 2
@@ -913,7 +913,7 @@ def trees(tmp_path):
         (tmp_path / "trees" / "target.yaml").write_text(TREES)
         return tmp_path / "trees"
 
-    return written
+    return write_images
 
 
 def test_outlines_are_proposed_where_annotators_draw_whole_crowns(doctor, trees, tmp_path):

@@ -1,5 +1,6 @@
 """Labelled images as their targets' files name them: small folders in published layouts, and real ones."""
 
+import codecs
 import hashlib
 import json
 import re
@@ -65,14 +66,14 @@ DIGESTS = {
 
 
 def digest(data) -> str:
-    found = hashlib.sha256("\n".join([*data.names, *data.sequences]).encode())
+    content = hashlib.sha256("\n".join([*data.names, *data.sequences]).encode())
     for array in (data.images, data.labels):
-        found.update(str(array.shape).encode())
-        found.update(np.ascontiguousarray(array).tobytes())
-    return found.hexdigest()[:16]
+        content.update(str(array.shape).encode())
+        content.update(np.ascontiguousarray(array).tobytes())
+    return content.hexdigest()[:16]
 
 
-def own(text: str, classes: str = "{road: {ids: [1]}, sky: {ids: [0, 2]}}"):
+def target_of(text: str, classes: str = "{road: {ids: [1]}, sky: {ids: [0, 2]}}"):
     return parse_target(
         f"images: i/{{name}}\nlabels: l/{{name}}\n{text}\nclasses: {classes}", "t.yaml"
     )
@@ -114,15 +115,15 @@ def test_published_layouts_that_had_no_reader(layout, tmp_path):
     target = shipped(layout)
     data = read_target(target, tmp_path, SIZE)
     assert list(data.splits) == list(splits)
-    for split, found in data.splits.items():
+    for split, images in data.splits.items():
         entries = list_split(target, tmp_path, split)
-        for entry, ids, pixels_ in zip(entries, found.labels, found.images, strict=True):
+        for entry, ids, pixels_ in zip(entries, images.labels, images.images, strict=True):
             raw = np.asarray(Image.open(entry.label_path))
             if layout == "camvid-32":
                 names = ["Road", "Sidewalk", "Train", None, "Pedestrian"]
                 places = (raw[:, :, None] == values).all(axis=-1).argmax(axis=-1)
-                known = [255 if n is None else target.class_names.index(n) for n in names]
-                raw = np.array(known)[places]
+                class_ids = [255 if n is None else target.class_names.index(n) for n in names]
+                raw = np.array(class_ids)[places]
             np.testing.assert_array_equal(ids, raw)
             np.testing.assert_array_equal(pixels_, np.asarray(Image.open(entry.image_path)))
     assert not data.notes and data.table.classes == target.class_names
@@ -173,13 +174,13 @@ def test_transparency_and_palettes_change_no_label(tmp_path):
         picture.save(tmp_path / "a.png")
         np.testing.assert_array_equal(reader(tmp_path / "a.png"), FACADE_IDS[ids])
     # The same palette is read as ids by a target that has them.
-    many = own("void: [8]", "{low: {ids: [0, 1, 2, 3]}, high: {ids: [4, 5, 6, 7]}}")
+    many = target_of("void: [8]", "{low: {ids: [0, 1, 2, 3]}, high: {ids: [4, 5, 6, 7]}}")
     expected = np.where(ids == 8, 255, ids > 3)
     np.testing.assert_array_equal(LabelReader(many)(tmp_path / "a.png"), expected)
 
 
 def test_ids_of_16_bits(tmp_path):
-    target = own("void: [65535]", "{road: {ids: [300, 7000]}, sky: {ids: [0]}}")
+    target = target_of("void: [65535]", "{road: {ids: [300, 7000]}, sky: {ids: [0]}}")
     values = np.array([[300, 7000], [0, 65535]], np.uint16)
     Image.fromarray(values).save(tmp_path / "a.png")
     np.testing.assert_array_equal(LabelReader(target)(tmp_path / "a.png"), [[0, 0], [1, 255]])
@@ -191,12 +192,12 @@ def test_ids_of_16_bits(tmp_path):
 @given(st.integers(1, 90), st.integers(1, 90), st.sampled_from([4 / 3, 1.0, 2.5, 0.4]))
 def test_a_cut_is_the_largest_of_its_aspect_around_the_centre(height, width, aspect):
     rows, columns = np.mgrid[:height, :width]
-    found = cut(np.dstack([rows, columns]), aspect)
-    high, wide = found.shape[:2]
+    part = cut(np.dstack([rows, columns]), aspect)
+    high, wide = part.shape[:2]
     assert high == height or wide == width  # no more is lost than must be
     assert abs(wide - high * aspect) <= max(1, aspect) * 0.5 + 1e-9 or 1 in (high, wide)
     for axis, whole in ((0, height), (1, width)):
-        before, after = found[0, 0, axis], whole - 1 - found[-1, -1, axis]
+        before, after = part[0, 0, axis], whole - 1 - part[-1, -1, axis]
         assert 0 <= after - before <= 1
 
 
@@ -221,7 +222,7 @@ def test_images_of_other_shapes_are_padded_with_void_or_cut(tmp_path, shape, fit
     label = np.broadcast_to(np.where(rows, 1, 0), shape)
     save(tmp_path / "l" / "a.png", label)
     save(tmp_path / "i" / "a.png", np.repeat(np.where(label, 40, 220)[..., None], 3, axis=2))
-    target = own(f"fit: {fit}")
+    target = target_of(f"fit: {fit}")
     data = load(list_split(target, tmp_path, "train"), target, (6, 8))
     assert data.images.shape == (1, 6, 8, 3)
     assert np.mean(data.labels == 255) == pytest.approx(void, abs=0.01)
@@ -246,13 +247,16 @@ def test_images_of_three_shapes_come_at_one_size(tmp_path):
     for k, shape in enumerate(((12, 16), (16, 12), (9, 30))):
         save(tmp_path / "i" / f"{k}.png", pixels(*shape, 3, seed=k))
         save(tmp_path / "l" / f"{k}.png", pixels(*shape, seed=k, below=3))
-    entries = list_split(own(""), tmp_path, "train")
-    data = load(entries, own(""), (12, 16))
+    entries = list_split(target_of(""), tmp_path, "train")
+    data = load(entries, target_of(""), (12, 16))
     shown = [np.mean(label != 255) for label in data.labels]
     assert shown == pytest.approx([1, 9 / 16, 5 / 12])
-    assert not (load(entries, own(""), (12, 16), "cut").labels == 255).any()
+    assert not (load(entries, target_of(""), (12, 16), "cut").labels == 255).any()
     refuses_file(
-        r"i/1\.png: 12x16 pixels where .*0\.png has 16x12; pass a size", load, entries, own("")
+        r"i/1\.png: 12x16 pixels where .*0\.png has 16x12; pass a size",
+        load,
+        entries,
+        target_of(""),
     )
 
 
@@ -262,13 +266,13 @@ def test_values_of_no_class_are_told_with_their_count_and_first_file(tmp_path):
         save(
             tmp_path / "l" / f"{k}.png", np.array([[0, 1, 2, 0], [7 * (k > 0), 9 * (k > 1), 1, 1]])
         )
-    entries = list_split(own(""), tmp_path, "train")
+    entries = list_split(target_of(""), tmp_path, "train")
     message = (
         r"^.*l/1\.png: no class of t\.yaml has the label id 7 \(2 pixels in 2 images\), 9 \(1 pixel in "
         r"1 image\); add each to a class or to 'void'$"
     )
-    refuses_file(message, load, entries, own(""))
-    assert len(load(entries, own("void: [7, 9]")).names) == 3
+    refuses_file(message, load, entries, target_of(""))
+    assert len(load(entries, target_of("void: [7, 9]")).names) == 3
 
 
 @given(
@@ -278,9 +282,9 @@ def test_values_of_no_class_are_told_with_their_count_and_first_file(tmp_path):
 )
 def test_any_colour_of_no_class_is_named_with_its_file(tmp_path_factory, color):
     path = tmp_path_factory.getbasetemp() / "odd.png"
-    painted = FACADE[[[0, 1, 2], [3, 4, 5]]]
-    painted[1, 2] = color
-    save(path, painted)
+    label = FACADE[[[0, 1, 2], [3, 4, 5]]]
+    label[1, 2] = color
+    save(path, label)
     message = r"odd\.png: no class of labelmefacade has the label colour \({}, {}, {}\) \(1 pixel in 1 image"
     refuses_file(message.format(*color), LabelReader(shipped("labelmefacade")), path)
 
@@ -342,7 +346,7 @@ def test_a_target_beside_its_images(tmp_path):
         "classes:\n  road: {ids: [0], renders: [road]}\n  thing: {ids: [1, 2]}\n"
     )
     data = read_target(find_target(None, tmp_path), tmp_path, (3, 4))
-    sides = {split: {*own.sequences} for split, own in data.splits.items()}
+    sides = {split: {*images.sequences} for split, images in data.splits.items()}
     assert sorted(map(len, sides.values())) == [1, 1] and sides["train"] != sides["test"]
     assert data.table.classes == ("road", "thing")
     assert data.table.from_train_id[0] == 0 and set(data.table.from_train_id[1:]) == {255}
@@ -365,14 +369,14 @@ def test_polygons_of_cityscapes_are_drawn_as_its_own_tool_draws_them(tmp_path):
     official = tmp_path / "ids.png"
     createLabelImage(annotation, "ids").save(official)
     classes = ", ".join(f"{n}: {{names: [{n}]}}" for n in ("road", "sky", "car"))
-    target = own("format: cityscapes-json\nvoid: [static]", f"{{{classes}}}")
-    found = LabelReader(target)(path)
+    target = target_of("format: cityscapes-json\nvoid: [static]", f"{{{classes}}}")
+    label = LabelReader(target)(path)
     expected = LabelReader(shipped("cityscapes"))(official)
     table = [CITYSCAPES_19.classes.index(n) for n in ("road", "sky", "car")]
     lookup = np.full(256, 255)
     lookup[:3] = table
-    np.testing.assert_array_equal(lookup[found], expected)
-    assert len(np.unique(found)) == 4
+    np.testing.assert_array_equal(lookup[label], expected)
+    assert len(np.unique(label)) == 4
 
 
 def test_polygons_and_rectangles_of_labelme(tmp_path):
@@ -381,9 +385,9 @@ def test_polygons_and_rectangles_of_labelme(tmp_path):
         {"label": "car", "points": [[2, 2], [3, 4]], "shape_type": "rectangle"},
         {"label": "sky", "points": [[0, 0], [7, 0], [7, 0]]},
     ]
-    path, plain = tmp_path / "a.json", {"imageHeight": 6, "imageWidth": 8, "shapes": shapes}
-    path.write_text(json.dumps(plain))
-    target = own("", "{road: {names: [road]}, car: {names: [car]}, sky: {names: [sky]}}")
+    path, content = tmp_path / "a.json", {"imageHeight": 6, "imageWidth": 8, "shapes": shapes}
+    path.write_text(json.dumps(content))
+    target = target_of("", "{road: {names: [road]}, car: {names: [car]}, sky: {names: [sky]}}")
     expected = np.full((6, 8), 255)
     expected[3:], expected[2:5, 2:4], expected[0] = 0, 1, 2
     np.testing.assert_array_equal(LabelReader(target)(path), expected)
@@ -395,13 +399,13 @@ def test_polygons_and_rectangles_of_labelme(tmp_path):
         load(list_split(target, tmp_path, "train"), target).labels[0], expected
     )
     accents = tmp_path / "accents.json"
-    accents.write_text(json.dumps(plain | {"shapes": [shapes[0] | {"label": "a\u0308cker"}]}))
-    named = own("", "{äcker: {names: [äcker]}, sky: {names: [sky]}}")
+    accents.write_text(json.dumps(content | {"shapes": [shapes[0] | {"label": "a\u0308cker"}]}))
+    named = target_of("", "{äcker: {names: [äcker]}, sky: {names: [sky]}}")
     alone = np.full((6, 8), 255)
     alone[3:] = 0
     np.testing.assert_array_equal(LabelReader(named)(accents), alone)
     empty = tmp_path / "e.json"
-    empty.write_text(json.dumps(plain | {"shapes": []}))
+    empty.write_text(json.dumps(content | {"shapes": []}))
     assert (LabelReader(target)(empty) == 255).all()
     for change, message in (
         ({"shapes": [shapes[0] | {"label": "lorry"}]}, r"no class .* name 'lorry' \(24 pixels in 1 image\)"),
@@ -413,7 +417,7 @@ def test_polygons_and_rectangles_of_labelme(tmp_path):
         ({"imageWidth": None}, "imageWidth must be a positive whole number, not None"),
         ({"imageWidth": 10**8, "imageHeight": 10**8}, "100000000x100000000 is more than 50,000,000 pixels"),
     ):  # fmt: skip
-        empty.write_text(json.dumps(plain | change))
+        empty.write_text(json.dumps(content | change))
         refuses_file(r"e\.json: " + message, LabelReader(target), empty)
     for text in ("{", "[NaN]", "[" * 100_000):
         empty.write_text(text)
@@ -485,6 +489,7 @@ def test_regions_of_coco_are_drawn_with_small_ones_above_and_crowds_ignored(tmp_
     expected[5:9, 4:6] = 2
     read = LabelReader(target)
     np.testing.assert_array_equal(read(path, tmp_path / "i" / "0.png"), expected)
+    path.write_bytes(codecs.BOM_UTF8 + path.read_bytes())
     # An image without regions has a label, too.
     assert (read(path, tmp_path / "i" / "2.png") == IGNORE_LABEL).all()
     data = load(list_split(target, tmp_path, "train"), target, (6, 8))
@@ -594,8 +599,8 @@ def test_real_labelmefacade_has_the_groups_and_shares_that_are_known(labelmefaca
     share = np.bincount(data.labels.ravel(), minlength=256) / data.labels.size
     # Shares over all 100 images; void is .04.
     for name, expected in (("building", 0.54), ("road", 0.14), ("sky", 0.11), ("car", 0.04)):
-        found = share[LABELMEFACADE_6.classes.index(name)]
-        assert found == pytest.approx(expected, abs=0.06)
+        measured = share[LABELMEFACADE_6.classes.index(name)]
+        assert measured == pytest.approx(expected, abs=0.06)
     assert 0 < share[IGNORE_LABEL] < 0.1
 
 
@@ -609,7 +614,7 @@ def test_a_class_of_the_rest_takes_every_other_value(tmp_path):
     deep = Image.fromarray(np.array([[3, 40000]], np.uint16))
     deep.save(tmp_path / "deep.png")
     np.testing.assert_array_equal(LabelReader(target)(tmp_path / "deep.png"), [[0, 1]])
-    assert [own.id for own in classes_of(target)] == [3, 0]  # the least id that is free
+    assert [row.id for row in classes_of(target)] == [3, 0]  # the least id that is free
     # It may have values, and a place, of its own.
     named = parse_target(head + "classes: {other: {ids: [0]}, road: {ids: [1]}}", "x")
     assert named.class_names == ("other", "road")
@@ -701,6 +706,6 @@ def test_labels_by_example_are_read_as_the_page_says(name, tmp_path):
         save(path, label)
     data = read_target(target, tmp_path, size=(6, 8))
     labels = data.splits["train"].labels[0]
-    for rows, wanted in ((labels[:3], expected[0]), (labels[3:], expected[1])):
-        place = IGNORE_LABEL if wanted is None else data.table.classes.index(wanted)
-        assert (rows == place).all(), wanted
+    for rows, class_name in ((labels[:3], expected[0]), (labels[3:], expected[1])):
+        place = IGNORE_LABEL if class_name is None else data.table.classes.index(class_name)
+        assert (rows == place).all(), class_name
