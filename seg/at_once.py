@@ -11,7 +11,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float32
+from jaxtyping import Array, Float32, Int32
 
 from seg.prepare import CHUNK, Prepared, error_of, first_variables, head_seeds
 from seg.settings import TrainSettings
@@ -51,7 +51,8 @@ def train_at_once(
     """
     compiled = functions(settings, classes)
     seeds_of = [head_seeds(seed, settings.heads) for seed in seeds]
-    data = jax.device_put(_stacked(sets, seeds_of))
+    data, positions = _shared_data(sets, seeds_of)
+    data = jax.device_put(data)
     if starts is None:
         variables = _fresh(seeds_of, sets, data, settings, classes)
     else:
@@ -60,7 +61,7 @@ def train_at_once(
             lambda leaf: jnp.broadcast_to(leaf, (len(sets), *leaf.shape)), heads
         )
     states = jax.vmap(jax.vmap(compiled.resume))(variables)
-    rows = _plans(seeds_of, sets, settings)
+    rows = _plans(seeds_of, sets, positions, settings)
     losses: list[Array] = []
     for start, stop in pairwise([*range(0, settings.steps, CHUNK), settings.steps]):
         states, of_chunk = compiled.many(states, data, rows.rows(slice(start, stop)))
@@ -92,46 +93,53 @@ def _first_error(
 
 
 def _plans(
-    seeds: Sequence[Sequence[int]], sets: Sequence[Prepared], settings: TrainSettings
+    seeds: Sequence[Sequence[int]],
+    sets: Sequence[Prepared],
+    positions: Sequence[Int32[np.ndarray, " count"]],
+    settings: TrainSettings,
 ) -> Plan:
     """The plans of all heads, of axes steps, sets and heads; they share the schedule."""
     plans = [
-        [plan(seed, training_set.counts, settings, training_set.share) for seed in of_set]
-        for of_set, training_set in zip(seeds, sets, strict=True)
+        [plan(seed, prepared.counts, settings, prepared.share) for seed in of_set]
+        for of_set, prepared in zip(seeds, sets, strict=True)
     ]
-    batch_indices, draws = (
-        np.moveaxis(np.array([[getattr(p, name) for p in row] for row in plans]), 2, 0)
-        for name in ("batch_indices", "draws")
-    )
-    return plans[0][0]._replace(batch_indices=batch_indices, draws=draws)
+    batch_indices = [
+        [where[p.batch_indices] for p in of_set]
+        for of_set, where in zip(plans, positions, strict=True)
+    ]
+    draws = [[p.draws for p in of_set] for of_set in plans]
+    by_step = (np.moveaxis(np.array(column), 2, 0) for column in (batch_indices, draws))
+    return Plan(*by_step, plans[0][0].lr, plans[0][0].weight)  # type: ignore[call-arg]
 
 
-def _stacked(sets: Sequence[Prepared], seeds: Sequence[Sequence[int]]) -> Data:
-    """The data of all sets, padded to one number of images."""
-    rows = padded(max(sum(training_set.counts) for training_set in sets))
+def _shared_data(
+    sets: Sequence[Prepared], seeds: Sequence[Sequence[int]]
+) -> tuple[Data, list[Int32[np.ndarray, " count"]]]:
+    """The images of all sets in one padded array, and where in it those of each set are."""
+    starts: dict[int, int] = {}
+    parts = []
+    total = 0
+    for part in (part for prepared in sets for part in prepared.parts):
+        if id(part) not in starts:
+            starts[id(part)] = total
+            parts.append(part)
+            total += len(part.labels)
 
-    def column(of_sets: list[list[Any]]) -> np.ndarray:
-        first = of_sets[0][0]
-        stacked = np.zeros((len(sets), rows, *first.shape[1:]), first.dtype)
-        for row, parts in zip(stacked, of_sets, strict=True):
-            start = 0
-            for part in parts:
-                row[start : start + len(part)] = part
-                start += len(part)
-        return stacked
+    def column(arrays: Sequence[np.ndarray]) -> np.ndarray:
+        rows = np.zeros((padded(total), *arrays[0].shape[1:]), arrays[0].dtype)
+        np.concatenate(arrays, out=rows[:total])
+        return rows
 
-    inputs: Any
-    if isinstance(sets[0].inputs[0], tuple):
-        maps = range(len(sets[0].inputs[0]))
-        inputs = tuple(
-            column([[part[m] for part in training_set.inputs] for training_set in sets])
-            for m in maps
-        )
-    else:
-        inputs = column([list(training_set.inputs) for training_set in sets])
-    labels = column([list(training_set.labels) for training_set in sets])
-    weights = np.stack([training_set.class_weights for training_set in sets])
-    return Data(inputs, labels, weights, np.array(seeds, np.uint32))
+    inputs = jax.tree.map(lambda *arrays: column(arrays), *(part.inputs for part in parts))
+    labels = column([part.labels for part in parts])
+    weights = np.stack([prepared.class_weights for prepared in sets])
+    positions = [
+        np.concatenate(
+            [starts[id(part)] + np.arange(len(part.labels)) for part in prepared.parts]
+        ).astype(np.int32)
+        for prepared in sets
+    ]
+    return Data(inputs, labels, weights, np.array(seeds, np.uint32)), positions
 
 
 def _fresh(
@@ -143,7 +151,7 @@ def _fresh(
 ) -> Variables:
     """The variables before the first step, of axes sets and heads."""
     compiled = functions(settings, classes)
-    blank = jax.tree.map(lambda leaf: jnp.zeros((1, *leaf.shape[2:]), leaf.dtype), data.images)
+    blank = jax.tree.map(lambda leaf: jnp.zeros((1, *leaf.shape[1:]), leaf.dtype), data.images)
 
     def random(seed: Array) -> Any:
         return compiled.init(seed, blank).params

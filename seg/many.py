@@ -17,6 +17,8 @@ from seg.classes import IGNORE_LABEL
 from seg.data import LabelledImages
 from seg.inference import heads_of, mean_logits, prediction_inputs
 from seg.prepare import (
+    PartCache,
+    TrainingError,
     check_arrays,
     check_labels,
     check_seed,
@@ -25,7 +27,6 @@ from seg.prepare import (
 from seg.pyramid import Statistics
 from seg.settings import NetSpec, TrainSettings
 from seg.step import Variables
-from seg.train import TrainingError
 
 
 @dataclass(frozen=True)
@@ -78,13 +79,12 @@ def train_many(
 ) -> TrainedNetworks:
     """Train a network on each training set, all at once, and test them.
 
-    Each network is that of `train` with the same seed and set, up to rounding. Their number and the numbers
-    of images are padded to those of `padded`, so that one compilation serves sets of similar sizes; padding
-    is not trained on.
+    Each network is that of `train` with the same seed and set, up to rounding. The numbers of networks and of
+    images are padded to those of `padded`, so that one compilation serves a whole search; padding is not
+    trained on. Images that several sets share (the same arrays) are prepared and stored once.
 
     It is meant for GPUs: XLA's CPU backend is slow at convolutions inside a loop. The images (or features) of
-    all sets, and for the compact and VGG networks all activations of the networks' batches, must fit into the
-    device's memory.
+    all sets, and the activations of all networks' batches, must fit into the device's memory.
 
     Args:
         seeds: for each network 32 bits for initial parameters, the order of the images and augmentation.
@@ -114,16 +114,16 @@ def train_many(
         )
     for seed in seeds:
         check_seed(seed)
-    prepared = []
+    prepared, cache = [], PartCache()
     for number, images in enumerate(sets):
         try:
             whole = images if isinstance(images, TrainingSet) else TrainingSet((images,))
             if len(whole.parts) > 1:
                 whole = training_set(whole.parts[0], whole.parts[1], whole.shares[1])
-            prepared.append(prepare(whole, settings, classes, statistics))
+            prepared.append(prepare(whole, settings, classes, statistics, cache=cache))
         except ValueError as error:
             raise ValueError(f"sets[{number}]: {error}") from error
-    sizes = {images.labels[0].shape[1:]: number for number, images in enumerate(prepared)}
+    sizes = {one_set.parts[0].labels.shape[1:]: number for number, one_set in enumerate(prepared)}
     if len(sizes) > 1:
         listed = ", ".join(f"{w}x{h} in sets[{number}]" for (h, w), number in sizes.items())
         raise ValueError(f"images of all sets must have one size; got {listed}")

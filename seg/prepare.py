@@ -3,7 +3,7 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float32, UInt8
+from jaxtyping import Float, Float32, UInt8
 
 from seg import losses, pyramid
 from seg.beside import TrainingSet, mean_share, mixed
@@ -24,21 +24,31 @@ class TrainingError(Exception):
     """The loss is no longer finite."""
 
 
-class Prepared(NamedTuple):
-    """What a network trains on, in NumPy."""
+class PreparedPart(NamedTuple):
+    """What a network trains on of one part of its training set, in NumPy."""
 
-    inputs: tuple[
-        Any, ...
-    ]  # of each part: u8[n h w 3]; for a frozen backbone the maps of all views
-    labels: tuple[UInt8[np.ndarray, "_n h w"], ...]  # of each part
+    inputs: Any  # u8[n h w 3]; for a frozen backbone the maps of all views
+    labels: UInt8[np.ndarray, "n h w"]  # of all views for a frozen backbone
+    class_shares: Float[np.ndarray, " classes"]
+    statistics: Statistics | None  # of its features; None where they are not needed
+
+
+class Prepared(NamedTuple):
+    """What a network trains on."""
+
+    parts: tuple[PreparedPart, ...]
     share: float  # of the second part in the first batch
     class_weights: Float32[np.ndarray, " classes"]
-    statistics: Statistics | None  # of the head's features; None without a backbone
+    statistics: Statistics | None  # of the head's features; None where they are not needed
 
     @property
     def counts(self) -> tuple[int, ...]:
         """Number of images, or views, of each part."""
-        return tuple(len(labels) for labels in self.labels)
+        return tuple(len(part.labels) for part in self.parts)
+
+
+PartCache = dict[tuple[int, ...], PreparedPart]
+"""Prepared parts by the identities of their arrays, which must live as long as the cache."""
 
 
 def prepare(
@@ -47,6 +57,7 @@ def prepare(
     classes: int,
     statistics: Statistics | None = None,
     resumes: bool = False,
+    cache: PartCache | None = None,
 ) -> Prepared:
     """Check a training set and compute what its training needs.
 
@@ -56,48 +67,64 @@ def prepare(
         classes: the network's number of classes.
         statistics: for `head_statistics` "target", those of real images.
         resumes: whether training starts from a trained network, which has statistics.
+        cache: of parts that several sets share; with the same other arguments.
 
     Raises:
         ValueError: settings, images, labels, features and statistics do not fit together.
         WeightsError: the backbone's weights cannot be used.
     """
-    parts, shares = training_set
-    for part in parts:
+    for part in training_set.parts:
         check_arrays(part.images, part.labels)
         check_inputs(part.images, settings, part.features, settings.views)
-        check_labels(part.labels, classes)
     of_target = settings.head_statistics == "target"
     if statistics is not None and not of_target:
         raise ValueError('statistics are for head_statistics "target"; the settings say "training"')
     if statistics is None and of_target and not resumes:
         raise ValueError('head_statistics "target" needs statistics, or params that have them')
+    needs_statistics = settings.has_trunk and statistics is None and not resumes
+    cache = {} if cache is None else cache
+    parts = tuple(
+        _prepared_part(part, settings, classes, needs_statistics, cache)
+        for part in training_set.parts
+    )
+    shares = training_set.shares
     share = shares[-1]
     if len(parts) > 1:  # weights and statistics are those of all batches
         mean = mean_share(share, settings.last_share)
         shares = (1 - mean, mean)
     class_weights = np.ones(classes, np.float32)
     if settings.weighted:
-        class_shares = [
-            share * losses.class_shares(part.labels, classes)
-            for part, share in zip(parts, shares, strict=True)
-        ]
-        class_weights = losses.weights_of_shares(np.sum(class_shares, axis=0))
-    if settings.frozen:
-        parts = tuple(_with_views(part, settings) for part in parts)
-    if settings.has_trunk and statistics is None and not resumes:
-        maps = (part.features or pyramid.features(part.images, settings) for part in parts)
-        statistics = mixed(shares, [pyramid.channel_statistics(m) for m in maps])
-    inputs = tuple(part.features if settings.frozen else part.images for part in parts)
-    labels = tuple(part.labels for part in parts)
-    return Prepared(inputs, labels, share, class_weights, statistics)
+        weighted = [s * part.class_shares for s, part in zip(shares, parts, strict=True)]
+        class_weights = losses.weights_of_shares(np.sum(weighted, axis=0))
+    if needs_statistics:
+        statistics = mixed(shares, [part.statistics for part in parts if part.statistics])
+    return Prepared(parts, share, class_weights, statistics)
 
 
-def _with_views(part: LabelledImages, settings: TrainSettings) -> LabelledImages:
-    """Labels and features of all views of a part, for the head of a frozen backbone."""
-    if part.features is not None:
-        return part._replace(labels=view_labels(part.images, part.labels, settings))
-    images, labels = views(part.images, part.labels, settings)
-    return part._replace(labels=labels, features=pyramid.features(images, settings))
+def _prepared_part(
+    part: LabelledImages,
+    settings: TrainSettings,
+    classes: int,
+    needs_statistics: bool,
+    cache: PartCache,
+) -> PreparedPart:
+    key = tuple(map(id, (part.images, part.labels, part.features)))
+    if key not in cache:
+        check_labels(part.labels, classes)
+        inputs: Any = part.images
+        labels, maps, statistics = part.labels, part.features, None
+        if settings.frozen and maps is None:
+            images, labels = views(part.images, labels, settings)
+            inputs = maps = pyramid.features(images, settings)
+        elif settings.frozen:
+            inputs, labels = maps, view_labels(part.images, labels, settings)
+        if needs_statistics:
+            statistics = pyramid.channel_statistics(
+                pyramid.features(part.images, settings) if maps is None else maps
+            )
+        shares = losses.class_shares(part.labels, classes)
+        cache[key] = PreparedPart(inputs, labels, shares, statistics)
+    return cache[key]
 
 
 def check_arrays(images: np.ndarray, labels: np.ndarray | None = None) -> None:
@@ -117,10 +144,10 @@ def check_arrays(images: np.ndarray, labels: np.ndarray | None = None) -> None:
 
 def check_labels(labels: UInt8[np.ndarray, "n h w"], classes: int) -> None:
     """Raise ValueError if a label is none of the classes."""
-    unknown = labels[(labels >= classes) & (labels != IGNORE_LABEL)]
+    unknown = np.flatnonzero(losses.label_counts(labels)[classes:IGNORE_LABEL])
     if unknown.size:
         raise ValueError(
-            f"label {unknown.max()} is none of {classes} classes; expected "
+            f"label {classes + unknown.max()} is none of {classes} classes; expected "
             f"0..{classes - 1}, or {IGNORE_LABEL} for ignored pixels"
         )
 

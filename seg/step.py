@@ -177,9 +177,9 @@ def _compiled(spec: StepSpec, classes: int) -> Functions:
     ) -> tuple[TrainState, Float[Array, " steps"]]:
         return jax.lax.scan(lambda carry, row: step(carry, data, row), state, rows)
 
-    # Heads share their set's images; all networks share the schedule.
+    # All networks share one array of images, which their indices refer to, and the schedule.
     of_heads = jax.vmap(step, in_axes=(0, Data(None, None, None, 0), Plan(0, 0, None, None)))
-    of_sets = jax.vmap(of_heads, in_axes=(0, Data(0, 0, 0, 0), Plan(0, 0, None, None)))
+    of_sets = jax.vmap(of_heads, in_axes=(0, Data(None, None, 0, 0), Plan(0, 0, None, None)))
 
     def many(
         states: TrainState, data: Data, rows: Plan

@@ -119,8 +119,8 @@ def train(
     seeds = head_seeds(rng_seed, settings.heads)
     data = jax.device_put(
         Data(
-            joined(prepared.inputs),
-            joined(prepared.labels),
+            joined([part.inputs for part in prepared.parts]),
+            joined([part.labels for part in prepared.parts]),
             prepared.class_weights,
             np.uint32(rng_seed),
         )

@@ -20,8 +20,8 @@ from seg.settings import AugmentSpec, TrainSettings
 
 SEED = 2020
 """Seed of a view's random numbers, together with the view's number and the image's checksum."""
-BATCH = 8
-"""Number of images that are augmented at once."""
+BATCH, ACCELERATOR_BATCH = 8, 96
+"""Number of images that are augmented at once, on a CPU and on an accelerator."""
 IMAGES, LABELS = (0,), (1,)
 """Indices of images and labels in a view."""
 LOOKS = ("views", *AugmentSpec._fields)
@@ -84,7 +84,8 @@ def _view(
             images[indices], labels[indices], draws[indices], sums[indices] ^ np.uint32(view)
         )
 
-    return in_batches(batch, np.arange(len(images)), min(BATCH, len(images)))
+    size = BATCH if jax.default_backend() == "cpu" else ACCELERATOR_BATCH
+    return in_batches(batch, np.arange(len(images)), min(size, len(images)))
 
 
 def _draws(view: int, checksum: int) -> Float32[np.ndarray, " draws"]:

@@ -80,11 +80,8 @@ def check_same(seeds, sets, config, test):
 @settings(max_examples=5)
 @given(st.lists(SEEDS, min_size=3, max_size=3), st.floats(0.2, 0.8))
 def test_heads_trained_at_once_are_those_trained_alone(seeds, share):
-    sets = [
-        images_of(3, HEAD),
-        images_of(4, HEAD, 5),
-        training_set(images_of(3, HEAD, 7), images_of(1, HEAD, 9), share),
-    ]
+    first = images_of(3, HEAD)
+    sets = [first, images_of(4, HEAD, 5), training_set(images_of(1, HEAD, 9), first, share)]
     check_same(seeds, sets, HEAD, images_of(3, HEAD, 11, views=1))
 
 
