@@ -62,7 +62,7 @@ def test_a_scheduler_that_goes_away_ends_the_work_with_one_error(dask_cluster):
                 dask_cluster.scheduler.kill()
 
 
-@pytest.mark.parametrize(("asked", "complaint"), [
+@pytest.mark.parametrize(("arguments", "complaint"), [
     (("dask", 1, None), "needs --scheduler ADDRESS"),
     (("dask", 1, "tcp://127.0.0.1:9"), "--scheduler tcp://127.0.0.1:9: no Dask scheduler answers"),
     (("dask", 1, "nonsense://x"), "--scheduler nonsense://x: no Dask scheduler answers"),
