@@ -166,7 +166,7 @@ class Parser(argparse.ArgumentParser):
                 continue
             if (flag := flag.replace("_", "-")) not in actions:
                 shown = [name for name, a in actions.items() if a.help != argparse.SUPPRESS]
-                self.error(f"no option {word.partition('=')[0]}{meant(flag, shown)}")
+                self.error(f"no option {word.partition('=')[0]}{suggestion(flag, shown)}")
             words[k] = flag + equals + value
         global _parsed
         parsed = super().parse_args(words, namespace)
@@ -196,24 +196,24 @@ class _Help(argparse.Action):
         parser.exit(exit_code(lambda: print(parser.format_help(self.everything), end="")))
 
 
-def meant(word: str, known: Iterable[str]) -> str:
-    """``; did you mean --seeds?`` for a word that resembles a known one, otherwise nothing."""
-    known = list(known)
+def suggestion(word: str, names: Iterable[str]) -> str:
+    """Write ``; did you mean --seeds?`` for a word that resembles a name, otherwise nothing."""
+    names = list(names)
     leaf = word.lstrip("-")
-    found = [own for own in known if own.rpartition(".")[2] == leaf][:2]
-    if not found:  # dashes alone make no word similar
-        bare = {own.lstrip("-"): own for own in known}
-        found = [bare[own] for own in get_close_matches(leaf, bare, 1, SIMILAR)]
-    return f"; did you mean {' or '.join(found)}?" if found else ""
+    similar = [name for name in names if name.rpartition(".")[2] == leaf][:2]
+    if not similar:  # dashes alone make no word similar
+        bare = {name.lstrip("-"): name for name in names}
+        similar = [bare[name] for name in get_close_matches(leaf, bare, 1, SIMILAR)]
+    return f"; did you mean {' or '.join(similar)}?" if similar else ""
 
 
 def docstring(module: str) -> str:
-    """The docstring of a module, read from its file; only its package is loaded."""
+    """Read the docstring of a module from its file; only its package is loaded."""
     return ast.get_docstring(ast.parse(path_of(module).read_text(encoding="utf-8"))) or ""
 
 
 def path_of(module: str) -> Path:
-    """The file that `python -m module` runs; only the outermost package is loaded."""
+    """Find the file that `python -m module` runs; only the outermost package is loaded."""
     package, *names = module.split(".")
     spec = find_spec(package)
     assert spec is not None and spec.origin is not None
@@ -221,7 +221,7 @@ def path_of(module: str) -> Path:
     return place / "__main__.py" if place.is_dir() else place.with_suffix(".py")
 
 
-def given() -> str | None:
+def running_command() -> str | None:
     """The command line that is running, as one would type it; None in a job called from Python."""
     return _running
 

@@ -10,7 +10,7 @@ from importlib.metadata import packages_distributions, version
 from runpy import run_module
 from textwrap import wrap
 
-from common.command import HELP, USAGE, Parser, docstring, meant, path_of
+from common.command import HELP, USAGE, Parser, docstring, path_of, suggestion
 from common.interrupt import PROGRAM
 
 DISTRIBUTION = "sdr-jax"
@@ -99,7 +99,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if name == "--completion":
         return completion(rest[0] if len(rest) > 1 else SHELLS[0])
     if name not in names:
-        advice = f"; {MOVED[name]}" if name in MOVED else meant(name, names)
+        advice = f"; {MOVED[name]}" if name in MOVED else suggestion(name, names)
         advice = advice or f"; {program} --help lists all"
         print(f"{program}: error: no {kind} {name!r}{advice}", file=sys.stderr)
         return USAGE

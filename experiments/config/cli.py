@@ -13,7 +13,7 @@ from inspect import get_annotations
 from pathlib import Path
 from typing import Any
 
-from common.command import HELP, Parser, docstring, exit_code, meant
+from common.command import HELP, Parser, docstring, exit_code, suggestion
 from common.errors import UserError
 from common.flags import Field, add_flag, fill, flags_of
 from common.workers.pool import WorkerError
@@ -112,7 +112,9 @@ def configured(name: str, values: Mapping[str, Any]) -> Any:
     default = _default(name, values)
     options = [".".join(field.path) for field in flags_of(default)]
     for unknown in values.keys() - {*options}:
-        raise UserError(f"{JOBS[name].called} has no option {unknown}{meant(unknown, options)}")
+        raise UserError(
+            f"{JOBS[name].called} has no option {unknown}{suggestion(unknown, options)}"
+        )
     config = fill(default, values)
     if values.get("rederive") is None:
         refuse_unused(config, values)

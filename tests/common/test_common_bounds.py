@@ -1,4 +1,4 @@
-"""Bounds on fields: which numbers each takes, and the name of the field that is out of its own."""
+"""Bounds of fields: which values they allow, and the name of the field that is out of bounds."""
 
 import math
 from dataclasses import dataclass, field
@@ -71,12 +71,12 @@ def test_a_bound_takes_what_is_inside_and_says_what_the_others_must_be(bound, in
     (Outer(net=Inner(0)), "--net.head-width must be 1 or more, not 0", "net.head_width"),
 ])  # fmt: skip
 def test_the_field_is_named_as_a_flag_or_as_python_has_it(wrong, flag, name):
-    with pytest.raises(UserError) as found:
+    with pytest.raises(UserError) as caught:
         check_bounds(wrong, "--")
-    assert str(found.value) == flag
-    with pytest.raises(UserError) as found:
+    assert str(caught.value) == flag
+    with pytest.raises(UserError) as caught:
         check_bounds(wrong)
-    assert str(found.value).split()[0] == name
+    assert str(caught.value).split()[0] == name
 
 
 def test_what_is_within_its_bounds_passes_and_none_is_never_asked():

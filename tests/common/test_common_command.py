@@ -11,7 +11,7 @@ from unittest.mock import Mock
 import pytest
 
 from common import loopback
-from common.command import BUG, UNREAD, Parser, exit_code, given, meant, size
+from common.command import BUG, UNREAD, Parser, exit_code, running_command, size, suggestion
 from common.errors import Unfinished, UserError, refuse_repeats
 from common.interrupt import INTERRUPTED
 from tests.conftest import ROOT, refused
@@ -30,7 +30,7 @@ PRINT = "import sys; from common.command import *; sys.exit(exit_code(lambda: pr
     (MemoryError("8 GB"), 2, "error: out of memory: 8 GB; smaller sizes need less\n"),
     (KeyboardInterrupt(), 130, "\nstopped; the same command resumes\n"),
 ])  # fmt: skip
-def test_what_went_wrong_is_one_line_and_a_code(error, code, text, capsys):
+def test_an_error_is_one_line_and_a_code(error, code, text, capsys):
     assert exit_code(Mock(side_effect=error, return_value=None), also=(EOFError,)) == code
     assert capsys.readouterr() == ("", text)
     if error is FULL:
@@ -38,7 +38,7 @@ def test_what_went_wrong_is_one_line_and_a_code(error, code, text, capsys):
         assert capsys.readouterr().err == text.replace(f"; {CURE}", "")
 
 
-def test_our_own_mistakes_say_where_and_with_debug_how(capsys):
+def test_a_bug_says_where_and_with_debug_how(capsys):
     where = f"{Path(__file__).name}, line "
     codes = [exit_code(lambda: print(1 / 0), debug=debug) for debug in (False, True)]
     first, second, *_ = capsys.readouterr().err.splitlines()
@@ -49,22 +49,22 @@ def test_our_own_mistakes_say_where_and_with_debug_how(capsys):
 def test_a_job_knows_its_command_line_and_that_it_has_none_in_python():
     parser = Parser("fit", None)
     parser.add_argument("data")
-    found = []
+    commands = []
 
     def work() -> None:
-        found.append(given())
+        commands.append(running_command())
 
     parser.parse_args(["my photos"])
     assert exit_code(work) == 0 and exit_code(work) == 0
     work()  # called from Python or a notebook, whatever started this process
-    assert found == ["sdr-jax fit 'my photos'", None, None]
+    assert commands == ["sdr-jax fit 'my photos'", None, None]
 
 
 COMMANDS = ("experiments.cityscapes", "experiments.studies.table", "scene.render", "scene.check",
             "sdr_jax.tune", "seg.weights", "benchmarks.search")  # fmt: skip
-GIVEN = {"sdr_jax.tune": ["space.toml"], "seg.weights": ["convert", "a.npz", "--out", "b.npz"],
+ARGUMENTS = {"sdr_jax.tune": ["space.toml"], "seg.weights": ["convert", "a.npz", "--out", "b.npz"],
          "experiments.__main__": ["render"]}  # fmt: skip
-"""What some need, or they end before they load anything."""
+"""Arguments without which some commands end before they load anything."""
 
 
 @pytest.mark.parametrize(("module", "words"), [
@@ -72,7 +72,7 @@ GIVEN = {"sdr_jax.tune": ["space.toml"], "seg.weights": ["convert", "a.npz", "--
     ("experiments.__main__", ["/usr/bin/sdr-jax"]),
 ])  # fmt: skip
 def test_ctrl_c_while_libraries_are_loaded_is_one_line(module, words):
-    """The first of them to be found sends it."""
+    """The import of NumPy sends the signal."""
     code = (
         "import sys, os, signal, runpy\n"
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
@@ -81,7 +81,7 @@ def test_ctrl_c_while_libraries_are_loaded_is_one_line(module, words):
         "        if name == 'numpy': os.kill(os.getpid(), signal.SIGINT)\n"
         "sys.meta_path.insert(0, Sends())\n"
         f"sys.orig_argv = ['python', *{words}]\n"
-        f"sys.argv[1:] = {GIVEN.get(module, [])}\n"
+        f"sys.argv[1:] = {ARGUMENTS.get(module, [])}\n"
         f"runpy.run_module('{module}', run_name='__main__')"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
@@ -92,7 +92,7 @@ def test_ctrl_c_while_libraries_are_loaded_is_one_line(module, words):
     ("-c", PRINT.format(1)), ("-c", PRINT.format(10**6)), ("-m", "experiments.cityscapes", "--help"),
 ])  # fmt: skip
 def test_output_that_nobody_reads_is_no_error(command):
-    """As of ``| head``, whether it fits into the buffer or not."""
+    """As with ``| head``, whether it fits into the buffer or not."""
     reading, writing = os.pipe()
     os.close(reading)
     buffered = {k: v for k, v in os.environ.items() if k != "PYTHONUNBUFFERED"}
@@ -111,8 +111,8 @@ def test_a_parser_says_what_is_wrong_in_one_line(capsys):
         (["--count", "x"], "invalid int value: 'x'"),
     ):
         refused(SystemExit, "^2$", parser.parse_args, flags)
-        said = capsys.readouterr().err
-        assert said.startswith("sdr-jax x: error: ") and words in said and said.count("\n") == 1
+        error = capsys.readouterr().err
+        assert error.startswith("sdr-jax x: error: ") and words in error and error.count("\n") == 1
     assert "    two  three\n" in parser.format_help()
 
 
@@ -133,15 +133,15 @@ def test_a_help_keeps_to_the_width_and_leaves_rare_options_to_all_of_it(monkeypa
         assert capsys.readouterr().out == text
 
 
-@pytest.mark.parametrize(("word", "said"), [
+@pytest.mark.parametrize(("word", "expected"), [
     ("rendr", "; did you mean render?"), ("xyz", ""), ("--fat", ""), ("--fitt", "; did you mean fit?"),
     ("--lr", "; did you mean --a.lr or --b.c.lr?"),
 ])  # fmt: skip
-def test_what_was_meant(word, said):
-    assert meant(word, ["render", "fit", "--a.lr", "--b.c.lr", "--b.d.lr"]) == said
+def test_similar_names_are_suggested(word, expected):
+    assert suggestion(word, ["render", "fit", "--a.lr", "--b.c.lr", "--b.d.lr"]) == expected
 
 
-@pytest.mark.parametrize(("rule", "words", "said"), [
+@pytest.mark.parametrize(("rule", "words", "message"), [
     (Parser.needs, ["--first", "3"], "--first needs --rank or --order"),
     (Parser.needs, ["--first=3"], "--first needs"),
     (Parser.needs, ["--first", "3", "--order=x"], ""),
@@ -150,17 +150,17 @@ def test_what_was_meant(word, said):
     (Parser.excludes, ["--first=3", "--order=x"], "--first has no effect with --order"),
     (Parser.excludes, ["--first", "3"], ""), (Parser.excludes, ["--rank", "--order=x"], ""),
 ])  # fmt: skip
-def test_a_flag_may_need_or_exclude_another(rule, words, said, capsys):
+def test_a_flag_may_need_or_exclude_another(rule, words, message, capsys):
     parser = Parser("x", "")
     for flag in ("--first", "--order"):
         parser.add_argument(flag)
     parser.add_argument("--rank", action="store_true")
     rule(parser, "--first", "--rank", "--order")
-    if not said:
+    if not message:
         parser.parse_args(words)
         return
     refused(SystemExit, "^2$", parser.parse_args, words)
-    assert said in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
 def test_sizes_and_repeats():

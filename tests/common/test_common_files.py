@@ -115,7 +115,9 @@ def test_a_folder_that_takes_no_file_is_refused_before_the_work(tmp_path, monkey
 PLAIN = st.none() | st.integers() | st.floats(allow_nan=False, allow_infinity=False)
 VALUES = st.recursive(
     PLAIN | st.text() | st.just("[\n1,\n 2\n]"),
-    lambda own: st.lists(own) | st.lists(PLAIN, min_size=1) | st.dictionaries(st.text(), own),
+    lambda values: (
+        st.lists(values) | st.lists(PLAIN, min_size=1) | st.dictionaries(st.text(), values)
+    ),
 )
 
 
@@ -131,7 +133,7 @@ def test_json_has_what_fits_a_line_on_one_and_so_every_list_of_numbers(value):
 
 
 @pytest.mark.parametrize("text", ["", "{", "NaN", "[-Infinity]", "[" * 10**5, "\xff"])
-def test_what_is_no_json_is_named(text, tmp_path):
+def test_a_file_that_is_not_json_is_named(text, tmp_path):
     path = tmp_path / "x.json"
     path.write_bytes(text.encode("latin-1"))
     refused(UserError, f"{path} is not a JSON file", read_json, path)
@@ -139,19 +141,19 @@ def test_what_is_no_json_is_named(text, tmp_path):
 
 def test_canonical_json_by_hand_folders_by_names_and_bytes_and_versions(tmp_path):
     # printf '{"a":[1,null],"b":0.5}' | sha256sum
-    wanted = "e538351ae63f53e363c30268d420c1326bbb521f9654b990125d44fa23340bdc"
-    assert digest({"b": 0.5, "a": [1, None]}) == wanted
-    found = versions(["numpy", "no-such-package"])
-    assert found["numpy"][0].isdigit() and found["no-such-package"] == "not installed"
-    found = [folder_digest(tmp_path)]
+    expected = "e538351ae63f53e363c30268d420c1326bbb521f9654b990125d44fa23340bdc"
+    assert digest({"b": 0.5, "a": [1, None]}) == expected
+    installed = versions(["numpy", "no-such-package"])
+    assert installed["numpy"][0].isdigit() and installed["no-such-package"] == "not installed"
+    digests = [folder_digest(tmp_path)]
     for name, text in (("b/x", "1"), ("a", "2"), ("a", "3")):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)
-        found.append(folder_digest(tmp_path))
+        digests.append(folder_digest(tmp_path))
     (tmp_path / "a").rename(tmp_path / "c")
-    assert len({*found, folder_digest(tmp_path)}) == 5
+    assert len({*digests, folder_digest(tmp_path)}) == 5
     (tmp_path / "c").rename(tmp_path / "a")
-    assert folder_digest(tmp_path) == found[-1]
+    assert folder_digest(tmp_path) == digests[-1]
 
 
 def test_a_folder_that_may_not_be_read_is_no_empty_one(tmp_path, monkeypatch):

@@ -1,4 +1,4 @@
-"""Flags of dataclasses: names, kinds, defaults, and what is said of a wrong word."""
+"""Flags of dataclasses: names, types, defaults, and messages about a wrong word."""
 
 from __future__ import annotations
 
@@ -86,22 +86,22 @@ def read(*words: str) -> Settings:
     ("--train.learning_rate=3", Settings(train=Inner(3.0))),
 ])  # fmt: skip
 def test_words_become_values(words, changed):
-    found = read(*words.split())
-    assert found == changed and type(found.share) is type(changed.share)
+    settings = read(*words.split())
+    assert settings == changed and type(settings.share) is type(changed.share)
 
 
-@pytest.mark.parametrize(("words", "said"), [
+@pytest.mark.parametrize(("words", "message"), [
     ("--count x", "argument --count: must be a whole number, not 'x'"),
     ("--share x", "must be a whole number or a number or None, not 'x'"),
     ("--words a c", "must be one of a, b, not 'c'"),
     ("--hidden 3", "no option --hidden"),
     ("--lerning-rate 3", "no option --lerning-rate; did you mean --train.learning-rate?"),
 ])  # fmt: skip
-def test_a_wrong_word_is_one_line(words, said, capsys):
+def test_a_wrong_word_is_one_line(words, message, capsys):
     with pytest.raises(SystemExit, match=r"^2$"):
         read(*words.split())
     line = capsys.readouterr().err
-    assert said in line and line.count("\n") == 1
+    assert message in line and line.count("\n") == 1
 
 
 def test_the_help_has_docstrings_and_defaults(capsys):
@@ -143,13 +143,13 @@ class Options:
     ("r --out o --serve 9 --rank --first 2 --b x", {"serve": 9, "rank": True, "first": 2, "b": "x"}),
 ])  # fmt: skip
 def test_a_command_line_is_the_fields_of_a_dataclass(words, values):
-    found = vars(command_line("x", Options, "common.flags").parse_args(words.split()))
-    usual = {name: value for name, value in vars(Options).items() if name in found}
+    parsed = vars(command_line("x", Options, "common.flags").parse_args(words.split()))
+    defaults = {name: value for name, value in vars(Options).items() if name in parsed}
     paths = {"run": Path("r"), "out": Path("o"), "debug": False}
-    assert found == {**usual, **paths, **values}
+    assert parsed == {**defaults, **paths, **values}
 
 
-@pytest.mark.parametrize(("words", "said"), [
+@pytest.mark.parametrize(("words", "message"), [
     ("r", "arguments are required: --out"), ("--out o", "are required: RUN"),
     ("r --out o --first 2", "--first needs --rank"), ("r --out o --how ids", "no option --how"),
     ("r --out o --rank --first 2 --size 1x1", "--first has no effect with --size"),
@@ -157,16 +157,16 @@ def test_a_command_line_is_the_fields_of_a_dataclass(words, values):
     ("r --out o --size 3", "must look like 640x320, not '3'"), ("r --out o --no-rank", "no option --no-rank"),
     ("r --out o --a x --b y", "argument --b: not allowed with argument --a"),
 ])  # fmt: skip
-def test_marks_of_fields_are_rules_of_the_command_line(words, said, capsys):
+def test_marks_of_fields_are_rules_of_the_command_line(words, message, capsys):
     with pytest.raises(SystemExit, match=r"^2$"):
         command_line("x", Options, "common.flags").parse_args(words.split())
     line = capsys.readouterr().err
-    assert said in line and line.count("\n") == 1
+    assert message in line and line.count("\n") == 1
 
 
 def test_groups_of_a_command_line_are_shown_by_all_of_its_help():
     line = command_line("x", Options, "common.flags", {"rare": ("serve", "size")})
     short, whole = line.format_help(), line.format_help(True)
     assert "show 2 more options: rare" in short and "--size" not in short
-    said = " ".join(whole.split())
-    assert "--size WxH" in said and "--as ids|colours Content. (default: ids)" in said
+    text = " ".join(whole.split())
+    assert "--size WxH" in text and "--as ids|colours Content. (default: ids)" in text

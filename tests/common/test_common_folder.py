@@ -1,4 +1,4 @@
-"""A job's folder: what it lets in, and what it leaves alone."""
+"""The folder of a job: what it accepts, and what it leaves alone."""
 
 import errno
 import json
@@ -26,33 +26,33 @@ def out(tmp_path: Path) -> Path:
     return tmp_path / "run"
 
 
-def began(out: Path, config: dict = JOB, **options) -> bool:
-    """Opens a folder for a moment; whether that was its first time."""
-    with opened(out, config, **options) as continued:
-        return not continued
+def opens(out: Path, config: dict = JOB, **options) -> bool:
+    """Open a folder for a moment; returns whether it was new."""
+    with opened(out, config, **options) as resumed:
+        return not resumed
 
 
 def refused(out: Path, config: dict = JOB) -> str:
-    """Why a folder is not opened; what is in it stays as it was."""
+    """The error of opening a folder, whose content stays the same."""
     before = {path: path.is_file() and path.read_bytes() for path in out.rglob("*")}
     with pytest.raises(UserError, match=str(out)) as caught:
-        began(out, config)
+        opens(out, config)
     assert {path: path.is_file() and path.read_bytes() for path in out.rglob("*")} == before
     return str(caught.value)
 
 
 def test_a_new_folder_says_everything_needed_to_repeat_the_job(tmp_path):
     out = tmp_path / "runs" / "new"
-    assert began(out, packages=["none"])
+    assert opens(out, packages=["none"])
     stored = json.loads((out / "config.json").read_text())
     assert stored == {"version": 1, **as_json(JOB), "versions": {"none": "not installed"}}
     assert stored["data"] == "/data" and stored["names"] == ["argmax", "spread"]
 
 
-def test_the_same_job_is_continued_with_other_free_values(out):
-    assert began(out, {**JOB, "workers": 1}, packages=["numpy"])
+def test_the_same_job_resumes_with_other_free_values(out):
+    assert opens(out, {**JOB, "workers": 1}, packages=["numpy"])
     before = (out / "config.json").read_bytes()
-    assert not began(out, {**JOB, "workers": 7}, free=("workers",))
+    assert not opens(out, {**JOB, "workers": 7}, free=("workers",))
     assert (out / "config.json").read_bytes() == before
     assert "workers = 1, not 7" in refused(out, {**JOB, "workers": 7})
 
@@ -67,9 +67,9 @@ def test_the_same_job_is_continued_with_other_free_values(out):
     ({"rows": [ROWS[0], {"name": "fog", "low": 0.25}]}, "rows.fog.low = 0.5, not 0.25"),
 ])  # fmt: skip
 def test_another_job_is_refused_with_both_values(out, change, words):
-    assert began(out)
-    said = refused(out, {**JOB, **change})
-    assert words in said and "use another --out" in said
+    assert opens(out)
+    error = refused(out, {**JOB, **change})
+    assert words in error and "use another --out" in error
 
 
 def test_a_second_process_is_kept_out_until_the_first_is_killed(out):
@@ -85,39 +85,39 @@ def test_a_second_process_is_kept_out_until_the_first_is_killed(out):
         finally:
             process.kill()
     for _ in range(2):  # and after an error
-        with suppress(KeyboardInterrupt), opened(out, {"seed": 0}) as continued:
-            assert continued
+        with suppress(KeyboardInterrupt), opened(out, {"seed": 0}) as resumed:
+            assert resumed
             raise KeyboardInterrupt
 
 
-def test_a_folder_killed_at_its_birth_is_taken_and_one_of_other_things_is_not(out):
+def test_a_folder_killed_early_is_used_and_one_with_other_files_is_not(out):
     out.mkdir()
     refuse_foreign(out, JOB)
     for name in ("lock", "config.json.part", "mine"):
         (out / name).write_text("")
     assert "contains other files and no run" in refused(out)
-    assert began(out, allowed=("mine",))
+    assert opens(out, allowed=("mine",))
     assert {path.name for path in out.iterdir()} == {"config.json", "lock", "mine"}
 
 
-def test_a_folder_from_before_there_were_versions_is_continued(out):
-    assert began(out)
+def test_a_folder_from_before_there_were_versions_resumes(out):
+    assert opens(out)
     stored = json.loads((out / "config.json").read_text())
     assert stored.pop("version") == 1
     (out / "config.json").write_text(json.dumps(stored))
     before = (out / "config.json").read_bytes()
-    assert not began(out) and (out / "config.json").read_bytes() == before
+    assert not opens(out) and (out / "config.json").read_bytes() == before
     assert "seed = 0, not 3" in refused(out, {**JOB, "seed": 3})
 
 
 @pytest.mark.parametrize("version", [0, 2, "1", None])
-def test_a_version_that_nobody_reads_is_refused(out, version):
-    assert began(out)
+def test_an_unknown_version_is_refused(out, version):
+    assert opens(out)
     stored = json.loads((out / "config.json").read_text())
     (out / "config.json").write_text(json.dumps({**stored, "version": version}))
-    said = refused(out)
+    error = refused(out)
     assert (
-        f"config.json has version {json.dumps(version)}, but this program reads version 1" in said
+        f"config.json has version {json.dumps(version)}, but this program reads version 1" in error
     )
 
 
@@ -140,11 +140,11 @@ def test_out_is_a_file_or_cannot_be_written(out, monkeypatch):
     assert "(Read-only file system); choose another" in refused(out.with_name("new"))
 
 
-@pytest.mark.parametrize("there", [False, True])
-def test_a_full_disk_leaves_no_new_folder_and_what_was_there(out, full_disk, there):
-    if there:
+@pytest.mark.parametrize("exists", [False, True])
+def test_a_full_disk_leaves_no_new_folder_and_keeps_an_old_one(out, full_disk, exists):
+    if exists:
         out.mkdir()
     with pytest.raises(OSError) as caught:
-        began(out)
+        opens(out)
     assert caught.value.filename == str(out / "config.json")
-    assert out.exists() == there and not (out / "config.json").exists()
+    assert out.exists() == exists and not (out / "config.json").exists()

@@ -120,10 +120,10 @@ def test_two_may_write_at_once(tmp_path, kind):
         writer.start()
     for writer in writers:
         writer.join()
-    own, after = JsonLines(path).lines[::2], JsonLines(path).lines[1::2]
+    before, after = JsonLines(path).lines[::2], JsonLines(path).lines[1::2]
     for name in "xy":
-        assert [line["k"] for line in own if line["name"] == name] == list(range(20))
-    assert after == [{"after": [*line.values()]} for line in own]  # at once, so together
+        assert [line["k"] for line in before if line["name"] == name] == list(range(20))
+    assert after == [{"after": [*line.values()]} for line in before]  # appended together
 
 
 def test_what_two_append_at_once_is_written_or_refused(tmp_path):

@@ -1,4 +1,4 @@
-"""Progress: time left, work that was only replayed, lines in files and on terminals."""
+"""Progress: time left, replayed work, lines in files and on terminals."""
 
 import io
 import re
@@ -12,7 +12,7 @@ from common.progress import Progress, Stage, duration
 
 @pytest.fixture
 def clock(monkeypatch):
-    """A clock to be set by hand."""
+    """A clock to set manually."""
     clock = SimpleNamespace(now=100.0)
     monkeypatch.setattr(progress, "time", SimpleNamespace(perf_counter=lambda: clock.now))
     return clock
@@ -23,7 +23,7 @@ class Terminal(io.StringIO):
         return True
 
     def visible(self) -> list[str]:
-        """The lines that stand there in the end: all but those that were cleared to be written over."""
+        """The lines that remain in the end: all that were not cleared and overwritten."""
         lines = [line.rpartition("\x1b[2K")[2] for line in self.getvalue().split("\n")]
         texts = [re.sub(r"\x1b\[[?\d;]*[A-Za-z]|\r", "", line) for line in lines]
         return [text for text in texts if text]
@@ -39,58 +39,58 @@ def terminal(monkeypatch):
 
 
 def test_time_left_by_hand_and_replayed_work_does_not_set_the_pace(clock):
-    told = Progress(total=10, stream=io.StringIO())
-    assert told.left is None
+    job = Progress(total=10, stream=io.StringIO())
+    assert job.left is None
     clock.now += 30
-    told.advance(0.09)
-    assert told.left is None  # too little to tell
-    told.advance(2.91)
-    assert told.left == pytest.approx(70)  # 10 s per unit, 7 units left
-    told.advance(8)
-    assert told.left == 0  # more than was planned is no negative time
-    told = Progress(total=10, elapsed=500, stream=io.StringIO())
+    job.advance(0.09)
+    assert job.left is None  # too little work to estimate
+    job.advance(2.91)
+    assert job.left == pytest.approx(70)  # 10 s per unit, 7 units left
+    job.advance(8)
+    assert job.left == 0  # never negative
+    job = Progress(total=10, elapsed=500, stream=io.StringIO())
     clock.now += 20  # to read what is known
-    told.advance(6, replayed=True)
-    assert told.left is None
+    job.advance(6, replayed=True)
+    assert job.left is None
     clock.now += 8
-    told.advance(1)
-    assert told.left == pytest.approx(3 * 8) and told.elapsed == 528
+    job.advance(1)
+    assert job.left == pytest.approx(3 * 8) and job.elapsed == 528
 
 
-def test_time_left_begins_with_the_plan_and_ends_at_the_pace_that_is_seen(clock):
-    told = Progress(10.0)
+def test_time_left_starts_from_the_plan_and_ends_at_the_measured_pace(clock):
+    job = Progress(10.0)
     clock.now += 50
-    told.expect(100.0, 20.0)  # 10 s a unit, after a start of 20 s
-    assert told.left == pytest.approx(120)
+    job.expect(100.0, 20.0)  # 10 s a unit, after a start of 20 s
+    assert job.left == pytest.approx(120)
     clock.now += 15
-    assert told.left == pytest.approx(105)
+    assert job.left == pytest.approx(105)
     clock.now += 15  # the start took as long as expected, and 10 s are work
-    told.advance()
-    assert told.left == pytest.approx(90)
-    told.advance(2.0, replayed=True)
+    job.advance()
+    assert job.left == pytest.approx(90)
+    job.advance(2.0, replayed=True)
     clock.now += 80
-    told.advance(4.0)
+    job.advance(4.0)
     # 90 s for 5 units, and as much trust in the plan as in one more unit of 10 s
-    assert told.left == pytest.approx(3 * (90 + 10) / 6)
+    assert job.left == pytest.approx(3 * (90 + 10) / 6)
     slow = Progress(10.0)
     slow.expect(100.0, 20.0)
     clock.now += 200
     assert slow.left == pytest.approx(100)  # a start that takes longer leaves the work
-    told = [duration(seconds) for seconds in (0.2, 75, 99.4, 120, 3600, 9000)]
-    assert told == ["0 s", "75 s", "99 s", "2 min", "60 min", "2.5 h"]
+    durations = [duration(seconds) for seconds in (0.2, 75, 99.4, 120, 3600, 9000)]
+    assert durations == ["0 s", "75 s", "99 s", "2 min", "60 min", "2.5 h"]
 
 
 def story(stream, clock):
-    told = Progress(total=4, label="twin | ", stream=stream)
-    told.say("Target: :car: [bold]x")
+    job = Progress(total=4, label="twin | ", stream=stream)
+    job.say("Target: :car: [bold]x")
     clock.now += 10
-    told.advance(1)
-    told.update("mIoU 5.0 :car: [/x] {y}")
-    told.say("halfway")
-    told.advance(3)
-    told.update("mIoU 6.0")
-    told.close()
-    told.say("end")
+    job.advance(1)
+    job.update("mIoU 5.0 :car: [/x] {y}")
+    job.say("halfway")
+    job.advance(3)
+    job.update("mIoU 6.0")
+    job.close()
+    job.say("end")
     return stream
 
 
@@ -113,7 +113,7 @@ def test_a_line_per_update_in_a_file_and_without_a_cursor(variable, clock, termi
     assert story(terminal, clock).getvalue().splitlines() == PLAIN
 
 
-def test_minor_states_of_one_percentage_share_a_plain_line(clock):
+def test_minor_states_of_one_percentage_share_a_line(clock):
     stream = io.StringIO()
     progress = Progress(1000, stream=stream)
     for k in range(30):
@@ -133,35 +133,35 @@ def test_a_terminal_has_one_line_that_is_written_over(clock, terminal):
 
 def test_texts_are_shown_as_they_are_and_prints_stand_above_the_bar(clock, terminal, monkeypatch):
     monkeypatch.setattr("sys.stdout", terminal)
-    told = Progress(total=4)
-    told.update("mIoU 5.0 :car: [/x] {y}")
+    job = Progress(total=4)
+    job.update("mIoU 5.0 :car: [/x] {y}")
     print("a warning")
-    told.close()
+    job.close()
     warning, bar = terminal.visible()
     assert warning == "a warning" and bar.endswith("  0 % mIoU 5.0 :car: [/x] {y}")
 
 
 def test_a_narrow_terminal_cuts_the_end_off_a_line(clock, terminal):
-    told = Progress(total=2, stream=terminal, label="twin | ")
-    told.advance(1)
+    job = Progress(total=2, stream=terminal, label="twin | ")
+    job.advance(1)
     clock.now += 60
-    told.update("x" * 99)
-    told.say("y" * 99)  # what stays is not cut
-    told.close()
-    said, bar = terminal.visible()
-    assert said == "y" * 99 and " 50 % twin | 60 s left | xxx" in bar and len(bar) <= 80
+    job.update("x" * 99)
+    job.say("y" * 99)  # what stays is not cut
+    job.close()
+    line, bar = terminal.visible()
+    assert line == "y" * 99 and " 50 % twin | 60 s left | xxx" in bar and len(bar) <= 80
 
 
-def test_on_a_terminal_every_stage_has_a_bar_and_the_pace_is_told(clock, terminal):
+def test_on_a_terminal_every_stage_has_a_bar_and_the_pace_is_shown(clock, terminal):
     stages = [Stage("rewards", 4, 8.0), Stage("final nets", 2, 2.0)]
-    told = Progress(total=10, stream=terminal, stages=stages, workers=2)
+    job = Progress(total=10, stream=terminal, stages=stages, workers=2)
     clock.now += 20
     for _ in range(4):
-        told.advance(2)
-    told.advance(1)
-    told.standing = "best mIoU 20.4"
-    told.update("net 5")
-    told.close()
+        job.advance(2)
+    job.advance(1)
+    job.standing = "best mIoU 20.4"
+    job.update("net 5")
+    job.close()
     whole, rewards, finals, pace = (line.rstrip() for line in terminal.visible()[-4:])
     assert whole.endswith(" 90 % 2 s left | net 5")
     assert rewards.endswith("100 % rewards, 4 of 4 nets")
@@ -170,24 +170,24 @@ def test_on_a_terminal_every_stage_has_a_bar_and_the_pace_is_told(clock, termina
     assert pace == "15 nets a minute | about 44 s of CPU in total | best mIoU 20.4"
 
 
-def test_someone_else_is_told_at_once_and_then_not_too_often(clock):
-    heard, told = [], Progress(total=4, stream=io.StringIO())
-    told.tell(10.0, lambda share, said: heard.append((share, said)))
+def test_progress_is_reported_at_once_and_then_at_intervals(clock):
+    reports, job = [], Progress(total=4, stream=io.StringIO())
+    job.tell(10.0, lambda share, line: reports.append((share, line)))
     for seconds in (0, 9, 1, 5, 5):
         clock.now += seconds
-        told.advance()
-        told.update(f"at {clock.now:.0f}")
-    assert heard == [
+        job.advance()
+        job.update(f"at {clock.now:.0f}")
+    assert reports == [
         (0.25, "at 100 | 0 s left"), (0.75, "at 110 | 3 s left"), (1.0, "at 120 | 0 s left"),
     ]  # fmt: skip
 
 
 def test_names_of_files_send_no_codes_to_the_terminal():
     stream = io.StringIO()
-    told = Progress(2.0, stream=stream)
-    told.say("a\x1b[2Jb\nc")
-    told.advance()
-    told.update("net \x1b]0;x\x07\r of a\nb")
+    job = Progress(2.0, stream=stream)
+    job.say("a\x1b[2Jb\nc")
+    job.advance()
+    job.update("net \x1b]0;x\x07\r of a\nb")
     assert stream.getvalue().split("\n") == [
         "a\\x1b[2Jb", "c", "[ 50 %] net \\x1b]0;x\\x07\\r of a\\nb | 0 s left", ""
     ]  # fmt: skip

@@ -36,6 +36,6 @@ def test_what_cannot_be_trained_on_is_refused(tmp_path, capsys):
     assert main([*sets, *words]) == 2
     assert main([sets[0], "--steps", "0", "--out", str(tmp_path / "model")]) == 2
     lines = capsys.readouterr().err.splitlines()
-    said = ("not a dataset, since it has no dataset.json", "80x48: 80x48 pixels where", "steps")
-    assert len(lines) == 3 and all(part in line for part, line in zip(said, lines, strict=True))
+    expected = ("not a dataset, since it has no dataset.json", "80x48: 80x48 pixels, but", "steps")
+    assert len(lines) == 3 and all(part in line for part, line in zip(expected, lines, strict=True))
     assert not (tmp_path / "model").exists()

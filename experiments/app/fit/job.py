@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from common.command import given
+from common.command import running_command
 from common.errors import UserError
 from common.files import file_digest, write
 from common.folder import as_json
@@ -147,7 +147,7 @@ def _facts(run: Session[FitConfig], data: Prepared) -> Report:
     config, parts = run.config, data.parts
     return {
         **about(run, config.final),
-        "command": given(),
+        "command": running_command(),
         "colors": class_table(run.target.table).colors.tolist(),
         "labels": len(parts.entries),
         "folds": len(data.folds),

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from common.command import given
+from common.command import running_command
 from experiments.evaluation.job import Result
 from experiments.evaluation.store import first_of_each
 from experiments.session.session import Session
@@ -29,7 +29,7 @@ def scores(run: Session[Any], rows: dict[str, list[Result]], learnt: Proposal) -
         **about(run, config.final),
         **few_rows.about(run),
         "seed": config.seed,
-        "command": given(),
+        "command": running_command(),
         "evaluations": len(run.evaluations.records),
         "failed": sum(line["failed"] is not None for line in lines),
         "seconds": {
