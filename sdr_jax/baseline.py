@@ -25,12 +25,12 @@ def init_baseline() -> BaselineState:
 
 
 class Baseline(NamedTuple):
-    """A pure function, and the number of rewards that it needs."""
+    """Two pure functions, and the number of rewards that they need."""
 
+    init: Callable[[], BaselineState]
     # (state, rewards f32[n]) -> (advantages f32[n], state)
     advantage: Callable[[BaselineState, Float[Array, "n"]], tuple[Float[Array, "n"], BaselineState]]
     min_rewards: int = 1  # rewards without NaN that an update needs
-    init: Callable[[], BaselineState] = init_baseline
 
 
 def ema(decay: float = 0.9, includes_current: bool = False) -> Baseline:
@@ -66,4 +66,4 @@ def ema(decay: float = 0.9, includes_current: bool = False) -> Baseline:
         advantages = rewards - (present if includes_current else past)
         return advantages, BaselineState(present, state.updates + 1)
 
-    return Baseline(advantage)
+    return Baseline(init_baseline, advantage)

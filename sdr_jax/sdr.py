@@ -59,7 +59,7 @@ def sdr(
     and -1 for later groups. `solution` is the arg max of every group that has started; `spread` has the
     moments of the policy: a uniform policy gives all of [0, 1], a certain one its relaxed bin.
 
-    An update without a reward, or with only one under `leave_one_out()`, teaches nothing; it still
+    An update without a reward, or with only one under `leave_one_out()`, changes no policy; it still
     counts, so that the descent moves on.
 
     The paper leaves open, or we do differently:
@@ -75,10 +75,10 @@ def sdr(
         width: width of the relaxed bins, see `relax`.
         updates_per_group: number of updates of each group (the paper: "up to 50").
         hidden: hidden units of each policy.
-        learning_rate: Adam's, or any optax transformation in its place; a schedule in it starts afresh with
+        learning_rate: Adam's, or any optax transformation in its place; a schedule in it starts again with
             every group.
         baseline: "ema", "ema_current" (the authors' code), "leave_one_out", or a `Baseline` such as
-            `ema(0.5)`; it starts afresh with every group.
+            `ema(0.5)`; it starts again with every group.
         normalise: whether to divide advantages by their root mean square.
         squared_reward: whether to learn from `sign(r) (100 r)^2` of rewards r (the authors' code).
         unoptimised: "random" (the paper) or "half" (the authors' code), see `relax`.
