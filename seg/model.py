@@ -312,9 +312,9 @@ def load_model(path: str | Path, mirror: bool = True) -> Model:
     if not (folder / WEIGHTS).is_file() and (folder / OF_RUN / CONFIG).is_file():
         raise ModelError(f"{folder} is the folder of a run, whose model is {folder / OF_RUN}")
     if not file.is_file():
-        names = f", or one of the names {', '.join(shipped())}" if shipped() else ""
+        names = f", or {' or '.join(shipped())}" if shipped() else ""
         raise ModelError(
-            f"{folder}: no model; expected a folder with {CONFIG} and {WEIGHTS}{names}"
+            f"{folder} is not a model: pass a folder with {CONFIG} and {WEIGHTS}{names}"
         )
     try:
         model = _loaded(folder, read_json(file))
@@ -377,7 +377,7 @@ def _loaded(folder: Path, config: Any) -> Model:
 def _field(value: Any, name: str, kind: type) -> Any:
     """A field of an object; ValueError if it is missing or of another type."""
     if not isinstance(value, dict) or name not in value:
-        raise ValueError(f"{name} is missing; the file is damaged, or no model's")
+        raise ValueError(f"{name} is missing: the file is damaged, or not of a model")
     field_value = value[name]
     if not isinstance(field_value, kind) or isinstance(field_value, bool):
         raise ValueError(f"{name} is {field_value!r}; expected {kind.__name__}")

@@ -307,7 +307,7 @@ def read(path: Path) -> dict[str, tuple[Record, str]]:
     if path.is_dir():
         files = [path / name for name in LOGS if (path / name).exists()]
         if not files:
-            raise UserError(f"{path}: no run folder; it holds neither of {', '.join(LOGS)}")
+            raise UserError(f"{path} is not a run folder: it has neither {' nor '.join(LOGS)}")
         logs = [(file, Store(file).records) for file in files]
         return merged(
             (record, f"{file}: line {number}")
@@ -315,7 +315,7 @@ def read(path: Path) -> dict[str, tuple[Record, str]]:
             for number, record in enumerate(records, 1)
         )
     if not path.exists():
-        raise UserError(f"{path}: no such store")
+        raise UserError(f"{path} does not exist; pass a store or a run folder")
     store = Store(path, shared=True)
     return {record["key"]: (record, store.where(record["key"])) for record in store.records}
 

@@ -223,7 +223,7 @@ def test_folders_that_cannot_be_read_or_written(model, folder, images, tmp_path,
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "letter.txt").write_text("dear")
     assert main([folder, str(images), "--out", str(tmp_path / "other")]) == 2
-    assert "holds other files" in one_line(capsys)
+    assert "contains other files" in one_line(capsys)
     assert main([str(tmp_path / "other"), str(images), "--out", str(tmp_path / "new")]) == 2
-    assert "other: no model; expected a folder with config.json" in one_line(capsys)
+    assert "other is not a model: pass a folder with config.json" in one_line(capsys)
     assert not (tmp_path / "new").exists()

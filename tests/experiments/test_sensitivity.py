@@ -228,7 +228,7 @@ def test_rewards_that_others_have_made_count(config, counted, tmp_path):
 
 
 @pytest.mark.parametrize(("flags", "words"), [
-    (["--records", "none.jsonl"], "none.jsonl: no such store"),
+    (["--records", "none.jsonl"], "none.jsonl does not exist; pass a store"),
     (["--records", "."], "no run folder"),
     (["--records", "short.jsonl"], "line 2 must hold a reward and 23 bins from 0 to 9"),
     (["--records", "few.jsonl"], "holds rewards of 2 proposals; a model needs 8 or more"),

@@ -246,7 +246,7 @@ def test_text_of_others_is_plain_in_a_card(compact):
 
 
 def test_damaged_files_are_refused_by_name(saved):
-    refused(ModelError, "nothing: no model; expected a folder with", load_model, saved / "nothing")
+    refused(ModelError, "nothing is not a model: pass a folder with", load_model, saved / "nothing")
     whole = (saved / WEIGHTS).read_bytes()
     for data in (b"", whole[:-1], whole[:99] + b"x" + whole[100:]):
         (saved / WEIGHTS).write_bytes(data)
