@@ -2,6 +2,7 @@
 
 import os
 import signal
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -26,9 +27,11 @@ SCORES = ("rows", "random", "default", "learnt", "gain")
 
 
 def children(pid: int) -> list[int]:
-    """Processes that a process started, as Linux tells; none elsewhere."""
-    path = Path(f"/proc/{pid}/task/{pid}/children")
-    return [int(child) for child in path.read_text().split()] if path.exists() else []
+    """Processes that any thread of a process started, as Linux tells; none elsewhere."""
+    paths = Path(f"/proc/{pid}/task").glob("*/children")
+    with suppress(OSError):  # a thread has ended
+        return [int(child) for path in paths for child in path.read_text().split()]
+    return []
 
 
 def test_the_run_folder_is_complete(unbroken):
