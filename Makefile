@@ -56,7 +56,7 @@ lint: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/codespell
-	$(BIN)/codespell --dictionary scripts/words.txt --skip docs/results.md,docs/findings.md \
+	$(BIN)/codespell --dictionary scripts/words.txt \
 	    --ignore-multiline-regex '(?sm)^```.*?^```$$|````[^\n]*?````|`[^`\n]*`|\]\([^)]*\)|\{ #[^}]*\}|^:::[^\n]*' docs/*.md docs/*/*.md README.md CONTRIBUTING.md examples/*/*.md
 	$(BIN)/mypy
 
