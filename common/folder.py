@@ -40,6 +40,12 @@ def read_config(path: Path) -> dict[str, Any]:
     return config
 
 
+def refuse_file(path: Path) -> None:
+    """Raise UserError if ``--out`` is a file; a folder, or nothing, may become the folder of a job."""
+    if path.exists() and not path.is_dir():
+        raise UserError(f"--out {path} is a file; it must be a folder")
+
+
 def refuse_foreign(
     path: Path, config: dict[str, Any], free: Sequence[str] = (), allowed: Sequence[str] = ()
 ) -> None:
@@ -51,10 +57,9 @@ def refuse_foreign(
         free: dotted names of values that may differ when a job is resumed.
         allowed: files that a folder may contain before its job, besides the lock.
     """
+    refuse_file(path)
     if not path.exists():
         return
-    if not path.is_dir():
-        raise UserError(f"--out {path} is a file; it must be a folder")
     if not (path / CONFIG).exists():
         if {entry.name for entry in path.iterdir()} - {LOCK, f"{CONFIG}.part", *allowed}:
             raise UserError(f"--out {path} contains other files and no run; choose another")

@@ -104,9 +104,8 @@ def parts_of(
         where = f"group {holdout}"
         if not entries or not held_out:
             shown = ", ".join(groups[:12]) + (", ..." if len(groups) > 12 else "")
-            raise UserError(
-                f"--holdout {holdout} must leave images to train on and to test on; the groups are {shown}"
-            )
+            reason = "is the only group" if held_out else "is not a group of the training images"
+            raise UserError(f"--holdout {holdout} {reason}; the groups are {shown}")
     if few is not None:
         if not 1 <= few <= len(entries):
             raise UserError(

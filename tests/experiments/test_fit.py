@@ -137,7 +137,7 @@ def test_copies_stay_in_one_fold_and_are_counted(tmp_path: Path) -> None:
 
 
 def test_a_single_image_cannot_be_tested_on() -> None:
-    with pytest.raises(UserError, match=r"data: 1 labelled image, .*label one more"):
+    with pytest.raises(UserError, match=r"data: 1 labelled image; .*label one more"):
         cut(["a"], Path("data"))
 
 
@@ -298,7 +298,7 @@ def test_figures_come_from_the_published_split_a_group_or_folds(
     for more, message in (
         (
             {"holdout": "town"},
-            "--holdout town must leave images to train on and to test on; the groups are mall, park",
+            "--holdout town is not a group of the training images; the groups are mall, park",
         ),
         ({"few": 9}, "--few must be 1 to 5, .*, not 9"),
         ({"few": 0}, "--few must be 1 to 5, .*, not 0"),
@@ -567,8 +567,11 @@ def test_what_cannot_be_fitted_is_one_line(folder: Path, tmp_path: Path, capsys)
         ([str(folder), *out, "--few", "9"], "--few must be 1 to 5"),
         ([str(folder), *out, "--size", "60x48"], "--size must be two multiples of 8, 32 or more"),
         ([str(folder), *out, "--seeds", "0"], "--seeds must be"),
-        ([str(folder), *out, "--init", str(tmp_path)], "no model"),
-        ([str(folder), *out, "--net", "dinov2"], "--net: weights must name the file of the trunk"),
+        ([str(folder), *out, "--init", str(tmp_path)], "is not a model"),
+        (
+            [str(folder), *out, "--net", "dinov2"],
+            "--net: weights must name the .safetensors file of dinov2's backbone",
+        ),
         ([str(folder), *out, "--weights", "x"], "--weights x is for --net dinov2; those of lite0"),
         ([*dinov2, "--trunk", "tuned"], '"tuned", but the backbone of dinov2 stays frozen'),
         (

@@ -11,7 +11,7 @@ from typing import Annotated
 
 from common.bounds import POSITIVE, at_least, check_bounds
 from common.errors import UserError, flagged
-from common.folder import read_config
+from common.folder import read_config, refuse_file
 from common.labels.classes import NAMES
 from common.labels.listing import list_all
 from common.labels.target_file import Fit, find_target
@@ -144,6 +144,7 @@ def config_of(
             read, weights are of another network, an attribute cannot be held, or a size takes too much
             memory or time.
     """
+    refuse_file(out)
     read_fixed(fix, SPACE)
     target_file = find_target(target, data)
     if not any(target_file.rendered):
