@@ -99,7 +99,7 @@ def test_features_beside_are_those_computed_and_set_the_head_s_statistics():
 @pytest.mark.parametrize(("change", "message"), [
     ({"share": 0.0}, r"must lie in \(0, 1\); got 0"),
     ({"share": 1.0}, r"must lie in \(0, 1\); got 1"),
-    ({"images": IMAGES[:2, :40]}, r"of their size \(48, 64, 3\); got \(40, 64, 3\)"),
+    ({"images": IMAGES[:2, :40]}, r"size of the others, \(48, 64, 3\); got \(40, 64, 3\)"),
     ({"labels": LABELS[:2] + 3}, "label 5 is none of 3 classes"),
     ({"labels": LABELS[:1]}, "one per pixel"),
 ])  # fmt: skip
