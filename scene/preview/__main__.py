@@ -111,7 +111,7 @@ def main(arguments: Arguments = None) -> int:
         image = page(options)
         missing = missing_families(AssetPool(own=options.assets, use=options.asset_use))
         if missing:
-            print(f"Left out, since there are no own assets of them: {', '.join(missing)}")
+            print(f"Without own assets, so left out: {', '.join(missing)}")
         save(image, options.out)
 
     users = (ValueError, RendererError)
