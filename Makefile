@@ -33,7 +33,7 @@ setup:
 setup-run:
 	@PYTHON="$(PYTHON)" sh scripts/setup.sh
 
-# Run again after a kill, it goes on where it was; run again after the end, it is done at once.
+# The same command resumes after a kill, and does nothing after the end.
 demo: setup-run
 	@$(BIN)/python -m experiments.cityscapes --preset quick --out "$(OUT)" --twin "$(TWIN)" --twin-seed "$(TWIN_SEED)"
 	@echo
