@@ -98,7 +98,7 @@ def test_a_reward_is_split(requested, images):
 
 @pytest.mark.parametrize(("arguments", "message"), [
     (["--sizes", "big"], "must look like 640x320, not 'big'"),
-    (["--repeats", "0"], "from 1 on, not '0'"),
+    (["--repeats", "0"], "at least 1, not '0'"),
     (["--nets", "unet"], "invalid choice: 'unet'"),
 ])  # fmt: skip
 def test_arguments_that_make_no_sense(arguments, message, capsys):

@@ -150,7 +150,7 @@ def test_only_another_engine_trains_again_and_gains_over_the_one_before_are_told
 
 @pytest.mark.parametrize(("change", "complaint"), [
     (["--data", "nowhere"], "nowhere: no such folder"),
-    (["--seeds", "0"], "from 1 on, not '0'"), (["--steps", "many"], "from 1 on, not 'many'"),
+    (["--seeds", "0"], "at least 1, not '0'"), (["--steps", "many"], "at least 1, not 'many'"),
     (["--only", "looks"], "invalid choice"), (["--target", "moon"], "--target moon: no such file"),
     (["--json", "nowhere/t.json"], "must be a file in an existing folder"),
     (["--against", "nowhere"], "--against nowhere: no such file"),

@@ -323,8 +323,8 @@ def test_damage_to_masks_and_polygons_is_found(exported, tmp_path):
 
 @pytest.mark.parametrize(("flags", "message"), [
     ("--target nowhere", "--target nowhere: no such file; expected a file, or one of camvid"),
-    ("--target own.yaml", "target own: no class of it renders one of the engine's"),
-    ("--target flat.yaml --format yolo-seg", "format yolo-seg has things only, and target flat has none"),
+    ("--target own.yaml", "target own: none of its classes is rendered"),
+    ("--target flat.yaml --format yolo-seg", "format yolo-seg stores things only, but target flat has none"),
 ])  # fmt: skip
 def test_bad_targets_are_one_line(flags, message, tmp_path, refusal, monkeypatch):
     monkeypatch.chdir(tmp_path)

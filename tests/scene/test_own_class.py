@@ -331,7 +331,7 @@ def test_ids_of_a_class_that_a_dataset_does_not_have_are_found():
     ("--own-asset= --own-class bin", "own class needs a .glb file of its asset"),
     ("--own-asset bin.obj --own-class bin", "bin.obj is not a .glb file; an own class needs a .glb"),
     ("--own-asset points.glb --own-class bin", "points.glb: has no faces"),
-    ("--own-asset broken.glb --own-class bin", "broken.glb: broken: cut short"),
+    ("--own-asset broken.glb --own-class bin", "broken.glb: broken: truncated"),
     ("--own-asset beside.glb --own-class bin", "beside.glb: needs the separate file skin.png; save"),
     ("--own-asset huge.glb --own-class bin", "huge.glb: is 100 m long; an asset of an own class is 0.05"),
     ("--own-asset bin.glb --own-class bin --target camvid", "cannot be combined with target camvid"),

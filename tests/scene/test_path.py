@@ -136,7 +136,7 @@ def test_points_of_the_ground_are_found_again_where_the_road_goes(seed):
         steep = ~land & (np.abs(normals[:, 2]) < 0.3)  # kerbs face the road, whichever way it goes
         assert (np.abs(turned[steep, 1]) > 0.95).sum() >= 0.8 * steep.sum()
     unchanged = on_road(
-        geometry._replace(laid=()), paths.STRAIGHT, instance, faces, points, normals
+        geometry._replace(road_vertices=()), paths.STRAIGHT, instance, faces, points, normals
     )
     assert np.array_equal(unchanged, (points, normals))
 

@@ -97,7 +97,7 @@ def test_a_camera_sees_with_its_own_lens_exposure_and_white_balance(draw):
 
 @pytest.mark.parametrize(("change", "message"), [
     ({"width": 4}, "4x320 is too small"), ({"height": 0}, "640x0 is too small"),
-    ({"width": 100_000, "height": 100_000}, "over 50,000,000 pixels"),
+    ({"width": 100_000, "height": 100_000}, "has more than 50,000,000 pixels"),
     *(({"samples": samples}, f"samples must lie in 1..8, not {samples}") for samples in (0, 9)),
     *(({"fov": fov}, f"fov must lie in 5..150 degrees, not {fov}") for fov in (0.0, math.nan)),
 ])  # fmt: skip

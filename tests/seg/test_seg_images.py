@@ -71,7 +71,9 @@ def test_truncated_files(tmp_path, mode, extension, keep):
 def test_files_that_are_no_images_and_labels_in_colours(tmp_path, mode):
     path = tmp_path / "label.png"
     Image.new(mode, (3, 2), (1, 2, 3)).save(path)
-    refuses_file(rf"label\.png: a label of mode {mode}.*one channel", read_camvid_label, path)
+    refuses_file(
+        rf"label\.png: a label in colours .mode {mode}.*one channel", read_camvid_label, path
+    )
     path.write_text("not an image")
     for read in (read_image, read_camvid_label):
         refuses_file(r"label\.png: not a readable image", read, path)

@@ -546,7 +546,7 @@ def test_features_are_taken_image_by_image_on_a_cpu_alone(platform, monkeypatch)
         return (params * images,)
 
     monkeypatch.setattr(pyramid, "maps_of", maps_of)
-    extract = pyramid._extractor.__wrapped__(SETTINGS)
+    extract = pyramid._extractor.__wrapped__(SETTINGS.net_spec.backbone)
     traced = extract.trace(jnp.float32(1), jnp.zeros((3, 8, 8, 3), jnp.uint8))
     text = traced.lower(lowering_platforms=(platform,)).as_text()
     assert text.count("stablehlo.while") == (platform == "cpu")
