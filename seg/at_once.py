@@ -95,7 +95,7 @@ def _first_error(
 def _plans(
     seeds: Sequence[Sequence[int]],
     sets: Sequence[Prepared],
-    positions: Sequence[Int32[np.ndarray, " count"]],
+    positions: Sequence[Int32[np.ndarray, " _count"]],
     settings: TrainSettings,
 ) -> Plan:
     """The plans of all heads, of axes steps, sets and heads; they share the schedule."""
@@ -114,7 +114,7 @@ def _plans(
 
 def _shared_data(
     sets: Sequence[Prepared], seeds: Sequence[Sequence[int]]
-) -> tuple[Data, list[Int32[np.ndarray, " count"]]]:
+) -> tuple[Data, list[Int32[np.ndarray, " _count"]]]:
     """The images of all sets in one padded array, and where in it those of each set are."""
     starts: dict[int, int] = {}
     parts = []
