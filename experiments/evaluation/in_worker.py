@@ -328,7 +328,7 @@ def trained(
             images.labels,
             recipe.fidelity.train,
             len(recipe.classes.classes),
-            lambda steps, loss: report(steps * per_step),
+            progress=lambda steps, loss: report(steps * per_step),
             params=params,
             features=images.features,
             statistics=recipe.statistics,

@@ -78,4 +78,4 @@ def makers_in_words(records: Iterable[Record]) -> str:
         for maker in makers
     )
     kinds = "; ".join(f"{count} with {words}" for words, count in counts.items())
-    return f"Runs take only what their maker backend and versions made: {kinds}"
+    return f"Runs take only what their own backend and versions made: {kinds}"

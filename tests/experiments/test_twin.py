@@ -154,7 +154,10 @@ def test_streets_of_a_far_twin_lie_in_the_hidden_intervals(renders):
     assert options["settings"].response == world.response
     target = named_target(defaults(MainConfig, "twin", "smoke", twin_seed=3, twin="far"), POOL)
     assert (target.name, target.real) == ("far twin", False)
-    assert target.title.startswith("the far twin 3, a stand-in") and "NOT real" in target.title
+    assert (
+        target.title.startswith("the far twin 3, rendered by our own engine")
+        and "NOT real" in target.title
+    )
     np.testing.assert_array_equal(target.twin.centre, twin.twin_world(3, "far").centre)
 
 
