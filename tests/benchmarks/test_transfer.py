@@ -45,9 +45,7 @@ def test_the_drive_that_results_are_reported_on_is_never_read(camvid):
     images = real_images(recipe)
     assert images.names == ("0001TP_1", "0001TP_2", "0016E5_1", "0016E5_0")
     assert images.images.shape == (4, 32, 32, 3)
-    with pytest.raises(
-        UserError, match="--holdout 0005VD must leave images to train on and to test on"
-    ):
+    with pytest.raises(UserError, match="--holdout 0005VD is not a group of the training images"):
         real_images(recipe._replace(holdout="0005VD"))
 
 

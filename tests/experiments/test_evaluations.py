@@ -543,7 +543,7 @@ def test_other_files_are_refused_in_one_line(found, complaint, tmp_path, refused
 
 def test_files_that_are_not_there_are_refused(tmp_path, refused):
     assert "none.jsonl does not exist; pass a store" in refused("show", tmp_path / "none.jsonl")
-    assert "no run folder" in refused("show", tmp_path)
+    assert "is not a run folder" in refused("show", tmp_path)
     assert "merge needs --out" in refused("merge", tmp_path)
     with pytest.raises(UserError, match="is a folder; a store is a file"):
         Store(tmp_path)

@@ -229,7 +229,7 @@ def test_rewards_that_others_have_made_count(config, counted, tmp_path):
 
 @pytest.mark.parametrize(("flags", "words"), [
     (["--records", "none.jsonl"], "none.jsonl does not exist; pass a store"),
-    (["--records", "."], "no run folder"),
+    (["--records", "."], "is not a run folder"),
     (["--records", "short.jsonl"], "line 2 must hold a reward and 23 bins from 0 to 9"),
     (["--records", "few.jsonl"], "holds rewards of 2 proposals; a model needs 8 or more"),
     (["--records", "same.jsonl"], "all 10 rewards are equal"),
