@@ -7,7 +7,7 @@ from typing import Any, Literal
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float32, Int64, UInt8
+from jaxtyping import Array, Float32, Int32, Int64, UInt8
 
 from seg import pyramid
 from seg.batches import in_batches
@@ -67,6 +67,19 @@ def mean_logits(
     return (direct + mirrored[0][:, :, ::-1]) / 2 if mirrored else direct
 
 
+def labels_by_head(
+    spec: NetSpec,
+    heads: Sequence[Variables],
+    sides: Sequence[Any],
+    size: tuple[int, int],
+    classes: int,
+) -> list[Int32[Array, "b h w"]]:
+    """Classes by all heads together, then by each of several heads alone; arguments as of `mean_logits`."""
+    head_logits = [mean_logits(spec, [head], sides, size, classes) for head in heads]
+    logits = head_logits if len(heads) == 1 else [sum(head_logits), *head_logits]
+    return [jnp.argmax(scores, axis=-1) for scores in logits]
+
+
 def heads_of(variables: Variables, heads: int) -> list[Variables]:
     """The variables of a network with each of its heads alone."""
     if heads == 1:
@@ -100,10 +113,7 @@ def _predictor(
     def predict_batch(variables: Variables, sides: Sequence[Any], size: tuple[int, int]) -> Array:
         head_variables = heads_of(variables, heads)
         if output == "heads":
-            head_logits = [
-                mean_logits(spec, [head], sides, size, classes) for head in head_variables
-            ]
-            labels = [jnp.argmax(logits, axis=-1) for logits in (sum(head_logits), *head_logits)]
+            labels = labels_by_head(spec, head_variables, sides, size, classes)
             return jnp.stack(labels, axis=1).astype(jnp.uint8)
         logits = mean_logits(spec, head_variables, sides, size, classes)
         return logits if output == "scores" else jnp.argmax(logits, axis=-1).astype(jnp.uint8)

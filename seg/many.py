@@ -15,7 +15,7 @@ from seg.beside import TrainingSet, training_set
 from seg.check import check_settings
 from seg.classes import IGNORE_LABEL
 from seg.data import LabelledImages
-from seg.inference import heads_of, mean_logits, prediction_inputs
+from seg.inference import heads_of, labels_by_head, prediction_inputs
 from seg.prepare import (
     PartCache,
     TrainingError,
@@ -171,11 +171,7 @@ def _scorer(spec: NetSpec, heads: int, classes: int) -> Callable[..., Array]:
 
     def labels_of(variables: Variables, inputs: Any, size: tuple[int, int]) -> Array:
         """Classes by all heads, then by each of several heads alone: [1 + heads, b, h, w]."""
-        head_logits = [
-            mean_logits(spec, [head], inputs, size, classes) for head in heads_of(variables, heads)
-        ]
-        logits = head_logits if heads == 1 else [sum(head_logits), *head_logits]
-        return jnp.stack([jnp.argmax(x, axis=-1) for x in logits])
+        return jnp.stack(labels_by_head(spec, heads_of(variables, heads), inputs, size, classes))
 
     def count(truth: Array, predicted: Array) -> Int32[Array, "classes classes"]:
         cell = jnp.where(truth < classes, truth.astype(jnp.int32) * classes + predicted, classes**2)
