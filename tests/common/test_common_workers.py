@@ -153,6 +153,8 @@ def test_a_trainer_gets_all_tasks_at_once_that_are_ready_and_alike(tmp_path):
     split = Split(lambda _, task: [task[1:]], doubled, lambda task: task[1] % 2, gathered_at)
     with WorkerPool(2, trainers=1) as pool:
         first = pool.begin(square, gates[0], 1, split=split._replace(alike=None), behind=False)
+        while not pool._pipeline._training:  # or the trainer may get another task before it
+            time.sleep(0.01)
         others = [pool.begin(square, gates[1], x, split=split) for x in range(2, 6)]
         behind = pool.begin(square, gates[1], 7, split=split)
         for count in (4, 5):  # so many are prepared ahead of urgent work
