@@ -1,4 +1,4 @@
-"""The main job: it searches, trains the final nets, renders the answer and reports."""
+"""The main job: search, train the final networks, render the optimised streets, report."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from experiments.app.report.folder import NAME
 from experiments.app.report.matters import FILE, matters
 from experiments.attribute_search.learn import learn, work_of
 from experiments.config import MainConfig
-from experiments.evaluation.in_worker import render
+from experiments.evaluation.in_worker import rendered_set
 from experiments.evaluation.job import Recipe
 from experiments.session.session import Session, Work
 from experiments.tables import few_rows
@@ -27,14 +27,14 @@ from seg.data import LabelledImages
 
 
 def plan(config: MainConfig, _: Any = None) -> list[Work]:
-    """Plan rewards, and the nets of every row."""
+    """Plan rewards, and the networks of every row."""
     real = config.unlabelled is None
     few = config.few is not None
-    nets = 3 * (1 + few) * config.seeds
-    work = [*work_of(config), Work.at("nets on rendered images", nets, config.final)]
+    rendered = 3 * (1 + few) * config.seeds
+    work = [*work_of(config), Work.at("networks on rendered images", rendered, config.final)]
     if real:
-        nets = (1 + few) * config.seeds
-        work.append(Work.on_images("nets on labelled images alone", nets, config.final))
+        labelled = (1 + few) * config.seeds
+        work.append(Work.on_images("networks on labelled images alone", labelled, config.final))
     return work
 
 
@@ -42,20 +42,29 @@ def scores(run: Session[MainConfig], _: Any) -> Report:
     """Do the whole job, or the rest of it."""
     config, target, folder = run.config, run.target, run.config.out
     recipe, seeds = run.recipe(config.final), paired_seeds(run)
+    test = target.at(config.final.height, config.final.width)["test"]
+    shown = {name: _some_streets(run, recipe, name) for name in ("random", "default")}
+    path = pictures.write_start(folder, target.title, test, shown)
+    run.progress.say(f"{path}: images of the target, and the streets that the search starts from")
     live.watch(run, {**about(run, config.final), **few_rows.about(run)})
-    # Nets without learnt attributes fill gaps of the search, the others gaps of the export.
+    # Networks that need no optimised streets fill gaps of the search, the others gaps of the export.
     run.runner.prefetch(jobs_of("final", training_sets(run, None), recipe, seeds, keeps=True))
     found = learn(run)
     final = jobs_of("final", training_sets(run, found.solution), recipe, seeds, keeps=True)
     run.runner.prefetch(final)
     pictures.write_policy(folder / pictures.PICTURES, found)
     export(run, recipe, found.solution)
-    test = target.at(config.final.height, config.final.width)["test"]
-    shown = _shown(run, recipe)
+    dataset = read_dataset(folder / "dataset", recipe.classes.outlines)
+    labels = recipe.classes.from_train_id[dataset.labels]
+    shown["learnt"] = LabelledImages(dataset.images, labels)
+    if target.labelled:
+        shown["real"] = run.images(recipe.fidelity, "labelled")
     rows = by_row(final, run.runner.test(final))
     pictures.write_images(run, test, shown)
-    told = matters(run.evaluations.records, target.name, config.space)
-    write_json(folder / pictures.PICTURES / FILE, told)
+    write_json(
+        folder / pictures.PICTURES / FILE,
+        matters(run.evaluations.records, target.name, config.space),
+    )
     share = run.workers.cpu_share()
     return {
         **summary.scores(run, rows, found.solution),
@@ -63,26 +72,19 @@ def scores(run: Session[MainConfig], _: Any) -> Report:
     }
 
 
-def _shown(run: Session[MainConfig], recipe: Recipe) -> dict[str, LabelledImages]:
-    """Training images with labels to show: some random and hand-set streets, all learnt ones, real images."""
-    config, fidelity = run.config, recipe.fidelity
-    some = replace(fidelity, streets=min(fidelity.streets, 12), shots=min(fidelity.shots, 2))
-    sets = {}
-    for name in ("random", "default"):
-        streets = config.streets(name)
-        sets[name] = render(recipe._replace(fidelity=some), streets, config.seed, run.workers)
-    sets["learnt"] = read_dataset(config.out / "dataset", recipe.classes.outlines)
-    found = {
-        name: LabelledImages(own.images, recipe.classes.from_train_id[own.labels])
-        for name, own in sets.items()
-    }
-    return found | ({"real": run.images(fidelity, "labelled")} if run.target.labelled else {})
+def _some_streets(run: Session[MainConfig], recipe: Recipe, name: str) -> LabelledImages:
+    """Render a few random or default streets to show."""
+    fidelity, config = recipe.fidelity, run.config
+    few = replace(fidelity, streets=min(fidelity.streets, 12), shots=min(fidelity.shots, 2))
+    return rendered_set(
+        recipe._replace(fidelity=few), config.streets(name), config.seed, run.workers
+    )
 
 
 def export(run: Session[MainConfig], recipe: Recipe, streets: Proposal) -> None:
-    """Write the learnt dataset with all of the engine's labels into ``dataset/``.
+    """Write renders of the optimised streets, with all of the engine's labels, into ``dataset/``.
 
-    With ``--few`` a note beside it says how to train on it and on the few images.
+    With ``--few`` a note in the folder says how to train on them and on the few images.
     `sdr-jax render` makes the same from the run's ``attributes.json`` and seed.
     """
     config, fidelity = run.config, recipe.fidelity

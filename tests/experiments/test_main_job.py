@@ -47,7 +47,7 @@ def test_the_run_folder_is_complete(unbroken):
     assert all("twin, not real" in line for line in progress)
     assert {p.name for p in out.iterdir()} == {
         "attributes.json", "config.json", "dataset", "evaluations.jsonl", "finals.jsonl", "lock",
-        "nets", "pictures", "report.html", "shared", "summary.json", "summary.md",
+        "nets", "pictures", "report.html", "shared", "start.jpg", "summary.json", "summary.md",
     }  # fmt: skip
     pictures = [*out.glob("pictures/*.png"), *out.glob("pictures/*.jpg")]
     assert len(pictures) == 4 * 6 * 2 + 6 * (2 + 4) and len([*out.glob("nets/*.npz")]) == 4 * 2
@@ -106,7 +106,7 @@ def test_stopped_and_killed_it_ends_as_an_unbroken_run(unbroken, start_job, tmp_
     wait_for_lines(job.process, out / "evaluations.jsonl", 7)
     job.kill()
     job.finish()
-    assert "This run is under way" in (out / "report.html").read_text()
+    assert "This run is not finished yet" in (out / "report.html").read_text()
     with open(out / "evaluations.jsonl", "a") as log:
         log.write('{"update": 4, "data')  # as a kill within a write leaves it
 
@@ -121,7 +121,7 @@ def test_stopped_and_killed_it_ends_as_an_unbroken_run(unbroken, start_job, tmp_
     code, stdout, stderr = start_job(out, *TINY).finish()
     assert (code, stderr) == (0, "")
     continuing = next(line for line in stdout.splitlines() if line.startswith("Continuing"))
-    assert "12 rewards" in continuing and "0 other nets" not in continuing
+    assert "12 rewards" in continuing and "0 other networks" not in continuing
 
     whole, _ = unbroken
     assert (out / "attributes.json").read_bytes() == (whole / "attributes.json").read_bytes()

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from PIL import Image
 
@@ -19,6 +20,7 @@ from common.lines import Record
 from experiments.attribute_search.loop import Found
 from experiments.evaluation.predictions import Predictions, file_of, load
 from experiments.session.session import Session
+from scene.preview.layout import captioned, grid, save, stack
 from seg.classes import ClassTable, class_table, colorize
 from seg.data import LabelledImages
 
@@ -26,6 +28,37 @@ SHOWN = 6
 """The number of streets of each set, and of test images."""
 PICTURES, INDEX = "pictures", "seen.json"
 """Names in the run folder: the images, and the file that describes them."""
+START = "start.jpg"
+"""Name in the run folder: what the search starts from."""
+START_WIDTH = 240
+"""Width of its images, pixels."""
+
+
+def write_start(
+    folder: Path, target: str, test: LabelledImages, sets: Mapping[str, LabelledImages]
+) -> Path:
+    """Write one image of what a search starts from: images of the target above streets of each set.
+
+    Args:
+        folder: the run folder.
+        target: the title of the target.
+        test: the target's test images.
+        sets: rendered images by the name of their streets.
+
+    Returns:
+        The file.
+    """
+    named = {f"Target: {target}": test, **{f"{k.capitalize()} streets": v for k, v in sets.items()}}
+    rows = [captioned(_row(images.images), caption) for caption, images in named.items()]
+    save(stack(rows), folder / START)
+    return folder / START
+
+
+def _row(images: np.ndarray) -> np.ndarray:
+    """Up to four of the images u8[n, h, w, 3] side by side, spread evenly."""
+    chosen = np.linspace(0, len(images) - 1, min(4, len(images))).astype(int)
+    height = max(images.shape[1] * START_WIDTH // images.shape[2], 1)
+    return grid([cv2.resize(images[i], (START_WIDTH, height)) for i in chosen], len(chosen))
 
 
 def write_policy(folder: Path, result: Found) -> None:
