@@ -9,6 +9,7 @@ from .classes import CLASS_NAMES as CLASS_NAMES
 from .classes import TrainId as TrainId
 from .classes import colorize as colorize
 from .dataset.export import export_dataset as export_dataset
+from .dataset.export import read_dataset as read_dataset
 from .dataset.render import Dataset as Dataset
 from .dataset.render import render_dataset as render_dataset
 from .dataset.render import render_street as render_street

@@ -14,24 +14,20 @@ In Python, in the run's folder:
 import json
 from pathlib import Path
 
-from scene.dataset.export import read_dataset
-from seg.classes import table_of
-from seg.data import list_split, load
-from seg.settings import TrainSettings
-from seg.train import train
-from common.labels.target_file import find_target
+import scene
+import seg
 
 config = json.loads(Path("config.json").read_text())
-final, target = config["final"], find_target("{name}")
-table = table_of(target)
+final, target = config["final"], seg.find_target("{name}")
+table = seg.table_of(target)
 few = json.loads(Path("summary.json").read_text())["few_images"]
 # If --data was a relative path, write it relative to this folder.
-entries = [e for e in list_split(target, config["data"], "train") if e.name in few]
-real = load(entries, target, (final["height"], final["width"]))
-renders = read_dataset(Path("dataset"), table.outlines)
-params = train(
+entries = [e for e in seg.list_split(target, config["data"], "train") if e.name in few]
+real = seg.load(entries, target, (final["height"], final["width"]))
+renders = scene.read_dataset(Path("dataset"), table.outlines)
+params = seg.train(
     config["seed"], renders.images, table.from_train_id[renders.labels],
-    TrainSettings(**final["train"]), len(table.classes),
+    seg.TrainSettings(**final["train"]), len(table.classes),
     beside=real, share=config["few_share"],
 )
 ```
