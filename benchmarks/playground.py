@@ -51,7 +51,7 @@ def served(size: str) -> Iterator[str]:
     """Serve a playground; yields its address."""
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = str(free.getsockname()[1])
-    words = ["-m", "experiments.playground", "--no-browser", "--size", size, "--port", port]
+    words = ["-m", "experiments", "playground", "--no-browser", "--size", size, "--port", port]
     environment = {
         name: v for name, v in os.environ.items() if "PYTEST" not in name
     }  # NiceGUI reads it

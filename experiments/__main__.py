@@ -18,18 +18,18 @@ PACKAGES = ("sdr_jax", "scene", "seg", "experiments", "common")
 """The packages that we install; other distributions may use the same short names."""
 GROUPS = {
     "Your own images": {
-        "doctor": "experiments.doctor",
-        "fit": "experiments.fit",
-        "predict": "experiments.predict",
-        "evaluate": "experiments.evaluate",
-        "export": "experiments.export",
+        "doctor": "experiments.app.doctor.command",
+        "fit": "experiments.app.fit.command",
+        "predict": "experiments.app.predict",
+        "evaluate": "experiments.app.evaluate",
+        "export": "experiments.app.export",
     },
     "Rendered streets": {
         "render": "scene.render",
         "check": "scene.check",
         "stats": "scene.stats",
         "preview": "scene.preview",
-        "playground": "experiments.playground",
+        "playground": "experiments.app.playground.command",
         "catalogue": "scene.assets",
     },
     "Optimise streets or your own simulator": {
@@ -37,8 +37,8 @@ GROUPS = {
         "camvid": "experiments.camvid",
         "labelmefacade": "experiments.labelmefacade",
         "tune": "sdr_jax.tune",
-        "report": "experiments.report",
-        "store": "experiments.store",
+        "report": "experiments.app.report.command",
+        "store": "experiments.app.stores",
         "weights": "seg.weights",
     },
 }

@@ -90,9 +90,7 @@ def _link(match: re.Match[str], source: str, address: str) -> str:
 def _commands() -> str:
     """Make the table of all commands, with the first line of their docstrings."""
     rows = [
-        f"| `{'study ' * (name in STUDIES)}{name}` | `{module}` | {summary(module)} |"
+        f"| `{'study ' * (name in STUDIES)}{name}` | {summary(module)} |"
         for name, module in COMMANDS.items()
     ]
-    return "\n".join(
-        ["| `sdr-jax ...` | `python -m ...` | what it does |", "| --- | --- | --- |", *rows]
-    )
+    return "\n".join(["| `sdr-jax ...` | what it does |", "| --- | --- |", *rows])

@@ -159,10 +159,10 @@ def test_no_files_and_no_folders_of_experiments_import_each_other():
     ("scene.check", "from experiments import config", ["experiments.config"]),
     ("experiments.targets.base", "from experiments.session import session",
      ["experiments.session.session"]),
-    ("experiments.tables.form", "from experiments import fit", ["experiments.fit"]),
+    ("experiments.tables.form", "from experiments import fit", ["experiments"]),
     ("experiments.app.export", "from experiments.studies.table import FORM", ["experiments.studies.table"]),
     ("experiments.studies.table", "from experiments.app import export", ["experiments.app.export"]),
-    ("experiments.fit", "from experiments.app.fit.command import main", []),
+    ("experiments.camvid", "from experiments.app.fit.command import main", []),
     ("experiments.app.export", "from experiments.tables import form\nfrom seg.train import train", []),
 ])  # fmt: skip
 def test_an_import_of_what_lies_above_is_found(module, text, wrong):

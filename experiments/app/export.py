@@ -1,4 +1,11 @@
-"""Write a trained network as an ONNX file: `sdr-jax export`."""
+"""Write a model as an ONNX file, for onnxruntime and other programs.
+
+    sdr-jax export runs/fit/model --onnx model.onnx
+
+The input is `image`, u8[1, height, width, 3], RGB at the model's size. The outputs are `labels`, u8[1,
+height, width], indices of the classes, and `logits`. The file's metadata has the names of the classes. The
+command needs the extra onnx: pip install 'sdr-jax[onnx]'.
+"""
 
 from __future__ import annotations
 

@@ -191,12 +191,18 @@ class Playground:
     """folder of your own assets"""
 
 
-doctor = partial(command_line, "doctor", Doctor, "experiments.doctor")
-fit = partial(command_line, "fit", Fit, "experiments.fit", {"network": ("net", "trunk", "weights")})
-predict = partial(command_line, "predict", Predict, "experiments.predict")
-evaluate = partial(command_line, "evaluate", Evaluate, "experiments.evaluate")
-export = partial(command_line, "export", Export, "experiments.export")
-report = partial(command_line, "report", Report, "experiments.report")
-store = partial(command_line, "store", Store, "experiments.store")
-playground = partial(command_line, "playground", Playground, "experiments.playground")
+doctor = partial(command_line, "doctor", Doctor, "experiments.app.doctor.command")
+fit = partial(
+    command_line,
+    "fit",
+    Fit,
+    "experiments.app.fit.command",
+    {"network": ("net", "trunk", "weights")},
+)
+predict = partial(command_line, "predict", Predict, "experiments.app.predict")
+evaluate = partial(command_line, "evaluate", Evaluate, "experiments.app.evaluate")
+export = partial(command_line, "export", Export, "experiments.app.export")
+report = partial(command_line, "report", Report, "experiments.app.report.command")
+store = partial(command_line, "store", Store, "experiments.app.stores")
+playground = partial(command_line, "playground", Playground, "experiments.app.playground.command")
 """Functions that make the parsers."""

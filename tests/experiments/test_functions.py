@@ -11,7 +11,6 @@ from common.errors import UserError
 from common.files import write_json
 from scene.proposal import default_proposal, describe
 from seg.model import Model
-from tests.conftest import printed
 
 TOY = Path(str(files("experiments"))) / "toy"
 TINY = {"streets": 2, "width": 64, "height": 32, "train": {"steps": 2}}
@@ -59,11 +58,3 @@ def test_fit_returns_scores_and_a_model(tmp_path, capsys):
     assert fitted.gain.mean == pytest.approx(gain)
     assert isinstance(fitted.model, Model)
     assert str(fitted).startswith(fitted.verdict) and fitted.verdict in fitted._repr_html_()
-
-
-def test_functions_are_what_the_package_offers_whatever_was_imported_before():
-    printed(
-        "import experiments.fit, experiments\n"
-        "from experiments import fit\n"
-        "assert callable(fit) and fit is experiments.fit and fit.__module__ != 'experiments.fit'"
-    )

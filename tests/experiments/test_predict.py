@@ -144,7 +144,8 @@ def test_killed_at_any_time_it_goes_on(model, folder, tmp_path):
     words = [
         sys.executable,
         "-m",
-        "experiments.predict",
+        "experiments",
+        "predict",
         folder,
         str(images),
         "--out",

@@ -232,7 +232,7 @@ def test_the_page_of_a_run_under_way_has_what_is_known_and_is_read_anew(run):
 def test_the_page_is_served_to_this_machine_alone_as_it_is_at_the_moment(tmp_path):
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
-    command = [sys.executable, "-m", "experiments.report", str(tmp_path), "--serve", str(port)]
+    command = [sys.executable, "-m", "experiments", "report", str(tmp_path), "--serve", str(port)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
         try:
             assert server.stdout.readline() == f"http://127.0.0.1:{port} (press Ctrl-C to stop)\n"

@@ -156,7 +156,7 @@ PROGRAMS = {
     ),
     "fit": Program(
         "fit",
-        "-m experiments.fit DATA --target camvid --preset smoke --seeds 2 --size 64x48 --workers 2 "
+        "-m experiments fit DATA --target camvid --preset smoke --seeds 2 --size 64x48 --workers 2 "
         "--out OUT".split(),
         "*.jsonl",
     ),

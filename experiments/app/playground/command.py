@@ -1,4 +1,11 @@
-"""Serve a page with a slider for each attribute: `sdr-jax playground`."""
+"""Open a local page with a slider for each attribute and the street that it gives.
+
+    sdr-jax playground
+    sdr-jax playground --space extended --size 640x360 --no-browser
+    sdr-jax playground --attributes runs/main/attributes.json --real DIR
+
+The page needs the extra playground: pip install 'sdr-jax[playground]'.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,12 @@
-"""Write or serve the report of a run: `sdr-jax report`."""
+"""Write or serve the report of a run, a page that works offline.
+
+    sdr-jax report runs/a             # rewrites runs/a/report.html
+    sdr-jax report runs/a --serve     # shows it in a browser, also during the run
+
+RUN is the folder (--out) of `sdr-jax fit`, `camvid`, `cityscapes` or `labelmefacade`. During a run, the run
+itself updates the page every 15 seconds; this command rewrites the page of a finished run. Studies write
+other reports; their flag --rederive rewrites them.
+"""
 
 from __future__ import annotations
 
