@@ -30,10 +30,10 @@ import numpy as np
 from benchmarks.report import Row, count, parser, table, write
 from benchmarks.transfer.recipe import Recipe, rendered, sides
 from common.labels.target_file import find_target
-from experiments.app.fit.config import configured, share_of
+from experiments.app.fit.config import configured
 from experiments.app.fit.job import RENDERED
 from experiments.tables.stats import mean_ci95, paired_gain
-from experiments.targets.few import spread
+from experiments.targets.few import share_of, spread
 from experiments.targets.folder import parts_of, reader
 from seg import pyramid
 from seg.data import LabelledImages

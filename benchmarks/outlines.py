@@ -38,10 +38,9 @@ from common.lines import JsonLines
 from common.progress import Progress
 from common.workers.pool import WorkerError, WorkerPool
 from experiments.app.doctor.outlines import RenderedLabels
-from experiments.app.fit.config import share_of
 from experiments.evaluation.in_worker import worker_environment
 from experiments.tables.stats import paired_gain
-from experiments.targets.few import CHOICE, spread
+from experiments.targets.few import CHOICE, share_of, spread
 from experiments.targets.folder import parts_of
 from scene import outline
 from scene.assets.catalogue import AssetPool

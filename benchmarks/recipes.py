@@ -35,8 +35,8 @@ from common.errors import UserError
 from common.lines import JsonLines
 from common.workers.pool import WorkerError
 from experiments.app.doctor.outlines import RenderedLabels
-from experiments.app.fit.config import share_of
 from experiments.tables.stats import paired_gain
+from experiments.targets.few import share_of
 from seg.check import check_settings
 from seg.classes import table_of
 from seg.data import DataError, LabelledImages

@@ -1,6 +1,6 @@
 """What a job can be told, its defaults by target and preset, what is refused, and its command line."""
 
-from .check import check, check_net, refuse_unstarted
+from .check import check, check_net, refuse_share, refuse_unstarted
 from .config import (
     NETS,
     SEED_END,
@@ -17,7 +17,6 @@ from .config import (
     RewardConfig,
     RewardKind,
     SearchConfig,
-    ShareConfig,
     TargetName,
     TwinName,
     fidelities,
@@ -46,7 +45,6 @@ __all__ = [
     "Search",
     "SearchConfig",
     "SearchOptions",
-    "ShareConfig",
     "TargetName",
     "TwinName",
     "check",
@@ -55,6 +53,7 @@ __all__ = [
     "make_method",
     "make_space",
     "read_attributes",
+    "refuse_share",
     "refuse_unstarted",
     "start_of",
 ]

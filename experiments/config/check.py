@@ -14,7 +14,6 @@ from experiments.config.config import (
     MainConfig,
     RewardConfig,
     SearchConfig,
-    ShareConfig,
     fidelities,
 )
 from experiments.config.limits import refuse_too_large
@@ -134,18 +133,20 @@ def _check_answer(config: SearchConfig) -> None:
 
 
 def _check_few(config: FewConfig) -> None:
+    refuse_share(config, config.few_share)
     if config.few is not None and config.reward_kind == "mmd":
         raise UserError("--few needs rewards of labelled images: --reward-kind miou")
 
 
-def _check_share(config: ShareConfig) -> None:
+def refuse_share(config: Config, share: float) -> None:
+    """Raise UserError for a share with which batches have no labelled images, or nothing else."""
     for name, fidelity in fidelities(config).items():
         train = fidelity.train
         images = train.steps * train.batch
-        if extra_count(config.few_share, images) in (0, images):
-            count = "none" if config.few_share < 0.5 else "all"
+        if extra_count(share, images) in (0, images):
+            count = "none" if share < 0.5 else "all"
             raise UserError(
-                f"--few-share {config.few_share} takes {count} of the {images} images of "
+                f"--few-share {share} takes {count} of the {images} images of "
                 f"--{name}.train.steps {train.steps} x --{name}.train.batch {train.batch} from the "
                 "labelled subset"
             )
@@ -158,6 +159,5 @@ _RELATIONS: tuple[tuple[type, Callable[[Any], None]], ...] = (
     (RewardConfig, _check_reward),
     (FewConfig, _check_few),
     (SearchConfig, _check_answer),
-    (ShareConfig, _check_share),
 )
 """Checks of several fields, by the class of configuration that has them."""

@@ -21,7 +21,7 @@ from experiments.config.config import AnyConfig, Config, GroupsConfig, LearntCon
 from experiments.config.jobs import JOBS, defaults_of, methods_of
 from experiments.config.presets import in_space
 from scene.attributes import SpaceName
-from seg.recipes import with_net, with_steps
+from seg.recipes import with_heads, with_net, with_steps
 from seg.settings import VGG_NETS
 
 COMMON = (
@@ -224,6 +224,8 @@ def _with_nets(default: AnyConfig, values: Mapping[str, Any]) -> AnyConfig:
             changes.setdefault("weights", str(weights))
         if changes and name in ("reward", "final"):
             train = with_net(train, **changes)
+        if (values.get(f"{name}.train.heads") or 1) > 1:
+            train = with_heads(train, values[f"{name}.train.heads"])
         steps = values.get(f"{name}.train.steps")
         if isinstance(steps, int):
             train = with_steps(train, steps)

@@ -206,17 +206,11 @@ class SearchConfig(GroupsConfig, RewardConfig):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ShareConfig(SearchConfig):
-    """More fields of a job that mixes a labelled subset with rendered images."""
+class FewConfig(SearchConfig):
+    """More fields of a job with a labelled subset in every training set."""
 
     few_share: Annotated[float, within(0, 1, "()"), Option(needs=("--few",))] = 0.5
     """Share of the labelled subset in all batches, whatever its size."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class FewConfig(ShareConfig):
-    """More fields of a job with a labelled subset in every training set."""
-
     few: Annotated[int | float | None, _FEW] = None
     """Number of labelled images (or, below 1, their share) to mix with every training set; the search then
     validates on the others. The random choice is spread over sequences and time, and does not depend on

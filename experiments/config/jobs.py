@@ -22,7 +22,6 @@ from experiments.config.config import (
     Rederived,
     RewardConfig,
     RewardKind,
-    ShareConfig,
     TargetName,
 )
 from experiments.config.options import Fidelity, MethodOptions, RivalName, Search
@@ -75,9 +74,12 @@ class TableConfig(LearntConfig, FewConfig):
 
 
 @dataclass(frozen=True, kw_only=True)
-class LabelsConfig(LearntConfig, ShareConfig):
+class LabelsConfig(LearntConfig):
     """Flags of `sdr-jax study labels`."""
 
+    few_share: Annotated[float | None, within(0, 1, "()")] = None
+    """Share of the labelled images in all batches with renders; by default as `fit` takes it: a quarter with
+    fewer than 20 of them, otherwise half."""
     counts: Annotated[tuple[int, ...] | None, at_least(0), DISTINCT] = None
     """Numbers of labelled training images; by default 0, 7, 14, and 10, 25, 50 and 100 % of all."""
     renders: Annotated[tuple[Renders, ...] | None, DISTINCT] = None

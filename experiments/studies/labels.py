@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from common.errors import UserError
+from experiments.config import refuse_share
 from experiments.config.cli import command
 from experiments.config.jobs import LabelsConfig
 from experiments.evaluation.job import LabelledSubset, Source
@@ -40,7 +41,7 @@ from experiments.tables.row_names import TRAINED_ON
 from experiments.tables.skeleton import LEARNT, Answers, Row, attributes, learnt_from, of_rows
 from experiments.tables.stats import bounded, equivalent_labels, estimated, gain, mean
 from experiments.targets.base import Target
-from experiments.targets.few import spread
+from experiments.targets.few import share_of, spread
 from seg.beside import TrainingSet
 
 ALONE = "none"
@@ -58,6 +59,13 @@ def check(config: LabelsConfig) -> None:
         raise UserError(f"--learnt has no effect with --renders {' '.join(config.rendered)}")
     if config.counts is not None and sum(count > 0 for count in config.counts) < 2:
         raise UserError("--counts needs two or more numbers above 0, for a curve of labels alone")
+    for count in FIRST:
+        refuse_share(config, _share(config, count))
+
+
+def _share(config: LabelsConfig, count: int) -> float:
+    """Return the share of so many labelled images in batches with renders."""
+    return share_of(count) if config.few_share is None else config.few_share
 
 
 def counts_of(config: LabelsConfig, target: Target) -> tuple[int, ...]:
@@ -109,7 +117,7 @@ def _source(
         labelled = LabelledSubset(images, tuple(indices.tolist()))
     if renders == ALONE:
         return labelled
-    share = run.config.few_share
+    share = _share(run.config, count)
     return TrainingSet((attributes(run, answers, renders), labelled), (1 - share, share))
 
 
@@ -179,14 +187,15 @@ COLUMNS: list[Column] = [
 
 def text(report: Report) -> str:
     """Write the table in Markdown."""
+    share = report["few_share"]
+    shares = "a quarter (20 or more: half)" if share is None else f"{100 * share:g} %"
     lines = [
         introduction(report),
         "",
         f"Networks ({report['net']}) are trained on some of the {report['reward_images']} labelled images (a "
         "choice for each seed, spread over sequences and time), alone or plus "
-        f"{report['rendered_images']} rendered ones; labelled images then fill "
-        f"{100 * report['few_share']:g} % of all batches. Intervals are over seeds, which change the choice, "
-        "the streets and the network.",
+        f"{report['rendered_images']} rendered ones; labelled images then fill at least "
+        f"{shares} of each batch. Intervals are over seeds, which change the choice, the streets and the network.",
         "",
         *table(COLUMNS, report["rows"]),
         "",

@@ -11,6 +11,7 @@ import numpy as np
 
 from common.errors import UserError
 from experiments.config import Config, FewConfig
+from experiments.config.config import FitPreset
 from experiments.targets.base import SIZES, Sides, Target
 from seg.classes import IGNORE_LABEL, class_table
 from seg.data import LabelledImages
@@ -19,6 +20,14 @@ STREAM = 5
 """Second word of the seed that chooses images; each stream has its own."""
 CHOICE = 0
 """Seed that chooses a target's labelled subset, the same for every --seed."""
+FEW = 20
+"""With fewer labels than these, they fill a quarter of a batch with renders, otherwise half
+(`docs/results.md`)."""
+
+
+def share_of(labels: int, preset: FitPreset = "quick") -> float:
+    """Return the share of so many labelled images in the first batch with renders, as `fit` takes it."""
+    return 0.25 if labels < FEW or preset == "full" else 0.5
 
 
 def with_few(target: Target, config: Config) -> Target:

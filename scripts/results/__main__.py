@@ -1,12 +1,13 @@
 """Make every recorded result and their page from one commit: `make results`.
 
-    python -m scripts.results --data CAMVID --facades LABELMEFACADE      # all; hours on two cores
-    python -m scripts.results --data CAMVID --only camvid --docs docs
-    python -m scripts.results --data CAMVID --preset smoke               # all of it, tiny: a trial run
+    python -m scripts.results --data CAMVID --facades LABELMEFACADE --docs docs   # forty hours of a core
+    python -m scripts.results --data CAMVID --only fit-camvid-0006R0 --docs docs
+    python -m scripts.results --data CAMVID --preset smoke                        # tiny: a trial run
 
-Each part is a command with its own folder, in the order of the page; all share a store, so that nothing is
-evaluated twice. Parts without their data are left out. The same command resumes a killed run. A
-folder from another commit is refused.
+Each part is a command with its own folder; those on which most claims rest come first. All share a store, so
+that nothing is evaluated twice. Parts without their data are left out. The core time that is planned comes
+first. The same command resumes a killed run, and `--only` makes some parts now and others later. A folder
+from another commit is refused, unless only documentation has changed.
 """
 
 from __future__ import annotations
@@ -14,9 +15,8 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
-from common.bounds import at_least, check_bounds
+from common.bounds import check_bounds
 from common.command import Parser, exit_code
 from common.errors import UserError, refuse_repeats
 from common.flags import command_line
@@ -37,17 +37,11 @@ class ResultsConfig:
     store: Path | None = None
     """File of evaluations that runs share, instead of OUT/store.jsonl; none of them is repeated."""
     docs: Path | None = None
-    """Also write results.md, with plots and reports in results/, into this folder."""
+    """Folder of the pages: reports and plots go into results/, and results.md is written from them."""
     only: tuple[str, ...] = ()
     """The parts to make; by default all of them."""
     preset: Size = "quick"
     """Size of all runs."""
-    weights: Path | None = None
-    """VGG16's weights from `sdr-jax weights convert`, for rows of FCN8s and DeepLabv2 (two hours)."""
-    searches: Annotated[int, at_least(1)] = 3
-    """Number of searches of each method."""
-    twins: Annotated[int, at_least(1)] = 5
-    """Number of twins, far and near ones each."""
 
 
 def parser() -> Parser:
@@ -66,12 +60,8 @@ def main(arguments: list[str] | None = None) -> int:
     def work() -> None:
         check_bounds(config, "--")
         refuse_repeats("--only", config.only)
-        data = Data(
-            config.data or data_of("camvid"),
-            config.facades or data_of("labelmefacade"),
-            config.weights,
-        )
-        every = parts(data, config.out, config.preset, config.searches, config.twins)
+        data = Data(config.data or data_of("camvid"), config.facades or data_of("labelmefacade"))
+        every = parts(data, config.out, config.preset)
         names = [part.name for part in every]
         for name in config.only:
             if name not in names:

@@ -6,11 +6,17 @@ import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from importlib import import_module
 from pathlib import Path
 
 from common import folder
 from common.errors import UserError
 from common.files import read_json, write_json
+from common.progress import duration
+from common.workers.pool import WorkerPool
+from experiments.config import cli
+from experiments.config.jobs import STUDIES
+from experiments.session.session import pace_here, set_up_process, total_of
 from scene.version import ENGINE
 from scripts.results import page
 from scripts.results.parts import Part
@@ -27,7 +33,9 @@ def _run(command: Sequence[str]) -> int:
 
 
 def commit(checkout: Path = Path(__file__).parent) -> str:
-    """Name the commit of the program, and whether anything but its pages has changed since.
+    """Name the last commit that changed the program, and whether it has been changed since.
+
+    Pages, which may change while results are made, are not part of the program.
 
     Args:
         checkout: a folder of the checkout.
@@ -37,15 +45,42 @@ def commit(checkout: Path = Path(__file__).parent) -> str:
     """
 
     def git(*words: str) -> str:
-        command = ["git", "-C", str(checkout), *words]
+        program = (":/", ":(top,exclude)docs", ":(top,exclude)*.md", ":(top,exclude)mkdocs.yml")
+        command = ["git", "-C", str(checkout), *words, "--", *program]
         return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
 
     try:
-        code = (":/", ":(top,exclude)docs")
-        changed = git("status", "--porcelain", "--untracked-files=no", "--", *code)
-        return git("rev-parse", "--short", "HEAD") + (", changed" if changed else "")
+        changed = git("status", "--porcelain", "--untracked-files=no")
+        return git("log", "-1", "--format=%h") + (", changed" if changed else "")
     except (OSError, subprocess.CalledProcessError):
         raise UserError("results need a git checkout, since they name their commit") from None
+
+
+def core_seconds(part: Part) -> float:
+    """Estimate the core seconds of a part from scratch, as its own plan does."""
+    values = vars(cli.parser(part.study).parse_args(list(part.flags)))
+    values.pop("debug")
+    config = cli.configured(part.study, values)
+    module, _, name = STUDIES[part.study].work.partition(":")
+    study = getattr(import_module(module), name)
+    prepared = study.prepare(config, study.target(config, WorkerPool(0)))
+    pace = pace_here(1, print, measure=False)
+    return pace.seconds(total_of(study.plan(config, prepared)))
+
+
+def plan_text(parts: Sequence[Part], cost: Callable[[Part], float] = core_seconds) -> str:
+    """Write the core time of every part, and of all."""
+    set_up_process()
+    seconds = {part.name: cost(part) for part in parts}
+    lines = [f"  {duration(value):>8}  {name}" for name, value in seconds.items()]
+    return "\n".join(
+        [
+            "Plan, in time of one core:",
+            *lines,
+            f"At most {duration(sum(seconds.values()))} of a core for {len(parts)} part(s): networks that "
+            "parts share or that the store has take no time.",
+        ]
+    )
 
 
 def make(
@@ -55,16 +90,18 @@ def make(
     store: Path | None = None,
     only: Sequence[str] = (),
     run: Runner = _run,
+    cost: Callable[[Part], float] = core_seconds,
 ) -> list[str]:
-    """Make the missing parts one after the other; write the page after each.
+    """Make the missing parts one after the other; record each, and write the page after it.
 
     Args:
-        parts: every part, in the order of the page, which lists missing parts.
+        parts: every part in order.
         out: folder of all runs.
-        docs: second folder for the page with its plots.
+        docs: folder of the pages, for reports, plots and the page of results.
         store: store of evaluations instead of the folder's own; none of them is repeated.
         only: names of the parts to make; by default all of them.
         run: runs a part's command.
+        cost: estimates the core seconds of a part.
 
     Returns:
         The names of the finished parts.
@@ -78,8 +115,10 @@ def make(
     with ExitStack() as stack:
         stack.enter_context(folder.opened(out, {"commit": commit_name, "engine": ENGINE}))
         done: list[str] = read_json(out / PARTS) if (out / PARTS).exists() else []
+        missing = [part for part in selected if part.name not in done]
+        print(plan_text(missing, cost), flush=True)
         for number, part in enumerate(selected, 1):
-            if part.name not in done:
+            if part in missing:
                 print(f"\n== {number} of {len(selected)}: {part.name} ==", flush=True)
                 files = ("--out", str(out / part.name), "--store", str(store))
                 if (code := run([*part.command, *files])) != 0:
@@ -89,6 +128,7 @@ def make(
                     )
                 done.append(part.name)
                 write_json(out / PARTS, done)
-            page.write(parts, done, commit_name, out, docs)
-    print(f"\nAll {len(selected)} parts are done: {out / page.NAME}", flush=True)
+            if docs is not None:
+                page.record(part, out / part.name, commit_name, docs)
+    print(f"\nAll {len(selected)} parts are done: {out}", flush=True)
     return done

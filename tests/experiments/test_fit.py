@@ -29,7 +29,7 @@ from experiments.app.fit import config as fit_config
 from experiments.app.fit import job as fit_job
 from experiments.app.fit import streets as fit_streets
 from experiments.app.fit.command import main
-from experiments.app.fit.config import FitConfig, config_of, configured, planned, share_of
+from experiments.app.fit.config import FitConfig, config_of, configured, planned
 from experiments.app.fit.job import best_median_worst, fit, with_labels
 from experiments.app.report import live
 from experiments.app.report import page as page_of_runs
@@ -44,6 +44,7 @@ from experiments.evaluation.runner import Runner
 from experiments.session import session
 from experiments.tables.form import Report
 from experiments.tables.stats import TOO_FEW
+from experiments.targets.few import share_of
 from experiments.targets.folder import FOLDS, cut, fold_targets, parts_of, reader
 from experiments.targets.sizes import Choice, choose, suitable_size
 from scene.held import hold, read_fixed

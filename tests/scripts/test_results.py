@@ -1,4 +1,4 @@
-"""All results from one commit: every part is a valid command, runs once, and is on one page."""
+"""All results from one commit: every part is a valid command, runs once, and is recorded with its origin."""
 
 import json
 from pathlib import Path
@@ -7,55 +7,102 @@ from subprocess import run
 import pytest
 
 from common.errors import UserError
-from common.files import write, write_json
+from common.files import read_json, write, write_json
 from experiments.config import presets
 from experiments.config.jobs import defaults_of
-from experiments.studies.searches import OVER
 from experiments.tables.skeleton import check
+from scene.version import ENGINE
 from scripts.results import __main__ as command
 from scripts.results import making
 from scripts.results import parts as results
-from scripts.results.page import text
+from seg.recipes import RECIPES
 from tests.experiments.conftest import job_of, parsed
 
 SOME = [
-    results.Part(name, "main", "experiments.some", ("--data", "/mine", "--weights", "/mine"))
+    results.Part(name, "labels", "some", ("--data", "/mine", "--learnt", "/mine"))
     for name in ("one", "two")
 ]
-EVERYTHING = results.Data(Path("CAMVID"), Path("FACADES"), Path("/a.npz"))
+EVERYTHING = results.Data(Path("CAMVID"), Path("FACADES"))
+
+
+def configured(part, learnt_file):
+    """The configuration of a part's command, and its job."""
+    job = job_of(part.study)
+    flags = [str(learnt_file) if flag.endswith("-0.json") else flag for flag in part.flags]
+    target, preset = (flags[flags.index(name) + 1] for name in ("--target", "--preset"))
+    space = "extended" if "--space" in flags else "scenex"
+    return parsed(presets.in_space(defaults_of(part.study, target, preset), space), flags), job
 
 
 @pytest.mark.parametrize("preset", ["smoke", "quick"])
 def test_every_part_is_a_valid_command(preset, learnt_file, tmp_path):
-    parts = results.parts(EVERYTHING, tmp_path, preset, 2, 2)
-    names = [part.name for part in parts]
-    assert len(set(names)) == len(names) and {part.group for part in parts} <= set(results.GROUPS)
+    parts = results.parts(EVERYTHING, tmp_path, preset)
+    assert len({part.name for part in parts}) == len(parts)
     for part in parts:
-        job = job_of(part.study)
-        flags = [str(learnt_file) if flag.endswith("-0.json") else flag for flag in part.flags]
-        target = flags[flags.index("--target") + 1]
-        default = presets.in_space(defaults_of(part.study, target, preset), "extended")
-        config = parsed(default, flags)
-        assert config.target == target and config.preset == preset and config.space == "extended"
+        config, job = configured(part, learnt_file)
+        assert config.preset == preset
         if not hasattr(config, "learnt"):
             check(job.STUDY, config)
 
 
+def test_the_paper_has_300_rewards_and_the_paper_s_attributes_with_every_method(
+    learnt_file, tmp_path
+):
+    rewards = {}
+    for part in results.parts(EVERYTHING, tmp_path, "quick"):
+        if part.section == "paper":
+            config, job = configured(part, learnt_file)
+            assert (config.space, config.search.bins, config.holdout) == ("scenex", 10, None)
+            plans = {
+                (one.search.method, job.plan_of(one, name).evaluations)
+                for name, one in job.configure_all(config).items()
+            }
+            rewards[part.name] = plans, len(config.groups), config.search.relaxation
+    methods = {("sdr", 300), ("random_search", 300), ("attribute_descent", 300)}
+    assert rewards == {
+        "paper": (methods, 6, 0.1),
+        "paper-no-relaxation": ({("sdr", 300)}, 6, 0.0),
+        "paper-no-groups": ({("sdr", 300)}, 1, 0.1),
+        "paper-squared-reward": ({("sdr", 300)}, 6, 0.1),
+        "paper-3000-rewards": ({("sdr", 3000)}, 6, 0.1),
+    }
+
+
+def test_labels_plus_renders_are_trained_as_fit_trains(tmp_path):
+    parts = results.parts(EVERYTHING, tmp_path, "quick")
+    for part in parts:
+        if part.section == "labels":
+            values = vars(making.cli.parser("labels").parse_args(list(part.flags)))
+            del values["debug"]
+            config = making.cli.configured("labels", values)
+            assert config.final.train == RECIPES["lite0-heads"] and config.final.size == "480x360"
+            assert config.few_share is None and config.final.images == 400
+
+
 def test_parts_without_their_data_are_left_out(tmp_path):
-    twins = results.parts(results.Data(), tmp_path, "quick", 1, 1)
-    assert {part.flags[1] for part in twins} == {"twin"}
-    with_camvid = results.parts(results.Data(camvid=Path("DIR")), tmp_path, "quick", 1, 1)
+    twins = results.parts(results.Data(), tmp_path, "quick")
+    assert {part.flags[1] for part in twins} == {"twin"} and len(twins) == 5
+    with_camvid = results.parts(results.Data(camvid=Path("DIR")), tmp_path, "quick")
     assert {part.flags[1] for part in with_camvid} == {"twin", "camvid"}
+
+
+def test_the_plan_adds_up_the_plans_of_studies(tmp_path):
+    parts = results.parts(results.Data(), tmp_path, "smoke")[:2]
+    each = making.core_seconds(parts[0])
+    assert each > 0
+    text = making.plan_text(parts)
+    assert "  far-0\n" in text and "  far-1\n" in text and "for 2 part(s)" in text
+    assert "At most 3.0 h of a core" in making.plan_text(SOME, cost=lambda part: 5400.0)
 
 
 @pytest.mark.slow
 def test_parts_read_what_other_parts_write(camvid_dir, tmp_path, monkeypatch):
     monkeypatch.setattr(making, "commit", lambda: "abc")
-    parts = results.parts(results.Data(camvid_dir), tmp_path / "out", "smoke", 1, 2)
-    names = ["camvid-0006R0", "far-0", "far-1", "table-camvid-0006R0", "table-far"]
-    assert making.make(parts, tmp_path / "out", only=names) == names
-    page = (tmp_path / "out" / "results.md").read_text()
-    assert "mean of 2 far" in page and "Not made yet: camvid, near-0" in page
+    out, docs = tmp_path / "out", tmp_path / "docs"
+    parts = results.parts(results.Data(camvid_dir), out, "smoke")
+    names = ["fit-camvid-0006R0", "camvid-0006R0", "labels-camvid-0006R0", "nets-camvid-0006R0"]
+    assert making.make(parts, out, docs, only=names) == names
+    assert list(read_json(docs / "results" / "parts.json")) == names
 
 
 NET = {
@@ -74,87 +121,77 @@ class Runs:
         out = Path(words[words.index("--out") + 1])
         self.ran.append(out.name)
         out.mkdir(exist_ok=True)
-        write(out / "some.md", f"table of {out.name}")
         write(out / "some.png", b"picture")
         write_json(out / "some.json", {})
         write(out / "finals.jsonl", json.dumps(NET) + "\n")
         return 3 if out.name == self.failing else 0
 
 
-def test_parts_run_once_and_are_on_one_page(tmp_path, monkeypatch):
+def test_parts_run_once_and_are_recorded_with_their_origin(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(making, "commit", lambda: "abc")
     out, docs, store = tmp_path / "out", tmp_path / "docs", tmp_path / "shared.jsonl"
+
+    def make(runs, **flags):
+        return making.make(SOME, out, docs, store, run=runs, cost=lambda part: 60.0, **flags)
+
     broken = Runs("two")
     with pytest.raises(UserError, match="two ended with exit code 3"):
-        making.make(SOME, out, docs, store, run=broken)
-    assert "Not made yet: two" in (docs / "results.md").read_text()
+        make(broken)
+    assert "At most 2 min of a core for 2 part(s)" in capsys.readouterr().out
+    assert list(read_json(docs / "results" / "parts.json")) == ["one"]
     again = Runs()
-    assert making.make(SOME, out, docs, store, run=again) == ["one", "two"]
+    assert make(again) == ["one", "two"]
     assert (broken.ran, again.ran) == (["one", "two"], ["two"])
-    page = (docs / "results.md").read_text()
-    assert "commit abc: 1 evaluations that took a core 5.0 h." in page  # one net of two parts
-    assert page.count(": 1 evaluations") == 3
-    assert "table of one" in page and "table of two" in page
-    assert "--data DIR --weights FILE" in page and "/mine" not in page
+    assert "At most 60 s of a core for 1 part(s)" in capsys.readouterr().out
+    origin = {
+        "command": "sdr-jax study some --data DIR --learnt FILE", "commit": "abc", "engine": ENGINE,
+        "evaluations": 1, "core_seconds": 5 * 3600,
+    }  # fmt: skip
+    assert read_json(docs / "results" / "parts.json") == {"one": origin, "two": origin}
     assert (docs / "results" / "two.png").read_bytes() == b"picture"
-    assert making.make(SOME, out, docs, store, run=Runs("one")) == ["one", "two"]
+    assert make(Runs("one")) == ["one", "two"]
     monkeypatch.setattr(making, "commit", lambda: "def")
     with pytest.raises(UserError, match='commit = "abc", not "def"'):
-        making.make(SOME, out, docs, store, run=Runs())
+        make(Runs())
 
 
-def test_a_changed_page_does_not_change_the_commit(tmp_path):
+def test_a_run_of_some_parts_leaves_the_records_of_others(tmp_path, monkeypatch):
+    monkeypatch.setattr(making, "commit", lambda: "abc")
+    for name in ("two", "one"):
+        making.make(
+            SOME, tmp_path / "out", tmp_path / "docs", only=[name], run=Runs(), cost=lambda part: 0
+        )
+    assert list(read_json(tmp_path / "docs" / "results" / "parts.json")) == ["two", "one"]
+
+
+def test_changed_documentation_does_not_change_the_commit(tmp_path):
     def git(*words):
         who = ("-c", "user.name=any", "-c", "user.email=any")
         run(["git", "-C", tmp_path, *who, *words], check=True, capture_output=True)
 
-    for name in ("docs", "experiments"):
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "file").write_text("one")
+    inside, page = tmp_path / "experiments", tmp_path / "docs" / "file"
+    for folder in (inside, page.parent):
+        folder.mkdir()
+        (folder / "file").write_text("one")
     git("init")
     git("add", ".")
     git("commit", "-m", "first")
-    inside = tmp_path / "experiments"
     first = making.commit(inside)
-    (tmp_path / "docs" / "file").write_text("two")
+    page.write_text("two")
+    assert making.commit(inside) == first
+    (tmp_path / "README.md").write_text("new")
+    git("add", ".")
+    git("commit", "-m", "pages")
     assert making.commit(inside) == first
     (inside / "file").write_text("two")
     assert making.commit(inside) == f"{first}, changed"
-
-
-def test_parts_of_one_kind_have_a_table_with_their_means(tmp_path):
-    parts = [
-        results.Part(name, "twins", "experiments.studies.searches", ())
-        for name in ("far-0", "far-1", "near")
-    ]
-    for k, part in enumerate(parts):
-        gains = {f"gain_over_{base}": {"mean": 2.0 * k, "ci95": None} for base in OVER}
-        rows = [
-            {"name": name, "mean": mean, "ci95": None, **gains}
-            for name, mean in (
-                ("random", 10.0), ("default", 20.0), ("intervals", 30.0 + k), ("real", 40.0),
-            )
-        ]  # fmt: skip
-        (tmp_path / part.name).mkdir()
-        write_json(tmp_path / part.name / "searches.json", {"rows": rows})
-    page = text(parts, {part.name for part in parts}, "abc", tmp_path)
-    none = "too few networks for an interval"
-    assert f"| far-1 |  | 10.0 | 20.0 | 31.0 | 40.0 | +2.0 | {none} | +2.0 | {none} |" in page
-    assert "| mean of 2 far |  | 10.0 | 20.0 | 30.5 | 40.0 | +1.0 | -11.7 to 13.7 | +1.0 |" in page
-    assert "mean of 1" not in page and "- near: `sdr-jax study searches`" in page
-
-
-def test_a_run_of_some_parts_adds_them_to_the_page(tmp_path, monkeypatch):
-    monkeypatch.setattr(making, "commit", lambda: "abc")
-    for name, missing in (("two", "Not made yet: one."), ("one", "table of two")):
-        making.make(SOME, tmp_path / "out", only=[name], run=Runs())
-        assert missing in (tmp_path / "out" / "results.md").read_text()
+    git("commit", "-am", "program")
+    assert making.commit(inside) not in (first, f"{first}, changed")
 
 
 @pytest.mark.parametrize(("flags", "complaint"), [
     (("--only", "table", "table"), "has a value twice"),
-    (("--only", "tables"), "--only tables: no such part with this data; choose from camvid, camvid-0006R0"),
-    (("--searches", "0"), "--searches must be 1 or more"),
+    (("--only", "tables"), "--only tables: no such part with this data; choose from fit-camvid-0006R0"),
 ])  # fmt: skip
 def test_bad_flags_are_one_line(flags, complaint, error_line):
     assert command.main(["--data", "DIR", *flags]) == 2

@@ -26,6 +26,7 @@ from experiments.evaluation.cost import Cost, prepare_cost, street_cost
 from experiments.evaluation.devices import trainers_of, usable_gpus
 from experiments.evaluation.pace import Pace
 from experiments.session.session import Work, pace_here, total_of
+from experiments.targets.few import share_of
 from experiments.targets.folder import Parts, common_size, parts_of
 from experiments.targets.sizes import AREAS, SMALLEST, UNIT, Choice, Size, choose, suitable_size
 from scene.attributes import SpaceName
@@ -39,9 +40,6 @@ from seg.weights import check as check_weights
 
 SPACE: SpaceName = "extended"
 """The space of the streets' attributes."""
-FEW = 20
-"""With fewer labels than these, they fill a quarter of a batch with renders, otherwise half
-(`docs/findings.md`)."""
 MEMORY_FACTOR = 2
 """`fit` chooses a size on its own only if memory is this many times its estimated need: code and compiled
 functions make a process take 1.6 times the estimate at 480x360."""
@@ -211,11 +209,6 @@ def config_of(
     _refuse_large(config, len(parts.every))
     say(choice.text(config.processes))
     return config
-
-
-def share_of(labels: int, preset: FitPreset = "quick") -> float:
-    """The share of so many labelled images in the first batch with renders."""
-    return 0.25 if labels < FEW or preset == "full" else 0.5
 
 
 def choose_size(
