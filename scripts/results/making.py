@@ -19,6 +19,7 @@ from experiments.config.jobs import STUDIES
 from experiments.session.session import pace_here, set_up_process, total_of
 from scene.version import ENGINE
 from scripts.results import page
+from scripts.results.claims import MEASURED
 from scripts.results.parts import Part
 
 PARTS = "parts.json"
@@ -92,12 +93,13 @@ def make(
     run: Runner = _run,
     cost: Callable[[Part], float] = core_seconds,
 ) -> list[str]:
-    """Make the missing parts one after the other; record each, and write the page after it.
+    """Make the missing parts one after the other; record each of them, and write the page.
 
     Args:
         parts: every part in order.
         out: folder of all runs.
-        docs: folder of the pages, for reports, plots and the page of results.
+        docs: folder of the pages, for reports and plots; if it is the project's, the page of results is
+            written from them at the end.
         store: store of evaluations instead of the folder's own; none of them is repeated.
         only: names of the parts to make; by default all of them.
         run: runs a part's command.
@@ -130,5 +132,7 @@ def make(
                 write_json(out / PARTS, done)
             if docs is not None:
                 page.record(part, out / part.name, commit_name, docs)
+        if docs is not None and (docs / "results" / MEASURED).exists():
+            page.write(docs)
     print(f"\nAll {len(selected)} parts are done: {out}", flush=True)
     return done

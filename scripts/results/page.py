@@ -1,18 +1,44 @@
-"""The recorded results: reports and plots of all parts, with their commands and commits."""
+"""The page of results: `page.md` with its numbers and tables, from the recorded reports.
+
+python -m scripts.results.page docs    # write docs/results.md again from docs/results/
+"""
 
 from __future__ import annotations
 
 import shutil
+import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
+from jinja2 import Environment, StrictUndefined
+
+from common import files
 from common.files import read_json, write_json
+from common.progress import duration
 from experiments.evaluation.store import LOGS, read, result_of
+from experiments.studies.table import PAPER
+from experiments.tables.form import Report, markdown, number, words
+from experiments.tables.row_names import TRAINED_ON
 from scene.version import ENGINE
+from scripts.results.claims import FAR, RECORDS, TARGETS, Claims, signed
 from scripts.results.parts import Part
 
-RECORDS = "parts.json"
-"""File in the folder of reports: what made each of them."""
+NAME = "results.md"
+TEMPLATE = Path(__file__).with_name("page.md")
+RENDERS = ("none", "random", "default", "mixed", "learnt")
+SEARCHED = ("camvid", "camvid-0006R0", "labelmefacade")
+"""Reports of searches by the default method on real images."""
+SDR = {
+    "paper": "300 rewards",
+    "paper-no-relaxation": "300 rewards, no relaxation",
+    "paper-no-groups": "300 rewards, one group",
+    "paper-squared-reward": "300 rewards, squared",
+    "paper-3000-rewards": "3,000 rewards",
+    "rivals-labelmefacade": "LabelMeFacade, 200 rewards, 40 attributes",
+    "rivals-far": "far twin 0, 228 rewards, 40 attributes",
+}
+"""Reports of searches that include the paper's method, in the order of the table."""
+METHODS = ("sdr", "random_search", "attribute_descent")
 
 
 def record(part: Part, run: Path, commit: str, docs: Path) -> None:
@@ -29,7 +55,7 @@ def record(part: Part, run: Path, commit: str, docs: Path) -> None:
     for suffix in ("json", "png"):
         shutil.copyfile(run / f"{part.study}.{suffix}", folder / f"{part.name}.{suffix}")
     file = folder / RECORDS
-    records: dict[str, Any] = read_json(file) if file.exists() else {}
+    records: dict[str, Report] = read_json(file) if file.exists() else {}
     evaluations = read(run) if any((run / log).exists() for log in LOGS) else {}
     records[part.name] = {
         "command": part.shown,
@@ -39,3 +65,196 @@ def record(part: Part, run: Path, commit: str, docs: Path) -> None:
         "core_seconds": round(sum(result_of(line).seconds for line, _ in evaluations.values())),
     }
     write_json(file, records)
+
+
+def text(docs: Path) -> str:
+    """Write the page from the reports in a folder of pages."""
+    claims = Claims(docs / "results")
+    environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True)
+    template = environment.from_string(TEMPLATE.read_text(encoding="utf-8"))
+    tables = {
+        "fit": fit_table(claims),
+        "labels": labels_table(claims),
+        "streets": streets_table(claims),
+        "paper": paper_table(claims),
+        "cost": cost_table(claims),
+        "published": published_table(claims),
+        "index": index(claims, docs / "results"),
+        "aims": claims.aims(),
+    }
+    lines = {name: "\n".join(table) for name, table in tables.items()}
+    return template.render(
+        claims=claims, tables=lines, reports=claims.reports, m=claims.measured, signed=signed
+    )
+
+
+def origin(claims: Claims, names: Sequence[str], basis: str) -> list[str]:
+    """Write the lines below a table: its command, engine and commit, what it rests on, and its cost.
+
+    Args:
+        claims: the reports.
+        names: the table's reports; the command is that of the first.
+        basis: numbers of searches and networks.
+    """
+    parts = [claims.parts[name] for name in names]
+    made_by: dict[int, dict[str, None]] = {}
+    for part in parts:
+        made_by.setdefault(part["engine"], {})[part["commit"]] = None
+    engines = "; ".join(
+        f"engine {engine}, commit{'s' * (len(commits) > 1)} {' and '.join(commits)}"
+        for engine, commits in made_by.items()
+    )
+    seconds = sum(part["core_seconds"] or 0 for part in parts)
+    known = all(part["core_seconds"] for part in parts)
+    cost = f" {duration(seconds)} of a core." if known else ""
+    return ["", f"{basis} E{engines[1:]}.{cost} `{parts[0]['command']}`"]
+
+
+def fit_table(claims: Claims) -> list[str]:
+    """Tabulate what README shows, with the share of all labels."""
+    names = [name for name in TARGETS if f"fit-{name}" in claims.reports]
+    head = ["tested on", "14 labels", "14 labels + renders", "gain", "renders only", "all labels"]
+    lines = [
+        f"{line} {claims.share(name, 'both')} % |"
+        for name, line in zip(names, claims.what_to_expect(), strict=True)
+    ]
+    reports = [claims.reports[f"fit-{name}"] for name in names]
+    basis = (
+        f"No search; {reports[0]['seeds']} networks a row, at {reports[0]['scored_at']}, tested on "
+        f"{' and '.join(str(report['test_images']) for report in reports)} images."
+    )
+    return [
+        *markdown([*head, "14 + renders, of all"], []),
+        *lines,
+        *origin(claims, [f"fit-{name}" for name in names], basis),
+    ]
+
+
+def labels_table(claims: Claims) -> list[str]:
+    """Tabulate numbers of labels and kinds of streets."""
+    names = [name for name in TARGETS if f"labels-{name}" in claims.reports]
+    lines = []
+    for name in names:
+        rows = {
+            (row["labels"], row["renders"]): row for row in claims.reports[f"labels-{name}"]["rows"]
+        }
+        for count in dict.fromkeys(labels for labels, _ in rows):
+            means = [number(rows.get((count, kind), {}).get("mean")) for kind in RENDERS]
+            over = signed(rows[count, "learnt"]["over_random"])
+            lines.append([TARGETS[name], str(count), *means, over])
+    head = ["tested on", "labels", "alone", "+ random", "+ default", "+ half of each"]
+    reports = [f"labels-{name}" for name in names]
+    first = claims.reports[reports[0]]
+    basis = (
+        f"One search for the optimised streets; {first['seeds']} networks a row, at {first['scored_at']}, "
+        "each with its own labels, streets and first weights."
+    )
+    return [
+        *markdown([*head, "+ optimised", "optimised over random"], lines),
+        *origin(claims, reports, basis),
+    ]
+
+
+def streets_table(claims: Claims) -> list[str]:
+    """Tabulate networks on renders alone: random, default, optimised streets, and real images."""
+    lines = []
+    for name in (*SEARCHED, FAR):
+        means = {
+            row: number(claims.estimate(name, row)["mean"])
+            for row in ("random", "default", "intervals", "real")
+        }
+        if name in claims.reports:
+            each = [number(search["learnt"]) for search in claims.reports[name]["searches"]]
+            means["intervals"] += f" ({', '.join(each)})"
+        over = [claims.gain(name, over=base) for base in ("random", "default")]
+        lines.append([TARGETS[name], *means.values(), *over])
+    head = ["tested on", "random", "default", "optimised (each search)", "real"]
+    first = claims.reports[SEARCHED[0]]
+    basis = (
+        f"{len(first['searches'])} searches with {len(first['searches'][0]['rewards'])} rewards each, "
+        f"{first['seeds']} networks a row, at {first['scored_at']}; intervals over searches and networks. "
+        "Far twins: five twins with a search each; intervals over twins."
+    )
+    return [
+        *markdown([*head, "over random", "over default"], lines),
+        *origin(claims, SEARCHED, basis),
+    ]
+
+
+def paper_table(claims: Claims) -> list[str]:
+    """Tabulate the paper's search and those that it compares itself with."""
+    names = [name for name in SDR if name in claims.reports]
+    lines = []
+    for name in names:
+        for row in claims.reports[name]["rows"]:
+            if row["name"] in METHODS:
+                random, default = (
+                    claims.gain(name, row["name"], over) for over in ("random", "default")
+                )
+                method = [SDR[name], words(row["name"]), str(row["searches"])]
+                lines.append([*method, number(row["mean"]), random, default])
+    networks = " or ".join(dict.fromkeys(str(claims.reports[name]["seeds"]) for name in names))
+    basis = f"{networks} networks a row; intervals over searches and networks."
+    head = ["search", "method", "searches", "mIoU", "over random", "over default"]
+    return [*markdown(head, lines), *origin(claims, names, basis)]
+
+
+def cost_table(claims: Claims) -> list[str]:
+    """Tabulate minutes on two cores and minutes of a core."""
+    measured, lines = claims.measured, []
+    demo, fit = measured["demo"], measured["fit"]
+    lines.append(["`make demo`", number(demo["minutes"], ".0f"), number(demo["core_minutes"])])
+    for name, run in fit.items():
+        lines.append([f"`fit`, 14 labels of {TARGETS[name]}", number(run["minutes"], ".0f"), ""])
+    search = [
+        entry["core_seconds"] / 60
+        for name in SEARCHED
+        for entry in claims.reports[name]["searches"]
+    ]
+    rewards = len(claims.reports[SEARCHED[0]]["searches"][0]["rewards"])
+    low, high = (number(value, ".0f") for value in (min(search), max(search)))
+    lines.append([f"a search with {rewards} rewards", "", f"{low} to {high}"])
+    for name in TARGETS:
+        part = claims.parts.get(f"labels-{name}")
+        if part and part["core_seconds"]:
+            title = f"table of labels, {TARGETS[name]}: {part['evaluations']} networks"
+            lines.append([title, "", number(part["core_seconds"] / 60, ".0f")])
+    hours = measured["make results"]["core_hours"]
+    lines.append(["`make results`, as planned", "", f"{60 * hours:,.0f}"])
+    return markdown(["what", "minutes on two cores", "minutes of a core"], lines)
+
+
+def published_table(claims: Claims) -> list[str]:
+    """Tabulate what others report on CamVid's test images."""
+    source = "[Xue et al. 2020](https://arxiv.org/abs/2006.14611), table 2"
+    lines = []
+    for name, (images, *values) in PAPER["camvid"].items():
+        title = name.upper() if name in ("gta5", "synthia") else f"SceneX, {TRAINED_ON[name]}"
+        for network, value in zip(("FCN8s", "DeepLabv2"), values, strict=True):
+            lines.append([title, f"{images:,}", network, "480x360", number(value), source])
+    for entry in claims.measured["published"]:
+        lines.append(
+            [
+                entry["trained on"], f"{entry['images']:,}", entry["network"], entry["size"],
+                number(entry["miou"]), entry["source"],
+            ]
+        )  # fmt: skip
+    return markdown(["trained on", "images", "network", "size", "mIoU", "source"], lines)
+
+
+def index(claims: Claims, folder: Path) -> list[str]:
+    """List the reports of every study, and their plots."""
+    by_study: dict[str, list[str]] = {}
+    for name, report in claims.reports.items():
+        plot = f" ([plot](results/{name}.png))" if (folder / f"{name}.png").exists() else ""
+        by_study.setdefault(report["study"], []).append(f"[{name}](results/{name}.json){plot}")
+    return [f"- `{study}`: {', '.join(links)}" for study, links in sorted(by_study.items())]
+
+
+def write(docs: Path) -> None:
+    """Write the page into a folder of pages, from the reports in it."""
+    files.write(docs / NAME, text(docs))
+
+
+if __name__ == "__main__":
+    write(Path(sys.argv[1]))

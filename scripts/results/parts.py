@@ -153,7 +153,7 @@ def parts(data: Data, out: Path, preset: Size) -> list[Part]:
         nets = ("--nets", "lite0", *if_quick("lite2"), *if_quick("--seeds", "3"))
         optimised = ("--learnt", str(out / real.name / "attributes" / "intervals-0.json"))
         yield study(
-            f"nets-{real.name}", "failed", "table", real.target,
+            f"table-{real.name}", "failed", "table", real.target,
             *real.flags, *wide, *optimised, *nets,
         )  # fmt: skip
 

@@ -100,7 +100,7 @@ def test_parts_read_what_other_parts_write(camvid_dir, tmp_path, monkeypatch):
     monkeypatch.setattr(making, "commit", lambda: "abc")
     out, docs = tmp_path / "out", tmp_path / "docs"
     parts = results.parts(results.Data(camvid_dir), out, "smoke")
-    names = ["fit-camvid-0006R0", "camvid-0006R0", "labels-camvid-0006R0", "nets-camvid-0006R0"]
+    names = ["fit-camvid-0006R0", "camvid-0006R0", "labels-camvid-0006R0", "table-camvid-0006R0"]
     assert making.make(parts, out, docs, only=names) == names
     assert list(read_json(docs / "results" / "parts.json")) == names
 

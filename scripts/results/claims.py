@@ -1,0 +1,171 @@
+"""Numbers that README and the page of results state, computed from the recorded reports.
+
+    claims = Claims(Path("docs/results"))
+    claims.gain("camvid", over="default")  # "+2.3 (-0.4 to 5.1)"
+    claims.what_to_expect()                # the rows of README's table
+
+The page (`page.md`) calls these in its sentences, so that no number on it is typed.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from common.files import read_json
+from experiments.tables.form import Report, interval, markdown, number, words
+from experiments.tables.stats import estimated
+from scripts.results.parts import HOLDOUT
+
+RECORDS = "parts.json"
+"""File in the folder of reports: the command, commit, engine and cost of each of them."""
+MEASURED = "measured.json"
+"""File in that folder: what no study reports, such as minutes."""
+FAR = "far"
+"""The mean over far twins, where a target is named."""
+TARGETS = {
+    f"camvid-{HOLDOUT}": f"CamVid {HOLDOUT}",
+    "labelmefacade": "LabelMeFacade",
+    "camvid": "CamVid, test images",
+    FAR: "far twins",
+}
+"""Targets as the page names them."""
+EXPECTED = {
+    f"camvid-{HOLDOUT}": f"CamVid ({{}} labels, tested on sequence {HOLDOUT})",
+    "labelmefacade": "LabelMeFacade ({} labels, photos by pedestrians)",
+    "camvid": "CamVid ({} labels, its test images)",
+}
+"""Targets as README names them, with the number of all labels."""
+
+
+class Claims:
+    """All claims of a folder of reports."""
+
+    def __init__(self, folder: Path) -> None:
+        self.parts: dict[str, Report] = read_json(folder / RECORDS)
+        self.measured: Report = read_json(folder / MEASURED)
+        self.reports: dict[str, Report] = {
+            name: read_json(folder / f"{name}.json") for name in self.parts
+        }
+
+    def row(self, report: str, /, **place: Any) -> Report:
+        """Return the row of a report with some fields."""
+        for row in self.reports[report]["rows"]:
+            if all(row.get(name) == value for name, value in place.items()):
+                return row  # type: ignore[no-any-return]
+        raise LookupError(f"{report}.json has no row {place}")
+
+    def miou(self, report: str, /, **place: Any) -> str:
+        """Write the mIoU of a row."""
+        return number(self.row(report, **place)["mean"])
+
+    def estimate(self, target: str, row: str = "intervals", field: str | None = None) -> Report:
+        """Return a row of searches or one of its gains; for far or near twins, the mean over them."""
+        if target in self.reports:
+            entry = self.row(target, name=row)
+            return entry[field] if field else entry
+        twins = [name for name in self.reports if name.rpartition("-")[0] == target]
+        return estimated([self.estimate(name, row, field)["mean"] for name in twins])
+
+    def gain(self, target: str, method: str = "intervals", over: str = "random") -> str:
+        """Write the gain of streets that a search method has optimised over others."""
+        return signed(self.estimate(target, method, f"gain_over_{over}"))
+
+    def verdict(self, report: str, method: str) -> str:
+        """Say whether streets of a search method are better than random ones."""
+        low, high = self.row(report, name=method)["gain_over_random"]["ci95"]
+        if low > 0:
+            return "better than"
+        return "worse than" if high < 0 else "within noise of"
+
+    def fit_row(self, target: str, trained_on: str) -> Report:
+        """Return the row of networks trained as `fit` trains them: labels, both, renders or all."""
+        name = f"fit-{target}"
+        every = self.reports[name]["reward_images"]
+        labels, renders = {
+            "labels": (14, "none"), "both": (14, "mixed"),
+            "renders": (0, "mixed"), "all": (every, "none"),
+        }[trained_on]  # fmt: skip
+        return self.row(name, labels=labels, renders=renders)
+
+    def share(self, target: str, trained_on: str) -> str:
+        """Write the mIoU of such networks in percent of that with all labels."""
+        return number(self.fit_row(target, trained_on)["of_all"], ".0f")
+
+    def what_to_expect(self) -> list[str]:
+        """Write the rows of README's table."""
+        lines = []
+        for target, name in EXPECTED.items():
+            if f"fit-{target}" in self.reports:
+                rows = {
+                    key: self.fit_row(target, key) for key in ("labels", "both", "renders", "all")
+                }
+                labels, both, renders, every = (number(row["mean"]) for row in rows.values())
+                gain = signed(rows["both"]["renders_add"])
+                title = name.format(rows["all"]["labels"])
+                lines.append(f"| {title} | {labels} | **{both}** | {gain} | {renders} | {every} |")
+        return lines
+
+    def example(self) -> str:
+        """Write what the report of `fit` with 14 labels of CamVid begins with."""
+        run = self.measured["fit"][f"camvid-{HOLDOUT}"]
+        mean, ci95 = run["gain"]["mean"], interval(run["gain"]["ci95"])
+        return f"Renders add {mean:.1f} points ({ci95}) to your {run['labels']} labels."
+
+    def selection(self) -> str:
+        """Write what model selection gained over the methods' own solutions."""
+        return signed(estimated(self.measured["model selection"]["gains"]))
+
+    def attributes(self, count: int) -> list[str]:
+        """Write the attributes that matter most, with their share of the signal."""
+        entries = self.reports["sensitivity"]["attributes"]
+        most = sorted(entries, key=lambda entry: -entry["share"]["value"])[:count]
+        return [
+            f"{words(entry['name'])} {entry['share']['value']:.0f} % ({interval(entry['share']['ci95'], '.0f')})"
+            for entry in most
+        ]
+
+    def part(self, variant: str) -> str:
+        """Write what a part of the method adds, from the variant without it."""
+        loss = self.row("ablation", variant=variant)["gain"]
+        low, high = loss["ci95"]
+        return signed({"mean": -loss["mean"], "ci95": [-high, -low]})
+
+    def aims(self) -> list[str]:
+        """Tabulate the aims of these results on every target, as met or missed."""
+
+        def share(target: str, trained_on: str, least: float) -> str:
+            if f"fit-{target}" not in self.reports:
+                return ""
+            share = self.fit_row(target, trained_on)["of_all"] / 100
+            return _judged(f"{share:.2f}", share >= least)
+
+        def gain(target: str, over: str, least: float) -> str:
+            entry = self.estimate(target, field=f"gain_over_{over}")
+            return _judged(signed(entry), entry["mean"] >= least and entry["ci95"][0] > 0)
+
+        def width(target: str) -> str:
+            entry = self.estimate(target, field="gain_over_random")
+            width = entry["ci95"][1] - entry["ci95"][0]
+            return _judged(f"{width:.1f}", width < entry["mean"])
+
+        rows = {
+            "14 labels + renders: 0.95 of all labels": lambda name: share(name, "both", 0.95),
+            "renders alone: 0.85 of all labels": lambda name: share(name, "renders", 0.85),
+            "optimised over random: +5, interval above 0": lambda name: gain(name, "random", 5),
+            "optimised over default: +4, interval above 0": lambda name: gain(name, "default", 4),
+            "interval over random narrower than the gain": width,
+        }
+        lines = [[aim, *(cell(name) for name in TARGETS)] for aim, cell in rows.items()]
+        return markdown(["aim", *TARGETS.values()], lines)
+
+
+def signed(entry: Report | None) -> str:
+    """Write a gain with its interval in brackets."""
+    if entry is None or entry["mean"] is None:
+        return ""
+    return f"{entry['mean']:+.1f}" + (f" ({interval(entry['ci95'])})" if entry["ci95"] else "")
+
+
+def _judged(value: str, met: bool) -> str:
+    return f"{value} **{'met' if met else 'missed'}**"
