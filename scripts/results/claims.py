@@ -120,9 +120,10 @@ class Claims:
         """Write the attributes that matter most, with their share of the signal."""
         entries = self.reports["sensitivity"]["attributes"]
         most = sorted(entries, key=lambda entry: -entry["share"]["value"])[:count]
+        shares = [(words(entry["name"]), entry["share"]) for entry in most]
         return [
-            f"{words(entry['name'])} {entry['share']['value']:.0f} % ({interval(entry['share']['ci95'], '.0f')})"
-            for entry in most
+            f"{name} {share['value']:.0f} % ({interval(share['ci95'], '.0f')})"
+            for name, share in shares
         ]
 
     def part(self, variant: str) -> str:

@@ -13,9 +13,11 @@ from experiments.config.jobs import defaults_of
 from experiments.tables.skeleton import check
 from scene.version import ENGINE
 from scripts.results import __main__ as command
-from scripts.results import making
+from scripts.results import making, page
 from scripts.results import parts as results
+from scripts.results.claims import Claims, signed
 from seg.recipes import RECIPES
+from tests.conftest import ROOT
 from tests.experiments.conftest import job_of, parsed
 
 SOME = [
@@ -196,3 +198,117 @@ def test_changed_documentation_does_not_change_the_commit(tmp_path):
 def test_bad_flags_are_one_line(flags, complaint, error_line):
     assert command.main(["--data", "DIR", *flags]) == 2
     assert complaint in error_line()
+
+
+RECORDED = Claims(ROOT / "docs" / "results")
+
+
+def test_the_page_is_written_from_the_recorded_reports():
+    assert (ROOT / "docs" / page.NAME).read_text(encoding="utf-8") == page.text(ROOT / "docs")
+
+
+def test_readme_states_what_the_reports_say():
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    lines = RECORDED.what_to_expect()
+    assert len(lines) >= 2 and set(lines) <= set(readme.splitlines())
+    assert f"\n{RECORDED.example()}\n" in readme
+    minutes = ("six", "seven", "eight", "nine", "ten")
+    fit, demo = (
+        minutes[round(run["minutes"]) - 6]
+        for run in (RECORDED.measured["fit"]["camvid-0006R0"], RECORDED.measured["demo"])
+    )
+    assert f"it took {fit} minutes on two cores" in readme
+    assert f"about {demo} minutes on two cores" in readme
+
+
+def test_sentences_of_the_page_that_no_number_carries_are_true():
+    """When one of them fails with new results, `page.md` needs other words."""
+    for name in page.SEARCHED:
+        for search in RECORDED.reports[name]["searches"]:
+            assert search["over_random"]["mean"] > 0 and search["over_default"]["mean"] > 0
+    above = {
+        target: RECORDED.estimate(target, field="gain_over_random")["ci95"][0] > 0
+        for target in (*page.SEARCHED, "far")
+    }
+    assert above == {
+        "camvid": True, "camvid-0006R0": True, "far": True, "labelmefacade": False
+    }  # fmt: skip
+    far = {row: RECORDED.estimate("far", row)["mean"] for row in ("default", "random")}
+    assert far["default"] < far["random"]
+    best = RECORDED.estimate("rivals-labelmefacade", "intervals")
+    for method in ("surrogate", "tpe", "gaussian_process"):
+        row = RECORDED.estimate("rivals-labelmefacade", method)
+        assert row["ci95"][0] < best["mean"] < row["ci95"][1]
+
+
+def searched(random, default, ours):
+    """A report of searches: means and, for our method, gains with an interval of 1 point each way."""
+
+    def gain(mean):
+        return {"mean": mean, "ci95": [mean - 1, mean + 1]}
+
+    over = {"gain_over_random": gain(ours - random), "gain_over_default": gain(ours - default)}
+    rows = [
+        {"name": name, "mean": mean, "ci95": None}
+        for name, mean in (("random", random), ("default", default))
+    ]
+    return {"rows": [*rows, {"name": "intervals", "mean": ours, "ci95": None, **over}]}
+
+
+@pytest.fixture
+def claims(tmp_path):
+    """Claims of a few small reports: a table of labels, searches on real images and on two twins."""
+    places = ((0, "mixed", 42.0), (14, "none", 40.0), (14, "mixed", 48.0), (50, "none", 50.0))
+    rows = [
+        {"labels": labels, "renders": renders, "mean": mean, "of_all": 2 * mean}
+        | {"renders_add": {"mean": 8.0, "ci95": [7.0, 9.0]} if mean == 48 else None}
+        for labels, renders, mean in places
+    ]
+    reports = {
+        "fit-labelmefacade": {"rows": rows, "reward_images": 50},
+        "camvid": searched(20.0, 21.0, 26.0),
+        "camvid-0006R0": searched(20.0, 24.0, 20.5),
+        "labelmefacade": searched(30.0, 20.0, 28.0),
+        "far-0": searched(10.0, 9.0, 12.0),
+        "far-1": searched(10.0, 11.0, 14.0),
+    }
+    for name, report in reports.items():
+        write_json(tmp_path / f"{name}.json", report)
+    write_json(tmp_path / "parts.json", {name: {} for name in reports})
+    gain = {"mean": 6.54, "ci95": [3.26, 9.71]}
+    write_json(
+        tmp_path / "measured.json",
+        {
+            "fit": {"camvid-0006R0": {"labels": 14, "gain": gain}},
+            "model selection": {"gains": [0.5, 1.5]},
+        },
+    )
+    return Claims(tmp_path)
+
+
+def test_claims_by_hand(claims):
+    assert claims.gain("camvid") == "+6.0 (5.0 to 7.0)"
+    assert claims.gain("camvid-0006R0", over="default") == "-3.5 (-4.5 to -2.5)"
+    assert claims.gain("far") == "+3.0 (-9.7 to 15.7)"  # Student's t of 2 and 4
+    assert claims.miou("camvid", name="default") == "21.0"
+    verdicts = [claims.verdict(name, "intervals") for name in page.SEARCHED]
+    assert verdicts == ["better than", "within noise of", "worse than"]
+    assert claims.share("labelmefacade", "both") == "96"
+    cells = "40.0 | **48.0** | +8.0 (7.0 to 9.0) | 42.0 | 50.0"
+    line = f"| LabelMeFacade (50 labels, photos by pedestrians) | {cells} |"
+    assert claims.what_to_expect() == [line]
+    assert claims.example() == "Renders add 6.5 points (3.3 to 9.7) to your 14 labels."
+    assert claims.selection() == "+1.0 (-5.4 to 7.4)"
+    assert signed(None) == signed({"mean": None, "ci95": None}) == ""
+    assert signed({"mean": 1.0, "ci95": None}) == "+1.0"
+    with pytest.raises(LookupError, match=r"camvid\.json has no row \{'name': 'sdr'\}"):
+        claims.miou("camvid", name="sdr")
+
+
+def test_aims_are_met_or_missed_by_hand(claims):
+    aims = [[cell.strip() for cell in line.split("|")[2:6]] for line in claims.aims()[2:]]
+    assert aims[0] == ["", "0.96 **met**", "", ""] and aims[1][1] == "0.84 **missed**"
+    over_random, over_default, width = ([cell.split()[-1] for cell in row] for row in aims[2:])
+    assert over_random == ["**missed**", "**missed**", "**met**", "**missed**"]
+    assert over_default == ["**missed**", "**met**", "**met**", "**missed**"]
+    assert width == ["**missed**", "**missed**", "**met**", "**missed**"]

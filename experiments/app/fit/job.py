@@ -41,7 +41,7 @@ RANKED_BY: Row = "labels+renders"
 """The report shows the best, the median and the worst image of this row's first network."""
 RENDERED = "mixed"
 """The streets to render, half of them random and half default: better than random ones on real images, and as
-good as those on targets far from the default street (`docs/findings.md`)."""
+good as those on targets far from the default street (`docs/results.md`)."""
 
 
 class Prepared(NamedTuple):
