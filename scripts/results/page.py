@@ -29,11 +29,11 @@ RENDERS = ("none", "random", "default", "mixed", "learnt")
 SEARCHED = ("camvid", "camvid-0006R0", "labelmefacade")
 """Reports of searches by the default method on real images."""
 SDR = {
-    "paper": "300 rewards",
-    "paper-no-relaxation": "300 rewards, no relaxation",
-    "paper-no-groups": "300 rewards, one group",
-    "paper-squared-reward": "300 rewards, squared",
-    "paper-3000-rewards": "3,000 rewards",
+    "paper": "CamVid, 300 rewards",
+    "paper-no-relaxation": "CamVid, 300 rewards, no relaxation",
+    "paper-no-groups": "CamVid, 300 rewards, one group",
+    "paper-squared-reward": "CamVid, 300 rewards, squared",
+    "paper-3000-rewards": "CamVid, 3,000 rewards",
     "rivals-labelmefacade": "LabelMeFacade, 200 rewards, 40 attributes",
     "rivals-far": "far twin 0, 228 rewards, 40 attributes",
 }
@@ -121,7 +121,7 @@ def fit_table(claims: Claims) -> list[str]:
     reports = [claims.reports[f"fit-{name}"] for name in names]
     basis = (
         f"No search; {reports[0]['seeds']} networks a row, at {reports[0]['scored_at']}, tested on "
-        f"{' and '.join(str(report['test_images']) for report in reports)} images."
+        f"{' or '.join(dict.fromkeys(str(report['test_images']) for report in reports))} images."
     )
     return [
         *markdown([*head, "14 + renders, of all"], []),
@@ -173,7 +173,8 @@ def streets_table(claims: Claims) -> list[str]:
     basis = (
         f"{len(first['searches'])} searches with {len(first['searches'][0]['rewards'])} rewards each, "
         f"{first['seeds']} networks a row, at {first['scored_at']}; intervals over searches and networks. "
-        "Far twins: five twins with a search each; intervals over twins."
+        f"Far twins: five twins at {claims.reports['far-0']['scored_at']} with a search each; intervals over "
+        "twins."
     )
     return [
         *markdown([*head, "over random", "over default"], lines),
@@ -191,11 +192,12 @@ def paper_table(claims: Claims) -> list[str]:
                 random, default = (
                     claims.gain(name, row["name"], over) for over in ("random", "default")
                 )
-                method = [SDR[name], words(row["name"]), str(row["searches"])]
+                size = claims.reports[name]["scored_at"]
+                method = [SDR[name], size, words(row["name"]), str(row["searches"])]
                 lines.append([*method, number(row["mean"]), random, default])
     networks = " or ".join(dict.fromkeys(str(claims.reports[name]["seeds"]) for name in names))
     basis = f"{networks} networks a row; intervals over searches and networks."
-    head = ["search", "method", "searches", "mIoU", "over random", "over default"]
+    head = ["search", "at", "method", "searches", "mIoU", "over random", "over default"]
     return [*markdown(head, lines), *origin(claims, names, basis)]
 
 
@@ -220,7 +222,7 @@ def cost_table(claims: Claims) -> list[str]:
             title = f"table of labels, {TARGETS[name]}: {part['evaluations']} networks"
             lines.append([title, "", number(part["core_seconds"] / 60, ".0f")])
     hours = measured["make results"]["core_hours"]
-    lines.append(["`make results`, as planned", "", f"{60 * hours:,.0f}"])
+    lines.append(["`make results`, as planned", "", f"{hours:.0f} hours"])
     return markdown(["what", "minutes on two cores", "minutes of a core"], lines)
 
 
