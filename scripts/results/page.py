@@ -17,8 +17,9 @@ from common.files import read_json, write_json
 from common.progress import duration
 from experiments.evaluation.store import LOGS, read, result_of
 from experiments.studies.table import PAPER
-from experiments.tables.form import Report, markdown, number, words
+from experiments.tables.form import Report, markdown, miou, number, words
 from experiments.tables.row_names import TRAINED_ON
+from experiments.tables.stats import gain
 from scene.version import ENGINE
 from scripts.results.claims import FAR, RECORDS, TARGETS, Claims, signed
 from scripts.results.parts import Part
@@ -140,8 +141,10 @@ def labels_table(claims: Claims) -> list[str]:
         }
         for count in dict.fromkeys(labels for labels, _ in rows):
             means = [number(rows.get((count, kind), {}).get("mean")) for kind in RENDERS]
-            over = signed(rows[count, "learnt"]["over_random"])
-            lines.append([TARGETS[name], str(count), *means, over])
+            optimised = rows[count, "learnt"]
+            default = gain(miou(optimised["nets"]), miou(rows[count, "default"]["nets"]))
+            over = [signed(optimised["over_random"]), signed(default)]
+            lines.append([TARGETS[name], str(count), *means, *over])
     head = ["tested on", "labels", "alone", "+ random", "+ default", "+ half of each"]
     reports = [f"labels-{name}" for name in names]
     first = claims.reports[reports[0]]
@@ -150,7 +153,7 @@ def labels_table(claims: Claims) -> list[str]:
         "each with its own labels, streets and first weights."
     )
     return [
-        *markdown([*head, "+ optimised", "optimised over random"], lines),
+        *markdown([*head, "+ optimised", "optimised over random", "over default"], lines),
         *origin(claims, reports, basis),
     ]
 
