@@ -5,7 +5,6 @@ from .baseline import ema as ema
 from .callback import DataSets as DataSets
 from .callback import HostReward as HostReward
 from .callback import host_reward as host_reward
-from .host_loop import drive as drive
 from .method import Diagnostics as Diagnostics
 from .method import Info as Info
 from .method import Method as Method
@@ -24,6 +23,7 @@ from .rivals.attribute_descent import attribute_descent as attribute_descent
 from .rivals.gaussian import gaussian as gaussian
 from .rivals.random_attributes import random_attributes as random_attributes
 from .rivals.random_search import random_search as random_search
+from .run import drive as drive
 from .run import first_state as first_state
 from .run import make_step as make_step
 from .run import run as run

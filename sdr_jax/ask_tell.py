@@ -14,10 +14,9 @@ from jaxtyping import Array, Real
 
 from common.errors import UserError
 from common.lines import CURE, JsonLines
-from sdr_jax.device import on_cpu
 from sdr_jax.method import Method, State, refuse_not_finite
 from sdr_jax.rewards import LARGEST
-from sdr_jax.run import first_state
+from sdr_jax.run import first_state, on_cpu
 from sdr_jax.space import Proposal, Space
 
 RECORD = ("id", "update", "actions", "seed", "reward")

@@ -1,6 +1,7 @@
-"""The optimisation loop: each step samples, takes rewards and updates the method."""
+"""The optimisation loop, in JAX or on the host: each step samples, takes rewards and updates the method."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
 
 import jax
 import jax.numpy as jnp
@@ -80,6 +81,48 @@ def run(
         raise
 
 
+def drive(
+    rng_key: RngKey,
+    method: Method,
+    reward_fn: RewardFn,
+    updates: int | None = None,
+    n: int = 1,
+) -> Iterator[tuple[State, Record]]:
+    """Run the optimisation of `run` as a loop on the host, one update at a time.
+
+    It also takes host adapters such as those in `benchmarks/rivals`. Keys are used as in `run`, so a pure
+    method has the same actions and rewards. An error in an evaluation of a `HostReward` is raised before
+    its update counts. Any other reward function is called with concrete arrays, so JAX need not be able to
+    trace it.
+
+    The arguments are those of `run`; `first_state` gives the state before the first update.
+
+    Yields:
+        After each update, the state and the update's record.
+
+    Raises:
+        ValueError: neither the argument nor the method gives the number of updates.
+        FloatingPointError: the method's numbers are no longer finite.
+    """
+    updates = updates_of(method, updates)  # before the first step is asked for
+    return _steps(rng_key, method, reward_fn, updates, n)
+
+
+def _steps(
+    rng_key: RngKey, method: Method, reward_fn: RewardFn, updates: int, n: int
+) -> Iterator[tuple[State, Record]]:
+    on_host = isinstance(reward_fn, HostReward)
+    step = make_step(method, reward_fn, n, jit=on_host)
+    steps_key = jax.random.split(rng_key)[1]
+    state = first_state(rng_key, method)
+    for t in range(updates):
+        with reward_fn.raising() if isinstance(reward_fn, HostReward) else nullcontext():
+            next_state, record = step(jax.random.fold_in(steps_key, t), state)
+        refuse_not_finite(record.info)
+        state = next_state
+        yield state, record
+
+
 def first_state(rng_key: RngKey, method: Method) -> State:
     """The state that `run` and `drive` begin with, from the same key."""
     return method.init(jax.random.split(rng_key)[0])
@@ -91,3 +134,18 @@ def updates_of(method: Method, updates: int | None) -> int:
     if updates is None:
         raise ValueError("this method takes any number of updates: say how many")
     return updates
+
+
+@contextmanager
+def on_cpu() -> Iterator[None]:
+    """Let JAX compute on the CPU, even where there is a GPU, if it may use both.
+
+    Compiling one update of a model for a GPU takes XLA more than a minute of CPU time, and such small
+    arrays gain nothing there.
+    """
+    try:
+        place = jax.default_device(jax.local_devices(backend="cpu")[0])
+    except RuntimeError:  # JAX_PLATFORMS leaves it out
+        place = nullcontext()
+    with place:
+        yield

@@ -21,9 +21,9 @@ from common.folder import CONFIG, opened
 from common.lines import JsonLines
 from common.progress import Progress
 from sdr_jax.ask_tell import AskTell
-from sdr_jax.device import on_cpu
 from sdr_jax.method import Method, clipping_message
 from sdr_jax.registry import make
+from sdr_jax.run import on_cpu
 from sdr_jax.tune.settings import Settings
 from sdr_jax.tune.simulator import Outcome, Simulator, check_command
 from sdr_jax.tune.units import describe
