@@ -53,6 +53,15 @@ def test_a_function_with_the_name_of_its_module_is_what_the_package_offers_in_an
     )
 
 
+def test_no_device_is_started_by_an_import():
+    # set_up_process decides later how many cores and how much memory of a GPU the process takes
+    printed(
+        "import experiments.app.main_job, experiments.app.fit.job, experiments.studies.ablation\n"
+        "from jax._src import xla_bridge\n"
+        "assert not xla_bridge.backends_are_initialized()"
+    )
+
+
 def test_workers_wait_neither_for_trimesh_nor_for_rich_nor_for_opengl():
     loaded = modules_after(
         "import scene.render.__main__, scene.dataset.export, scene.render.opengl.renderer\n"

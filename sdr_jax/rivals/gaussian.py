@@ -19,8 +19,6 @@ from sdr_jax.relaxation import bin_widths, check_relaxation, slide
 from sdr_jax.space import Proposal, Space, Width
 from sdr_jax.variance_reduction import baseline_of
 
-QUANTILES = np.asarray(ndtri((jnp.arange(64) + 0.5) / 64))  # of the standard normal
-
 
 class GaussianParams(NamedTuple):
     """One normal distribution per attribute for the logit of its value."""
@@ -68,6 +66,7 @@ def gaussian(
         raise ValueError(f"std is {std}, but must be above 0")
     check_relaxation(space, width, "random")
     widths = bin_widths(space, width)
+    quantiles = np.asarray(ndtri((jnp.arange(64) + 0.5) / 64))  # of the standard normal
     rule = Rule(adam(learning_rate), baseline_of(baseline), normalise)
 
     def init(rng_key: RngKey) -> Learner:
@@ -93,7 +92,7 @@ def gaussian(
 
     def spread(state: Learner) -> Proposal:
         mean, log_std = state.params
-        logits = mean[:, None] + jnp.exp(log_std)[:, None] * QUANTILES[None, :]
+        logits = mean[:, None] + jnp.exp(log_std)[:, None] * quantiles[None, :]
         values = jax.nn.sigmoid(logits)
         wide = slide(values.mean(axis=1), jnp.sqrt(12 * values.var(axis=1) + widths**2))
         return trees.where(
