@@ -11,7 +11,8 @@ from experiments.app import few_note
 from experiments.app.report import live, page, pictures, summary
 from experiments.app.report.folder import NAME
 from experiments.app.report.matters import FILE, matters
-from experiments.attribute_search.learn import learn, work_of
+from experiments.attribute_search.loop import learn
+from experiments.attribute_search.plans import plan_of, work_of
 from experiments.config import MainConfig
 from experiments.evaluation.in_worker import rendered_set
 from experiments.evaluation.job import Recipe
@@ -31,7 +32,10 @@ def plan(config: MainConfig, _: Any = None) -> list[Work]:
     real = config.unlabelled is None
     few = config.few is not None
     rendered = 3 * (1 + few) * config.seeds
-    work = [*work_of(config), Work.at("networks on rendered images", rendered, config.final)]
+    work = [
+        work_of(config, [plan_of(config)]),
+        Work.at("networks on rendered images", rendered, config.final),
+    ]
     if real:
         labelled = (1 + few) * config.seeds
         work.append(Work.on_images("networks on labelled images alone", labelled, config.final))

@@ -9,13 +9,15 @@ import jax
 import numpy as np
 
 import sdr_jax
-from experiments.attribute_search.rewards import Rewards, SearchPlan, embed
-from experiments.config import RewardKind
+from common.files import write_json
+from experiments.attribute_search.plans import SearchPlan, plan_of
+from experiments.attribute_search.rewards import Rewards, embed
+from experiments.config import RewardKind, SearchConfig
 from experiments.evaluation.job import REWARD_NAMES, Result, in_words
 from experiments.session.session import Session
-from scene.proposal import Proposal
-from sdr_jax.device import on_cpu
+from scene.proposal import Proposal, describe
 from sdr_jax.method import clipping_message
+from sdr_jax.run import on_cpu
 
 
 class Found(NamedTuple):
@@ -30,6 +32,32 @@ class Found(NamedTuple):
     expected: np.ndarray | None = None
     """f32[updates, datasets, 2]: the model's prior mean and standard deviation of each reward, NaN before the
     first rewards; None without a model."""
+
+
+def learn(
+    run: Session[Any],
+    config: SearchConfig | None = None,
+    name: str = "",
+    plan: SearchPlan | None = None,
+) -> Found:
+    """Search, and write the method's answer into the run folder.
+
+    Args:
+        run: the job.
+        config: configuration of the search; by default the job's.
+        name: name of the search in a job with several; its file is ``attributes/NAME.json`` instead of
+            ``attributes.json``.
+        plan: the plan of the search; by default `plan_of` the configuration.
+
+    Raises:
+        UserError: more than a tenth of the evaluations failed.
+    """
+    config = config or run.config
+    answer = search(run, plan or plan_of(config, name or "search"), config.reward_kind)
+    file = config.out / (f"attributes/{name}.json" if name else "attributes.json")
+    file.parent.mkdir(exist_ok=True)
+    write_json(file, describe(answer.solution))
+    return answer
 
 
 @on_cpu()
@@ -51,8 +79,9 @@ def search(run: Session[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Fo
     method, rewards = plan.search, Rewards(run, plan, kind)
     diagnostics = method.diagnostics
     assert diagnostics is not None  # every method by name has them
-    reward_fn = sdr_jax.host_reward(rewards, common=plan.options.common_random_numbers)
-    steps = sdr_jax.drive(jax.random.key(plan.seed), method, reward_fn, plan.updates, plan.datasets)
+    common, key = plan.config.search.common_random_numbers, jax.random.key(plan.config.seed)
+    reward_fn = sdr_jax.host_reward(rewards, common=common)
+    steps = sdr_jax.drive(key, method, reward_fn, plan.updates, plan.datasets)
     history: list[tuple] = []
     expectations: list[np.ndarray] = []
     state: Any = None  # there are no expectations before the first update
@@ -63,9 +92,7 @@ def search(run: Session[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Fo
         expectations += _expectations(method, previous, record)
         info = jax.device_get(record.info)
         probabilities = np.asarray(diagnostics.probabilities(state))
-        latest = np.array(
-            [result.reward for result in rewards.results[-plan.datasets :]], np.float32
-        )
+        latest = np.asarray(record.rewards)
         history.append((latest, float(info.baseline), int(info.group), probabilities))
         if info.clipped and not clipped:
             clipped = True
@@ -116,6 +143,6 @@ def _progress_line(
     best = max(float(np.nanmax(r)) for r, *_ in history if not np.isnan(r).all())
     line = f"{REWARD_NAMES[kind]} {in_words(kind, float(np.nanmean(latest)))}, best {in_words(kind, best)}"
     if np.isfinite(baseline):
-        scale = 100 if plan.options.squared_reward else 1
+        scale = 100 if plan.config.search.squared_reward else 1
         line += f", baseline {in_words(kind, baseline / scale)}"
     return f"{where} | {line}"

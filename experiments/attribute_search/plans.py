@@ -1,15 +1,45 @@
-"""Plans of many searches in one job, all with the same number of evaluations."""
+"""Plans of searches: what is searched by which method, and how many rewards it takes."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import sdr_jax
 from common.errors import UserError
-from experiments.attribute_search.rewards import SearchPlan
-from experiments.config import GroupsConfig, make_method, make_space
+from experiments.config import GroupsConfig, SearchConfig, make_method, make_space
 from experiments.evaluation.cost import cost_of
 from experiments.session.session import Work
+
+
+class SearchPlan(NamedTuple):
+    """The plan of one search."""
+
+    config: GroupsConfig  # its options, seed, space and held attributes
+    name: str  # in the run's log
+    method: str
+    search: sdr_jax.Method
+    subset: tuple[str, ...]  # the optimised attributes; all others stay random or are held
+    datasets: int  # per update
+    updates: int
+
+    @property
+    def evaluations(self) -> int:
+        """The number of its rewards."""
+        return self.datasets * self.updates
+
+
+def plan_of(config: SearchConfig, name: str = "search") -> SearchPlan:
+    """Plan the search of a configuration, under a unique name in its run.
+
+    Raises:
+        UserError: an option out of range.
+    """
+    options, space = config.search, make_space(config)
+    method = make_method(config, options.method, space, options.updates_per_group)
+    updates = options.updates_per_group * len(space.groups)
+    datasets = options.datasets_per_update
+    return SearchPlan(config, name, options.method, method, space.names, datasets, updates)
 
 
 def work_of(config: GroupsConfig, plans: Sequence[SearchPlan]) -> Work:
@@ -45,15 +75,14 @@ def plan(
         UserError: too few evaluations, or an option that the method lacks.
     """
     make_space(config)  # checks the groups
-    options = config.search
-    datasets = options.datasets_per_update
+    datasets = config.search.datasets_per_update
     if evaluations < datasets or evaluations % datasets:
         raise UserError(
             f"--evaluations must be a multiple of --search.datasets-per-update {datasets}, not "
             f"{evaluations}"
         )
     groups = [[name for name in group if name in subset] for group in config.groups]
-    space = sdr_jax.space(subset, options.bins, [group for group in groups if group])
+    space = sdr_jax.space(subset, config.search.bins, [group for group in groups if group])
     datasets_that_fit, updates_per_group = schedule(evaluations, len(space.groups), datasets)
     search_method = make_method(config, method, space, max(updates_per_group, 1))
     if search_method.updates is not None:  # otherwise it takes any number
@@ -63,18 +92,8 @@ def plan(
                 f"{len(space.groups)} groups of at least {datasets_that_fit} datasets"
             )
         datasets = datasets_that_fit
-    return SearchPlan(
-        name,
-        config.space,
-        method,
-        search_method,
-        subset,
-        datasets,
-        evaluations // datasets,
-        options,
-        config.seed,
-        config.held,
-    )
+    updates = evaluations // datasets
+    return SearchPlan(config, name, method, search_method, subset, datasets, updates)
 
 
 def schedule(evaluations: int, groups: int, datasets: int) -> tuple[int, int]:

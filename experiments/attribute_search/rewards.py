@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from types import MappingProxyType
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 import sdr_jax
 from common.errors import UserError
-from experiments.config import RewardKind, SearchOptions
+from experiments.attribute_search.plans import SearchPlan
+from experiments.config import RewardKind
 from experiments.evaluation.job import Job, Result
 from experiments.evaluation.runner import refuse_failed
 from experiments.session.session import Session
-from scene.attributes import SpaceName, names
+from scene.attributes import names
 from scene.held import hold
 from scene.proposal import Proposal, random_proposal
 
@@ -22,33 +22,14 @@ PLACE = ("search", "update", "dataset")
 """Fields of a run's log for a reward's place."""
 
 
-class SearchPlan(NamedTuple):
-    """The plan of one search."""
-
-    name: str  # in the run's log
-    space: SpaceName
-    method: str
-    search: sdr_jax.Method
-    subset: tuple[str, ...]  # the optimised attributes; all others stay random or are held
-    datasets: int  # per update
-    updates: int
-    options: SearchOptions
-    seed: int  # of the search and its datasets
-    held: Mapping[str, float] = MappingProxyType({})  # unit values of held attributes by name
-
-    @property
-    def evaluations(self) -> int:
-        """The number of its rewards."""
-        return self.datasets * self.updates
-
-
 def embed(plan: SearchPlan, proposals: Any) -> Proposal:
     """Extend proposals f32[*batch, attributes of the subset] to the whole space.
 
     The other attributes are random, or held.
     """
-    where = [names(plan.space).index(name) for name in plan.subset]
-    others = hold(random_proposal(plan.space), plan.held)
+    space = plan.config.space
+    where = [names(space).index(name) for name in plan.subset]
+    others = hold(random_proposal(space), plan.config.held)
     whole = []
     for values, random in zip(proposals, others, strict=True):
         array = np.broadcast_to(random, (*values.shape[:-1], len(random))).copy()
@@ -71,8 +52,9 @@ class Rewards:
         self._known = {
             tuple(line.get(name) for name in PLACE): line["key"] for line in run.evaluations.records
         }
-        recipe = run.recipe(run.config.reward)._replace(checkpoints=plan.options.checkpoints)
-        self._job = Job(recipe, random_proposal(plan.space), 0, {}, "reward", kind)
+        checkpoints = plan.config.search.checkpoints
+        recipe = run.recipe(run.config.reward)._replace(checkpoints=checkpoints)
+        self._job = Job(recipe, random_proposal(plan.config.space), 0, {}, "reward", kind)
         run.runner.about(self._job)  # here, since it needs JAX
         self._update = 0
         self.results: list[Result] = []

@@ -22,7 +22,7 @@ import numpy as np
 from common.errors import UserError
 from experiments.attribute_search import plans
 from experiments.attribute_search.loop import Found, search
-from experiments.attribute_search.rewards import SearchPlan
+from experiments.attribute_search.plans import SearchPlan
 from experiments.config.cli import command
 from experiments.config.jobs import AblationConfig, Variant
 from experiments.config.presets import DENSITIES, ENVIRONMENT, POSITIONS

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from common.errors import UserError
-from experiments.attribute_search.learn import learn
+from experiments.attribute_search.loop import learn
 from experiments.config import Fidelity
 from experiments.config.cli import command
 from experiments.config.jobs import PretrainConfig

@@ -21,9 +21,9 @@ from functools import partial
 from typing import Any
 
 from common.errors import UserError
-from experiments.attribute_search import learn, plans
-from experiments.attribute_search.loop import Found
-from experiments.attribute_search.rewards import SearchPlan
+from experiments.attribute_search import plans
+from experiments.attribute_search.loop import Found, learn
+from experiments.attribute_search.plans import SearchPlan
 from experiments.config import check as check_flags
 from experiments.config.cli import command
 from experiments.config.jobs import ManyConfig
@@ -91,7 +91,7 @@ def plan_of(config: ManyConfig, name: str) -> SearchPlan:
         UserError: an option is out of range, or the core minutes are too few.
     """
     if config.core_minutes is None:
-        return learn.plan_of(config, name)
+        return plans.plan_of(config, name)
     method = config.search.method
     subset = config.subset or config.varied
     return plans.within(config, name, method, subset, config.core_minutes)
@@ -100,21 +100,16 @@ def plan_of(config: ManyConfig, name: str) -> SearchPlan:
 def searches(config: ManyConfig) -> dict[str, Search]:
     """Make every search."""
     return {
-        name: partial(learn.learn, config=one, name=name, plan=plan_of(one, name))
+        name: partial(learn, config=one, name=name, plan=plan_of(one, name))
         for name, one in configure_all(config).items()
     }
 
 
 def work(config: ManyConfig) -> list[Work]:
     """Plan the rewards of all searches."""
-    by_kind: dict[str, list[Work]] = {}
-    for name, search_config in configure_all(config).items():
-        for stage in learn.work_of(search_config, plan_of(search_config, name)):
-            by_kind.setdefault(stage.what, []).append(stage)
-    return [
-        stages[0]._replace(what=f"{what}, {len(stages)} searches", nets=sum(s.nets for s in stages))
-        for what, stages in by_kind.items()
-    ]
+    all_plans = [plan_of(one, name) for name, one in configure_all(config).items()]
+    rewards = plans.work_of(config, all_plans)
+    return [rewards._replace(what=f"{rewards.what}, {len(all_plans)} searches")]
 
 
 def rows(config: ManyConfig, target: Target) -> list[Row]:
@@ -150,7 +145,7 @@ def report(run: Session[ManyConfig], answers: Answers, rows: list[Report]) -> Re
         "rewards_at": config.reward.size,
         "core_minutes": config.core_minutes,
         "subset": config.subset,
-        "evaluations": None if config.core_minutes else learn.plan_of(config).evaluations,
+        "evaluations": None if config.core_minutes else plans.plan_of(config).evaluations,
         "space": config.space,
         "baselines": {name: nets for name, nets in scored.items() if name in BASELINES},
         "searches": [

@@ -20,7 +20,8 @@ from typing import Any, Generic, NamedTuple
 from common.progress import duration
 from common.workers.pool import Workers
 from experiments import session
-from experiments.attribute_search.learn import learn, work_of
+from experiments.attribute_search.loop import learn
+from experiments.attribute_search.plans import plan_of, work_of
 from experiments.config import Fidelity, LearntConfig, Rederived, read_attributes
 from experiments.config import check as check_flags
 from experiments.evaluation.job import Job, Result, Source
@@ -201,7 +202,7 @@ LEARNT = "learnt"
 
 def learnt_work(config: LearntConfig) -> list[Work]:
     """Plan the networks of `learnt_attributes`."""
-    return [] if config.learnt is not None else work_of(config)
+    return [] if config.learnt is not None else [work_of(config, [plan_of(config)])]
 
 
 def learnt_attributes(run: Session[Any]) -> Streets:

@@ -19,8 +19,8 @@ from common.labels.classes import Outline
 from common.progress import Progress
 from common.workers.pool import WorkerPool
 from experiments.app.stores import main
-from experiments.attribute_search.learn import plan_of
 from experiments.attribute_search.loop import search
+from experiments.attribute_search.plans import plan_of
 from experiments.attribute_search.rewards import Rewards
 from experiments.config import MainConfig
 from experiments.config.presets import defaults

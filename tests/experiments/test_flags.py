@@ -13,7 +13,7 @@ from common.errors import UserError
 from common.files import write_json
 from common.folder import as_json
 from experiments.app.main_job import MAIN
-from experiments.attribute_search.learn import plan_of
+from experiments.attribute_search.plans import plan_of
 from experiments.config import (
     Fidelity,
     GroupsConfig,

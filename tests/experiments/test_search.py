@@ -10,8 +10,8 @@ import pytest
 import sdr_jax
 from common.errors import UserError
 from experiments import session
-from experiments.attribute_search.learn import plan_of
 from experiments.attribute_search.loop import search
+from experiments.attribute_search.plans import plan_of
 from experiments.attribute_search.rewards import embed
 from experiments.config import make_space
 from experiments.evaluation.job import Result

@@ -17,7 +17,7 @@ from common.labels.listing import list_all
 from common.labels.target_file import Fit, find_target
 from common.memory import in_words, memory
 from experiments.app.report.fit_table import rows_of
-from experiments.attribute_search.learn import work_of
+from experiments.attribute_search.plans import plan_of, work_of
 from experiments.config import FewConfig, Fidelity
 from experiments.config.config import NETS, FitPreset
 from experiments.config.limits import PIXEL, training_bytes
@@ -264,10 +264,9 @@ def planned(config: FitConfig, folds: int) -> list[Work]:
     final = config.final
     kinds = 1 + config.learnt * folds
     trainings = len(config.trainings)
-    searches = [work._replace(nets=work.nets * folds) for work in work_of(config)]
     tested = len(rows_of(config.learnt)) * folds * trainings
     return [
-        *(searches if config.learnt else []),
+        *([work_of(config, [plan_of(config)] * folds)] if config.learnt else []),
         Work(STREETS, kinds * trainings * final.streets, final, Cost(street_cost(final))),
         Work.on_images("networks to test", tested, final),
         Work.on_images("network to save", 1, final),

@@ -18,7 +18,7 @@ from experiments.app.fit.streets import Pool, RenderedStreets, pool_of
 from experiments.app.report import live, page
 from experiments.app.report.fit_table import MODEL, STRIP, Row, derive, rows_of, text
 from experiments.app.report.folder import NAME
-from experiments.attribute_search.learn import learn
+from experiments.attribute_search.loop import learn
 from experiments.evaluation.cost import job_cost
 from experiments.evaluation.job import Job, Keeps, LabelledSubset, Source
 from experiments.evaluation.predictions import file_of, load
