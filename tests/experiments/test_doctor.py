@@ -490,6 +490,13 @@ def test_costs_scale_with_the_pace_of_both_parts(tmp_path):
     assert list(mine) == ["sdr-jax render --images 400 --shots 1 --size 64x48 --out DIR"]
 
 
+def test_the_announced_size_is_that_of_the_preset_that_fit_takes(tmp_path, monkeypatch):
+    target, data, slow = find_target("camvid"), write("camvid", tmp_path), Pace(1e6, 1e6)
+    assert costs.choice(target, data, (960, 720), slow).size == (240, 176)  # quick, on a CPU
+    monkeypatch.setattr("experiments.app.fit.config.usable_gpus", lambda: ["0"])
+    assert costs.choice(target, data, (960, 720), slow).size == (480, 360)
+
+
 @pytest.mark.slow
 def test_the_machine_and_its_pace(monkeypatch):
     looked = machine.look()

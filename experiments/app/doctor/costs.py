@@ -5,12 +5,13 @@ from __future__ import annotations
 import shlex
 from collections.abc import Mapping
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 from common.errors import UserError
 from common.interrupt import PROGRAM
 from common.labels.target_file import TargetFile
-from experiments.app.fit.config import choose_size, configured, cost_of_fit
+from experiments.app.fit.config import choose_size, configured, cost_of_fit, default_preset
 from experiments.app.main_job import plan
 from experiments.config import Fidelity, MainConfig, Preset, TargetName
 from experiments.config.presets import defaults
@@ -25,7 +26,8 @@ from seg.recipes import RECIPES
 def choice(target: TargetFile, data: Path, photographs: Size, pace: Pace) -> Choice | None:
     """The size that `fit` takes, with its time; None for images that it refuses."""
     with suppress(UserError):  # errors of the images are reported elsewhere
-        return choose_size(configured, parts_of(target, data), photographs, pace)
+        at = partial(configured, preset=default_preset())
+        return choose_size(at, parts_of(target, data), photographs, pace)
     return None
 
 
@@ -46,7 +48,7 @@ def commands(
     costs = {f"{PROGRAM} render {words} --out DIR": Cost(cost_of(streets) - training)}
     with suppress(UserError):
         command = f"{shlex.join([PROGRAM, 'fit', str(data)])} --out DIR"
-        costs[command] = cost_of_fit(configured(size), parts_of(target, data))
+        costs[command] = cost_of_fit(configured(size, default_preset()), parts_of(target, data))
     if target.name in targets:
         presets: tuple[Preset, ...] = ("smoke", "quick")
         for preset in presets:

@@ -159,8 +159,7 @@ def config_of(
         raise UserError(
             f"--weights {weights} is for --net dinov2; those of {net} come with a package"
         )
-    on_gpu = bool(usable_gpus())
-    preset = preset or ("full" if on_gpu else "quick")
+    preset = preset or default_preset()
     weights_file = None if weights is None else str(weights.absolute())
     decided = _size_of(out) if size is None else size
     if decided is None:
@@ -173,7 +172,7 @@ def config_of(
     def at(size: Size) -> FitConfig:
         base = configured(size, preset, net, trunk, weights_file, search=search, seeds=seeds)
         train = replace(base.final.train, average_mirror=not no_mirror)
-        if not on_gpu:
+        if not usable_gpus():
             train = replace(train, dtype="float32")  # CPUs emulate bfloat16
         if head_width is not None and train.has_trunk:
             train = replace(train, head_width=head_width)
@@ -209,6 +208,11 @@ def config_of(
     _refuse_large(config, len(parts.every))
     say(choice.text(config.processes))
     return config
+
+
+def default_preset() -> FitPreset:
+    """The preset without ``--preset``."""
+    return "full" if usable_gpus() else "quick"
 
 
 def choose_size(

@@ -51,6 +51,7 @@ class Prepared(NamedTuple):
     read_all: Read
     folds: list[Target]
     init: Params | None
+    started_from: str | None  # the digest of the model of --init
 
 
 def prepared(config: FitConfig) -> Prepared:
@@ -65,18 +66,20 @@ def prepared(config: FitConfig) -> Prepared:
     parts = parts_of(find_target(config.file, config.data), config.data, config.holdout, few)
     read_all = reader(parts, config.shape)
     folds = fold_targets(parts, config.data, read_all)
-    init = None if config.init is None else _initial_variables(config, folds[0])
-    return Prepared(parts, read_all, folds, init)
+    if config.init is None:
+        return Prepared(parts, read_all, folds, None, None)
+    model = load_model(config.init)
+    init = _initial_variables(config, model, folds[0])
+    return Prepared(parts, read_all, folds, init, model.digest)
 
 
-def _initial_variables(config: FitConfig, target: Target) -> Params:
+def _initial_variables(config: FitConfig, model: Model, target: Target) -> Params:
     """The variables of the model of ``--init``, with its heads repeated if the run has more.
 
     Raises:
-        UserError: there is no model, or it has another network or other classes.
+        UserError: it has another network or other classes.
     """
-    assert config.init is not None
-    model, train = load_model(config.init), config.final.train
+    train = config.final.train
     classes = class_table(target.table).classes
     if model.names != tuple(classes):
         raise UserError(
@@ -267,8 +270,8 @@ def _save_model(
         "miou": report["rows"][best].get("averaged") or report["rows"][best]["mean"],
         "reported_on": report["where"],
     }
-    if config.init is not None:
-        notes["started_from"] = load_model(config.init).digest
+    if data.started_from is not None:
+        notes["started_from"] = data.started_from
     source = labels if best == "labels" else with_labels(config, rendered[best], labels)
     job = Job(run.recipe(config.final), source, config.seed, {})
     if finished and _is_saved(config, notes):
