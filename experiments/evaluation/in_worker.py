@@ -164,14 +164,17 @@ def _evaluated_at_once(
         sets.append(source._replace(parts=(images, *source.parts[1:])) if mixed else images)
         render_seconds.append(seconds)
     started, real = time.perf_counter(), loaded(real)
-    with _memory_named(recipe):
+    settings = recipe.fidelity.train
+    per_step = len(tasks) * head_cost(recipe.fidelity) / settings.steps
+    with _memory_named(recipe), ending_report():
         networks = train_many(
             [seed for _, _, _, seed, _ in tasks],
             sets,
-            recipe.fidelity.train,
+            settings,
             len(recipe.classes.classes),
             statistics=recipe.statistics,
             test=real,
+            progress=lambda steps, loss: report(steps * per_step),
         )
     seconds = (time.perf_counter() - started) / len(tasks)
     assert networks.by_image is not None

@@ -19,6 +19,7 @@ from experiments.config.limits import training_bytes
 from experiments.evaluation import cache, in_worker, renders
 from experiments.evaluation.cache import ABOUT, FOLDER, Cache
 from experiments.evaluation.cached import loaded
+from experiments.evaluation.cost import head_cost
 from experiments.evaluation.in_worker import evaluate_miou, parts_of, worker_environment
 from experiments.evaluation.job import Job, Recipe, Result
 from experiments.evaluation.renders import render_part
@@ -133,7 +134,7 @@ def test_networks_of_a_trainer_may_be_made_at_once(recipe, keeps, opened, tmp_pa
     rendering = RECIPE._replace(fidelity=replace(RECIPE.fidelity, train=train))
     real = opened().put(TEST, train, "test")
     few = opened().put(noise(2, 3), train, "labelled", training=True)
-    counts, many = [], in_worker.train_many
+    counts, units, many = [], [], in_worker.train_many
 
     def counted(seeds, *arguments, **options):
         counts.append(len(seeds))
@@ -141,6 +142,7 @@ def test_networks_of_a_trainer_may_be_made_at_once(recipe, keeps, opened, tmp_pa
 
     monkeypatch.setattr(in_worker, "train_many", counted)
     monkeypatch.setattr(in_worker, "AT_ONCE", (2, 1))
+    monkeypatch.setattr(in_worker, "report", units.append)
     source, evaluate = default_proposal(), evaluate_miou
     if keeps is not None:
         source = TrainingSet((source, few), (0.5, 0.5))
@@ -154,6 +156,7 @@ def test_networks_of_a_trainer_may_be_made_at_once(recipe, keeps, opened, tmp_pa
         for forced in (None, True)
     )
     assert counts == [2, 1] and not list((tmp_path / "renders").iterdir())
+    assert units == pytest.approx(head_cost(rendering.fidelity) * np.array([1, 1, 1, 2, 1]))
     for ours, theirs in zip(at_once, one_by_one, strict=True):
         assert ours.reward == pytest.approx(theirs.reward, abs=0.02)
         assert ours.render_seconds > 0 and ours.train_seconds > 0 and ours.failed is None
