@@ -13,6 +13,7 @@ from collections import defaultdict
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from plotly.offline import get_plotlyjs
 
 from common.files import read_bytes
@@ -24,7 +25,6 @@ from experiments.app.report.folder import RunFolder, read
 from experiments.app.report.matters import matters
 from experiments.app.report.pictures import PICTURES
 from experiments.app.report.summary import advice
-from experiments.app.report.templates import templates
 from experiments.evaluation.store import first_of_each
 from experiments.tables.form import Report, cells, number, starts, words
 from experiments.tables.row_names import SHORT, TRAINED_ON, trained_on
@@ -76,7 +76,13 @@ def _page(run: RunFolder, status: Status | None) -> str:
             return None
         return f"data:{kind};base64,{data}"
 
-    environment = templates()
+    environment = Environment(
+        loader=FileSystemLoader(HERE),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
+    )
     environment.policies["json.dumps_kwargs"] = {"allow_nan": False, "separators": (",", ":")}
     environment.filters |= {"inline": inline, "interval": figures.interval_text}
     config = dict(run.config)
