@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import socket
-from typing import Protocol
+from collections.abc import Mapping
+from email.message import Message
 
 from common.errors import UserError
 
@@ -13,15 +14,7 @@ MOST_BYTES = 1_000_000
 """The most bytes of one upload; an attributes.json of ten components has 70,000."""
 
 
-class Headers(Protocol):
-    """Headers of a request; names in any case."""
-
-    def get(self, key: str, default: str, /) -> str:
-        """A header's value."""
-        ...
-
-
-def refusal(headers: Headers) -> int:
+def refusal(headers: Mapping[str, str] | Message) -> int:
     """Choose the status with which to refuse a request, 0 if it may pass.
 
     A page of another site may send requests here, and another name may resolve to this machine: both show

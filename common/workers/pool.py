@@ -13,6 +13,7 @@ import multiprocessing
 import os
 import signal
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
@@ -22,7 +23,6 @@ from itertools import chain, islice
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
-from common.cores import Cores
 from common.memory import refuse_larger
 from common.workers import under_way
 from common.workers.pipeline import Pipeline, Split
@@ -302,7 +302,7 @@ class WorkerPool(Workers):
         self._executors: dict[Kind, ProcessPoolExecutor] = {}
         self._reported: dict[Kind, Any] = {}  # units of each process
         self._lock = threading.RLock()  # the pipeline's thread starts processes, too
-        self._cores = Cores()
+        self._opened = time.perf_counter(), _cpu_seconds()
 
     def under_way(self) -> float:
         """The units of work that unfinished tasks have reported."""
@@ -311,7 +311,9 @@ class WorkerPool(Workers):
     def cpu_share(self) -> float:
         """Stop; returns the share of their cores, with this process, that was used since they opened."""
         self.close()  # the time of children is known when they have ended
-        return self._cores.share(self.workers)
+        opened, used_before = self._opened
+        cores_seconds = (time.perf_counter() - opened) * max(self.workers, 1)
+        return (_cpu_seconds() - used_before) / cores_seconds
 
     def close(self) -> None:
         """Stop the processes at once; unfinished work is dropped."""
@@ -366,6 +368,11 @@ class WorkerPool(Workers):
                 initargs=(context.Value("i", 0), nice, sees_gpu, reported),
             )
         return self._executors[kind]
+
+
+def _cpu_seconds() -> float:
+    """CPU time of this process and of its children that have ended."""
+    return sum(os.times()[:4])
 
 
 def refuse_many_workers(flag: str, workers: int) -> None:
