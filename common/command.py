@@ -10,7 +10,7 @@ import shlex
 import sys
 import textwrap
 import traceback
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence, Set
 from difflib import get_close_matches
 from importlib.util import find_spec
 from itertools import takewhile
@@ -30,6 +30,8 @@ SIMILAR = 0.75
 suggest target."""
 Arguments = Sequence[str] | argparse.Namespace | None
 """Words of a command line, by default those of the program; or the result of its parser."""
+Relation = tuple[str, Sequence[str], Sequence[str]]
+"""A flag, those of which it needs one, and those with which it has no effect."""
 _parsed: str | None = None
 _running: str | None = None
 """The command line parsed last, and the one that `exit_code` runs."""
@@ -88,6 +90,9 @@ class Parser(argparse.ArgumentParser):
     Args:
         name: the command after `PROGRAM`, such as "render".
         description: the help's first part; indented paragraphs keep their layout.
+
+    Attributes:
+        relations: what flags need and exclude.
     """
 
     def __init__(self, name: str, description: str | None) -> None:
@@ -100,8 +105,7 @@ class Parser(argparse.ArgumentParser):
         )
         self._positionals.title = "arguments"
         self._rare: list[argparse._ArgumentGroup] = []
-        self._needs: list[tuple[str, tuple[str, ...]]] = []
-        self._excludes: list[tuple[str, tuple[str, ...]]] = []
+        self.relations: list[Relation] = []
         self._common = self.add_argument_group("about this command")
         add = self._common.add_argument
         add("-h", "--help", action=_Help, everything=False, help="show this help")
@@ -113,14 +117,6 @@ class Parser(argparse.ArgumentParser):
             self._common.add_argument("--help-all", action=_Help, everything=True)
         self._rare.append(self.add_argument_group(title))
         return self._rare[-1].add_argument
-
-    def needs(self, flag: str, *others: str) -> None:
-        """Refuse a flag that has no effect without one of the others."""
-        self._needs.append((flag, others))
-
-    def excludes(self, flag: str, *others: str) -> None:
-        """Refuse a flag that has no effect with one of the others."""
-        self._excludes.append((flag, others))
 
     def format_help(self, everything: bool = False) -> str:
         """Format the short help, or all of it."""
@@ -171,12 +167,8 @@ class Parser(argparse.ArgumentParser):
         global _parsed
         parsed = super().parse_args(words, namespace)
         typed = {word.partition("=")[0] for word in takewhile("--".__ne__, words)}
-        for flag, others in self._needs:
-            if flag in typed and typed.isdisjoint(others):
-                self.error(f"{flag} needs {' or '.join(others)}")
-        for flag, others in self._excludes:
-            for other in typed.intersection(others) if flag in typed else ():
-                self.error(f"{flag} has no effect with {other}")
+        if fault := unmet(self.relations, typed):
+            self.error(fault)
         _parsed = shlex.join([*self.prog.split(), *words])
         return parsed
 
@@ -194,6 +186,16 @@ class _Help(argparse.Action):
 
     def __call__(self, parser: Any, namespace: Any, values: Any, option: Any = None) -> None:
         parser.exit(exit_code(lambda: print(parser.format_help(self.everything), end="")))
+
+
+def unmet(relations: Iterable[Relation], used: Set[str]) -> str | None:
+    """Say which of the flags in use lacks another, or has no effect with one; None if all are fine."""
+    for flag, needs, excludes in relations:
+        if flag in used and needs and used.isdisjoint(needs):
+            return f"{flag} needs {' or '.join(needs)}"
+        for other in used & {*excludes} if flag in used else ():
+            return f"{flag} has no effect with {other}"
+    return None
 
 
 def suggestion(word: str, names: Iterable[str]) -> str:

@@ -117,9 +117,7 @@ def command_line(
         if field.default is not MISSING:
             parser.set_defaults(**{field.path[0]: field.default})
         add_flag(adders.get(field.path[0], default_add), field)
-        if field.option.needs:
-            parser.needs(field.flag, *field.option.needs)
-        parser.excludes(field.flag, *field.option.excludes)
+        parser.relations.append((field.flag, field.option.needs, field.option.excludes))
     return parser
 
 

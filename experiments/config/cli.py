@@ -13,7 +13,7 @@ from inspect import get_annotations
 from pathlib import Path
 from typing import Any
 
-from common.command import HELP, Parser, docstring, exit_code, suggestion
+from common.command import HELP, Parser, docstring, exit_code, suggestion, unmet
 from common.errors import UserError
 from common.flags import Field, add_flag, fill, flags_of
 from common.workers.pool import WorkerError
@@ -184,12 +184,13 @@ def refuse_unused(config: Config, values: Mapping[str, Any]) -> None:
             raise UserError(f"{_flag(flag)} is for --target twin, not {config.target}")
     fields = {field.flag: ".".join(field.path) for field in flags_of(config)}
     used = {flag for flag, path in fields.items() if values.get(path) not in (None, False, ())}
-    for field in flags_of(config):
-        needs = [flag for flag in field.option.needs if flag in fields]  # a study may lack them
-        if field.flag in used and needs and used.isdisjoint(needs):
-            raise UserError(f"{field.flag} needs {' or '.join(needs)}")
-        for other in used.intersection(field.option.excludes) if field.flag in used else ():
-            raise UserError(f"{field.flag} has no effect with {other}")
+    relations = (
+        # A study may lack some flags.
+        (field.flag, [f for f in field.option.needs if f in fields], field.option.excludes)
+        for field in flags_of(config)
+    )
+    if fault := unmet(relations, used):
+        raise UserError(fault)
     if not isinstance(config, GroupsConfig):
         return
     search_options = [name for name in values if name.startswith("search.")]
