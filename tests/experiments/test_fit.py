@@ -462,11 +462,17 @@ def test_from_a_folder_of_ones_own_to_a_net(folder, tmp_path, capsys, monkeypatc
     with monkeypatch.context() as patch:
         patch.setattr(Cache, "streets", never)
         patch.setattr(Runner, "train", never)
-        again = fit(config_of(folder, tmp_path / "run", preset="smoke", **options))
+        fitted = experiments.fit(folder, tmp_path / "run", preset="smoke", **options)
+    again = fitted.summary
     assert sum(charges) == pytest.approx(sum(stage.cost for stage in work))
     assert again["seconds"]["streets"] == summary["seconds"]["streets"] and again["command"] is None
-    assert load_model(tmp_path / "run" / "model").digest == model.digest
-    assert again["nets"] == summary["nets"] and text(again) in said
+    assert fitted.model.digest == model.digest
+    assert again["nets"] == summary["nets"] and text(again) == str(fitted) and str(fitted) in said
+    assert fitted.verdict in capsys.readouterr().out and fitted.verdict in fitted._repr_html_()
+    assert fitted.report.is_file() and list(fitted.miou) == list(summary["rows"])
+    assert fitted.miou["labels"] == (summary["rows"]["labels"]["mean"], None)
+    gain = fitted.miou["labels+renders"].mean - fitted.miou["labels"].mean
+    assert fitted.gain.mean == pytest.approx(gain)
     # Labels were added: the net that is left starts from the model before.
     config = config_of(
         folder, tmp_path / "next", preset="smoke", seeds=2, size=(64, 48), workers=0,

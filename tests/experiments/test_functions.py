@@ -1,8 +1,5 @@
 """`experiments.fit`, `search` and `reward`: the commands as functions, with named results."""
 
-from importlib.resources import files
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -10,9 +7,7 @@ import experiments
 from common.errors import UserError
 from common.files import write_json
 from scene.proposal import default_proposal, describe
-from seg.model import Model
 
-TOY = Path(str(files("experiments"))) / "toy"
 TINY = {"streets": 2, "width": 64, "height": 32, "train": {"steps": 2}}
 
 
@@ -44,17 +39,3 @@ def test_a_reward_of_a_file_of_attributes(tmp_path):
 def test_what_cannot_be_used_is_named(options, words):
     with pytest.raises(UserError, match=words):
         experiments.reward(options.pop("streets", "default"), preset="smoke", **options)
-
-
-def test_fit_returns_scores_and_a_model(tmp_path, capsys):
-    fitted = experiments.fit(
-        TOY, tmp_path / "run", preset="smoke", size=(64, 40), seeds=1, steps=2, streets=2, workers=1
-    )
-    assert fitted.verdict in capsys.readouterr().out and fitted.report.is_file()
-    assert list(fitted.miou) == ["labels", "labels+renders", "renders"]
-    rows = fitted.summary["rows"]
-    assert fitted.miou["labels"] == (rows["labels"]["mean"], None)
-    gain = fitted.miou["labels+renders"].mean - fitted.miou["labels"].mean
-    assert fitted.gain.mean == pytest.approx(gain)
-    assert isinstance(fitted.model, Model)
-    assert str(fitted).startswith(fitted.verdict) and fitted.verdict in fitted._repr_html_()

@@ -14,6 +14,8 @@ from PIL import Image
 
 from seg.data import DataError
 from seg.errors import WeightsError
+from seg.nets.lite import STRIDES, Block, Lite, channels_of
+from seg.nets.trunks import TRUNKS, Trunk
 from seg.weights import convert, vgg16
 from seg.weights.__main__ import main
 from seg.weights.normalisation import from_bgr
@@ -77,6 +79,17 @@ def random_params(outline, seed: int = 0):
         return rng.normal(0, scale, leaf.shape).astype(np.float32)
 
     return jax.tree.map(draw, outline)
+
+
+@pytest.fixture
+def narrow_lite(monkeypatch):
+    """A backbone of five blocks, by its name: lite0 compiles for most of a minute."""
+    blocks = (Block(3, 1, 1, 8), *(Block(3, 2, 2, 8) for _ in range(4)))
+    module = Lite(blocks)
+    weights = filled(module, jnp.zeros((1, 32, 32, 3)))
+    made = Trunk(module, STRIDES, channels_of(blocks), lambda: weights, {})
+    monkeypatch.setitem(TRUNKS, "narrow_lite", lambda _: made)
+    return "narrow_lite"
 
 
 def narrow_vgg16(patch: pytest.MonkeyPatch, width: int, hidden: int) -> None:

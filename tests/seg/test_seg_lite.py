@@ -14,9 +14,7 @@ from PIL import Image
 import seg.views
 from seg import (
     RECIPES,
-    TRUNKS,
     TrainSettings,
-    Trunk,
     WeightsError,
     check_settings,
     mean_iou,
@@ -493,15 +491,10 @@ def test_a_tuned_trunk_trains_at_a_tenth_of_the_rate():
     assert predict(params, images, settings, 2).shape == labels.shape
 
 
-def test_a_tuned_lite_learns_in_bfloat16(monkeypatch):
-    """A narrow one of five blocks, since all of lite0 would compile for most of a minute."""
-    blocks = (Block(3, 1, 1, 8), *(Block(3, 2, 2, 8) for _ in range(4)))
-    module, (images, labels) = Lite(blocks), toy(2, (48, 64))
-    weights = filled(module, jnp.zeros((1, 32, 32, 3)))
-    trunk = Trunk(module, STRIDES, channels_of(blocks), lambda: weights, {})
-    monkeypatch.setitem(TRUNKS, "narrow_lite", lambda _: trunk)
+def test_a_tuned_lite_learns_in_bfloat16(narrow_lite):
+    images, labels = toy(2, (48, 64))
     settings = replace(
-        SETTINGS, net="narrow_lite", trunk="tuned", dtype="bfloat16", steps=12, warmup=0
+        SETTINGS, net=narrow_lite, trunk="tuned", dtype="bfloat16", steps=12, warmup=0
     )
     prepared = prepare(TrainingSet((LabelledImages(images, labels),)), settings, 2)
     compiled, rows = functions(settings, 2), plan(0, 2, settings)
@@ -514,7 +507,8 @@ def test_a_tuned_lite_learns_in_bfloat16(monkeypatch):
         losses.append(float(loss))
     assert np.mean(losses[-4:]) < 0.8 * np.mean(losses[:2])
     assert {leaf.dtype for leaf in jax.tree.leaves(state.params)} == {np.dtype("float32")}
-    assert np.abs(state.params["trunk"]["stem"]["kernel"] - weights["stem"]["kernel"]).max() > 0
+    before = trunk_params(settings)["stem"]["kernel"]
+    assert np.abs(state.params["trunk"]["stem"]["kernel"] - before).max() > 0
 
 
 def test_rates_by_path_and_recipes():

@@ -92,10 +92,10 @@ def test_every_step_has_noise_of_its_own_and_seeds_drawn_at_once_are_those_alone
         assert_same(jax.tree.map(lambda leaf, k=k: leaf[k], together), init(seed).params)
 
 
-def test_heads_are_nets_of_their_own_whose_mean_logits_count():
+def test_heads_are_nets_of_their_own_whose_mean_logits_count(narrow_lite):
     """The first is that of the same seed alone, and each has weights and an order of its own."""
     images, labels = (np.repeat(part, 2, axis=1).repeat(2, axis=2) for part in toy(4))
-    one_head = TrainSettings(net="lite0", steps=4, batch=2, warmup=0, head_width=8)
+    one_head = TrainSettings(net=narrow_lite, steps=4, batch=2, warmup=0, head_width=8)
     settings = replace(one_head, heads=3)
     reported_steps = []
     net = train(
@@ -134,10 +134,11 @@ def test_heads_are_nets_of_their_own_whose_mean_logits_count():
         train(5, images, labels, settings, 11, checkpoints=2)
 
 
-@pytest.mark.parametrize("settings", [TrainSettings(steps=2, warmup=0), LITE0], ids=["net", "head"])
-def test_logits_are_the_mean_over_an_image_and_its_mirror_image(settings):
-    if settings is LITE0:
-        settings = TrainSettings(**LITE0, steps=2, warmup=0, heads=2, head_width=8)
+@pytest.mark.parametrize("kind", ["net", "head"])
+def test_logits_are_the_mean_over_an_image_and_its_mirror_image(kind, narrow_lite):
+    settings = TrainSettings(steps=2, warmup=0)
+    if kind == "head":
+        settings = replace(settings, net=narrow_lite, heads=2, head_width=8)
     images, labels = (part.repeat(2, axis=1).repeat(2, axis=2) for part in toy(3))
     images, labels = images[:, :, :57], labels[:, :, :57]  # the last cell of a map is cut
     averaged = replace(settings, average_mirror=True)
