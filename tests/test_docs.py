@@ -171,9 +171,7 @@ def test_the_pages_are_short_and_the_appendix_is_last():
     assert words(results) <= 2_500 and 0 < len(tables) <= 8
 
 
-@pytest.mark.parametrize(
-    "page", [page for page in PAGES if re.match("docs/(?!findings.md)", page)]
-)
+@pytest.mark.parametrize("page", [page for page in PAGES if re.match("docs/(?!findings.md)", page)])
 def test_a_page_begins_with_what_it_is(page):
     """A title and a sentence, which says what the thing is, not what its reader will have done."""
     first = re.match(r"(?:---\n.*\n---\n)?# .+\n\n([A-Z`].+)", PAGES[page])

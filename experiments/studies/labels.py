@@ -195,7 +195,8 @@ def text(report: Report) -> str:
         f"Networks ({report['net']}) are trained on some of the {report['reward_images']} labelled images (a "
         "choice for each seed, spread over sequences and time), alone or plus "
         f"{report['rendered_images']} rendered ones; labelled images then fill at least "
-        f"{shares} of each batch. Intervals are over seeds, which change the choice, the streets and the network.",
+        f"{shares} of each batch. Intervals are over seeds, which change the choice, the streets and the "
+        "network.",
         "",
         *table(COLUMNS, report["rows"]),
         "",
