@@ -12,7 +12,7 @@ from scene.assets.parts.palette import BLACK, HEADLAMP, STEEL, TAILLAMP, TYRE, W
 from scene.assets.parts.skin import cuboid
 from scene.assets.parts.vehicle import card, circle, mudguard, rod
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, Point, merge
+from scene.mesh.asset import Asset, Color, Parts, Point, merge
 from scene.mesh.solids import block, polygon, ring, tube
 
 SADDLE: Point = (-0.28, 0.0, 0.95)
@@ -136,27 +136,22 @@ def _steering(p: BicycleParams) -> tuple[Point, Point, Point]:
     return hub, foot, (foot[0] - 0.06 - 0.3 * (top - foot[2] - 0.17), 0.0, top)
 
 
-def _frame(p: BicycleParams) -> list[Asset]:
+def _frame(p: BicycleParams) -> Parts:
     """Build the diamond: down, top and seat tube, stays and fork."""
     hub, foot, head = _steering(p)
     seat = _on_seat_tube(0.80)
     joint = _on_seat_tube(0.80 - 1.2 * p.step)
     front = head if p.step < 0.3 else foot
-    parts = [
-        rod(CRANK, foot, 1.15 * p.tube, p.color, "paint"),
-        rod(joint, (front[0], 0.0, front[2] - 0.02), p.tube, p.color, "paint"),
-        rod(CRANK, seat, p.tube, p.color, "paint"),
-        rod(seat, SADDLE, 0.8 * p.tube, STEEL),
-        rod(foot, head, 1.2 * p.tube, p.color, "paint"),
-    ]
+    yield rod(CRANK, foot, 1.15 * p.tube, p.color, "paint")
+    yield rod(joint, (front[0], 0.0, front[2] - 0.02), p.tube, p.color, "paint")
+    yield rod(CRANK, seat, p.tube, p.color, "paint")
+    yield rod(seat, SADDLE, 0.8 * p.tube, STEEL)
+    yield rod(foot, head, 1.2 * p.tube, p.color, "paint")
     for y in (p.tyre / 2 + 0.02, -p.tyre / 2 - 0.02):
         rear = (-p.wheelbase / 2, y, p.wheel_radius)
-        parts += [
-            rod((CRANK[0], 0.6 * y, CRANK[2]), rear, 0.7 * p.tube, p.color, "paint"),
-            rod((seat[0], 0.6 * y, seat[2] - 0.04), rear, 0.6 * p.tube, p.color, "paint"),
-            rod((foot[0], y, foot[2]), (hub[0], y, hub[2]), 0.7 * p.tube, p.second_color, "paint"),
-        ]
-    return parts
+        yield rod((CRANK[0], 0.6 * y, CRANK[2]), rear, 0.7 * p.tube, p.color, "paint")
+        yield rod((seat[0], 0.6 * y, seat[2] - 0.04), rear, 0.6 * p.tube, p.color, "paint")
+        yield rod((foot[0], y, foot[2]), (hub[0], y, hub[2]), 0.7 * p.tube, p.second_color, "paint")
 
 
 def _on_seat_tube(share: float) -> Point:
@@ -165,12 +160,12 @@ def _on_seat_tube(share: float) -> Point:
     return x0 + share * (x1 - x0), y0 + share * (y1 - y0), z0 + share * (z1 - z0)
 
 
-def _handlebar(p: BicycleParams) -> list[Asset]:
+def _handlebar(p: BicycleParams) -> Parts:
     """Build stem, bar and grips; the hands hold it at ``BAR``."""
     _, _, head = _steering(p)
     x, y, z = BAR
     clamp = (head[0] - 0.01, 0.0, z - 0.01) if p.bar != "drop" else (x - 0.03, 0.0, z - 0.02)
-    parts = [rod(head, clamp, 0.9 * p.tube, STEEL)]
+    yield rod(head, clamp, 0.9 * p.tube, STEEL)
     for side in (1, -1):
         if p.bar == "drop":
             bend, hook = (x + 0.01, side * (y - 0.03), z), (x + 0.11, side * (y - 0.03), z - 0.05)
@@ -180,34 +175,30 @@ def _handlebar(p: BicycleParams) -> list[Asset]:
             back = 0.12 if p.bar == "swept" else 0.02
             knee = (clamp[0], side * 0.14, z)
             lines = [(clamp, knee, STEEL), (knee, (x - back, side * (y + 0.05), z), BLACK)]
-        parts += [rod(a, b, 0.015, color) for a, b, color in lines]
-    return parts
+        yield from (rod(a, b, 0.015, color) for a, b, color in lines)
 
 
-def _drive(p: BicycleParams) -> list[Asset]:
+def _drive(p: BicycleParams) -> Parts:
     """Build saddle, chainring, chain, cranks and pedals."""
     x, _, z = SADDLE
     tip, tail = x + 0.13, x - 0.13
     outline = [(tip, -0.025, z), (tip, 0.025, z), (tail, 0.075, z), (tail, -0.075, z)]
-    parts = [
-        polygon(outline, p.saddle_color),
-        polygon([(tip, 0, z), (tail, 0.075, z), (tail, 0, z - 0.07), (x, 0, z - 0.05)], BLACK),
-        polygon([(tip, 0, z), (tail, -0.075, z), (tail, 0, z - 0.07), (x, 0, z - 0.05)], BLACK),
-    ]
+    yield polygon(outline, p.saddle_color)
+    yield polygon([(tip, 0, z), (tail, 0.075, z), (tail, 0, z - 0.07), (x, 0, z - 0.05)], BLACK)
+    yield polygon([(tip, 0, z), (tail, -0.075, z), (tail, 0, z - 0.07), (x, 0, z - 0.05)], BLACK)
     sprocket = circle((CRANK[0], -0.045, CRANK[2]), 0.085, 8)
-    parts.append(polygon(sprocket, STEEL, "metal"))
+    yield polygon(sprocket, STEEL, "metal")
     rear = -p.wheelbase / 2
     low, high = (rear, -0.05, p.wheel_radius - 0.02), (CRANK[0], -0.05, CRANK[2] + 0.07)
     chain = [low, (CRANK[0], -0.05, CRANK[2] - 0.07), high, (rear, -0.05, p.wheel_radius + 0.02)]
     if p.chaincase:
-        parts.append(polygon(np.array(chain) + [0, -0.02, 0], p.color, "paint"))
+        yield polygon(np.array(chain) + [0, -0.02, 0], p.color, "paint")
     for a, b in ((chain[0], chain[1]), (chain[3], chain[2])):
-        parts.append(rod(a, b, 0.008, TYRE))
+        yield rod(a, b, 0.008, TYRE)
     for x, y, z in pedals():
         side = np.sign(y)
-        parts.append(rod((CRANK[0], side * 0.06, CRANK[2]), (x, side * 0.07, z), 0.014, STEEL))
-        parts.append(cuboid((x - 0.05, x + 0.05), 0.05, (z - 0.012, z + 0.012), BLACK, at=y))
-    return parts
+        yield rod((CRANK[0], side * 0.06, CRANK[2]), (x, side * 0.07, z), 0.014, STEEL)
+        yield cuboid((x - 0.05, x + 0.05), 0.05, (z - 0.012, z + 0.012), BLACK, at=y)
 
 
 def pedals() -> tuple[Point, Point]:
@@ -217,23 +208,23 @@ def pedals() -> tuple[Point, Point]:
     return (x + ahead, PEDAL_Y, z + up), (x - ahead, -PEDAL_Y, z - up)
 
 
-def _fittings(p: BicycleParams) -> list[Asset]:
+def _fittings(p: BicycleParams) -> Parts:
     """Build mudguards, rack, bottle and loads."""
-    parts = []
     rear, front = -p.wheelbase / 2, p.wheelbase / 2
     top = 2 * p.wheel_radius + 0.07
     if p.mudguards:
         for x, angles in ((rear, _GUARDS[0]), (front, _GUARDS[1])):
             hub = (x, 0.0, p.wheel_radius)
-            parts.append(mudguard(hub, p.wheel_radius + 0.02, 0.06, angles, p.color))
+            yield mudguard(hub, p.wheel_radius + 0.02, 0.06, angles, p.color)
     if p.rack:
-        parts.append(cuboid((rear - 0.17, rear + 0.2), 0.06, (top, top + 0.02), BLACK))
-        parts.append(rod((rear - 0.1, 0.0, top), (rear, 0.0, p.wheel_radius), 0.012, BLACK))
-        parts.append(card((rear - 0.18, 0.0, top - 0.025), 0.06, 0.05, TAILLAMP, "lamp"))
+        yield cuboid((rear - 0.17, rear + 0.2), 0.06, (top, top + 0.02), BLACK)
+        yield rod((rear - 0.1, 0.0, top), (rear, 0.0, p.wheel_radius), 0.012, BLACK)
+        yield card((rear - 0.18, 0.0, top - 0.025), 0.06, 0.05, TAILLAMP, "lamp")
     if p.bottle:
         low, high = (_on_down_tube(p, share) for share in (0.4, 0.75))
-        parts.append(tube(low, high, 0.036, p.second_color, sides=8))
-    return [*parts, *_front_load(p), *_rear_load(p)]
+        yield tube(low, high, 0.036, p.second_color, sides=8)
+    yield from _front_load(p)
+    yield from _rear_load(p)
 
 
 def _on_down_tube(p: BicycleParams, share: float) -> Point:
@@ -242,7 +233,7 @@ def _on_down_tube(p: BicycleParams, share: float) -> Point:
     return x0 + share * (x1 - x0) - 0.03, 0.0, z0 + share * (z1 - z0) + 0.06
 
 
-def _front_load(p: BicycleParams) -> list[Asset]:
+def _front_load(p: BicycleParams) -> Parts:
     """Build a basket of wires or wicker, or only a lamp."""
     x = _steering(p)[1][0] + 0.03
     top = max(2 * p.wheel_radius + 0.1, 0.7)
@@ -252,22 +243,24 @@ def _front_load(p: BicycleParams) -> list[Asset]:
     if not p.basket:
         head = _steering(p)[2]
         bracket = rod((head[0], 0.0, head[2] - 0.06), (x, 0.0, top + 0.02), 0.01, BLACK)
-        return [lamp, bracket] if p.mudguards else []
+        yield from [lamp, bracket] if p.mudguards else []
+        return
     low, high = (x, -0.17, top + 0.03), (x + 0.27, 0.17, top + 0.23)
     if p.tube > 0.022:
-        return [block(low, high, WICKER, "wood")]
+        yield block(low, high, WICKER, "wood")
+        return
     (back, right_y, foot), (ahead, left_y, rim) = low, high
-    parts = [block(low, (ahead, left_y, foot + 0.01), BLACK, "metal")]
+    yield block(low, (ahead, left_y, foot + 0.01), BLACK, "metal")
     for z in np.linspace(foot, rim, 4):
         ends = [((back, y, z), (ahead, y, z)) for y in (right_y, left_y)]
         ends += [((x, right_y, z), (x, left_y, z)) for x in (back, ahead)]
-        parts += [rod(a, b, 0.006, BLACK) for a, b in ends]
+        yield from (rod(a, b, 0.006, BLACK) for a, b in ends)
     upright = [(ahead, y) for y in np.linspace(right_y, left_y, 6)]
     upright += [(x, y) for x in np.linspace(back, ahead, 5) for y in (right_y, left_y)]
-    return parts + [rod((x, y, foot), (x, y, rim), 0.005, BLACK) for x, y in upright]
+    yield from (rod((x, y, foot), (x, y, rim), 0.005, BLACK) for x, y in upright)
 
 
-def _rear_load(p: BicycleParams) -> list[Asset]:
+def _rear_load(p: BicycleParams) -> Parts:
     """Build bags at the sides of the rack, or a child's seat or a box on it."""
     rear, top = -p.wheelbase / 2, 2 * p.wheel_radius + 0.08
     if p.load == "panniers":

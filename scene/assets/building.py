@@ -6,6 +6,7 @@ glass are between the two. Roof, chimneys, balconies, shop fronts and so on are 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from itertools import product
 
 import numpy as np
@@ -96,7 +97,7 @@ def _ground_openings(p: BuildingParams) -> list[list[Opening]]:
 
 def _opening_fill(
     rng: np.random.Generator, p: BuildingParams, opening: Opening, panes: tuple[int, int]
-) -> list[Part]:
+) -> Iterable[Part]:
     """Build the inside of an opening: panes, a door, or the darkness of a parking deck."""
     if opening.glazed:
         return window(rng, opening, panes, p.curtain)
@@ -105,145 +106,129 @@ def _opening_fill(
     return door(opening, p.accent)
 
 
-def _facade(rng: np.random.Generator, p: BuildingParams) -> list[Part]:
+def _facade(rng: np.random.Generator, p: BuildingParams) -> Iterable[Part]:
     """Build ground floor and upper storeys of the front with frames, panes, doors, sills and lintels."""
     top = eaves(p)
     upper, ground = _upper_openings(p), _ground_openings(p)
-    parts: list[Part] = [
-        Patch(upright(-p.width / 2, p.width / 2, 0, top, RECESS), p.frame, "paint")
-    ]
-    parts += pierced_wall(p.width, (0, p.ground), ground, *p.ground_wall)
-    parts += pierced_wall(p.width, (p.ground, top), upper, *p.wall)
+    yield Patch(upright(-p.width / 2, p.width / 2, 0, top, RECESS), p.frame, "paint")
+    yield from pierced_wall(p.width, (0, p.ground), ground, *p.ground_wall)
+    yield from pierced_wall(p.width, (p.ground, top), upper, *p.wall)
     ground_panes = {"doors": p.panes, "shop": (2, 1)}.get(p.ground_floor, (1, 1))
     for (opening,) in ground:
-        parts += _opening_fill(rng, p, opening, ground_panes)
+        yield from _opening_fill(rng, p, opening, ground_panes)
     for bay, column in enumerate(upper):
         for opening in column:
-            parts += _opening_fill(rng, p, opening, p.panes)
+            yield from _opening_fill(rng, p, opening, p.panes)
             if p.head != "flat" and bay not in p.balconies:
-                parts += arch(opening, *p.wall, pointed=p.head == "pointed")
+                yield from arch(opening, *p.wall, pointed=p.head == "pointed")
             if "sills" in p.trim and bay not in p.balconies:
-                parts += sill(opening, p.frame)
+                yield from sill(opening, p.frame)
             if "lintels" in p.trim and p.head == "flat":
-                parts.append(lintel(opening, p.frame))
-    return parts
+                yield lintel(opening, p.frame)
 
 
-def _trim(rng: np.random.Generator, p: BuildingParams) -> list[Part]:
+def _trim(rng: np.random.Generator, p: BuildingParams) -> Iterable[Part]:
     """Build the ornaments and fittings on the facade that ``trim`` names."""
     top, half, floors = eaves(p), p.width / 2, _floors(p)
     columns = bays(p.width, p.bays, p.window[0])
-    parts: list[Part] = []
     for name in p.trim:
         match name:
             case "strings":
-                parts += [ornament.band((-half, half), ornament.STRING, z - 0.08, 0.16, p.frame)
-                          for z in floors[1:]]  # fmt: skip
+                for z in floors[1:]:
+                    yield ornament.band((-half, half), ornament.STRING, z - 0.08, 0.16, p.frame)
             case "cornice":
-                parts.append(
-                    ornament.band((-half, half), ornament.CORNICE, top - 0.3, 0.26, p.frame)
-                )
+                yield ornament.band((-half, half), ornament.CORNICE, top - 0.3, 0.26, p.frame)
             case "quoins":
-                parts += ornament.quoins(p.width, (0.0, top - 0.3), p.frame)
+                yield from ornament.quoins(p.width, (0.0, top - 0.3), p.frame)
             case "timbers":
-                parts += ornament.timbers(p.width, [*floors, top - 0.12], columns, p.accent)
+                yield from ornament.timbers(p.width, [*floors, top - 0.12], columns, p.accent)
             case "pilasters" | "mullions" | "ribs":
                 width = {"pilasters": 0.42, "mullions": 0.12, "ribs": 0.06}[name]
                 foot = p.ground if p.ground_floor == "shop" else 0.0
                 edges = np.linspace(-half + width / 2, half - width / 2,
                                     (p.bays if name != "ribs" else 12) + 1)  # fmt: skip
                 low = p.ground if name == "ribs" else foot
-                parts += [
-                    relief((x - width / 2, -ornament.PILASTER, low),
+                yield from (relief((x - width / 2, -ornament.PILASTER, low),
                           (x + width / 2, 0.05, top - 0.32), p.frame, "concrete")
-                    for x in edges.tolist()
-                ]  # fmt: skip
+                    for x in edges.tolist())  # fmt: skip
             case "pipe":
-                parts += ornament.drainpipe(half - 0.2, top)
+                yield from ornament.drainpipe(half - 0.2, top)
             case "dish":
                 if rng.random() < 0.6:
-                    parts += ornament.dish(float(rng.uniform(-0.4, 0.4)) * p.width, top - 0.35)
+                    yield from ornament.dish(float(rng.uniform(-0.4, 0.4)) * p.width, top - 0.35)
             case "number":
                 x = columns[p.doors[0]][1] + 0.25
                 plate = upright(x - 0.1, x + 0.1, 1.6, 1.78, -PROUD)
-                parts.append(Patch(plate, ornament.contrast(p.ground_wall[0]), "paint"))
+                yield Patch(plate, ornament.contrast(p.ground_wall[0]), "paint")
             case "sign":
                 x = (1, -1)[rng.integers(2)] * (half - 0.5)
-                parts += ornament.hanging_sign(x, p.ground + 0.3, p.accent)
+                yield from ornament.hanging_sign(x, p.ground + 0.3, p.accent)
             case "board":
                 low, high = p.ground - 0.42, p.ground + 0.08
                 span = (-0.45 * p.width, 0.45 * p.width)
-                parts.append(
-                    relief((span[0], -ornament.BOARD, low), (span[1], 0.05, high), p.accent)
-                )
-                parts += ornament.capitals(
+                yield relief((span[0], -ornament.BOARD, low), (span[1], 0.05, high), p.accent)
+                yield from ornament.capitals(
                     rng, (0.55 * span[0], 0.6 * span[1]), (low + 0.09, high - 0.09),
                     -ornament.BOARD - PROUD, ornament.contrast(p.accent),
                 )  # fmt: skip
             case "turret":
-                parts += ornament.turret(-half + 1.0, 1.25, top, floors, p.wall, p.roof_color)
+                yield from ornament.turret(-half + 1.0, 1.25, top, floors, p.wall, p.roof_color)
             case "plant":
-                parts += plant_room((p.width, p.depth), top + p.rise, p.frame)
+                yield from plant_room((p.width, p.depth), top + p.rise, p.frame)
             case "battlements":
-                parts += [
-                    box((0.55, 0.3, 0.5), (float(x), 0.15, top + p.rise), *p.wall)
-                    for x in np.arange(-half + 0.3, half, 1.1)
-                ]
-    return parts
+                for x in np.arange(-half + 0.3, half, 1.1):
+                    yield box((0.55, 0.3, 0.5), (float(x), 0.15, top + p.rise), *p.wall)
 
 
-def _additions(rng: np.random.Generator, p: BuildingParams) -> list[Part]:
+def _additions(rng: np.random.Generator, p: BuildingParams) -> Iterable[Part]:
     """Build shop fronts, bay windows, hoods over the doors and balconies."""
-    parts: list[Part] = []
     if p.ground_floor == "shop":
-        parts += ornament.shop_front(rng, p.width, p.ground, (p.accent, p.second_color), p.hood)
+        yield from ornament.shop_front(rng, p.width, p.ground, (p.accent, p.second_color), p.hood)
     elif p.ground_floor == "doors" and p.hood:
         spans = bays(p.width, p.bays, p.window[0] + 0.15)
-        parts += [ornament.band(spans[d], p.hood, 0.84 * p.ground, 0.14, p.frame) for d in p.doors]
+        for d in p.doors:
+            yield ornament.band(spans[d], p.hood, 0.84 * p.ground, 0.14, p.frame)
     bay_spans = bays(p.width, p.bays, 0.9)
     for bay in p.bay_windows:
         levels = (0.75, 0.78 * p.ground, 0.9 * p.ground)
-        parts += ornament.bay_window(bay_spans[bay], levels, p.ground_wall, p.frame, p.roof_color)
+        yield from ornament.bay_window(bay_spans[bay], levels, p.ground_wall, p.frame, p.roof_color)
     for bay, floor in product(p.balconies, _floors(p)):
-        parts += ornament.balcony(bay_spans[bay], floor, p.frame, p.accent)
-    return parts
+        yield from ornament.balcony(bay_spans[bay], floor, p.frame, p.accent)
 
 
-def _sides(p: BuildingParams) -> list[Part]:
+def _sides(p: BuildingParams) -> Iterable[Part]:
     """Build the back wall, and the side walls with their windows."""
     top, half = eaves(p), p.width / 2
-    parts: list[Part] = [Patch(upright(-half, half, 0, top, p.depth), *p.wall)]
+    yield Patch(upright(-half, half, 0, top, p.depth), *p.wall)
     middles = (np.arange(p.side_windows) + 0.5) / max(p.side_windows, 1) * p.depth
     for x in (-half, half):
         corners = [(x, 0, 0), (x, p.depth, 0), (x, p.depth, top), (x, 0, top)]
-        parts.append(Patch(corners, *p.wall))
+        yield Patch(corners, *p.wall)
         for storey, middle in product(range(p.storeys), middles):
             low = p.ground + (storey + 0.3) * p.storey
-            parts += side_window(x, middle, low, low + 0.5 * p.storey, p.frame)
-    return parts
+            yield from side_window(x, middle, low, low + 0.5 * p.storey, p.frame)
 
 
-def _roof(p: BuildingParams) -> list[Part]:
+def _roof(p: BuildingParams) -> Iterable[Part]:
     """Build the roof with its dormers and chimneys, and the tower."""
     plan, base = (p.width, p.depth), eaves(p)
     if p.roof == "flat":
-        parts: list[Part] = [flat_roof(plan, base, p.rise, p.frame, p.wall)]
+        yield flat_roof(plan, base, p.rise, p.frame, p.wall)
     else:
-        parts = [pitched_roof(plan, base, p.rise, p.roof, p.roof_color, p.wall)]
+        yield pitched_roof(plan, base, p.rise, p.roof, p.roof_color, p.wall)
         if p.roof != "front gable":
             y = 0.12 * p.depth
             slope = (y, base + p.rise * y / (p.depth / 2 + OVERHANG))
             spread = np.linspace(-1, 1, p.dormers + 2)[1:-1] * p.width / 2
             for x in spread.tolist():
-                parts += dormer(x, slope, p.frame, p.roof_color, p.roof_color)
-    reach, y = p.width / 2 - 0.6, p.depth / 2 + 0.4
-    places = [(x, y, base) for x in (-reach, reach)]
-    parts += [chimney(place, p.rise + 0.9, p.chimney) for place in places[: p.chimneys]]
+                yield from dormer(x, slope, p.frame, p.roof_color, p.roof_color)
+    reach = p.width / 2 - 0.6
+    for x in (-reach, reach)[: p.chimneys]:
+        yield chimney((x, p.depth / 2 + 0.4, base), p.rise + 0.9, p.chimney)
     if p.tower:
         centre = (-p.width / 2 + 1.8, 1.4)
         height = max(p.tower, base + p.rise + 1.5)  # a tower ends above the roof
-        parts += steeple(centre, 3.6, height, p.spire, p.wall, p.roof_color)
-    return parts
+        yield from steeple(centre, 3.6, height, p.spire, p.wall, p.roof_color)
 
 
 def building(p: BuildingParams) -> Asset:

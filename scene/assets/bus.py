@@ -53,7 +53,7 @@ from scene.assets.parts.vehicle import (
     wrap,
 )
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, merge
+from scene.mesh.asset import Asset, Color, Parts, merge
 from scene.mesh.solids import polygon, tube
 
 
@@ -182,11 +182,10 @@ def _glass(p: BusParams, deck: int) -> Span:
     return full * (deck + p.glass[0]) / p.decks, full * (deck + p.glass[1]) / p.decks
 
 
-def _livery(p: BusParams, shape: Hull, side: Walls) -> list[Asset]:
+def _livery(p: BusParams, shape: Hull, side: Walls) -> Parts:
     """Build the second colour, and an advert with its lettering."""
     foot, head = _glass(p, 0)
     edge = 1.2 * p.round / shape.length
-    parts = []
     bands = {
         "plain": [(0.0, 0.06)],
         "skirt": [(0.0, 0.5 * foot)],
@@ -196,7 +195,7 @@ def _livery(p: BusParams, shape: Hull, side: Walls) -> list[Asset]:
     for mirror, wall in ((False, side.right), (True, side.left)):
         a, b = edge, 1 - edge
         u = (1 - b, 1 - a) if mirror else (a, b)
-        parts += [panel(wall, u, v, p.second_color, "paint", lift=0.005) for v in bands]
+        yield from (panel(wall, u, v, p.second_color, "paint", lift=0.005) for v in bands)
         if p.livery in ("swoop", "rear"):
             slant = 0.16 if p.livery == "swoop" else 0.0
             a, b, top = (0.25, 0.5, 0.96) if slant else (edge, 0.28, 0.94)
@@ -209,20 +208,17 @@ def _livery(p: BusParams, shape: Hull, side: Walls) -> list[Asset]:
                 for u, v in (shares[::-1] if mirror else shares)
             ]
             corners = np.array(corners) + [0, np.sign(wall[0, 1]) * 0.006, 0]
-            parts.append(polygon(corners, p.second_color, "paint"))
+            yield polygon(corners, p.second_color, "paint")
         if p.advert is not None:
             a, b = (head + 0.025, _glass(p, 1)[0] - 0.02) if p.decks == 2 else (0.16, foot - 0.03)
             if b - a > 0.08 and p.livery != "two-tone":
                 ink = WHITE if max(p.advert) < 0.45 else (0.03, 0.03, 0.05)
-                parts.append(panel(wall, (0.3, 0.72), (a, b), p.advert, "paint", lift=0.01))
+                yield panel(wall, (0.3, 0.72), (a, b), p.advert, "paint", lift=0.01)
                 middle = (a + 0.2 * (b - a), b - 0.2 * (b - a))
-                parts.append(lettering(wall, (0.36, 0.66), middle, ink, p.seed))
+                yield lettering(wall, (0.36, 0.66), middle, ink, p.seed)
     if p.livery == "skirt":
-        parts += [
-            wrap(shape, end, (0, 0.5 * foot), 0.05, p.second_color, "paint", lift=0.006)
-            for end in (1, -1)
-        ]
-    return parts
+        for end in (1, -1):
+            yield wrap(shape, end, (0, 0.5 * foot), 0.05, p.second_color, "paint", lift=0.006)
 
 
 def _axles(p: BusParams) -> list[float]:
@@ -232,103 +228,87 @@ def _axles(p: BusParams) -> list[float]:
     return [front, *middle, rear] + ([rear - 1.3] if p.rear_axles == 2 else [])
 
 
-def _running_gear(p: BusParams) -> list[Asset]:
+def _running_gear(p: BusParams) -> Parts:
     half, radius = p.width / 2, p.wheel_radius
-    parts = []
     for x in _axles(p):
-        parts.append(axle(x, half + WHEEL_OUTSET, radius, 0.3, p.rim))
-        parts += [arch(x, y, radius, radius + 0.09, 10) for y in (half + 0.02, -half - 0.02)]
-    return parts
+        yield axle(x, half + WHEEL_OUTSET, radius, 0.3, p.rim)
+        yield from (arch(x, y, radius, radius + 0.09, 10) for y in (half + 0.02, -half - 0.02))
 
 
-def _doors(p: BusParams, shape: Hull, side: Walls) -> list[Asset]:
+def _doors(p: BusParams, shape: Hull, side: Walls) -> Parts:
     """Build glass doors down to the floor on the right, and the windows between them."""
     low, high = _glass(p, 0)
     width = 1.25 / shape.length
     starts = [1 - (p.first_door - 0.4 * p.bonnet) / shape.length - width, 0.48, 0.2][: p.doors]
-    parts = []
     for start in starts:
         leaf = (start, start + width / 2 - 0.03 / p.length), (start + width / 2, start + width)
-        parts.append(panel(side.right, (start - 0.004, start + width + 0.004), (0.03, high), TRIM))
-        parts += panes(side.right, leaf, (0.07, high - 0.02), p.glazing, lift=0.02)
+        yield panel(side.right, (start - 0.004, start + width + 0.004), (0.03, high), TRIM)
+        yield from panes(side.right, leaf, (0.07, high - 0.02), p.glazing, lift=0.02)
     edges = [0.98 - 1.2 * p.rake / p.length, *(e for s in starts for e in (s + width, s)), 0.03]
     for end, start in zip(edges[::2], edges[1::2], strict=True):
         if end - start > 0.05:
             count = max(1, round((end - start) * p.bays))
-            parts += window_row(side.right, count, (start, end), (low, high), p.glazing, 0.09)
-    return parts
+            yield from window_row(side.right, count, (start, end), (low, high), p.glazing, 0.09)
 
 
-def _ends(p: BusParams, shape: Hull, side: Walls) -> list[Asset]:
+def _ends(p: BusParams, shape: Hull, side: Walls) -> Parts:
     """Build windscreens round the corners, rear windows, boards, lamps, plates and bumpers."""
     front, rear = side.front, side.rear
-    parts = []
     for deck in range(p.decks - p.open_top):
         low, high = _glass(p, deck)
-        parts.append(wrap(shape, 1, (low - 0.07 / p.decks, high), 0.1, GLASS, "glass"))
-        parts.append(panel(front, (0.495, 0.505), (low - 0.06 / p.decks, high), BLACK, lift=0.02))
+        yield wrap(shape, 1, (low - 0.07 / p.decks, high), 0.1, GLASS, "glass")
+        yield panel(front, (0.495, 0.505), (low - 0.06 / p.decks, high), BLACK, lift=0.02)
         screen = [(0.12, 0.49), (0.51, 0.88)]
-        parts += panes(front, screen, (low, high), p.glazing, (-0.2, 0.2))
+        yield from panes(front, screen, (low, high), p.glazing, (-0.2, 0.2))
         if not deck:
-            parts += panes(front, screen[1:], (low, high), p.glazing, (), 0.15)
-        parts += panes(
+            yield from panes(front, screen[1:], (low, high), p.glazing, (), 0.15)
+        yield from panes(
             rear, [(0.13, 0.87)], (low + 0.03, high), p.glazing, (-0.7, -0.25, 0.25, 0.7)
         )
     low, high = _glass(p, 0)
     if p.board:
         height = min(0.13, 0.97 - high) if p.decks == 1 else 0.09
-        parts.append(panel(front, (0.14, 0.86), (high, high + height), BLACK, lift=0.02))
+        yield panel(front, (0.14, 0.86), (high, high + height), BLACK, lift=0.02)
         text = (high + 0.2 * height, high + 0.8 * height)
-        parts.append(lettering(front, (0.2, 0.8), text, AMBER, p.seed))
+        yield lettering(front, (0.2, 0.8), text, AMBER, p.seed)
     d = p.decks
-    parts += [
-        wrap(shape, 1, (0.0, 0.07 / d + 0.02), 0.3, TRIM),
-        wrap(shape, -1, (0.0, 0.07 / d + 0.02), 0.3, TRIM),
-        panel(front, (0.3, 0.7), (0.24 / d, 0.29 / d), BLACK, lift=0.02),
-        panel(front, (0.4, 0.6), (0.05, 0.09), PLATE, lift=0.03),
-        panel(rear, (0.4, 0.6), (0.11, 0.15), PLATE_YELLOW, lift=0.03),
-        panel(rear, (0.2, 0.8), (0.2 / d, 0.32 / d), TRIM, "metal"),
-        lamps(front, (0.1, 0.24), (0.12 / d + 0.02, 0.2 / d + 0.02), HEADLAMP, lift=0.02),
-        lamps(front, (0.25, 0.28), (0.12 / d + 0.02, 0.2 / d + 0.02), AMBER, lift=0.02),
-        lamps(rear, (0.1, 0.17), (0.14 / d, 0.36 / d), TAILLAMP),
-    ]
+    yield wrap(shape, 1, (0.0, 0.07 / d + 0.02), 0.3, TRIM)
+    yield wrap(shape, -1, (0.0, 0.07 / d + 0.02), 0.3, TRIM)
+    yield panel(front, (0.3, 0.7), (0.24 / d, 0.29 / d), BLACK, lift=0.02)
+    yield panel(front, (0.4, 0.6), (0.05, 0.09), PLATE, lift=0.03)
+    yield panel(rear, (0.4, 0.6), (0.11, 0.15), PLATE_YELLOW, lift=0.03)
+    yield panel(rear, (0.2, 0.8), (0.2 / d, 0.32 / d), TRIM, "metal")
+    yield lamps(front, (0.1, 0.24), (0.12 / d + 0.02, 0.2 / d + 0.02), HEADLAMP, lift=0.02)
+    yield lamps(front, (0.25, 0.28), (0.12 / d + 0.02, 0.2 / d + 0.02), AMBER, lift=0.02)
+    yield lamps(rear, (0.1, 0.17), (0.14 / d, 0.36 / d), TAILLAMP)
     x, z = p.length / 2 - p.bonnet + 0.1, min(2.3, 0.75 * p.height)
     for y in (p.width / 2 + 0.12, -p.width / 2 - 0.12):
-        parts.append(cuboid((x - 0.12, x), 0.09, (z - 0.35, z), TRIM, at=y))
-        parts.append(
-            tube((x - 0.05, y, z), (x - 0.3, y - np.sign(y) * 0.2, z + 0.15), 0.02, TRIM, sides=4)
-        )
+        yield cuboid((x - 0.12, x), 0.09, (z - 0.35, z), TRIM, at=y)
+        yield tube((x - 0.05, y, z), (x - 0.3, y - np.sign(y) * 0.2, z + 0.15), 0.02, TRIM, sides=4)
     for y in (0.3, -0.5):  # wipers at rest
         x = front[0, 0] - shape.nose * low + 0.04
         z = _FLOOR + low * (shape.high - _FLOOR)
-        parts.append(tube((x, y, z - 0.05), (x - 0.05, y + 0.5, z + 0.12), 0.012, BLACK, sides=4))
-    return parts
+        yield tube((x, y, z - 0.05), (x - 0.05, y + 0.5, z + 0.12), 0.012, BLACK, sides=4)
 
 
-def _on_roof(p: BusParams, shape: Hull) -> list[Asset]:
+def _on_roof(p: BusParams, shape: Hull) -> Parts:
     """Build boxes on the roof, and on an open top a parapet with a rail and rows of seats."""
-    parts = []
     for k in range(p.pods):
         x = shape.x + (0.28 - 0.26 * k) * shape.length
         half_length, half_width = 0.5 + 0.35 * ((p.seed >> k) % 3), 0.35 * p.width
         z_span = (shape.high - 0.02, shape.high + 0.16 + 0.05 * k)
-        parts.append(cuboid((x - half_length, x + half_length), half_width, z_span, p.color))
+        yield cuboid((x - half_length, x + half_length), half_width, z_span, p.color)
     if p.open_top:
         low, inner, end = shape.high, p.width / 2 - 0.12, shape.length / 2
         for x, y in product(np.arange(-end + 0.8, end - 1, 0.85).tolist(), (-0.55, 0.55)):
-            parts.append(
-                cuboid((x, x + 0.1), 0.4, (low, low + 0.75), p.second_color, "cloth", at=y)
-            )
+            yield cuboid((x, x + 0.1), 0.4, (low, low + 0.75), p.second_color, "cloth", at=y)
         for y in (-inner, inner):
             parapet = (-end + 0.2, end - 0.4), 0.03, (low - 0.05, low + 0.4)
-            parts.append(cuboid(*parapet, p.color, at=y))
-        parts.append(
-            cuboid((end - 0.5, end - 0.42), inner, (low - 0.05, low + 0.95), GLASS, "glass")
-        )
-    return parts
+            yield cuboid(*parapet, p.color, at=y)
+        yield cuboid((end - 0.5, end - 0.42), inner, (low - 0.05, low + 0.95), GLASS, "glass")
 
 
-def _bonnet(p: BusParams) -> list[Asset]:
+def _bonnet(p: BusParams) -> Parts:
     """Build the engine's box ahead of the windscreen, with grille and lamps."""
     x = p.length / 2 - p.bonnet / 2 - 0.25
     h = Hull(p.bonnet + 0.5, 0.86 * p.width, 0.5, 1.6, x, round=0.25, chamfer=0.2, nose=0.12)

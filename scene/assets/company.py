@@ -14,7 +14,7 @@ from scene.assets.parts.human import ANKLE, Pose, limb
 from scene.assets.parts.palette import BLACK, STEEL, pick
 from scene.assets.person import PersonParams, sample_person
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, Point, ignore, merge, translate
+from scene.mesh.asset import Asset, Color, Parts, Point, ignore, merge, translate
 from scene.mesh.solids import box, ellipsoid
 
 BENCH = 0.62
@@ -115,15 +115,16 @@ def _sitter(p: CompanyParams, hands: tuple[Point, Point]) -> Asset:
     return translate(sitter, (0, 0, -float(sitter.mesh.vertices[:, 2].min())))
 
 
-def _bench(wood: Color) -> list[Asset]:
+def _bench(wood: Color) -> Parts:
     """Build slats of seat and back, and two legs."""
-    slats = [
+    yield from (
         box((0.09, BENCH, 0.035), (x, 0, SEAT - 0.035), wood, "wood") for x in (-0.16, -0.04, 0.08)
-    ]
+    )
     back = [box((0.03, BENCH, 0.1), (-0.25, 0, z), wood, "wood") for z in (0.58, 0.74)]
     legs = [box((0.05, 0.04, 0.84 if x < 0 else SEAT - 0.03), (x, y, 0), STEEL, "metal")
             for x in (-0.29, 0.1) for y in (-0.27, 0.27)]  # fmt: skip
-    return [*slats, *back, *legs]
+    yield from back
+    yield from legs
 
 
 def _dog_body(dog: Dog) -> Asset:

@@ -18,7 +18,7 @@ from scene.assets.parts.palette import (
     WEATHERED_TIMBER,
 )
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, Point, ignore, merge, shade
+from scene.mesh.asset import Asset, Color, Parts, Point, ignore, merge, shade
 from scene.mesh.solids import box, loft, polygon, triangles, tube
 
 
@@ -95,40 +95,37 @@ def _rod(p: FenceParams, a: Point, b: Point, sides: int = 4) -> Asset:
     return tube(a, b, p.gauge / 2, p.color, p.material, sides=sides, caps=False)
 
 
-def _bars(p: FenceParams) -> list[Asset]:
+def _bars(p: FenceParams) -> Parts:
     low, high = _span(p)
     return [_rod(p, (x, 0, low), (x, 0, high)) for x in _stations(p)]
 
 
-def _spears(p: FenceParams) -> list[Asset]:
+def _spears(p: FenceParams) -> Parts:
     """Build bars that end in points over the top rail."""
     low, high = _span(p)
-    bars = [_rod(p, (x, 0, low), (x, 0, high + 0.03)) for x in _stations(p)]
+    yield from (_rod(p, (x, 0, low), (x, 0, high + 0.03)) for x in _stations(p))
     tips = [tube((x, 0, high + 0.03), (x, 0, p.height), 0.9 * p.gauge, p.color, p.material,
                  end_radius=0.001, sides=4, caps=False) for x in _stations(p)]  # fmt: skip
-    return bars + tips
+    yield from tips
 
 
-def _bows(p: FenceParams) -> list[Asset]:
+def _bows(p: FenceParams) -> Parts:
     """Build hoops that join bars in pairs."""
     low, high = _span(p)
     turn = np.linspace(0, np.pi, 6)
-    parts = []
     for x in _stations(p):
         half = 0.4 * p.pitch
         bow = [(x + half * float(np.cos(a)), 0.0, high + (p.height - high) * float(np.sin(a)))
                for a in turn]  # fmt: skip
         points = [(x + half, 0.0, low), *bow, (x - half, 0.0, low)]
-        parts += [_rod(p, a, b) for a, b in pairwise(points)]
-    return parts
+        yield from (_rod(p, a, b) for a, b in pairwise(points))
 
 
-def _boards(p: FenceParams) -> list[Asset]:
+def _boards(p: FenceParams) -> Parts:
     """Build upright planks in uneven tones, pointed for pickets and pales."""
     rng = np.random.default_rng(p.seed)
     point = {"pickets": 0.07, "pales": 0.12}.get(p.infill, 0.0)
     half, foot, y = p.gauge / 2, 0.05, -min(0.04, p.post_width / 2)
-    planks = []
     for x in _stations(p):
         top = p.height - point - abs(rng.normal(0, 0.012))
         outline = [(x - half, foot), (x + half, foot), (x + half, top)]
@@ -137,11 +134,10 @@ def _boards(p: FenceParams) -> list[Asset]:
         rings = [[(a, y + d, z) for a, z in outline] for d in (-0.018, 0.0)]
         plank = loft(np.array(rings), p.color, p.material)
         tone = rng.uniform(0.92, 1.05) if p.infill == "pales" else rng.uniform(0.72, 1.2)
-        planks.append(shade(plank, np.full(len(plank.color), tone)))
-    return planks
+        yield shade(plank, np.full(len(plank.color), tone))
 
 
-def _wire_mesh(lines: list[tuple[np.ndarray, np.ndarray]], p: FenceParams) -> list[Asset]:
+def _wire_mesh(lines: list[tuple[np.ndarray, np.ndarray]], p: FenceParams) -> Parts:
     """Build thin flat wires between pairs of points, in the plane of the panel."""
     wires = []
     for a, b in lines:
@@ -151,7 +147,7 @@ def _wire_mesh(lines: list[tuple[np.ndarray, np.ndarray]], p: FenceParams) -> li
     return [triangles(np.array(wires), p.color, p.material)]
 
 
-def _diamonds(p: FenceParams) -> list[Asset]:
+def _diamonds(p: FenceParams) -> Parts:
     """Build wires or laths in both directions at 45 degrees, cut off at the panel's edges."""
     low, high = _span(p)
     height, half = high - low, p.length / 2
@@ -163,7 +159,7 @@ def _diamonds(p: FenceParams) -> list[Asset]:
     return _wire_mesh(lines, p)
 
 
-def _grid(p: FenceParams) -> list[Asset]:
+def _grid(p: FenceParams) -> Parts:
     """Build a welded mesh of upright and level wires."""
     low, high = _span(p)
     half = p.length / 2
@@ -174,7 +170,7 @@ def _grid(p: FenceParams) -> list[Asset]:
     )
 
 
-def _beam(p: FenceParams) -> list[Asset]:
+def _beam(p: FenceParams) -> Parts:
     """Build a corrugated steel band in front of the posts, with reflectors."""
     level = p.height - p.gauge * np.array([1, 0.82, 0.6, 0.5, 0.4, 0.18, 0])
     y = -p.post_width / 2 - np.array([0.01, 0.08, 0.08, 0.02, 0.08, 0.08, 0.01])
@@ -186,50 +182,46 @@ def _beam(p: FenceParams) -> list[Asset]:
     return [band, *marks]
 
 
-def _chain(p: FenceParams) -> list[Asset]:
+def _chain(p: FenceParams) -> Parts:
     """Build chains that hang between the posts."""
     places = _post_xs(p)
-    parts = []
     for a, b in pairwise(places):
         t = np.linspace(0, 1, 13)
         x, z = a + t * (b - a), 0.86 * p.height - 1.1 * t * (1 - t)
         for k in range(12):
             ends = ((float(x[k]), 0.0, float(z[k])), (float(x[k + 1]), 0.0, float(z[k + 1])))
             thick = 0.030 if k % 2 else 0.018
-            parts.append(tube(*ends, thick, p.color, p.material, sides=4, caps=False))
-    return parts
+            yield tube(*ends, thick, p.color, p.material, sides=4, caps=False)
 
 
-def _stripes(p: FenceParams) -> list[Asset]:
+def _stripes(p: FenceParams) -> Parts:
     """Build two boards with slanting stripes in two colours."""
-    parts, y, half = [], -p.post_width / 2 - 0.012, p.length / 2
+    y, half = -p.post_width / 2 - 0.012, p.length / 2
     for low, high in ((0.72, 0.95), (0.2, 0.38)):
         a, b = low * p.height, high * p.height
-        parts.append(box((p.length, 0.02, b - a), (0, y + 0.012, a), p.color, "paint"))
+        yield box((p.length, 0.02, b - a), (0, y + 0.012, a), p.color, "paint")
         slant = b - a
         for x in np.arange(-half, half - slant - p.pitch / 2, p.pitch):
             corners = [(x, y, a), (x + p.pitch / 2, y, a), (x + p.pitch / 2 + slant, y, b),
                        (x + slant, y, b)]  # fmt: skip
-            parts.append(polygon(corners, p.second_color, "paint"))
-    return parts
+            yield polygon(corners, p.second_color, "paint")
 
 
-def _crosses(p: FenceParams) -> list[Asset]:
+def _crosses(p: FenceParams) -> Parts:
     """Build a diagonal cross with a ring between every two posts."""
     low, high = _span(p)
     places = _post_xs(p)
-    parts = []
     for a, b in pairwise(places):
-        parts += [_rod(p, (a, 0, low), (b, 0, high)), _rod(p, (a, 0, high), (b, 0, low))]
+        yield _rod(p, (a, 0, low), (b, 0, high))
+        yield _rod(p, (a, 0, high), (b, 0, low))
         turn = np.linspace(0, 2 * np.pi, 11)
         middle, r = (a + b) / 2, 0.16
         ring = [(middle + r * float(np.cos(t)), 0.0, (low + high) / 2 + r * float(np.sin(t)))
                 for t in turn]  # fmt: skip
-        parts += [_rod(p, c, d) for c, d in pairwise(ring)]
-    return parts
+        yield from (_rod(p, c, d) for c, d in pairwise(ring))
 
 
-def _wires(p: FenceParams) -> list[Asset]:
+def _wires(p: FenceParams) -> Parts:
     """Build level wires from post to post."""
     half = p.length / 2
     levels = np.arange(0.25, p.height - 0.08, p.pitch)
@@ -237,7 +229,7 @@ def _wires(p: FenceParams) -> list[Asset]:
             for z in levels]  # fmt: skip
 
 
-def _slats(p: FenceParams) -> list[Asset]:
+def _slats(p: FenceParams) -> Parts:
     """Build level slats with gaps."""
     rng = np.random.default_rng(p.seed)
     levels = np.arange(0.1, p.height - p.gauge - 0.04, p.pitch)
@@ -258,7 +250,7 @@ def _post_xs(p: FenceParams) -> list[float]:
     return [float(x) for x in np.linspace(-reach, reach, p.posts)]
 
 
-def _post(p: FenceParams, x: float) -> list[Asset]:
+def _post(p: FenceParams, x: float) -> Parts:
     """Build a post and its tip or foot."""
     w, h = p.post_width, p.height
     if p.tip == "ball":

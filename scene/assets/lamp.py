@@ -19,7 +19,7 @@ from scene.assets.parts.palette import (
     LAMP_TIMBER,
 )
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, merge
+from scene.mesh.asset import Asset, Color, Parts, merge
 from scene.mesh.solids import box, loft, tube, turned
 
 
@@ -115,9 +115,7 @@ def _arm(p: LampParams, reach: float) -> tuple[list[Asset], float]:
     return parts, float(z[-1])
 
 
-def _housing(
-    p: LampParams, y: float, z: float, side: float, high: float, width: float
-) -> list[Asset]:
+def _housing(p: LampParams, y: float, z: float, side: float, high: float, width: float) -> Parts:
     """Build a flat housing that extends outwards from (y, z), with the lit glass below."""
     n, size = 8, p.head_size
     turn = np.arange(n) * 2 * np.pi / n + np.pi / n
@@ -132,7 +130,7 @@ def _housing(
     return [loft(np.array(rings), p.color, p.material), glass]
 
 
-def _lantern(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
+def _lantern(p: LampParams, y: float, z: float, side: float) -> Parts:
     """Build a four-sided glass that widens upwards under a pointed roof."""
     s = p.head_size
     eaves, radius = z + 0.6 * s, 0.4 * s
@@ -154,7 +152,7 @@ def _lantern(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
     return [glass, *frame, roof, *([ladder] if not p.arms else [])]
 
 
-def _globe(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
+def _globe(p: LampParams, y: float, z: float, side: float) -> Parts:
     r = p.head_size / 2
     level = np.linspace(-0.9, 1.0, 8) * np.pi / 2
     ball = [(z + r + r * np.sin(a), max(r * np.cos(a), 0.01)) for a in level]
@@ -162,7 +160,7 @@ def _globe(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
             turned([(z - 0.06, 0.07), (z + 0.06, 0.13)], p.color, p.material, at=(0.0, y))]  # fmt: skip
 
 
-def _bell(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
+def _bell(p: LampParams, y: float, z: float, side: float) -> Parts:
     """Build a hanging bell with glass below."""
     s = p.head_size
     bell = [(z - 0.62 * s, 0.5 * s), (z - 0.4 * s, 0.42 * s), (z - 0.22 * s, 0.2 * s), (z, 0.05)]
@@ -173,7 +171,7 @@ def _bell(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
     ]
 
 
-def _disc(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
+def _disc(p: LampParams, y: float, z: float, side: float) -> Parts:
     """Build a flat hat on a short clear cylinder."""
     r = p.head_size / 2
     hat = [(z + 0.3, r), (z + 0.34, r), (z + 0.42, 0.3 * r)]
@@ -181,7 +179,7 @@ def _disc(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
             turned(hat, p.color, p.material, 14, at=(0.0, y))]  # fmt: skip
 
 
-def _louvre(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
+def _louvre(p: LampParams, y: float, z: float, side: float) -> Parts:
     """Build rings around a low light."""
     r, step = 1.15 * p.radius, p.head_size / 4
     rings = [turned([(z + k * step, r), (z + (k + 0.45) * step, r)], p.color, p.material, at=(0.0, y))
@@ -189,23 +187,23 @@ def _louvre(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
     return [turned([(z, 0.8 * r), (z + 4 * step, 0.8 * r)], GLOW, "lamp", at=(0.0, y)), *rings]
 
 
-def _insulator(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
+def _insulator(p: LampParams, y: float, z: float, side: float) -> Parts:
     """Build the holder of a contact wire: a strut and a ribbed insulator."""
     ribs = [(z - 0.05 * k, 0.07 if k % 2 else 0.04) for k in range(7)][::-1]
     strut = box((0.05, 0.5, 0.05), (0, y - 0.25 * side, z - 0.4), p.color, p.material)
     return [turned(ribs, (0.12, 0.05, 0.03), "paint", at=(0.0, y)), strut]
 
 
-def _flood(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
+def _flood(p: LampParams, y: float, z: float, side: float) -> Parts:
     """Build four floodlights on a bar."""
-    s, parts = p.head_size, [box((0.1, p.head_size, 0.1), (0, 0, z), p.color, p.material)]
+    s = p.head_size
+    yield box((0.1, p.head_size, 0.1), (0, 0, z), p.color, p.material)
     for share in (-0.42, -0.15, 0.15, 0.42):
-        parts += [box((0.2, 0.24 * s, 0.3), (-0.1, share * s, z + 0.1), p.color, p.material),
-                  box((0.02, 0.2 * s, 0.24), (-0.21, share * s, z + 0.13), GLOW, "lamp")]  # fmt: skip
-    return parts
+        yield box((0.2, 0.24 * s, 0.3), (-0.1, share * s, z + 0.1), p.color, p.material)
+        yield box((0.02, 0.2 * s, 0.24), (-0.21, share * s, z + 0.13), GLOW, "lamp")
 
 
-def _camera(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
+def _camera(p: LampParams, y: float, z: float, side: float) -> Parts:
     """Build two cameras and a dome."""
     white = (0.5, 0.5, 0.49)
     dome = [(z - 0.34, 0.03), (z - 0.28, 0.12), (z - 0.16, 0.15), (z, 0.14)]
@@ -216,20 +214,17 @@ def _camera(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
     return [turned(dome, (0.03, 0.03, 0.035), "glass", at=(0.0, y)), *boxes]
 
 
-def _crossbars(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
+def _crossbars(p: LampParams, y: float, z: float, side: float) -> Parts:
     """Build two crossbars with insulators, and a transformer below them."""
-    parts = [
-        tube((0.22, 0, z - 1.9), (0.22, 0, z - 1.25), 0.2, (0.12, 0.125, 0.13), "metal", sides=10)
-    ]
+    yield tube((0.22, 0, z - 1.9), (0.22, 0, z - 1.25), 0.2, (0.12, 0.125, 0.13), "metal", sides=10)
     for low in (z - 0.35, z - 0.95):
-        parts.append(box((0.1, p.head_size, 0.12), (0.1, 0, low), p.color, "wood"))
+        yield box((0.1, p.head_size, 0.12), (0.1, 0, low), p.color, "wood")
         for insulator_y in np.array([-0.46, -0.2, 0.2, 0.46]) * p.head_size:
             bell = [(low + 0.12, 0.03), (low + 0.17, 0.05), (low + 0.25, 0.045), (low + 0.3, 0.02)]
-            parts.append(turned(bell, (0.4, 0.4, 0.38), "paint", 6, at=(0.0, float(insulator_y))))
-    return parts
+            yield turned(bell, (0.4, 0.4, 0.38), "paint", 6, at=(0.0, float(insulator_y)))
 
 
-def _drop_wires(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
+def _drop_wires(p: LampParams, y: float, z: float, side: float) -> Parts:
     """Build a ring for wires, steps up both sides, and a box."""
     ring = turned([(z - 0.3, 0.22), (z - 0.24, 0.22)], p.color, "metal", 8)
     steps = [box((0.03, 0.34, 0.03), (0, 0, level), (0.1, 0.1, 0.1), "metal")
@@ -237,7 +232,7 @@ def _drop_wires(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
     return [ring, *steps, box((0.22, 0.2, 0.3), (0.14, 0, z - 1.1), (0.03, 0.03, 0.03))]
 
 
-_HEADS: dict[str, Callable[[LampParams, float, float, float], list[Asset]]] = {
+_HEADS: dict[str, Callable[[LampParams, float, float, float], Parts]] = {
     "tray": partial(_housing, high=0.17, width=0.3), "blade": partial(_housing, high=0.06, width=0.36),
     "lantern": _lantern, "globe": _globe, "bell": _bell, "disc": _disc,
     "louvre": _louvre, "insulator": _insulator, "flood": _flood,
@@ -261,7 +256,8 @@ def lamp(p: LampParams) -> Asset:
         parts.append(box((0.12, 0.26, 0.42), (-r - 0.05, 0, 1.35), (0.3, 0.3, 0.29), "paint"))
     for reach in p.arms:
         pipes, end = _arm(p, reach)
-        parts += pipes + _HEADS[p.head](p, reach, end, float(np.sign(reach)))
+        parts += pipes
+        parts += _HEADS[p.head](p, reach, end, float(np.sign(reach)))
     if not p.arms:
         parts += _HEADS[p.head](p, 0.0, p.height, 1.0)
     return merge(*parts)

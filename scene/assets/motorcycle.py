@@ -24,7 +24,7 @@ from scene.assets.parts.skin import cuboid, pair, rounded_body
 from scene.assets.parts.vehicle import card, mudguard, rod
 from scene.assets.parts.wheel import Wheel, wheel
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, Point, merge, translate
+from scene.mesh.asset import Asset, Color, Parts, Point, merge, translate
 from scene.mesh.solids import disc, ellipsoid, polygon, tube
 
 SADDLE: Point = (-0.18, 0.0, 0.80)
@@ -112,38 +112,35 @@ def _wheel(p: MotorcycleParams, x: float) -> Asset:
     return translate(pair(translate(side, (0, half, 0))), (x, 0, 0))
 
 
-def _front(p: MotorcycleParams) -> list[Asset]:
+def _front(p: MotorcycleParams) -> Parts:
     """Build fork, handlebar, mirrors, headlamp and mudguard."""
     hub, (x, y, z) = p.wheelbase / 2, BAR
     crown = (x + 0.06, z - 0.06)
-    parts = []
     for side in (1, -1):
         foot = (hub, side * (p.tyre / 2 + 0.035), p.wheel_radius)
-        parts.append(rod(foot, (crown[0], side * 0.09, crown[1]), 0.028, STEEL))
+        yield rod(foot, (crown[0], side * 0.09, crown[1]), 0.028, STEEL)
         inner = (crown[0], side * 0.08, z - 0.02)
-        parts.append(rod(inner, (x - 0.04, side * (y + 0.05), z), 0.018, BLACK))
+        yield rod(inner, (x - 0.04, side * (y + 0.05), z), 0.018, BLACK)
         glass = (x + 0.04, side * (y - 0.02), z + 0.17)
-        parts.append(rod((x + 0.02, side * (y - 0.1), z), glass, 0.01, BLACK))
-        parts.append(ellipsoid(glass, (0.02, 0.07, 0.05), TRIM))
+        yield rod((x + 0.02, side * (y - 0.1), z), glass, 0.01, BLACK)
+        yield ellipsoid(glass, (0.02, 0.07, 0.05), TRIM)
         grip = (x - 0.1, side * (y + 0.07), z - 0.005), (x + 0.02, side * y, z + 0.005)
-        parts.append(rod(*grip, 0.024, BLACK))
+        yield rod(*grip, 0.024, BLACK)
         signal = (crown[0] + 0.06, side * 0.16, z - 0.12), (0.035, 0.035, 0.025)
-        parts.append(ellipsoid(*signal, AMBER, "paint", subdivisions=0))
+        yield ellipsoid(*signal, AMBER, "paint", subdivisions=0)
     if not p.fairing:
         end = (crown[0] + 0.13, 0.0, crown[1] - 0.1)
         start = (crown[0], 0.0, end[2])
-        parts.append(
-            tube(start, end, 0.06, p.color, "paint", end_radius=0.09, sides=12, caps=False)
-        )
-        parts.append(disc(end, 0.088, HEADLAMP, "lamp", axis=(1, 0, 0), sides=12))
-        parts.append(ellipsoid((start[0] - 0.02, 0, z + 0.03), (0.03, 0.07, 0.05), BLACK))
+        yield tube(start, end, 0.06, p.color, "paint", end_radius=0.09, sides=12, caps=False)
+        yield disc(end, 0.088, HEADLAMP, "lamp", axis=(1, 0, 0), sides=12)
+        yield ellipsoid((start[0] - 0.02, 0, z + 0.03), (0.03, 0.07, 0.05), BLACK)
     centre = (hub, 0.0, p.wheel_radius)
     reach = p.wheel_radius + (0.12 if p.beak else 0.025)
     guard = mudguard(centre, reach, p.tyre + 0.02, tuple(np.linspace(0.5, 2.5, 8)), p.color)
-    return [*parts, guard]
+    yield guard
 
 
-def _machine(p: MotorcycleParams) -> list[Asset]:
+def _machine(p: MotorcycleParams) -> Parts:
     """Build tank, seat, tail, engine, frame and exhaust."""
     x, _, z = SADDLE
     rear, radius = -p.wheelbase / 2, p.wheel_radius
@@ -152,38 +149,33 @@ def _machine(p: MotorcycleParams) -> list[Asset]:
     tank += [(0.30, 0.13, z - 0.04, z + 0.18), (0.40, 0.06, z + 0.02, z + 0.12)]
     seat = [(tail, 0.05, z + p.tail, z + p.tail + 0.06), (x - 0.2, 0.12, z - 0.07, z + p.tail)]
     seat += [(x, 0.13, z - 0.09, z), (0.02, 0.09, z - 0.09, z + 0.01)]
-    parts = [
-        rounded_body(tank, p.color, "paint"),
-        rounded_body(seat, p.seat_color, "plain"),
-        ellipsoid((0.02, 0, 0.37), (0.27, 0.16, 0.16), p.engine_color, "metal", subdivisions=2),
-        tube((-0.05, -0.19, 0.36), (-0.05, 0.19, 0.36), 0.11, p.engine_color, "metal", sides=12),
-        *_cylinders(p),
-        *_exhaust(p),
-        rod((0.38, 0, z + 0.02), (0.22, 0, 0.3), 0.04, BLACK),
-    ]
+    yield rounded_body(tank, p.color, "paint")
+    yield rounded_body(seat, p.seat_color, "plain")
+    yield ellipsoid((0.02, 0, 0.37), (0.27, 0.16, 0.16), p.engine_color, "metal", subdivisions=2)
+    yield tube((-0.05, -0.19, 0.36), (-0.05, 0.19, 0.36), 0.11, p.engine_color, "metal", sides=12)
+    yield from _cylinders(p)
+    yield from _exhaust(p)
+    yield rod((0.38, 0, z + 0.02), (0.22, 0, 0.3), 0.04, BLACK)
     for y in (0.1, -0.1):
-        parts.append(rod((0.3, y, z - 0.02), (-0.2, y, 0.4), 0.022, BLACK))
+        yield rod((0.3, y, z - 0.02), (-0.2, y, 0.4), 0.022, BLACK)
         cover = [(-0.3, 1.4 * y, z - 0.1), (-0.08, 1.4 * y, z - 0.1), (-0.14, 1.4 * y, 0.5)]
-        parts.append(polygon(cover, p.second_color, "paint"))
-        parts.append(rod((-0.15, y, 0.42), (rear, y, radius), 0.035, BLACK))
-        parts.append(rod((rear + 0.06, y, radius), (x - 0.12, y, z - 0.05), 0.022, STEEL))
+        yield polygon(cover, p.second_color, "paint")
+        yield rod((-0.15, y, 0.42), (rear, y, radius), 0.035, BLACK)
+        yield rod((rear + 0.06, y, radius), (x - 0.12, y, z - 0.05), 0.022, STEEL)
     if p.fairing:
-        parts.append(_fairing(p))
-    return parts
+        yield _fairing(p)
 
 
-def _cylinders(p: MotorcycleParams) -> list[Asset]:
+def _cylinders(p: MotorcycleParams) -> Parts:
     """Build finned cylinders that lean forward: alternating dark and bright plates."""
-    parts = []
     for k in range(7):
         x, z = 0.02 + 0.02 * k, 0.48 + 0.032 * k
         half_width = 0.115 if k % 2 else 0.09
         color = p.engine_color if k % 2 else darker(p.engine_color, 0.3)
-        parts.append(cuboid((x - 0.11, x + 0.11), half_width, (z, z + 0.032), color, "metal"))
-    return parts
+        yield cuboid((x - 0.11, x + 0.11), half_width, (z, z + 0.032), color, "metal")
 
 
-def _exhaust(p: MotorcycleParams) -> list[Asset]:
+def _exhaust(p: MotorcycleParams) -> Parts:
     """Build header pipes and silencers, on the right or on both sides."""
     rear, low = -p.wheelbase / 2, 0.24
     lift = 0.3 if p.high_pipe else 0.0
@@ -212,7 +204,7 @@ def _fairing(p: MotorcycleParams) -> Asset:
     )
 
 
-def _scooter(p: MotorcycleParams) -> list[Asset]:
+def _scooter(p: MotorcycleParams) -> Parts:
     """Build leg shield, floor, and a rear body that hides the engine."""
     x, _, z = SADDLE
     rear, radius = -p.wheelbase / 2, p.wheel_radius
@@ -232,42 +224,36 @@ def _scooter(p: MotorcycleParams) -> list[Asset]:
     ]
 
 
-def _scooter_details(p: MotorcycleParams) -> list[Asset]:
+def _scooter_details(p: MotorcycleParams) -> Parts:
     """Build side panels, front indicators, and on some a box in front."""
     x = SADDLE[0]
     low, high = [(x - 0.3, 0.186, 0.42), (x + 0.05, 0.186, 0.36)], (x - 0.02, 0.19, 0.56)
-    parts = [
-        pair(polygon([*low, high, (x - 0.25, 0.186, 0.6)], p.second_color, "paint")),
-        pair(ellipsoid((0.43, 0.13, 0.72), (0.04, 0.035, 0.05), AMBER, "paint", subdivisions=0)),
-    ]
+    yield pair(polygon([*low, high, (x - 0.25, 0.186, 0.6)], p.second_color, "paint"))
+    yield pair(ellipsoid((0.43, 0.13, 0.72), (0.04, 0.035, 0.05), AMBER, "paint", subdivisions=0))
     if p.front_box:
-        parts.append(cuboid((0.46, 0.66), 0.15, (0.76, 0.98), p.second_color, "plain"))
-    return parts
+        yield cuboid((0.46, 0.66), 0.15, (0.76, 0.98), p.second_color, "plain")
 
 
-def _extras(p: MotorcycleParams) -> list[Asset]:
+def _extras(p: MotorcycleParams) -> Parts:
     """Build rear lamp, plate, windscreen, luggage and backrest."""
     back = -p.wheelbase / 2 - (0.24 if p.scooter else 0.16)
     z = SADDLE[2] - 0.08 + (0 if p.scooter else p.tail)
-    parts = [
-        card((back, 0.0, z + 0.035), 0.12, 0.07, TAILLAMP, "lamp"),
-        card((back - 0.02, 0.0, z - 0.14), 0.2, 0.16, PLATE),
-    ]
+    yield card((back, 0.0, z + 0.035), 0.12, 0.07, TAILLAMP, "lamp")
+    yield card((back - 0.02, 0.0, z - 0.14), 0.2, 0.16, PLATE)
     if p.screen:
         x, top = BAR[0] + 0.14, BAR[2] + p.screen
         half_width = 0.2 if p.screen > 0.2 else 0.14
         low = [(x, -half_width, BAR[2] - 0.08), (x, half_width, BAR[2] - 0.08)]
         screen = [*low, (x - 0.14, 0.7 * half_width, top), (x - 0.14, -0.7 * half_width, top)]
-        parts.append(polygon(screen, (0.12, 0.14, 0.15), "glass"))
+        yield polygon(screen, (0.12, 0.14, 0.15), "glass")
     if p.cases:
-        parts += _cases(p)
+        yield from _cases(p)
     if p.sissy:
         x = -p.wheelbase / 2 + 0.08
-        parts.append(cuboid((x, x + 0.06), 0.12, (z + 0.1, z + 0.42), p.seat_color))
-    return parts
+        yield cuboid((x, x + 0.06), 0.12, (z + 0.1, z + 0.42), p.seat_color)
 
 
-def _cases(p: MotorcycleParams) -> list[Asset]:
+def _cases(p: MotorcycleParams) -> Parts:
     """Build a delivery box on a scooter, or panniers and a top case on a tourer."""
     rear, low = -p.wheelbase / 2, SADDLE[2] + 0.06
     if p.scooter:

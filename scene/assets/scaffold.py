@@ -10,7 +10,7 @@ from scene.assets.family import FRONTAGE, Family, Size
 from scene.assets.parts.draw import SEED, between, integer, near, sample_fields
 from scene.assets.parts.palette import BOARDS, SCAFFOLD_STEEL
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, Point, merge, shade
+from scene.mesh.asset import Asset, Color, Parts, Point, merge, shade
 from scene.mesh.solids import box, polygon, tube
 
 LIFT = 2.0
@@ -97,9 +97,8 @@ def scaffold(p: ScaffoldParams) -> Asset:
     return merge(*parts)
 
 
-def _sheets(p: ScaffoldParams, x: list[float], top: float, rng: np.random.Generator) -> list[Asset]:
+def _sheets(p: ScaffoldParams, x: list[float], top: float, rng: np.random.Generator) -> Parts:
     """Build nets over bays, a hoarding around the foot, and a fan that catches falling objects."""
-    parts = []
     first = 1 if p.hoarding or p.fan else 0
     for k in range(p.bays):
         for lift in range(first, p.lifts):
@@ -110,17 +109,16 @@ def _sheets(p: ScaffoldParams, x: list[float], top: float, rng: np.random.Genera
             net = polygon([(x[k] + 0.04, -0.07, low), (x[k + 1] - 0.04, -0.07 - sag, low),
                         (x[k + 1] - 0.04, -0.07, high), (x[k] + 0.04, -0.07, high)],
                        p.net, "plaster")  # fmt: skip
-            parts.append(shade(net, np.full(2, rng.uniform(0.85, 1.15))))
+            yield shade(net, np.full(2, rng.uniform(0.85, 1.15)))
     if p.hoarding:
         for k in range(p.bays):
             board = box((0.98 * (x[1] - x[0]), 0.03, LIFT - 0.15), ((x[k] + x[k + 1]) / 2, -0.08, 0),
                         p.net, "wood")  # fmt: skip
-            parts.append(shade(board, np.full(12, rng.uniform(0.88, 1.12))))
+            yield shade(board, np.full(12, rng.uniform(0.88, 1.12)))
     if p.fan:
         corners = [(x[0], 0.0, LIFT + 0.1), (x[-1], 0.0, LIFT + 0.1), (x[-1], -0.85, LIFT + 0.75),
                    (x[0], -0.85, LIFT + 0.75)]  # fmt: skip
-        parts.append(polygon(np.array(corners), p.boards, "wood"))
-    return parts
+        yield polygon(np.array(corners), p.boards, "wood")
 
 
 FAMILY = Family(

@@ -21,7 +21,7 @@ from scene.assets.parts.palette import (
     pick,
 )
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, Point, merge, rotate, translate, vary
+from scene.mesh.asset import Asset, Color, Parts, Point, merge, rotate, translate, vary
 from scene.mesh.solids import box, extrude, loft, polygon
 
 CLOTHS: tuple[Color, ...] = (
@@ -61,44 +61,37 @@ def sample_shelter(rng: np.random.Generator, kind: str) -> ShelterParams:
     )  # fmt: skip
 
 
-def _posts(p: ShelterParams, inset: float = 0.06, gauge: float = 0.07) -> list[Asset]:
+def _posts(p: ShelterParams, inset: float = 0.06, gauge: float = 0.07) -> Parts:
     x, (_, y, z) = p.size[0] / 2 - inset, p.size
     return [box((gauge, gauge, z), (s * x, d, 0), p.frame, "metal") for s in (-1, 1)
             for d in (inset, y - inset)]  # fmt: skip
 
 
-def _glazed(p: ShelterParams, ends: tuple[int, ...] = (1,)) -> list[Asset]:
+def _glazed(p: ShelterParams, ends: tuple[int, ...] = (1,)) -> Parts:
     """Build posts, a glazed back, a bench and a flat roof, with posters at ``ends``."""
     x, y, z = p.size
-    parts = [
-        *_posts(p),
-        box((x + 0.3, y + 0.35, 0.09), (0, y / 2, z), darker(p.frame, 0.8), "metal"),
-    ]
+    yield from _posts(p)
+    yield box((x + 0.3, y + 0.35, 0.09), (0, y / 2, z), darker(p.frame, 0.8), "metal")
     for level in (0.25, 0.95, 1.9):
-        parts.append(box((x, 0.04, 0.05), (0, y - 0.06, level), p.frame, "metal"))
+        yield box((x, 0.04, 0.05), (0, y - 0.06, level), p.frame, "metal")
     panes = max(2, round(x / 1.2))
     for k in range(panes):
         middle = (k + 0.5) * x / panes - x / 2
-        parts.append(box((0.62 * x / panes, 0.012, 0.6), (middle, y - 0.06, 0.32), GLASS, "glass"))
-        parts.append(
-            box((0.045, 0.05, z), (middle + 0.5 * x / panes - 0.04, y - 0.06, 0), p.frame, "metal")
+        yield box((0.62 * x / panes, 0.012, 0.6), (middle, y - 0.06, 0.32), GLASS, "glass")
+        yield box(
+            (0.045, 0.05, z), (middle + 0.5 * x / panes - 0.04, y - 0.06, 0), p.frame, "metal"
         )
-    parts.append(box((0.7 * x, 0.3, 0.05), (0, y - 0.35, 0.48), p.frame, "metal"))
+    yield box((0.7 * x, 0.3, 0.05), (0, y - 0.35, 0.48), p.frame, "metal")
     for s in ends:
-        parts.append(
-            box((0.16, 0.8 * y, 1.75), (s * (x / 2 - 0.06), y / 2, 0.3), ANTHRACITE, "paint")
-        )
+        yield box((0.16, 0.8 * y, 1.75), (s * (x / 2 - 0.06), y / 2, 0.3), ANTHRACITE, "paint")
         for d in (-1, 1):
             poster_x = s * (x / 2 - 0.06) + d * 0.085
             poster = box((0.008, 0.66 * y, 1.5), (poster_x, y / 2, 0.42), p.second_color, "lamp")
-            parts += [
-                poster,
-                box((0.01, 0.4 * y, 0.35), (poster_x, y / 2, 1.2), SHELTER_WHITE, "paint"),
-            ]
-    return parts
+            yield poster
+            yield box((0.01, 0.4 * y, 0.35), (poster_x, y / 2, 1.2), SHELTER_WHITE, "paint")
 
 
-def _cantilever(p: ShelterParams) -> list[Asset]:
+def _cantilever(p: ShelterParams) -> Parts:
     """Build a curved roof on two posts at the back."""
     x, y, z = p.size
     angle = np.linspace(0.0, 1.2, 7)
@@ -116,15 +109,13 @@ def _cantilever(p: ShelterParams) -> list[Asset]:
     return [roof, rail, frame, *posts]
 
 
-def _walled(p: ShelterParams, material: str) -> list[Asset]:
+def _walled(p: ShelterParams, material: str) -> Parts:
     """Build walls on three sides and a pitched roof."""
     x, y, z = p.size
     low = z - 0.3
-    walls = [
-        box((x, 0.14, low), (0, y - 0.07, 0), p.frame, material),
-        *(box((0.14, y - 0.14, low), (s * (x / 2 - 0.07), (y - 0.14) / 2, 0), p.frame, material)
-          for s in (-1, 1)),
-    ]  # fmt: skip
+    yield box((x, 0.14, low), (0, y - 0.07, 0), p.frame, material)
+    for s in (-1, 1):
+        yield box((0.14, y - 0.14, low), (s * (x / 2 - 0.07), (y - 0.14) / 2, 0), p.frame, material)
     half = y / 2 + 0.2
     roof = [
         [(at, y / 2 - half, low), (at, y / 2 + half, low), (at, y / 2, low + 0.65)]
@@ -133,25 +124,28 @@ def _walled(p: ShelterParams, material: str) -> list[Asset]:
     bench = box((x - 0.4, 0.35, 0.06), (0, y - 0.35, 0.45), p.second_color, "wood")
     window = box((0.4 * x, 0.02, 0.6), (0, y - 0.15, 1.2), GLASS, "glass")
     beam = box((x, 0.12, 0.16), (0, 0.1, low - 0.16), p.second_color, "wood")
-    return [*walls, loft(np.array(roof), p.cover, "roof"), bench, window, beam]
+    yield loft(np.array(roof), p.cover, "roof")
+    yield bench
+    yield window
+    yield beam
 
 
-def _stall(p: ShelterParams, *, produce: bool = False) -> list[Asset]:
+def _stall(p: ShelterParams, *, produce: bool = False) -> Parts:
     """Build a table with goods under a striped cloth, or for ``produce`` a wooden one under a plain cloth."""
     x, y, z = p.size
     rng = np.random.default_rng(p.seed)
-    parts = _posts(p, 0.05, 0.05)
+    yield from _posts(p, 0.05, 0.05)
     table, high = (0.72, 0.5) if produce else (0.85, 0.62)
-    parts.append(box((x, high * y, table), (0, 0.1 + high * y / 2, 0),
+    yield box((x, high * y, table), (0, 0.1 + high * y / 2, 0),
                      darker(p.cover, 0.7) if not produce else SHELTER_TIMBER,
-                     "wood" if produce else "cloth"))  # fmt: skip
+                     "wood" if produce else "cloth")  # fmt: skip
     across = max(3, round(x / 0.45))
     for k in range(across):
         for row in range(2):
             color = pick(rng, GOODS, 0.35)
             size: Point = (0.8 * x / across, 0.22 * y, float(rng.uniform(0.08, 0.3)))
             base = (k + 0.5) * x / across - x / 2, 0.28 + 0.25 * y * row, table
-            parts.append(box(size, base, color, "cloth"))
+            yield box(size, base, color, "cloth")
     stripes = 2 * max(3, round(x / 0.7))
     for k in range(stripes):
         a, b = (-x / 2 - 0.15 + (x + 0.3) * (k + d) / stripes for d in (0, 1))
@@ -159,33 +153,30 @@ def _stall(p: ShelterParams, *, produce: bool = False) -> list[Asset]:
         edge = [(-0.35, z - 0.32), (-0.35, z - 0.1), (y / 2, z + 0.45), (y + 0.2, z)]
         for (y0, z0), (y1, z1) in pairwise(edge):
             corners: list[Point] = [(a, y0, z0), (b, y0, z0), (b, y1, z1), (a, y1, z1)]
-            parts.append(polygon(corners, color, "cloth"))
-    return parts
+            yield polygon(corners, color, "cloth")
 
 
-def _kiosk(p: ShelterParams) -> list[Asset]:
+def _kiosk(p: ShelterParams) -> Parts:
     """Build a closed hut with a hatch, papers below the hatch and an awning above it."""
     x, y, z = p.size
     rng = np.random.default_rng(p.seed)
-    parts = [
-        box((x, y, z), (0, y / 2, 0), p.frame, "paint"),
-        box((x + 0.25, y + 0.25, 0.18), (0, y / 2, z), p.cover, "metal"),
-        box((0.72 * x, 0.06, 0.85), (0, -0.01, 1.05), GLASS, "glass"),
-        box((0.8 * x, 0.3, 0.05), (0, -0.12, 0.98), GALVANISED, "metal"),
-    ]
+    yield box((x, y, z), (0, y / 2, 0), p.frame, "paint")
+    yield box((x + 0.25, y + 0.25, 0.18), (0, y / 2, z), p.cover, "metal")
+    yield box((0.72 * x, 0.06, 0.85), (0, -0.01, 1.05), GLASS, "glass")
+    yield box((0.8 * x, 0.3, 0.05), (0, -0.12, 0.98), GALVANISED, "metal")
     for k in range(5):
         color = pick(rng, POSTERS, 0.3)
-        parts.append(box((0.13 * x, 0.03, 0.5), ((k - 2) * 0.17 * x, -0.02, 0.35), color, "paint"))
+        yield box((0.13 * x, 0.03, 0.5), ((k - 2) * 0.17 * x, -0.02, 0.35), color, "paint")
     awning = extrude(
         [(0.0, 0.0), (0.9, -0.35), (0.9, -0.3), (0.0, 0.06)], 0.9 * x, p.second_color, "cloth"
     )
-    return [*parts, translate(rotate(awning, -np.pi / 2, (0, 0, 1)), (0, 0, z - 0.1))]
+    yield translate(rotate(awning, -np.pi / 2, (0, 0, 1)), (0, 0, z - 0.1))
 
 
 class _Kind(NamedTuple):
     """How a kind is built, and its colours of frame, cover and the rest (``second_color``)."""
 
-    build: Callable[[ShelterParams], list[Asset]]
+    build: Callable[[ShelterParams], Parts]
     colors: tuple[Any, Any, Any] = ("metal", "cloth", "poster")  # or names of ``_COLOR_SETS``
 
 

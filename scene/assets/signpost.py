@@ -25,7 +25,7 @@ from scene.assets.parts.palette import (
     WHITE,
 )
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, merge
+from scene.mesh.asset import Asset, Color, Parts, merge
 from scene.mesh.solids import box, polygon, tube, turned
 
 MAX_RADIUS = 0.06
@@ -88,7 +88,7 @@ def sample_signpost(rng: np.random.Generator, kind: str) -> SignpostParams:
     return post._replace(height=height, radius=min(post.radius, MAX_RADIUS))
 
 
-def _bin(p: SignpostParams) -> list[Asset]:
+def _bin(p: SignpostParams) -> Parts:
     """Build a round litter bin next to the post."""
     body = tube((0.0, 0.24, 0.45), (0.0, 0.24, 1.0), 0.16, p.second_color, "paint", end_radius=0.19,
                 sides=12)  # fmt: skip
@@ -96,21 +96,21 @@ def _bin(p: SignpostParams) -> list[Asset]:
     return [body, lid, box((0.04, 0.1, 0.3), (0, 0.08, 0.55), p.color)]
 
 
-def _button(p: SignpostParams) -> list[Asset]:
+def _button(p: SignpostParams) -> Parts:
     """Build the yellow box with the button of a pedestrian crossing."""
     case = box((0.14, 0.17, 0.32), (-0.09, 0, 0.90), POST_YELLOW, "paint")
     return [case, box((0.01, 0.1, 0.1), (-0.165, 0, 1.07), POST_BLACK),
             box((0.02, 0.05, 0.05), (-0.165, 0, 0.96), (0.5, 0.5, 0.5), "metal")]  # fmt: skip
 
 
-def _band(p: SignpostParams) -> list[Asset]:
+def _band(p: SignpostParams) -> Parts:
     """Build two bands around the lower shaft."""
     r = 1.04 * p.radius
     return [tube((0, 0, z), (0, 0, z + 0.22), r, p.second_color, "paint", sides=12, caps=False)
             for z in (1.05, 1.5)]  # fmt: skip
 
 
-def _twin(p: SignpostParams) -> list[Asset]:
+def _twin(p: SignpostParams) -> Parts:
     """Build a second shaft, and bars between the two."""
     y = 0.42
     shaft = tube((0, y, 0), (0, y, p.height), p.radius, p.color, p.material, sides=12)
@@ -118,14 +118,14 @@ def _twin(p: SignpostParams) -> list[Asset]:
     return [shaft, *bars]
 
 
-def _arm(p: SignpostParams) -> list[Asset]:
+def _arm(p: SignpostParams) -> Parts:
     """Build an arm over the road at the top, with a stay."""
     z = p.height - 0.08
     return [tube((0, 0, z), (0, -2.2, z), 0.045, p.color, p.material, end_radius=0.03, sides=8),
             tube((0, 0, z - 0.7), (0, -0.9, z), 0.02, p.color, p.material, sides=6)]  # fmt: skip
 
 
-def _hoop(p: SignpostParams) -> list[Asset]:
+def _hoop(p: SignpostParams) -> Parts:
     """Build a bent rail that keeps cars off the post."""
     turn = np.linspace(0, np.pi, 9)
     y, z = 0.36 * np.cos(turn), 0.62 + 0.25 * np.sin(turn)
@@ -140,7 +140,7 @@ def _hoop(p: SignpostParams) -> list[Asset]:
     ]  # fmt: skip
 
 
-def _solar(p: SignpostParams) -> list[Asset]:
+def _solar(p: SignpostParams) -> Parts:
     """Build a tilted solar panel over a battery box."""
     z = p.height
     panel = [(-0.2, -0.3, z), (-0.2, 0.3, z), (0.22, 0.3, z + 0.32), (0.22, -0.3, z + 0.32)]
@@ -149,14 +149,14 @@ def _solar(p: SignpostParams) -> list[Asset]:
             box((0.2, 0.26, 0.34), (0.17, 0, z - 0.6), POST_STEEL, "metal")]  # fmt: skip
 
 
-def _beacon(p: SignpostParams) -> list[Asset]:
+def _beacon(p: SignpostParams) -> Parts:
     """Build the amber globe of a crossing."""
     level = np.linspace(-0.95, 1.0, 8) * np.pi / 2
     globe = [(p.height + 0.19 + 0.17 * np.sin(a), max(0.17 * np.cos(a), 0.005)) for a in level]
     return [turned(globe, (0.75, 0.30, 0.02), "lamp", 12)]
 
 
-def _plate(p: SignpostParams) -> list[Asset]:
+def _plate(p: SignpostParams) -> Parts:
     """Build a flange with bolts at the foot."""
     bolts = [box((0.03, 0.03, 0.05), (x, y, 0.02), POST_STEEL, "metal")
              for x in (0.11, -0.11) for y in (0.11, -0.11)]  # fmt: skip

@@ -20,7 +20,7 @@ from scene.assets.parts.palette import (
 from scene.assets.parts.skin import in_plane
 from scene.assets.signpost import MAX_RADIUS, MIN_HEIGHT
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, merge
+from scene.mesh.asset import Asset, Color, Parts, merge
 from scene.mesh.solids import box, disc, loft, polygon
 
 UNLIT = 0.05
@@ -100,7 +100,7 @@ def sample_traffic_light(rng: np.random.Generator, kind: str) -> TrafficLightPar
 
 def _lamp(
     p: TrafficLightParams, y: float, z: float, radius: float, color: Color, *, lit: bool
-) -> list[Asset]:
+) -> Parts:
     """Build a lens and its visor, in front of the housing."""
     front = -MAX_RADIUS - p.depth
     red, green, blue = np.asarray(color) * (1.0 if lit else UNLIT)
@@ -128,20 +128,18 @@ def _outline(
     return np.concatenate(parts)
 
 
-def _head(p: TrafficLightParams, head: Head) -> list[Asset]:
+def _head(p: TrafficLightParams, head: Head) -> Parts:
     radius = p.lamp_radius * head.scale
     spacing = 2 * radius + 0.065 * head.scale
     half, width = len(head.lamps) * spacing / 2 + 0.03, radius + 0.045
     near = -MAX_RADIUS - p.depth
     outline = _outline(head.y, p.centre, width, half, 0.05 * head.scale)
     rings = [in_plane(x, outline) for x in (-MAX_RADIUS - 0.02, near)]
-    parts = [
-        loft(np.array(rings), p.kind.color, "plain"),
-        polygon(in_plane(near - 0.003, outline), p.kind.front, "plain"),
-    ]
+    yield loft(np.array(rings), p.kind.color, "plain")
+    yield polygon(in_plane(near - 0.003, outline), p.kind.front, "plain")
     for i, color in enumerate(head.lamps):
         z = p.centre + ((len(head.lamps) - 1) / 2 - i) * spacing
-        parts += _lamp(p, head.y, z, radius, color, lit=i == head.lit)
+        yield from _lamp(p, head.y, z, radius, color, lit=i == head.lit)
     if p.kind.board:
         for depth, margin, color in (
             (0.035, p.kind.board, p.kind.edge),
@@ -150,11 +148,10 @@ def _head(p: TrafficLightParams, head: Head) -> list[Asset]:
             corner = 0.9 * (width + margin) if p.kind.round_board else 0.05
             board = _outline(head.y, p.centre, width + margin, half + margin, corner)
             x = -MAX_RADIUS - depth
-            parts.append(polygon(in_plane(x, board), color, "plain"))
+            yield polygon(in_plane(x, board), color, "plain")
     for z in (p.centre - 0.7 * half, p.centre + 0.7 * half):
         bracket = (0.03, abs(head.y) + 0.06, 0.04)
-        parts.append(box(bracket, (-MAX_RADIUS - 0.01, head.y / 2, z), p.kind.color, "metal"))
-    return parts
+        yield box(bracket, (-MAX_RADIUS - 0.01, head.y / 2, z), p.kind.color, "metal")
 
 
 def traffic_light(p: TrafficLightParams) -> Asset:

@@ -17,7 +17,7 @@ from scene.assets.parts.sign_faces import FACES
 from scene.assets.parts.skin import in_plane
 from scene.assets.signpost import MAX_RADIUS, MIN_HEIGHT
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, Point, merge, vary
+from scene.mesh.asset import Asset, Color, Parts, Point, merge, vary
 from scene.mesh.solids import box, loft, polygon
 
 KINDS: tuple[str, ...] = tuple(FACES)
@@ -60,7 +60,7 @@ def _face(layer: Layer, p: TrafficSignParams, x: float) -> Asset:
     return polygon(corners, layer.color, "paint")
 
 
-def _supplement(p: TrafficSignParams, color: Color, x: float, top: float) -> list[Asset]:
+def _supplement(p: TrafficSignParams, color: Color, x: float, top: float) -> Parts:
     """Build a small plate with two rows of print."""
     r, is_dark = p.radius, max(color) < 0.5
     ink = (0.7, 0.7, 0.68) if is_dark else BLACK

@@ -56,7 +56,7 @@ from scene.assets.parts.vehicle import (
     wrap,
 )
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, merge, translate
+from scene.mesh.asset import Asset, Color, Parts, merge, translate
 from scene.mesh.solids import loft, tube
 
 
@@ -126,24 +126,22 @@ def train(p: TrainParams) -> Asset:
     return translate(merge(*parts), (0, p.width / 2 + 0.04, 0))
 
 
-def _bogies(p: TrainParams) -> list[Asset]:
+def _bogies(p: TrainParams) -> Parts:
     """Build two bogies of two axles, and the dark frame between them."""
     radius = _BODIES[p.body].wheel_radius
     half = p.width / 2 - 0.12
-    parts = []
     for middle in (-0.33 * p.length, 0.33 * p.length):
         for x in (middle - 0.95, middle + 0.95):
-            parts.append(axle(x, half, radius, 0.14, None, sides=16))
+            yield axle(x, half, radius, 0.14, None, sides=16)
         if p.floor > radius + 0.1:
             span, high = (middle - 1.5, middle + 1.5), (radius + 0.05, p.floor + 0.02)
-            parts.append(cuboid(span, half + 0.03, high, BLACK, "metal"))
+            yield cuboid(span, half + 0.03, high, BLACK, "metal")
     if p.floor > 0.8:
         span = (-0.18 * p.length, 0.18 * p.length)
-        parts.append(cuboid(span, p.width / 2 - 0.25, (0.35, p.floor), TRIM, "metal"))
-    return parts
+        yield cuboid(span, p.width / 2 - 0.25, (0.35, p.floor), TRIM, "metal")
 
 
-def _pantograph(p: TrainParams) -> list[Asset]:
+def _pantograph(p: TrainParams) -> Parts:
     """Build a bent arm and its contact bar on the roof."""
     top, x = p.height, 0.12 * p.length
     elbow, head = (x - 0.7, 0.0, top + 0.55), (x + 0.25, 0.0, top + 1.1)
@@ -160,79 +158,72 @@ def _shape(p: TrainParams) -> Hull:
     return Hull(p.length, p.width, p.floor, p.height, 0.0, p.round, 0.3, p.rake, p.rake)
 
 
-def _cab_ends(p: TrainParams, side: Walls, glass: Span) -> list[Asset]:
+def _cab_ends(p: TrainParams, side: Walls, glass: Span) -> Parts:
     """Build windscreens that reach round the corners, lamps, couplers and destination boards."""
     shape = _shape(p)
-    parts = []
     for end, face, lamp in ((1, side.front, HEADLAMP), (-1, side.rear, TAILLAMP)):
         if p.face is not None:
-            parts.append(wrap(shape, end, (0.1, glass[0]), 0.5, p.face, "paint", lift=0.008))
-        parts += [
-            wrap(shape, end, glass, 0.15, GLASS, "glass"),
-            wrap(shape, end, (0, 0.1), 0.3, TRIM),
-            *panes(face, [(0.16, 0.49), (0.51, 0.84)], glass, p.glazing, (0.0,), 0.0),
-            lamps(face, (0.15, 0.26), (0.18, 0.25), lamp, lift=0.03),
-            panel(face, (0.25, 0.75), (glass[1] + 0.015, glass[1] + 0.08), BLACK, lift=0.02),
-            lettering(face, (0.3, 0.7), (glass[1] + 0.025, glass[1] + 0.07), AMBER, p.seed),
-        ]
+            yield wrap(shape, end, (0.1, glass[0]), 0.5, p.face, "paint", lift=0.008)
+        yield wrap(shape, end, glass, 0.15, GLASS, "glass")
+        yield wrap(shape, end, (0, 0.1), 0.3, TRIM)
+        yield from panes(face, [(0.16, 0.49), (0.51, 0.84)], glass, p.glazing, (0.0,), 0.0)
+        yield lamps(face, (0.15, 0.26), (0.18, 0.25), lamp, lift=0.03)
+        yield panel(face, (0.25, 0.75), (glass[1] + 0.015, glass[1] + 0.08), BLACK, lift=0.02)
+        yield lettering(face, (0.3, 0.7), (glass[1] + 0.025, glass[1] + 0.07), AMBER, p.seed)
         x, z = end * p.length / 2, p.floor
-        parts.append(cuboid((x - 0.25, x + 0.25), 0.15, (z - 0.1, z + 0.15), TRIM))
-    return parts
+        yield cuboid((x - 0.25, x + 0.25), 0.15, (z - 0.1, z + 0.15), TRIM)
 
 
-def _passenger(p: TrainParams, bays: int, doors: int, glass: Span) -> list[Asset]:
+def _passenger(p: TrainParams, bays: int, doors: int, glass: Span) -> Parts:
     """Build sections with a continuous dark window band, doors, a coloured band and cab ends."""
     side = hull_walls(_shape(p))
     inset = (p.rake * glass[1] + p.round + 0.1) / p.length
-    parts = [hull(_shape(p), p.color)]
-    parts += _cab_ends(p, side, (glass[0] - 0.03, glass[1]))
-    parts += [  # cooling boxes on the roof
-        cuboid((x - 1.1, x + 1.1), 0.7, (p.height - 0.05, p.height + 0.22), TRIM, "metal")
-        for x in (p.length - 2 * p.rake)
-        * np.array((-0.3, 0.35) if p.seed % 2 else (-0.12, 0.3, -0.38))
-    ]
+    yield hull(_shape(p), p.color)
+    yield from _cab_ends(p, side, (glass[0] - 0.03, glass[1]))
+    coolers = np.array((-0.3, 0.35) if p.seed % 2 else (-0.12, 0.3, -0.38))
+    for x in coolers * (p.length - 2 * p.rake):  # on the roof
+        yield cuboid((x - 1.1, x + 1.1), 0.7, (p.height - 0.05, p.height + 0.22), TRIM, "metal")
     for wall in side[:2]:
-        parts += window_row(wall, bays, (inset, 1 - inset), glass, p.glazing, 0.1)
+        yield from window_row(wall, bays, (inset, 1 - inset), glass, p.glazing, 0.1)
         low = (0.05, 0.2) if p.seed % 3 else (glass[1] + 0.02, glass[1] + 0.09)
-        parts.append(panel(wall, (inset, 1 - inset), low, p.band, "paint"))
-        parts.append(lettering(wall, (0.6, 0.75), (0.22, glass[0] - 0.03), p.band, p.seed))
+        yield panel(wall, (inset, 1 - inset), low, p.band, "paint")
+        yield lettering(wall, (0.6, 0.75), (0.22, glass[0] - 0.03), p.band, p.seed)
         for share in inset + (1 - 2 * inset) * (np.arange(doors) + 0.5) / doors:
             u = share - 0.7 / p.length, share + 0.7 / p.length
-            parts.append(panel(wall, u, (0.02, glass[1] + 0.03), p.band, "paint", lift=0.025))
+            yield panel(wall, u, (0.02, glass[1] + 0.03), p.band, "paint", lift=0.025)
             leaves = ((u[0] + 0.008, share - 0.003), (share + 0.003, u[1] - 0.008))
-            parts += panes(wall, leaves, (0.3, glass[1]), p.glazing, lift=0.035)
+            yield from panes(wall, leaves, (0.3, glass[1]), p.glazing, lift=0.035)
     for joint in np.linspace(-0.5, 0.5, p.sections + 1)[1:-1] * p.length:
         half = p.width / 2 + 0.03
-        parts.append(cuboid((joint - 0.3, joint + 0.3), half, (p.floor, p.height - 0.2), BLACK))
-    return parts
+        yield cuboid((joint - 0.3, joint + 0.3), half, (p.floor, p.height - 0.2), BLACK)
 
 
-def _tram(p: TrainParams) -> list[Asset]:
+def _tram(p: TrainParams) -> Parts:
     return _passenger(p, p.bays * (p.sections + 2), max(2, p.sections + 1), (0.36, 0.82))
 
 
-def _railcar(p: TrainParams) -> list[Asset]:
+def _railcar(p: TrainParams) -> Parts:
     return _passenger(p, 6 + 2 * p.bays, 2 if p.rake > 1 else 4, (0.42, 0.78))
 
 
-def _locomotive(p: TrainParams) -> list[Asset]:
+def _locomotive(p: TrainParams) -> Parts:
     side = hull_walls(_shape(p))
-    parts = [hull(_shape(p), p.color), *_cab_ends(p, side, (0.52, 0.84))]
+    yield hull(_shape(p), p.color)
+    yield from _cab_ends(p, side, (0.52, 0.84))
     for wall in side[:2]:
-        parts.append(panel(wall, (0.04, 0.96), (0.06, 0.22), p.band))
-        parts.append(lettering(wall, (0.35, 0.65), (0.28, 0.46), p.band, p.seed))
-        parts += panes(wall, ((0.06, 0.11), (0.89, 0.94)), (0.52, 0.84), p.glazing)
+        yield panel(wall, (0.04, 0.96), (0.06, 0.22), p.band)
+        yield lettering(wall, (0.35, 0.65), (0.28, 0.46), p.band, p.seed)
+        yield from panes(wall, ((0.06, 0.11), (0.89, 0.94)), (0.52, 0.84), p.glazing)
         for start in (0.2, 0.36, 0.52, 0.68):  # ventilation grilles
             grille, slats = (start, start + 0.12), [(v, v + 0.012) for v in (0.6, 0.66, 0.72, 0.78)]
-            parts.append(panel(wall, grille, (0.55, 0.82), TRIM, "metal"))
-            parts.append(panels(wall, [grille], slats, STEEL, lift=0.02))
+            yield panel(wall, grille, (0.55, 0.82), TRIM, "metal")
+            yield panels(wall, [grille], slats, STEEL, lift=0.02)
     reach = p.length / 2 + 0.4
-    return parts + [  # buffers, one bar through the length for a pair
-        cuboid((-reach, reach), 0.16, (0.9, 1.2), TRIM, at=y) for y in (-0.88, 0.88)
-    ]
+    for y in (-0.88, 0.88):  # buffers, one bar through the length for a pair
+        yield cuboid((-reach, reach), 0.16, (0.9, 1.2), TRIM, at=y)
 
 
-def _hopper(p: TrainParams) -> list[Asset]:
+def _hopper(p: TrainParams) -> Parts:
     """Build an open wagon with ribs, narrower below, heaped with ballast or coal."""
     half, end = p.width / 2, p.length / 2 - 0.4
     plan = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], float)
@@ -245,29 +236,28 @@ def _hopper(p: TrainParams) -> list[Asset]:
         )
     ]
     heap = [rings[2] - [0, 0, 0.05], plan * [0.7 * end, 0.3 * half, 0] + [0, 0, p.height + 0.35]]
-    parts = [loft(rings, p.color, "metal"), loft(heap, (0.05, 0.048, 0.045), "concrete")]
-    parts.append(cuboid((-p.length / 2, p.length / 2), 0.5, (0.85, 1.1), BLACK, "metal"))
+    yield loft(rings, p.color, "metal")
+    yield loft(heap, (0.05, 0.048, 0.045), "concrete")
+    yield cuboid((-p.length / 2, p.length / 2), 0.5, (0.85, 1.1), BLACK, "metal")
     for wall in walls(2 * end, 0.97 * p.width, p.floor + 0.9, p.height)[:2]:
         ribs = strips(np.linspace(0.02, 0.98, 9), 0.012)
-        parts.append(panels(wall, ribs, [(0, 1)], darker(p.color), "metal"))
-    return parts
+        yield panels(wall, ribs, [(0, 1)], darker(p.color), "metal")
 
 
-def _container(p: TrainParams) -> list[Asset]:
+def _container(p: TrainParams) -> Parts:
     """Build two containers on a flat wagon."""
     half, end = p.width / 2, p.length / 2
     frame = cuboid((-end, end), half, (p.floor - 0.25, p.floor), BLACK, "metal")
-    parts = [frame]
+    yield frame
     for start, stop, color in ((-end + 0.3, -0.1, p.color), (0.1, end - 0.3, p.band)):
-        parts.append(cuboid((start, stop), half, (p.floor, p.height), color, "metal"))
+        yield cuboid((start, stop), half, (p.floor, p.height), color, "metal")
         side = walls(stop - start, p.width, p.floor, p.height, x=(start + stop) / 2)
         for wall in side[:2]:
             folds = strips(np.linspace(0.04, 0.96, 9), 0.018)
-            parts.append(panels(wall, folds, [(0.05, 0.95)], darker(color), "metal"))
-    return parts
+            yield panels(wall, folds, [(0.05, 0.95)], darker(color), "metal")
 
 
-def _tank(p: TrainParams) -> list[Asset]:
+def _tank(p: TrainParams) -> Parts:
     """Build a long tank with bands, a dome and a ladder on a flat frame."""
     half, end = p.width / 2, p.length / 2
     radius = (p.height - p.floor) / 2
@@ -275,26 +265,23 @@ def _tank(p: TrainParams) -> list[Asset]:
     loop = np.column_stack([np.cos(angle), np.sin(angle)]) * radius
     ends = ((0.97, 0.5), (0.95, 0.8), (0.91, 0.96), (0.86, 1.0))
     middle = p.floor + radius
-    parts = [
-        cuboid((-end, end), half, (p.floor - 0.3, p.floor), BLACK, "metal"),
-        tank(loop, 0.0, middle, end, ends, p.color),
-        tube(
-            (0, 0, p.height - 0.1), (0, 0, p.height + 0.25), 0.5, darker(p.color), "metal", sides=12
-        ),
-    ]
+    yield cuboid((-end, end), half, (p.floor - 0.3, p.floor), BLACK, "metal")
+    yield tank(loop, 0.0, middle, end, ends, p.color)
+    yield tube(
+        (0, 0, p.height - 0.1), (0, 0, p.height + 0.25), 0.5, darker(p.color), "metal", sides=12
+    )
     for share in (-0.6, -0.2, 0.2, 0.6):
-        parts.append(hoop(loop, (share * end - 0.06, share * end + 0.06), middle, 1.01, p.band))
+        yield hoop(loop, (share * end - 0.06, share * end + 0.06), middle, 1.01, p.band)
     for x in (0.3, 0.7):
-        parts.append(rod((x, -radius - 0.02, p.floor), (x, -0.4, p.height), 0.025, STEEL))
+        yield rod((x, -radius - 0.02, p.floor), (x, -0.4, p.height), 0.025, STEEL)
     for wall in walls(1.4 * end, 2 * radius + 0.02, middle - 0.25, middle + 0.25)[:2]:
-        parts.append(lettering(wall, (0.2, 0.8), (0.1, 0.9), p.band, p.seed))
-    return parts
+        yield lettering(wall, (0.2, 0.8), (0.1, 0.9), p.band, p.seed)
 
 
 class Body(NamedTuple):
     """A type of body above the bogies."""
 
-    build: Callable[[TrainParams], list[Asset]]
+    build: Callable[[TrainParams], Parts]
     freight: bool = False  # painted like goods wagons
     wired: bool = False  # may have a pantograph
     wheel_radius: float = 0.44  # m

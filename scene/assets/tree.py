@@ -17,7 +17,7 @@ from scene.assets.parts.draw import between, near, sample_fields
 from scene.assets.parts.foliage import AUTUMNS, GREENS, leaf_cards, slivers, tubes, tufts
 from scene.assets.parts.palette import BLACK, IVY, pick
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, merge, reshaped, translate, vary
+from scene.mesh.asset import Asset, Color, Parts, merge, reshaped, translate, vary
 from scene.mesh.solids import tube
 
 GOLDEN = 2.399963
@@ -254,7 +254,7 @@ def _ivy(rng: np.random.Generator, p: TreeParams, trunk: _Wood) -> Asset:
     )
 
 
-def _stakes(p: TreeParams) -> list[Asset]:
+def _stakes(p: TreeParams) -> Parts:
     """Build two posts next to a young tree and the strap that ties it to them."""
     wood, side = (0.22, 0.15, 0.085), 0.28
     post = tube((0, 0, 0), (0, 0, 1.3), 0.04, wood, "wood", sides=6)

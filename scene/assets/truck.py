@@ -54,7 +54,7 @@ from scene.assets.parts.vehicle import (
     wrap,
 )
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, merge
+from scene.mesh.asset import Asset, Color, Parts, merge
 from scene.mesh.solids import block, tube
 
 _CAB, _TRACTOR = (0.50, 0.86), (0.44, 0.74)
@@ -91,7 +91,7 @@ _BOXES: tuple[Color, ...] = (
 class Load(NamedTuple):
     """A body or load that lorries have."""
 
-    build: Callable[[TruckParams], list[Asset]]
+    build: Callable[[TruckParams], Parts]
     colors: tuple[Color, ...]
     beacons: float = 0.15  # probability of beacons on the cab
     deflector: bool = False  # the cab may have a wind deflector
@@ -151,7 +151,7 @@ def truck(p: TruckParams) -> Asset:
     return merge(*wheels, *arches, *_cab(p), *_chassis(p), *LOADS[p.load].build(p), *_tail(p))
 
 
-def _cab(p: TruckParams) -> list[Asset]:
+def _cab(p: TruckParams) -> Parts:
     """Build the cab: hull, wrapped windscreen, doors, grille, lamps, steps and mirrors."""
     nose, low, width = p.length / 2, 0.38, p.width - 0.04
     middle = nose - p.cab_length / 2
@@ -161,28 +161,26 @@ def _cab(p: TruckParams) -> list[Asset]:
     foot, top = p.windscreen
     back = (p.rake * top + p.round) / p.cab_length  # share of the side lost to the screen's lean
     door, badge = (0.36, 0.97 - back), (p.grille[1] + 0.015, p.grille[1] + 0.04)
-    parts = [
-        hull(h, p.cab),
-        wrap(h, 1, (foot, top), 0.02, GLASS, "glass"),
-        *panes(
-            front, [(0.13, 0.87)], p.windscreen, p.glazing, (-0.55, 0.55), 0.55 * p.glazing.side
-        ),
-        wrap(h, 1, (0.0, 0.13), 0.12, TRIM, lift=0.03),
-        panel(front, (0.2, 0.8), p.grille, BLACK, lift=0.015),
-        panel(front, (0.38, 0.62), (0.03, 0.09), PLATE, lift=0.05),
-        panel(front, (0.44, 0.56), badge, CHROME, "metal", lift=0.02),
-        lamps(front, (0.08, 0.2), (0.14, 0.21), HEADLAMP, lift=0.035),
-        lamps(front, (0.21, 0.24), (0.14, 0.21), AMBER, lift=0.035),
-    ]
+    yield hull(h, p.cab)
+    yield wrap(h, 1, (foot, top), 0.02, GLASS, "glass")
+    yield from panes(
+        front, [(0.13, 0.87)], p.windscreen, p.glazing, (-0.55, 0.55), 0.55 * p.glazing.side
+    )
+    yield wrap(h, 1, (0.0, 0.13), 0.12, TRIM, lift=0.03)
+    yield panel(front, (0.2, 0.8), p.grille, BLACK, lift=0.015)
+    yield panel(front, (0.38, 0.62), (0.03, 0.09), PLATE, lift=0.05)
+    yield panel(front, (0.44, 0.56), badge, CHROME, "metal", lift=0.02)
+    yield lamps(front, (0.08, 0.2), (0.14, 0.21), HEADLAMP, lift=0.035)
+    yield lamps(front, (0.21, 0.24), (0.14, 0.21), AMBER, lift=0.035)
     slats = strips(np.linspace(*p.grille, 5)[1:-1], 0.006)
-    parts.append(panels(front, [(0.21, 0.79)], slats, STEEL, "metal", lift=0.025))
+    yield panels(front, [(0.21, 0.79)], slats, STEEL, "metal", lift=0.025)
     for wall, u in ((side.right, door), (side.left, (1 - door[1], 1 - door[0]))):
-        parts += panes(wall, [u], (foot, top - 0.03), p.glazing, (), 0.0, narrow=NARROW)
+        yield from panes(wall, [u], (foot, top - 0.03), p.glazing, (), 0.0, narrow=NARROW)
         seams = [(u[0] - 0.01, u[0] - 0.002), (u[1] + 0.002, u[1] + 0.01)]
-        parts.append(panels(wall, seams, [(0.14, top)], BLACK))
+        yield panels(wall, seams, [(0.14, top)], BLACK)
         handle = (u[0] + 0.02, u[0] + 0.1) if wall is side.right else (u[1] - 0.1, u[1] - 0.02)
-        parts.append(panel(wall, handle, (foot - 0.06, foot - 0.04), TRIM, lift=0.03))
-        parts.append(panels(wall, [u], [(0.02, 0.05), (0.1, 0.13)], BLACK, lift=0.02))
+        yield panel(wall, handle, (foot - 0.06, foot - 0.04), TRIM, lift=0.03)
+        yield panels(wall, [u], [(0.02, 0.05), (0.1, 0.13)], BLACK, lift=0.02)
     mirror_low = low + foot * (p.cab_height - low)
     x = nose - p.rake * foot
     mirror = block(
@@ -192,55 +190,50 @@ def _cab(p: TruckParams) -> list[Asset]:
         (x - 0.2, p.width / 2 - 0.05, mirror_low + 0.5),
         (x - 0.05, p.width / 2 + 0.13, mirror_low + 0.47),
     )
-    parts.append(pair(merge(mirror, tube(*arm, 0.02, TRIM, sides=4))))
+    yield pair(merge(mirror, tube(*arm, 0.02, TRIM, sides=4)))
     for y in (0.35, -0.45):
         wiper = (x + 0.03, y, mirror_low - 0.02), (x, y + 0.5, mirror_low + 0.1)
-        parts.append(tube(*wiper, 0.012, BLACK, sides=4))
-    return parts + _cab_fittings(p, h)
+        yield tube(*wiper, 0.012, BLACK, sides=4)
+    yield from _cab_fittings(p, h)
 
 
-def _cab_fittings(p: TruckParams, h: Hull) -> list[Asset]:
+def _cab_fittings(p: TruckParams, h: Hull) -> Parts:
     """Build sun visor, wind deflector and beacons, where fitted."""
     nose, top = p.length / 2, p.windscreen[1]
-    parts = []
     if p.visor:
         x, z = nose - p.rake * top, h.low + top * (h.high - h.low)
-        parts.append(
-            cuboid((x - 0.05, x + 0.22), 0.45 * p.width, (z - 0.02, z + 0.1), darker(p.cab, 0.4))
-        )
+        yield cuboid((x - 0.05, x + 0.22), 0.45 * p.width, (z - 0.02, z + 0.1), darker(p.cab, 0.4))
     if p.deflector and p.height > h.high + 0.15:
         length, x = p.cab_length, nose - p.cab_length + 0.42 * p.cab_length
         shape = Hull(0.8 * length, 0.86 * p.width, h.high - 0.05, p.height - 0.05, x)
-        parts.append(hull(shape._replace(round=0.2, chamfer=0.15, nose=0.55 * length), p.cab))
+        yield hull(shape._replace(round=0.2, chamfer=0.15, nose=0.55 * length), p.cab)
     if p.beacons:
-        parts += [
-            tube((h.x, y, h.high - 0.02), (h.x, y, h.high + 0.18), 0.09, AMBER, "lamp", sides=8)
-            for y in (0.6, -0.6)
-        ]
-    return parts
+        for y in (0.6, -0.6):
+            yield tube(
+                (h.x, y, h.high - 0.02), (h.x, y, h.high + 0.18), 0.09, AMBER, "lamp", sides=8
+            )
 
 
-def _chassis(p: TruckParams) -> list[Asset]:
+def _chassis(p: TruckParams) -> Parts:
     """Build frame rails, fuel tank, mudguards, and side guards between axles that are far apart."""
     nose, tail, bed = p.length / 2, -p.length / 2, floor(p)
-    parts = [cuboid((tail, nose - 1), 0.45, (bed - 0.35, bed), BLACK, "metal")]
+    yield cuboid((tail, nose - 1), 0.45, (bed - 0.35, bed), BLACK, "metal")
     for ahead, behind in itertools.pairwise(p.axles):
         start, end = nose - behind + p.wheel_radius + 0.1, nose - ahead - p.wheel_radius - 0.1
         end = min(end, nose - p.cab_length - 0.1)
         if end - start > 1:
             for low, high in ((0.42, 0.52), (0.65, 0.75)):
                 y = p.width / 2 - 0.06
-                parts.append(pair(cuboid((start, end), 0.02, (low, high), STEEL, "metal", at=y)))
+                yield pair(cuboid((start, end), 0.02, (low, high), STEEL, "metal", at=y))
             y, z = -0.75 * p.width / 2, bed - 0.32
-            parts.append(tube((end - 0.9, y, z), (end - 0.1, y, z), 0.26, STEEL, "metal", sides=12))
+            yield tube((end - 0.9, y, z), (end - 0.1, y, z), 0.26, STEEL, "metal", sides=12)
     for x in p.axles[1:]:
         y, back = p.width / 2 - 0.02, nose - x - (p.wheel_radius + 0.05)
         flap = (back - 0.03, y - 0.4, 0.3), (back, y, bed - 0.05)
-        parts.append(pair(block(*flap, BLACK, "rubber")))
-    return parts
+        yield pair(block(*flap, BLACK, "rubber"))
 
 
-def _tail(p: TruckParams) -> list[Asset]:
+def _tail(p: TruckParams) -> Parts:
     """Build bumper bar, lamps and plate at the rear."""
     rear = walls(p.length, p.width, floor(p) - 0.45, floor(p)).rear
     return [

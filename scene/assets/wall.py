@@ -18,7 +18,7 @@ from scene.assets.parts.palette import (
 )
 from scene.assets.parts.wall_faces import FACES, RELIEF, TOPS, WallParams
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, merge, rotate, solid, translate
+from scene.mesh.asset import Asset, Parts, merge, rotate, solid, translate
 from scene.mesh.solids import box, extrude, turned
 
 _BASE = WallParams(3.6, 1.6, 0.28, BRICK, "brick", PALE_STONE, 0.08)
@@ -77,20 +77,17 @@ def _coping(p: WallParams, x: float, length: float, height: float) -> Asset:
     return translate(roof, (x, middle, height))
 
 
-def _piers(p: WallParams) -> list[Asset]:
-    parts, high = [], p.height + p.coping + (0.62 if p.top in TOPS else 0.12)
+def _piers(p: WallParams) -> Parts:
+    high = p.height + p.coping + (0.62 if p.top in TOPS else 0.12)
     for share in p.piers:
         x = share * (p.length - 0.36) / 2
         y = p.thickness / 2
-        parts.append(box((0.36, p.thickness + 0.2, high), (x, y, 0), p.color, p.material))
-        parts.append(
-            box((0.46, p.thickness + 0.29, 0.08), (x, y, high), p.second_color, "concrete")
-        )
+        yield box((0.36, p.thickness + 0.2, high), (x, y, 0), p.color, p.material)
+        yield box((0.46, p.thickness + 0.29, 0.08), (x, y, high), p.second_color, "concrete")
         if p.ball:
             globe = [(high + 0.21 + 0.15 * np.sin(a), max(0.15 * np.cos(a), 0.004))
                      for a in np.linspace(-1.2, np.pi / 2, 6)]  # fmt: skip
-            parts.append(turned(globe, p.second_color, "concrete", at=(x, y)))
-    return parts
+            yield turned(globe, p.second_color, "concrete", at=(x, y))
 
 
 def wall(p: WallParams) -> Asset:

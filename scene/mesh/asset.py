@@ -6,6 +6,7 @@ z = 0. Colours are linear RGB in [0, 1], one per face, as is the material (see `
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +25,10 @@ class Asset(NamedTuple):
     color: np.ndarray  # f32[faces, 3] linear RGB
     material: np.ndarray  # u8[faces] index into MATERIALS
     ignored: np.ndarray | None = None  # bool[faces] ignored in labels; None: no face
+
+
+Parts = Iterable[Asset]
+"""Parts of one asset, in the order in which ``merge`` takes them."""
 
 
 def solid(vertices: np.ndarray, faces: np.ndarray, color: Color, material: str) -> Asset:

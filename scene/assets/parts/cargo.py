@@ -10,20 +10,18 @@ from scene.assets.parts.lorry import TruckParams, bed, floor, sign
 from scene.assets.parts.palette import AMBER, BLACK, GRAVEL, STEEL, TAILLAMP, TRIM, WHITE, darker
 from scene.assets.parts.skin import cuboid, pair, revolve
 from scene.assets.parts.vehicle import hoop, lettering, panel, panels, tank, walls
-from scene.mesh.asset import Asset, Point, repaint, reshaped, translate
+from scene.mesh.asset import Parts, Point, repaint, reshaped, translate
 from scene.mesh.solids import block, loft, polygon, tube
 
 
-def flatbed(p: TruckParams) -> list[Asset]:
+def flatbed(p: TruckParams) -> Parts:
     """Build an open bed with pipes, planks or covered crates."""
     x, length, width = bed(p)
     low, half = floor(p), width / 2
     front, rear = x + length / 2, x - length / 2
     rng = np.random.default_rng(p.seed)
-    parts = [
-        cuboid((rear, front), half, (low, low + 0.14), p.body, "wood"),
-        cuboid((front - 0.08, front), half, (low, p.height + 0.4), STEEL, "metal"),
-    ]
+    yield cuboid((rear, front), half, (low, low + 0.14), p.body, "wood")
+    yield cuboid((front - 0.08, front), half, (low, p.height + 0.4), STEEL, "metal")
     start = rear + 0.15
     while start < rear + p.fill * length:
         size = rng.uniform(0.7, 1.6)
@@ -37,21 +35,18 @@ def flatbed(p: TruckParams) -> list[Asset]:
                 np.arange(-half_width, half_width, 0.24).tolist(), levels
             ):
                 ends = (start, y + aside, low + up), (end, y + aside, low + up)
-                parts.append(tube(*ends, 0.11, STEEL, "metal", sides=8))
+                yield tube(*ends, 0.11, STEEL, "metal", sides=8)
         else:
             color = (WHITE, (0.16, 0.10, 0.06), p.cab, (0.25, 0.07, 0.03))[int(rng.integers(4))]
             material, high = "wood" if kind == 1 else "cloth", (low + 0.16, top)
-            parts.append(cuboid((start, end), half_width, high, color, material))
+            yield cuboid((start, end), half_width, high, color, material)
             for share in (0.3, 0.7):
                 strap_x, strap = start + share * (end - start), (low + 0.16, top + 0.01)
-                parts.append(
-                    cuboid((strap_x - 0.03, strap_x + 0.03), half_width + 0.01, strap, AMBER)
-                )
+                yield cuboid((strap_x - 0.03, strap_x + 0.03), half_width + 0.01, strap, AMBER)
         start = end + rng.uniform(0.05, 0.3)
     if p.fill < 0.75:  # drop sides
-        parts += [cuboid((rear, front), 0.02, (low + 0.1, low + 0.5), p.cab, "metal", at=y)
-                  for y in (half, -half)]  # fmt: skip
-    return parts
+        for y in (half, -half):
+            yield cuboid((rear, front), 0.02, (low + 0.1, low + 0.5), p.cab, "metal", at=y)
 
 
 def _tub(
@@ -63,37 +58,35 @@ def _tub(
     return [lower, plan * [length, half, 0] + [x, 0, high]]
 
 
-def tipper(p: TruckParams) -> list[Asset]:
+def tipper(p: TruckParams) -> Parts:
     """Build a tipping bed with a heap of gravel."""
     x, length, width = bed(p)
     low, half, high = floor(p), width / 2, p.height
     edge = _tub(x, length, half, low, high, 0.04)
     heap = edge[1] * [1, 0.9, 1] - [0, 0, 0.12]
     peak = (heap - [x, 0, 0]) * [0.4, 0.3, 1] + [x, 0, 0.6 * p.fill]
-    parts = [
-        loft(edge, p.body, "metal"),
-        loft([heap, peak], GRAVEL, "concrete"),
-        cuboid((x + length / 2, x + length / 2 + 0.7), half, (high - 0.1, high), p.body),
-        tube((x + length / 2 + 0.15, 0, low), (x + length / 2 + 0.1, 0, high), 0.1, STEEL, "metal"),
-    ]
+    yield loft(edge, p.body, "metal")
+    yield loft([heap, peak], GRAVEL, "concrete")
+    yield cuboid((x + length / 2, x + length / 2 + 0.7), half, (high - 0.1, high), p.body)
+    yield tube(
+        (x + length / 2 + 0.15, 0, low), (x + length / 2 + 0.1, 0, high), 0.1, STEEL, "metal"
+    )
     for share in np.linspace(0.04, 0.96, 7):  # ribs
         post = x + (share - 0.5) * length
         rib = (post - 0.05, half - 0.16, low), (post + 0.05, half + 0.03, high)
-        parts.append(pair(block(*rib, darker(p.body, 0.8), "metal")))
+        yield pair(block(*rib, darker(p.body, 0.8), "metal"))
     rail = (x - length / 2, half - 0.06, high - 0.08), (x + length / 2, half + 0.04, high)
     side = walls(length, width + 0.08, low, high, x=x)
     dark = darker(p.body, 0.6)
     ribs = [(u, u + 0.04) for u in (0.02, 0.3, 0.66, 0.94)]
     bars = [(v, v + 0.05) for v in (0.0, 0.5, 0.95)]
-    parts += [  # of the tailgate
-        panels(side.rear, ribs, [(0, 1)], dark, lift=0.04),
-        panels(side.rear, [(0, 1)], bars, dark, lift=0.03),
-    ]
-    parts.append(pair(block(*rail, p.body, "metal")))
-    return [*parts, *sign(p._replace(band=None), side, (0.3, 0.7), (0.35, 0.7))]
+    yield panels(side.rear, ribs, [(0, 1)], dark, lift=0.04)
+    yield panels(side.rear, [(0, 1)], bars, dark, lift=0.03)
+    yield pair(block(*rail, p.body, "metal"))
+    yield from sign(p._replace(band=None), side, (0.3, 0.7), (0.35, 0.7))
 
 
-def tanker(p: TruckParams) -> list[Asset]:
+def tanker(p: TruckParams) -> Parts:
     """Build a tank with ladders, bands and manholes."""
     x, length, width = bed(p)
     low = floor(p)
@@ -103,28 +96,27 @@ def tanker(p: TruckParams) -> list[Asset]:
     loop = np.column_stack([np.cos(angle) * 0.49 * width, np.sin(angle) * radius])
     top, reach = p.height, 0.4 * length
     ends = ((0.5, 0.55), (0.49, 0.8), (0.46, 0.97), (0.44, 1.0))
-    parts = [
-        tank(loop, x, middle, length, ends, p.body),
-        cuboid((x - reach, x + reach), 0.3, (top - 0.04, top + 0.05), TRIM),
-        cuboid((x - length / 2, x + length / 2), 0.5, (low - 0.1, low + 0.15), TRIM),
-    ]
+    yield tank(loop, x, middle, length, ends, p.body)
+    yield cuboid((x - reach, x + reach), 0.3, (top - 0.04, top + 0.05), TRIM)
+    yield cuboid((x - length / 2, x + length / 2), 0.5, (low - 0.1, low + 0.15), TRIM)
     back = x - length / 2 - 0.02
     for y, head in ((0.5, top), (0.8, top - 0.1)):
-        parts.append(tube((back, y, low), (back, y, head), 0.03, STEEL, sides=4))
+        yield tube((back, y, low), (back, y, head), 0.03, STEEL, sides=4)
     for share in (-0.3, -0.05, 0.2):  # bands round the tank and manholes on it
         span = x + (share - 0.008) * length, x + (share + 0.008) * length
-        parts.append(hoop(loop, span, middle, 1.012, p.band or STEEL))
+        yield hoop(loop, span, middle, 1.012, p.band or STEEL)
         manhole_x = x + (share + 0.1) * length
         manhole = (manhole_x, 0, top - 0.1), (manhole_x, 0, top + 0.16)
-        parts.append(tube(*manhole, 0.25, STEEL, "metal", sides=10))
+        yield tube(*manhole, 0.25, STEEL, "metal", sides=10)
     side = walls(0.8 * length, width + 0.01, low + 0.6 * radius, low + 1.4 * radius, x=x)
     if p.letters is not None:
-        parts += [lettering(wall, (0.2, 0.8), (0.2, 0.75), p.letters, p.seed) for wall in side[:2]]
+        for wall in side[:2]:
+            yield lettering(wall, (0.2, 0.8), (0.2, 0.75), p.letters, p.seed)
     rear = walls(length + 0.02, width, low + 0.5 * radius, low + 1.5 * radius, x=x).rear
-    return [*parts, panel(rear, (0.4, 0.6), (0.4, 0.6), AMBER)]
+    yield panel(rear, (0.4, 0.6), (0.4, 0.6), AMBER)
 
 
-def refuse(p: TruckParams) -> list[Asset]:
+def refuse(p: TruckParams) -> Parts:
     """Build a refuse body with a rear loader that reaches below its floor and leans out."""
     x, length, width = bed(p)
     low, half = floor(p), width / 2
@@ -142,25 +134,24 @@ def refuse(p: TruckParams) -> list[Asset]:
             (tail + 0.7, half, p.height),
         ]
     )
-    parts = [
-        cuboid((split, x + length / 2), half, (low, p.height - 0.15), p.body, "paint"),
-        loft(rings, darker(p.body, 0.8), "paint"),
-        panel(slope, (0.12, 0.88), (0.02, 0.45), BLACK),
-        panel(slope, (0, 1), (0.62, 0.72), AMBER),
-        *sign(p, side, (0.2, 0.8), (0.35, 0.65)),
-    ]
+    yield cuboid((split, x + length / 2), half, (low, p.height - 0.15), p.body, "paint")
+    yield loft(rings, darker(p.body, 0.8), "paint")
+    yield panel(slope, (0.12, 0.88), (0.02, 0.45), BLACK)
+    yield panel(slope, (0, 1), (0.62, 0.72), AMBER)
+    yield from sign(p, side, (0.2, 0.8), (0.35, 0.65))
     for share in np.linspace(0.04, 0.96, 6):  # ribs
         post = split + share * (x + length / 2 - split)
         rib = (post - 0.05, half - 0.02, low), (post + 0.05, half + 0.05, p.height - 0.2)
-        parts.append(pair(block(*rib, darker(p.body, 0.75))))
+        yield pair(block(*rib, darker(p.body, 0.75)))
     bar = tube(
         (tail + 0.15, half + 0.03, 0.7), (tail + 0.5, half + 0.03, 2.2), 0.05, STEEL, "metal"
     )
     lamp = block((tail - 0.02, half - 0.3, 1.25), (tail + 0.1, half - 0.05, 1.5), TAILLAMP, "lamp")
-    return [*parts, pair(bar), pair(lamp)]
+    yield pair(bar)
+    yield pair(lamp)
 
 
-def mixer(p: TruckParams) -> list[Asset]:
+def mixer(p: TruckParams) -> Parts:
     """Build a slanting drum with painted spirals, a hopper and a chute."""
     x, length, _ = bed(p)
     low, radius = floor(p), (p.height - floor(p)) / 2 - 0.1
@@ -190,7 +181,7 @@ def mixer(p: TruckParams) -> list[Asset]:
     ]
 
 
-def skip(p: TruckParams) -> list[Asset]:
+def skip(p: TruckParams) -> Parts:
     """Build a skip between two lifting arms."""
     x, length, width = bed(p)
     low, half = floor(p), width / 2
@@ -211,7 +202,7 @@ def skip(p: TruckParams) -> list[Asset]:
     ]
 
 
-def recovery(p: TruckParams) -> list[Asset]:
+def recovery(p: TruckParams) -> Parts:
     """Build a tilting platform with a crane behind the cab."""
     x, length, width = bed(p)
     low, half = floor(p), width / 2

@@ -9,7 +9,7 @@ import numpy as np
 
 from scene.assets.parts.human import Body, Pose, limb, shoulders, skin, spine
 from scene.assets.parts.palette import BLACK, STEEL, darker
-from scene.mesh.asset import Asset, Color, Point, ignore, merge, rotate, solid, translate
+from scene.mesh.asset import Asset, Color, Parts, Point, ignore, merge, rotate, solid, translate
 from scene.mesh.solids import block, box, ring
 
 CARRIED: tuple[str, ...] = (
@@ -128,15 +128,11 @@ def _stick(hand: np.ndarray, h: float, color: Color) -> Asset:
     return limb(points, [0.012, 0.013, 0.011], color, "wood", 6)
 
 
-def _wheels(places: list[Point], radius: float) -> list[Asset]:
-    parts = []
+def _wheels(places: list[Point], radius: float) -> Parts:
     for x, y, z in places:
-        parts.append(ring((x, y, z), radius, 0.035, BLACK, sides=14))
-        parts += [
-            box((2 * radius, 0.012, 0.012), (x, y, z - 0.006), STEEL, "metal"),
-            box((0.012, 0.012, 2 * radius), (x, y, z - radius), STEEL, "metal"),
-        ]
-    return parts
+        yield ring((x, y, z), radius, 0.035, BLACK, sides=14)
+        yield box((2 * radius, 0.012, 0.012), (x, y, z - 0.006), STEEL, "metal")
+        yield box((0.012, 0.012, 2 * radius), (x, y, z - radius), STEEL, "metal")
 
 
 def _pram(pose: Pose, color: Color, buggy: bool) -> Asset:
@@ -146,7 +142,7 @@ def _pram(pose: Pose, color: Color, buggy: bool) -> Asset:
     x, radius = handle + 0.42, 0.11 if buggy else 0.17
     turn = np.linspace(0, np.pi, 9)
     places = [(x + d, y, radius + 0.018) for d in (-0.26, 0.30) for y in (0.25, -0.25)]
-    parts = _wheels(places, radius)
+    parts = list(_wheels(places, radius))
     for y in (0.23, -0.23):
         for path in (
             [(x + 0.30, y, radius), (x - 0.12, y, 0.62), (handle, y, high)],

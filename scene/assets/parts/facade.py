@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -91,7 +91,7 @@ def pierced_wall(
     columns: Sequence[Sequence[Opening]],
     color: Color,
     material: str,
-) -> list[Part]:
+) -> Iterable[Part]:
     """Build the wall between two ``levels`` around its openings.
 
     Args:
@@ -112,8 +112,8 @@ def pierced_wall(
         bounds = [low, *(z for o in column for z in (o.low, o.high)), high]
         gaps = zip(bounds[::2], bounds[1::2], strict=True)
         areas += [(column[0].left, column[0].right, a, b) for a, b in gaps]
-    wall: list[Part] = [Patch(upright(*area, 0), color, material) for area in areas]
-    return wall + [r for column in columns for o in column for r in _reveals(o, color, material)]
+    yield from (Patch(upright(*area, 0), color, material) for area in areas)
+    yield from (r for column in columns for o in column for r in _reveals(o, color, material))
 
 
 def _reveals(opening: Opening, color: Color, material: str) -> list[Part]:
@@ -155,7 +155,7 @@ def arch(opening: Opening, color: Color, material: str, *, pointed: bool) -> lis
 
 def window(
     rng: np.random.Generator, opening: Opening, panes: tuple[int, int], curtain: Color
-) -> list[Part]:
+) -> Iterable[Part]:
     """Build ``panes`` across and up; behind some windows are curtains, nets or a blind.
 
     The darkness of the room and how far the blind is down are random.
@@ -168,7 +168,6 @@ def window(
     edge = split.get(look, high)
     across, up = np.linspace(left, right, panes[0] + 1), np.linspace(low, high, panes[1] + 1)
     half, curtain_width = BAR / 2, 0.22 * (right - left)
-    parts: list[Part] = []
     for z0, z1 in pairwise(up):
         for column, (x0, x1) in enumerate(pairwise(across)):
             x, z = (x0 + half, x1 - half), (z0 + half, z1 - half)
@@ -182,31 +181,29 @@ def window(
                 level = min(max(edge, z[0]), z[1])
                 below, above = (curtain, glass) if look == "nets" else (glass, curtain)
                 areas = [(*x, z[0], level, below), (*x, level, z[1], above)]
-            parts += [
+            yield from (
                 Patch(upright(a, b, c, d, PANE), color, "glass")
                 for a, b, c, d, color in areas
                 if b > a + 1e-6 and d > c + 1e-6
-            ]
-    return parts
+            )
 
 
-def door(opening: Opening, color: Color) -> list[Part]:
+def door(opening: Opening, color: Color) -> Iterable[Part]:
     """Build a panelled door, with a window over it and a step in front of it where there is room."""
     left, right, low, high, _ = opening
     head = min(high, low + 2.15)
     inset, middle = 0.18 * (right - left), (low + head) / 2
-    parts: list[Part] = [Patch(upright(left, right, low, head, PANE), color, "paint")]
+    yield Patch(upright(left, right, low, head, PANE), color, "paint")
     for z0, z1 in ((low + 0.2, middle - 0.08), (middle + 0.08, head - 0.2)):
         panel = upright(left + inset, right - inset, z0, z1, PANE - PROUD)
-        parts.append(Patch(panel, darker(color), "paint"))
+        yield Patch(panel, darker(color), "paint")
     if high - head > 0.2:
         light = upright(left + 0.05, right - 0.05, head + 0.06, high - 0.05, PANE)
-        parts.append(Patch(light, WINDOW, "glass"))
+        yield Patch(light, WINDOW, "glass")
     if low > 0.05:
         step = relief((left - 0.15, -0.35, 0), (right + 0.15, 0.05, low), (0.30, 0.28, 0.25),
                      "concrete")  # fmt: skip
-        parts.append(step)
-    return parts
+        yield step
 
 
 def sill(opening: Opening, color: Color) -> list[Part]:

@@ -20,7 +20,7 @@ from scene.assets.parts.palette import (
     TRIM,
 )
 from scene.assets.parts.skin import Span, cuboid, pair, sheet, twin_sheets
-from scene.mesh.asset import Asset, Color, Point, merge
+from scene.mesh.asset import Asset, Color, Parts, Point, merge
 from scene.mesh.solids import ellipsoid, tube
 
 
@@ -103,7 +103,7 @@ def on_cabin(
     return twin_sheets(points, color, material)
 
 
-def fittings(b: Body, f: Fittings) -> list[Asset]:
+def fittings(b: Body, f: Fittings) -> Parts:
     """Build the fittings of the shell ``b``."""
     return [*_front(b, f), *_rear(b, f), *_sides(b, f), *_on_roof(b, f)]
 
@@ -114,32 +114,31 @@ def _on_nose_sides(
     return twin_sheets(_nose_points(b, end, c, v, lift), color, material)
 
 
-def _front(b: Body, f: Fittings) -> list[Asset]:
+def _front(b: Body, f: Fittings) -> Parts:
     inner, down, up = f.lamp
     edge, base, crest = f.grille
-    parts = [
-        _on_nose_sides(b, 0, (inner, 1.0), (down, up), LENS),
-        on_flank(b, (0.0, f.wrap), (down + 0.05, up), LENS, "lamp", lift=0.012),
-        on_flank(b, (f.wrap, f.wrap + 0.012), (down + 0.08, up - 0.05), AMBER, "paint", lift=0.012),
-        _on_nose_sides(
-            b, 0, (inner + 0.06, inner + 0.2), (down + 0.05, up - 0.06), REFLECTOR, lift=0.016
-        ),
-        on_nose(b, 0, (-edge, edge), (base, crest), BLACK, lift=0.012),
-        on_nose(b, 0, (-0.62, 0.62), (0.07, 0.27), BLACK, lift=0.008),
-        on_nose(b, 0, (-1, 1), (0.0, 0.05), TRIM, lift=0.012),
-        on_nose(b, 0, (-0.9, 0.9), (0.975, 1.0), BLACK, lift=0.006),
-        _bonnet_gap(b),
-        on_nose(b, 0, (-0.06, 0.06), (crest - 0.1, crest - 0.01), CHROME, "metal", lift=0.022),
-        plate(b, 0, PLATE, 0.36),
-    ]
+    yield _on_nose_sides(b, 0, (inner, 1.0), (down, up), LENS)
+    yield on_flank(b, (0.0, f.wrap), (down + 0.05, up), LENS, "lamp", lift=0.012)
+    yield on_flank(
+        b, (f.wrap, f.wrap + 0.012), (down + 0.08, up - 0.05), AMBER, "paint", lift=0.012
+    )
+    yield _on_nose_sides(
+        b, 0, (inner + 0.06, inner + 0.2), (down + 0.05, up - 0.06), REFLECTOR, lift=0.016
+    )
+    yield on_nose(b, 0, (-edge, edge), (base, crest), BLACK, lift=0.012)
+    yield on_nose(b, 0, (-0.62, 0.62), (0.07, 0.27), BLACK, lift=0.008)
+    yield on_nose(b, 0, (-1, 1), (0.0, 0.05), TRIM, lift=0.012)
+    yield on_nose(b, 0, (-0.9, 0.9), (0.975, 1.0), BLACK, lift=0.006)
+    yield _bonnet_gap(b)
+    yield on_nose(b, 0, (-0.06, 0.06), (crest - 0.1, crest - 0.01), CHROME, "metal", lift=0.022)
+    yield plate(b, 0, PLATE, 0.36)
     for k in range(f.slats):
         v = base + (crest - base) * (k + 0.6) / f.slats
-        parts.append(on_nose(b, 0, (-edge, edge), (v, v + 0.02), CHROME, "metal", lift=0.018))
+        yield on_nose(b, 0, (-edge, edge), (v, v + 0.02), CHROME, "metal", lift=0.018)
     if f.bumper is not None:
-        parts += _bumper(b, 0, f.bumper)
+        yield from _bumper(b, 0, f.bumper)
     if f.fog:
-        parts.append(_on_nose_sides(b, 0, (0.62, 0.76), (0.12, 0.22), (0.35, 0.35, 0.34)))
-    return parts
+        yield _on_nose_sides(b, 0, (0.62, 0.76), (0.12, 0.22), (0.35, 0.35, 0.34))
 
 
 def _bonnet_gap(b: Body) -> Asset:
@@ -149,7 +148,7 @@ def _bonnet_gap(b: Body) -> Asset:
     return twin_sheets(points + [0, 0, 0.005], BLACK, "plain")
 
 
-def _bumper(b: Body, end: int, color: Color) -> list[Asset]:
+def _bumper(b: Body, end: int, color: Color) -> Parts:
     along = (0.0, 0.075) if end == 0 else (0.93, 1.0)
     return [
         on_nose(b, end, (-1, 1), (0.26, 0.52), color, lift=0.02),
@@ -172,24 +171,22 @@ def plate(b: Body, end: int, color: Color, v: float) -> Asset:
     return merge(*parts)
 
 
-def _rear(b: Body, f: Fittings) -> list[Asset]:
+def _rear(b: Body, f: Fittings) -> Parts:
     inner, down, up = f.rear_lamp
     height = up - down
     reversing = (inner + 0.03, 0.5 * inner + 0.47), (down + 0.1 * height, down + 0.4 * height)
-    parts = [
-        _on_nose_sides(b, 1, (inner, 1.0), (down, up), TAILLAMP_LENS),
-        on_flank(b, (0.975, 1.0), (down + 0.03, up), TAILLAMP_LENS, "lamp", lift=0.012),
-        _on_nose_sides(b, 1, *reversing, (0.6, 0.52, 0.45), lift=0.016),
-        on_nose(b, 1, (-1, 1), (0.0, 0.12), TRIM, lift=0.01),
-        on_nose(b, 1, (-inner, inner), (0.515, 0.53), BLACK, lift=0.012),
-        on_nose(b, 1, (-0.1, 0.1), (0.88, 0.92), CHROME, "metal", lift=0.016),
-        plate(b, 1, PLATE_YELLOW if f.plate else PLATE, 0.64),
-    ]
+    yield _on_nose_sides(b, 1, (inner, 1.0), (down, up), TAILLAMP_LENS)
+    yield on_flank(b, (0.975, 1.0), (down + 0.03, up), TAILLAMP_LENS, "lamp", lift=0.012)
+    yield _on_nose_sides(b, 1, *reversing, (0.6, 0.52, 0.45), lift=0.016)
+    yield on_nose(b, 1, (-1, 1), (0.0, 0.12), TRIM, lift=0.01)
+    yield on_nose(b, 1, (-inner, inner), (0.515, 0.53), BLACK, lift=0.012)
+    yield on_nose(b, 1, (-0.1, 0.1), (0.88, 0.92), CHROME, "metal", lift=0.016)
+    yield plate(b, 1, PLATE_YELLOW if f.plate else PLATE, 0.64)
     end = fascia(b, 1, np.array([0.55]), np.array([0.0]))[0]
     pipe = (end[0] - 0.03, end[1], end[2] + 0.02), (end[0] + 0.2, end[1], end[2] + 0.02)
-    parts.append(tube(*pipe, 0.03, CHROME, "metal"))
+    yield tube(*pipe, 0.03, CHROME, "metal")
     if f.bumper is not None:
-        parts += _bumper(b, 1, f.bumper)
+        yield from _bumper(b, 1, f.bumper)
     if f.spare:
         x, z = end[0] - 0.02, 0.62 * b.belt + 0.25
         for near, far, radius, color, material in (
@@ -197,43 +194,39 @@ def _rear(b: Body, f: Fittings) -> list[Asset]:
             (0.0, 0.18, 0.22, f.mirrors, "paint"),
         ):
             wheel = tube((x + near, 0, z), (x - far, 0, z), radius, color, material, sides=16)
-            parts.append(wheel)
-    return parts
+            yield wheel
 
 
-def _sides(b: Body, f: Fittings) -> list[Asset]:
-    parts = []
+def _sides(b: Body, f: Fittings) -> Parts:
     for seam in f.doors:
         foot = 0.1 if doorway(b)[0] < seam < doorway(b)[1] else 0.62
-        parts.append(on_flank(b, (seam, seam + 0.0025), (foot, 1.0), BLACK, lift=0.004, steps=1))
+        yield on_flank(b, (seam, seam + 0.0025), (foot, 1.0), BLACK, lift=0.004, steps=1)
     for seam in f.doors[1:]:
         handle = (seam - 0.042, seam - 0.008), (0.8, 0.845)
-        parts.append(on_flank(b, *handle, f.handles, "metal", lift=0.025, steps=1))
+        yield on_flank(b, *handle, f.handles, "metal", lift=0.025, steps=1)
     doors = doorway(b)
-    parts.append(on_flank(b, doors, (0.0, 0.1), TRIM, lift=0.01))
+    yield on_flank(b, doors, (0.0, 0.1), TRIM, lift=0.01)
     if f.strip is not None:
-        parts.append(on_flank(b, doors, (0.41, 0.48), f.strip, lift=0.014))
+        yield on_flank(b, doors, (0.41, 0.48), f.strip, lift=0.014)
     s = np.array([b.cowl + 0.045])
     x, y, z = cabin(b, s, np.array([0.1]))[0]
     z = float(shoulder(b, s)[0]) + 0.08
     mirror = ellipsoid((x, y + 0.13, z), (0.055, 0.11, 0.075), f.mirrors, "paint")
     arm = tube((x, y - 0.03, z - 0.05), (x, y + 0.1, z - 0.03), 0.02, TRIM, sides=4)
-    parts.append(pair(merge(mirror, arm)))
-    return parts
+    yield pair(merge(mirror, arm))
 
 
-def _on_roof(b: Body, f: Fittings) -> list[Asset]:
+def _on_roof(b: Body, f: Fittings) -> Parts:
     """Build what is on the roof: rails, spoiler, luggage box, taxi sign, aerial."""
     span = b.roof_rear - b.roof_front
     middle = np.array([b.roof_front + 0.5 * span])
     x, _, z = roof(b, middle, np.zeros(1))[0]
-    parts: list[Asset] = []
     if f.rails is not None:
         s = np.linspace(b.roof_front + 0.08 * span, b.roof_rear - 0.05 * span, 5)
         line = roof(b, s, np.full(5, 0.93))
         for (x0, y0, z0), (x1, y1, z1) in pairwise(line):
             ends = (x0, y0, z0 + 0.045), (x1, y1, z1 + 0.045)
-            parts.append(pair(tube(*ends, 0.02, f.rails, "metal", sides=4)))
+            yield pair(tube(*ends, 0.02, f.rails, "metal", sides=4))
     if f.spoiler is not None:
         s, c = np.meshgrid(
             [b.roof_rear - 0.015, b.roof_rear + 0.012], np.linspace(-0.85, 0.85, 7), indexing="ij"
@@ -248,15 +241,13 @@ def _on_roof(b: Body, f: Fittings) -> list[Asset]:
         points[1] += [-0.14, 0, 0.02]
         points[0, :, 2] += 0.03
         under = points[1] - [0, 0, 0.04]
-        parts.append(sheet(np.concatenate([points, under[None]])[:, ::-1], f.spoiler, "paint"))
+        yield sheet(np.concatenate([points, under[None]])[:, ::-1], f.spoiler, "paint")
     if f.box is not None:
         length = 0.62 * span * b.length
         shape = (x, 0.12, z + 0.15), (length / 1.6, 0.42, 0.17)
-        parts.append(ellipsoid(*shape, f.box, subdivisions=2))
-        parts += [
-            cuboid((x + d - 0.03, x + d + 0.03), 0.55, (z - 0.02, z + 0.05), BLACK)
-            for d in (-0.3, 0.4)
-        ]
+        yield ellipsoid(*shape, f.box, subdivisions=2)
+        for d in (-0.3, 0.4):
+            yield cuboid((x + d - 0.03, x + d + 0.03), 0.55, (z - 0.02, z + 0.05), BLACK)
     if f.sign is not None:
         middle_x, _, foot = roof(b, np.array([b.roof_front + 0.08 * span]), np.zeros(1))[0]
         for half_length, half_width, low, high, color, material in (
@@ -267,9 +258,8 @@ def _on_roof(b: Body, f: Fittings) -> list[Asset]:
                 (middle_x - half_length, middle_x + half_length),
                 (foot + low, foot + high),
             )
-            parts.append(cuboid(x_span, half_width, z_span, color, material))
+            yield cuboid(x_span, half_width, z_span, color, material)
     if f.aerial:
         root = roof(b, np.array([b.roof_rear - 0.06]), np.zeros(1))[0]
         tip: Point = (root[0] - 0.1, 0.0, root[2] + 0.22)
-        parts.append(tube((root[0], 0.0, root[2] - 0.01), tip, 0.008, BLACK, sides=4, caps=False))
-    return parts
+        yield tube((root[0], 0.0, root[2] - 0.01), tip, 0.008, BLACK, sides=4, caps=False)

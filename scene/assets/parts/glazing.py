@@ -18,7 +18,7 @@ from scene.assets.parts.draw import Rule
 from scene.assets.parts.fittings import on_cabin
 from scene.assets.parts.palette import blend, darker
 from scene.assets.parts.skin import sheet
-from scene.mesh.asset import Asset, Color, solid, vary
+from scene.mesh.asset import Asset, Color, Parts, solid, vary
 from scene.mesh.mesh import cross, twice_areas
 from scene.mesh.solids import quads
 
@@ -86,12 +86,12 @@ def glazed(driven: float) -> Rule:
     return lambda rng, value: sample_glazing(rng, (0.6,), driven)
 
 
-def glazing(b: Body, g: Glazing, windows: tuple[bool, bool]) -> list[Asset]:
+def glazing(b: Body, g: Glazing, windows: tuple[bool, bool]) -> Parts:
     """Build what is laid on the panes of the car ``b``; ``windows`` as in ``Paint``."""
-    parts = _screen(b, g, 0)
+    yield from _screen(b, g, 0)
     if windows[1] and b.tail - b.roof_rear > UPRIGHT:
-        parts += _screen(b, g, 1)
-    return parts + (_sides(b, g) if windows[0] else [])
+        yield from _screen(b, g, 1)
+    yield from _sides(b, g) if windows[0] else []
 
 
 def interior(
@@ -103,7 +103,7 @@ def interior(
     narrow: float = 1.0,
     lean: float = 0.0,
     from_behind: bool = False,
-) -> list[Asset]:
+) -> Parts:
     """Lay seats at ``seats`` metres across a window, and the driver at ``driver``, by ``lay``."""
     low, high = _LIFTS[1:]
     if from_behind:
@@ -116,11 +116,9 @@ def interior(
             (PERSON[:3], driver, g.clothes, high, narrow),
             (PERSON[2:], driver, darker(g.skin, HAIR) if from_behind else g.skin, high, 1.0),
         ]
-    parts = []
     for rows, middle, color, lift, share in shapes:
         up, half = np.array(rows).T[:, :, None]
-        parts.append(lay(up, middle + lean * (up - 0.1) + share * half * [-1, 1], color, lift))
-    return parts
+        yield lay(up, middle + lean * (up - 0.1) + share * half * [-1, 1], color, lift)
 
 
 def dimmed(g: Glazing, share: float) -> Color:
@@ -128,21 +126,20 @@ def dimmed(g: Glazing, share: float) -> Color:
     return blend(g.seats, g.behind, share)
 
 
-def _sides(b: Body, g: Glazing) -> list[Asset]:
+def _sides(b: Body, g: Glazing) -> Parts:
     """Build light and seats in the side windows, and the driver's profile."""
     ends = (max(b.glass[0] + 0.02, b.roof_front - 0.045), *b.pillars, min(b.glass[1], b.roof_rear))
-    marks, parts = stations(b), []
+    marks = stations(b)
     panes = [(low + 0.016, high - _LIFTS[2]) for low, high in pairwise(ends) if high - low > 0.05]
     for k, (low, high) in enumerate(panes):
         cuts = marks[(marks > low + 0.004) & (marks < high - 0.004)]
         s = np.array([low, *cuts, high])
         tone = dimmed(g, g.dim if k else 1.0)
         rows = np.array([[0.24, 0.5, 0.8]])
-        parts.append(on_cabin(b, s[:, None], rows, tone, "glass", lift=_LIFTS[0]))
+        yield on_cabin(b, s[:, None], rows, tone, "glass", lift=_LIFTS[0])
         if k < 2:
             lay = partial(_on_side, b, high - 0.28 / b.length)
-            parts += interior(lay, g, (0.0,), None if k else -0.14, narrow=NARROW, lean=LEAN)
-    return parts
+            yield from interior(lay, g, (0.0,), None if k else -0.14, narrow=NARROW, lean=LEAN)
 
 
 def _on_side(
@@ -152,19 +149,18 @@ def _on_side(
     return on_cabin(b, s + across / b.length, up, color, "glass", lift=lift)
 
 
-def _screen(b: Body, g: Glazing, end: int) -> list[Asset]:
+def _screen(b: Body, g: Glazing, end: int) -> Parts:
     """Build light, seats, driver and mirror behind the windscreen (``end`` 0) or rear window (1)."""
     half_width = 0.45 * b.width
     lay = partial(on_screen, b, end)
     light = np.array([-0.66, *_ACROSS[np.abs(_ACROSS) < 0.6], 0.66])[None] * half_width
     rows = np.array([[0.3], [0.6 if end else 0.5], [0.84]])
-    parts = [lay(rows, light, dimmed(g, g.dim if end else 1.0), _LIFTS[0])]
-    parts += interior(
+    yield lay(rows, light, dimmed(g, g.dim if end else 1.0), _LIFTS[0])
+    yield from interior(
         partial(_upright, b, end), g, (-_SEAT_Y, _SEAT_Y), g.side * _SEAT_Y, from_behind=end == 1
     )
     if end == 0:
-        parts.append(lay(np.array([[0.72], [0.83]]), np.array([[-0.1, 0.1]]), g.seats, _LIFTS[2]))
-    return parts
+        yield lay(np.array([[0.72], [0.83]]), np.array([[-0.1, 0.1]]), g.seats, _LIFTS[2])
 
 
 def _upright(

@@ -10,7 +10,7 @@ import numpy as np
 from scene.assets.parts.human import NECK, TORSO, Body, Outfit, Pose, limb, skin, spine
 from scene.assets.parts.palette import GLASS, darker
 from scene.assets.parts.skin import sheet
-from scene.mesh.asset import Asset, Color, merge, repaint, reshaped, solid, translate
+from scene.mesh.asset import Asset, Color, Parts, merge, repaint, reshaped, solid, translate
 from scene.mesh.mesh import Mesh, cross, frozen
 from scene.mesh.solids import ellipsoid
 
@@ -94,16 +94,16 @@ def _shell(shell: Shell, color: Color, stripes: Color | None = None) -> Asset:
     return Asset(mesh, skull_cap.color[keep], skull_cap.material[keep])
 
 
-def _hair(outfit: Outfit) -> list[Asset]:
+def _hair(outfit: Outfit) -> Parts:
     """Build hair in units of the head."""
     hairdo, color = outfit.hairdo, outfit.hair
     if hairdo == "bald":
-        return []
+        return
     # The edge runs down to a sideburn, over the ear, and to the nape.
     nape = _NAPE.get(hairdo, -0.5)
     edge = ((0, 0.5), (45, 0.42), (68, 0.2), (80, -0.2), (100, 0.0), (122, nape))
     grow, volume = (1.06, 0.02) if outfit.hat else _FULL.get(hairdo, (1.07, 0.03))
-    parts = [_shell(Shell(edge, grow, volume), color)]
+    yield _shell(Shell(edge, grow, volume), color)
     if hairdo in ("bob", "long"):
         low = -1.05 if hairdo == "bob" else -1.95
         levels = np.linspace(0.3, low, 5)
@@ -114,13 +114,12 @@ def _hair(outfit: Outfit) -> list[Asset]:
                              np.full(len(turn), z)])
             for k, (s, z) in enumerate(zip(spread, levels, strict=True))
         ])  # fmt: skip
-        parts.append(sheet(curtain, color, "cloth"))
+        yield sheet(curtain, color, "cloth")
     if hairdo == "ponytail":
         tail = [(-1.0, 0, 0.45), (-1.5, 0, 0.35), (-1.62, 0, -0.5), (-1.45, 0, -1.5)]
-        parts.append(limb(np.array(tail), [0.2, 0.3, 0.34, 0.08], color, "cloth", 6))
+        yield limb(np.array(tail), [0.2, 0.3, 0.34, 0.08], color, "cloth", 6)
     if hairdo == "bun":
-        parts.append(ellipsoid((-0.85, 0, 0.85), (0.45, 0.5, 0.42), color, "cloth"))
-    return parts
+        yield ellipsoid((-0.85, 0, 0.85), (0.45, 0.5, 0.42), color, "cloth")
 
 
 def _brim(reach: float, width: float, z: float, ahead: bool, color: Color, material: str) -> Asset:
@@ -136,27 +135,27 @@ def _brim(reach: float, width: float, z: float, ahead: bool, color: Color, mater
     return solid(np.concatenate([inner, outer]), faces, color, material)
 
 
-def _hat(outfit: Outfit) -> list[Asset]:
+def _hat(outfit: Outfit) -> Parts:
     """Build a hat in units of the head."""
     hat, color = outfit.hat, outfit.hat_color
     if hat == "full helmet":
         rings = skin(_rings(1.36, 0.02), color, "paint")
         visor = np.repeat(((_AROUND < 68) & (np.abs(_LEVEL - 0.1) < 0.42)).ravel(), 2)
         faces = np.concatenate([visor, np.zeros(2 * (SIDES - 2), bool)])
-        return [repaint(rings, faces, GLASS, "glass")]
+        yield repaint(rings, faces, GLASS, "glass")
+        return
     if not hat:
-        return []
+        return
     shell = _SHELLS[hat]
-    parts = [_shell(shell, color, darker(color, 0.25) if hat == "cycle helmet" else None)]
+    yield _shell(shell, color, darker(color, 0.25) if hat == "cycle helmet" else None)
     if shell.brim is not None:
-        parts.append(_brim(*shell.brim, 0.43, shell.peak, color, shell.material))
+        yield _brim(*shell.brim, 0.43, shell.peak, color, shell.material)
     if hat == "headscarf":
-        parts.append(limb(np.array([(0.05, 0, -0.7), (-0.05, 0, -1.3), (-0.05, 0, -1.9)]),
-                          [0.85, 1.05, 1.65], color, "cloth", 10))  # fmt: skip
-    return parts
+        yield limb(np.array([(0.05, 0, -0.7), (-0.05, 0, -1.3), (-0.05, 0, -1.9)]),
+                          [0.85, 1.05, 1.65], color, "cloth", 10)  # fmt: skip
 
 
-def _face(outfit: Outfit) -> list[Asset]:
+def _face(outfit: Outfit) -> Parts:
     """Build the bare head: skull, nose, ears, brows and mouth, in units of the head."""
     skull = skin(_rings(), outfit.skin, "skin")
     if outfit.beard:
@@ -164,7 +163,8 @@ def _face(outfit: Outfit) -> list[Asset]:
         mask = np.concatenate([jaw, np.ones(SIDES - 2, bool), np.zeros(SIDES - 2, bool)])
         skull = repaint(skull, mask, outfit.hair, "cloth")
     nose = np.array([(0.98, 0, 0.18), (1.26, 0, -0.22), (0.96, 0.2, -0.3), (0.96, -0.2, -0.3)])
-    parts = [skull, solid(nose, np.array([[0, 1, 2], [0, 3, 1], [1, 3, 2]]), outfit.skin, "skin")]
+    yield skull
+    yield solid(nose, np.array([[0, 1, 2], [0, 3, 1], [1, 3, 2]]), outfit.skin, "skin")
 
     def patch(y: float, z: float, half: float, high: float, color: Color) -> Asset:
         """Build a small mark on the front of the face."""
@@ -176,13 +176,13 @@ def _face(outfit: Outfit) -> list[Asset]:
                      color, "skin")  # fmt: skip
 
     for side in (0.42, -0.42):
-        parts.append(patch(side, 0.02, 0.2, 0.12, darker(outfit.skin, 0.28)))
-        parts.append(patch(side, 0.2, 0.24, 0.07, darker(outfit.hair, 0.9)))
+        yield patch(side, 0.02, 0.2, 0.12, darker(outfit.skin, 0.28))
+        yield patch(side, 0.2, 0.24, 0.07, darker(outfit.hair, 0.9))
         if outfit.hat not in _EARS_COVERED:
-            parts.append(ellipsoid((-0.1, 2.4 * side, -0.05), (0.2, 0.1, 0.27), outfit.skin,
-                                   "skin", subdivisions=0))  # fmt: skip
+            yield ellipsoid((-0.1, 2.4 * side, -0.05), (0.2, 0.1, 0.27), outfit.skin,
+                                   "skin", subdivisions=0)  # fmt: skip
     red, green, blue = outfit.skin
-    return [*parts, patch(0.0, -0.6, 0.3, 0.09, (0.7 * red, 0.4 * green, 0.4 * blue))]
+    yield patch(0.0, -0.6, 0.3, 0.09, (0.7 * red, 0.4 * green, 0.4 * blue))
 
 
 def head(body: Body, outfit: Outfit, pose: Pose) -> Asset:
@@ -191,10 +191,9 @@ def head(body: Body, outfit: Outfit, pose: Pose) -> Asset:
     neck = np.array([np.sin(pose.look), 0, np.cos(pose.look)])
     base = np.array(pose.hip) + h * (TORSO * 1.04 * up - 0.006 * forward)
     centre = base + (NECK - 0.012 + 0.05 * (body.head - 1)) * h * neck + 0.008 * h * neck[::-1]
-    parts = [] if outfit.hat == "full helmet" else _face(outfit)
-    if outfit.hat not in ("hood", "headscarf", "full helmet"):
-        parts += _hair(outfit)
-    merged = merge(*parts, *_hat(outfit))
+    face = [] if outfit.hat == "full helmet" else _face(outfit)
+    hair = [] if outfit.hat in ("hood", "headscarf", "full helmet") else _hair(outfit)
+    merged = merge(*face, *hair, *_hat(outfit))
     tilt, turn = 0.7 * pose.look, pose.turn
     pitch = np.array([[np.cos(tilt), 0, np.sin(tilt)], [0, 1, 0], [-np.sin(tilt), 0, np.cos(tilt)]])
     yaw = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]])

@@ -10,7 +10,7 @@ from scene.assets.parts.glazing import EMPTY, Glazing
 from scene.assets.parts.palette import BLACK, STEEL, TRIM, darker
 from scene.assets.parts.skin import Span, cuboid
 from scene.assets.parts.vehicle import Walls, lettering, panel, panels, strips, walls
-from scene.mesh.asset import Asset, Color
+from scene.mesh.asset import Color, Parts
 from scene.mesh.solids import loft
 
 
@@ -53,21 +53,19 @@ def bed(p: TruckParams) -> tuple[float, float, float]:
     return -p.length / 2 + length / 2, length, p.width
 
 
-def sign(p: TruckParams, side: Walls, u: Span, v: Span) -> list[Asset]:
+def sign(p: TruckParams, side: Walls, u: Span, v: Span) -> Parts:
     """Build a band and lettering on both sides."""
-    parts = []
     if p.band is not None:
         height = 0.25 * (v[1] - v[0])
-        parts += [
+        yield from (
             panel(wall, (0, 1), (v[0] - height, v[0] - 0.1 * height), p.band, "paint")
             for wall in side[:2]
-        ]
+        )
     if p.letters is not None:
-        parts += [lettering(wall, u, v, p.letters, p.seed) for wall in side[:2]]
-    return parts
+        yield from (lettering(wall, u, v, p.letters, p.seed) for wall in side[:2])
 
 
-def _doors(rear: np.ndarray) -> list[Asset]:
+def _doors(rear: np.ndarray) -> Parts:
     """Build rear doors: a seam, upright locking bars and hinges."""
     return [
         panel(rear, (0.495, 0.505), (0.03, 0.97), BLACK),
@@ -77,7 +75,7 @@ def _doors(rear: np.ndarray) -> list[Asset]:
     ]  # fmt: skip
 
 
-def _edges(side: Walls, color: Color) -> list[Asset]:
+def _edges(side: Walls, color: Color) -> Parts:
     """Build rails round the edges of a box body, which catch the light."""
     spans: tuple[tuple[list[Span], list[Span]], ...] = (
         ([(0, 1)], [(0, 0.035), (0.965, 1)]), ([(0, 0.012), (0.988, 1)], [(0, 1)]),
@@ -86,9 +84,7 @@ def _edges(side: Walls, color: Color) -> list[Asset]:
             for wall in (side.left, side.right, side.rear, side.front) for u, v in spans]  # fmt: skip
 
 
-def _box_body(
-    p: TruckParams, side: Walls, material: str, rails: Color, u: Span, v: Span
-) -> list[Asset]:
+def _box_body(p: TruckParams, side: Walls, material: str, rails: Color, u: Span, v: Span) -> Parts:
     """Build a body with rear doors, rails round its edges, and lettering on its sides."""
     x, length, width = bed(p)
     return [
@@ -104,25 +100,24 @@ def _sides(p: TruckParams) -> Walls:
     return walls(length, width, floor(p), p.height, x=x)
 
 
-def box(p: TruckParams) -> list[Asset]:
+def box(p: TruckParams) -> Parts:
     """Build a closed box body."""
     rails = STEEL if max(p.body) > 0.3 else darker(p.body, 1.6)
     return _box_body(p, _sides(p), "paint", rails, (0.14, 0.86), (0.38, 0.74))
 
 
-def curtain(p: TruckParams) -> list[Asset]:
+def curtain(p: TruckParams) -> Parts:
     """Build a box whose sides are curtains: folds, straps and buckles."""
     side = _sides(p)
-    parts = _box_body(p, side, "plain", STEEL, (0.1, 0.9), (0.3, 0.8))
+    yield from _box_body(p, side, "plain", STEEL, (0.1, 0.9), (0.3, 0.8))
     for wall in side[:2]:
         for share in np.linspace(0.03, 0.97, max(6, round(bed(p)[1] / 0.7))):
             fold, buckle = ((share - half, share + half) for half in (0.002, 0.004))
-            parts.append(panel(wall, fold, (0.02, 0.95), darker(p.body, 0.5)))
-            parts.append(panel(wall, buckle, (0.0, 0.06), TRIM, lift=0.03))
-    return parts
+            yield panel(wall, fold, (0.02, 0.95), darker(p.body, 0.5))
+            yield panel(wall, buckle, (0.0, 0.06), TRIM, lift=0.03)
 
 
-def luton(p: TruckParams) -> list[Asset]:
+def luton(p: TruckParams) -> Parts:
     """Build a box that reaches forward over the cab."""
     x, length, width = bed(p)
     front = x + length / 2

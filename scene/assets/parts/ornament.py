@@ -7,6 +7,7 @@ same plane where they cross.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from itertools import pairwise
 
 import numpy as np
@@ -33,12 +34,11 @@ def capitals(
     levels: tuple[float, float],
     y: float,
     color: Color,
-) -> list[Part]:
+) -> Iterable[Part]:
     """Build strokes that look like a line of capitals from a distance."""
     low, high = levels
     height = high - low
     width, stroke, x = 0.62 * height, 0.15 * height, span[0]
-    parts: list[Part] = []
     while x + width <= span[1]:
         if rng.random() < 0.86:  # else a gap between words
             has_left, has_right = (int(v) for v in rng.random(2) < (0.85, 0.45))
@@ -48,9 +48,8 @@ def capitals(
             ] * has_right
             for z in (low, (low + high - stroke) / 2, high - stroke):
                 strokes += [(a, b, z, z + stroke)] * int(rng.random() < 0.6)
-            parts += [Patch(upright(*s, y), color, "paint") for s in strokes]
+            yield from (Patch(upright(*s, y), color, "paint") for s in strokes)
         x += 1.3 * width
-    return parts
 
 
 def contrast(color: Color) -> Color:
@@ -65,7 +64,7 @@ def shop_front(
     ground: float,
     colors: tuple[Color, Color],
     awning: float,
-) -> list[Part]:
+) -> Iterable[Part]:
     """Build a fascia with lettering, pilasters at both ends, goods in the windows, and optionally an awning.
 
     Args:
@@ -77,12 +76,12 @@ def shop_front(
     """
     board, stripe = colors
     low, high, half = 0.77 * ground, 0.97 * ground, 0.48 * width
-    parts: list[Part] = [relief((-half, -BOARD, low), (half, 0.05, high), board, "paint")]
+    yield relief((-half, -BOARD, low), (half, 0.05, high), board, "paint")
     span = (-0.3 * width, float(rng.uniform(0.1, 0.32)) * width)
-    parts += capitals(rng, span, (low + 0.15, high - 0.15), -BOARD - PROUD, contrast(board))
+    yield from capitals(rng, span, (low + 0.15, high - 0.15), -BOARD - PROUD, contrast(board))
     for s in (-1, 1):
         x = s * (width / 2 - 0.16)
-        parts.append(relief((x - 0.14, -PILASTER, 0), (x + 0.14, 0.05, high), board, "paint"))
+        yield relief((x - 0.14, -PILASTER, 0), (x + 0.14, 0.05, high), board, "paint")
     for left, right in bays(width, 3, 0.7)[::2]:
         for x in np.arange(left, right - 0.5, 0.62):
             if rng.random() < 0.6:
@@ -91,16 +90,15 @@ def shop_front(
                 corners = upright(
                     float(x), float(x) + 0.42, float(foot), float(foot + height), 0.05
                 )
-                parts.append(Patch(corners, (goods[0], goods[1], goods[2]), "paint"))
+                yield Patch(corners, (goods[0], goods[1], goods[2]), "paint")
     if awning:
         edges = np.linspace(-0.46 * width, 0.46 * width, 13)
         edge, front = 0.64 * ground, -BOARD - 0.1
         for k, (a, b) in enumerate(pairwise(edges)):
             tone = (stripe, board)[k % 2]
             slope = [(a, -awning, edge), (b, -awning, edge), (b, front, low), (a, front, low)]
-            parts.append(Patch(slope, tone, "cloth"))
-            parts.append(Patch(upright(a, b, edge - 0.2, edge, -awning), tone, "cloth"))
-    return parts
+            yield Patch(slope, tone, "cloth")
+            yield Patch(upright(a, b, edge - 0.2, edge, -awning), tone, "cloth")
 
 
 def hanging_sign(x: float, base: float, color: Color) -> list[Part]:
@@ -119,7 +117,7 @@ def hanging_sign(x: float, base: float, color: Color) -> list[Part]:
 def bay_window(
     span: tuple[float, float], levels: tuple[float, float, float], wall: Finish,
     frame: Color, roof: Color,
-) -> list[Part]:  # fmt: skip
+) -> Iterable[Part]:  # fmt: skip
     """Build a canted bay window in front of the wall.
 
     Args:
@@ -132,7 +130,6 @@ def bay_window(
     (left, right), (sill, head, top) = span, levels
     cant = min(0.45, 0.25 * (right - left))
     plan = [(left, 0.0), (left + cant, -BAY_DEPTH), (right - cant, -BAY_DEPTH), (right, 0.0)]
-    parts: list[Part] = []
     for (x0, y0), (x1, y1) in pairwise(plan):
         length = math.hypot(x1 - x0, y1 - y0)
         out = np.array([y1 - y0, x0 - x1]) / length * PROUD
@@ -144,17 +141,17 @@ def bay_window(
             ]
             return [(*foot[0], low), (*foot[1], low), (*foot[1], high), (*foot[0], high)]
 
-        parts.append(Patch(facet(0, 1, 0, sill, 0), *wall))
-        parts.append(Patch(facet(0, 1, sill, top, 0), frame, "paint"))
+        yield Patch(facet(0, 1, 0, sill, 0), *wall)
+        yield Patch(facet(0, 1, sill, top, 0), frame, "paint")
         panes = max(1, round(length / 0.7))
         for k in range(panes):
             a, b = (k + 0.09) / panes, (k + 0.91) / panes
-            parts.append(Patch(facet(a, b, sill + 0.1, head, 1), WINDOW, "glass"))
+            yield Patch(facet(a, b, sill + 0.1, head, 1), WINDOW, "glass")
     lid = [(x, y * 1.15, top) for x, y in plan]
     ridge = [(left + cant, -0.02, top + 0.45), (right - cant, -0.02, top + 0.45)]
-    parts.append(Patch([lid[1], lid[2], ridge[1], ridge[0]], roof, "roof"))
-    parts.append(polygon([lid[0], lid[1], ridge[0]], roof, "roof"))
-    return [*parts, polygon([lid[2], lid[3], ridge[1]], roof, "roof")]
+    yield Patch([lid[1], lid[2], ridge[1], ridge[0]], roof, "roof")
+    yield polygon([lid[0], lid[1], ridge[0]], roof, "roof")
+    yield polygon([lid[2], lid[3], ridge[1]], roof, "roof")
 
 
 def balcony(span: tuple[float, float], floor: float, frame: Color, accent: Color) -> list[Part]:
@@ -207,16 +204,16 @@ def quoins(width: float, levels: tuple[float, float], color: Color) -> list[Part
 
 def timbers(
     width: float, levels: list[float], columns: list[tuple[float, float]], color: Color
-) -> list[Part]:
+) -> Iterable[Part]:
     """Build dark beams at every floor and, behind them, posts at both sides of every window."""
     half = width / 2
-    beams = [band((-half, half), STRING, z - 0.1, 0.2, color) for z in levels]
+    yield from (band((-half, half), STRING, z - 0.1, 0.2, color) for z in levels)
     posts = [
         Patch(upright(x - 0.09, x + 0.09, levels[0], levels[-1], -PROUD), color, "wood")
         for left, right in columns
         for x in (left - 0.14, right + 0.14)
     ]
-    return beams + posts
+    yield from posts
 
 
 def turret(

@@ -21,7 +21,7 @@ from scene.assets.parts.palette import (
 from scene.assets.parts.skin import cuboid, in_plane, pair, twin_sheets
 from scene.assets.parts.vehicle import card
 from scene.assets.parts.wheel import Wheel, wheel
-from scene.mesh.asset import Asset, Color, merge, translate
+from scene.mesh.asset import Asset, Color, Parts, merge, translate
 from scene.mesh.solids import ellipsoid, loft, polygon, tube
 
 _PAINTS: tuple[tuple[Color, Color], ...] = (
@@ -76,7 +76,7 @@ def _section(half: float, low: float, high: float, top: float) -> np.ndarray:
     return np.array(right + [(-y, z) for y, z in right[::-1]])
 
 
-def _tub(r: Rickshaw) -> list[Asset]:
+def _tub(r: Rickshaw) -> Parts:
     """Build floor, closed rear and seats, and a dark sheet that blocks the view through the open sides."""
     nose, tail, half = r.length / 2, -r.length / 2, r.width / 2
     tail_body = loft(
@@ -98,7 +98,7 @@ def _tub(r: Rickshaw) -> list[Asset]:
     return [tail_body, floor, *seats, dark]
 
 
-def _hood(r: Rickshaw) -> list[Asset]:
+def _hood(r: Rickshaw) -> Parts:
     """Build the canvas: roof, rear, and the quarters next to the seat."""
     tail, half, top = -r.length / 2, r.width / 2, r.height
     front = r.length / 2 - 0.72
@@ -121,7 +121,7 @@ def _hood(r: Rickshaw) -> list[Asset]:
     return [roof, back, twin_sheets(quarter, r.hood, "cloth"), *map(pair, posts)]
 
 
-def _front(r: Rickshaw) -> list[Asset]:
+def _front(r: Rickshaw) -> Parts:
     """Build the shield, rounded in plan, with windscreen, lamp, mudguard and mirrors."""
     nose, half, top = r.length / 2, r.width / 2, r.height
     turn = np.linspace(0, np.pi / 2, 5)
@@ -146,7 +146,7 @@ def _front(r: Rickshaw) -> list[Asset]:
     ]  # fmt: skip
 
 
-def _driver(r: Rickshaw) -> list[Asset]:
+def _driver(r: Rickshaw) -> Parts:
     if r.skin is None:
         return []
     return [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from scene.assets.parts.facade import Finish, upright
 from scene.assets.parts.palette import GUTTER, WINDOW
-from scene.mesh.asset import Asset, Color, Point, merge, translate
+from scene.mesh.asset import Asset, Color, Parts, Point, merge, translate
 from scene.mesh.solids import block, box, polygon, tube
 
 OVERHANG = 0.35
@@ -83,9 +83,7 @@ def chimney(base: Point, height: float, color: Color) -> Asset:
     return translate(merge(stack, *pots), base)
 
 
-def dormer(
-    x: float, slope: tuple[float, float], frame: Color, cheek: Color, color: Color
-) -> list[Asset]:
+def dormer(x: float, slope: tuple[float, float], frame: Color, cheek: Color, color: Color) -> Parts:
     """Build a window under a small gable in the front slope.
 
     Args:
@@ -97,47 +95,42 @@ def dormer(
     """
     y, foot = slope
     half, wall, back = 0.65, 1.15, 2.2
-    parts = [
-        block((x - half, y, foot - 0.3), (x + half, y + back, foot + wall), cheek, "roof"),
-        polygon(upright(x - half, x + half, foot - 0.3, foot + wall, y - 0.04), frame, "paint"),
-    ]
+    yield block((x - half, y, foot - 0.3), (x + half, y + back, foot + wall), cheek, "roof")
+    yield polygon(upright(x - half, x + half, foot - 0.3, foot + wall, y - 0.04), frame, "paint")
     for a, b in ((x - 0.48, x - 0.04), (x + 0.04, x + 0.48)):
-        parts.append(
-            polygon(upright(a, b, foot + 0.15, foot + wall - 0.1, y - 0.08), WINDOW, "glass")
-        )
+        yield polygon(upright(a, b, foot + 0.15, foot + wall - 0.1, y - 0.08), WINDOW, "glass")
     top, eave, front = foot + wall + 0.6, foot + wall - 0.05, y - 0.25
     for s in (-1, 1):
         edge = x + s * (half + 0.15)
         roof = [(edge, front, eave), (x, front, top), (x, y + back, top), (edge, y + back, eave)]
-        parts.append(polygon(roof, color, "roof"))
+        yield polygon(roof, color, "roof")
     gable = [(x - half, y - 0.04, eave), (x + half, y - 0.04, eave), (x, y - 0.04, top - 0.05)]
-    return [*parts, polygon(gable, frame, "paint")]
+    yield polygon(gable, frame, "paint")
 
 
 def steeple(
     centre: tuple[float, float], side: float, height: float, spire: float,
     wall: Finish, color: Color,
-) -> list[Asset]:  # fmt: skip
+) -> Parts:  # fmt: skip
     """Build a square tower with bell openings and battlements, and a spire if ``spire`` is above 0."""
     (x, y), half = centre, side / 2
-    parts = [box((side, side, height), (x, y, 0), *wall)]
+    yield box((side, side, height), (x, y, 0), *wall)
     low, high = height - 3.0, height - 0.9
     for level, tall in ((low, high - low), (0.45 * height, 1.6)):
         bell = upright(x - 0.16 * side, x + 0.16 * side, level, level + tall, y - half - 0.04)
-        parts.append(polygon(bell, WINDOW, "plain"))
+        yield polygon(bell, WINDOW, "plain")
     for z in (0.4 * height, height - 0.5):
-        parts.append(box((side + 0.25, side + 0.25, 0.2), (x, y, z), *wall))
+        yield box((side + 0.25, side + 0.25, 0.2), (x, y, z), *wall)
     for dx in (-1, 1):
         for dy in (-1, 1):
-            parts.append(box((0.45, 0.45, 1.0), (x + dx * (half - 0.25), y + dy * (half - 0.25), height),
-                             *wall))  # fmt: skip
+            yield box((0.45, 0.45, 1.0), (x + dx * (half - 0.25), y + dy * (half - 0.25), height),
+                             *wall)  # fmt: skip
     if spire:
-        parts.append(tube((x, y, height), (x, y, height + spire), 0.62 * side, color, "roof",
-                          end_radius=0.02, sides=8, caps=False))  # fmt: skip
-    return parts
+        yield tube((x, y, height), (x, y, height + spire), 0.62 * side, color, "roof",
+                          end_radius=0.02, sides=8, caps=False)  # fmt: skip
 
 
-def plant_room(plan: tuple[float, float], base: float, color: Color) -> list[Asset]:
+def plant_room(plan: tuple[float, float], base: float, color: Color) -> Parts:
     """Build the machinery on a flat roof: a lift room, a cooler, a pipe."""
     width, depth = plan
     return [

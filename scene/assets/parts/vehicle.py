@@ -14,7 +14,7 @@ from scene.assets.parts.glazing import NARROW, Glazing, dimmed, interior, on_pan
 from scene.assets.parts.palette import BLACK, GLASS, STEEL, TRIM, TYRE
 from scene.assets.parts.skin import Span, in_plane, sheet
 from scene.assets.parts.wheel import Wheel, wheels
-from scene.mesh.asset import Asset, Color, Point
+from scene.mesh.asset import Asset, Color, Parts, Point
 from scene.mesh.mesh import cross
 from scene.mesh.solids import loft, polygon, quads, tube
 
@@ -156,7 +156,7 @@ def panes(
     *,
     narrow: float = 1.0,
     lift: float = 0.012,
-) -> list[Asset]:
+) -> Parts:
     """Build windows on ``wall`` with the light behind them, and the ``interior`` of ``g`` in each."""
     count, height = len(u), v[1] - v[0]
     sill, head = v[0] + 0.16 * height, v[1] - 0.05 * height
@@ -173,7 +173,7 @@ def panes(
 
 def window_row(
     wall: Corners, count: int, u: Span, v: Span, g: Glazing, pillar: float = 0.12
-) -> list[Asset]:
+) -> Parts:
     """Build ``count`` panes side by side in the rectangle ``u``, ``v``, ``pillar`` of a bay apart.
 
     Each has two seats and the bar of a vent near its top, and every third a passenger.

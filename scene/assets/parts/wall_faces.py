@@ -11,7 +11,7 @@ import numpy as np
 
 from scene.assets.parts.facade import upright
 from scene.assets.parts.palette import BLACK, OFF_WHITE, RAILING_IRON, pick
-from scene.mesh.asset import Asset, Color, solid, vary
+from scene.mesh.asset import Color, Parts, solid, vary
 from scene.mesh.solids import box, loft, polygon, tube, turned
 
 RELIEF = 0.05
@@ -41,9 +41,9 @@ class WallParams(NamedTuple):
     seed: int = 0
 
 
-def _blocks(p: WallParams, rng: np.random.Generator, *, rows: int, width: float) -> list[Asset]:
+def _blocks(p: WallParams, rng: np.random.Generator, *, rows: int, width: float) -> Parts:
     """Build courses of stones in uneven lengths and tones, with joints between them."""
-    parts, joint, half = [], 0.012, p.length / 2
+    joint, half = 0.012, p.length / 2
     edges = np.linspace(0, p.height, rows + 1)
     for low, high in pairwise(edges):
         x = -half
@@ -52,39 +52,33 @@ def _blocks(p: WallParams, rng: np.random.Generator, *, rows: int, width: float)
             right = half if half - right < 0.3 * width else right
             tone = vary(rng, p.color, 0.35)
             stone = upright(x + joint, right - joint, low + joint, high - joint, 0)
-            parts.append(polygon(stone, tone, p.material))
+            yield polygon(stone, tone, p.material)
             x = right
-    return parts
 
 
-def _stones(p: WallParams, rng: np.random.Generator) -> list[Asset]:
+def _stones(p: WallParams, rng: np.random.Generator) -> Parts:
     """Build small stones in wire baskets."""
-    parts = _blocks(p, rng, rows=11, width=0.16)
+    yield from _blocks(p, rng, rows=11, width=0.16)
     for x in np.linspace(-0.5, 0.5, 4) * (p.length - 0.03):
-        parts.append(box((0.03, 0.03, p.height), (x, -0.05, 0), p.second_color, "metal"))
+        yield box((0.03, 0.03, p.height), (x, -0.05, 0), p.second_color, "metal")
     for z in (0.0, p.height / 2 - 0.01, p.height - 0.03):
-        parts.append(box((p.length, 0.03, 0.03), (0, -0.11, z), p.second_color, "metal"))
-    return parts
+        yield box((p.length, 0.03, 0.03), (0, -0.11, z), p.second_color, "metal")
 
 
-def _weep_holes(p: WallParams, rng: np.random.Generator) -> list[Asset]:
+def _weep_holes(p: WallParams, rng: np.random.Generator) -> Parts:
     """Build two rows of pipes that drain the ground behind."""
-    parts = []
     for z in (0.35, 1.2):
         y = p.batter * z / p.height
         for x in np.linspace(-0.4, 0.4, 4) * p.length:
-            parts.append(
-                tube((x, y + 0.02, z), (x, y - 0.05, z), 0.05, p.second_color, "plain", sides=8)
-            )
-    return parts
+            yield tube((x, y + 0.02, z), (x, y - 0.05, z), 0.05, p.second_color, "plain", sides=8)
 
 
-def _graffiti(p: WallParams, rng: np.random.Generator) -> list[Asset]:
+def _graffiti(p: WallParams, rng: np.random.Generator) -> Parts:
     """Build fat, illegible letters in bright paint with dark outlines."""
     paints = ((0.55, 0.05, 0.25), (0.05, 0.35, 0.5), (0.6, 0.45, 0.03), (0.1, 0.4, 0.1),
               OFF_WHITE, (0.3, 0.05, 0.4))  # fmt: skip
     paint = pick(rng, paints, 0.2)
-    parts, x, slant = [], -0.42 * p.length, float(rng.uniform(-0.1, 0.15))
+    x, slant = -0.42 * p.length, float(rng.uniform(-0.1, 0.15))
     while x < 0.32 * p.length:
         width, low = float(rng.uniform(0.3, 0.5)), float(rng.uniform(0.25, 0.4))
         high = low + float(rng.uniform(0.8, 1.1))
@@ -98,16 +92,15 @@ def _graffiti(p: WallParams, rng: np.random.Generator) -> list[Asset]:
             v = (low + high) / 2 + ((high - low) / 2 + grow) * np.sin(turn)
             shape = np.column_stack([u + slant * np.sin(turn), np.full(8, y), v])
             faces = np.array([[0, k, k + 1] for k in range(1, 7)])
-            parts.append(solid(shape, faces, color, "paint"))
+            yield solid(shape, faces, color, "paint")
         hole = (low + high) / 2 + float(rng.uniform(-0.15, 0.15))
         middle = x + width / 2
         eye = upright(middle - 0.05, middle + 0.05, hole, hole + 0.2, -3 * PAINT)
-        parts.append(polygon(eye, BLACK, "paint"))
+        yield polygon(eye, BLACK, "paint")
         x += width + 0.14  # letters must not share a plane
-    return parts
 
 
-def _ribs(p: WallParams, rng: np.random.Generator) -> list[Asset]:
+def _ribs(p: WallParams, rng: np.random.Generator) -> Parts:
     """Build level ribs between steel posts."""
     n = 15
     z = np.linspace(0.02, p.height, 2 * n)
@@ -120,23 +113,21 @@ def _ribs(p: WallParams, rng: np.random.Generator) -> list[Asset]:
     return [loft(np.array(rings), p.color, p.material, closed=False, caps=False), *posts]
 
 
-def _bands(p: WallParams, rng: np.random.Generator) -> list[Asset]:
+def _bands(p: WallParams, rng: np.random.Generator) -> Parts:
     """Build courses and lozenges in brick of another colour."""
     half = p.length / 2
     courses = [
         upright(-half, half, z, z + 0.11, -PAINT) for z in (0.12 * p.height, 0.82 * p.height)
     ]
-    parts = [polygon(course, p.second_color, p.material) for course in courses]
+    yield from (polygon(course, p.second_color, p.material) for course in courses)
     for x in np.linspace(-0.375, 0.375, 4) * p.length:
         z, r = 0.5 * p.height, 0.26
-        parts.append(polygon([(x - r, -PAINT, z), (x, -PAINT, z - r), (x + r, -PAINT, z),
-                           (x, -PAINT, z + r)], p.second_color, p.material))  # fmt: skip
-    return parts
+        yield polygon([(x - r, -PAINT, z), (x, -PAINT, z - r), (x + r, -PAINT, z),
+                           (x, -PAINT, z + r)], p.second_color, p.material)  # fmt: skip
 
 
-def _ivy(p: WallParams, rng: np.random.Generator) -> list[Asset]:
+def _ivy(p: WallParams, rng: np.random.Generator) -> Parts:
     """Build leaves that hang unevenly from the top."""
-    leaves = []
     for _ in range(240):
         x = float(rng.uniform(-0.47, 0.47)) * p.length
         reach = p.height * (0.35 + 0.3 * np.sin(3.1 * x + p.seed % 7))
@@ -146,21 +137,20 @@ def _ivy(p: WallParams, rng: np.random.Generator) -> list[Asset]:
         z = float(np.clip(z, size + 0.02, p.height))
         corners = np.column_stack([x + size * np.cos(angle), y + 0.35 * size * np.sin(angle + 1),
                                    z + size * np.sin(angle)])  # fmt: skip
-        leaves.append(polygon(corners, vary(rng, p.second_color, 0.6), "foliage"))
-    return leaves
+        yield polygon(corners, vary(rng, p.second_color, 0.6), "foliage")
 
 
-def _profile(p: WallParams, rng: np.random.Generator) -> list[Asset]:
+def _profile(p: WallParams, rng: np.random.Generator) -> Parts:
     """Build slots for a fork lift at the foot, and red reflectors."""
-    slots = [polygon(upright(x - 0.3, x + 0.3, 0.0, 0.08, -0.04), BLACK)
-             for x in (-0.25 * p.length, 0.25 * p.length)]  # fmt: skip
+    yield from (polygon(upright(x - 0.3, x + 0.3, 0.0, 0.08, -0.04), BLACK)
+             for x in (-0.25 * p.length, 0.25 * p.length))  # fmt: skip
     y = 0.36 * p.thickness
     marks = [box((0.09, 0.04, 0.09), (x, y - 0.02, 0.78 * p.height), p.second_color, "metal")
              for x in (-0.3 * p.length, 0.0, 0.3 * p.length)]  # fmt: skip
-    return slots + marks
+    yield from marks
 
 
-BuildDetail = Callable[[WallParams, np.random.Generator], list[Asset]]
+BuildDetail = Callable[[WallParams, np.random.Generator], Parts]
 FACES: dict[str, BuildDetail] = {
     "blocks": partial(_blocks, rows=6, width=0.38), "beams": partial(_blocks, rows=5, width=2.2),
     "stones": _stones, "weep holes": _weep_holes,
@@ -168,29 +158,36 @@ FACES: dict[str, BuildDetail] = {
 }  # fmt: skip
 
 
-def _railings(p: WallParams, rng: np.random.Generator) -> list[Asset]:
+def _railings(p: WallParams, rng: np.random.Generator) -> Parts:
     """Build iron railings on the coping."""
     low, middle = p.height + p.coping, p.thickness / 2
-    bars = [tube((x, middle, low), (x, middle, low + 0.72), 0.013, RAILING_IRON, "paint", end_radius=0.009,
-                 sides=4) for x in np.arange(-p.length / 2 + 0.3, p.length / 2 - 0.25, 0.13)]  # fmt: skip
+    for x in np.arange(-p.length / 2 + 0.3, p.length / 2 - 0.25, 0.13):
+        yield tube(
+            (x, middle, low),
+            (x, middle, low + 0.72),
+            0.013,
+            RAILING_IRON,
+            "paint",
+            end_radius=0.009,
+            sides=4,
+        )
     rails = [box((p.length - 0.4, 0.04, 0.03), (0, middle, low + z), RAILING_IRON, "paint")
              for z in (0.08, 0.58)]  # fmt: skip
-    return bars + rails
+    yield from rails
 
 
-def _balusters(p: WallParams, rng: np.random.Generator) -> list[Asset]:
+def _balusters(p: WallParams, rng: np.random.Generator) -> Parts:
     """Build turned stone balusters under a rail."""
     low, middle = p.height + p.coping, p.thickness / 2
     tiers = ((0.0, 0.07), (0.05, 0.07), (0.08, 0.04), (0.2, 0.085), (0.34, 0.045), (0.4, 0.04),
              (0.43, 0.07), (0.48, 0.07))  # fmt: skip
-    parts = [box((p.length, 0.3, 0.13), (0, middle, low + 0.48), p.second_color, "plaster")]
+    yield box((p.length, 0.3, 0.13), (0, middle, low + 0.48), p.second_color, "plaster")
     for x in np.arange(-p.length / 2 + 0.35, p.length / 2 - 0.3, 0.24):
         stations = [(low + z, r) for z, r in tiers]
-        parts.append(turned(stations, p.color, p.material, 8, at=(float(x), middle)))
-    return parts
+        yield turned(stations, p.color, p.material, 8, at=(float(x), middle))
 
 
-def _mound(p: WallParams, rng: np.random.Generator) -> list[Asset]:
+def _mound(p: WallParams, rng: np.random.Generator) -> Parts:
     """Build ivy that has grown over the top."""
     xs = np.linspace(-0.5, 0.5, 12) * p.length
     turn = np.linspace(0, np.pi, 7)
