@@ -313,13 +313,11 @@ def _bonnet(p: BusParams) -> Parts:
     x = p.length / 2 - p.bonnet / 2 - 0.25
     h = Hull(p.bonnet + 0.5, 0.86 * p.width, 0.5, 1.6, x, round=0.25, chamfer=0.2, nose=0.12)
     front = hull_walls(h).front
-    return [
-        hull(h, p.color),
-        wrap(h, 1, (0.0, 0.2), 0.4, TRIM, lift=0.05),
-        panel(front, (0.3, 0.7), (0.25, 0.75), BLACK),
-        lamps(front, (0.12, 0.26), (0.4, 0.65), HEADLAMP, lift=0.02),
-        panel(front, (0.42, 0.58), (0.06, 0.16), PLATE, lift=0.08),
-    ]
+    yield hull(h, p.color)
+    yield wrap(h, 1, (0.0, 0.2), 0.4, TRIM, lift=0.05)
+    yield panel(front, (0.3, 0.7), (0.25, 0.75), BLACK)
+    yield lamps(front, (0.12, 0.26), (0.4, 0.65), HEADLAMP, lift=0.02)
+    yield panel(front, (0.42, 0.58), (0.06, 0.16), PLATE, lift=0.08)
 
 
 FAMILY = Family(

@@ -225,8 +225,8 @@ def _wires(p: FenceParams) -> Parts:
     """Build level wires from post to post."""
     half = p.length / 2
     levels = np.arange(0.25, p.height - 0.08, p.pitch)
-    return [tube((-half, 0, float(z)), (half, 0, float(z)), p.gauge / 2, GALVANISED, "metal", sides=4)
-            for z in levels]  # fmt: skip
+    for z in levels.tolist():
+        yield tube((-half, 0, z), (half, 0, z), p.gauge / 2, GALVANISED, "metal", sides=4)
 
 
 def _slats(p: FenceParams) -> Parts:

@@ -156,8 +156,8 @@ def _globe(p: LampParams, y: float, z: float, side: float) -> Parts:
     r = p.head_size / 2
     level = np.linspace(-0.9, 1.0, 8) * np.pi / 2
     ball = [(z + r + r * np.sin(a), max(r * np.cos(a), 0.01)) for a in level]
-    return [turned(ball, GLOW, "lamp", 12, at=(0.0, y)),
-            turned([(z - 0.06, 0.07), (z + 0.06, 0.13)], p.color, p.material, at=(0.0, y))]  # fmt: skip
+    yield turned(ball, GLOW, "lamp", 12, at=(0.0, y))
+    yield turned([(z - 0.06, 0.07), (z + 0.06, 0.13)], p.color, p.material, at=(0.0, y))
 
 
 def _bell(p: LampParams, y: float, z: float, side: float) -> Parts:
@@ -165,18 +165,16 @@ def _bell(p: LampParams, y: float, z: float, side: float) -> Parts:
     s = p.head_size
     bell = [(z - 0.62 * s, 0.5 * s), (z - 0.4 * s, 0.42 * s), (z - 0.22 * s, 0.2 * s), (z, 0.05)]
     glass = [(z - 0.85 * s, 0.05), (z - 0.76 * s, 0.26 * s), (z - 0.6 * s, 0.36 * s)]
-    return [
-        turned(bell, p.color, p.material, 12, at=(0.0, y)),
-        turned(glass, GLOW, "lamp", 12, at=(0.0, y)),
-    ]
+    yield turned(bell, p.color, p.material, 12, at=(0.0, y))
+    yield turned(glass, GLOW, "lamp", 12, at=(0.0, y))
 
 
 def _disc(p: LampParams, y: float, z: float, side: float) -> Parts:
     """Build a flat hat on a short clear cylinder."""
     r = p.head_size / 2
     hat = [(z + 0.3, r), (z + 0.34, r), (z + 0.42, 0.3 * r)]
-    return [turned([(z, 0.4 * r), (z + 0.3, 0.5 * r)], GLOW, "lamp", 10, at=(0.0, y)),
-            turned(hat, p.color, p.material, 14, at=(0.0, y))]  # fmt: skip
+    yield turned([(z, 0.4 * r), (z + 0.3, 0.5 * r)], GLOW, "lamp", 10, at=(0.0, y))
+    yield turned(hat, p.color, p.material, 14, at=(0.0, y))
 
 
 def _louvre(p: LampParams, y: float, z: float, side: float) -> Parts:

@@ -214,14 +214,12 @@ def _scooter(p: MotorcycleParams) -> Parts:
     seat += [(x + 0.2, 0.09, z - 0.08, z - 0.02)]
     pipe = (-0.3, -0.19, radius), (rear - 0.1, -0.21, radius + 0.06)
     shield = [(0.26, 0.24, 0.22, 0.5), (0.38, 0.19, 0.4, 0.95), (0.46, 0.08, 0.5, 1.0)]
-    return [
-        rounded_body(body, p.color, "paint"),
-        rounded_body(seat, p.seat_color, "plain"),
-        rounded_body(shield, p.color, "paint"),
-        cuboid((x + 0.05, 0.34), 0.2, (0.2, 0.28), TRIM),
-        tube(*pipe, 0.06, STEEL, "metal", sides=10),
-        *_scooter_details(p),
-    ]
+    yield rounded_body(body, p.color, "paint")
+    yield rounded_body(seat, p.seat_color, "plain")
+    yield rounded_body(shield, p.color, "paint")
+    yield cuboid((x + 0.05, 0.34), 0.2, (0.2, 0.28), TRIM)
+    yield tube(*pipe, 0.06, STEEL, "metal", sides=10)
+    yield from _scooter_details(p)
 
 
 def _scooter_details(p: MotorcycleParams) -> Parts:

@@ -98,16 +98,16 @@ def _bin(p: SignpostParams) -> Parts:
 
 def _button(p: SignpostParams) -> Parts:
     """Build the yellow box with the button of a pedestrian crossing."""
-    case = box((0.14, 0.17, 0.32), (-0.09, 0, 0.90), POST_YELLOW, "paint")
-    return [case, box((0.01, 0.1, 0.1), (-0.165, 0, 1.07), POST_BLACK),
-            box((0.02, 0.05, 0.05), (-0.165, 0, 0.96), (0.5, 0.5, 0.5), "metal")]  # fmt: skip
+    yield box((0.14, 0.17, 0.32), (-0.09, 0, 0.90), POST_YELLOW, "paint")
+    yield box((0.01, 0.1, 0.1), (-0.165, 0, 1.07), POST_BLACK)
+    yield box((0.02, 0.05, 0.05), (-0.165, 0, 0.96), (0.5, 0.5, 0.5), "metal")
 
 
 def _band(p: SignpostParams) -> Parts:
     """Build two bands around the lower shaft."""
     r = 1.04 * p.radius
-    return [tube((0, 0, z), (0, 0, z + 0.22), r, p.second_color, "paint", sides=12, caps=False)
-            for z in (1.05, 1.5)]  # fmt: skip
+    for z in (1.05, 1.5):
+        yield tube((0, 0, z), (0, 0, z + 0.22), r, p.second_color, "paint", sides=12, caps=False)
 
 
 def _twin(p: SignpostParams) -> Parts:
@@ -121,23 +121,17 @@ def _twin(p: SignpostParams) -> Parts:
 def _arm(p: SignpostParams) -> Parts:
     """Build an arm over the road at the top, with a stay."""
     z = p.height - 0.08
-    return [tube((0, 0, z), (0, -2.2, z), 0.045, p.color, p.material, end_radius=0.03, sides=8),
-            tube((0, 0, z - 0.7), (0, -0.9, z), 0.02, p.color, p.material, sides=6)]  # fmt: skip
+    yield tube((0, 0, z), (0, -2.2, z), 0.045, p.color, p.material, end_radius=0.03, sides=8)
+    yield tube((0, 0, z - 0.7), (0, -0.9, z), 0.02, p.color, p.material, sides=6)
 
 
 def _hoop(p: SignpostParams) -> Parts:
     """Build a bent rail that keeps cars off the post."""
     turn = np.linspace(0, np.pi, 9)
-    y, z = 0.36 * np.cos(turn), 0.62 + 0.25 * np.sin(turn)
-    points = [(0.14, 0.36, 0.0), *((0.14, a, b) for a, b in zip(y, z, strict=True)),
-              (0.14, -0.36, 0.0)]  # fmt: skip
-    return [
-        tube(
-            (float(a[0]), float(a[1]), float(a[2])), (float(b[0]), float(b[1]), float(b[2])),
-            0.028, p.second_color, "metal", sides=8, caps=False,
-        )
-        for a, b in pairwise(points)
-    ]  # fmt: skip
+    bow = np.column_stack([0.36 * np.cos(turn), 0.62 + 0.25 * np.sin(turn)]).tolist()
+    for (y0, z0), (y1, z1) in pairwise([(0.36, 0.0), *bow, (-0.36, 0.0)]):
+        ends = (0.14, y0, z0), (0.14, y1, z1)
+        yield tube(*ends, 0.028, p.second_color, "metal", sides=8, caps=False)
 
 
 def _solar(p: SignpostParams) -> Parts:
@@ -145,8 +139,9 @@ def _solar(p: SignpostParams) -> Parts:
     z = p.height
     panel = [(-0.2, -0.3, z), (-0.2, 0.3, z), (0.22, 0.3, z + 0.32), (0.22, -0.3, z + 0.32)]
     frame = [(x + 0.02, y * 1.06, w - 0.03) for x, y, w in panel]
-    return [polygon(panel, (0.01, 0.015, 0.04), "glass"), polygon(frame, WHITE, "metal"),
-            box((0.2, 0.26, 0.34), (0.17, 0, z - 0.6), POST_STEEL, "metal")]  # fmt: skip
+    yield polygon(panel, (0.01, 0.015, 0.04), "glass")
+    yield polygon(frame, WHITE, "metal")
+    yield box((0.2, 0.26, 0.34), (0.17, 0, z - 0.6), POST_STEEL, "metal")
 
 
 def _beacon(p: SignpostParams) -> Parts:

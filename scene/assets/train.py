@@ -146,12 +146,10 @@ def _pantograph(p: TrainParams) -> Parts:
     top, x = p.height, 0.12 * p.length
     elbow, head = (x - 0.7, 0.0, top + 0.55), (x + 0.25, 0.0, top + 1.1)
     bar = [(head[0], y, head[2]) for y in (-0.75, 0.75)]
-    return [
-        cuboid((x - 0.6, x + 0.6), 0.5, (top - 0.02, top + 0.16), TRIM),
-        rod((x + 0.3, 0, top), elbow, 0.035, STEEL),
-        rod(elbow, head, 0.03, STEEL),
-        rod(bar[0], bar[1], 0.03, STEEL),
-    ]
+    yield cuboid((x - 0.6, x + 0.6), 0.5, (top - 0.02, top + 0.16), TRIM)
+    yield rod((x + 0.3, 0, top), elbow, 0.035, STEEL)
+    yield rod(elbow, head, 0.03, STEEL)
+    yield rod(bar[0], bar[1], 0.03, STEEL)
 
 
 def _shape(p: TrainParams) -> Hull:

@@ -236,13 +236,11 @@ def _chassis(p: TruckParams) -> Parts:
 def _tail(p: TruckParams) -> Parts:
     """Build bumper bar, lamps and plate at the rear."""
     rear = walls(p.length, p.width, floor(p) - 0.45, floor(p)).rear
-    return [
-        panel(rear, (0, 1), (0.15, 0.8), TRIM, lift=0.01),
-        lamps(rear, (0.02, 0.12), (0.25, 0.65), TAILLAMP, lift=0.02),
-        lamps(rear, (0.13, 0.17), (0.25, 0.65), AMBER, lift=0.02),
-        lamps(rear, (0.2, 0.34), (0.25, 0.6), (0.5, 0.2, 0.02), lift=0.02),
-        panel(rear, (0.4, 0.6), (0.3, 0.6), PLATE_YELLOW, lift=0.02),
-    ]
+    yield panel(rear, (0, 1), (0.15, 0.8), TRIM, lift=0.01)
+    yield lamps(rear, (0.02, 0.12), (0.25, 0.65), TAILLAMP, lift=0.02)
+    yield lamps(rear, (0.13, 0.17), (0.25, 0.65), AMBER, lift=0.02)
+    yield lamps(rear, (0.2, 0.34), (0.25, 0.6), (0.5, 0.2, 0.02), lift=0.02)
+    yield panel(rear, (0.4, 0.6), (0.3, 0.6), PLATE_YELLOW, lift=0.02)
 
 
 FAMILY = Family(

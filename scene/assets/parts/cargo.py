@@ -172,13 +172,13 @@ def mixer(p: TruckParams) -> Parts:
     hopper = (rear + 0.6, 0, p.height - 0.75), (rear + 0.45, 0, p.height)
     near_x, far_x = rear + 0.5, rear - 0.1
     chute = [(near_x, 0.25, 1.9), (near_x, -0.25, 1.9), (far_x, -0.2, 1.2), (far_x, 0.2, 1.2)]
-    return [
-        translate(reshaped(drum, turned), (x, 0, low + radius + 0.25)),
-        cuboid((x + 0.32 * length, x + 0.42 * length), 0.5, (low, low + 1.1), p.cab),
-        pair(tube((rear + 0.7, 0.8, low), (rear + 0.5, 0.3, p.height - 0.4), 0.06, p.cab, "metal")),
-        loft([np.array(chute), np.array(chute) - [0, 0, 0.06]], STEEL, "metal"),
-        tube(*hopper, 0.3, p.cab, "paint", end_radius=0.6, sides=8),
-    ]
+    yield translate(reshaped(drum, turned), (x, 0, low + radius + 0.25))
+    yield cuboid((x + 0.32 * length, x + 0.42 * length), 0.5, (low, low + 1.1), p.cab)
+    yield pair(
+        tube((rear + 0.7, 0.8, low), (rear + 0.5, 0.3, p.height - 0.4), 0.06, p.cab, "metal")
+    )
+    yield loft([np.array(chute), np.array(chute) - [0, 0, 0.06]], STEEL, "metal")
+    yield tube(*hopper, 0.3, p.cab, "paint", end_radius=0.6, sides=8)
 
 
 def skip(p: TruckParams) -> Parts:
@@ -192,14 +192,12 @@ def skip(p: TruckParams) -> Parts:
         (x - 0.05 * length, half - 0.12, low + 0.2),
         (x - 0.38 * length, half - 0.12, p.height),
     )
-    return [
-        cuboid((x - length / 2, x + length / 2), half, (low, low + 0.16), TRIM, "metal"),
-        loft(edge, p.body, "metal"),
-        loft([heap, peak], (0.13, 0.10, 0.08), "concrete"),
-        pair(tube(root, tip, 0.12, p.cab, "paint", sides=4)),
-        pair(tube((root[0] + 0.28 * length, root[1], low + 0.2), root, 0.07, STEEL, "metal")),
-        pair(tube(tip, (tip[0] + 0.1, half - 0.3, p.height - 0.4), 0.02, BLACK, sides=4)),
-    ]
+    yield cuboid((x - length / 2, x + length / 2), half, (low, low + 0.16), TRIM, "metal")
+    yield loft(edge, p.body, "metal")
+    yield loft([heap, peak], (0.13, 0.10, 0.08), "concrete")
+    yield pair(tube(root, tip, 0.12, p.cab, "paint", sides=4))
+    yield pair(tube((root[0] + 0.28 * length, root[1], low + 0.2), root, 0.07, STEEL, "metal"))
+    yield pair(tube(tip, (tip[0] + 0.1, half - 0.3, p.height - 0.4), 0.02, BLACK, sides=4))
 
 
 def recovery(p: TruckParams) -> Parts:
@@ -215,12 +213,10 @@ def recovery(p: TruckParams) -> Parts:
     rail = block((rear, half - 0.06, low), (front, half, low + 0.22), p.body, "metal")
     tip = rear - 0.5
     ramp: list[Point] = [(rear, half, low), (rear, -half, low), (tip, -half, 0.6), (tip, half, 0.6)]
-    return [
-        cuboid((rear, front), half, (low - 0.05, low + 0.1), STEEL, "metal"),
-        pair(rail),
-        beacons,
-        tube((front - 0.3, 0, low), elbow, 0.16, p.cab, "paint", sides=8),
-        tube(elbow, hook, 0.11, p.cab, "paint", sides=6),
-        tube(hook, (hook[0], 0, hook[2] - 0.7), 0.02, BLACK, sides=4),
-        polygon(ramp, STEEL, "metal"),
-    ]
+    yield cuboid((rear, front), half, (low - 0.05, low + 0.1), STEEL, "metal")
+    yield pair(rail)
+    yield beacons
+    yield tube((front - 0.3, 0, low), elbow, 0.16, p.cab, "paint", sides=8)
+    yield tube(elbow, hook, 0.11, p.cab, "paint", sides=6)
+    yield tube(hook, (hook[0], 0, hook[2] - 0.7), 0.02, BLACK, sides=4)
+    yield polygon(ramp, STEEL, "metal")

@@ -128,7 +128,7 @@ def _reveals(opening: Opening, color: Color, material: str) -> list[Part]:
     return [Patch(corners, color, material) for corners in sides + ends]
 
 
-def arch(opening: Opening, color: Color, material: str, *, pointed: bool) -> list[Part]:
+def arch(opening: Opening, color: Color, material: str, *, pointed: bool) -> Iterable[Part]:
     """Build the spandrels that turn the head of an opening into a round or pointed arch; 5 faces each."""
     left, right, _, high, _ = opening
     middle, half = (left + right) / 2, (right - left) / 2
@@ -139,8 +139,8 @@ def arch(opening: Opening, color: Color, material: str, *, pointed: bool) -> lis
         across, up = 2 * np.cos(turn) - 1, np.sin(turn) / np.sin(np.pi / 3)
     else:
         across, up = np.cos(turn), np.sin(turn)
-    return [
-        polygon(
+    for s in (-1, 1):
+        yield polygon(
             [(middle + s * half, 0.0, high)]
             + [
                 (middle + s * half * float(a), 0.0, high - rise + rise * float(u))
@@ -149,8 +149,6 @@ def arch(opening: Opening, color: Color, material: str, *, pointed: bool) -> lis
             color,
             material,
         )
-        for s in (-1, 1)
-    ]
 
 
 def window(
@@ -206,12 +204,12 @@ def door(opening: Opening, color: Color) -> Iterable[Part]:
         yield step
 
 
-def sill(opening: Opening, color: Color) -> list[Part]:
+def sill(opening: Opening, color: Color) -> Iterable[Part]:
     """Build the front and the top of a sill below a window."""
     left, right, low = opening.left - 0.08, opening.right + 0.08, opening.low
     top = [(left, 0, low), (right, 0, low), (right, -SILL, low), (left, -SILL, low)]
-    return [Patch(upright(left, right, low - 0.11, low, -SILL), color, "plaster"),
-            Patch(top, color, "plaster")]  # fmt: skip
+    yield Patch(upright(left, right, low - 0.11, low, -SILL), color, "plaster")
+    yield Patch(top, color, "plaster")
 
 
 def lintel(opening: Opening, color: Color) -> Part:
@@ -220,15 +218,17 @@ def lintel(opening: Opening, color: Color) -> Part:
     return Patch(upright(left, right, high, high + 0.2, -PROUD), color, "plaster")
 
 
-def side_window(x: float, middle: float, low: float, high: float, frame: Color) -> list[Part]:
+def side_window(x: float, middle: float, low: float, high: float, frame: Color) -> Iterable[Part]:
     """Build a framed window laid on the outside of the side wall in the plane ``x``."""
     side = 1 if x > 0 else -1
     layers = ((PROUD, 0.55, 0.0, frame, "paint"), (2 * PROUD, 0.45, 0.1, WINDOW, "glass"))
-    return [
-        Patch(
-            [(x + side * distance, middle + s * half, z) for s, z in
-             ((-1, low + margin), (1, low + margin), (1, high - margin), (-1, high - margin))],
-            color, material,
-        )
-        for distance, half, margin, color, material in layers
-    ]  # fmt: skip
+    for distance, half, margin, color, material in layers:
+        plane, foot, head = x + side * distance, low + margin, high - margin
+        left, right = middle - half, middle + half
+        corners = [
+            (plane, left, foot),
+            (plane, right, foot),
+            (plane, right, head),
+            (plane, left, head),
+        ]
+        yield Patch(corners, color, material)

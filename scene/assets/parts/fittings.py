@@ -150,10 +150,8 @@ def _bonnet_gap(b: Body) -> Asset:
 
 def _bumper(b: Body, end: int, color: Color) -> Parts:
     along = (0.0, 0.075) if end == 0 else (0.93, 1.0)
-    return [
-        on_nose(b, end, (-1, 1), (0.26, 0.52), color, lift=0.02),
-        on_flank(b, along, (0.26, 0.52), color, lift=0.02),
-    ]
+    yield on_nose(b, end, (-1, 1), (0.26, 0.52), color, lift=0.02)
+    yield on_flank(b, along, (0.26, 0.52), color, lift=0.02)
 
 
 def plate(b: Body, end: int, color: Color, v: float) -> Asset:

@@ -67,12 +67,10 @@ def sign(p: TruckParams, side: Walls, u: Span, v: Span) -> Parts:
 
 def _doors(rear: np.ndarray) -> Parts:
     """Build rear doors: a seam, upright locking bars and hinges."""
-    return [
-        panel(rear, (0.495, 0.505), (0.03, 0.97), BLACK),
-        panels(rear, strips((0.2, 0.4, 0.6, 0.8), 0.006), [(0.02, 0.98)], STEEL, "metal", lift=0.03),
-        panels(rear, [(0.0, 0.05), (0.95, 1.0)], [(v, v + 0.02) for v in (0.12, 0.5, 0.86)], TRIM,
-               "metal", lift=0.03),
-    ]  # fmt: skip
+    yield panel(rear, (0.495, 0.505), (0.03, 0.97), BLACK)
+    bars, hinges = strips((0.2, 0.4, 0.6, 0.8), 0.006), [(v, v + 0.02) for v in (0.12, 0.5, 0.86)]
+    yield panels(rear, bars, [(0.02, 0.98)], STEEL, "metal", lift=0.03)
+    yield panels(rear, [(0.0, 0.05), (0.95, 1.0)], hinges, TRIM, "metal", lift=0.03)
 
 
 def _edges(side: Walls, color: Color) -> Parts:
@@ -87,12 +85,12 @@ def _edges(side: Walls, color: Color) -> Parts:
 def _box_body(p: TruckParams, side: Walls, material: str, rails: Color, u: Span, v: Span) -> Parts:
     """Build a body with rear doors, rails round its edges, and lettering on its sides."""
     x, length, width = bed(p)
-    return [
-        cuboid((x - length / 2, x + length / 2), width / 2, (floor(p), p.height), p.body, material),
-        *_doors(side.rear),
-        *_edges(side, rails),
-        *sign(p, side, u, v),
-    ]
+    yield cuboid(
+        (x - length / 2, x + length / 2), width / 2, (floor(p), p.height), p.body, material
+    )
+    yield from _doors(side.rear)
+    yield from _edges(side, rails)
+    yield from sign(p, side, u, v)
 
 
 def _sides(p: TruckParams) -> Walls:

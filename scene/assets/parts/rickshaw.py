@@ -140,10 +140,13 @@ def _front(r: Rickshaw) -> Parts:
     guard = ellipsoid((nose - 0.3, 0, 0.4), (0.3, 0.1, 0.12), r.tub, "paint")
     lamp = tube((nose - 0.36, 0, 0.72), (nose - 0.18, 0, 0.72), 0.09, HEADLAMP, "lamp", sides=10)
     trim = cuboid((nose - 0.3, nose - 0.25), 0.2, (0.9, 0.94), CHROME, "metal")
-    return [
-        twin_sheets(np.array(rows), r.tub), twin_sheets(np.array(screen), GLASS, "glass"),
-        pair(mirror), pair(signal), guard, lamp, trim,
-    ]  # fmt: skip
+    yield twin_sheets(np.array(rows), r.tub)
+    yield twin_sheets(np.array(screen), GLASS, "glass")
+    yield pair(mirror)
+    yield pair(signal)
+    yield guard
+    yield lamp
+    yield trim
 
 
 def _driver(r: Rickshaw) -> Parts:

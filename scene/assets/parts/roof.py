@@ -133,10 +133,8 @@ def steeple(
 def plant_room(plan: tuple[float, float], base: float, color: Color) -> Parts:
     """Build the machinery on a flat roof: a lift room, a cooler, a pipe."""
     width, depth = plan
-    return [
-        box((0.35 * width, 0.35 * depth, 1.9), (0.12 * width, 0.55 * depth, base), color, "metal"),
-        box((1.3, 1.0, 1.0), (-0.28 * width, 0.35 * depth, base), (0.3, 0.3, 0.3), "metal"),
-        tube(
-            (-0.1 * width, 0.5 * depth, base), (-0.1 * width, 0.5 * depth, base + 2.4), 0.1, GUTTER
-        ),
-    ]
+    yield box((0.35 * width, 0.35 * depth, 1.9), (0.12 * width, 0.55 * depth, base), color, "metal")
+    yield box((1.3, 1.0, 1.0), (-0.28 * width, 0.35 * depth, base), (0.3, 0.3, 0.3), "metal")
+    yield tube(
+        (-0.1 * width, 0.5 * depth, base), (-0.1 * width, 0.5 * depth, base + 2.4), 0.1, GUTTER
+    )

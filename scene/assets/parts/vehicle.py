@@ -165,10 +165,8 @@ def panes(
     light = _rectangles(wall, bright, [(sill, head)], lift + 0.006)
     tones = [dimmed(g, _TONES[k % len(_TONES)]) for k in range(count)]
     corners = np.concatenate([glass, light])
-    return [
-        quads(corners, [GLASS] * count + tones, ["glass"] * len(corners)),
-        *interior(partial(on_panes, glass), g, seats, driver, narrow=narrow),
-    ]
+    yield quads(corners, [GLASS] * count + tones, ["glass"] * len(corners))
+    yield from interior(partial(on_panes, glass), g, seats, driver, narrow=narrow)
 
 
 def window_row(
@@ -183,13 +181,11 @@ def window_row(
     spans = [(a + gap, b - gap) for a, b in pairwise(edges)]
     vent = v[0] + 0.74 * (v[1] - v[0])
     bars = _rectangles(wall, spans, [(vent, vent + 0.008)], 0.036)
-    return [
-        *panes(wall, spans, v, g, (-0.35, 0.35), narrow=NARROW),
-        *interior(
-            partial(on_panes, _rectangles(wall, spans[::3], [v], 0.012)), g, (), 0.25, narrow=NARROW
-        ),
-        quads(bars, [TRIM] * count, ["plain"] * count),
-    ]
+    yield from panes(wall, spans, v, g, (-0.35, 0.35), narrow=NARROW)
+    yield from interior(
+        partial(on_panes, _rectangles(wall, spans[::3], [v], 0.012)), g, (), 0.25, narrow=NARROW
+    )
+    yield quads(bars, [TRIM] * count, ["plain"] * count)
 
 
 class Hull(NamedTuple):
