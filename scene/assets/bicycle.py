@@ -60,8 +60,6 @@ _KINDS: dict[str, BicycleParams] = {
     "touring": BicycleParams(0.348, 0.042, 1.06, 0.019, 0.08, "drop", True, False, True),
     "delivery": BicycleParams(0.335, 0.050, 1.10, 0.024, 0.30, "flat", True, True, True, "box"),
 }
-KINDS: tuple[str, ...] = tuple(_KINDS)
-"""Frame types."""
 
 _GUARDS = tuple(np.linspace(0.5, 3.2, 9)), tuple(np.linspace(0.4, 2.6, 8))
 """Angles of the rear and the front mudguard, radians up from straight ahead."""
@@ -280,7 +278,7 @@ def _rear_load(p: BicycleParams) -> Parts:
 
 
 FAMILY = Family(
-    "bicycle", TrainId.BICYCLE, KINDS, sample_bicycle, bicycle,
+    "bicycle", TrainId.BICYCLE, tuple(_KINDS), sample_bicycle, bicycle,
     count=18, size=Size((1.0, 2.8), (0.6, 1.6)), tone=0.4, line=("bicycle", 0.7),
     facing="either", stage=ROAD._replace(azimuth=-62),
 )  # fmt: skip

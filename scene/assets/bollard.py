@@ -56,9 +56,9 @@ _KINDS: dict[str, BollardParams] = {
         color=BOLLARD_RED, bands=((0.2, 0.4), (0.6, 0.8)), material="paint", radius=0.05, height=1.1
     ),
 }  # fmt: skip
-KINDS: tuple[str, ...] = tuple(_KINDS)
 BEACONS: tuple[str, ...] = tuple(name for name, p in _KINDS.items() if not p.outline)
 """Kinds that stand on traffic islands."""
+POSTS: tuple[str, ...] = tuple(name for name in _KINDS if name not in BEACONS)
 
 
 def bollard(p: BollardParams) -> Asset:
@@ -94,7 +94,7 @@ def _beacon(p: BollardParams) -> Asset:
 
 
 FAMILY = Family(
-    "bollard", TrainId.POLE, KINDS,
+    "bollard", TrainId.POLE, tuple(_KINDS),
     sampler(_KINDS, height=times(0.88, 1.15), radius=times(0.85, 1.25), color=near(0.25), band=near(0.2)),
     bollard,
     count=16, size=Size((0.4, 2), (0.4, 2)), tone=1.0, line=None, stage=FOOTWAY,

@@ -238,7 +238,7 @@ def building(p: BuildingParams) -> Asset:
 
 
 FAMILY = Family(
-    "building", TrainId.BUILDING, KINDS, sample_building, building,
+    "building", TrainId.BUILDING, tuple(KINDS), sample_building, building,
     count=106, size=Size((3, 120), (2.5, 120)), tone=0.72, line=("building", 0.96),
     facing="road", front="right", stage=FRONTAGE,
 )  # fmt: skip

@@ -99,8 +99,6 @@ _KINDS: dict[str, BusParams] = {
     "school bus": BusParams(9.6, 2.40, 3.05, 1, 8, (0.48, 0.84), 0.46, 1, 1, 1.75, 0.08, True,
                             bonnet=1.4),
 }  # fmt: skip
-KINDS: tuple[str, ...] = tuple(_KINDS)
-"""Body types."""
 
 _LIVERIES: tuple[Color, ...] = (
     (0.38, 0.016, 0.018), WHITE, (0.50, 0.45, 0.33), (0.52, 0.31, 0.025), (0.025, 0.07, 0.22),
@@ -321,7 +319,7 @@ def _bonnet(p: BusParams) -> Parts:
 
 
 FAMILY = Family(
-    "bus", TrainId.BUS, KINDS, sample_bus, bus,
+    "bus", TrainId.BUS, tuple(_KINDS), sample_bus, bus,
     count=28, size=Size((4.5, 26), (2, 5)), tone=0.85, line=("car", 0.05),
     facing="lane", stage=ROAD,
 )  # fmt: skip

@@ -78,11 +78,10 @@ _KINDS: dict[str, dict[str, Any]] = {
     ),
 }  # fmt: skip
 """Values and rules by which a kind differs from a round bush or a hedge."""
-KINDS: tuple[str, ...] = tuple(_KINDS)
 
 
 def sample_bush(rng: np.random.Generator, kind: str) -> BushParams:
-    """Draw a bush of one of ``KINDS``."""
+    """Draw a bush of one kind."""
     size = float(rng.uniform(0.9, 1.7))
     round_bush = BushParams(
         form="mounds", length=size, width=size, height=size * float(rng.uniform(0.7, 0.95)), parts=5,
@@ -208,6 +207,6 @@ def bush(p: BushParams) -> Asset:
 
 
 FAMILY = Family(
-    "bush", TrainId.VEGETATION, KINDS, sample_bush, bush,
+    "bush", TrainId.VEGETATION, tuple(_KINDS), sample_bush, bush,
     count=16, size=Size((0.2, 12), (0.15, 5)), tone=1.4, line=("tree", 0.3),
 )  # fmt: skip

@@ -187,8 +187,6 @@ _KINDS: dict[str, _Kind] = {
     ),
 }  # fmt: skip
 _TUK_TUK = "tuk-tuk"
-KINDS: tuple[str, ...] = (*_KINDS, _TUK_TUK)
-"""Body styles."""
 _FREQUENT = (
     *("hatchback",) * 4, *("supermini",) * 3, *("saloon",) * 3, *("crossover",) * 3,
     *("estate",) * 2, "people carrier",
@@ -345,7 +343,7 @@ def car(p: CarParams | Rickshaw) -> Asset:
 
 
 FAMILY = Family(
-    "car", TrainId.CAR, KINDS, sample_car, car,
+    "car", TrainId.CAR, (*_KINDS, _TUK_TUK), sample_car, car,
     classes=(("pickup", TrainId.TRUCK),),  # Cityscapes: the loading area is apart from the cab
     count=195, size=Size((2.2, 7), (0.9, 3)), tone=0.95, line=("car", 0.9),
     facing="lane", stage=ROAD, redrawn=(175,), frequent=_FREQUENT,

@@ -64,12 +64,11 @@ _WALKING: dict[str, tuple[str, tuple[float, float], int]] = {
     "with a large dog": ("puffer jacket", (0.48, 0.68), 1),
     "with two dogs": ("hood up", (0.28, 0.55), 2),
 }
-KINDS: tuple[str, ...] = (*_SITTING, *_WALKING)
 SITTING, WALKING = tuple(_SITTING), tuple(_WALKING)
 
 
 def sample_company(rng: np.random.Generator, kind: str) -> CompanyParams:
-    """Draw a person of one of ``KINDS``."""
+    """Draw a person of one kind."""
     name, _, detail = _SITTING[kind] if kind in _SITTING else _WALKING[kind]
     walker = sample_person(rng, name)
     wood, stretch = pick(rng, WOODS, 0.3), float(rng.uniform(0.36, 0.56))
@@ -169,6 +168,6 @@ def _lead(dog: Dog) -> Asset:
 
 
 FAMILY = Family(
-    "company", TrainId.PERSON, KINDS, sample_company, company,
+    "company", TrainId.PERSON, (*_SITTING, *_WALKING), sample_company, company,
     count=42, size=Size((0.4, 3), (0.6, 2.3)), tone=person.FAMILY.tone, line=None,
 )  # fmt: skip

@@ -76,7 +76,6 @@ _KINDS: dict[str, FenceParams] = {
     "hurdles": _WOOD._replace(height=1.1, infill="slats", rails=(), pitch=0.17, gauge=0.085, posts=3,
                               color=(0.09, 0.05, 0.03), tip="point"),
 }  # fmt: skip
-KINDS: tuple[str, ...] = tuple(_KINDS)
 
 
 def _stations(p: FenceParams) -> np.ndarray:
@@ -287,7 +286,7 @@ def fence(p: FenceParams) -> Asset:
 
 
 FAMILY = Family(
-    "fence", TrainId.FENCE, KINDS,
+    "fence", TrainId.FENCE, tuple(_KINDS),
     sampler(_KINDS, length=between(3.2, 3.8), height=times(0.92, 1.07), pitch=times(0.95, 1.08),
             color=near(0.25), second_color=near(0.15), seed=SEED),
     fence,

@@ -76,11 +76,10 @@ _KINDS: dict[str, LampParams] = {
     "camera pole": _COLUMN._replace(height=5.4, radius=0.1, foot=1.6, arms=(-0.7,), rise=0.0, below=0.4,
                                    head="camera", head_size=0.4, box=True, color=(0.13, 0.135, 0.14)),
 }  # fmt: skip
-KINDS: tuple[str, ...] = tuple(_KINDS)
 
 
 def sample_lamp(rng: np.random.Generator, kind: str) -> LampParams:
-    """Draw a lamp of one of ``KINDS``."""
+    """Draw a lamp of one kind."""
     p = _KINDS[kind]
     return sample_fields(
         rng, p, height=times(1 - p.spread, 1 + p.spread), radius=times(0.9, 1.1),
@@ -262,7 +261,7 @@ def lamp(p: LampParams) -> Asset:
 
 
 FAMILY = Family(
-    "lamp", TrainId.POLE, KINDS, sample_lamp, lamp,
+    "lamp", TrainId.POLE, tuple(_KINDS), sample_lamp, lamp,
     count=16, size=Size((2, 18), (2, 18)), tone=2.1, line=("pole", 0.4),
     facing="road",
 )  # fmt: skip

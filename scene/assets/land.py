@@ -40,7 +40,6 @@ _KINDS: dict[str, LandParams] = {
     "lawn": LandParams((0.055, 0.10, 0.024), "grass", 0.01, 0, 0.08, 0),
     "meadow": LandParams((0.11, 0.12, 0.04), "long grass", 0.025, 0, 0.15, 0),
 }
-KINDS: tuple[str, ...] = tuple(_KINDS)
 
 
 def land(p: LandParams) -> Asset:
@@ -67,7 +66,7 @@ def land(p: LandParams) -> Asset:
 
 
 FAMILY = Family(
-    "land", TrainId.TERRAIN, KINDS,
+    "land", TrainId.TERRAIN, tuple(_KINDS),
     sampler(_KINDS, color=near(0.35), ridge=times(0.7, 1.3), seed=SEED), land,
     count=14, size=Size((1, 60), (0.001, 1)), tone=1.0, line=None, stage=FRONTAGE,
 )  # fmt: skip

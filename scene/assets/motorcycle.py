@@ -71,8 +71,6 @@ _KINDS: dict[str, MotorcycleParams] = {
     "cafe racer": MotorcycleParams(0.320, 0.13, 1.40, False, 0.2, 0.08, False, 0.12, spokes=12),
     "moped": MotorcycleParams(0.285, 0.09, 1.22, True, 0.0, 0.0, False, 0.02, spokes=12),
 }  # fmt: skip
-KINDS: tuple[str, ...] = tuple(_KINDS)
-"""Body types."""
 
 _PAINTS: tuple[Color, ...] = (
     BLACK_PAINT, (0.07, 0.07, 0.075), (0.33, 0.018, 0.018), (0.025, 0.06, 0.24), (0.04, 0.16, 0.05),
@@ -264,7 +262,7 @@ def _cases(p: MotorcycleParams) -> Parts:
 
 
 FAMILY = Family(
-    "motorcycle", TrainId.MOTORCYCLE, KINDS, sample_motorcycle, motorcycle,
+    "motorcycle", TrainId.MOTORCYCLE, tuple(_KINDS), sample_motorcycle, motorcycle,
     count=18, size=Size((1.2, 3.2), (0.7, 2.0)), tone=0.4, line=("bicycle", 0.3),
     facing="either", stage=ROAD._replace(azimuth=-55),
 )  # fmt: skip

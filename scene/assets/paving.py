@@ -45,11 +45,10 @@ _KINDS: dict[str, PavingParams] = {
                                      material="pavers"),
     "brick path": _PATH._replace(color=(0.18, 0.11, 0.085), material="pavers"),
 }  # fmt: skip
-KINDS: tuple[str, ...] = tuple(_KINDS)
 
 
 def sample_paving(rng: np.random.Generator, kind: str) -> PavingParams:
-    """Draw a piece of one of ``KINDS``; paths keep their length, so that pieces meet."""
+    """Draw a piece of one kind; paths keep their length, so that pieces meet."""
     island = (times(0.85, 1.25), times(0.9, 1.15), keep)
     size = (keep, times(0.6, 1.2), keep) if "path" in kind else island
     return sample_fields(rng, _KINDS[kind], color=near(0.35), kerb=near(0.3), size=size)
@@ -79,6 +78,6 @@ def _outline(x: float, y: float, nose: float) -> np.ndarray:
 
 
 FAMILY = Family(
-    "paving", TrainId.SIDEWALK, KINDS, sample_paving, paving,
+    "paving", TrainId.SIDEWALK, tuple(_KINDS), sample_paving, paving,
     count=16, size=Size((0.5, 30), (0.005, 0.6)), tone=SIDEWALK_TONE, line=None, stage=ROAD,
 )  # fmt: skip

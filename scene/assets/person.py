@@ -91,8 +91,6 @@ _KINDS: dict[str, _Kind] = {
     "carrying a box": _Kind(("t-shirt", "hoodie", "jumper"), "walk", ("lift", "lift"), ("box",)),
     "hands on hips": _Kind(("t-shirt", "sports", "jacket"), "stand", ("hip", "hip")),
 }  # fmt: skip
-KINDS: tuple[str, ...] = tuple(_KINDS)
-"""What distinguishes people at a glance."""
 STANDING: tuple[str, ...] = tuple(name for name, kind in _KINDS.items() if kind.gait == "stand")
 WALKING: tuple[str, ...] = tuple(name for name, kind in _KINDS.items() if kind.gait == "walk")
 """Kinds that always stand, and kinds that always walk."""
@@ -117,7 +115,7 @@ _ARMS: dict[str, tuple[Point, Point]] = {
 
 
 def sample_person(rng: np.random.Generator, kind: str) -> PersonParams:
-    """Draw a person of one of ``KINDS``: adults 1.46-1.95 m, children 0.95-1.4 m."""
+    """Draw a person of one kind: adults 1.46-1.95 m, children 0.95-1.4 m."""
     entry = _KINDS[kind]
     child, old = entry.is_child, entry.is_old
     curves = float(rng.choice([0.0, 0.2, 0.85, 1.0]))
@@ -257,7 +255,7 @@ def _arm(p: PersonParams, name: str, ahead: float) -> tuple[Point, Point]:
 
 
 FAMILY = Family(
-    "person", TrainId.PERSON, KINDS, sample_person, person,
+    "person", TrainId.PERSON, tuple(_KINDS), sample_person, person,
     count=200, size=Size((0.6, 2.6), (0.6, 2.3)), tone=0.65, line=("person", 0.75),
     facing="either",
 )  # fmt: skip

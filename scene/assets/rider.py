@@ -55,8 +55,6 @@ _KINDS: dict[str, _Kind] = {
 }
 MOUNT: dict[str, str] = {name: kind.mount for name, kind in _KINDS.items()}
 """The family of the machine under each kind of rider."""
-KINDS: tuple[str, ...] = tuple(MOUNT)
-"""Posture, machine and clothes of riders."""
 
 _LEATHERS: tuple[Color, ...] = ((0.012, 0.012, 0.013), (0.033, 0.033, 0.035), (0.046, 0.026, 0.016))
 _HELMETS: tuple[Color, ...] = (
@@ -66,7 +64,7 @@ _HELMETS: tuple[Color, ...] = (
 
 
 def sample_rider(rng: np.random.Generator, kind: str) -> RiderParams:
-    """Draw a rider of one of ``KINDS``: size, how far the back leans, clothes and helmet."""
+    """Draw a rider of one kind: size, how far the back leans, clothes and helmet."""
     entry = _KINDS[kind]
     outfit, curves = sample_outfit(rng, entry.style, float(rng.choice([0.0, 0.1, 0.9])))
     outfit = outfit._replace(hat=str(rng.choice(entry.hats)), hat_color=pick(rng, _HELMETS))
@@ -134,7 +132,7 @@ def _pose(p: RiderParams) -> Pose:
 
 
 FAMILY = Family(
-    "rider", TrainId.RIDER, KINDS, sample_rider, rider,
+    "rider", TrainId.RIDER, tuple(MOUNT), sample_rider, rider,
     count=30, size=Size((0.6, 2.6), (0.6, 2.3)), tone=0.55, line=("person", 0.25),
     facing="either", stage=ROAD._replace(azimuth=-50), mounted_on=MOUNT,
 )  # fmt: skip

@@ -45,11 +45,10 @@ _KINDS: dict[str, dict[str, Any]] = {
     "with a fan": dict(netted=0.3, fan=True),
     "netted over a hoarding": dict(netted=0.8, hoarding=True, fan=True),
 }
-KINDS: tuple[str, ...] = tuple(_KINDS)
 
 
 def sample_scaffold(rng: np.random.Generator, kind: str) -> ScaffoldParams:
-    """Draw a scaffold of one of ``KINDS``."""
+    """Draw a scaffold of one kind."""
     rules = dict(
         bays=integer(3, 6), bay=between(1.8, 2.3), depth=between(0.9, 1.25), lifts=integer(2, 5),
         steel=near(0.3), boards=near(0.3), net=near(0.25, *_NETS), seed=SEED,
@@ -122,7 +121,7 @@ def _sheets(p: ScaffoldParams, x: list[float], top: float, rng: np.random.Genera
 
 
 FAMILY = Family(
-    "scaffold", TrainId.BUILDING, KINDS, sample_scaffold, scaffold,
+    "scaffold", TrainId.BUILDING, tuple(_KINDS), sample_scaffold, scaffold,
     count=15, size=Size((3, 40), (3, 40)), tone=0.8, line=None, facing="road", front="right",
     stage=FRONTAGE,
 )  # fmt: skip

@@ -47,7 +47,7 @@ class ShelterParams(NamedTuple):
 
 
 def sample_shelter(rng: np.random.Generator, kind: str) -> ShelterParams:
-    """Draw a shelter of one of ``KINDS``."""
+    """Draw a shelter of one kind."""
     is_stall = kind in STALLS
     length = float(rng.uniform(2.2, 3.4) if is_stall else rng.uniform(2.8, 5.2))
     size = (length, float(rng.uniform(1.3, 1.9)), float(rng.uniform(2.3, 2.7)))
@@ -197,9 +197,8 @@ _KINDS: dict[str, _Kind] = {
     "timber shelter": _Kind(partial(_walled, material="wood"),
                            (SHELTER_TIMBER, (0.06, 0.055, 0.05), SHELTER_TIMBER)),
 }  # fmt: skip
-KINDS: tuple[str, ...] = tuple(_KINDS)
-SHELTERS: tuple[str, ...] = tuple(name for name in KINDS if "shelter" in name)
-STALLS: tuple[str, ...] = tuple(name for name in KINDS if name not in SHELTERS)
+SHELTERS: tuple[str, ...] = tuple(name for name in _KINDS if "shelter" in name)
+STALLS: tuple[str, ...] = tuple(name for name in _KINDS if name not in SHELTERS)
 
 
 def shelter(params: ShelterParams) -> Asset:
@@ -208,7 +207,7 @@ def shelter(params: ShelterParams) -> Asset:
 
 
 FAMILY = Family(
-    "shelter", TrainId.BUILDING, KINDS, sample_shelter, shelter,
+    "shelter", TrainId.BUILDING, tuple(_KINDS), sample_shelter, shelter,
     count=24, size=Size((1, 15), (1.5, 6)), tone=0.8, line=None, facing="road", front="right",
     stage=FRONTAGE,
 )  # fmt: skip

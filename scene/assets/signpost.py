@@ -72,11 +72,10 @@ _KINDS: dict[str, SignpostParams] = {
     "solar": SignpostParams(3.7, 0.045, 12, 1, POST_STEEL, POST_GREY, extra="solar"),
     "beacon": SignpostParams(3.0, 0.05, 12, 9, POST_BLACK, WHITE, extra="beacon", material="paint"),
 }  # fmt: skip
-KINDS: tuple[str, ...] = tuple(_KINDS)
 
 
 def sample_signpost(rng: np.random.Generator, kind: str) -> SignpostParams:
-    """Draw a post of one of ``KINDS``."""
+    """Draw a post of one kind."""
     post = _KINDS[kind]
     top = MAX_HEIGHT - (0.45 if post.extra in ("beacon", "solar") else 0.0)
     second_color = SameAs("color") if post.color == post.second_color else near(0.15)
@@ -189,6 +188,6 @@ def signpost(p: SignpostParams) -> Asset:
 
 
 FAMILY = Family(
-    "signpost", TrainId.POLE, KINDS, sample_signpost, signpost,
+    "signpost", TrainId.POLE, tuple(_KINDS), sample_signpost, signpost,
     count=16, size=Size((0.8, 12), (0.8, 12)), tone=2.1, line=None,
 )  # fmt: skip

@@ -39,11 +39,10 @@ _KINDS: dict[str, SlabParams] = {
     "ticked bay": SlabParams((0.12, 0.12, 0.122), lines="ticks"),
     "boxed bay": SlabParams((0.075, 0.076, 0.08), lines="box"),
 }
-KINDS: tuple[str, ...] = tuple(_KINDS)
 
 
 def sample_slab(rng: np.random.Generator, kind: str) -> SlabParams:
-    """Draw a tile of one of ``KINDS``."""
+    """Draw a tile of one kind."""
     stain = (between(-0.35, 0.35), between(-1.6, 1.6), float(rng.uniform(0.2, 0.8)))
     return sample_fields(rng, _KINDS[kind], stain=stain, color=near(0.45), paint=near(0.2))
 
@@ -73,6 +72,6 @@ def slab(p: SlabParams) -> Asset:
 
 
 FAMILY = Family(
-    "slab", TrainId.ROAD, KINDS, sample_slab, slab,
+    "slab", TrainId.ROAD, tuple(_KINDS), sample_slab, slab,
     count=10, size=Size((1, 30), (0.001, 0.3)), tone=ROAD_TONE, line=None, stage=FOOTWAY,
 )  # fmt: skip

@@ -74,11 +74,10 @@ _KINDS: dict[str, _Kind] = {
     "tram": _Kind((((LIGHT_WHITE, LIGHT_AMBER, LIGHT_WHITE), 0.85),), 0, 0.13, (0.4, 0.03, 0.03), True,
                  color=(0.16, 0.165, 0.17)),
 }  # fmt: skip
-KINDS: tuple[str, ...] = tuple(_KINDS)
 
 
 def sample_traffic_light(rng: np.random.Generator, kind: str) -> TrafficLightParams:
-    """Draw a light of one of ``KINDS``; a second head shows the first one's colour if it has that."""
+    """Draw a light of one kind; a second head shows the first one's colour if it has that."""
     entry = _KINDS[kind]
     radius = float(rng.uniform(0.10, 0.118))
     spread = float(rng.uniform(0.26, 0.32))
@@ -166,7 +165,7 @@ def traffic_light(p: TrafficLightParams) -> Asset:
 
 
 FAMILY = Family(
-    "traffic light", TrainId.TRAFFIC_LIGHT, KINDS, sample_traffic_light, traffic_light,
+    "traffic light", TrainId.TRAFFIC_LIGHT, tuple(_KINDS), sample_traffic_light, traffic_light,
     count=10, size=Size((0.3, 10), (0.3, 10)), tone=1.4, line=("pole", 0.25),
     facing="camera", front="back", stage=SIGN, mounted_on="signpost",
 )  # fmt: skip

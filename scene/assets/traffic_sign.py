@@ -20,9 +20,6 @@ from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, Parts, Point, merge, vary
 from scene.mesh.solids import box, loft, polygon
 
-KINDS: tuple[str, ...] = tuple(FACES)
-"""Names of the faces."""
-
 LAYER = 0.006
 """Distance between the layers of a plate (metres)."""
 LOWEST, HIGHEST = 1.25, 3.05
@@ -40,7 +37,7 @@ class TrafficSignParams(NamedTuple):
 
 
 def sample_traffic_sign(rng: np.random.Generator, kind: str) -> TrafficSignParams:
-    """Draw a sign of one of ``KINDS``."""
+    """Draw a sign of one kind."""
     face = FACES[kind]
     layers = face.draw(Inks.sample(rng), rng)
     radius = float(rng.uniform(0.30, 0.44)) * face.size
@@ -91,7 +88,7 @@ def traffic_sign(p: TrafficSignParams) -> Asset:
 
 
 FAMILY = Family(
-    "traffic sign", TrainId.TRAFFIC_SIGN, KINDS, sample_traffic_sign, traffic_sign,
+    "traffic sign", TrainId.TRAFFIC_SIGN, tuple(FACES), sample_traffic_sign, traffic_sign,
     count=40, size=Size((0.2, 8), (0.15, 8)), tone=1.7, line=("pole", 0.35),
     facing="camera", front="back", stage=SIGN, mounted_on="signpost",
 )  # fmt: skip

@@ -90,8 +90,6 @@ _KINDS: dict[str, TrainParams] = {
     "tank wagon": TrainParams("tank", 13.0, 2.70, 3.70, 1.15, 1, 0.0),
     "high-speed": TrainParams("railcar", 20.0, 2.85, 3.80, 0.80, 1, 2.6),
 }
-KINDS: tuple[str, ...] = tuple(_KINDS)
-"""Types of vehicle."""
 
 _LIVERIES: tuple[Color, ...] = (
     (0.36, 0.016, 0.018), (0.50, 0.30, 0.025), (0.025, 0.08, 0.25), (0.03, 0.15, 0.07),
@@ -296,7 +294,7 @@ _BODIES: dict[str, Body] = {
 
 
 FAMILY = Family(
-    "train", TrainId.TRAIN, KINDS, sample_train, train,
+    "train", TrainId.TRAIN, tuple(_KINDS), sample_train, train,
     count=8, size=Size((5, 60), (2, 6)), tone=0.7, line=("building", 0.04),
     facing="road", front="right", stage=FRONTAGE,
 )  # fmt: skip

@@ -125,11 +125,10 @@ _KINDS: dict[str, _Kind] = {
         limbs=8, angle=28.0, lift=0.04, forks=(7, 5, 4),
         bark_color=near(0.25, (0.085, 0.050, 0.042)))),
 }  # fmt: skip
-KINDS: tuple[str, ...] = tuple(_KINDS)
 
 
 def sample_tree(rng: np.random.Generator, kind: str) -> TreeParams:
-    """Draw a tree of one of ``KINDS``."""
+    """Draw a tree of one kind."""
     entry = _KINDS[kind]
     height = float(rng.uniform(9, 15))
     green, rust = pick(rng, GREENS, 0.25), pick(rng, AUTUMNS, 0.25)
@@ -315,6 +314,6 @@ def _fitted(asset: Asset, p: TreeParams) -> Asset:
 
 
 FAMILY = Family(
-    "tree", TrainId.VEGETATION, KINDS, sample_tree, tree,
+    "tree", TrainId.VEGETATION, tuple(_KINDS), sample_tree, tree,
     count=24, size=Size((1.5, 40), (1.5, 40)), tone=1.6, line=("tree", 0.7),
 )  # fmt: skip

@@ -75,8 +75,6 @@ _KINDS: dict[str, TruckParams] = {
     "curtain trailer": TruckParams("curtain", 15.0, 2.50, 3.95, 2.2, 3.6, (1.4, 4.7, 11.4, 12.7), 0.5, 0.7,
                                    _TRACTOR, 0.2),
 }  # fmt: skip
-KINDS: tuple[str, ...] = tuple(_KINDS)
-"""Body types."""
 
 _CABS: tuple[Color, ...] = (
     WHITE, WHITE, (0.30, 0.018, 0.018), (0.025, 0.06, 0.19), (0.04, 0.13, 0.30), (0.03, 0.11, 0.05),
@@ -244,7 +242,7 @@ def _tail(p: TruckParams) -> Parts:
 
 
 FAMILY = Family(
-    "truck", TrainId.TRUCK, KINDS, sample_truck, truck,
+    "truck", TrainId.TRUCK, tuple(_KINDS), sample_truck, truck,
     count=39, size=Size((3.5, 30), (1.6, 5)), tone=0.85, line=("car", 0.05),
     facing="lane", stage=ROAD,
 )  # fmt: skip

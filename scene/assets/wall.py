@@ -53,7 +53,6 @@ _KINDS: dict[str, WallParams] = {
                                     material="concrete", coping=0.0, face="profile",
                                     second_color=(0.5, 0.03, 0.02)),
 }  # fmt: skip
-KINDS: tuple[str, ...] = tuple(_KINDS)
 
 
 def _leaning(p: WallParams, x: float, length: float, height: float, front: float) -> Asset:
@@ -118,7 +117,7 @@ def wall(p: WallParams) -> Asset:
 
 
 FAMILY = Family(
-    "wall", TrainId.WALL, KINDS,
+    "wall", TrainId.WALL, tuple(_KINDS),
     sampler(_KINDS, length=between(3.3, 3.9), height=times(0.9, 1.1), thickness=times(0.95, 1.05),
             color=near(0.22), second_color=near(0.2), seed=SEED),
     wall,

@@ -8,8 +8,7 @@ from itertools import product
 import numpy as np
 
 from scene.assets import catalogue
-from scene.assets.bollard import BEACONS
-from scene.assets.bollard import KINDS as BOLLARDS
+from scene.assets.bollard import BEACONS, POSTS
 from scene.assets.catalogue import draw_asset
 from scene.assets.own_class import FAMILY, OwnClass
 from scene.assets.person import STANDING
@@ -24,7 +23,6 @@ from scene.street.rows import facing_road, run
 
 END = 120.0
 """End of street furniture in metres along the road."""
-POSTS = tuple(name for name in BOLLARDS if name not in BEACONS)
 ISLANDS = ("slab island", "setts island", "narrow island", "block island")
 GARDEN_FENCES = ("pickets", "spear railings", "boards", "bow top", "rails", "trellis", "wires")
 KERB_RAILINGS = ("pedestrian guard", "bow top", "cross rails", "guard rail", "bollard and chain")

@@ -34,7 +34,7 @@ TOWARDS = st.tuples(st.floats(0.1, 1), st.floats(-1, 1), st.floats(0.1, 1))
 MACHINES = {"bicycle": bicycle, "motorcycle": motorcycle}
 
 
-@pytest.mark.parametrize("kind", rider.KINDS)
+@pytest.mark.parametrize("kind", rider.FAMILY.kinds)
 @given(seed=SEEDS)
 def test_riders_reach_saddle_bar_and_feet_of_their_machine(kind, seed):
     machine = MACHINES[rider.MOUNT[kind]]
@@ -116,7 +116,7 @@ def test_bend_keeps_bone_lengths(seed, upper, lower, towards):
     np.testing.assert_allclose(bones, [upper, lower], rtol=1e-6)
 
 
-@pytest.mark.parametrize("kind", bicycle.KINDS)
+@pytest.mark.parametrize("kind", bicycle.FAMILY.kinds)
 def test_a_bicycle_stands_on_two_separate_wheels(kind):
     asset = make("bicycle", kind, 3)
     ground = asset.mesh.vertices[asset.mesh.vertices[:, 2] < 0.02]
@@ -162,7 +162,7 @@ def test_nothing_hides_the_rims_of_large_vehicles(family):
 def test_machines_have_saddle_and_bar_at_their_constants(family, module):
     u, v = (grid.ravel() for grid in np.meshgrid(*[np.linspace(0, 1, 21)] * 2))
     weights = np.column_stack([1 - u, u * (1 - v), u * v])  # a grid of points on every triangle
-    for kind in module.KINDS:
+    for kind in module.FAMILY.kinds:
         triangles = solid(make(family, kind, 7).mesh).triangles
         on_surface = np.einsum("gk,fkx->fgx", weights, triangles).reshape(-1, 3)
         for point in (module.SADDLE, module.BAR, mirror(module.BAR)):
@@ -281,7 +281,7 @@ def test_panels_seams_and_names_are_seen_just_outside_the_sides_of_vans(kind):
     for seed in range(4):
         params = car.sample_car(np.random.default_rng(seed), kind)
         unnamed, named = (
-            van_sides(params.body, params.van._replace(letters=letters, sealed=True))
+            list(van_sides(params.body, params.van._replace(letters=letters, sealed=True)))
             for letters in (None, RED)
         )
         assert len(named) > len(unnamed) + 10

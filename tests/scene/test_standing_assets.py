@@ -22,7 +22,7 @@ def coverage(asset, share):
     return hits(asset.mesh, origins, np.array([[0.0, 1.0, 0.0]])).mean()
 
 
-@pytest.mark.parametrize("kind", [k for k in building.KINDS if k != "car park"])
+@pytest.mark.parametrize("kind", [k for k in building.FAMILY.kinds if k != "car park"])
 @given(seed=SEEDS)
 def test_building_has_a_near_face_windows_sides_and_a_back(kind, seed):
     asset_mesh, _, material, *_ = make("building", kind, seed)
@@ -65,7 +65,7 @@ def test_fences_and_bare_trees_are_see_through(family, kind, seed):
 
 
 def test_two_trees_in_five_are_bare_or_half_bare_and_leafy_crowns_are_ragged_but_closed():
-    names = tree.KINDS
+    names = tree.FAMILY.kinds
     assert set(BARE) <= set(names)
     assert sum(names[index % len(names)] in BARE for index in range(24)) >= 0.4 * 24
     assert 0.3 < coverage(make("tree", "plane", 0), 0.4) < 0.9
@@ -92,7 +92,7 @@ def test_leaves_vary_in_shade(family, kind):
 @settings(max_examples=4)
 @given(seed=SEEDS)
 def test_every_sign_and_light_hangs_on_every_post(seed):
-    for kind in signpost.KINDS:
+    for kind in signpost.FAMILY.kinds:
         points = make("signpost", kind, seed).mesh.vertices
         assert points[:, 2].max() >= signpost.MIN_HEIGHT
         level = (points[:, 2] > traffic_sign.LOWEST) & (points[:, 2] < signpost.MIN_HEIGHT)
@@ -104,7 +104,7 @@ def test_every_sign_and_light_hangs_on_every_post(seed):
         assert -0.07 < high[0] <= -signpost.MAX_RADIUS + 0.01 and low[1] < 0 < high[1]
 
 
-@pytest.mark.parametrize("kind", traffic_sign.KINDS)
+@pytest.mark.parametrize("kind", traffic_sign.FAMILY.kinds)
 @settings(max_examples=4)
 @given(seed=SEEDS)
 def test_sign_shows_its_face_to_the_camera_and_grey_to_the_back(kind, seed):
@@ -120,7 +120,7 @@ def test_sign_shows_its_face_to_the_camera_and_grey_to_the_back(kind, seed):
 
 @given(seed=SEEDS)
 def test_one_lamp_shines_in_each_head(seed):
-    for kind in traffic_light.KINDS:
+    for kind in traffic_light.FAMILY.kinds:
         params = traffic_light.sample_traffic_light(np.random.default_rng(seed), kind)
         asset = traffic_light.traffic_light(params)
         shining = asset.color[asset.material == material_id("lamp")].reshape(-1, 16, 3)
@@ -132,7 +132,7 @@ def test_one_lamp_shines_in_each_head(seed):
 
 @given(seed=SEEDS)
 def test_heads_side_by_side_show_one_colour_or_stop(seed):
-    for kind in traffic_light.KINDS:
+    for kind in traffic_light.FAMILY.kinds:
         first, *others = traffic_light.sample_traffic_light(np.random.default_rng(seed), kind).heads
         lit_color = first.lamps[first.lit]
         for head in others:
@@ -142,7 +142,7 @@ def test_heads_side_by_side_show_one_colour_or_stop(seed):
 
 def test_lights_show_red_amber_and_green():
     lights = [traffic_light.sample_traffic_light(np.random.default_rng(seed), kind)
-             for seed in range(6) for kind in traffic_light.KINDS]  # fmt: skip
+             for seed in range(6) for kind in traffic_light.FAMILY.kinds]  # fmt: skip
     lit_colors = {head.lamps[head.lit] for params in lights for head in params.heads}
     assert lit_colors >= {
         traffic_light.LIGHT_RED,

@@ -98,7 +98,7 @@ def _shop(d: Choices, wall: Finish) -> dict[str, Any]:
     )  # fmt: skip
 
 
-_KINDS: dict[str, Callable[[Choices], dict[str, Any]]] = {
+KINDS: dict[str, Callable[[Choices], dict[str, Any]]] = {
     "terrace": lambda d: {},
     "shop": lambda d: _shop(d, d.plaster),
     "office": lambda d: dict(
@@ -242,11 +242,10 @@ _KINDS: dict[str, Callable[[Choices], dict[str, Any]]] = {
     ),
 }  # fmt: skip
 """Values and rules by which a kind differs from a terrace."""
-KINDS: tuple[str, ...] = tuple(_KINDS)
 
 
 def sample_building(rng: np.random.Generator, kind: str) -> BuildingParams:
-    """Draw a building of one of ``KINDS``."""
+    """Draw a building of one kind."""
     brick, paint, stone = (pick(rng, colors, 0.3) for colors in (BRICKS, PAINTS, STONES))
     bricks, plaster = (brick, "brick"), (pick(rng, RENDERS, 0.15), "plaster")
     choices = Choices(
@@ -267,4 +266,4 @@ def sample_building(rng: np.random.Generator, kind: str) -> BuildingParams:
         roof_color=pick(rng, SLATES, 0.3), chimney=brick, curtain=pick(rng, CURTAINS, 0.3),
         seed=int(rng.integers(2**31)),
     )  # fmt: skip
-    return sample_fields(rng, terrace, **_KINDS[kind](choices))
+    return sample_fields(rng, terrace, **KINDS[kind](choices))
