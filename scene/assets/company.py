@@ -119,11 +119,10 @@ def _bench(wood: Color) -> Parts:
     yield from (
         box((0.09, BENCH, 0.035), (x, 0, SEAT - 0.035), wood, "wood") for x in (-0.16, -0.04, 0.08)
     )
-    back = [box((0.03, BENCH, 0.1), (-0.25, 0, z), wood, "wood") for z in (0.58, 0.74)]
-    legs = [box((0.05, 0.04, 0.84 if x < 0 else SEAT - 0.03), (x, y, 0), STEEL, "metal")
-            for x in (-0.29, 0.1) for y in (-0.27, 0.27)]  # fmt: skip
-    yield from back
-    yield from legs
+    yield from (box((0.03, BENCH, 0.1), (-0.25, 0, z), wood, "wood") for z in (0.58, 0.74))
+    for x in (-0.29, 0.1):
+        for y in (-0.27, 0.27):
+            yield box((0.05, 0.04, 0.84 if x < 0 else SEAT - 0.03), (x, y, 0), STEEL, "metal")
 
 
 def _dog_body(dog: Dog) -> Asset:

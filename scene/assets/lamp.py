@@ -187,8 +187,8 @@ def _louvre(p: LampParams, y: float, z: float, side: float) -> Parts:
 def _insulator(p: LampParams, y: float, z: float, side: float) -> Parts:
     """Build the holder of a contact wire: a strut and a ribbed insulator."""
     ribs = [(z - 0.05 * k, 0.07 if k % 2 else 0.04) for k in range(7)][::-1]
-    strut = box((0.05, 0.5, 0.05), (0, y - 0.25 * side, z - 0.4), p.color, p.material)
-    return [turned(ribs, (0.12, 0.05, 0.03), "paint", at=(0.0, y)), strut]
+    yield turned(ribs, (0.12, 0.05, 0.03), "paint", at=(0.0, y))
+    yield box((0.05, 0.5, 0.05), (0, y - 0.25 * side, z - 0.4), p.color, p.material)
 
 
 def _flood(p: LampParams, y: float, z: float, side: float) -> Parts:
@@ -204,11 +204,9 @@ def _camera(p: LampParams, y: float, z: float, side: float) -> Parts:
     """Build two cameras and a dome."""
     white = (0.5, 0.5, 0.49)
     dome = [(z - 0.34, 0.03), (z - 0.28, 0.12), (z - 0.16, 0.15), (z, 0.14)]
-    boxes = [
-        box((0.42, 0.14, 0.14), (-0.1, share * y, z + 0.05), white, "paint")
-        for share in (0.35, 0.75)
-    ]
-    return [turned(dome, (0.03, 0.03, 0.035), "glass", at=(0.0, y)), *boxes]
+    yield turned(dome, (0.03, 0.03, 0.035), "glass", at=(0.0, y))
+    for share in (0.35, 0.75):
+        yield box((0.42, 0.14, 0.14), (-0.1, share * y, z + 0.05), white, "paint")
 
 
 def _crossbars(p: LampParams, y: float, z: float, side: float) -> Parts:
@@ -223,10 +221,10 @@ def _crossbars(p: LampParams, y: float, z: float, side: float) -> Parts:
 
 def _drop_wires(p: LampParams, y: float, z: float, side: float) -> Parts:
     """Build a ring for wires, steps up both sides, and a box."""
-    ring = turned([(z - 0.3, 0.22), (z - 0.24, 0.22)], p.color, "metal", 8)
-    steps = [box((0.03, 0.34, 0.03), (0, 0, level), (0.1, 0.1, 0.1), "metal")
-             for level in np.arange(2.6, z - 0.6, 0.45)]  # fmt: skip
-    return [ring, *steps, box((0.22, 0.2, 0.3), (0.14, 0, z - 1.1), (0.03, 0.03, 0.03))]
+    yield turned([(z - 0.3, 0.22), (z - 0.24, 0.22)], p.color, "metal", 8)
+    for level in np.arange(2.6, z - 0.6, 0.45):
+        yield box((0.03, 0.34, 0.03), (0, 0, level), (0.1, 0.1, 0.1), "metal")
+    yield box((0.22, 0.2, 0.3), (0.14, 0, z - 1.1), (0.03, 0.03, 0.03))
 
 
 _HEADS: dict[str, Callable[[LampParams, float, float, float], Parts]] = {

@@ -134,8 +134,7 @@ def _front(p: MotorcycleParams) -> Parts:
         yield ellipsoid((start[0] - 0.02, 0, z + 0.03), (0.03, 0.07, 0.05), BLACK)
     centre = (hub, 0.0, p.wheel_radius)
     reach = p.wheel_radius + (0.12 if p.beak else 0.025)
-    guard = mudguard(centre, reach, p.tyre + 0.02, tuple(np.linspace(0.5, 2.5, 8)), p.color)
-    yield guard
+    yield mudguard(centre, reach, p.tyre + 0.02, tuple(np.linspace(0.5, 2.5, 8)), p.color)
 
 
 def _machine(p: MotorcycleParams) -> Parts:

@@ -100,13 +100,11 @@ def _cantilever(p: ShelterParams) -> Parts:
          for side, lift in ((-x / 2, 0.0), (x / 2, 0.0), (x / 2, 0.05), (-x / 2, 0.05))]
         for a in angle
     ]  # fmt: skip
-    roof = loft(np.array(rings), darker(p.cover, 0.7), "paint")
-    posts = [
-        box((0.1, 0.1, z - 0.5), (s * 0.32 * x, y - 0.08, 0), p.frame, "metal") for s in (-1, 1)
-    ]
-    rail = box((0.8 * x, 0.12, 0.08), (0, y - 0.25, 0.7), p.frame, "metal")
-    frame = box((0.9, 0.06, 1.2), (0, y - 0.1, 0.8), p.second_color, "lamp")
-    return [roof, rail, frame, *posts]
+    yield loft(np.array(rings), darker(p.cover, 0.7), "paint")
+    yield box((0.8 * x, 0.12, 0.08), (0, y - 0.25, 0.7), p.frame, "metal")
+    yield box((0.9, 0.06, 1.2), (0, y - 0.1, 0.8), p.second_color, "lamp")
+    for s in (-1, 1):
+        yield box((0.1, 0.1, z - 0.5), (s * 0.32 * x, y - 0.08, 0), p.frame, "metal")
 
 
 def _walled(p: ShelterParams, material: str) -> Parts:
@@ -121,13 +119,10 @@ def _walled(p: ShelterParams, material: str) -> Parts:
         [(at, y / 2 - half, low), (at, y / 2 + half, low), (at, y / 2, low + 0.65)]
         for at in (-x / 2 - 0.2, x / 2 + 0.2)
     ]
-    bench = box((x - 0.4, 0.35, 0.06), (0, y - 0.35, 0.45), p.second_color, "wood")
-    window = box((0.4 * x, 0.02, 0.6), (0, y - 0.15, 1.2), GLASS, "glass")
-    beam = box((x, 0.12, 0.16), (0, 0.1, low - 0.16), p.second_color, "wood")
     yield loft(np.array(roof), p.cover, "roof")
-    yield bench
-    yield window
-    yield beam
+    yield box((x - 0.4, 0.35, 0.06), (0, y - 0.35, 0.45), p.second_color, "wood")
+    yield box((0.4 * x, 0.02, 0.6), (0, y - 0.15, 1.2), GLASS, "glass")
+    yield box((x, 0.12, 0.16), (0, 0.1, low - 0.16), p.second_color, "wood")
 
 
 def _stall(p: ShelterParams, *, produce: bool = False) -> Parts:

@@ -112,9 +112,9 @@ def _band(p: SignpostParams) -> Parts:
 def _twin(p: SignpostParams) -> Parts:
     """Build a second shaft, and bars between the two."""
     y = 0.42
-    shaft = tube((0, y, 0), (0, y, p.height), p.radius, p.color, p.material, sides=12)
-    bars = [box((0.03, y, 0.05), (0, y / 2, z), p.color, p.material) for z in (1.6, p.height - 0.3)]
-    return [shaft, *bars]
+    yield tube((0, y, 0), (0, y, p.height), p.radius, p.color, p.material, sides=12)
+    for z in (1.6, p.height - 0.3):
+        yield box((0.03, y, 0.05), (0, y / 2, z), p.color, p.material)
 
 
 def _arm(p: SignpostParams) -> Parts:

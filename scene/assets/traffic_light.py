@@ -104,15 +104,14 @@ def _lamp(
     front = -MAX_RADIUS - p.depth
     red, green, blue = np.asarray(color) * (1.0 if lit else UNLIT)
     material = "lamp" if lit else "glass"
-    lens = disc((front - 0.006, y, z), radius, (red, green, blue), material, sides=16)
     reach = 0.19 if p.kind.hoods else 0.07
     # A visor is a piece of pipe, open below, whose edge recedes from its top to its sides.
     turn = np.radians(np.linspace(-40, 220, 15))
     ahead = reach * (0.35 + 0.65 * np.clip(np.sin(turn), 0, 1))
     edge = np.column_stack([y + 1.1 * radius * np.cos(turn), z + 1.1 * radius * np.sin(turn)])
     rims = [in_plane(front, edge), np.column_stack([front - ahead, edge])]
-    visor = loft(np.array(rims), p.kind.front, "plain", closed=False, caps=False)
-    return [lens, visor]
+    yield disc((front - 0.006, y, z), radius, (red, green, blue), material, sides=16)
+    yield loft(np.array(rims), p.kind.front, "plain", closed=False, caps=False)
 
 
 def _outline(

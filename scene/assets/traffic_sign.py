@@ -61,12 +61,9 @@ def _supplement(p: TrafficSignParams, color: Color, x: float, top: float) -> Par
     """Build a small plate with two rows of print."""
     r, is_dark = p.radius, max(color) < 0.5
     ink = (0.7, 0.7, 0.68) if is_dark else BLACK
-    plate = box((LAYER, 1.3 * r, 0.5 * r), (x, 0, top - 0.5 * r), color, "paint")
-    rows = [
-        box((LAYER, width * r, 0.09 * r), (x - LAYER, 0, top - low * r), ink, "paint")
-        for width, low in ((1.0, 0.22), (0.7, 0.40))
-    ]
-    return [plate, *rows]
+    yield box((LAYER, 1.3 * r, 0.5 * r), (x, 0, top - 0.5 * r), color, "paint")
+    for width, low in ((1.0, 0.22), (0.7, 0.40)):
+        yield box((LAYER, width * r, 0.09 * r), (x - LAYER, 0, top - low * r), ink, "paint")
 
 
 def traffic_sign(p: TrafficSignParams) -> Asset:

@@ -257,8 +257,9 @@ def _stakes(p: TreeParams) -> Parts:
     """Build two posts next to a young tree and the strap that ties it to them."""
     wood, side = (0.22, 0.15, 0.085), 0.28
     post = tube((0, 0, 0), (0, 0, 1.3), 0.04, wood, "wood", sides=6)
-    strap = tube((0, -side, 1.15), (0, side, 1.15), 0.025, BLACK, "rubber", sides=4)
-    return [translate(post, (0, -side, 0)), translate(post, (0, side, 0)), strap]
+    yield translate(post, (0, -side, 0))
+    yield translate(post, (0, side, 0))
+    yield tube((0, -side, 1.15), (0, side, 1.15), 0.025, BLACK, "rubber", sides=4)
 
 
 def tree(p: TreeParams) -> Asset:

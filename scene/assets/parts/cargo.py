@@ -207,15 +207,12 @@ def recovery(p: TruckParams) -> Parts:
     front, rear = x + length / 2, x - length / 2 + 0.5  # ahead of the ramp
     elbow = (front - 0.3, 0.0, p.height + 0.3)
     hook = (front - 0.3 - 0.45 * length * p.fill, 0.0, p.height + 0.1)
-    beacons = cuboid(
-        (front - 0.05, front + 0.1), 0.7, (p.height - 0.35, p.height - 0.2), AMBER, "lamp"
-    )
     rail = block((rear, half - 0.06, low), (front, half, low + 0.22), p.body, "metal")
     tip = rear - 0.5
     ramp: list[Point] = [(rear, half, low), (rear, -half, low), (tip, -half, 0.6), (tip, half, 0.6)]
     yield cuboid((rear, front), half, (low - 0.05, low + 0.1), STEEL, "metal")
     yield pair(rail)
-    yield beacons
+    yield cuboid((front - 0.05, front + 0.1), 0.7, (p.height - 0.35, p.height - 0.2), AMBER, "lamp")
     yield tube((front - 0.3, 0, low), elbow, 0.16, p.cab, "paint", sides=8)
     yield tube(elbow, hook, 0.11, p.cab, "paint", sides=6)
     yield tube(hook, (hook[0], 0, hook[2] - 0.7), 0.02, BLACK, sides=4)

@@ -179,11 +179,9 @@ def window(
                 level = min(max(edge, z[0]), z[1])
                 below, above = (curtain, glass) if look == "nets" else (glass, curtain)
                 areas = [(*x, z[0], level, below), (*x, level, z[1], above)]
-            yield from (
-                Patch(upright(a, b, c, d, PANE), color, "glass")
-                for a, b, c, d, color in areas
-                if b > a + 1e-6 and d > c + 1e-6
-            )
+            for a, b, c, d, color in areas:
+                if b > a + 1e-6 and d > c + 1e-6:
+                    yield Patch(upright(a, b, c, d, PANE), color, "glass")
 
 
 def door(opening: Opening, color: Color) -> Iterable[Part]:

@@ -174,16 +174,16 @@ def balcony(span: tuple[float, float], floor: float, frame: Color, accent: Color
     return [slab, rail, *bars, *ends]
 
 
-def drainpipe(x: float, top: float, color: Color = (0.025, 0.025, 0.028)) -> list[Part]:
+def drainpipe(x: float, top: float, color: Color = (0.025, 0.025, 0.028)) -> Iterable[Part]:
     """Build a pipe with a hopper from the gutter to the ground."""
-    hopper = relief((x - 0.13, -PIPE - PROUD, top - 0.35), (x + 0.13, 0.05, top - 0.1), color)
-    return [hopper, relief((x - 0.05, -PIPE, 0), (x + 0.05, -0.05, top - 0.35), color)]
+    yield relief((x - 0.13, -PIPE - PROUD, top - 0.35), (x + 0.13, 0.05, top - 0.1), color)
+    yield relief((x - 0.05, -PIPE, 0), (x + 0.05, -0.05, top - 0.35), color)
 
 
-def dish(x: float, z: float) -> list[Part]:
+def dish(x: float, z: float) -> Iterable[Part]:
     """Build a satellite dish on its arm."""
-    plate = disc((x, -0.42, z), 0.3, (0.5, 0.5, 0.5), "metal", axis=(0.4, -1, 0.5), sides=10)
-    return [plate, tube((x, 0, z - 0.1), (x, -0.4, z), 0.025, (0.2, 0.2, 0.2), "metal", sides=4)]
+    yield disc((x, -0.42, z), 0.3, (0.5, 0.5, 0.5), "metal", axis=(0.4, -1, 0.5), sides=10)
+    yield tube((x, 0, z - 0.1), (x, -0.4, z), 0.025, (0.2, 0.2, 0.2), "metal", sides=4)
 
 
 def quoins(width: float, levels: tuple[float, float], color: Color) -> list[Part]:
@@ -208,12 +208,9 @@ def timbers(
     """Build dark beams at every floor and, behind them, posts at both sides of every window."""
     half = width / 2
     yield from (band((-half, half), STRING, z - 0.1, 0.2, color) for z in levels)
-    posts = [
-        Patch(upright(x - 0.09, x + 0.09, levels[0], levels[-1], -PROUD), color, "wood")
-        for left, right in columns
-        for x in (left - 0.14, right + 0.14)
-    ]
-    yield from posts
+    for left, right in columns:
+        for x in (left - 0.14, right + 0.14):
+            yield Patch(upright(x - 0.09, x + 0.09, levels[0], levels[-1], -PROUD), color, "wood")
 
 
 def turret(

@@ -79,23 +79,21 @@ def _section(half: float, low: float, high: float, top: float) -> np.ndarray:
 def _tub(r: Rickshaw) -> Parts:
     """Build floor, closed rear and seats, and a dark sheet that blocks the view through the open sides."""
     nose, tail, half = r.length / 2, -r.length / 2, r.width / 2
-    tail_body = loft(
+    inside = [(tail + 0.1, 0, 0.4), (nose - 0.6, 0, 0.4), (nose - 0.72, 0, r.height - 0.1)]
+    yield loft(
         [
             in_plane(tail, _section(0.9 * half, 0.34, 0.86, 0.92)),
             in_plane(tail + 0.14, _section(half, 0.28, 0.9, 0.96)),
             in_plane(tail + 0.85, _section(half, 0.28, 0.72, 0.96)),
         ],
-        r.tub, "paint",
-    )  # fmt: skip
-    floor = cuboid((tail + 0.8, nose - 0.55), 0.92 * half, (0.26, 0.36), r.tub, "paint")
-    seats = [
-        cuboid((tail + 0.2, tail + 0.75), 0.84 * half, (0.7, 0.8), TRIM, "cloth"),
-        cuboid((tail + 0.12, tail + 0.24), 0.84 * half, (0.75, 1.2), TRIM, "cloth"),
-        cuboid((0.16, 0.5), 0.3, (0.36, 0.72), TRIM, "cloth"),
-    ]
-    inside = [(tail + 0.1, 0, 0.4), (nose - 0.6, 0, 0.4), (nose - 0.72, 0, r.height - 0.1)]
-    dark = polygon([*inside, (tail + 0.1, 0, r.height - 0.1)], BLACK)
-    return [tail_body, floor, *seats, dark]
+        r.tub,
+        "paint",
+    )
+    yield cuboid((tail + 0.8, nose - 0.55), 0.92 * half, (0.26, 0.36), r.tub, "paint")
+    yield cuboid((tail + 0.2, tail + 0.75), 0.84 * half, (0.7, 0.8), TRIM, "cloth")
+    yield cuboid((tail + 0.12, tail + 0.24), 0.84 * half, (0.75, 1.2), TRIM, "cloth")
+    yield cuboid((0.16, 0.5), 0.3, (0.36, 0.72), TRIM, "cloth")
+    yield polygon([*inside, (tail + 0.1, 0, r.height - 0.1)], BLACK)
 
 
 def _hood(r: Rickshaw) -> Parts:
@@ -137,16 +135,13 @@ def _front(r: Rickshaw) -> Parts:
     ]
     mirror = ellipsoid((nose - 0.5, half + 0.05, 1.12), (0.02, 0.07, 0.05), BLACK)
     signal = ellipsoid((nose - 0.42, 0.55 * half, 0.66), (0.03, 0.04, 0.03), AMBER, "paint")
-    guard = ellipsoid((nose - 0.3, 0, 0.4), (0.3, 0.1, 0.12), r.tub, "paint")
-    lamp = tube((nose - 0.36, 0, 0.72), (nose - 0.18, 0, 0.72), 0.09, HEADLAMP, "lamp", sides=10)
-    trim = cuboid((nose - 0.3, nose - 0.25), 0.2, (0.9, 0.94), CHROME, "metal")
     yield twin_sheets(np.array(rows), r.tub)
     yield twin_sheets(np.array(screen), GLASS, "glass")
     yield pair(mirror)
     yield pair(signal)
-    yield guard
-    yield lamp
-    yield trim
+    yield ellipsoid((nose - 0.3, 0, 0.4), (0.3, 0.1, 0.12), r.tub, "paint")
+    yield tube((nose - 0.36, 0, 0.72), (nose - 0.18, 0, 0.72), 0.09, HEADLAMP, "lamp", sides=10)
+    yield cuboid((nose - 0.3, nose - 0.25), 0.2, (0.9, 0.94), CHROME, "metal")
 
 
 def _driver(r: Rickshaw) -> Parts:

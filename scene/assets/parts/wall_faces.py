@@ -108,9 +108,9 @@ def _ribs(p: WallParams, rng: np.random.Generator) -> Parts:
     rings = [
         np.column_stack([np.full(2 * n, x), y - 0.032, z]) for x in (-p.length / 2, p.length / 2)
     ]
-    posts = [box((0.14, 0.05, p.height + 0.06), (x, -0.125, 0), p.second_color, "metal")
-             for x in (-p.length / 2 + 0.07, 0.0, p.length / 2 - 0.07)]  # fmt: skip
-    return [loft(np.array(rings), p.color, p.material, closed=False, caps=False), *posts]
+    yield loft(np.array(rings), p.color, p.material, closed=False, caps=False)
+    for x in (-p.length / 2 + 0.07, 0.0, p.length / 2 - 0.07):
+        yield box((0.14, 0.05, p.height + 0.06), (x, -0.125, 0), p.second_color, "metal")
 
 
 def _bands(p: WallParams, rng: np.random.Generator) -> Parts:
@@ -145,9 +145,8 @@ def _profile(p: WallParams, rng: np.random.Generator) -> Parts:
     yield from (polygon(upright(x - 0.3, x + 0.3, 0.0, 0.08, -0.04), BLACK)
              for x in (-0.25 * p.length, 0.25 * p.length))  # fmt: skip
     y = 0.36 * p.thickness
-    marks = [box((0.09, 0.04, 0.09), (x, y - 0.02, 0.78 * p.height), p.second_color, "metal")
-             for x in (-0.3 * p.length, 0.0, 0.3 * p.length)]  # fmt: skip
-    yield from marks
+    for x in (-0.3 * p.length, 0.0, 0.3 * p.length):
+        yield box((0.09, 0.04, 0.09), (x, y - 0.02, 0.78 * p.height), p.second_color, "metal")
 
 
 BuildDetail = Callable[[WallParams, np.random.Generator], Parts]
@@ -171,9 +170,8 @@ def _railings(p: WallParams, rng: np.random.Generator) -> Parts:
             end_radius=0.009,
             sides=4,
         )
-    rails = [box((p.length - 0.4, 0.04, 0.03), (0, middle, low + z), RAILING_IRON, "paint")
-             for z in (0.08, 0.58)]  # fmt: skip
-    yield from rails
+    for z in (0.08, 0.58):
+        yield box((p.length - 0.4, 0.04, 0.03), (0, middle, low + z), RAILING_IRON, "paint")
 
 
 def _balusters(p: WallParams, rng: np.random.Generator) -> Parts:
