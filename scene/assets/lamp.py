@@ -92,12 +92,11 @@ def _pipe(points: np.ndarray, radius: float, p: LampParams, sides: int = 6) -> A
     along = np.gradient(points, axis=0)
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     turn = np.arange(sides) * 2 * np.pi / sides
+    across, up = radius * np.cos(turn), radius * np.sin(turn)
     rings = [
-        np.column_stack([
-            radius * np.cos(turn), y - radius * np.sin(turn) * dz, z + radius * np.sin(turn) * dy
-        ])
+        np.column_stack([across, y - up * dz, z + up * dy])
         for (y, z), (dy, dz) in zip(points, along, strict=True)
-    ]  # fmt: skip
+    ]
     return loft(np.array(rings), p.color, p.material)
 
 
@@ -124,21 +123,20 @@ def _housing(p: LampParams, y: float, z: float, side: float, high: float, width:
         np.column_stack([k * outline[:, 0], centre + k * outline[:, 1], np.full(n, z + dz)])
         for k, dz in ((0.92, -0.5 * high), (1.0, 0.0), (0.6, 0.5 * high))
     ]
-    glass = box((0.72 * width, 0.6 * size, 0.03), (0, centre + side * 0.1 * size, z - 0.5 * high - 0.03),
-                GLOW, "lamp")  # fmt: skip
-    return [loft(np.array(rings), p.color, p.material), glass]
+    yield loft(np.array(rings), p.color, p.material)
+    below = (0, centre + side * 0.1 * size, z - 0.5 * high - 0.03)
+    yield box((0.72 * width, 0.6 * size, 0.03), below, GLOW, "lamp")
 
 
 def _lantern(p: LampParams, y: float, z: float, side: float) -> Parts:
     """Build a four-sided glass that widens upwards under a pointed roof."""
     s = p.head_size
     eaves, radius = z + 0.6 * s, 0.4 * s
-    glass = tube((0, y, z), (0, y, eaves), 0.55 * radius, GLOW, "lamp", end_radius=radius, sides=4)
-    frame = [
-        tube((0.56 * radius * a, y + 0.56 * radius * b, z), (1.02 * radius * a, y + 1.02 * radius * b, eaves),
-             0.02, p.color, p.material, sides=4)
-        for a, b in ((1, 0), (-1, 0), (0, 1), (0, -1))
-    ]  # fmt: skip
+    low, high = 0.56 * radius, 1.02 * radius
+    yield tube((0, y, z), (0, y, eaves), 0.55 * radius, GLOW, "lamp", end_radius=radius, sides=4)
+    for a, b in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        ends = (low * a, y + low * b, z), (high * a, y + high * b, eaves)
+        yield tube(*ends, 0.02, p.color, p.material, sides=4)
     tiers = (
         (0.0, 1.2 * radius),
         (0.12, 0.75 * radius),
@@ -146,9 +144,9 @@ def _lantern(p: LampParams, y: float, z: float, side: float) -> Parts:
         (0.38, 0.06),
         (0.46, 0.02),
     )
-    roof = turned([(eaves + at * s, r) for at, r in tiers], p.color, p.material, 8, at=(0.0, y))
-    ladder = box((0.04, 0.7, 0.04), (0, y, z - 0.4), p.color, p.material)
-    return [glass, *frame, roof, *([ladder] if not p.arms else [])]
+    yield turned([(eaves + at * s, r) for at, r in tiers], p.color, p.material, 8, at=(0.0, y))
+    if not p.arms:  # a rest for a ladder
+        yield box((0.04, 0.7, 0.04), (0, y, z - 0.4), p.color, p.material)
 
 
 def _globe(p: LampParams, y: float, z: float, side: float) -> Parts:

@@ -5,11 +5,13 @@ In Cityscapes, carried objects are part of the person; those that stand or roll 
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 
 from scene.assets.parts.human import Body, Pose, limb, shoulders, skin, spine
 from scene.assets.parts.palette import BLACK, STEEL, darker
-from scene.mesh.asset import Asset, Color, Parts, Point, ignore, merge, rotate, solid, translate
+from scene.mesh.asset import Asset, Color, Point, ignore, merge, rotate, solid, translate
 from scene.mesh.solids import block, box, ring
 
 CARRIED: tuple[str, ...] = (
@@ -54,12 +56,12 @@ def backpack(body: Body, pose: Pose, color: Color, size: float = 1.0) -> Asset:
 def _shopping(hand: np.ndarray, h: float, color: Color) -> Asset:
     x, y, z = hand
     top = z - 0.15 * h
-    bag = block((x - 0.085 * h, y - 0.035 * h, top - 0.19 * h), (x + 0.085 * h, y + 0.035 * h, top),
-                color, "paint")  # fmt: skip
-    loops = [limb(np.array([(x - 0.05 * h, y + d, top), (x, y, z - 0.06 * h),
-                            (x + 0.05 * h, y + d, top)]), [0.006] * 3, BLACK, "cloth", 3)
-             for d in (0.03 * h, -0.03 * h)]  # fmt: skip
-    return merge(bag, *loops)
+    low, high = (x - 0.085 * h, y - 0.035 * h, top - 0.19 * h), (x + 0.085 * h, y + 0.035 * h, top)
+    parts = [block(low, high, color, "paint")]
+    for d in (0.03 * h, -0.03 * h):
+        loop = [(x - 0.05 * h, y + d, top), (x, y, z - 0.06 * h), (x + 0.05 * h, y + d, top)]
+        parts.append(limb(np.array(loop), [0.006] * 3, BLACK, "cloth", 3))
+    return merge(*parts)
 
 
 def _shoulder_bag(body: Body, pose: Pose, color: Color, across: bool) -> Asset:
@@ -67,11 +69,10 @@ def _shoulder_bag(body: Body, pose: Pose, color: Color, across: bool) -> Asset:
     h, hip = body.height, np.array(pose.hip)
     left, right = shoulders(body, pose)
     side = -0.135 * h * body.girth**0.5
-    bag = _pillow((0.19 * h, 0.06 * h, 0.14 * h), (hip[0] - 0.01, hip[1] + side, hip[2] - 0.05 * h),
-                  color)  # fmt: skip
+    base = (hip[0] - 0.01, hip[1] + side, hip[2] - 0.05 * h)
+    parts = [_pillow((0.19 * h, 0.06 * h, 0.14 * h), base, color)]
     over = (left if across else right) + np.array([0, -0.03 * h if across else 0.02 * h, 0.045 * h])
     chest = (over + hip) / 2
-    parts = [bag]
     for ahead in (0.085, -0.085):
         middle = chest + np.array([ahead * h, 0.02 * h if across else 0.5 * side, 0.05 * h])
         low = np.array([hip[0] + 0.5 * ahead * h, hip[1] + side, hip[2] + 0.08 * h])
@@ -114,12 +115,9 @@ def _umbrella(hand: np.ndarray, body: Body, color: Color, second_color: Color) -
     count = 3 * 4 * sides
     colors = canopy.color[:count].copy()
     colors[(np.arange(count) // 4) % 2 == 1] = second_color
-    canopy = solid(canopy.mesh.vertices, canopy.mesh.faces[:count], color, "cloth")._replace(
-        color=colors
-    )
-    stick = limb(np.array([hand + [0, 0, -0.12], centre + [0, 0, 0.22]]), [0.011, 0.008], BLACK,
-                 "metal", 5)  # fmt: skip
-    return merge(canopy, stick)
+    canopy = solid(canopy.mesh.vertices, canopy.mesh.faces[:count], color, "cloth")
+    ends = np.array([hand + [0, 0, -0.12], centre + [0, 0, 0.22]])
+    return merge(canopy._replace(color=colors), limb(ends, [0.011, 0.008], BLACK, "metal", 5))
 
 
 def _stick(hand: np.ndarray, h: float, color: Color) -> Asset:
@@ -128,29 +126,25 @@ def _stick(hand: np.ndarray, h: float, color: Color) -> Asset:
     return limb(points, [0.012, 0.013, 0.011], color, "wood", 6)
 
 
-def _wheels(places: list[Point], radius: float) -> Parts:
-    for x, y, z in places:
-        yield ring((x, y, z), radius, 0.035, BLACK, sides=14)
-        yield box((2 * radius, 0.012, 0.012), (x, y, z - 0.006), STEEL, "metal")
-        yield box((0.012, 0.012, 2 * radius), (x, y, z - radius), STEEL, "metal")
-
-
 def _pram(pose: Pose, color: Color, buggy: bool) -> Asset:
     """Build a pram with a folding hood, or a buggy with a child in it, held by its handle."""
     ahead, high = PRAM_HANDLE
     handle = pose.hip[0] + ahead
     x, radius = handle + 0.42, 0.11 if buggy else 0.17
     turn = np.linspace(0, np.pi, 9)
-    places = [(x + d, y, radius + 0.018) for d in (-0.26, 0.30) for y in (0.25, -0.25)]
-    parts = list(_wheels(places, radius))
+    parts, hub = [], radius + 0.018
+    for wheel_x, y in product((x - 0.26, x + 0.30), (0.25, -0.25)):
+        parts.append(ring((wheel_x, y, hub), radius, 0.035, BLACK, sides=14))
+        parts.append(box((2 * radius, 0.012, 0.012), (wheel_x, y, hub - 0.006), STEEL, "metal"))
+        parts.append(box((0.012, 0.012, 2 * radius), (wheel_x, y, hub - radius), STEEL, "metal"))
     for y in (0.23, -0.23):
         for path in (
             [(x + 0.30, y, radius), (x - 0.12, y, 0.62), (handle, y, high)],
             [(x - 0.26, y, radius), (x + 0.06, y, 0.58)],
         ):
             parts.append(limb(np.array(path), [0.014] * len(path), STEEL, "metal", 5))
-    parts.append(limb(np.array([(handle, -0.24, high), (handle, 0.24, high)]), [0.018] * 2, BLACK,
-                      "rubber", 6))  # fmt: skip
+    grip = np.array([(handle, -0.24, high), (handle, 0.24, high)])
+    parts.append(limb(grip, [0.018] * 2, BLACK, "rubber", 6))
     low, length, back = (0.36, 0.52, 0.30) if buggy else (0.50, 0.82, 0.24)
     tub = [
         np.column_stack([x + length / 2 * k * np.cos(2 * turn[:-1]), 0.2 * k * np.sin(2 * turn[:-1]),
@@ -210,7 +204,7 @@ def carried(name: str, body: Body, pose: Pose, color: Color, second_color: Color
             x, y, z = (float(v) for v in (left + right) / 2)
             return block((x - 0.1, y - 0.22, z - 0.08), (x + 0.24, y + 0.22, z + 0.24), color)
         case "cup":
-            x, y, z = (float(v) for v in right)
-            return limb(np.array([(x + 0.1, y, z), (x + 0.1, y, z + 0.13)]), [0.03, 0.042],
-                        (0.6, 0.58, 0.52), "plain", 8)  # fmt: skip
+            foot = right + [0.1, 0, 0]
+            ends = np.array([foot, foot + [0, 0, 0.13]])
+            return limb(ends, [0.03, 0.042], (0.6, 0.58, 0.52), "plain", 8)
     raise ValueError(f"unknown object to carry {name!r}; known: {', '.join(CARRIED)}")

@@ -158,15 +158,13 @@ def plate(b: Body, end: int, color: Color, v: float) -> Asset:
     """Build a number plate with dark characters at row ``v``."""
     middle = fascia(b, end, np.zeros(1), np.array([v]))[0]
     ahead = 1 if end == 0 else -1
-    parts = []
-    for half_width, half_height, paint, lift in (
-        (0.26, 0.055, color, 0.03),
-        (0.2, 0.022, (0.12, 0.12, 0.11), 0.034),
-    ):
+
+    def card(half_width: float, half_height: float, paint: Color, lift: float) -> Asset:
         x, y = lift * ahead, half_width * ahead
         rows = [[(x, -y, z), (x, y, z)] for z in (-half_height, half_height)]
-        parts.append(sheet(np.array(rows) + middle, paint, "plain"))
-    return merge(*parts)
+        return sheet(np.array(rows) + middle, paint, "plain")
+
+    return merge(card(0.26, 0.055, color, 0.03), card(0.2, 0.022, (0.12, 0.12, 0.11), 0.034))
 
 
 def _rear(b: Body, f: Fittings) -> Parts:

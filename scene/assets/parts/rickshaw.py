@@ -79,66 +79,49 @@ def _section(half: float, low: float, high: float, top: float) -> np.ndarray:
 def _tub(r: Rickshaw) -> Parts:
     """Build floor, closed rear and seats, and a dark sheet that blocks the view through the open sides."""
     nose, tail, half = r.length / 2, -r.length / 2, r.width / 2
-    inside = [(tail + 0.1, 0, 0.4), (nose - 0.6, 0, 0.4), (nose - 0.72, 0, r.height - 0.1)]
-    yield loft(
-        [
-            in_plane(tail, _section(0.9 * half, 0.34, 0.86, 0.92)),
-            in_plane(tail + 0.14, _section(half, 0.28, 0.9, 0.96)),
-            in_plane(tail + 0.85, _section(half, 0.28, 0.72, 0.96)),
-        ],
-        r.tub,
-        "paint",
-    )
+    rear = in_plane(tail, _section(0.9 * half, 0.34, 0.86, 0.92))
+    sides = (_section(half, 0.28, high, 0.96) for high in (0.9, 0.72))
+    rings = [in_plane(tail + x, side) for x, side in zip((0.14, 0.85), sides, strict=True)]
+    yield loft([rear, *rings], r.tub, "paint")
     yield cuboid((tail + 0.8, nose - 0.55), 0.92 * half, (0.26, 0.36), r.tub, "paint")
     yield cuboid((tail + 0.2, tail + 0.75), 0.84 * half, (0.7, 0.8), TRIM, "cloth")
     yield cuboid((tail + 0.12, tail + 0.24), 0.84 * half, (0.75, 1.2), TRIM, "cloth")
     yield cuboid((0.16, 0.5), 0.3, (0.36, 0.72), TRIM, "cloth")
-    yield polygon([*inside, (tail + 0.1, 0, r.height - 0.1)], BLACK)
+    x, top = tail + 0.1, r.height - 0.1
+    yield polygon([(x, 0, 0.4), (nose - 0.6, 0, 0.4), (nose - 0.72, 0, top), (x, 0, top)], BLACK)
 
 
 def _hood(r: Rickshaw) -> Parts:
     """Build the canvas: roof, rear, and the quarters next to the seat."""
     tail, half, top = -r.length / 2, r.width / 2, r.height
     front = r.length / 2 - 0.72
-    roof = loft(
-        [in_plane(x, _section(0.97 * half, top - 0.16, top - drop, 0.8))
-         for x, drop in ((tail + 0.02, 0.06), (tail + 0.3, 0.0), (front - 0.2, 0.01), (front + 0.08, 0.08))],
-        r.hood, "cloth",
-    )  # fmt: skip
-    back = cuboid((tail + 0.02, tail + 0.06), 0.9 * half, (0.85, top - 0.1), r.hood, "cloth")
-    quarter = np.array(
-        [[(tail + 0.04, 0.93 * half, 0.85), (tail + 0.55, 0.95 * half, 0.85)],
-         [(tail + 0.04, 0.95 * half, top - 0.12), (tail + 0.75, 0.96 * half, top - 0.12)]]
-    )  # fmt: skip
-    posts = [
-        tube(
-            (x, 0.93 * half, 0.3), (x - 0.06, 0.95 * half, top - 0.1), 0.02, BLACK, "metal", sides=5
-        )
-        for x in (0.1, front + 0.06)
-    ]
-    return [roof, back, twin_sheets(quarter, r.hood, "cloth"), *map(pair, posts)]
+    edge = ((tail + 0.02, 0.06), (tail + 0.3, 0.0), (front - 0.2, 0.01), (front + 0.08, 0.08))
+    roof = [in_plane(x, _section(0.97 * half, top - 0.16, top - drop, 0.8)) for x, drop in edge]
+    yield loft(roof, r.hood, "cloth")
+    yield cuboid((tail + 0.02, tail + 0.06), 0.9 * half, (0.85, top - 0.1), r.hood, "cloth")
+    foot = [(tail + 0.04, 0.93 * half, 0.85), (tail + 0.55, 0.95 * half, 0.85)]
+    head = [(tail + 0.04, 0.95 * half, top - 0.12), (tail + 0.75, 0.96 * half, top - 0.12)]
+    yield twin_sheets(np.array([foot, head]), r.hood, "cloth")
+    for x in (0.1, front + 0.06):
+        post = (x, 0.93 * half, 0.3), (x - 0.06, 0.95 * half, top - 0.1)
+        yield pair(tube(*post, 0.02, BLACK, "metal", sides=5))
 
 
 def _front(r: Rickshaw) -> Parts:
     """Build the shield, rounded in plan, with windscreen, lamp, mudguard and mirrors."""
     nose, half, top = r.length / 2, r.width / 2, r.height
     turn = np.linspace(0, np.pi / 2, 5)
-    rows = []
-    for z, back, width in ((0.38, 0.5, 0.9), (0.62, 0.42, 0.98), (0.98, 0.5, 0.96)):
-        x = nose - back + 0.16 * np.cos(turn)
-        rows.append(np.column_stack([x, width * half * np.sin(turn), np.full(5, z)]))
-    screen = [
-        np.column_stack(
-            [nose - back + 0.15 * np.cos(turn[:4]), width * half * np.sin(turn[:4]), np.full(4, z)]
-        )
-        for z, back, width in ((1.0, 0.5, 0.95), (top - 0.14, 0.68, 0.93))
-    ]
-    mirror = ellipsoid((nose - 0.5, half + 0.05, 1.12), (0.02, 0.07, 0.05), BLACK)
-    signal = ellipsoid((nose - 0.42, 0.55 * half, 0.66), (0.03, 0.04, 0.03), AMBER, "paint")
-    yield twin_sheets(np.array(rows), r.tub)
-    yield twin_sheets(np.array(screen), GLASS, "glass")
-    yield pair(mirror)
-    yield pair(signal)
+
+    def bow(z: float, back: float, width: float, bulge: float, turn: np.ndarray) -> np.ndarray:
+        x, y = nose - back + bulge * np.cos(turn), width * half * np.sin(turn)
+        return np.column_stack([x, y, np.full(len(turn), z)])
+
+    shield = ((0.38, 0.5, 0.9), (0.62, 0.42, 0.98), (0.98, 0.5, 0.96))  # z, back, width
+    screen = ((1.0, 0.5, 0.95), (top - 0.14, 0.68, 0.93))
+    yield twin_sheets(np.array([bow(*row, 0.16, turn) for row in shield]), r.tub)
+    yield twin_sheets(np.array([bow(*row, 0.15, turn[:4]) for row in screen]), GLASS, "glass")
+    yield pair(ellipsoid((nose - 0.5, half + 0.05, 1.12), (0.02, 0.07, 0.05), BLACK))
+    yield pair(ellipsoid((nose - 0.42, 0.55 * half, 0.66), (0.03, 0.04, 0.03), AMBER, "paint"))
     yield ellipsoid((nose - 0.3, 0, 0.4), (0.3, 0.1, 0.12), r.tub, "paint")
     yield tube((nose - 0.36, 0, 0.72), (nose - 0.18, 0, 0.72), 0.09, HEADLAMP, "lamp", sides=10)
     yield cuboid((nose - 0.3, nose - 0.25), 0.2, (0.9, 0.94), CHROME, "metal")
