@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from functools import partial
+from itertools import cycle, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -90,8 +91,8 @@ def _span(p: FenceParams) -> tuple[float, float]:
     return (rails[0] if len(rails) > 1 else 0.02) * p.height, rails[-1] * p.height
 
 
-def _rod(p: FenceParams, a: Point, b: Point, sides: int = 4) -> Asset:
-    return tube(a, b, p.gauge / 2, p.color, p.material, sides=sides, caps=False)
+def _rod(p: FenceParams, a: Point, b: Point) -> Asset:
+    return tube(a, b, p.gauge / 2, p.color, p.material, sides=4, caps=False)
 
 
 def _bars(p: FenceParams) -> Parts:
@@ -103,9 +104,9 @@ def _spears(p: FenceParams) -> Parts:
     """Build bars that end in points over the top rail."""
     low, high = _span(p)
     yield from (_rod(p, (x, 0, low), (x, 0, high + 0.03)) for x in _stations(p))
-    tips = [tube((x, 0, high + 0.03), (x, 0, p.height), 0.9 * p.gauge, p.color, p.material,
-                 end_radius=0.001, sides=4, caps=False) for x in _stations(p)]  # fmt: skip
-    yield from tips
+    tip = partial(tube, end_radius=0.001, sides=4, caps=False)
+    for x in _stations(p):
+        yield tip((x, 0, high + 0.03), (x, 0, p.height), 0.9 * p.gauge, p.color, p.material)
 
 
 def _bows(p: FenceParams) -> Parts:
@@ -163,10 +164,9 @@ def _grid(p: FenceParams) -> Parts:
     low, high = _span(p)
     half = p.length / 2
     lines = [(np.array([x, 0, low]), np.array([x, 0, high])) for x in _stations(p)]
-    levels = np.arange(low + p.pitch, high, 1.6 * p.pitch)
-    return _wire_mesh(
-        lines + [(np.array([-half, 0, z]), np.array([half, 0, z])) for z in levels], p
-    )
+    for z in np.arange(low + p.pitch, high, 1.6 * p.pitch):
+        lines.append((np.array([-half, 0, z]), np.array([half, 0, z])))
+    return _wire_mesh(lines, p)
 
 
 def _beam(p: FenceParams) -> Parts:
@@ -175,21 +175,18 @@ def _beam(p: FenceParams) -> Parts:
     y = -p.post_width / 2 - np.array([0.01, 0.08, 0.08, 0.02, 0.08, 0.08, 0.01])
     half = p.length / 2
     rings = [np.column_stack([np.full(7, x), y, level]) for x in (-half, half)]
-    band = loft(np.array(rings), p.color, p.material, closed=False, caps=False)
-    marks = [box((0.08, 0.01, 0.1), (x, -p.post_width / 2 - 0.03, p.height - 0.2), p.second_color, "metal")
-             for x in (-half / 2, half / 2)]  # fmt: skip
-    return [band, *marks]
+    yield loft(np.array(rings), p.color, p.material, closed=False, caps=False)
+    for x in (-half / 2, half / 2):
+        place = (x, -p.post_width / 2 - 0.03, p.height - 0.2)
+        yield box((0.08, 0.01, 0.1), place, p.second_color, "metal")
 
 
 def _chain(p: FenceParams) -> Parts:
     """Build chains that hang between the posts."""
-    places = _post_xs(p)
-    for a, b in pairwise(places):
-        t = np.linspace(0, 1, 13)
-        x, z = a + t * (b - a), 0.86 * p.height - 1.1 * t * (1 - t)
-        for k in range(12):
-            ends = ((float(x[k]), 0.0, float(z[k])), (float(x[k + 1]), 0.0, float(z[k + 1])))
-            thick = 0.030 if k % 2 else 0.018
+    t = np.linspace(0, 1, 13)
+    for a, b in pairwise(_post_xs(p)):
+        sag = np.column_stack([a + t * (b - a), 0 * t, 0.86 * p.height - 1.1 * t * (1 - t)])
+        for ends, thick in zip(pairwise(sag), cycle((0.018, 0.030))):
             yield tube(*ends, thick, p.color, p.material, sides=4, caps=False)
 
 
@@ -199,24 +196,21 @@ def _stripes(p: FenceParams) -> Parts:
     for low, high in ((0.72, 0.95), (0.2, 0.38)):
         a, b = low * p.height, high * p.height
         yield box((p.length, 0.02, b - a), (0, y + 0.012, a), p.color, "paint")
-        slant = b - a
-        for x in np.arange(-half, half - slant - p.pitch / 2, p.pitch):
-            corners = [(x, y, a), (x + p.pitch / 2, y, a), (x + p.pitch / 2 + slant, y, b),
-                       (x + slant, y, b)]  # fmt: skip
+        slant, width = b - a, p.pitch / 2
+        for x in np.arange(-half, half - slant - width, p.pitch):
+            corners = [(x, y, a), (x + width, y, a), (x + width + slant, y, b), (x + slant, y, b)]
             yield polygon(corners, p.second_color, "paint")
 
 
 def _crosses(p: FenceParams) -> Parts:
     """Build a diagonal cross with a ring between every two posts."""
     low, high = _span(p)
-    places = _post_xs(p)
-    for a, b in pairwise(places):
+    turn = np.linspace(0, 2 * np.pi, 11)
+    circle = 0.16 * np.column_stack([np.cos(turn), 0 * turn, np.sin(turn)])
+    for a, b in pairwise(_post_xs(p)):
         yield _rod(p, (a, 0, low), (b, 0, high))
         yield _rod(p, (a, 0, high), (b, 0, low))
-        turn = np.linspace(0, 2 * np.pi, 11)
-        middle, r = (a + b) / 2, 0.16
-        ring = [(middle + r * float(np.cos(t)), 0.0, (low + high) / 2 + r * float(np.sin(t)))
-                for t in turn]  # fmt: skip
+        ring = [(a + b) / 2, 0, (low + high) / 2] + circle
         yield from (_rod(p, c, d) for c, d in pairwise(ring))
 
 
@@ -232,9 +226,9 @@ def _slats(p: FenceParams) -> Parts:
     """Build level slats with gaps."""
     rng = np.random.default_rng(p.seed)
     levels = np.arange(0.1, p.height - p.gauge - 0.04, p.pitch)
-    slats = [box((p.length, 0.03, p.gauge), (0, -0.04, float(z)), p.color, p.material)
-             for z in levels]  # fmt: skip
-    return [shade(slat, np.full(12, rng.uniform(0.75, 1.2))) for slat in slats]
+    for z in levels.tolist():
+        slat = box((p.length, 0.03, p.gauge), (0, -0.04, z), p.color, p.material)
+        yield shade(slat, np.full(12, rng.uniform(0.75, 1.2)))
 
 
 _INFILLS = {
@@ -246,41 +240,35 @@ _INFILLS = {
 
 def _post_xs(p: FenceParams) -> list[float]:
     reach = (p.length - p.post_width) / 2
-    return [float(x) for x in np.linspace(-reach, reach, p.posts)]
+    return np.linspace(-reach, reach, p.posts).tolist()
 
 
 def _post(p: FenceParams, x: float) -> Parts:
     """Build a post and its tip or foot."""
     w, h = p.post_width, p.height
+    shaft = partial(tube, color=p.color, material=p.material)
     if p.tip == "ball":
         r = 0.5 * w
-        column = tube((x, 0, 0), (x, 0, h - 1.6 * r), r, p.color, p.material, end_radius=0.8 * r,
-                      sides=8)  # fmt: skip
+        yield shaft((x, 0, 0), (x, 0, h - 1.6 * r), r, end_radius=0.8 * r, sides=8)
         tiers = ((-1.6, 0.7), (-1.0, 1.15), (-0.4, 0.95), (0.0, 0.2))
-        return [column] + [
-            tube((x, 0, h + a[0] * r), (x, 0, h + b[0] * r), a[1] * r, p.color, p.material,
-                 end_radius=b[1] * r, sides=8, caps=False)
-            for a, b in pairwise(tiers)
-        ]  # fmt: skip
-    post = box((w, w, h), (x, 0, 0), p.color, p.material)
+        for (low, foot), (high, head) in pairwise(tiers):
+            ends = (x, 0, h + low * r), (x, 0, h + high * r)
+            yield shaft(*ends, foot * r, end_radius=head * r, sides=8, caps=False)
+        return
+    top = h - 0.08 if p.tip == "point" else h
+    yield box((w, w, top), (x, 0, 0), p.color, p.material)
     if p.tip == "point":
-        post = box((w, w, h - 0.08), (x, 0, 0), p.color, p.material)
-        return [post, tube((x, 0, h - 0.08), (x, 0, h), 0.7 * w, p.color, p.material,
-                           end_radius=0.01, sides=4)]  # fmt: skip
+        yield shaft((x, 0, top), (x, 0, h), 0.7 * w, end_radius=0.01, sides=4)
     if p.tip == "feet":
-        return [post, box((0.16, 0.38, 0.12), (x, 0, 0), p.second_color, "rubber")]
-    return [post]
+        yield box((0.16, 0.38, 0.12), (x, 0, 0), p.second_color, "rubber")
 
 
 def fence(p: FenceParams) -> Asset:
     """Build the panel."""
     posts = [part for x in _post_xs(p) for part in _post(p, x)]
     thin = min(0.04, p.post_width / 2)
-    rails = [
-        box((p.length, thin, p.rail_size), (0, 0, share * p.height - p.rail_size / 2), p.color,
-            p.material)
-        for share in p.rails
-    ]  # fmt: skip
+    levels = (share * p.height - p.rail_size / 2 for share in p.rails)
+    rails = [box((p.length, thin, p.rail_size), (0, 0, z), p.color, p.material) for z in levels]
     panel = merge(*posts, *rails, *_INFILLS[p.infill](p))
     return ignore(panel) if p.infill == "beam" else panel  # Cityscapes: a guard rail is no fence
 

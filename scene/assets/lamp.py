@@ -137,14 +137,11 @@ def _lantern(p: LampParams, y: float, z: float, side: float) -> Parts:
     for a, b in ((1, 0), (-1, 0), (0, 1), (0, -1)):
         ends = (low * a, y + low * b, z), (high * a, y + high * b, eaves)
         yield tube(*ends, 0.02, p.color, p.material, sides=4)
-    tiers = (
-        (0.0, 1.2 * radius),
-        (0.12, 0.75 * radius),
-        (0.3, 0.3 * radius),
-        (0.38, 0.06),
-        (0.46, 0.02),
+    tiers = [(share, width * radius) for share, width in ((0.0, 1.2), (0.12, 0.75), (0.3, 0.3))]
+    tiers += [(0.38, 0.06), (0.46, 0.02)]
+    yield turned(
+        [(eaves + share * s, r) for share, r in tiers], p.color, p.material, 8, at=(0.0, y)
     )
-    yield turned([(eaves + at * s, r) for at, r in tiers], p.color, p.material, 8, at=(0.0, y))
     if not p.arms:  # a rest for a ladder
         yield box((0.04, 0.7, 0.04), (0, y, z - 0.4), p.color, p.material)
 
@@ -177,9 +174,10 @@ def _disc(p: LampParams, y: float, z: float, side: float) -> Parts:
 def _louvre(p: LampParams, y: float, z: float, side: float) -> Parts:
     """Build rings around a low light."""
     r, step = 1.15 * p.radius, p.head_size / 4
-    rings = [turned([(z + k * step, r), (z + (k + 0.45) * step, r)], p.color, p.material, at=(0.0, y))
-             for k in range(1, 5)]  # fmt: skip
-    return [turned([(z, 0.8 * r), (z + 4 * step, 0.8 * r)], GLOW, "lamp", at=(0.0, y)), *rings]
+    yield turned([(z, 0.8 * r), (z + 4 * step, 0.8 * r)], GLOW, "lamp", at=(0.0, y))
+    for k in range(1, 5):
+        edges = [(z + k * step, r), (z + (k + 0.45) * step, r)]
+        yield turned(edges, p.color, p.material, at=(0.0, y))
 
 
 def _insulator(p: LampParams, y: float, z: float, side: float) -> Parts:

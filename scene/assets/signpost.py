@@ -6,7 +6,7 @@ Signs and lights rely on ``MAX_RADIUS`` and ``MIN_HEIGHT``, so that any of them 
 from __future__ import annotations
 
 from functools import partial
-from itertools import pairwise
+from itertools import cycle, pairwise, product
 from typing import NamedTuple
 
 import numpy as np
@@ -78,10 +78,9 @@ def sample_signpost(rng: np.random.Generator, kind: str) -> SignpostParams:
     """Draw a post of one kind."""
     post = _KINDS[kind]
     top = MAX_HEIGHT - (0.45 if post.extra in ("beacon", "solar") else 0.0)
-    second_color = SameAs("color") if post.color == post.second_color else near(0.15)
     post = sample_fields(
         rng, post, color=near(0.25), height=times(0.94, 1.08), radius=times(0.92, 1.08),
-        second_color=second_color,
+        second_color=SameAs("color") if post.color == post.second_color else near(0.15),
     )  # fmt: skip
     height = float(np.clip(post.height, MIN_HEIGHT, top))
     return post._replace(height=height, radius=min(post.radius, MAX_RADIUS))
@@ -89,10 +88,10 @@ def sample_signpost(rng: np.random.Generator, kind: str) -> SignpostParams:
 
 def _bin(p: SignpostParams) -> Parts:
     """Build a round litter bin next to the post."""
-    body = tube((0.0, 0.24, 0.45), (0.0, 0.24, 1.0), 0.16, p.second_color, "paint", end_radius=0.19,
-                sides=12)  # fmt: skip
-    lid = tube((0, 0.24, 1.0), (0, 0.24, 1.06), 0.2, GOLD, "paint", sides=12)
-    return [body, lid, box((0.04, 0.1, 0.3), (0, 0.08, 0.55), p.color)]
+    foot, rim, lid = ((0, 0.24, z) for z in (0.45, 1.0, 1.06))
+    yield tube(foot, rim, 0.16, p.second_color, "paint", end_radius=0.19, sides=12)
+    yield tube(rim, lid, 0.2, GOLD, "paint", sides=12)
+    yield box((0.04, 0.1, 0.3), (0, 0.08, 0.55), p.color)
 
 
 def _button(p: SignpostParams) -> Parts:
@@ -147,14 +146,14 @@ def _beacon(p: SignpostParams) -> Parts:
     """Build the amber globe of a crossing."""
     level = np.linspace(-0.95, 1.0, 8) * np.pi / 2
     globe = [(p.height + 0.19 + 0.17 * np.sin(a), max(0.17 * np.cos(a), 0.005)) for a in level]
-    return [turned(globe, (0.75, 0.30, 0.02), "lamp", 12)]
+    yield turned(globe, (0.75, 0.30, 0.02), "lamp", 12)
 
 
 def _plate(p: SignpostParams) -> Parts:
     """Build a flange with bolts at the foot."""
-    bolts = [box((0.03, 0.03, 0.05), (x, y, 0.02), POST_STEEL, "metal")
-             for x in (0.11, -0.11) for y in (0.11, -0.11)]  # fmt: skip
-    return [box((0.3, 0.3, 0.02), (0, 0, 0), p.color, "metal"), *bolts]
+    yield box((0.3, 0.3, 0.02), (0, 0, 0), p.color, "metal")
+    for x, y in product((0.11, -0.11), repeat=2):
+        yield box((0.03, 0.03, 0.05), (x, y, 0.02), POST_STEEL, "metal")
 
 
 _EXTRAS = {
@@ -166,12 +165,9 @@ _EXTRAS = {
 def signpost(p: SignpostParams) -> Asset:
     """Build the post."""
     around = partial(turned, material=p.material, sides=p.sides, phase=0.5)
-    edges = np.linspace(0, p.height, p.bands + 1)
-    parts = [
-        around([(low, p.radius), (high, p.radius)], (p.color, p.second_color)[k % 2])
-        for k, (low, high) in enumerate(pairwise(edges))
-    ]
     r, top = p.radius, p.height
+    bands = zip(pairwise(np.linspace(0, top, p.bands + 1)), cycle((p.color, p.second_color)))
+    parts = [around([(low, r), (high, r)], color) for (low, high), color in bands]
     if p.cap == "ball":
         ball = [(top - 0.02 + 0.07 * k, b * r) for k, b in enumerate((1.0, 0.5, 1.15, 1.15, 0.3))]
         parts.append(around([(min(z, MAX_HEIGHT), b) for z, b in ball], p.second_color))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -43,9 +44,8 @@ def capitals(
         if rng.random() < 0.86:  # else a gap between words
             has_left, has_right = (int(v) for v in rng.random(2) < (0.85, 0.45))
             a, b = x + stroke * has_left, x + width - stroke * has_right
-            strokes = [(x, x + stroke, low, high)] * has_left + [
-                (b, x + width, low, high)
-            ] * has_right
+            strokes = [(x, x + stroke, low, high)] * has_left
+            strokes += [(b, x + width, low, high)] * has_right
             for z in (low, (low + high - stroke) / 2, high - stroke):
                 strokes += [(a, b, z, z + stroke)] * int(rng.random() < 0.6)
             yield from (Patch(upright(*s, y), color, "paint") for s in strokes)
@@ -83,14 +83,12 @@ def shop_front(
         x = s * (width / 2 - 0.16)
         yield relief((x - 0.14, -PILASTER, 0), (x + 0.14, 0.05, high), board, "paint")
     for left, right in bays(width, 3, 0.7)[::2]:
-        for x in np.arange(left, right - 0.5, 0.62):
+        for x in np.arange(left, right - 0.5, 0.62).tolist():
             if rng.random() < 0.6:
                 height, foot = rng.uniform(0.3, 0.8), rng.uniform(0.65, 1.1)
-                goods = tuple(float(v) for v in rng.uniform(0.08, 0.7, 3))
-                corners = upright(
-                    float(x), float(x) + 0.42, float(foot), float(foot + height), 0.05
-                )
-                yield Patch(corners, (goods[0], goods[1], goods[2]), "paint")
+                red, green, blue = rng.uniform(0.08, 0.7, 3).tolist()
+                corners = upright(x, x + 0.42, foot, foot + height, 0.05)
+                yield Patch(corners, (red, green, blue), "paint")
     if awning:
         edges = np.linspace(-0.46 * width, 0.46 * width, 13)
         edge, front = 0.64 * ground, -BOARD - 0.1
@@ -101,17 +99,15 @@ def shop_front(
             yield Patch(upright(a, b, edge - 0.2, edge, -awning), tone, "cloth")
 
 
-def hanging_sign(x: float, base: float, color: Color) -> list[Part]:
+def hanging_sign(x: float, base: float, color: Color) -> Iterable[Part]:
     """Build a board across the pavement on a bracket, painted on both sides."""
     depth = BAY_DEPTH + 0.3
-    board = block((x - 0.04, -depth, base), (x + 0.04, -0.25, base + 0.85), color, "paint")
-    faces = [
-        Patch([(x + s * 0.07, y, z) for y, z in ((-depth + 0.1, base + 0.2), (-0.35, base + 0.2),
-              (-0.35, base + 0.65), (-depth + 0.1, base + 0.65))], contrast(color), "paint")
-        for s in (-1, 1)
-    ]  # fmt: skip
-    bar = block((x - 0.03, -depth, base + 0.85), (x + 0.03, 0.05, base + 0.93), BLACK)
-    return [board, *faces, bar]
+    end, low, high = -depth + 0.1, base + 0.2, base + 0.65
+    yield block((x - 0.04, -depth, base), (x + 0.04, -0.25, base + 0.85), color, "paint")
+    for side in (x - 0.07, x + 0.07):
+        corners = [(side, end, low), (side, -0.35, low), (side, -0.35, high), (side, end, high)]
+        yield Patch(corners, contrast(color), "paint")
+    yield block((x - 0.03, -depth, base + 0.85), (x + 0.03, 0.05, base + 0.93), BLACK)
 
 
 def bay_window(
@@ -154,24 +150,17 @@ def bay_window(
     yield polygon([lid[2], lid[3], ridge[1]], roof, "roof")
 
 
-def balcony(span: tuple[float, float], floor: float, frame: Color, accent: Color) -> list[Part]:
+def balcony(span: tuple[float, float], floor: float, frame: Color, accent: Color) -> Iterable[Part]:
     """Build a slab with a see-through railing."""
-    left, right = span
-    depth = BAY_DEPTH
-    slab = relief((left, -depth, floor - 0.07), (right, 0.05, floor + 0.07), frame, "concrete")
-    rail = relief(
-        (left, -depth, floor + 0.98), (right, -depth + 0.05, floor + 1.04), accent, "metal"
-    )
-    bars = [
-        Patch(upright(x, x + 0.035, floor + 0.07, floor + 0.98, -depth + 0.025), accent, "metal")
-        for x in np.arange(left + 0.02, right - 0.05, 0.16).tolist()
-    ]
-    ends = [
-        Patch([(x, 0, floor + 0.1), (x, -depth, floor + 0.1), (x, -depth, floor + 1), (x, 0, floor + 1)],
-             accent, "metal")
-        for x in span
-    ]  # fmt: skip
-    return [slab, rail, *bars, *ends]
+    (left, right), out = span, -BAY_DEPTH
+    foot, head = floor + 0.07, floor + 0.98
+    yield relief((left, out, floor - 0.07), (right, 0.05, foot), frame, "concrete")
+    yield relief((left, out, head), (right, out + 0.05, floor + 1.04), accent, "metal")
+    for x in np.arange(left + 0.02, right - 0.05, 0.16).tolist():
+        yield Patch(upright(x, x + 0.035, foot, head, out + 0.025), accent, "metal")
+    low, high = floor + 0.1, floor + 1
+    for x in span:
+        yield Patch([(x, 0, low), (x, out, low), (x, out, high), (x, 0, high)], accent, "metal")
 
 
 def drainpipe(x: float, top: float, color: Color = (0.025, 0.025, 0.028)) -> Iterable[Part]:
@@ -186,20 +175,14 @@ def dish(x: float, z: float) -> Iterable[Part]:
     yield tube((x, 0, z - 0.1), (x, -0.4, z), 0.025, (0.2, 0.2, 0.2), "metal", sides=4)
 
 
-def quoins(width: float, levels: tuple[float, float], color: Color) -> list[Part]:
+def quoins(width: float, levels: tuple[float, float], color: Color) -> Iterable[Part]:
     """Build alternating long and short stones at both edges."""
     low, high = levels
-    rows = np.arange(low, high - 0.3, 0.36)
-    return [
-        Patch(
-            upright(min(a, b), max(a, b), float(z) + 0.02, float(z) + 0.34, -PROUD),
-            color,
-            "plaster",
-        )
-        for s in (-1, 1)
-        for k, z in enumerate(rows)
-        for a, b in [(s * width / 2, s * (width / 2 - (0.5 if k % 2 else 0.3)))]
-    ]
+    for side in (-1, 1):
+        for k, z in enumerate(np.arange(low, high - 0.3, 0.36).tolist()):
+            ends = side * width / 2, side * (width / 2 - (0.5 if k % 2 else 0.3))
+            stone = upright(min(ends), max(ends), z + 0.02, z + 0.34, -PROUD)
+            yield Patch(stone, color, "plaster")
 
 
 def timbers(
@@ -215,20 +198,18 @@ def timbers(
 
 def turret(
     x: float, radius: float, eaves: float, floors: list[float], wall: Finish, roof: Color
-) -> list[Part]:
+) -> Iterable[Part]:
     """Build a round corner tower with a window at every floor and a pointed roof."""
-    y, sides = 0.35 * radius, 12
-    shaft = tube((x, y, 0), (x, y, eaves + 1.2), radius, *wall, sides=sides, caps=False)
-    cap = tube((x, y, eaves + 1.2), (x, y, eaves + 1.2 + 2.6 * radius), 1.15 * radius, roof, "roof",
-               end_radius=0.03, sides=sides, caps=False)  # fmt: skip
-    panes = []
+    y = 0.35 * radius
+    shaft = partial(tube, sides=12, caps=False)
+    foot, top, tip = ((x, y, z) for z in (0, eaves + 1.2, eaves + 1.2 + 2.6 * radius))
+    yield shaft(foot, top, radius, *wall)
+    yield shaft(top, tip, 1.15 * radius, roof, "roof", end_radius=0.03)
     for floor in floors:
         for turn in (-2.4, -np.pi / 2, -0.75):
             outward = np.array([math.cos(turn), math.sin(turn)])
             side = np.array([-outward[1], outward[0]]) * 0.3
             middle = np.array([x, y]) + (radius + PROUD) * outward
             (a, b), (c, d) = middle - side, middle + side
-            corners = [(a, b, floor + 0.8), (c, d, floor + 0.8), (c, d, floor + 2.2),
-                       (a, b, floor + 2.2)]  # fmt: skip
-            panes.append(Patch(corners, WINDOW, "glass"))
-    return [shaft, cap, *panes]
+            low, high = floor + 0.8, floor + 2.2
+            yield Patch([(a, b, low), (c, d, low), (c, d, high), (a, b, high)], WINDOW, "glass")
