@@ -100,29 +100,19 @@ def _wheel(p: BicycleParams, x: float) -> Asset:
     hub = (x, 0.0, p.wheel_radius)
     radius = p.wheel_radius - p.tyre / 2
     rim = radius - 0.5 * p.tyre - 0.006
+    color = STEEL if max(p.second_color) < 0.1 else p.second_color
     parts = [
         ring(hub, radius, p.tyre, p.tyre_color, "rubber", sides=24),
-        ring(
-            hub,
-            rim,
-            0.018,
-            STEEL if max(p.second_color) < 0.1 else p.second_color,
-            "metal",
-            sides=24,
-        ),
+        ring(hub, rim, 0.018, color, "metal", sides=24),
         tube((x, -0.04, hub[2]), (x, 0.04, hub[2]), 0.03, STEEL, "metal", sides=8),
     ]
     for k, angle in enumerate(np.arange(9) * np.pi / 9 + 0.3):
         along = radius * np.array([np.cos(angle), 0, np.sin(angle)])
         half_width = 0.0035 * np.array([-np.sin(angle), 0, np.cos(angle)])
         lean = np.array([0, 0.012 if k % 2 else -0.012, 0])  # spokes cross from flange to flange
-        corners = [
-            along - half_width + lean,
-            along + half_width + lean,
-            -along + half_width - lean,
-            -along - half_width - lean,
-        ]
-        parts.append(polygon(np.array(corners) + hub, STEEL, "metal"))
+        head = [along - half_width + lean, along + half_width + lean]
+        foot = [-along + half_width - lean, -along - half_width - lean]
+        parts.append(polygon(np.array(head + foot) + hub, STEEL, "metal"))
     return merge(*parts)
 
 

@@ -198,15 +198,12 @@ def _livery(p: BusParams, shape: Hull, side: Walls) -> Parts:
             slant = 0.16 if p.livery == "swoop" else 0.0
             a, b, top = (0.25, 0.5, 0.96) if slant else (edge, 0.28, 0.94)
             shares = [(a, 0.0), (b, 0.0), (b - slant, top), (a - slant, top)]
-            low_left, low_right, _, high_left = wall
-            corners = [
-                low_left
-                + (low_right - low_left) * (1 - u if mirror else u)
-                + (high_left - low_left) * v
-                for u, v in (shares[::-1] if mirror else shares)
-            ]
-            corners = np.array(corners) + [0, np.sign(wall[0, 1]) * 0.006, 0]
-            yield polygon(corners, p.second_color, "paint")
+            if mirror:
+                shares = [(1 - u, v) for u, v in shares[::-1]]
+            foot_left, along, up = wall[0], wall[1] - wall[0], wall[3] - wall[0]
+            corners = [foot_left + along * u + up * v for u, v in shares]
+            outside = [0, np.sign(wall[0, 1]) * 0.006, 0]
+            yield polygon(np.array(corners) + outside, p.second_color, "paint")
         if p.advert is not None:
             a, b = (head + 0.025, _glass(p, 1)[0] - 0.02) if p.decks == 2 else (0.16, foot - 0.03)
             if b - a > 0.08 and p.livery != "two-tone":
@@ -260,9 +257,8 @@ def _ends(p: BusParams, shape: Hull, side: Walls) -> Parts:
         yield from panes(front, screen, (low, high), p.glazing, (-0.2, 0.2))
         if not deck:
             yield from panes(front, screen[1:], (low, high), p.glazing, (), 0.15)
-        yield from panes(
-            rear, [(0.13, 0.87)], (low + 0.03, high), p.glazing, (-0.7, -0.25, 0.25, 0.7)
-        )
+        rear_seats = (-0.7, -0.25, 0.25, 0.7)
+        yield from panes(rear, [(0.13, 0.87)], (low + 0.03, high), p.glazing, rear_seats)
     low, high = _glass(p, 0)
     if p.board:
         height = min(0.13, 0.97 - high) if p.decks == 1 else 0.09

@@ -176,16 +176,15 @@ def _exhaust(p: MotorcycleParams) -> Parts:
     """Build header pipes and silencers, on the right or on both sides."""
     rear, low = -p.wheelbase / 2, 0.24
     lift = 0.3 if p.high_pipe else 0.0
-    pipes = [
-        tube((0.26, -0.08, 0.56), (0.32, -0.12, 0.36), 0.026, STEEL, "metal", sides=8),
-        tube((0.32, -0.12, 0.36), (0.05, -0.17, low), 0.026, STEEL, "metal", sides=8),
-        tube((0.05, -0.17, low), (-0.25, -0.19, low + 0.02 + lift), 0.03, STEEL, "metal", sides=8),
-        tube(
-            (-0.25, -0.19, low + 0.02 + lift), (rear - 0.1, -0.21, low + 0.16 + lift),
-            0.05, STEEL, "metal", end_radius=0.06, sides=12,
-        ),
-    ]  # fmt: skip
-    return [merge(*pipes) if p.pipes == 1 else pair(merge(*pipes))]
+    port, bend, below = (0.26, -0.08, 0.56), (0.32, -0.12, 0.36), (0.05, -0.17, low)
+    neck, tip = (-0.25, -0.19, low + 0.02 + lift), (rear - 0.1, -0.21, low + 0.16 + lift)
+    pipes = merge(
+        tube(port, bend, 0.026, STEEL, "metal", sides=8),
+        tube(bend, below, 0.026, STEEL, "metal", sides=8),
+        tube(below, neck, 0.03, STEEL, "metal", sides=8),
+        tube(neck, tip, 0.05, STEEL, "metal", end_radius=0.06, sides=12),
+    )
+    yield pipes if p.pipes == 1 else pair(pipes)
 
 
 def _fairing(p: MotorcycleParams) -> Asset:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise, product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -59,44 +60,36 @@ def sample_scaffold(rng: np.random.Generator, kind: str) -> ScaffoldParams:
 def scaffold(p: ScaffoldParams) -> Asset:
     """Build the scaffold, centred in x."""
     rng = np.random.default_rng(p.seed)
+    x = np.linspace(-p.bays * p.bay / 2, p.bays * p.bay / 2, p.bays + 1).tolist()
+    return merge(*_frame(p, x, rng), *_sheets(p, x, rng))
+
+
+def _frame(p: ScaffoldParams, x: list[float], rng: np.random.Generator) -> Parts:
+    """Build posts at ``x``, tubes, decks with toe boards, and braces."""
     length, top = p.bays * p.bay, p.lifts * LIFT
-    x = np.linspace(-length / 2, length / 2, p.bays + 1).tolist()
 
     def rod(a: Point, b: Point) -> Asset:
         return tube(a, b, 0.03, p.steel, "metal", sides=5, caps=False)
 
-    parts = []
-    for post_x in x:
-        for y in (0.05, p.depth):
-            parts += [
-                rod((post_x, y, 0), (post_x, y, top + 1.1)),
-                box((0.16, 0.1, 0.02), (post_x, y, 0), p.steel),
-            ]
-    for lift in range(1, p.lifts + 1):
-        z = lift * LIFT
-        parts += [rod((-length / 2 - 0.2, y, z - 0.06), (length / 2 + 0.2, y, z - 0.06))
-                  for y in (0.05, p.depth)]  # fmt: skip
-        parts += [
-            rod((-length / 2 - 0.2, 0.02, z + h), (length / 2 + 0.2, 0.02, z + h))
-            for h in (0.5, 1.0)
-        ]
-        parts += [rod((post_x, -0.05, z - 0.1), (post_x, p.depth + 0.05, z - 0.1)) for post_x in x]
+    for post_x, y in product(x, (0.05, p.depth)):
+        yield rod((post_x, y, 0), (post_x, y, top + 1.1))
+        yield box((0.16, 0.1, 0.02), (post_x, y, 0), p.steel)
+    end, width = length / 2 + 0.2, p.depth / 4
+    for z in LIFT * np.arange(1.0, p.lifts + 1):
+        for y, level in ((0.05, z - 0.06), (p.depth, z - 0.06), (0.02, z + 0.5), (0.02, z + 1.0)):
+            yield rod((-end, y, level), (end, y, level))
+        for post_x in x:
+            yield rod((post_x, -0.05, z - 0.1), (post_x, p.depth + 0.05, z - 0.1))
         for k in range(4):
-            width = p.depth / 4
-            deck = box(
-                (length, 0.92 * width, 0.04), (0, 0.05 + (k + 0.5) * width, z), p.boards, "wood"
-            )
-            parts.append(shade(deck, np.full(12, rng.uniform(0.8, 1.2))))
-        toe = box((length, 0.03, 0.16), (0, 0.09, z + 0.04), p.boards, "wood")
-        parts.append(toe)
-    for k in range(0, p.bays, 2):
-        parts += [rod((x[k], -0.02, max(lift * LIFT, 0.05)), (x[k + 1], -0.02, (lift + 1) * LIFT))
-                  for lift in range(p.lifts)]  # fmt: skip
-    parts += _sheets(p, x, top, rng)
-    return merge(*parts)
+            place = (0, 0.05 + (k + 0.5) * width, z)
+            deck = box((length, 0.92 * width, 0.04), place, p.boards, "wood")
+            yield shade(deck, np.full(12, rng.uniform(0.8, 1.2)))
+        yield box((length, 0.03, 0.16), (0, 0.09, z + 0.04), p.boards, "wood")
+    for k, lift in product(range(0, p.bays, 2), range(p.lifts)):
+        yield rod((x[k], -0.02, max(lift * LIFT, 0.05)), (x[k + 1], -0.02, (lift + 1) * LIFT))
 
 
-def _sheets(p: ScaffoldParams, x: list[float], top: float, rng: np.random.Generator) -> Parts:
+def _sheets(p: ScaffoldParams, x: list[float], rng: np.random.Generator) -> Parts:
     """Build nets over bays, a hoarding around the foot, and a fan that catches falling objects."""
     first = 1 if p.hoarding or p.fan else 0
     for k in range(p.bays):
@@ -105,19 +98,19 @@ def _sheets(p: ScaffoldParams, x: list[float], top: float, rng: np.random.Genera
                 continue
             low, high = lift * LIFT + 0.1, (lift + 1) * LIFT + 0.06
             sag = float(rng.uniform(0.0, 0.06))
-            net = polygon([(x[k] + 0.04, -0.07, low), (x[k + 1] - 0.04, -0.07 - sag, low),
-                        (x[k + 1] - 0.04, -0.07, high), (x[k] + 0.04, -0.07, high)],
-                       p.net, "plaster")  # fmt: skip
+            a, b = x[k] + 0.04, x[k + 1] - 0.04
+            corners = [(a, -0.07, low), (b, -0.07 - sag, low), (b, -0.07, high), (a, -0.07, high)]
+            net = polygon(corners, p.net, "plaster")
             yield shade(net, np.full(2, rng.uniform(0.85, 1.15)))
     if p.hoarding:
-        for k in range(p.bays):
-            board = box((0.98 * (x[1] - x[0]), 0.03, LIFT - 0.15), ((x[k] + x[k + 1]) / 2, -0.08, 0),
-                        p.net, "wood")  # fmt: skip
+        size = (0.98 * (x[1] - x[0]), 0.03, LIFT - 0.15)
+        for a, b in pairwise(x):
+            board = box(size, ((a + b) / 2, -0.08, 0), p.net, "wood")
             yield shade(board, np.full(12, rng.uniform(0.88, 1.12)))
     if p.fan:
-        corners = [(x[0], 0.0, LIFT + 0.1), (x[-1], 0.0, LIFT + 0.1), (x[-1], -0.85, LIFT + 0.75),
-                   (x[0], -0.85, LIFT + 0.75)]  # fmt: skip
-        yield polygon(np.array(corners), p.boards, "wood")
+        a, b, low, high = x[0], x[-1], LIFT + 0.1, LIFT + 0.75
+        fan = [(a, 0.0, low), (b, 0.0, low), (b, -0.85, high), (a, -0.85, high)]
+        yield polygon(fan, p.boards, "wood")
 
 
 FAMILY = Family(

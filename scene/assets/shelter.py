@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -63,8 +63,8 @@ def sample_shelter(rng: np.random.Generator, kind: str) -> ShelterParams:
 
 def _posts(p: ShelterParams, inset: float = 0.06, gauge: float = 0.07) -> Parts:
     x, (_, y, z) = p.size[0] / 2 - inset, p.size
-    return [box((gauge, gauge, z), (s * x, d, 0), p.frame, "metal") for s in (-1, 1)
-            for d in (inset, y - inset)]  # fmt: skip
+    for post_x, post_y in product((-x, x), (inset, y - inset)):
+        yield box((gauge, gauge, z), (post_x, post_y, 0), p.frame, "metal")
 
 
 def _glazed(p: ShelterParams, ends: tuple[int, ...] = (1,)) -> Parts:
@@ -78,27 +78,24 @@ def _glazed(p: ShelterParams, ends: tuple[int, ...] = (1,)) -> Parts:
     for k in range(panes):
         middle = (k + 0.5) * x / panes - x / 2
         yield box((0.62 * x / panes, 0.012, 0.6), (middle, y - 0.06, 0.32), GLASS, "glass")
-        yield box(
-            (0.045, 0.05, z), (middle + 0.5 * x / panes - 0.04, y - 0.06, 0), p.frame, "metal"
-        )
+        edge = middle + 0.5 * x / panes - 0.04
+        yield box((0.045, 0.05, z), (edge, y - 0.06, 0), p.frame, "metal")
     yield box((0.7 * x, 0.3, 0.05), (0, y - 0.35, 0.48), p.frame, "metal")
     for s in ends:
-        yield box((0.16, 0.8 * y, 1.75), (s * (x / 2 - 0.06), y / 2, 0.3), ANTHRACITE, "paint")
-        for d in (-1, 1):
-            poster_x = s * (x / 2 - 0.06) + d * 0.085
-            poster = box((0.008, 0.66 * y, 1.5), (poster_x, y / 2, 0.42), p.second_color, "lamp")
-            yield poster
+        end_x = s * (x / 2 - 0.06)
+        yield box((0.16, 0.8 * y, 1.75), (end_x, y / 2, 0.3), ANTHRACITE, "paint")
+        for poster_x in (end_x - 0.085, end_x + 0.085):
+            yield box((0.008, 0.66 * y, 1.5), (poster_x, y / 2, 0.42), p.second_color, "lamp")
             yield box((0.01, 0.4 * y, 0.35), (poster_x, y / 2, 1.2), SHELTER_WHITE, "paint")
 
 
 def _cantilever(p: ShelterParams) -> Parts:
     """Build a curved roof on two posts at the back."""
     x, y, z = p.size
-    angle = np.linspace(0.0, 1.2, 7)
+    section = ((-x / 2, 0.0), (x / 2, 0.0), (x / 2, 0.05), (-x / 2, 0.05))
     rings = [
-        [(side, y - (y + 0.25) * float(np.sin(a)) / np.sin(1.2), z - 0.55 + 0.6 * float(np.sin(a)) + lift)
-         for side, lift in ((-x / 2, 0.0), (x / 2, 0.0), (x / 2, 0.05), (-x / 2, 0.05))]
-        for a in angle
+        [(side, y - (y + 0.25) * rise / np.sin(1.2), z - 0.55 + 0.6 * rise + lift) for side, lift in section]
+        for rise in np.sin(np.linspace(0.0, 1.2, 7)).tolist()
     ]  # fmt: skip
     yield loft(np.array(rings), darker(p.cover, 0.7), "paint")
     yield box((0.8 * x, 0.12, 0.08), (0, y - 0.25, 0.7), p.frame, "metal")

@@ -118,10 +118,8 @@ def sample_train(rng: np.random.Generator, kind: str) -> TrainParams:
 def train(p: TrainParams) -> Asset:
     """Build the vehicle along x, its near face in y = 0."""
     body = _BODIES[p.body]
-    parts = [*_bogies(p), *body.build(p)]
-    if p.pantograph and body.wired:
-        parts += _pantograph(p)
-    return translate(merge(*parts), (0, p.width / 2 + 0.04, 0))
+    wire = _pantograph(p) if p.pantograph and body.wired else ()
+    return translate(merge(*_bogies(p), *body.build(p), *wire), (0, p.width / 2 + 0.04, 0))
 
 
 def _bogies(p: TrainParams) -> Parts:
@@ -142,12 +140,11 @@ def _bogies(p: TrainParams) -> Parts:
 def _pantograph(p: TrainParams) -> Parts:
     """Build a bent arm and its contact bar on the roof."""
     top, x = p.height, 0.12 * p.length
-    elbow, head = (x - 0.7, 0.0, top + 0.55), (x + 0.25, 0.0, top + 1.1)
-    bar = [(head[0], y, head[2]) for y in (-0.75, 0.75)]
+    elbow, head, high = (x - 0.7, 0.0, top + 0.55), x + 0.25, top + 1.1
     yield cuboid((x - 0.6, x + 0.6), 0.5, (top - 0.02, top + 0.16), TRIM)
     yield rod((x + 0.3, 0, top), elbow, 0.035, STEEL)
-    yield rod(elbow, head, 0.03, STEEL)
-    yield rod(bar[0], bar[1], 0.03, STEEL)
+    yield rod(elbow, (head, 0.0, high), 0.03, STEEL)
+    yield rod((head, -0.75, high), (head, 0.75, high), 0.03, STEEL)
 
 
 def _shape(p: TrainParams) -> Hull:
@@ -223,14 +220,8 @@ def _hopper(p: TrainParams) -> Parts:
     """Build an open wagon with ribs, narrower below, heaped with ballast or coal."""
     half, end = p.width / 2, p.length / 2 - 0.4
     plan = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], float)
-    rings = [
-        plan * [end * length, half * width, 0] + [0, 0, z]
-        for length, width, z in (
-            (0.8, 0.6, p.floor - 0.2),
-            (1, 0.97, p.floor + 0.9),
-            (1, 0.97, p.height),
-        )
-    ]
+    levels = ((0.8, 0.6, p.floor - 0.2), (1, 0.97, p.floor + 0.9), (1, 0.97, p.height))
+    rings = [plan * [end * length, half * width, 0] + [0, 0, z] for length, width, z in levels]
     heap = [rings[2] - [0, 0, 0.05], plan * [0.7 * end, 0.3 * half, 0] + [0, 0, p.height + 0.35]]
     yield loft(rings, p.color, "metal")
     yield loft(heap, (0.05, 0.048, 0.045), "concrete")
@@ -243,8 +234,7 @@ def _hopper(p: TrainParams) -> Parts:
 def _container(p: TrainParams) -> Parts:
     """Build two containers on a flat wagon."""
     half, end = p.width / 2, p.length / 2
-    frame = cuboid((-end, end), half, (p.floor - 0.25, p.floor), BLACK, "metal")
-    yield frame
+    yield cuboid((-end, end), half, (p.floor - 0.25, p.floor), BLACK, "metal")
     for start, stop, color in ((-end + 0.3, -0.1, p.color), (0.1, end - 0.3, p.band)):
         yield cuboid((start, stop), half, (p.floor, p.height), color, "metal")
         side = walls(stop - start, p.width, p.floor, p.height, x=(start + stop) / 2)
@@ -263,9 +253,8 @@ def _tank(p: TrainParams) -> Parts:
     middle = p.floor + radius
     yield cuboid((-end, end), half, (p.floor - 0.3, p.floor), BLACK, "metal")
     yield tank(loop, 0.0, middle, end, ends, p.color)
-    yield tube(
-        (0, 0, p.height - 0.1), (0, 0, p.height + 0.25), 0.5, darker(p.color), "metal", sides=12
-    )
+    dome = (0, 0, p.height - 0.1), (0, 0, p.height + 0.25)
+    yield tube(*dome, 0.5, darker(p.color), "metal", sides=12)
     for share in (-0.6, -0.2, 0.2, 0.6):
         yield hoop(loop, (share * end - 0.06, share * end + 0.06), middle, 1.01, p.band)
     for x in (0.3, 0.7):

@@ -140,11 +140,9 @@ def truck(p: TruckParams) -> Asset:
     """Build the lorry, its cab towards +x."""
     nose, half = p.length / 2, p.width / 2
     rim = STEEL if p.seed % 3 else (0.5, 0.5, 0.49)
-    wheels = [
-        axle(nose - x, half + outset, p.wheel_radius, 0.32, rim)
-        for x, outset in zip(p.axles, (0.03, -0.02, -0.02, -0.02), strict=False)
-    ]
-    front = nose - p.axles[0]
+    front, *others = (nose - x for x in p.axles)
+    wheels = [axle(front, half + 0.03, p.wheel_radius, 0.32, rim)]
+    wheels += [axle(x, half - 0.02, p.wheel_radius, 0.32, rim) for x in others]
     arches = [arch(front, y, p.wheel_radius, p.wheel_radius + 0.1, 10) for y in (half, -half)]
     return merge(*wheels, *arches, *_cab(p), *_chassis(p), *LOADS[p.load].build(p), *_tail(p))
 
@@ -161,9 +159,8 @@ def _cab(p: TruckParams) -> Parts:
     door, badge = (0.36, 0.97 - back), (p.grille[1] + 0.015, p.grille[1] + 0.04)
     yield hull(h, p.cab)
     yield wrap(h, 1, (foot, top), 0.02, GLASS, "glass")
-    yield from panes(
-        front, [(0.13, 0.87)], p.windscreen, p.glazing, (-0.55, 0.55), 0.55 * p.glazing.side
-    )
+    driver = 0.55 * p.glazing.side
+    yield from panes(front, [(0.13, 0.87)], p.windscreen, p.glazing, (-0.55, 0.55), driver)
     yield wrap(h, 1, (0.0, 0.13), 0.12, TRIM, lift=0.03)
     yield panel(front, (0.2, 0.8), p.grille, BLACK, lift=0.015)
     yield panel(front, (0.38, 0.62), (0.03, 0.09), PLATE, lift=0.05)
@@ -179,18 +176,12 @@ def _cab(p: TruckParams) -> Parts:
         handle = (u[0] + 0.02, u[0] + 0.1) if wall is side.right else (u[1] - 0.1, u[1] - 0.02)
         yield panel(wall, handle, (foot - 0.06, foot - 0.04), TRIM, lift=0.03)
         yield panels(wall, [u], [(0.02, 0.05), (0.1, 0.13)], BLACK, lift=0.02)
-    mirror_low = low + foot * (p.cab_height - low)
-    x = nose - p.rake * foot
-    mirror = block(
-        (x - 0.1, p.width / 2 + 0.03, mirror_low), (x, p.width / 2 + 0.23, mirror_low + 0.5), TRIM
-    )
-    arm = (
-        (x - 0.2, p.width / 2 - 0.05, mirror_low + 0.5),
-        (x - 0.05, p.width / 2 + 0.13, mirror_low + 0.47),
-    )
+    x, y, z = nose - p.rake * foot, p.width / 2, low + foot * (p.cab_height - low)
+    mirror = block((x - 0.1, y + 0.03, z), (x, y + 0.23, z + 0.5), TRIM)
+    arm = (x - 0.2, y - 0.05, z + 0.5), (x - 0.05, y + 0.13, z + 0.47)
     yield pair(merge(mirror, tube(*arm, 0.02, TRIM, sides=4)))
     for y in (0.35, -0.45):
-        wiper = (x + 0.03, y, mirror_low - 0.02), (x, y + 0.5, mirror_low + 0.1)
+        wiper = (x + 0.03, y, z - 0.02), (x, y + 0.5, z + 0.1)
         yield tube(*wiper, 0.012, BLACK, sides=4)
     yield from _cab_fittings(p, h)
 
@@ -206,10 +197,9 @@ def _cab_fittings(p: TruckParams, h: Hull) -> Parts:
         shape = Hull(0.8 * length, 0.86 * p.width, h.high - 0.05, p.height - 0.05, x)
         yield hull(shape._replace(round=0.2, chamfer=0.15, nose=0.55 * length), p.cab)
     if p.beacons:
+        low, high = h.high - 0.02, h.high + 0.18
         for y in (0.6, -0.6):
-            yield tube(
-                (h.x, y, h.high - 0.02), (h.x, y, h.high + 0.18), 0.09, AMBER, "lamp", sides=8
-            )
+            yield tube((h.x, y, low), (h.x, y, high), 0.09, AMBER, "lamp", sides=8)
 
 
 def _chassis(p: TruckParams) -> Parts:

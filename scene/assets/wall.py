@@ -55,10 +55,11 @@ _KINDS: dict[str, WallParams] = {
 }  # fmt: skip
 
 
-def _leaning(p: WallParams, x: float, length: float, height: float, front: float) -> Asset:
-    """Build a box from y = ``front`` backwards whose near face leans back by ``batter``."""
+def _leaning(p: WallParams, x: float, length: float, height: float) -> Asset:
+    """Build a box whose near face leans back by ``batter``, or is set back behind the stones on it."""
+    has_stones = p.face in ("blocks", "stones", "beams")
+    front, color = (RELIEF, p.second_color) if has_stones else (0.0, p.color)
     depth = p.thickness - front
-    color = p.second_color if p.face in ("blocks", "stones", "beams") else p.color
     body = box((length, depth, height), (x, front + depth / 2, 0), color, p.material)
     vertices = np.array(body.mesh.vertices)
     vertices[(vertices[:, 1] < front + 1e-9) & (vertices[:, 2] > 0), 1] += p.batter
@@ -84,36 +85,38 @@ def _piers(p: WallParams) -> Parts:
         yield box((0.36, p.thickness + 0.2, high), (x, y, 0), p.color, p.material)
         yield box((0.46, p.thickness + 0.29, 0.08), (x, y, high), p.second_color, "concrete")
         if p.ball:
-            globe = [(high + 0.21 + 0.15 * np.sin(a), max(0.15 * np.cos(a), 0.004))
-                     for a in np.linspace(-1.2, np.pi / 2, 6)]  # fmt: skip
+            turn = np.linspace(-1.2, np.pi / 2, 6)
+            globe = [(high + 0.21 + 0.15 * np.sin(a), max(0.15 * np.cos(a), 0.004)) for a in turn]
             yield turned(globe, p.second_color, "concrete", at=(x, y))
 
 
 def wall(p: WallParams) -> Asset:
     """Build the wall."""
     rng = np.random.default_rng(p.seed)
-    parts: list[Asset] = []
-    if p.face == "profile":
-        t, h = p.thickness, p.height
-        outline = [(0.0, 0.0), (t, 0.0), (t, 0.09), (0.7 * t, 0.35 * h), (0.62 * t, h), (0.38 * t, h),
-                   (0.3 * t, 0.35 * h), (0.0, 0.09)]  # fmt: skip
-        parts.append(rotate(extrude(outline, p.length, p.color, p.material), np.pi / 2, (0, 0, 1)))
-    else:
-        front = RELIEF if p.face in ("blocks", "stones", "beams") else 0.0
-        step = p.length / p.steps
-        for k in range(p.steps):
-            x, high = -p.length / 2 + (k + 0.5) * step, p.height * (1 - 0.22 * k)
-            parts.append(_leaning(p, x, step, high, front))
-            if p.coping:
-                parts.append(_coping(p, x, step, high))
-    if p.plinth:
-        dark = darker(p.color, 0.4)
-        parts.append(box((p.length, 0.1, p.plinth), (0, 0.01, 0), dark, p.material))
+    parts = [*_body(p)]
     if p.face:
         parts += FACES[p.face](p, rng)
     if p.top:
         parts += TOPS[p.top](p, rng)
     return merge(*parts, *_piers(p))
+
+
+def _body(p: WallParams) -> Parts:
+    """Build the wall itself, in steps with copings or with the profile of a crash barrier, and its plinth."""
+    if p.face == "profile":
+        t, h = p.thickness, p.height
+        rear = [(t, 0.0), (t, 0.09), (0.7 * t, 0.35 * h), (0.62 * t, h)]
+        outline = [(0.0, 0.0), *rear, (0.38 * t, h), (0.3 * t, 0.35 * h), (0.0, 0.09)]
+        yield rotate(extrude(outline, p.length, p.color, p.material), np.pi / 2, (0, 0, 1))
+    else:
+        step = p.length / p.steps
+        for k in range(p.steps):
+            x, high = -p.length / 2 + (k + 0.5) * step, p.height * (1 - 0.22 * k)
+            yield _leaning(p, x, step, high)
+            if p.coping:
+                yield _coping(p, x, step, high)
+    if p.plinth:
+        yield box((p.length, 0.1, p.plinth), (0, 0.01, 0), darker(p.color, 0.4), p.material)
 
 
 FAMILY = Family(

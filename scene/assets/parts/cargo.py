@@ -30,10 +30,8 @@ def flatbed(p: TruckParams) -> Parts:
         half_width = rng.uniform(0.55, 0.95) * half
         kind = rng.integers(3)
         if kind == 0:  # pipes
-            levels = ((0.0, 0.27), (0.1, 0.47))
-            for y, (aside, up) in product(
-                np.arange(-half_width, half_width, 0.24).tolist(), levels
-            ):
+            columns, levels = np.arange(-half_width, half_width, 0.24), ((0.0, 0.27), (0.1, 0.47))
+            for y, (aside, up) in product(columns.tolist(), levels):
                 ends = (start, y + aside, low + up), (end, y + aside, low + up)
                 yield tube(*ends, 0.11, STEEL, "metal", sides=8)
         else:
@@ -67,15 +65,14 @@ def tipper(p: TruckParams) -> Parts:
     peak = (heap - [x, 0, 0]) * [0.4, 0.3, 1] + [x, 0, 0.6 * p.fill]
     yield loft(edge, p.body, "metal")
     yield loft([heap, peak], GRAVEL, "concrete")
-    yield cuboid((x + length / 2, x + length / 2 + 0.7), half, (high - 0.1, high), p.body)
-    yield tube(
-        (x + length / 2 + 0.15, 0, low), (x + length / 2 + 0.1, 0, high), 0.1, STEEL, "metal"
-    )
+    front = x + length / 2
+    yield cuboid((front, front + 0.7), half, (high - 0.1, high), p.body)
+    yield tube((front + 0.15, 0, low), (front + 0.1, 0, high), 0.1, STEEL, "metal")
     for share in np.linspace(0.04, 0.96, 7):  # ribs
         post = x + (share - 0.5) * length
         rib = (post - 0.05, half - 0.16, low), (post + 0.05, half + 0.03, high)
         yield pair(block(*rib, darker(p.body, 0.8), "metal"))
-    rail = (x - length / 2, half - 0.06, high - 0.08), (x + length / 2, half + 0.04, high)
+    rail = (x - length / 2, half - 0.06, high - 0.08), (front, half + 0.04, high)
     side = walls(length, width + 0.08, low, high, x=x)
     dark = darker(p.body, 0.6)
     ribs = [(u, u + 0.04) for u in (0.02, 0.3, 0.66, 0.94)]
@@ -122,18 +119,10 @@ def refuse(p: TruckParams) -> Parts:
     low, half = floor(p), width / 2
     tail, split = x - length / 2, x - length / 2 + 1.5
     side = walls(x + length / 2 - split, width, low, p.height, x=(x + length / 2 + split) / 2)
-    outline = np.array(
-        [(split, 0.55), (split, p.height), (tail + 0.7, p.height), (tail, 1.6), (tail + 0.15, 0.55)]
-    )
-    rings = [np.column_stack([outline[:, 0], np.full(5, y), outline[:, 1]]) for y in (half, -half)]
-    slope = np.array(
-        [
-            (tail, half, 1.6),
-            (tail, -half, 1.6),
-            (tail + 0.7, -half, p.height),
-            (tail + 0.7, half, p.height),
-        ]
-    )
+    high, lip = p.height, tail + 0.7
+    outline = [(split, 0.55), (split, high), (lip, high), (tail, 1.6), (tail + 0.15, 0.55)]
+    rings = [np.array([(u, y, z) for u, z in outline]) for y in (half, -half)]
+    slope = np.array([(tail, half, 1.6), (tail, -half, 1.6), (lip, -half, high), (lip, half, high)])
     yield cuboid((split, x + length / 2), half, (low, p.height - 0.15), p.body, "paint")
     yield loft(rings, darker(p.body, 0.8), "paint")
     yield panel(slope, (0.12, 0.88), (0.02, 0.45), BLACK)
@@ -143,12 +132,10 @@ def refuse(p: TruckParams) -> Parts:
         post = split + share * (x + length / 2 - split)
         rib = (post - 0.05, half - 0.02, low), (post + 0.05, half + 0.05, p.height - 0.2)
         yield pair(block(*rib, darker(p.body, 0.75)))
-    bar = tube(
-        (tail + 0.15, half + 0.03, 0.7), (tail + 0.5, half + 0.03, 2.2), 0.05, STEEL, "metal"
-    )
-    lamp = block((tail - 0.02, half - 0.3, 1.25), (tail + 0.1, half - 0.05, 1.5), TAILLAMP, "lamp")
-    yield pair(bar)
-    yield pair(lamp)
+    bar = (tail + 0.15, half + 0.03, 0.7), (tail + 0.5, half + 0.03, 2.2)
+    lamp = (tail - 0.02, half - 0.3, 1.25), (tail + 0.1, half - 0.05, 1.5)
+    yield pair(tube(*bar, 0.05, STEEL, "metal"))
+    yield pair(block(*lamp, TAILLAMP, "lamp"))
 
 
 def mixer(p: TruckParams) -> Parts:
@@ -161,22 +148,17 @@ def mixer(p: TruckParams) -> Parts:
     turn = np.arctan2(middle[:, 2], middle[:, 0]) + 2.5 * middle[:, 1]
     stripe = np.cos(turn) > 0.75  # a spiral of two bands
     drum = repaint(drum, stripe, p.band or WHITE, "paint")
-    vertices = drum.mesh.vertices[:, [1, 0, 2]] * [-1, 1, 1]
-    tilt = 0.16
-    turned = np.column_stack([
-        vertices[:, 0] * np.cos(tilt) + vertices[:, 2] * np.sin(tilt),
-        vertices[:, 1],
-        vertices[:, 2] * np.cos(tilt) - vertices[:, 0] * np.sin(tilt),
-    ])  # fmt: skip
+    along, across, up = (drum.mesh.vertices[:, [1, 0, 2]] * [-1, 1, 1]).T
+    cos, sin = np.cos(0.16), np.sin(0.16)
+    turned = np.column_stack([along * cos + up * sin, across, up * cos - along * sin])
     rear = x - length / 2
     hopper = (rear + 0.6, 0, p.height - 0.75), (rear + 0.45, 0, p.height)
     near_x, far_x = rear + 0.5, rear - 0.1
     chute = [(near_x, 0.25, 1.9), (near_x, -0.25, 1.9), (far_x, -0.2, 1.2), (far_x, 0.2, 1.2)]
     yield translate(reshaped(drum, turned), (x, 0, low + radius + 0.25))
     yield cuboid((x + 0.32 * length, x + 0.42 * length), 0.5, (low, low + 1.1), p.cab)
-    yield pair(
-        tube((rear + 0.7, 0.8, low), (rear + 0.5, 0.3, p.height - 0.4), 0.06, p.cab, "metal")
-    )
+    strut = (rear + 0.7, 0.8, low), (rear + 0.5, 0.3, p.height - 0.4)
+    yield pair(tube(*strut, 0.06, p.cab, "metal"))
     yield loft([np.array(chute), np.array(chute) - [0, 0, 0.06]], STEEL, "metal")
     yield tube(*hopper, 0.3, p.cab, "paint", end_radius=0.6, sides=8)
 
@@ -188,15 +170,13 @@ def skip(p: TruckParams) -> Parts:
     edge = _tub(x - 0.1 * length, 0.66 * length, half - 0.3, low + 0.2, p.height - 0.3, 0.45)
     heap = edge[1] * [1, 0.95, 1] - [0, 0, 0.1]
     peak = (heap - [x, 0, 0]) * [0.5, 0.4, 1] + [x, 0, 0.5 * p.fill]
-    root, tip = (
-        (x - 0.05 * length, half - 0.12, low + 0.2),
-        (x - 0.38 * length, half - 0.12, p.height),
-    )
+    side = half - 0.12
+    root, tip = (x - 0.05 * length, side, low + 0.2), (x - 0.38 * length, side, p.height)
     yield cuboid((x - length / 2, x + length / 2), half, (low, low + 0.16), TRIM, "metal")
     yield loft(edge, p.body, "metal")
     yield loft([heap, peak], (0.13, 0.10, 0.08), "concrete")
     yield pair(tube(root, tip, 0.12, p.cab, "paint", sides=4))
-    yield pair(tube((root[0] + 0.28 * length, root[1], low + 0.2), root, 0.07, STEEL, "metal"))
+    yield pair(tube((root[0] + 0.28 * length, side, low + 0.2), root, 0.07, STEEL, "metal"))
     yield pair(tube(tip, (tip[0] + 0.1, half - 0.3, p.height - 0.4), 0.02, BLACK, sides=4))
 
 
@@ -207,11 +187,10 @@ def recovery(p: TruckParams) -> Parts:
     front, rear = x + length / 2, x - length / 2 + 0.5  # ahead of the ramp
     elbow = (front - 0.3, 0.0, p.height + 0.3)
     hook = (front - 0.3 - 0.45 * length * p.fill, 0.0, p.height + 0.1)
-    rail = block((rear, half - 0.06, low), (front, half, low + 0.22), p.body, "metal")
     tip = rear - 0.5
     ramp: list[Point] = [(rear, half, low), (rear, -half, low), (tip, -half, 0.6), (tip, half, 0.6)]
     yield cuboid((rear, front), half, (low - 0.05, low + 0.1), STEEL, "metal")
-    yield pair(rail)
+    yield pair(block((rear, half - 0.06, low), (front, half, low + 0.22), p.body, "metal"))
     yield cuboid((front - 0.05, front + 0.1), 0.7, (p.height - 0.35, p.height - 0.2), AMBER, "lamp")
     yield tube((front - 0.3, 0, low), elbow, 0.16, p.cab, "paint", sides=8)
     yield tube(elbow, hook, 0.11, p.cab, "paint", sides=6)

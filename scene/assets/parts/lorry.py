@@ -57,10 +57,8 @@ def sign(p: TruckParams, side: Walls, u: Span, v: Span) -> Parts:
     """Build a band and lettering on both sides."""
     if p.band is not None:
         height = 0.25 * (v[1] - v[0])
-        yield from (
-            panel(wall, (0, 1), (v[0] - height, v[0] - 0.1 * height), p.band, "paint")
-            for wall in side[:2]
-        )
+        below = (v[0] - height, v[0] - 0.1 * height)
+        yield from (panel(wall, (0, 1), below, p.band, "paint") for wall in side[:2])
     if p.letters is not None:
         yield from (lettering(wall, u, v, p.letters, p.seed) for wall in side[:2])
 
@@ -75,19 +73,16 @@ def _doors(rear: np.ndarray) -> Parts:
 
 def _edges(side: Walls, color: Color) -> Parts:
     """Build rails round the edges of a box body, which catch the light."""
-    spans: tuple[tuple[list[Span], list[Span]], ...] = (
-        ([(0, 1)], [(0, 0.035), (0.965, 1)]), ([(0, 0.012), (0.988, 1)], [(0, 1)]),
-    )  # fmt: skip
-    return [panels(wall, u, v, color, "metal", lift=0.02)
-            for wall in (side.left, side.right, side.rear, side.front) for u, v in spans]  # fmt: skip
+    for wall in (side.left, side.right, side.rear, side.front):
+        yield panels(wall, [(0, 1)], [(0, 0.035), (0.965, 1)], color, "metal", lift=0.02)
+        yield panels(wall, [(0, 0.012), (0.988, 1)], [(0, 1)], color, "metal", lift=0.02)
 
 
 def _box_body(p: TruckParams, side: Walls, material: str, rails: Color, u: Span, v: Span) -> Parts:
     """Build a body with rear doors, rails round its edges, and lettering on its sides."""
     x, length, width = bed(p)
-    yield cuboid(
-        (x - length / 2, x + length / 2), width / 2, (floor(p), p.height), p.body, material
-    )
+    ends = (x - length / 2, x + length / 2)
+    yield cuboid(ends, width / 2, (floor(p), p.height), p.body, material)
     yield from _doors(side.rear)
     yield from _edges(side, rails)
     yield from sign(p, side, u, v)
@@ -118,13 +113,9 @@ def curtain(p: TruckParams) -> Parts:
 def luton(p: TruckParams) -> Parts:
     """Build a box that reaches forward over the cab."""
     x, length, width = bed(p)
-    front = x + length / 2
-    brow = [
-        (front, p.cab_height + 0.04),
-        (front + 1.0, p.cab_height + 0.1),
-        (front + 1.15, p.height - 0.35),
-        (front + 0.9, p.height),
-        (front, p.height),
-    ]
+    front, top = x + length / 2, p.height
+    brow = [(front, p.cab_height + 0.04), (front + 1.0, p.cab_height + 0.1)]
+    brow += [(front + 1.15, top - 0.35), (front + 0.9, top), (front, top)]
     rings = [np.array([(u, y, v) for u, v in brow]) for y in (width / 2, -width / 2)]
-    return [*box(p), loft(rings, p.body, "paint")]
+    yield from box(p)
+    yield loft(rings, p.body, "paint")
