@@ -98,8 +98,8 @@ def make(
     Args:
         parts: every part in order.
         out: folder of all runs.
-        docs: folder of the pages, for reports and plots; if it is the project's, the page of results is
-            written from them at the end.
+        docs: folder of the pages, for reports and plots; if it has all other reports, too, the page of
+            results is written after each part.
         store: store of evaluations instead of the folder's own; none of them is repeated.
         only: names of the parts to make; by default all of them.
         run: runs a part's command.
@@ -132,7 +132,7 @@ def make(
                 write_json(out / PARTS, done)
             if docs is not None:
                 page.record(part, out / part.name, commit_name, docs)
-        if docs is not None and (docs / "results" / MEASURED).exists():
-            page.write(docs)
+                if (docs / "results" / MEASURED).exists():
+                    page.write(docs)
     print(f"\nAll {len(selected)} parts are done: {out}", flush=True)
     return done

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import shutil
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from jinja2 import Environment, StrictUndefined
@@ -111,6 +111,26 @@ def origin(claims: Claims, names: Sequence[str], basis: str) -> list[str]:
     return ["", f"{basis} E{engines[1:]}.{cost} `{parts[0]['command']}`"]
 
 
+def titles(claims: Claims, names: Mapping[str, str]) -> dict[str, str]:
+    """Name targets, with engine and size where a table has reports of several.
+
+    Args:
+        claims: the reports.
+        names: the name of each target's report.
+    """
+    made = {
+        target: f"engine {claims.parts[name]['engine']}, {claims.reports[name]['scored_at']}"
+        for target, name in names.items()
+    }
+    several = len(set(made.values())) > 1
+    return {name: TARGETS[name] + f" ({origin})" * several for name, origin in made.items()}
+
+
+def distinct(values: Iterable[object]) -> str:
+    """Write different values as alternatives."""
+    return " or ".join(dict.fromkeys(map(str, values)))
+
+
 def fit_table(claims: Claims) -> list[str]:
     """Tabulate what README shows, with the share of all labels."""
     names = [name for name in TARGETS if f"fit-{name}" in claims.reports]
@@ -120,10 +140,11 @@ def fit_table(claims: Claims) -> list[str]:
         for name, line in zip(names, claims.what_to_expect(), strict=True)
     ]
     reports = [claims.reports[f"fit-{name}"] for name in names]
-    basis = (
-        f"No search; {reports[0]['seeds']} networks a row, at {reports[0]['scored_at']}, tested on "
-        f"{' or '.join(dict.fromkeys(str(report['test_images']) for report in reports))} images."
+    seeds, size, tested = (
+        distinct(report[name] for report in reports)
+        for name in ("seeds", "scored_at", "test_images")
     )
+    basis = f"No search; {seeds} networks a row, at {size}, tested on {tested} images."
     return [
         *markdown([*head, "14 + renders, of all"], []),
         *lines,
@@ -133,35 +154,38 @@ def fit_table(claims: Claims) -> list[str]:
 
 def labels_table(claims: Claims) -> list[str]:
     """Tabulate numbers of labels and kinds of streets."""
-    names = [name for name in TARGETS if f"labels-{name}" in claims.reports]
+    names = {name: f"labels-{name}" for name in TARGETS if f"labels-{name}" in claims.reports}
     lines = []
-    for name in names:
+    for target, title in titles(claims, names).items():
         rows = {
-            (row["labels"], row["renders"]): row for row in claims.reports[f"labels-{name}"]["rows"]
+            (row["labels"], row["renders"]): row for row in claims.reports[names[target]]["rows"]
         }
         for count in dict.fromkeys(labels for labels, _ in rows):
             means = [number(rows.get((count, kind), {}).get("mean")) for kind in RENDERS]
             optimised = rows[count, "learnt"]
             default = gain(miou(optimised["nets"]), miou(rows[count, "default"]["nets"]))
             over = [signed(optimised["over_random"]), signed(default)]
-            lines.append([TARGETS[name], str(count), *means, *over])
+            lines.append([title, str(count), *means, *over])
     head = ["tested on", "labels", "alone", "+ random", "+ default", "+ half of each"]
-    reports = [f"labels-{name}" for name in names]
-    first = claims.reports[reports[0]]
+    seeds, size = (
+        distinct(claims.reports[report][name] for report in names.values())
+        for name in ("seeds", "scored_at")
+    )
     basis = (
-        f"One search for the optimised streets; {first['seeds']} networks a row, at {first['scored_at']}, "
-        "each with its own labels, streets and first weights."
+        f"One search for the optimised streets; {seeds} networks a row, at {size}, each with its own "
+        "labels, streets and first weights."
     )
     return [
         *markdown([*head, "+ optimised", "optimised over random", "over default"], lines),
-        *origin(claims, reports, basis),
+        *origin(claims, [*names.values()], basis),
     ]
 
 
 def streets_table(claims: Claims) -> list[str]:
     """Tabulate networks on renders alone: random, default, optimised streets, and real images."""
     lines = []
-    for name in (*SEARCHED, FAR):
+    names = titles(claims, {name: name for name in SEARCHED}) | {FAR: TARGETS[FAR]}
+    for name, title in names.items():
         means = {
             row: number(claims.estimate(name, row)["mean"])
             for row in ("random", "default", "intervals", "real")
@@ -170,14 +194,17 @@ def streets_table(claims: Claims) -> list[str]:
             each = [number(search["learnt"]) for search in claims.reports[name]["searches"]]
             means["intervals"] += f" ({', '.join(each)})"
         over = [claims.gain(name, over=base) for base in ("random", "default")]
-        lines.append([TARGETS[name], *means.values(), *over])
+        lines.append([title, *means.values(), *over])
     head = ["tested on", "random", "default", "optimised (each search)", "real"]
-    first = claims.reports[SEARCHED[0]]
+    reports = [claims.reports[name] for name in SEARCHED]
+    searches = distinct(len(report["searches"]) for report in reports)
+    rewards = distinct(len(report["searches"][0]["rewards"]) for report in reports)
+    seeds, size = (distinct(report[name] for report in reports) for name in ("seeds", "scored_at"))
+    far = claims.parts["far-0"]
     basis = (
-        f"{len(first['searches'])} searches with {len(first['searches'][0]['rewards'])} rewards each, "
-        f"{first['seeds']} networks a row, at {first['scored_at']}; intervals over searches and networks. "
-        f"Far twins: five twins at {claims.reports['far-0']['scored_at']} with a search each; intervals over "
-        "twins."
+        f"{searches} searches with {rewards} rewards each, {seeds} networks a row, at {size}; intervals over "
+        f"searches and networks. Far twins: five twins of engine {far['engine']} at "
+        f"{claims.reports['far-0']['scored_at']} with a search each; intervals over twins."
     )
     return [
         *markdown([*head, "over random", "over default"], lines),
@@ -198,7 +225,7 @@ def paper_table(claims: Claims) -> list[str]:
                 size = claims.reports[name]["scored_at"]
                 method = [SDR[name], size, words(row["name"]), str(row["searches"])]
                 lines.append([*method, number(row["mean"]), random, default])
-    networks = " or ".join(dict.fromkeys(str(claims.reports[name]["seeds"]) for name in names))
+    networks = distinct(claims.reports[name]["seeds"] for name in names)
     basis = f"{networks} networks a row; intervals over searches and networks."
     head = ["search", "at", "method", "searches", "mIoU", "over random", "over default"]
     return [*markdown(head, lines), *origin(claims, names, basis)]

@@ -127,7 +127,7 @@ class Runs:
         self.ran.append(out.name)
         out.mkdir(exist_ok=True)
         write(out / "some.png", b"picture")
-        write_json(out / "some.json", {})
+        write_json(out / "some.json", {"study": "some"})
         write(out / "finals.jsonl", json.dumps(NET) + "\n")
         return 3 if out.name == self.failing else 0
 
@@ -167,6 +167,19 @@ def test_a_run_of_some_parts_leaves_the_records_of_others(tmp_path, monkeypatch)
             SOME, tmp_path / "out", tmp_path / "docs", only=[name], run=Runs(), cost=lambda part: 0
         )
     assert list(read_json(tmp_path / "docs" / "results" / "parts.json")) == ["two", "one"]
+
+
+def test_the_page_is_written_after_each_part_if_all_other_reports_exist(tmp_path, monkeypatch):
+    monkeypatch.setattr(making, "commit", lambda: "abc")
+    docs, pages = tmp_path / "docs", []
+    shutil.copytree(ROOT / "docs" / "results", docs / "results")
+    monkeypatch.setattr(page, "write", lambda folder: pages.append(page.text(folder)))
+    making.make(SOME, tmp_path / "out", docs, run=Runs(), cost=lambda part: 0)
+    assert [f"[{name}](results/{name}.json)" in pages[0] for name in ("one", "two")] == [
+        True,
+        False,
+    ]
+    assert "[two](results/two.json)" in pages[1]
 
 
 def test_changed_documentation_does_not_change_the_commit(tmp_path):
@@ -219,7 +232,7 @@ def test_the_page_has_parts_that_are_made_later(tmp_path):
     replaced = {"fit-camvid": "fit-labelmefacade", "labels-camvid": "labels-labelmefacade"}
     for part in results.parts(EVERYTHING, tmp_path, "quick"):
         if other := stands_for.get(part.name.partition("-")[0], replaced.get(part.name)):
-            records[part.name] = records[other] | {"commit": "abc"}
+            records[part.name] = records[other] | {"commit": "abc", "engine": 10}
             shutil.copyfile(folder / f"{other}.json", folder / f"{part.name}.json")
     write_json(folder / "parts.json", records)
     text = page.text(tmp_path)
@@ -228,6 +241,11 @@ def test_the_page_has_parts_that_are_made_later(tmp_path):
     assert "No row has" not in text and "are not made yet" not in text
     assert "| CamVid, 300 rewards, no relaxation | 240x176 | sdr | 3 | 54.6 |" in text
     assert "| CamVid (100 labels, its test images) |" in text
+    size = read_json(folder / "labels-camvid.json")["scored_at"]
+    assert (
+        f"| CamVid, test images (engine 10, {size}) | 14 |" in text
+    )  # tables of two engines say so
+    assert "engine 10, commit abc. " in text
 
 
 def test_readme_states_what_the_reports_say():
@@ -264,6 +282,9 @@ def test_sentences_of_the_page_that_no_number_carries_are_true():
             assert better["ci95"][0] > 0
     far = {row: RECORDED.estimate("far", row)["mean"] for row in ("default", "random")}
     assert far["default"] < far["random"]
+    rows = (RECORDED.fit_row("camvid-0006R0", name) for name in ("both", "all"))
+    low, high = gain(*(miou(row["nets"]) for row in rows))["ci95"]
+    assert low < 0 < high  # as good as
     best = RECORDED.estimate("rivals-labelmefacade", "intervals")
     for method in ("surrogate", "tpe", "gaussian_process"):
         row = RECORDED.estimate("rivals-labelmefacade", method)
