@@ -262,6 +262,19 @@ def test_readme_states_what_the_reports_say():
     assert f"about {demo} minutes on two cores" in readme
 
 
+def test_the_page_on_few_labels_states_what_the_reports_say():
+    guide = (ROOT / "docs" / "howto" / "few_labels.md").read_text(encoding="utf-8")
+    text = " ".join(guide.split())
+    camvid, facades = (
+        RECORDED.row(f"labels-{name}", labels=14, renders=renders)["of_all"]
+        for name, renders in (("camvid-0006R0", "default"), ("labelmefacade", "random"))
+    )
+    assert f"reach {camvid:.0f} % of the mIoU of all 266 labels" in text
+    assert f"14 plus random streets reach {facades:.0f} % of all 100" in text
+    optimised = RECORDED.row("labels-labelmefacade", labels=14, renders="learnt")["of_all"]
+    assert f"all 100 labels bring 14 labels to {optimised:.0f} %" in text
+
+
 def test_sentences_of_the_page_that_no_number_carries_are_true():
     """When one of them fails with new results, `page.md` needs other words."""
     for name in page.SEARCHED:
