@@ -2,7 +2,6 @@
 # test the tests' extras, too.
 OUT ?= runs/demo
 DATA ?= $(CAMVID_DIR)
-WEIGHTS ?=
 TWIN ?= far
 TWIN_SEED ?= 0
 PYTHON ?=
@@ -18,7 +17,7 @@ BIN := .venv/bin
 help:
 	@echo 'make demo      learn the attributes of the embedded target; OUT=DIR (runs/demo), TWIN=near|far (far), TWIN_SEED=N (0)'
 	@echo 'make test      the tests, without the slow ones; ARGS="-k name" goes to pytest; JOBS=N (2) at a time'
-	@echo 'make results   every result of docs/results.md, from this commit; DATA=CAMVID ($$CAMVID_DIR), FACADES=LABELMEFACADE, WEIGHTS=VGG16, STORE=FILE; hours'
+	@echo 'make results   every result of docs/results.md, from this commit; DATA=CAMVID ($$CAMVID_DIR), FACADES=LABELMEFACADE, STORE=FILE; hours'
 	@echo 'make nightly   all tests but the next'
 	@echo 'make robust    kills, full disks, damaged and hostile files: a table of what is survived; TIMES=N (20)'
 	@echo 'make lint      ruff (rules, format), spelling and mypy'
@@ -43,7 +42,7 @@ test: setup
 	@$(BIN)/python -m pytest -n "$(JOBS)" --dist loadfile -m "not slow and not robust" --durations=20 $(ARGS)
 
 results: setup
-	@$(BIN)/python -m scripts.results $(if $(DATA),--data "$(DATA)") $(if $(FACADES),--facades "$(FACADES)") $(if $(WEIGHTS),--weights "$(WEIGHTS)") $(if $(STORE),--store "$(STORE)") --docs docs
+	@$(BIN)/python -m scripts.results $(if $(DATA),--data "$(DATA)") $(if $(FACADES),--facades "$(FACADES)") $(if $(STORE),--store "$(STORE)") --docs docs
 
 # Compiled as users have it, see tests/conftest.py.
 nightly: setup
