@@ -10,7 +10,7 @@ from scene.assets.family import ROAD, Family, Size
 from scene.assets.parts.draw import between, maybe, near, sample_fields, times
 from scene.assets.parts.palette import BLACK, HEADLAMP, STEEL, TAILLAMP, TYRE, WICKER
 from scene.assets.parts.skin import cuboid
-from scene.assets.parts.vehicle import card, circle, mudguard, rod
+from scene.assets.parts.vehicle import card, mudguard, rod
 from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, Parts, Point, merge
 from scene.mesh.solids import block, polygon, ring, tube
@@ -174,8 +174,9 @@ def _drive(p: BicycleParams) -> Parts:
     yield polygon(outline, p.saddle_color)
     yield polygon([(tip, 0, z), (tail, 0.075, z), (tail, 0, z - 0.07), (x, 0, z - 0.05)], BLACK)
     yield polygon([(tip, 0, z), (tail, -0.075, z), (tail, 0, z - 0.07), (x, 0, z - 0.05)], BLACK)
-    sprocket = circle((CRANK[0], -0.045, CRANK[2]), 0.085, 8)
-    yield polygon(sprocket, STEEL, "metal")
+    turn = (np.arange(8) / 8 - 0.25) * 2 * np.pi
+    sprocket = 0.085 * np.column_stack([np.cos(turn), np.zeros(8), np.sin(turn)])
+    yield polygon(np.array([CRANK[0], -0.045, CRANK[2]]) + sprocket, STEEL, "metal")
     rear = -p.wheelbase / 2
     low, high = (rear, -0.05, p.wheel_radius - 0.02), (CRANK[0], -0.05, CRANK[2] + 0.07)
     chain = [low, (CRANK[0], -0.05, CRANK[2] - 0.07), high, (rear, -0.05, p.wheel_radius + 0.02)]

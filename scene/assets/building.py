@@ -111,8 +111,8 @@ def _facade(rng: np.random.Generator, p: BuildingParams) -> Iterable[Part]:
     top = eaves(p)
     upper, ground = _upper_openings(p), _ground_openings(p)
     yield Patch(upright(-p.width / 2, p.width / 2, 0, top, RECESS), p.frame, "paint")
-    yield from pierced_wall(p.width, (0, p.ground), ground, *p.ground_wall)
-    yield from pierced_wall(p.width, (p.ground, top), upper, *p.wall)
+    yield from pierced_wall(p.width, (0, p.ground), ground, p.ground_wall)
+    yield from pierced_wall(p.width, (p.ground, top), upper, p.wall)
     ground_panes = {"doors": p.panes, "shop": (2, 1)}.get(p.ground_floor, (1, 1))
     for (opening,) in ground:
         yield from _opening_fill(rng, p, opening, ground_panes)
@@ -120,7 +120,7 @@ def _facade(rng: np.random.Generator, p: BuildingParams) -> Iterable[Part]:
         for opening in column:
             yield from _opening_fill(rng, p, opening, p.panes)
             if p.head != "flat" and bay not in p.balconies:
-                yield from arch(opening, *p.wall, pointed=p.head == "pointed")
+                yield from arch(opening, p.wall, pointed=p.head == "pointed")
             if "sills" in p.trim and bay not in p.balconies:
                 yield from sill(opening, p.frame)
             if "lintels" in p.trim and p.head == "flat":

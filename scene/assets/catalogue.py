@@ -139,11 +139,7 @@ BARE = "bare"
 
 
 def in_season(
-    family: str,
-    ref: int | str,
-    bare: float | None,
-    pool: AssetPool,
-    share: float,
+    family: str, ref: int | str, bare: float | None, pool: AssetPool, share: float
 ) -> int | str:
     """Replace a tree by one with or without leaves, so that a share ``bare`` of trees has none.
 

@@ -245,12 +245,8 @@ def _ivy(rng: np.random.Generator, p: TreeParams, trunk: _Wood) -> Asset:
     turn, distance = rng.uniform(0, 2 * np.pi, p.ivy), 2.2 * p.radius * rng.uniform(0.6, 1.3, p.ivy)
     line = trunk.lines[0]
     x, y = (np.interp(z, line[:, 2], line[:, k]) for k in (0, 1))
-    return leaf_cards(
-        rng,
-        np.column_stack([x + distance * np.cos(turn), y + distance * np.sin(turn), z]),
-        p.leaf,
-        IVY,
-    )
+    leaves = np.column_stack([x + distance * np.cos(turn), y + distance * np.sin(turn), z])
+    return leaf_cards(rng, leaves, p.leaf, IVY)
 
 
 def _stakes(p: TreeParams) -> Parts:

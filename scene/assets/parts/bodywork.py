@@ -267,9 +267,8 @@ def shell(b: Body, paint: Paint) -> Asset:
     """Build the painted and glazed body, open below."""
     s = stations(b)
     along = s[:, None]
-    points = np.concatenate(
-        [flank(b, along, FLANK), cabin(b, along, CABIN), roof(b, along, ROOF)], axis=1
-    )
+    sections = flank(b, along, FLANK), cabin(b, along, CABIN), roof(b, along, ROOF)
+    points = np.concatenate(sections, axis=1)
     paints = [(paint.body, "paint"), (paint.lower, "plain"), (paint.roof, paint.roof_material)]
     paints += [(paint.glass, "glass"), (paint.screen, "glass"), (BLACK, "plain")]
     sides = paint_cells(points, paints, _cells(b, paint, s))
@@ -281,11 +280,8 @@ def shell(b: Body, paint: Paint) -> Asset:
         grid = np.concatenate([rows, rim[None, len(FLANK) - 1 :]])
         cells = np.zeros((len(FLANK) - 1, len(c) - 1), int)
         cells[: paint.lower_rows] = 1
-        ends.append(
-            paint_cells(
-                grid if end == 0 else grid[::-1], paints, cells if end == 0 else cells[::-1]
-            )
-        )
+        order = slice(None, None, -1 if end else 1)
+        ends.append(paint_cells(grid[order], paints, cells[order]))
     half_shell = weld(sides, *ends)
     return weld(half_shell, mirrored(half_shell))
 

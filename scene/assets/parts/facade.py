@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.parts.palette import WINDOW, darker
+from scene.assets.parts.skin import Span
 from scene.mesh.asset import Asset, Color, Point, merge, solid
 from scene.mesh.solids import block, polygon, quads
 
@@ -78,7 +79,7 @@ def upright(left: float, right: float, low: float, high: float, y: float) -> lis
     return [(left, y, low), (right, y, low), (right, y, high), (left, y, high)]
 
 
-def bays(width: float, count: int, share: float) -> list[tuple[float, float]]:
+def bays(width: float, count: int, share: float) -> list[Span]:
     """Return the left and right edge of an opening in each of ``count`` bays, ``share`` of the bay wide."""
     pitch = width / count
     middles = (np.arange(count) + 0.5) * pitch - width / 2
@@ -86,11 +87,7 @@ def bays(width: float, count: int, share: float) -> list[tuple[float, float]]:
 
 
 def pierced_wall(
-    width: float,
-    levels: tuple[float, float],
-    columns: Sequence[Sequence[Opening]],
-    color: Color,
-    material: str,
+    width: float, levels: Span, columns: Sequence[Sequence[Opening]], finish: Finish
 ) -> Iterable[Part]:
     """Build the wall between two ``levels`` around its openings.
 
@@ -98,8 +95,7 @@ def pierced_wall(
         width: of the wall, centred on x = 0 (metres).
         levels: of its foot and its top (metres).
         columns: from left to right, equally wide openings above one another, from the foot up.
-        color: of the wall.
-        material: of the wall.
+        finish: of the wall.
 
     Returns:
         Piers of the full height, the wall below, between and above the openings of each column, and the
@@ -112,43 +108,36 @@ def pierced_wall(
         bounds = [low, *(z for o in column for z in (o.low, o.high)), high]
         gaps = zip(bounds[::2], bounds[1::2], strict=True)
         areas += [(column[0].left, column[0].right, a, b) for a, b in gaps]
-    yield from (Patch(upright(*area, 0), color, material) for area in areas)
-    yield from (r for column in columns for o in column for r in _reveals(o, color, material))
+    yield from (Patch(upright(*area, 0), *finish) for area in areas)
+    for column in columns:
+        for opening in column:
+            yield from _reveals(opening, finish)
 
 
-def _reveals(opening: Opening, color: Color, material: str) -> list[Part]:
+def _reveals(opening: Opening, finish: Finish) -> Iterable[Part]:
     """Build the reveals of an opening: sides, head and foot."""
     left, right, low, high, _ = opening
-    sides = [
-        [(x, 0, low), (x, RECESS, low), (x, RECESS, high), (x, 0, high)] for x in (left, right)
-    ]
-    ends = [
-        [(left, 0, z), (right, 0, z), (right, RECESS, z), (left, RECESS, z)] for z in (low, high)
-    ]
-    return [Patch(corners, color, material) for corners in sides + ends]
+    for x in (left, right):
+        yield Patch([(x, 0, low), (x, RECESS, low), (x, RECESS, high), (x, 0, high)], *finish)
+    for z in (low, high):
+        yield Patch([(left, 0, z), (right, 0, z), (right, RECESS, z), (left, RECESS, z)], *finish)
 
 
-def arch(opening: Opening, color: Color, material: str, *, pointed: bool) -> Iterable[Part]:
+def arch(opening: Opening, finish: Finish, *, pointed: bool) -> Iterable[Part]:
     """Build the spandrels that turn the head of an opening into a round or pointed arch; 5 faces each."""
     left, right, _, high, _ = opening
     middle, half = (left + right) / 2, (right - left) / 2
     rise = half * (1.6 if pointed else 1.0)
-    turn = np.linspace(0, np.pi / 2, 6)
     if pointed:  # an arc around the opposite springing point
         turn = np.linspace(0, np.pi / 3, 6)
         across, up = 2 * np.cos(turn) - 1, np.sin(turn) / np.sin(np.pi / 3)
     else:
+        turn = np.linspace(0, np.pi / 2, 6)
         across, up = np.cos(turn), np.sin(turn)
-    for s in (-1, 1):
-        yield polygon(
-            [(middle + s * half, 0.0, high)]
-            + [
-                (middle + s * half * float(a), 0.0, high - rise + rise * float(u))
-                for a, u in zip(across, up, strict=True)
-            ],
-            color,
-            material,
-        )
+    bow = np.column_stack([across, up]).tolist()
+    for reach in (-half, half):
+        edge = [(middle + reach * a, 0.0, high - rise + rise * u) for a, u in bow]
+        yield polygon([(middle + reach, 0.0, high), *edge], *finish)
 
 
 def window(
@@ -170,10 +159,8 @@ def window(
         for column, (x0, x1) in enumerate(pairwise(across)):
             x, z = (x0 + half, x1 - half), (z0 + half, z1 - half)
             if look == "curtains":
-                a, b = (
-                    x[0] + curtain_width * (column == 0),
-                    x[1] - curtain_width * (column == panes[0] - 1),
-                )
+                a = x[0] + curtain_width * (column == 0)
+                b = x[1] - curtain_width * (column == panes[0] - 1)
                 areas = [(x[0], a, *z, curtain), (a, b, *z, glass), (b, x[1], *z, curtain)]
             else:
                 level = min(max(edge, z[0]), z[1])
@@ -197,9 +184,8 @@ def door(opening: Opening, color: Color) -> Iterable[Part]:
         light = upright(left + 0.05, right - 0.05, head + 0.06, high - 0.05, PANE)
         yield Patch(light, WINDOW, "glass")
     if low > 0.05:
-        step = relief((left - 0.15, -0.35, 0), (right + 0.15, 0.05, low), (0.30, 0.28, 0.25),
-                     "concrete")  # fmt: skip
-        yield step
+        low_corner, high_corner = (left - 0.15, -0.35, 0), (right + 0.15, 0.05, low)
+        yield relief(low_corner, high_corner, (0.30, 0.28, 0.25), "concrete")
 
 
 def sill(opening: Opening, color: Color) -> Iterable[Part]:

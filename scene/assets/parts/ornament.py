@@ -15,6 +15,7 @@ import numpy as np
 
 from scene.assets.parts.facade import PROUD, Finish, Part, Patch, bays, relief, upright
 from scene.assets.parts.palette import BLACK, WINDOW
+from scene.assets.parts.skin import Span
 from scene.mesh.asset import Color, Point
 from scene.mesh.solids import block, disc, polygon, tube
 
@@ -24,17 +25,13 @@ BAY_DEPTH = 0.6
 """Depth of bay windows and balconies (metres)."""
 
 
-def band(span: tuple[float, float], depth: float, base: float, height: float, color: Color) -> Part:
+def band(span: Span, depth: float, base: float, height: float, color: Color) -> Part:
     """Build a slab along the facade, set into it by 5 cm."""
     return relief((span[0], -depth, base), (span[1], 0.05, base + height), color, "concrete")
 
 
 def capitals(
-    rng: np.random.Generator,
-    span: tuple[float, float],
-    levels: tuple[float, float],
-    y: float,
-    color: Color,
+    rng: np.random.Generator, span: Span, levels: Span, y: float, color: Color
 ) -> Iterable[Part]:
     """Build strokes that look like a line of capitals from a distance."""
     low, high = levels
@@ -111,9 +108,8 @@ def hanging_sign(x: float, base: float, color: Color) -> Iterable[Part]:
 
 
 def bay_window(
-    span: tuple[float, float], levels: tuple[float, float, float], wall: Finish,
-    frame: Color, roof: Color,
-) -> Iterable[Part]:  # fmt: skip
+    span: Span, levels: tuple[float, float, float], wall: Finish, frame: Color, roof: Color
+) -> Iterable[Part]:
     """Build a canted bay window in front of the wall.
 
     Args:
@@ -150,7 +146,7 @@ def bay_window(
     yield polygon([lid[2], lid[3], ridge[1]], roof, "roof")
 
 
-def balcony(span: tuple[float, float], floor: float, frame: Color, accent: Color) -> Iterable[Part]:
+def balcony(span: Span, floor: float, frame: Color, accent: Color) -> Iterable[Part]:
     """Build a slab with a see-through railing."""
     (left, right), out = span, -BAY_DEPTH
     foot, head = floor + 0.07, floor + 0.98
@@ -175,7 +171,7 @@ def dish(x: float, z: float) -> Iterable[Part]:
     yield tube((x, 0, z - 0.1), (x, -0.4, z), 0.025, (0.2, 0.2, 0.2), "metal", sides=4)
 
 
-def quoins(width: float, levels: tuple[float, float], color: Color) -> Iterable[Part]:
+def quoins(width: float, levels: Span, color: Color) -> Iterable[Part]:
     """Build alternating long and short stones at both edges."""
     low, high = levels
     for side in (-1, 1):
@@ -185,9 +181,7 @@ def quoins(width: float, levels: tuple[float, float], color: Color) -> Iterable[
             yield Patch(stone, color, "plaster")
 
 
-def timbers(
-    width: float, levels: list[float], columns: list[tuple[float, float]], color: Color
-) -> Iterable[Part]:
+def timbers(width: float, levels: list[float], columns: list[Span], color: Color) -> Iterable[Part]:
     """Build dark beams at every floor and, behind them, posts at both sides of every window."""
     half = width / 2
     yield from (band((-half, half), STRING, z - 0.1, 0.2, color) for z in levels)

@@ -12,12 +12,7 @@ OVERHANG = 0.35
 
 
 def pitched_roof(
-    plan: tuple[float, float],
-    eaves: float,
-    rise: float,
-    style: str,
-    color: Color,
-    end: Finish,
+    plan: tuple[float, float], eaves: float, rise: float, style: str, color: Color, end: Finish
 ) -> Asset:
     """Build two slopes and two ends around a ridge.
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.parts.glazing import NARROW, Glazing, dimmed, interior, on_panes
-from scene.assets.parts.palette import BLACK, GLASS, STEEL, TRIM, TYRE
+from scene.assets.parts.palette import BLACK, GLASS, TRIM, TYRE
 from scene.assets.parts.skin import Span, in_plane, sheet
 from scene.assets.parts.wheel import Wheel, wheels
 from scene.mesh.asset import Asset, Color, Parts, Point
@@ -20,13 +20,6 @@ from scene.mesh.solids import loft, polygon, quads, tube
 
 Corners = np.ndarray
 """A wall f64[4, 3]: corners seen from outside, anticlockwise from the lower left."""
-
-
-def circle(centre: Point, radius: float, sides: int) -> np.ndarray:
-    """Return points f64[sides, 3] of a circle in the x-z plane, the lowest one first."""
-    angle = (np.arange(sides) / sides - 0.25) * 2 * np.pi
-    ring = np.column_stack([np.cos(angle), np.zeros(sides), np.sin(angle)])
-    return np.asarray(centre) + radius * ring
 
 
 def rod(start: Point, end: Point, radius: float, color: Color, material: str = "metal") -> Asset:
@@ -46,13 +39,9 @@ def mudguard(
     hub: Point, radius: float, width: float, angles: tuple[float, ...], color: Color
 ) -> Asset:
     """Build a strip around a wheel through ``angles``, radians from straight ahead up and back."""
-    edges = [
-        [
-            (hub[0] + radius * np.cos(a), hub[1] + side * width / 2, hub[2] + radius * np.sin(a))
-            for side in (1, -1)
-        ]
-        for a in angles
-    ]
+    x, y, z = hub
+    rim = [(x + radius * np.cos(a), z + radius * np.sin(a)) for a in angles]
+    edges = [[(a, side, b) for side in (y + width / 2, y - width / 2)] for a, b in rim]
     return loft(np.array(edges), color, "paint", closed=False, caps=False)
 
 
@@ -65,9 +54,8 @@ def axle(
     half_width: float,
     radius: float,
     width: float,
-    rim: Color | None = STEEL,
+    rim: Color | None,
     *,
-    rim_share: float = 0.6,
     sides: int = 14,
 ) -> Asset:
     """Build a wheel on either side, outer faces at ``half_width``; without ``rim`` a dark disc (rails).
@@ -75,7 +63,7 @@ def axle(
     Rims are shallow, since the side of the body has no opening for a wheel and would hide a deeper one.
     """
     style = "cap" if rim is None else "steel"
-    spec = Wheel(radius, width, style, 8, rim_share, TYRE if rim is None else rim, SHALLOW)
+    spec = Wheel(radius, width, style, 8, 0.6, TYRE if rim is None else rim, SHALLOW)
     return wheels(spec, (x,), half_width, sides=sides)
 
 
@@ -218,7 +206,7 @@ def _corner(h: Hull) -> np.ndarray:
     return h.round * np.column_stack([1 - np.sin(_ARC), 1 - np.cos(_ARC)])
 
 
-def hull(h: Hull, color: Color, material: str = "paint") -> Asset:
+def hull(h: Hull, color: Color) -> Asset:
     """Build the body of ``h``, closed all round."""
     half = h.width / 2
     arc = h.chamfer * np.column_stack([1 - np.cos(_ARC), np.sin(_ARC) - 1])
@@ -232,7 +220,7 @@ def hull(h: Hull, color: Color, material: str = "paint") -> Asset:
             up = (section[:, 1] - h.low) / (h.high - h.low)
             along = h.x + end * (h.length / 2 - back - lean * up)
             rings.append(np.column_stack([along, section]))
-    return loft(rings, color, material)
+    return loft(rings, color, "paint")
 
 
 def wrap(

@@ -84,11 +84,8 @@ def _graffiti(p: WallParams, rng: np.random.Generator) -> Parts:
         high = low + float(rng.uniform(0.8, 1.1))
         for y, grow, color in ((-PAINT, 0.04, BLACK), (-2 * PAINT, 0.0, paint)):
             turn = np.linspace(0, 2 * np.pi, 9)[:-1] + rng.uniform(0, 0.4)
-            u = (
-                x
-                + width / 2
-                + (width / 2 + grow) * np.sign(np.cos(turn)) * abs(np.cos(turn)) ** 0.5
-            )
+            bow = np.sign(np.cos(turn)) * abs(np.cos(turn)) ** 0.5
+            u = x + width / 2 + (width / 2 + grow) * bow
             v = (low + high) / 2 + ((high - low) / 2 + grow) * np.sin(turn)
             shape = np.column_stack([u + slant * np.sin(turn), np.full(8, y), v])
             faces = np.array([[0, k, k + 1] for k in range(1, 7)])

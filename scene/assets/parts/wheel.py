@@ -11,7 +11,11 @@ from scene.assets.parts.palette import BLACK, STEEL, TYRE
 from scene.assets.parts.skin import mirrored, revolve
 from scene.mesh.asset import Asset, Color, merge, solid, translate
 
-STYLES: tuple[str, ...] = ("spokes", "twin spokes", "cap", "steel")
+_SPOKES = {"spokes": ((0.0, 0.46),), "twin spokes": ((-0.2, 0.2), (0.2, 0.2))}
+"""Turn and width of each spoke, as shares of the gap between two."""
+_HOLES = {"cap": (0.72, 0.88), "steel": (0.55, 0.85)}
+"""Inner and outer edge of the holes, as shares of the rim."""
+STYLES: tuple[str, ...] = (*_SPOKES, *_HOLES)
 """Designs of a rim's face."""
 
 
@@ -33,7 +37,7 @@ def wheel(w: Wheel, *, sides: int = 14) -> Asset:
     r, rim = w.radius, w.rim_share * w.radius
     tread = [(rim, 0.0), (0.93 * r, -0.004), (r, -0.16 * w.width), (r, -0.9 * w.width)]
     dish = -w.dish * w.width
-    floor = w.color if w.style in ("cap", "steel") else BLACK
+    floor = w.color if w.style in _HOLES else BLACK
     parts = [
         revolve(tread[::-1], TYRE, "rubber", sides=sides),
         revolve([(0.92 * rim, dish), (rim, 0.0)][::-1], w.color, "metal", sides=sides),
@@ -42,15 +46,12 @@ def wheel(w: Wheel, *, sides: int = 14) -> Asset:
     ]
     turn = np.arange(w.spokes) * 2 * np.pi / w.spokes + np.pi / 2
     gap = 2 * np.pi / w.spokes
-    if w.style == "spokes":
-        parts.append(_sectors(turn, (0.1 * rim, 0.95 * rim), 0.46 * gap, 0.45 * dish, w.color))
-    elif w.style == "twin spokes":
-        for side in (-0.2, 0.2):
-            arms = turn + side * gap
-            parts.append(_sectors(arms, (0.1 * rim, 0.95 * rim), 0.2 * gap, 0.45 * dish, w.color))
-    else:  # holes near the edge
-        span = (0.55 * rim, 0.85 * rim) if w.style == "steel" else (0.72 * rim, 0.88 * rim)
-        parts.append(_sectors(turn, span, 0.5 * gap, 0.9 * dish, BLACK))
+    for side, width in _SPOKES.get(w.style, ()):
+        arms, span = turn + side * gap, (0.1 * rim, 0.95 * rim)
+        parts.append(_sectors(arms, span, width * gap, 0.45 * dish, w.color))
+    if w.style in _HOLES:
+        low, high = _HOLES[w.style]
+        parts.append(_sectors(turn, (low * rim, high * rim), 0.5 * gap, 0.9 * dish, BLACK))
     return translate(merge(*parts), (0, 0, r))
 
 
