@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 from scene.assets.family import FOOTWAY, Family, Size
@@ -65,18 +66,11 @@ def bollard(p: BollardParams) -> Asset:
     """Build the bollard."""
     if not p.outline:
         return _beacon(p)
-    # Bands are slightly wider rings of the same post.
-    parts = [_turned(p, p.outline, p.color, 1.0)]
-    for low, high in p.bands:
-        parts.append(_turned(p, ((low, 1.0), (high, 1.0)), p.band, 1.06))
-    return merge(*parts)
-
-
-def _turned(
-    p: BollardParams, outline: tuple[tuple[float, float], ...], color: Color, grow: float
-) -> Asset:
-    stations = [(z * p.height, grow * r * p.radius) for z, r in outline]
-    return turned(stations, color, p.material, p.sides, phase=0.5)
+    around = partial(turned, material=p.material, sides=p.sides, phase=0.5)
+    post = around([(z * p.height, r * p.radius) for z, r in p.outline], p.color)
+    r = 1.06 * p.radius  # bands are slightly wider than the post
+    bands = [around([(low * p.height, r), (high * p.height, r)], p.band) for low, high in p.bands]
+    return merge(post, *bands)
 
 
 def _beacon(p: BollardParams) -> Asset:

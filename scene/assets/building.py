@@ -12,36 +12,9 @@ from itertools import product
 import numpy as np
 
 from scene.assets.family import FRONTAGE, Family, Size
-from scene.assets.parts import ornament
-from scene.assets.parts.facade import (
-    PANE,
-    PROUD,
-    RECESS,
-    Opening,
-    Part,
-    Patch,
-    arch,
-    assemble,
-    bays,
-    door,
-    lintel,
-    pierced_wall,
-    relief,
-    side_window,
-    sill,
-    upright,
-    window,
-)
+from scene.assets.parts import facade, ornament, roof
+from scene.assets.parts.facade import Opening, Part, Patch, bays, upright
 from scene.assets.parts.palette import WINDOW
-from scene.assets.parts.roof import (
-    OVERHANG,
-    chimney,
-    dormer,
-    flat_roof,
-    pitched_roof,
-    plant_room,
-    steeple,
-)
 from scene.assets.parts.styles import KINDS, BuildingParams, sample_building
 from scene.classes import TrainId
 from scene.mesh.asset import Asset
@@ -63,11 +36,11 @@ def _upper_openings(p: BuildingParams) -> list[list[Opening]]:
     low = p.storey * (1 - p.window[1]) * 0.55
     high = low + p.storey * p.window[1]
     glazed = p.ground_floor != "decks"
-    return [
-        [Opening(*span, z + (0.1 if bay in p.balconies else low), z + high, glazed)
-         for z in _floors(p)]
-        for bay, span in enumerate(bays(p.width, p.bays, p.window[0]))
-    ]  # fmt: skip
+    columns = []
+    for bay, span in enumerate(bays(p.width, p.bays, p.window[0])):
+        foot = 0.1 if bay in p.balconies else low
+        columns.append([Opening(*span, z + foot, z + high, glazed) for z in _floors(p)])
+    return columns
 
 
 def _ground_openings(p: BuildingParams) -> list[list[Opening]]:
@@ -76,10 +49,8 @@ def _ground_openings(p: BuildingParams) -> list[list[Opening]]:
     top = 0.82 * p.ground
     match p.ground_floor:
         case "shop":
-            left, entrance, right = bays(p.width, 3, 0.86)
-            high = 0.74 * p.ground
-            row = [Opening(*left, 0.55, high), Opening(*entrance, 0.08, high),
-                   Opening(*right, 0.55, high)]  # fmt: skip
+            row = [Opening(*span, 0.55, 0.74 * p.ground) for span in bays(p.width, 3, 0.86)]
+            row[1] = row[1]._replace(low=0.08)
         case "gates":
             *gates, office = bays(p.width, 3, 0.72)
             row = [Opening(*gate, 0.05, 0.85 * p.ground, glazed=False) for gate in gates]
@@ -100,19 +71,19 @@ def _opening_fill(
 ) -> Iterable[Part]:
     """Build the inside of an opening: panes, a door, or the darkness of a parking deck."""
     if opening.glazed:
-        return window(rng, opening, panes, p.curtain)
+        return facade.window(rng, opening, panes, p.curtain)
     if p.ground_floor == "decks":
-        return [Patch(upright(*opening[:4], PANE), WINDOW, "plain")]
-    return door(opening, p.accent)
+        return [Patch(upright(*opening[:4], facade.PANE), WINDOW, "plain")]
+    return facade.door(opening, p.accent)
 
 
 def _facade(rng: np.random.Generator, p: BuildingParams) -> Iterable[Part]:
     """Build ground floor and upper storeys of the front with frames, panes, doors, sills and lintels."""
     top = eaves(p)
     upper, ground = _upper_openings(p), _ground_openings(p)
-    yield Patch(upright(-p.width / 2, p.width / 2, 0, top, RECESS), p.frame, "paint")
-    yield from pierced_wall(p.width, (0, p.ground), ground, p.ground_wall)
-    yield from pierced_wall(p.width, (p.ground, top), upper, p.wall)
+    yield Patch(upright(-p.width / 2, p.width / 2, 0, top, facade.RECESS), p.frame, "paint")
+    yield from facade.pierced_wall(p.width, (0, p.ground), ground, p.ground_wall)
+    yield from facade.pierced_wall(p.width, (p.ground, top), upper, p.wall)
     ground_panes = {"doors": p.panes, "shop": (2, 1)}.get(p.ground_floor, (1, 1))
     for (opening,) in ground:
         yield from _opening_fill(rng, p, opening, ground_panes)
@@ -120,11 +91,11 @@ def _facade(rng: np.random.Generator, p: BuildingParams) -> Iterable[Part]:
         for opening in column:
             yield from _opening_fill(rng, p, opening, p.panes)
             if p.head != "flat" and bay not in p.balconies:
-                yield from arch(opening, p.wall, pointed=p.head == "pointed")
+                yield from facade.arch(opening, p.wall, pointed=p.head == "pointed")
             if "sills" in p.trim and bay not in p.balconies:
-                yield from sill(opening, p.frame)
+                yield from facade.sill(opening, p.frame)
             if "lintels" in p.trim and p.head == "flat":
-                yield lintel(opening, p.frame)
+                yield facade.lintel(opening, p.frame)
 
 
 def _trim(rng: np.random.Generator, p: BuildingParams) -> Iterable[Part]:
@@ -145,12 +116,12 @@ def _trim(rng: np.random.Generator, p: BuildingParams) -> Iterable[Part]:
             case "pilasters" | "mullions" | "ribs":
                 width = {"pilasters": 0.42, "mullions": 0.12, "ribs": 0.06}[name]
                 foot = p.ground if p.ground_floor == "shop" else 0.0
-                edges = np.linspace(-half + width / 2, half - width / 2,
-                                    (p.bays if name != "ribs" else 12) + 1)  # fmt: skip
-                low = p.ground if name == "ribs" else foot
-                yield from (relief((x - width / 2, -ornament.PILASTER, low),
-                          (x + width / 2, 0.05, top - 0.32), p.frame, "concrete")
-                    for x in edges.tolist())  # fmt: skip
+                count, low = (12, p.ground) if name == "ribs" else (p.bays, foot)
+                edges = np.linspace(-half + width / 2, half - width / 2, count + 1)
+                for x in edges.tolist():
+                    left, right = x - width / 2, x + width / 2
+                    corners = (left, -ornament.PILASTER, low), (right, 0.05, top - 0.32)
+                    yield facade.relief(*corners, p.frame, "concrete")
             case "pipe":
                 yield from ornament.drainpipe(half - 0.2, top)
             case "dish":
@@ -158,23 +129,22 @@ def _trim(rng: np.random.Generator, p: BuildingParams) -> Iterable[Part]:
                     yield from ornament.dish(float(rng.uniform(-0.4, 0.4)) * p.width, top - 0.35)
             case "number":
                 x = columns[p.doors[0]][1] + 0.25
-                plate = upright(x - 0.1, x + 0.1, 1.6, 1.78, -PROUD)
+                plate = upright(x - 0.1, x + 0.1, 1.6, 1.78, -facade.PROUD)
                 yield Patch(plate, ornament.contrast(p.ground_wall[0]), "paint")
             case "sign":
                 x = (1, -1)[rng.integers(2)] * (half - 0.5)
                 yield from ornament.hanging_sign(x, p.ground + 0.3, p.accent)
             case "board":
                 low, high = p.ground - 0.42, p.ground + 0.08
-                span = (-0.45 * p.width, 0.45 * p.width)
-                yield relief((span[0], -ornament.BOARD, low), (span[1], 0.05, high), p.accent)
-                yield from ornament.capitals(
-                    rng, (0.55 * span[0], 0.6 * span[1]), (low + 0.09, high - 0.09),
-                    -ornament.BOARD - PROUD, ornament.contrast(p.accent),
-                )  # fmt: skip
+                left, right, y = -0.45 * p.width, 0.45 * p.width, -ornament.BOARD
+                yield facade.relief((left, y, low), (right, 0.05, high), p.accent)
+                span, levels = (0.55 * left, 0.6 * right), (low + 0.09, high - 0.09)
+                ink = ornament.contrast(p.accent)
+                yield from ornament.capitals(rng, span, levels, y - facade.PROUD, ink)
             case "turret":
                 yield from ornament.turret(-half + 1.0, 1.25, top, floors, p.wall, p.roof_color)
             case "plant":
-                yield from plant_room((p.width, p.depth), top + p.rise, p.frame)
+                yield from roof.plant_room((p.width, p.depth), top + p.rise, p.frame)
             case "battlements":
                 for x in np.arange(-half + 0.3, half, 1.1):
                     yield box((0.55, 0.3, 0.5), (float(x), 0.15, top + p.rise), *p.wall)
@@ -206,35 +176,37 @@ def _sides(p: BuildingParams) -> Iterable[Part]:
         yield Patch(corners, *p.wall)
         for storey, middle in product(range(p.storeys), middles):
             low = p.ground + (storey + 0.3) * p.storey
-            yield from side_window(x, middle, low, low + 0.5 * p.storey, p.frame)
+            yield from facade.side_window(x, middle, low, low + 0.5 * p.storey, p.frame)
 
 
 def _roof(p: BuildingParams) -> Iterable[Part]:
     """Build the roof with its dormers and chimneys, and the tower."""
     plan, base = (p.width, p.depth), eaves(p)
     if p.roof == "flat":
-        yield flat_roof(plan, base, p.rise, p.frame, p.wall)
+        yield roof.flat_roof(plan, base, p.rise, p.frame, p.wall)
     else:
-        yield pitched_roof(plan, base, p.rise, p.roof, p.roof_color, p.wall)
+        yield roof.pitched_roof(plan, base, p.rise, p.roof, p.roof_color, p.wall)
         if p.roof != "front gable":
             y = 0.12 * p.depth
-            slope = (y, base + p.rise * y / (p.depth / 2 + OVERHANG))
+            slope = (y, base + p.rise * y / (p.depth / 2 + roof.OVERHANG))
             spread = np.linspace(-1, 1, p.dormers + 2)[1:-1] * p.width / 2
             for x in spread.tolist():
-                yield from dormer(x, slope, p.frame, p.roof_color, p.roof_color)
+                yield from roof.dormer(x, slope, p.frame, p.roof_color, p.roof_color)
     reach = p.width / 2 - 0.6
     for x in (-reach, reach)[: p.chimneys]:
-        yield chimney((x, p.depth / 2 + 0.4, base), p.rise + 0.9, p.chimney)
+        yield roof.chimney((x, p.depth / 2 + 0.4, base), p.rise + 0.9, p.chimney)
     if p.tower:
         centre = (-p.width / 2 + 1.8, 1.4)
         height = max(p.tower, base + p.rise + 1.5)  # a tower ends above the roof
-        yield from steeple(centre, 3.6, height, p.spire, p.wall, p.roof_color)
+        yield from roof.steeple(centre, 3.6, height, p.spire, p.wall, p.roof_color)
 
 
 def building(p: BuildingParams) -> Asset:
     """Build the building."""
     rng = np.random.default_rng(p.seed)
-    return assemble([*_facade(rng, p), *_trim(rng, p), *_additions(rng, p), *_sides(p), *_roof(p)])
+    return facade.assemble(
+        [*_facade(rng, p), *_trim(rng, p), *_additions(rng, p), *_sides(p), *_roof(p)]
+    )
 
 
 FAMILY = Family(

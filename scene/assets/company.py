@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -74,9 +75,8 @@ def sample_company(rng: np.random.Generator, kind: str) -> CompanyParams:
     wood, stretch = pick(rng, WOODS, 0.3), float(rng.uniform(0.36, 0.56))
     if isinstance(detail, tuple):
         walker = walker._replace(outfit=walker.outfit._replace(hem=min(walker.outfit.hem, 0.2)))
-        return CompanyParams(
-            walker, float(rng.uniform(*_SITTING[kind][1])), detail, stretch, wood, ()
-        )
+        lean = float(rng.uniform(*_SITTING[kind][1]))
+        return CompanyParams(walker, lean, detail, stretch, wood, ())
     dogs = tuple(_sample_dog(rng, _WALKING[kind][1], k) for k in range(detail))
     return CompanyParams(walker, 0.0, None, stretch, wood, dogs)
 
@@ -93,10 +93,8 @@ def company(p: CompanyParams) -> Asset:
     """Build the person, facing +x, with a piece of bench or with dogs."""
     if p.hands is not None:
         return merge(_sitter(p, p.hands), ignore(merge(*_bench(p.wood))))
-    parts = [person.person(p.person)]
-    for dog in p.dogs:
-        parts.append(ignore(merge(_dog_body(dog), _lead(dog))))
-    return merge(*parts)
+    dogs = (ignore(merge(_dog_body(dog), _lead(dog))) for dog in p.dogs)
+    return merge(person.person(p.person), *dogs)
 
 
 def _sitter(p: CompanyParams, hands: tuple[Point, Point]) -> Asset:
@@ -116,22 +114,19 @@ def _sitter(p: CompanyParams, hands: tuple[Point, Point]) -> Asset:
 
 def _bench(wood: Color) -> Parts:
     """Build slats of seat and back, and two legs."""
-    yield from (
-        box((0.09, BENCH, 0.035), (x, 0, SEAT - 0.035), wood, "wood") for x in (-0.16, -0.04, 0.08)
-    )
-    yield from (box((0.03, BENCH, 0.1), (-0.25, 0, z), wood, "wood") for z in (0.58, 0.74))
-    for x in (-0.29, 0.1):
-        for y in (-0.27, 0.27):
-            yield box((0.05, 0.04, 0.84 if x < 0 else SEAT - 0.03), (x, y, 0), STEEL, "metal")
+    for x in (-0.16, -0.04, 0.08):
+        yield box((0.09, BENCH, 0.035), (x, 0, SEAT - 0.035), wood, "wood")
+    for z in (0.58, 0.74):
+        yield box((0.03, BENCH, 0.1), (-0.25, 0, z), wood, "wood")
+    for (x, high), y in product(((-0.29, 0.84), (0.1, SEAT - 0.03)), (-0.27, 0.27)):
+        yield box((0.05, 0.04, high), (x, y, 0), STEEL, "metal")
 
 
 def _dog_body(dog: Dog) -> Asset:
     """Build the dog at its place."""
     h, b, coat = dog.height, dog.build, dog.coat
-    trunk = np.array(
-        [(-0.55, 0.82), (-0.5, 0.80), (-0.2, 0.80), (0.15, 0.76), (0.4, 0.80), (0.47, 0.86)]
-    )
-    points = np.column_stack([trunk[:, 0] * h, np.zeros(6), trunk[:, 1] * h])
+    trunk = ((-0.55, 0.82), (-0.5, 0.80), (-0.2, 0.80), (0.15, 0.76), (0.4, 0.80), (0.47, 0.86))
+    points = np.array([(x * h, 0, z * h) for x, z in trunk])
     girth = [0.05, 0.14, 0.15, 0.19, 0.17, 0.10]
     parts = [limb(points, [h * b * r for r in girth], coat, "cloth")]
     neck = np.array([(0.40 * h, 0, 0.86 * h), (0.58 * h, 0, 1.08 * h)])
@@ -147,9 +142,8 @@ def _dog_body(dog: Dog) -> Asset:
             hip = np.array([leg_x * h, 0.09 * side * h * b, 0.72 * h])
             foot = np.array([(leg_x + 0.6 * math.sin(turn)) * h, 0.09 * side * h * b, 0.03 * h])
             knee = (hip + foot) / 2 + [0.05 * h * (1 if leg_x > 0 else -1), 0, 0]
-            parts.append(
-                limb(np.array([hip, knee, foot]), [0.09 * h, 0.05 * h, 0.04 * h], coat, "cloth", 6)
-            )
+            radii = [0.09 * h, 0.05 * h, 0.04 * h]
+            parts.append(limb([hip, knee, foot], radii, coat, "cloth", 6))
     tail = np.array([(-0.54 * h, 0, 0.86 * h), (-0.75 * h, 0, 1.0 * h), (-0.85 * h, 0, 1.2 * h)])
     parts.append(limb(tail, [0.045 * h, 0.03 * h, 0.015 * h], coat, "cloth", 5))
     body = merge(*parts)

@@ -139,10 +139,8 @@ def _head(p: TrafficLightParams, head: Head) -> Parts:
         z = p.centre + ((len(head.lamps) - 1) / 2 - i) * spacing
         yield from _lamp(p, head.y, z, radius, color, lit=i == head.lit)
     if p.kind.board:
-        for depth, margin, color in (
-            (0.035, p.kind.board, p.kind.edge),
-            (0.045, p.kind.board - 0.03, SIGNAL_BLACK),
-        ):
+        edge, face = (0.035, p.kind.board, p.kind.edge), (0.045, p.kind.board - 0.03, SIGNAL_BLACK)
+        for depth, margin, color in (edge, face):
             corner = 0.9 * (width + margin) if p.kind.round_board else 0.05
             board = _outline(head.y, p.centre, width + margin, half + margin, corner)
             x = -MAX_RADIUS - depth
@@ -157,9 +155,8 @@ def traffic_light(p: TrafficLightParams) -> Asset:
     parts = [part for head in p.heads for part in _head(p, head)]
     if len(p.heads) > 1:
         reach = max(h.y for h in p.heads) - min(h.y for h in p.heads)
-        parts.append(
-            box((0.05, reach, 0.05), (-MAX_RADIUS - 0.03, 0, p.centre), p.kind.color, "metal")
-        )
+        place = (-MAX_RADIUS - 0.03, 0, p.centre)
+        parts.append(box((0.05, reach, 0.05), place, p.kind.color, "metal"))
     return merge(*parts)
 
 

@@ -215,9 +215,8 @@ def _trunk(rng: np.random.Generator, p: TreeParams) -> _Wood:
     level = np.linspace(0, p.leader, points)
     wander = np.cumsum(rng.normal(0, 0.012 * p.height, (points, 2)), 0) * level[:, None]
     line = np.column_stack([wander, level * p.height * TOP])
-    taper = (1 - 0.85 * np.linspace(0, 1, points) ** 1.3) * (p.leader > 0.7) + (p.leader <= 0.7) * (
-        1 - 0.4 * np.linspace(0, 1, points)
-    )
+    share = np.linspace(0, 1, points)
+    taper = 1 - 0.85 * share**1.3 if p.leader > 0.7 else 1 - 0.4 * share
     taper[0] = 1.35
     return _Wood(line[None], p.radius * taper[None])
 

@@ -189,8 +189,7 @@ def _rear(b: Body, f: Fittings) -> Parts:
             (0.05, 0.17, 0.34, BLACK, "rubber"),
             (0.0, 0.18, 0.22, f.mirrors, "paint"),
         ):
-            wheel = tube((x + near, 0, z), (x - far, 0, z), radius, color, material, sides=16)
-            yield wheel
+            yield tube((x + near, 0, z), (x - far, 0, z), radius, color, material, sides=16)
 
 
 def _sides(b: Body, f: Fittings) -> Parts:
@@ -224,16 +223,10 @@ def _on_roof(b: Body, f: Fittings) -> Parts:
             ends = (x0, y0, z0 + 0.045), (x1, y1, z1 + 0.045)
             yield pair(tube(*ends, 0.02, f.rails, "metal", sides=4))
     if f.spoiler is not None:
-        s, c = np.meshgrid(
-            [b.roof_rear - 0.015, b.roof_rear + 0.012], np.linspace(-0.85, 0.85, 7), indexing="ij"
-        )
-        points = np.stack(
-            [
-                roof(b, row, np.abs(k))
-                * np.stack([np.ones_like(k), np.sign(k), np.ones_like(k)], -1)
-                for row, k in zip(s, c, strict=True)
-            ]
-        )
+        c, ones = np.linspace(-0.85, 0.85, 7), np.ones(7)
+        mirror = np.stack([ones, np.sign(c), ones], -1)
+        edges = (b.roof_rear - 0.015, b.roof_rear + 0.012)
+        points = np.stack([roof(b, s * ones, np.abs(c)) * mirror for s in edges])
         points[1] += [-0.14, 0, 0.02]
         points[0, :, 2] += 0.03
         under = points[1] - [0, 0, 0.04]
@@ -250,11 +243,8 @@ def _on_roof(b: Body, f: Fittings) -> Parts:
             (0.07, 0.3, -0.03, 0.13, f.sign, "lamp"),
             (0.075, 0.2, 0.02, 0.09, BLACK, "plain"),
         ):
-            x_span, z_span = (
-                (middle_x - half_length, middle_x + half_length),
-                (foot + low, foot + high),
-            )
-            yield cuboid(x_span, half_width, z_span, color, material)
+            ends = (middle_x - half_length, middle_x + half_length)
+            yield cuboid(ends, half_width, (foot + low, foot + high), color, material)
     if f.aerial:
         root = roof(b, np.array([b.roof_rear - 0.06]), np.zeros(1))[0]
         tip: Point = (root[0] - 0.1, 0.0, root[2] + 0.22)

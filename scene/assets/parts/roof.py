@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 from scene.assets.parts.facade import Finish, upright
 from scene.assets.parts.palette import GUTTER, WINDOW
 from scene.mesh.asset import Asset, Color, Parts, Point, merge, translate
@@ -116,13 +118,12 @@ def steeple(
         yield polygon(bell, WINDOW, "plain")
     for z in (0.4 * height, height - 0.5):
         yield box((side + 0.25, side + 0.25, 0.2), (x, y, z), *wall)
-    for dx in (-1, 1):
-        for dy in (-1, 1):
-            yield box((0.45, 0.45, 1.0), (x + dx * (half - 0.25), y + dy * (half - 0.25), height),
-                             *wall)  # fmt: skip
+    inset = half - 0.25
+    for dx, dy in product((-inset, inset), repeat=2):
+        yield box((0.45, 0.45, 1.0), (x + dx, y + dy, height), *wall)
     if spire:
-        yield tube((x, y, height), (x, y, height + spire), 0.62 * side, color, "roof",
-                          end_radius=0.02, sides=8, caps=False)  # fmt: skip
+        ends = (x, y, height), (x, y, height + spire)
+        yield tube(*ends, 0.62 * side, color, "roof", end_radius=0.02, sides=8, caps=False)
 
 
 def plant_room(plan: tuple[float, float], base: float, color: Color) -> Parts:
