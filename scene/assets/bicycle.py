@@ -253,19 +253,17 @@ def _rear_load(p: BicycleParams) -> Parts:
     """Build bags at the sides of the rack, or a child's seat or a box on it."""
     rear, top = -p.wheelbase / 2, 2 * p.wheel_radius + 0.08
     if p.load == "panniers":
-        return [cuboid((rear - 0.16, rear + 0.16), 0.06, (top - 0.36, top), p.second_color, "cloth", at=y)
-                for y in (0.15, -0.15)]  # fmt: skip
+        along, up = (rear - 0.16, rear + 0.16), (top - 0.36, top)
+        for y in (0.15, -0.15):
+            yield cuboid(along, 0.06, up, p.second_color, "cloth", at=y)
     if p.load == "child seat":
-        return [
-            cuboid((rear - 0.12, rear + 0.16), 0.15, (top, top + 0.08), BLACK),
-            cuboid((rear - 0.18, rear - 0.12), 0.15, (top, top + 0.36), p.second_color),
-            *(cuboid((rear - 0.15, rear + 0.1), 0.02, (top, top + 0.2), BLACK, at=y)
-              for y in (0.15, -0.15)),
-        ]  # fmt: skip
+        yield cuboid((rear - 0.12, rear + 0.16), 0.15, (top, top + 0.08), BLACK)
+        yield cuboid((rear - 0.18, rear - 0.12), 0.15, (top, top + 0.36), p.second_color)
+        for y in (0.15, -0.15):
+            yield cuboid((rear - 0.15, rear + 0.1), 0.02, (top, top + 0.2), BLACK, at=y)
     if p.load == "box":
         high = min(top + 0.36, 1.1)
-        return [cuboid((rear - 0.24, rear + 0.16), 0.19, (top + 0.02, high), p.second_color)]
-    return []
+        yield cuboid((rear - 0.24, rear + 0.16), 0.19, (top + 0.02, high), p.second_color)
 
 
 FAMILY = Family(

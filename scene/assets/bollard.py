@@ -9,7 +9,7 @@ from scene.assets.family import FOOTWAY, Family, Size
 from scene.assets.parts.draw import near, sampler, times
 from scene.assets.parts.palette import BOLLARD_BLUE, BOLLARD_RED, OFF_WHITE, PLATE_YELLOW
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, merge
+from scene.mesh.asset import Asset, Color, Parts, merge
 from scene.mesh.solids import box, tube, turned
 
 
@@ -65,7 +65,7 @@ POSTS: tuple[str, ...] = tuple(name for name in _KINDS if name not in BEACONS)
 def bollard(p: BollardParams) -> Asset:
     """Build the bollard."""
     if not p.outline:
-        return _beacon(p)
+        return merge(*_beacon(p))
     around = partial(turned, material=p.material, sides=p.sides, phase=0.5)
     post = around([(z * p.height, r * p.radius) for z, r in p.outline], p.color)
     r = 1.06 * p.radius  # bands are slightly wider than the post
@@ -73,18 +73,19 @@ def bollard(p: BollardParams) -> Asset:
     return merge(post, *bands)
 
 
-def _beacon(p: BollardParams) -> Asset:
+def _beacon(p: BollardParams) -> Parts:
     """Build a lit box on a dark foot, with a round blue sign towards the traffic on both sides."""
     depth, width, h = 1.5 * p.radius, 2 * p.radius, p.height
-    foot = box((1.15 * depth, 1.15 * width, 0.12 * h), (0, 0, 0), (0.05, 0.05, 0.05), "rubber")
-    body = box((depth, width, 0.5 * h), (0, 0, 0.12 * h), p.color, p.material)
-    head = box((depth, width, 0.38 * h), (0, 0, 0.62 * h), p.band, p.material)
+    yield box((1.15 * depth, 1.15 * width, 0.12 * h), (0, 0, 0), (0.05, 0.05, 0.05), "rubber")
+    yield box((depth, width, 0.5 * h), (0, 0, 0.12 * h), p.color, p.material)
+    yield box((depth, width, 0.38 * h), (0, 0, 0.62 * h), p.band, p.material)
     z, r = 0.8 * h, 0.8 * p.radius
-    signs = [tube((s * depth / 2, 0, z), (s * (depth / 2 + 0.012), 0, z), r, BOLLARD_BLUE, "paint", sides=14)
-             for s in (-1, 1)]  # fmt: skip
-    bars = [box((0.004, 0.25 * r, 1.1 * r), (s * (depth / 2 + 0.015), 0, z - 0.55 * r), OFF_WHITE, "paint")
-            for s in (-1, 1)]  # fmt: skip
-    return merge(foot, body, head, *signs, *bars)
+    for s in (-1, 1):
+        ends = (s * depth / 2, 0, z), (s * (depth / 2 + 0.012), 0, z)
+        yield tube(*ends, r, BOLLARD_BLUE, "paint", sides=14)
+    for s in (-1, 1):
+        foot = (s * (depth / 2 + 0.015), 0, z - 0.55 * r)
+        yield box((0.004, 0.25 * r, 1.1 * r), foot, OFF_WHITE, "paint")
 
 
 FAMILY = Family(

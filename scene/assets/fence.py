@@ -112,11 +112,10 @@ def _spears(p: FenceParams) -> Parts:
 def _bows(p: FenceParams) -> Parts:
     """Build hoops that join bars in pairs."""
     low, high = _span(p)
-    turn = np.linspace(0, np.pi, 6)
+    turn, half = np.linspace(0, np.pi, 6), 0.4 * p.pitch
+    arc = np.column_stack([half * np.cos(turn), high + (p.height - high) * np.sin(turn)]).tolist()
     for x in _stations(p):
-        half = 0.4 * p.pitch
-        bow = [(x + half * float(np.cos(a)), 0.0, high + (p.height - high) * float(np.sin(a)))
-               for a in turn]  # fmt: skip
+        bow = [(x + across, 0.0, z) for across, z in arc]
         points = [(x + half, 0.0, low), *bow, (x - half, 0.0, low)]
         yield from (_rod(p, a, b) for a, b in pairwise(points))
 

@@ -128,16 +128,14 @@ def _stall(p: ShelterParams, *, produce: bool = False) -> Parts:
     rng = np.random.default_rng(p.seed)
     yield from _posts(p, 0.05, 0.05)
     table, high = (0.72, 0.5) if produce else (0.85, 0.62)
-    yield box((x, high * y, table), (0, 0.1 + high * y / 2, 0),
-                     darker(p.cover, 0.7) if not produce else SHELTER_TIMBER,
-                     "wood" if produce else "cloth")  # fmt: skip
+    finish = (SHELTER_TIMBER, "wood") if produce else (darker(p.cover, 0.7), "cloth")
+    yield box((x, high * y, table), (0, 0.1 + high * y / 2, 0), *finish)
     across = max(3, round(x / 0.45))
-    for k in range(across):
-        for row in range(2):
-            color = pick(rng, GOODS, 0.35)
-            size: Point = (0.8 * x / across, 0.22 * y, float(rng.uniform(0.08, 0.3)))
-            base = (k + 0.5) * x / across - x / 2, 0.28 + 0.25 * y * row, table
-            yield box(size, base, color, "cloth")
+    for k, row in product(range(across), range(2)):
+        color = pick(rng, GOODS, 0.35)
+        size: Point = (0.8 * x / across, 0.22 * y, float(rng.uniform(0.08, 0.3)))
+        base = (k + 0.5) * x / across - x / 2, 0.28 + 0.25 * y * row, table
+        yield box(size, base, color, "cloth")
     stripes = 2 * max(3, round(x / 0.7))
     for k in range(stripes):
         a, b = (-x / 2 - 0.15 + (x + 0.3) * (k + d) / stripes for d in (0, 1))

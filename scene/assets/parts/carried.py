@@ -39,16 +39,18 @@ def backpack(body: Body, pose: Pose, color: Color, size: float = 1.0) -> Asset:
     """Build a bag on the back with two straps over the shoulders."""
     h, (up, forward) = body.height, spine(pose)
     depth = 0.066 * h * body.girth**0.7
-    bag = _pillow((0.10 * h * size, 0.165 * h, 0.25 * h * size),
-                  (-depth - 0.045 * h * size, 0, 0.055 * h), color)  # fmt: skip
-    pocket = _pillow((0.05 * h * size, 0.12 * h, 0.10 * h),
-                     (-depth - 0.10 * h * size, 0, 0.07 * h), darker(color, 0.7))  # fmt: skip
+    base, before = (
+        (-depth - 0.045 * h * size, 0, 0.055 * h),
+        (-depth - 0.10 * h * size, 0, 0.07 * h),
+    )
+    bag = _pillow((0.10 * h * size, 0.165 * h, 0.25 * h * size), base, color)
+    pocket = _pillow((0.05 * h * size, 0.12 * h, 0.10 * h), before, darker(color, 0.7))
     parts = [translate(rotate(merge(bag, pocket), pose.lean, (0, 1, 0)), pose.hip)]
     hip = np.array(pose.hip)
+    strap = ((0.27, -0.06), (0.315, -0.01), (0.27, 0.065), (0.20, 0.08), (0.13, 0.065))
     for side in (0.055, -0.055):
         y = np.array([0, side * h, 0])
-        path = [hip + y * 1.2 + a * h * up + b * h * forward for a, b in (
-            (0.27, -0.06), (0.315, -0.01), (0.27, 0.065), (0.20, 0.08), (0.13, 0.065))]  # fmt: skip
+        path = [hip + y * 1.2 + a * h * up + b * h * forward for a, b in strap]
         parts.append(limb(np.array(path), [0.016 * h] * 5, darker(color, 0.5), "cloth", 4))
     return merge(*parts)
 

@@ -243,8 +243,8 @@ def _on_roof(b: Body, f: Fittings) -> Parts:
             (0.07, 0.3, -0.03, 0.13, f.sign, "lamp"),
             (0.075, 0.2, 0.02, 0.09, BLACK, "plain"),
         ):
-            ends = (middle_x - half_length, middle_x + half_length)
-            yield cuboid(ends, half_width, (foot + low, foot + high), color, material)
+            along = (middle_x - half_length, middle_x + half_length)
+            yield cuboid(along, half_width, (foot + low, foot + high), color, material)
     if f.aerial:
         root = roof(b, np.array([b.roof_rear - 0.06]), np.zeros(1))[0]
         tip: Point = (root[0] - 0.1, 0.0, root[2] + 0.22)

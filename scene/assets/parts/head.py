@@ -151,8 +151,8 @@ def _hat(outfit: Outfit) -> Parts:
     if shell.brim is not None:
         yield _brim(*shell.brim, 0.43, shell.peak, color, shell.material)
     if hat == "headscarf":
-        yield limb(np.array([(0.05, 0, -0.7), (-0.05, 0, -1.3), (-0.05, 0, -1.9)]),
-                          [0.85, 1.05, 1.65], color, "cloth", 10)  # fmt: skip
+        drape = np.array([(0.05, 0, -0.7), (-0.05, 0, -1.3), (-0.05, 0, -1.9)])
+        yield limb(drape, [0.85, 1.05, 1.65], color, "cloth", 10)
 
 
 def _face(outfit: Outfit) -> Parts:
@@ -162,8 +162,8 @@ def _face(outfit: Outfit) -> Parts:
         jaw = np.repeat(((_LEVEL < -0.35) & (_AROUND < 95)).ravel(), 2)
         mask = np.concatenate([jaw, np.ones(SIDES - 2, bool), np.zeros(SIDES - 2, bool)])
         skull = repaint(skull, mask, outfit.hair, "cloth")
-    nose = np.array([(0.98, 0, 0.18), (1.26, 0, -0.22), (0.96, 0.2, -0.3), (0.96, -0.2, -0.3)])
     yield skull
+    nose = np.array([(0.98, 0, 0.18), (1.26, 0, -0.22), (0.96, 0.2, -0.3), (0.96, -0.2, -0.3)])
     yield solid(nose, np.array([[0, 1, 2], [0, 3, 1], [1, 3, 2]]), outfit.skin, "skin")
 
     def patch(y: float, z: float, half: float, high: float, color: Color) -> Asset:
@@ -179,8 +179,8 @@ def _face(outfit: Outfit) -> Parts:
         yield patch(side, 0.02, 0.2, 0.12, darker(outfit.skin, 0.28))
         yield patch(side, 0.2, 0.24, 0.07, darker(outfit.hair, 0.9))
         if outfit.hat not in _EARS_COVERED:
-            yield ellipsoid((-0.1, 2.4 * side, -0.05), (0.2, 0.1, 0.27), outfit.skin,
-                                   "skin", subdivisions=0)  # fmt: skip
+            ear = (-0.1, 2.4 * side, -0.05), (0.2, 0.1, 0.27)
+            yield ellipsoid(*ear, outfit.skin, "skin", subdivisions=0)
     red, green, blue = outfit.skin
     yield patch(0.0, -0.6, 0.3, 0.09, (0.7 * red, 0.4 * green, 0.4 * blue))
 

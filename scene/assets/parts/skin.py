@@ -99,15 +99,8 @@ def revolve(
     """Build a surface of revolution about the y axis from (radius, y) points, m."""
     angle = np.arange(sides + 1) * 2 * np.pi / sides
     radius, y = np.array(profile).T
-    points = np.stack(
-        [
-            radius[:, None] * np.cos(angle),
-            np.broadcast_to(y[:, None], (len(profile), sides + 1)),
-            radius[:, None] * np.sin(angle),
-        ],
-        axis=-1,
-    )
-    return weld(sheet(points, color, material))
+    rings = np.outer(radius, np.cos(angle)), y[:, None] + 0 * angle, np.outer(radius, np.sin(angle))
+    return weld(sheet(np.stack(rings, axis=-1), color, material))
 
 
 _ROUND = np.linspace(0, np.pi / 2, 4)

@@ -112,15 +112,13 @@ def _ribs(p: WallParams, rng: np.random.Generator) -> Parts:
 
 def _bands(p: WallParams, rng: np.random.Generator) -> Parts:
     """Build courses and lozenges in brick of another colour."""
-    half = p.length / 2
-    courses = [
-        upright(-half, half, z, z + 0.11, -PAINT) for z in (0.12 * p.height, 0.82 * p.height)
-    ]
-    yield from (polygon(course, p.second_color, p.material) for course in courses)
+    half, y, middle, r = p.length / 2, -PAINT, 0.5 * p.height, 0.26
+    for z in (0.12 * p.height, 0.82 * p.height):
+        yield polygon(upright(-half, half, z, z + 0.11, y), p.second_color, p.material)
     for x in np.linspace(-0.375, 0.375, 4) * p.length:
-        z, r = 0.5 * p.height, 0.26
-        yield polygon([(x - r, -PAINT, z), (x, -PAINT, z - r), (x + r, -PAINT, z),
-                           (x, -PAINT, z + r)], p.second_color, p.material)  # fmt: skip
+        level, upper = [(x - r, y, middle), (x + r, y, middle)], (x, y, middle + r)
+        corners = [level[0], (x, y, middle - r), level[1], upper]
+        yield polygon(corners, p.second_color, p.material)
 
 
 def _ivy(p: WallParams, rng: np.random.Generator) -> Parts:
@@ -132,15 +130,15 @@ def _ivy(p: WallParams, rng: np.random.Generator) -> Parts:
         size, turn = float(rng.uniform(0.06, 0.12)), rng.uniform(0, 2 * np.pi)
         angle = turn + np.arange(4) * np.pi / 2
         z = float(np.clip(z, size + 0.02, p.height))
-        corners = np.column_stack([x + size * np.cos(angle), y + 0.35 * size * np.sin(angle + 1),
-                                   z + size * np.sin(angle)])  # fmt: skip
+        depth = y + 0.35 * size * np.sin(angle + 1)
+        corners = np.column_stack([x + size * np.cos(angle), depth, z + size * np.sin(angle)])
         yield polygon(corners, vary(rng, p.second_color, 0.6), "foliage")
 
 
 def _profile(p: WallParams, rng: np.random.Generator) -> Parts:
     """Build slots for a fork lift at the foot, and red reflectors."""
-    yield from (polygon(upright(x - 0.3, x + 0.3, 0.0, 0.08, -0.04), BLACK)
-             for x in (-0.25 * p.length, 0.25 * p.length))  # fmt: skip
+    for x in (-0.25 * p.length, 0.25 * p.length):
+        yield polygon(upright(x - 0.3, x + 0.3, 0.0, 0.08, -0.04), BLACK)
     y = 0.36 * p.thickness
     for x in (-0.3 * p.length, 0.0, 0.3 * p.length):
         yield box((0.09, 0.04, 0.09), (x, y - 0.02, 0.78 * p.height), p.second_color, "metal")
@@ -158,15 +156,8 @@ def _railings(p: WallParams, rng: np.random.Generator) -> Parts:
     """Build iron railings on the coping."""
     low, middle = p.height + p.coping, p.thickness / 2
     for x in np.arange(-p.length / 2 + 0.3, p.length / 2 - 0.25, 0.13):
-        yield tube(
-            (x, middle, low),
-            (x, middle, low + 0.72),
-            0.013,
-            RAILING_IRON,
-            "paint",
-            end_radius=0.009,
-            sides=4,
-        )
+        ends = (x, middle, low), (x, middle, low + 0.72)
+        yield tube(*ends, 0.013, RAILING_IRON, "paint", end_radius=0.009, sides=4)
     for z in (0.08, 0.58):
         yield box((p.length - 0.4, 0.04, 0.03), (0, middle, low + z), RAILING_IRON, "paint")
 
@@ -184,15 +175,12 @@ def _balusters(p: WallParams, rng: np.random.Generator) -> Parts:
 
 def _mound(p: WallParams, rng: np.random.Generator) -> Parts:
     """Build ivy that has grown over the top."""
-    xs = np.linspace(-0.5, 0.5, 12) * p.length
     turn = np.linspace(0, np.pi, 7)
-    rings = []
-    for x in xs:
-        r = float(rng.uniform(0.08, 0.2))
-        rings.append(np.column_stack([
-            np.full(7, x), p.thickness / 2 - (p.thickness / 2 + 0.09) * np.cos(turn),
-            p.height - 0.02 + r * np.sin(turn)]))  # fmt: skip
-    return [loft(np.array(rings), p.second_color, "foliage")]
+    y, rings = p.thickness / 2 - (p.thickness / 2 + 0.09) * np.cos(turn), []
+    for x in np.linspace(-0.5, 0.5, 12) * p.length:
+        z = p.height - 0.02 + float(rng.uniform(0.08, 0.2)) * np.sin(turn)
+        rings.append(np.column_stack([np.full(7, x), y, z]))
+    yield loft(np.array(rings), p.second_color, "foliage")
 
 
 TOPS: dict[str, BuildDetail] = {"railings": _railings, "balusters": _balusters, "mound": _mound}
