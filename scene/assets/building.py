@@ -183,15 +183,15 @@ def _roof(p: BuildingParams) -> Iterable[Part]:
     """Build the roof with its dormers and chimneys, and the tower."""
     plan, base = (p.width, p.depth), eaves(p)
     if p.roof == "flat":
-        yield roof.flat_roof(plan, base, p.rise, p.frame, p.wall)
+        yield from roof.flat_roof(plan, base, p.rise, p.frame, p.wall)
     else:
-        yield roof.pitched_roof(plan, base, p.rise, p.roof, p.roof_color, p.wall)
+        yield from roof.pitched_roof(plan, base, p.rise, p.roof, p.roof_color, p.wall)
         if p.roof != "front gable":
             y = 0.12 * p.depth
             slope = (y, base + p.rise * y / (p.depth / 2 + roof.OVERHANG))
             spread = np.linspace(-1, 1, p.dormers + 2)[1:-1] * p.width / 2
             for x in spread.tolist():
-                yield from roof.dormer(x, slope, p.frame, p.roof_color, p.roof_color)
+                yield from roof.dormer(x, slope, p.frame, p.roof_color)
     reach = p.width / 2 - 0.6
     for x in (-reach, reach)[: p.chimneys]:
         yield roof.chimney((x, p.depth / 2 + 0.4, base), p.rise + 0.9, p.chimney)

@@ -250,13 +250,13 @@ def _extras(p: MotorcycleParams) -> Parts:
 def _cases(p: MotorcycleParams) -> Parts:
     """Build a delivery box on a scooter, or panniers and a top case on a tourer."""
     rear, low = -p.wheelbase / 2, SADDLE[2] + 0.06
+    along = (rear - 0.25, rear + 0.17)
     if p.scooter:
-        return [cuboid((rear - 0.25, rear + 0.17), 0.2, (low, low + 0.42), p.second_color, "plain")]
-    top = cuboid((rear - 0.25, rear + 0.17), 0.17, (low, low + 0.28), TRIM)
-    return [top] + [
-        cuboid((rear - 0.28, rear + 0.22), 0.1, (0.42, 0.76), p.color, "paint", at=y)
-        for y in (0.24, -0.24)
-    ]
+        yield cuboid(along, 0.2, (low, low + 0.42), p.second_color, "plain")
+    else:
+        yield cuboid(along, 0.17, (low, low + 0.28), TRIM)
+        for y in (0.24, -0.24):
+            yield cuboid((rear - 0.28, rear + 0.22), 0.1, (0.42, 0.76), p.color, "paint", at=y)
 
 
 FAMILY = Family(

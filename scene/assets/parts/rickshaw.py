@@ -128,10 +128,7 @@ def _front(r: Rickshaw) -> Parts:
 
 
 def _driver(r: Rickshaw) -> Parts:
-    if r.skin is None:
-        return []
-    return [
-        ellipsoid((0.3, 0, 0.98), (0.15, 0.22, 0.3), r.clothes, "cloth"),
-        ellipsoid((0.36, 0, 1.37), (0.1, 0.08, 0.12), r.skin, "skin"),
-        pair(tube((0.34, 0.2, 1.12), (0.66, 0.24, 0.98), 0.05, r.clothes, "cloth")),
-    ]
+    if r.skin is not None:
+        yield ellipsoid((0.3, 0, 0.98), (0.15, 0.22, 0.3), r.clothes, "cloth")
+        yield ellipsoid((0.36, 0, 1.37), (0.1, 0.08, 0.12), r.skin, "skin")
+        yield pair(tube((0.34, 0.2, 1.12), (0.66, 0.24, 0.98), 0.05, r.clothes, "cloth"))

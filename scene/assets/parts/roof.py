@@ -15,7 +15,7 @@ OVERHANG = 0.35
 
 def pitched_roof(
     plan: tuple[float, float], eaves: float, rise: float, style: str, color: Color, end: Finish
-) -> Asset:
+) -> Parts:
     """Build two slopes and two ends around a ridge.
 
     Args:
@@ -39,35 +39,27 @@ def pitched_roof(
         return x, y + plan[1] / 2, z
 
     ridge = [at(s * (reach - inset), 0, top) for s in (-1, 1)]
-    slopes = [
-        polygon([at(-reach, s * half, low), at(reach, s * half, low), *ridge[::-1]], color, "roof")
-        for s in (-1, 1)
-    ]
-    if hipped:
-        ends = [
-            polygon([at(s * reach, -half, low), at(s * reach, half, low), peak], color, "roof")
-            for s, peak in zip((-1, 1), ridge, strict=True)
-        ]
-    else:
-        gable = [(-span / 2, eaves), (span / 2, eaves), (0.0, top)]
-        ends = [polygon([at(s * length / 2, v, z) for v, z in gable], *end) for s in (-1, 1)]
-    edge = [
-        block((-reach, y - 0.07, low - 0.16), (reach, y + 0.07, low + 0.02), GUTTER)
-        for y in (plan[1] / 2 - half, plan[1] / 2 + half)
-    ]
-    return merge(*slopes, *ends, *([] if along_y else edge))
+    for y in (-half, half):
+        yield polygon([at(-reach, y, low), at(reach, y, low), *ridge[::-1]], color, "roof")
+    gable = [(-span / 2, eaves), (span / 2, eaves), (0.0, top)]
+    for s, peak in zip((-1, 1), ridge, strict=True):
+        if hipped:
+            foot = [at(s * reach, y, low) for y in (-half, half)]
+            yield polygon([*foot, peak], color, "roof")
+        else:
+            yield polygon([at(s * length / 2, y, z) for y, z in gable], *end)
+    if not along_y:
+        for y in (plan[1] / 2 - half, plan[1] / 2 + half):
+            yield block((-reach, y - 0.07, low - 0.16), (reach, y + 0.07, low + 0.02), GUTTER)
 
 
 def flat_roof(
     plan: tuple[float, float], eaves: float, rise: float, cornice: Color, parapet: Finish
-) -> Asset:
+) -> Parts:
     """Build a parapet on a cornice that protrudes by 15 cm."""
-    width, depth = plan
-    ledge = 0.2
-    return merge(
-        box((width + 0.3, depth + 0.3, ledge), (0, depth / 2, eaves), cornice, "concrete"),
-        box((width, depth, rise - ledge), (0, depth / 2, eaves + ledge), *parapet),
-    )
+    (width, depth), ledge = plan, 0.2
+    yield box((width + 0.3, depth + 0.3, ledge), (0, depth / 2, eaves), cornice, "concrete")
+    yield box((width, depth, rise - ledge), (0, depth / 2, eaves + ledge), *parapet)
 
 
 def chimney(base: Point, height: float, color: Color) -> Asset:
@@ -80,19 +72,18 @@ def chimney(base: Point, height: float, color: Color) -> Asset:
     return translate(merge(stack, *pots), base)
 
 
-def dormer(x: float, slope: tuple[float, float], frame: Color, cheek: Color, color: Color) -> Parts:
+def dormer(x: float, slope: tuple[float, float], frame: Color, color: Color) -> Parts:
     """Build a window under a small gable in the front slope.
 
     Args:
         x: of its middle (metres).
         slope: distance behind the facade and height of the foot of its front (metres).
         frame: colour of its face.
-        cheek: colour of its sides.
-        color: of its roof.
+        color: of its sides and roof.
     """
     y, foot = slope
     half, wall, back = 0.65, 1.15, 2.2
-    yield block((x - half, y, foot - 0.3), (x + half, y + back, foot + wall), cheek, "roof")
+    yield block((x - half, y, foot - 0.3), (x + half, y + back, foot + wall), color, "roof")
     yield polygon(upright(x - half, x + half, foot - 0.3, foot + wall, y - 0.04), frame, "paint")
     for a, b in ((x - 0.48, x - 0.04), (x + 0.04, x + 0.48)):
         yield polygon(upright(a, b, foot + 0.15, foot + wall - 0.1, y - 0.08), WINDOW, "glass")
@@ -131,6 +122,5 @@ def plant_room(plan: tuple[float, float], base: float, color: Color) -> Parts:
     width, depth = plan
     yield box((0.35 * width, 0.35 * depth, 1.9), (0.12 * width, 0.55 * depth, base), color, "metal")
     yield box((1.3, 1.0, 1.0), (-0.28 * width, 0.35 * depth, base), (0.3, 0.3, 0.3), "metal")
-    yield tube(
-        (-0.1 * width, 0.5 * depth, base), (-0.1 * width, 0.5 * depth, base + 2.4), 0.1, GUTTER
-    )
+    x, y = -0.1 * width, 0.5 * depth
+    yield tube((x, y, base), (x, y, base + 2.4), 0.1, GUTTER)
