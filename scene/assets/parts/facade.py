@@ -184,8 +184,8 @@ def door(opening: Opening, color: Color) -> Iterable[Part]:
         light = upright(left + 0.05, right - 0.05, head + 0.06, high - 0.05, PANE)
         yield Patch(light, WINDOW, "glass")
     if low > 0.05:
-        low_corner, high_corner = (left - 0.15, -0.35, 0), (right + 0.15, 0.05, low)
-        yield relief(low_corner, high_corner, (0.30, 0.28, 0.25), "concrete")
+        step = (left - 0.15, -0.35, 0), (right + 0.15, 0.05, low)
+        yield relief(*step, (0.30, 0.28, 0.25), "concrete")
 
 
 def sill(opening: Opening, color: Color) -> Iterable[Part]:

@@ -79,10 +79,10 @@ def _section(half: float, low: float, high: float, top: float) -> np.ndarray:
 def _tub(r: Rickshaw) -> Parts:
     """Build floor, closed rear and seats, and a dark sheet that blocks the view through the open sides."""
     nose, tail, half = r.length / 2, -r.length / 2, r.width / 2
-    rear = in_plane(tail, _section(0.9 * half, 0.34, 0.86, 0.92))
-    sides = (_section(half, 0.28, high, 0.96) for high in (0.9, 0.72))
-    rings = [in_plane(tail + x, side) for x, side in zip((0.14, 0.85), sides, strict=True)]
-    yield loft([rear, *rings], r.tub, "paint")
+    rings = [in_plane(tail, _section(0.9 * half, 0.34, 0.86, 0.92))]
+    for x, high in ((0.14, 0.9), (0.85, 0.72)):
+        rings.append(in_plane(tail + x, _section(half, 0.28, high, 0.96)))
+    yield loft(rings, r.tub, "paint")
     yield cuboid((tail + 0.8, nose - 0.55), 0.92 * half, (0.26, 0.36), r.tub, "paint")
     yield cuboid((tail + 0.2, tail + 0.75), 0.84 * half, (0.7, 0.8), TRIM, "cloth")
     yield cuboid((tail + 0.12, tail + 0.24), 0.84 * half, (0.75, 1.2), TRIM, "cloth")

@@ -116,8 +116,7 @@ def _bands(p: WallParams, rng: np.random.Generator) -> Parts:
     for z in (0.12 * p.height, 0.82 * p.height):
         yield polygon(upright(-half, half, z, z + 0.11, y), p.second_color, p.material)
     for x in np.linspace(-0.375, 0.375, 4) * p.length:
-        level, upper = [(x - r, y, middle), (x + r, y, middle)], (x, y, middle + r)
-        corners = [level[0], (x, y, middle - r), level[1], upper]
+        corners = [(x - r, y, middle), (x, y, middle - r), (x + r, y, middle), (x, y, middle + r)]
         yield polygon(corners, p.second_color, p.material)
 
 
