@@ -83,11 +83,11 @@ def random_params(outline, seed: int = 0):
 
 @pytest.fixture
 def narrow_lite(monkeypatch):
-    """A backbone of five blocks, by its name: lite0 compiles for most of a minute."""
-    blocks = (Block(3, 1, 1, 8), *(Block(3, 2, 2, 8) for _ in range(4)))
+    """A backbone of five blocks with lite0's maps, by its name: lite0 compiles for most of a minute."""
+    blocks = (Block(3, 1, 1, 8), *(Block(3, 2, 1, width) for width in (8, 56, 112, 320)))
     module = Lite(blocks)
     weights = filled(module, jnp.zeros((1, 32, 32, 3)))
-    made = Trunk(module, STRIDES, channels_of(blocks), lambda: weights, {})
+    made = Trunk(module, STRIDES, channels_of(blocks), lambda: weights, {"package": "none"})
     monkeypatch.setitem(TRUNKS, "narrow_lite", lambda _: made)
     return "narrow_lite"
 
