@@ -141,7 +141,7 @@ def test_what_ends_a_search_is_one_line(end, evaluate, flags, code, words):
 
 def test_a_disk_that_fills_up_is_named_and_the_run_goes_on_later(end, out, filling_disk):
     log = out / "evaluations.jsonl"
-    filling_disk(14)  # five files, and their folder each time, come before the first reward
+    filling_disk(16)  # six files, and their folder each time, come before the first reward
     code, text = end(formula)
     assert code == 2 and f"{log}: No space left on device" in text and len(lines(log)) == 4
     filling_disk(99)
