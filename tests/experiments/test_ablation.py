@@ -51,7 +51,7 @@ def test_variants_leave_out_what_they_say():
         assert set(job.subset_of(variant, config)) == set(NAMES) - set(left_out.get(variant, ()))
     plans = job.plan_all(config)
     assert plans["no_positions"].subset == job.subset_of("no_positions", config)
-    assert plans["no_relaxation"].options.relaxation == 0
+    assert plans["no_relaxation"].config.search.relaxation == 0
 
 
 def test_an_ablation_leaves_its_figures(tiny, counted, capsys):

@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -54,10 +55,23 @@ from .conftest import (
 )
 
 TRAINED = ("table", "pretrain", "assets", "ablation", "labels")  # their rows are of nets
-RECORDED = [
-    path for path in sorted((ROOT / "docs" / "results").rglob("*.json"))
-    if not path.name.startswith(("attributes", "fidelity"))  # none; not of nets
-]  # fmt: skip
+RESULTS = ROOT / "docs" / "results"
+
+
+def recorded_reports():
+    """The reports of the page of results; those after the first of a study are slow."""
+    studies = set()
+    for name in read_json(RESULTS / "parts.json"):
+        study_name = study_of(RESULTS / f"{name}.json")
+        yield pytest.param(name, marks=[pytest.mark.slow] if study_name in studies else [])
+        studies.add(study_name)
+
+
+def study_of(path: Path) -> str:
+    """The study of a report; some are from before reports named it."""
+    return read_json(path).get("study", re.split("[-_]", path.stem)[0])
+
+
 FORM = form.Form(
     "some", lambda report: {**report, "mean": float(np.mean(report["scores"]))},
     lambda report: f"{report['mean']}", {"some.png": lambda report: b"picture"},
@@ -81,11 +95,16 @@ def test_presets_are_sound(name, target, preset):
 
 
 @pytest.mark.parametrize(("name", "counts", "flags"), [
-    ("table", (3,), "--learnt FILE"),
-    ("pretrain", (3,), "--learnt FILE"),  # between the scores of one net
-    ("assets", (3,), ""), ("labels", (3,), "--learnt FILE --renders default learnt"),
-    # Within a search, and within the nets.
-    ("ablation", (3, 3), "--variants full no_positions --search.method random_search"),
+    pytest.param("table", (3,), "--learnt FILE", marks=pytest.mark.slow),
+    # Between the scores of one network.
+    pytest.param("pretrain", (3,), "--learnt FILE", marks=pytest.mark.slow),
+    pytest.param("assets", (3,), "", marks=pytest.mark.slow),
+    ("labels", (3,), "--learnt FILE --renders default learnt"),
+    # Within a search, and within the networks.
+    pytest.param(
+        "ablation", (3, 3), "--variants full no_positions --search.method random_search",
+        marks=pytest.mark.slow,
+    ),
     ("searches", (6, 10), "--methods random_search --few 2"),  # within a search, and in the next one
     ("fidelity", (7,), ""), ("sensitivity", (5,), ""),
 ])  # fmt: skip
@@ -136,10 +155,10 @@ def test_a_search_of_the_study_is_the_main_jobs_of_its_seed(flags, command, camv
     assert len(scored) == 12 and {line["key"] for line in scored} <= study_keys
 
 
-@pytest.mark.parametrize("recorded", RECORDED, ids=lambda path: path.stem)
-def test_a_recorded_report_is_derived_anew(recorded, out):
-    """Some are from before reports named their study."""
-    name = read_json(recorded).get("study", re.split("[-_]", recorded.stem)[0])
+@pytest.mark.parametrize("report", list(recorded_reports()))
+def test_a_recorded_report_is_derived_anew(report, out):
+    recorded = RESULTS / f"{report}.json"
+    name = study_of(recorded)
     assert study(name, "--rederive", str(recorded), "--out", str(out)) == 0
     assert {**read_json(recorded), "study": name} == read_json(out / f"{name}.json")
     assert min(Image.open(out / f"{name}.png").size) > 200

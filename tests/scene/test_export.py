@@ -86,7 +86,9 @@ def test_the_description_says_what_was_asked_and_what_came_out(unbroken):
     assert description["placed"]["building"] > 0 and not (unbroken / ".export").exists()
 
 
-@pytest.mark.parametrize("writes", [0, 1, 4, 13, 22, 30])
+@pytest.mark.parametrize(
+    "writes", [0, 4, 22, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 13, 30))]
+)
 def test_cut_short_anywhere_it_ends_alike(unbroken, format, writes, tmp_path, monkeypatch):
     left = iter(range(writes if format in ("cityscapes", "coco") else writes // 2))  # fewer files
     folder, written_files, real = tmp_path / "a", [], os.replace
