@@ -31,6 +31,7 @@ SEARCHED = ("camvid", "camvid-0006R0", "labelmefacade")
 """Reports of searches by the default method on real images."""
 SDR = {
     "paper": "CamVid, 300 rewards",
+    "paper-sdr": "CamVid, 300 rewards",  # one search, until there are three
     "paper-no-relaxation": "CamVid, 300 rewards, no relaxation",
     "paper-no-groups": "CamVid, 300 rewards, one group",
     "paper-squared-reward": "CamVid, 300 rewards, squared",

@@ -238,7 +238,7 @@ def test_the_page_has_parts_that_are_made_later(tmp_path):
     text = page.text(tmp_path)
     assert "six groups and 50 updates a group, its streets are within noise of random" in text
     assert "With 3,000 rewards, one search, they are within noise of random ones: -3.4" in text
-    assert "No row has" not in text and "are not made yet" not in text
+    assert "One search has" not in text and "are not made yet" not in text
     assert "| CamVid, 300 rewards, no relaxation | 240x176 | sdr | 3 | 54.6 |" in text
     assert "| CamVid (100 labels, its test images) |" in text
     size = read_json(folder / "labels-camvid.json")["scored_at"]
