@@ -178,7 +178,7 @@ def test_half_of_an_export_vanishes_while_it_runs(whole, tally, tmp_path):
         for path in sorted(out.rglob("*.png"))[::2]:
             path.unlink(missing_ok=True)
         error = process.communicate(timeout=900)[1]
-        refused(process.returncode, error, "vanished")
+        refused(process.returncode, error, "disappeared during the export")
         assert not (out / "dataset.json").exists()
         goes_on(own, row, out)
 
