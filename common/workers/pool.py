@@ -312,8 +312,8 @@ class WorkerPool(Workers):
         """Stop; returns the share of their cores, with this process, that was used since they opened."""
         self.close()  # the time of children is known when they have ended
         opened, used_before = self._opened
-        cores_seconds = (time.perf_counter() - opened) * max(self.workers, 1)
-        return (_cpu_seconds() - used_before) / cores_seconds
+        core_seconds = (time.perf_counter() - opened) * max(self.workers, 1)
+        return (_cpu_seconds() - used_before) / core_seconds
 
     def close(self) -> None:
         """Stop the processes at once; unfinished work is dropped."""

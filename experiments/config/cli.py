@@ -89,7 +89,7 @@ def command(
     if help_words:
         parser(name, values).parse_args(help_words)
     debug = values.pop("debug")
-    do_job = work or _load(JOBS[name].work)
+    do_job = work or load(JOBS[name].work)
 
     def run() -> None:
         from scene.render import RendererError  # the help needs no engine
@@ -208,11 +208,10 @@ def _flag(name: str) -> str:
     return "--" + name.replace("_", "-")
 
 
-def _load(place: str) -> Callable[[Any], object]:
-    """Load the function that ``module:name`` names."""
+def load(place: str) -> Any:
+    """Load the function or study that ``module:name`` names."""
     module, _, name = place.partition(":")
-    function: Callable[[Any], object] = getattr(import_module(module), name)
-    return function
+    return getattr(import_module(module), name)
 
 
 def _with_nets(default: AnyConfig, values: Mapping[str, Any]) -> AnyConfig:

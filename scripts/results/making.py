@@ -6,7 +6,6 @@ import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from importlib import import_module
 from pathlib import Path
 
 from common import folder
@@ -62,8 +61,7 @@ def core_seconds(part: Part) -> float:
     values = vars(cli.parser(part.study).parse_args(list(part.flags)))
     values.pop("debug")
     config = cli.configured(part.study, values)
-    module, _, name = STUDIES[part.study].work.partition(":")
-    study = getattr(import_module(module), name)
+    study = cli.load(STUDIES[part.study].work)
     prepared = study.prepare(config, study.target(config, WorkerPool(0)))
     pace = pace_here(1, print, measure=False)
     return pace.seconds(total_of(study.plan(config, prepared)))

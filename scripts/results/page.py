@@ -22,12 +22,12 @@ from experiments.tables.row_names import TRAINED_ON
 from experiments.tables.stats import gain
 from scene.version import ENGINE
 from scripts.results.claims import FAR, RECORDS, TARGETS, Claims, signed
-from scripts.results.parts import Part
+from scripts.results.parts import HOLDOUT, Part
 
 NAME = "results.md"
 TEMPLATE = Path(__file__).with_name("page.md")
 RENDERS = ("none", "random", "default", "mixed", "learnt")
-SEARCHED = ("camvid", "camvid-0006R0", "labelmefacade")
+SEARCHED = ("camvid", f"camvid-{HOLDOUT}", "labelmefacade")
 """Reports of searches by the default method on real images."""
 SDR = {
     "paper": "CamVid, 300 rewards",

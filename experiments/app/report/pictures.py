@@ -20,6 +20,7 @@ from common.lines import Record
 from experiments.attribute_search.loop import Found
 from experiments.evaluation.predictions import Predictions, file_of, load
 from experiments.session.session import Session
+from experiments.tables.row_names import TRAINED_ON
 from scene.preview.layout import captioned, grid, save, stack
 from seg.classes import ClassTable, class_table, colorize
 from seg.data import LabelledImages
@@ -43,12 +44,13 @@ def write_start(
         folder: the run folder.
         target: the title of the target.
         test: the target's test images.
-        sets: rendered images by the name of their streets.
+        sets: rendered images by row.
 
     Returns:
         The file.
     """
-    named = {f"Target: {target}": test, **{f"{k.capitalize()} streets": v for k, v in sets.items()}}
+    named = {f"Target: {target}": test}
+    named |= {TRAINED_ON[row].capitalize(): images for row, images in sets.items()}
     rows = [captioned(_row(images.images), caption) for caption, images in named.items()]
     save(stack(rows), folder / START)
     return folder / START
@@ -56,9 +58,14 @@ def write_start(
 
 def _row(images: np.ndarray) -> np.ndarray:
     """Up to four of the images u8[n, h, w, 3] side by side, spread evenly."""
-    chosen = np.linspace(0, len(images) - 1, min(4, len(images))).astype(int)
+    chosen = _evenly(len(images), 4)
     height = max(images.shape[1] * START_WIDTH // images.shape[2], 1)
     return grid([cv2.resize(images[i], (START_WIDTH, height)) for i in chosen], len(chosen))
+
+
+def _evenly(count: int, most: int) -> np.ndarray:
+    """Up to so many indices of ``count`` images, spread evenly."""
+    return np.linspace(0, count - 1, min(most, count)).astype(int)
 
 
 def write_policy(folder: Path, result: Found) -> None:
@@ -142,8 +149,7 @@ def _streets(
     folder: Path, row: str, images: LabelledImages, table: ClassTable
 ) -> list[dict[str, str]]:
     """Write some images of a set, spread evenly, with their labels."""
-    count = len(images.images)
-    chosen = np.linspace(0, count - 1, min(SHOWN, count)).astype(int)
+    chosen = _evenly(len(images.images), SHOWN)
     return [
         {
             "image": _jpeg(folder, f"{row}-{k}", images.images[i]),
