@@ -44,6 +44,8 @@ jax.config.update("jax_numpy_rank_promotion", "raise")
 # Some tests evaluate in this process, behind the callback of a compiled step: JAX must not wait for a thread
 # that the step holds.
 jax.config.update("jax_cpu_enable_async_dispatch", False)
+# Nor may it have one thread only, which is what a job that runs before JAX has started gives it.
+jax.devices()
 
 hypothesis.settings.register_profile("sdr", deadline=None, max_examples=30, derandomize=True)
 hypothesis.settings.load_profile("sdr")
