@@ -48,7 +48,7 @@ from seg.classes import class_table
 from seg.data import LabelledImages
 from seg.inference import score
 from seg.metrics import mean_iou
-from seg.nets import net_of, normalise
+from seg.nets import FeatureMaps, net_of
 from seg.nets.ops.normalise import MEAN, STD
 from seg.pyramid import features
 from seg.recipes import RECIPES, with_net, with_steps
@@ -119,7 +119,7 @@ def jax_runs(job: Job) -> Runs:
 
     @jax.jit
     def forward(variables: Any, images: jax.Array) -> jax.Array:
-        return module.apply(variables, normalise(images.astype(jnp.float32) / 255))
+        return module.apply(variables, images.astype(jnp.float32) / 255)
 
     yield "forward", lambda: forward(state.trained, data.images).block_until_ready()
     row = plan(0, job.batch, settings).rows(0)
@@ -135,7 +135,8 @@ def jax_runs(job: Job) -> Runs:
     if settings.has_trunk:
         yield "features", lambda: features(images, settings)
         frozen = functions(replace(settings, trunk="frozen"), CLASSES)
-        kept = jax.device_put(Data(features(images, settings), labels, ones, seed))
+        maps = FeatureMaps(features(images, settings), (job.height, job.width))
+        kept = jax.device_put(Data(maps, labels, ones, seed))
         yield "head", stepping(frozen, frozen.init(seed, kept.images), kept)
     yield "step", stepping(compiled, state, data)
 

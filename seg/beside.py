@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 from jaxtyping import Float32, Int
 
@@ -85,9 +86,7 @@ def joined(parts: Sequence[Any]) -> Any:
     """Concatenate the arrays (or feature maps) of all parts."""
     if len(parts) == 1:
         return parts[0]
-    if isinstance(parts[0], tuple):
-        return tuple(np.concatenate(maps) for maps in zip(*parts, strict=True))
-    return np.concatenate(parts)
+    return jax.tree.map(lambda *arrays: np.concatenate(arrays), *parts)
 
 
 def mixed(shares: Sequence[float], statistics: Sequence[Statistics]) -> Statistics:

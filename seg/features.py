@@ -11,7 +11,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Float32, UInt8
 
 from seg.batches import in_batches
-from seg.nets import Compact, normalise, variables_of
+from seg.nets import Compact, variables_of
 from seg.nets.compact import PENULTIMATE
 
 GRID = 2
@@ -44,8 +44,7 @@ def pool(maps: Float[Array, "b rows cols features"]) -> Float[Array, "b vector"]
 def _extractor(classes: int) -> Callable[[Any, ArrayLike], Array]:
     @jax.jit
     def extract(params: Any, images: UInt8[Array, "b h w 3"]) -> Float[Array, "b vector"]:
-        x = normalise(images.astype(jnp.float32) / 255)
-        return pool(penultimate(params, x, classes))
+        return pool(penultimate(params, images.astype(jnp.float32) / 255, classes))
 
     return extract
 

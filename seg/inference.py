@@ -1,7 +1,7 @@
 """Predicts with trained networks, by all heads and for mirror images, and scores predictions."""
 
 from collections.abc import Callable, Sequence
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Any, Literal
 
 import jax
@@ -12,8 +12,8 @@ from jaxtyping import Array, Float32, Int32, Int64, UInt8
 from seg import pyramid
 from seg.batches import in_batches
 from seg.metrics import confusion_matrix
-from seg.nets import net_of, normalise, variables_of
-from seg.nets.head import Maps, OnTrunk
+from seg.nets import FeatureMaps, OnTrunk, net_of, variables_of
+from seg.nets.head import Maps
 from seg.nets.trunks import trunk_of
 from seg.prepare import check_arrays, check_inputs
 from seg.settings import NetSpec, TrainSettings
@@ -31,37 +31,37 @@ def apply(
         assert backbone is not None
         with jax.ensure_compile_time_eval():  # a backbone may draw its weights
             params = pyramid.trunk_params(settings)
-        sides = tuple(pyramid.maps_of(params, side, backbone) for side in sides)
-    size = (images.shape[1], images.shape[2])
-    return mean_logits(settings.net_spec, heads_of(variables, settings.heads), sides, size, classes)
+        size = (images.shape[1], images.shape[2])
+        sides = tuple(FeatureMaps(pyramid.maps_of(params, s, backbone), size) for s in sides)
+    return mean_logits(settings.net_spec, heads_of(variables, settings.heads), sides, classes)
 
 
 def mean_logits(
     spec: NetSpec,
     heads: Sequence[Variables],
     sides: Sequence[Any],
-    size: tuple[int, int],
     classes: int,
 ) -> Float32[Array, "b h w classes"]:
     """Mean logits over heads and sides, inside a compiled function.
 
     Args:
         spec: of the network.
-        heads: the variables of each head.
-        sides: images u8[b, h, w, 3], or the feature maps of a frozen backbone; then, if they count, those of
+        heads: the variables of each head; several heads are on a frozen backbone.
+        sides: images u8[b, h, w, 3], or the `FeatureMaps` of a frozen backbone; then, if they count, those of
             the mirror images, whose logits are mirrored back.
-        size: rows and columns of the images.
         classes: the network's number of classes.
     """
     module = net_of(spec, classes)
 
     def side_logits(inputs: Any) -> Array:
-        if not spec.frozen:
-            (variables,) = heads
-            return module.apply(variables, normalise(inputs.astype(jnp.float32) / 255), train=False)
-        scores = [module.apply(head, inputs, method=OnTrunk.scores) for head in heads]
-        mean = scores[0] if len(scores) == 1 else sum(scores) / len(scores)
-        return module.apply(heads[0], mean, size, method=OnTrunk.enlarged)
+        if not isinstance(inputs, FeatureMaps):
+            inputs = inputs.astype(jnp.float32) / 255
+        if len(heads) == 1:
+            return module.apply(heads[0], inputs)
+        # Scores are averaged before they are enlarged: with the same result for less work.
+        scores = [module.apply(head, inputs.maps, method=OnTrunk.scores) for head in heads]
+        mean = sum(scores) / len(scores)
+        return module.apply(heads[0], mean, inputs.size, method=OnTrunk.enlarged)
 
     direct, *mirrored = map(side_logits, sides)
     return (direct + mirrored[0][:, :, ::-1]) / 2 if mirrored else direct
@@ -71,11 +71,10 @@ def labels_by_head(
     spec: NetSpec,
     heads: Sequence[Variables],
     sides: Sequence[Any],
-    size: tuple[int, int],
     classes: int,
 ) -> list[Int32[Array, "b h w"]]:
     """Classes by all heads together, then by each of several heads alone; arguments as of `mean_logits`."""
-    head_logits = [mean_logits(spec, [head], sides, size, classes) for head in heads]
+    head_logits = [mean_logits(spec, [head], sides, classes) for head in heads]
     logits = head_logits if len(heads) == 1 else [sum(head_logits), *head_logits]
     return [jnp.argmax(scores, axis=-1) for scores in logits]
 
@@ -106,16 +105,16 @@ Output = Literal["labels", "scores", "heads"]
 @lru_cache(maxsize=32)
 def _predictor(
     spec: NetSpec, heads: int, classes: int, output: Output
-) -> Callable[[Variables, Sequence[Any], tuple[int, int]], Array]:
-    """A compiled function of variables, `prediction_inputs` of a batch, and the size of the images."""
+) -> Callable[[Variables, Sequence[Any]], Array]:
+    """A compiled function of variables and `prediction_inputs` of a batch."""
 
-    @partial(jax.jit, static_argnums=2)
-    def predict_batch(variables: Variables, sides: Sequence[Any], size: tuple[int, int]) -> Array:
+    @jax.jit
+    def predict_batch(variables: Variables, sides: Sequence[Any]) -> Array:
         head_variables = heads_of(variables, heads)
         if output == "heads":
-            labels = labels_by_head(spec, head_variables, sides, size, classes)
+            labels = labels_by_head(spec, head_variables, sides, classes)
             return jnp.stack(labels, axis=1).astype(jnp.uint8)
-        logits = mean_logits(spec, head_variables, sides, size, classes)
+        logits = mean_logits(spec, head_variables, sides, classes)
         return logits if output == "scores" else jnp.argmax(logits, axis=-1).astype(jnp.uint8)
 
     return predict_batch
@@ -143,7 +142,8 @@ def prediction_inputs(
         return (images, images[:, :, ::-1])[:sides]
     maps = features or pyramid.features(with_mirror(images, settings), settings)
     count = len(images)
-    return tuple(tuple(m[k * count : (k + 1) * count] for m in maps) for k in range(sides))
+    parts = [slice(k * count, (k + 1) * count) for k in range(sides)]
+    return tuple(FeatureMaps(tuple(m[part] for m in maps), images.shape[1:3]) for part in parts)
 
 
 def predict(
@@ -198,10 +198,9 @@ def _predict_batches(
     sides = prediction_inputs(images, settings, features)
     variables = jax.device_put(variables_of(params))  # once, not for every batch
     predict_batch = _predictor(settings.net_spec, settings.heads, classes, output)
-    size = (images.shape[1], images.shape[2])
 
     def run(batch: np.ndarray) -> Array:
-        return predict_batch(variables, jax.tree.map(lambda side: side[batch], sides), size)
+        return predict_batch(variables, jax.tree.map(lambda side: side[batch], sides))
 
     return in_batches(run, np.arange(len(images)), settings.predict_batch)
 
@@ -212,7 +211,8 @@ def outline(settings: TrainSettings, classes: int) -> Variables:
     images: Any = jax.ShapeDtypeStruct((1, 64, 64, 3), np.uint8)
     if settings.frozen:
         channels = trunk_of(settings).channels
-        images = tuple(jax.ShapeDtypeStruct((1, 1, 1, c), np.float16) for c in channels)
+        maps = tuple(jax.ShapeDtypeStruct((1, 1, 1, c), np.float16) for c in channels)
+        images = FeatureMaps(maps, (8, 8))
     seed = jax.ShapeDtypeStruct((), np.uint32)
     return jax.eval_shape(
         lambda *arguments: stacked([compiled.init(*arguments).trained] * settings.heads),

@@ -169,9 +169,9 @@ def _test_batches(
 def _scorer(spec: NetSpec, heads: int, classes: int) -> Callable[..., Array]:
     """A compiled function of stacked variables, inputs and labels of batches, which counts."""
 
-    def labels_of(variables: Variables, inputs: Any, size: tuple[int, int]) -> Array:
+    def labels_of(variables: Variables, inputs: Any) -> Array:
         """Classes by all heads, then by each of several heads alone: [1 + heads, b, h, w]."""
-        return jnp.stack(labels_by_head(spec, heads_of(variables, heads), inputs, size, classes))
+        return jnp.stack(labels_by_head(spec, heads_of(variables, heads), inputs, classes))
 
     def count(truth: Array, predicted: Array) -> Int32[Array, "classes classes"]:
         cell = jnp.where(truth < classes, truth.astype(jnp.int32) * classes + predicted, classes**2)
@@ -187,8 +187,7 @@ def _scorer(spec: NetSpec, heads: int, classes: int) -> Callable[..., Array]:
     ) -> Int32[Array, "batches b networks views classes classes"]:
         def batch(pair: tuple[Any, Array]) -> Array:
             inputs, truth = pair
-            size = (truth.shape[1], truth.shape[2])
-            of_network = lambda variables: of_images(truth, labels_of(variables, inputs, size))  # noqa: E731
+            of_network = lambda variables: of_images(truth, labels_of(variables, inputs))  # noqa: E731
             return jax.vmap(of_network, out_axes=1)(variables)
 
         return jax.lax.map(batch, (inputs, labels))

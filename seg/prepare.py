@@ -9,6 +9,7 @@ from seg import losses, pyramid
 from seg.beside import TrainingSet, mean_share, mixed
 from seg.classes import IGNORE_LABEL
 from seg.data import LabelledImages
+from seg.nets import FeatureMaps
 from seg.nets.head import STATISTICS, Maps
 from seg.pyramid import Statistics
 from seg.settings import VGG_NETS, TrainSettings
@@ -27,7 +28,7 @@ class TrainingError(Exception):
 class PreparedPart(NamedTuple):
     """What a network trains on of one part of its training set, in NumPy."""
 
-    inputs: Any  # u8[n h w 3]; for a frozen backbone the maps of all views
+    inputs: Any  # u8[n h w 3]; for a frozen backbone the `FeatureMaps` of all views
     labels: UInt8[np.ndarray, "n h w"]  # of all views for a frozen backbone
     class_shares: Float[np.ndarray, " classes"]
     statistics: Statistics | None  # of its features; None where they are not needed
@@ -113,11 +114,13 @@ def _prepared_part(
         check_labels(part.labels, classes)
         inputs: Any = part.images
         labels, maps, statistics = part.labels, part.features, None
-        if settings.frozen and maps is None:
-            images, labels = views(part.images, labels, settings)
-            inputs = maps = pyramid.features(images, settings)
-        elif settings.frozen:
-            inputs, labels = maps, view_labels(part.images, labels, settings)
+        if settings.frozen:
+            if maps is None:
+                images, labels = views(part.images, labels, settings)
+                maps = pyramid.features(images, settings)
+            else:
+                labels = view_labels(part.images, labels, settings)
+            inputs = FeatureMaps(maps, part.images.shape[1:3])
         if needs_statistics:
             statistics = pyramid.channel_statistics(
                 pyramid.features(part.images, settings) if maps is None else maps

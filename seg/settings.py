@@ -40,7 +40,6 @@ class NetSpec(NamedTuple):
     dtype: Dtype
     norm: bool
     backbone: BackboneSpec | None  # None for a network that is no head on a backbone
-    frozen: bool  # whether it takes the features of its backbone instead of images
     head_width: int
     head_dropout: float
 
@@ -181,7 +180,7 @@ class TrainSettings:
         """What decides the network."""
         backbone = BackboneSpec(self.net, self.weights, self.dtype) if self.has_trunk else None
         head = (self.head_width, self.head_dropout)
-        return NetSpec(self.net, self.dtype, self.norm, backbone, self.frozen, *head)
+        return NetSpec(self.net, self.dtype, self.norm, backbone, *head)
 
     @property
     def augment_spec(self) -> AugmentSpec:

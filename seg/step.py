@@ -16,8 +16,7 @@ from jaxtyping import Array, Float, Float32, Int32, PRNGKeyArray, UInt8, UInt32
 from seg.augment import augment, draw
 from seg.beside import batch_indices
 from seg.losses import cross_entropy, cross_entropy_sums, soft_jaccard
-from seg.nets import net_of, normalise
-from seg.nets.head import OnTrunk
+from seg.nets import net_of
 from seg.nets.ops.resize import strided
 from seg.optim import descend, optimizer, poly_schedule
 from seg.settings import StepSpec, TrainSettings
@@ -44,7 +43,7 @@ class TrainState(NamedTuple):
 class Data(NamedTuple):
     """The data that all updates of a training share; NumPy or JAX."""
 
-    images: Any  # u8[n h w 3]; for a frozen backbone the maps of all their views
+    images: Any  # u8[n h w 3]; for a frozen backbone the `FeatureMaps` of all their views
     labels: UInt8[Any, "n h w"]
     class_weights: Float32[Any, " classes"]  # of the loss
     seed: UInt32[Any, ""]  # of dropout and noise
@@ -109,7 +108,7 @@ def functions(settings: TrainSettings, classes: int) -> Functions:
 
 @lru_cache(maxsize=32)
 def _compiled(spec: StepSpec, classes: int) -> Functions:
-    module, frozen = net_of(spec.net, classes), spec.net.frozen
+    module = net_of(spec.net, classes)
     transform = optimizer(*spec.optim)
 
     def resume(variables: Variables) -> TrainState:
@@ -118,25 +117,17 @@ def _compiled(spec: StepSpec, classes: int) -> Functions:
         mean = jax.tree.map(jnp.zeros_like, params) if spec.averages else None
         return TrainState(params, transform.init(params), jnp.int32(0), mean, fixed)
 
-    method = OnTrunk.from_maps if frozen else None
-
     # Under `vmap` this generator has other numbers for the same seed, so that seeds go one by one.
     @jax.custom_batching.sequential_vmap
     def init(seed: UInt32[Array, ""], images: Any) -> TrainState:
         blank = jax.tree.map(lambda a: jnp.zeros((1, *a.shape[1:])), images)
-        arguments = (blank, (8, 8)) if frozen else (blank,)
         # The default generator takes four times as long to compile (unrolled, once per kernel).
         key = jax.random.key(seed, impl="rbg")
-        return resume(module.init(key, *arguments, method=method))
+        return resume(module.init(key, blank))
 
-    def logits_of(
-        variables: Variables, x: Any, size: tuple[int, int], dropout: PRNGKeyArray
-    ) -> Array:
-        arguments = (x, size) if frozen else (normalise(x),)
-        options = {"train": True, "rngs": {"dropout": dropout}, "method": method}
-        if spec.net.backbone is not None:
-            options["stride"] = spec.loss_stride
-        return module.apply(variables, *arguments, **options)
+    def logits_of(variables: Variables, x: Any, dropout: PRNGKeyArray) -> Array:
+        stride = {} if spec.net.backbone is None else {"stride": spec.loss_stride}
+        return module.apply(variables, x, train=True, rngs={"dropout": dropout}, **stride)
 
     def batch_of(data: Data, row: Plan, key: PRNGKeyArray) -> tuple[Any, Array]:
         x, y = jax.tree.map(lambda all_: all_[row.batch_indices], (data.images, data.labels))
@@ -146,19 +137,18 @@ def _compiled(spec: StepSpec, classes: int) -> Functions:
         key: PRNGKeyArray = jax.random.fold_in(jax.random.key(data.seed), state.step)
         dropout, noise = jax.random.split(key)
         x, y = batch_of(data, row, noise)
-        size = (y.shape[1], y.shape[2])
         y = strided(y, spec.loss_stride)
 
         def loss_of(params: Params) -> Float[Array, ""]:
             variables = {"params": params, **state.fixed}
-            logits = logits_of(variables, x, size, dropout)
+            logits = logits_of(variables, x, dropout)
             loss = cross_entropy(logits, y, data.class_weights)
             return loss + spec.jaccard * soft_jaccard(logits, y) if spec.jaccard else loss
 
         def sums_of(params: Params, x: Any, y: Array, part: Array) -> tuple[Array, Array]:
             key = jax.random.fold_in(dropout, part)
             variables = {"params": params, **state.fixed}
-            return cross_entropy_sums(logits_of(variables, x, size, key), y, data.class_weights)
+            return cross_entropy_sums(logits_of(variables, x, key), y, data.class_weights)
 
         if spec.accumulate == 1:
             loss, gradients = jax.value_and_grad(loss_of)(state.params)

@@ -1,4 +1,4 @@
-"""Segmentation networks as Flax modules: images f32[b, h, w, 3] -> logits f32[b, h, w, classes]."""
+"""Segmentation networks as Flax modules: RGB in [0, 1], f32[b, h, w, 3] -> logits f32[b, h, w, classes]."""
 
 from collections.abc import Callable
 from typing import Any
@@ -9,7 +9,7 @@ from flax import linen as nn
 from seg.nets.compact import Compact
 from seg.nets.deeplabv2 import DeepLabV2
 from seg.nets.fcn8s import FCN8s
-from seg.nets.head import STATISTICS, OnTrunk
+from seg.nets.head import STATISTICS, FeatureMaps, OnTrunk
 from seg.nets.ops.normalise import normalise
 from seg.nets.trunks import TRUNKS, trunk
 from seg.nets.vgg16 import VGG16
@@ -43,7 +43,8 @@ def net(
 
     Returns:
         A Linen module, called as `apply(variables, images, train=False)`. Its variables are
-        `{"params": ...}`; a network on a backbone has the collection `statistics`, too.
+        `{"params": ...}`; a network on a backbone has the collection `statistics`, too, and takes
+        `FeatureMaps` in place of images.
 
     Raises:
         ValueError: no network has that name (the message lists the known ones), or classes < 1.
@@ -101,6 +102,7 @@ __all__ = [
     "Compact",
     "DeepLabV2",
     "FCN8s",
+    "FeatureMaps",
     "OnTrunk",
     "net",
     "net_of",

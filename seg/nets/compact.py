@@ -16,6 +16,7 @@ from jaxtyping import Array, Float
 from seg.nets.ops.conv import Conv, conv, xla_conv
 from seg.nets.ops.depthwise import pointwise_conv, strided_conv
 from seg.nets.ops.group_norm import GroupNorm
+from seg.nets.ops.normalise import normalise
 from seg.nets.ops.resize import bilinear, pad_to_multiple, repeat_pixels, space_to_depth
 
 _CELL = 4  # pixels of a space-to-depth cell, along each side
@@ -69,13 +70,13 @@ class Compact(nn.Module):
     def __call__(
         self, images: Float[Array, "b h w 3"], train: bool = False
     ) -> Float[Array, "b h w classes"]:
-        """Logits of normalised RGB; `train` has no effect in a network without dropout."""
+        """Logits of RGB in [0, 1]; `train` has no effect in a network without dropout."""
         block = partial(_ConvNormRelu, dtype=self.dtype)
         project = partial(
             Conv, convolve=pointwise_conv, side=1, kernel_init=_LECUN, dtype=self.dtype
         )
         _, h, w, _ = images.shape
-        x = space_to_depth(pad_to_multiple(images, 2 * _CELL), _CELL)
+        x = space_to_depth(pad_to_multiple(normalise(images), 2 * _CELL), _CELL)
         b, rows, cols, _ = x.shape
         row = jnp.linspace(-1.0, 1.0, rows)[None, :, None, None]
         x = jnp.concatenate([x, jnp.broadcast_to(row, (b, rows, cols, 1))], axis=-1)

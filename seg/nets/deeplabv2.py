@@ -14,6 +14,7 @@ from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
 from seg.nets.ops.conv import Conv
+from seg.nets.ops.normalise import normalise
 from seg.nets.ops.product_conv import patch_conv, product_conv
 from seg.nets.ops.resize import bilinear, pad_to_multiple
 from seg.nets.vgg16 import VGG16
@@ -45,13 +46,13 @@ class DeepLabV2(nn.Module):
     def __call__(
         self, images: Float[Array, "b h w 3"], train: bool = False
     ) -> Float[Array, "b h w classes"]:
-        """Logits of normalised RGB: the sum of four branches, whose fc6 is dilated by 6, 12, 18 and 24.
+        """Logits of RGB in [0, 1]: the sum of four branches, whose fc6 is dilated by 6, 12, 18 and 24.
 
         With `train`, half of the features after fc6 and fc7 are dropped; that needs `rngs={"dropout": key}`.
         """
         _, h, w, _ = images.shape
         backbone = VGG16(self.width, True, self.norm, self.dtype, name="vgg16")
-        features = backbone(pad_to_multiple(images, 8))[-1]
+        features = backbone(pad_to_multiple(normalise(images), 8))[-1]
         branches = []
         for number, rate in enumerate(_RATES, 1):
             x = features

@@ -15,6 +15,7 @@ from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
 from seg.nets.ops.conv import Conv
+from seg.nets.ops.normalise import normalise
 from seg.nets.ops.product_conv import patch_conv
 from seg.nets.ops.resize import bilinear, pad_to_multiple
 from seg.nets.vgg16 import VGG16
@@ -57,7 +58,7 @@ class FCN8s(nn.Module):
     def __call__(
         self, images: Float[Array, "b h w 3"], train: bool = False
     ) -> Float[Array, "b h w classes"]:
-        """Logits of normalised RGB.
+        """Logits of RGB in [0, 1].
 
         With `train`, half of the features after fc6 and fc7 are dropped; that needs `rngs={"dropout": key}`.
         """
@@ -80,7 +81,7 @@ class FCN8s(nn.Module):
 
         _, h, w, _ = images.shape
         backbone = VGG16(self.width, norm=self.norm, dtype=self.dtype, name="vgg16")
-        pools = backbone(pad_to_multiple(images, 32))
+        pools = backbone(pad_to_multiple(normalise(images), 32))
         x = pools[4]
         for name, side in (("fc6", 7), ("fc7", 1)):
             x = Conv(self.hidden, patch_conv, side=side, dtype=self.dtype, name=name)(x)

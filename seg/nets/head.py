@@ -5,18 +5,30 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 from flax import linen as nn
+from flax import struct
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
 from seg.nets.ops.depthwise import Pointwise, Spatial, pointwise
 from seg.nets.ops.dropout import dropout
-from seg.nets.ops.normalise import denormalise
 from seg.nets.ops.resize import bilinear
 
 STATISTICS = "statistics"
 """The collection of variables with which the head normalises features."""
 Maps = tuple[Float[Any, "_n _rows _cols _c"], ...]
 """The head's input: a backbone's feature maps, the finest first; arrays of NumPy or JAX."""
+
+
+class FeatureMaps(struct.PyTreeNode):
+    """A frozen backbone's maps of images, from which a network on that backbone gets its logits.
+
+    Attributes:
+        maps: the backbone's feature maps.
+        size: rows and columns of the images.
+    """
+
+    maps: tuple[Any, ...]  # `Maps`, or what a transformation of JAX puts in their place
+    size: tuple[int, int] = struct.field(pytree_node=False)
 
 
 class _Projection(nn.Module):
@@ -91,7 +103,7 @@ class Head(nn.Module):
 
 
 class OnTrunk(nn.Module):
-    """Trunk and head: logits at full resolution from images.
+    """Backbone and head: logits at full resolution from images, or from feature maps computed before.
 
     Attributes:
         classes: the number of classes.
@@ -114,17 +126,19 @@ class OnTrunk(nn.Module):
         self.head = Head(self.classes, self.strides, self.width, self.dropout, self.dtype)
 
     def __call__(
-        self, images: Float[Array, "b h w 3"], train: bool = False, stride: int = 1
+        self,
+        inputs: Float[Array, "b h w 3"] | FeatureMaps,
+        train: bool = False,
+        stride: int = 1,
     ) -> Float[Array, "b rows cols classes"]:
-        """Logits of normalised RGB; with `train` and dropout this needs `rngs={"dropout": key}`."""
-        maps = self.trunk(denormalise(images))
-        return self.from_maps(maps, (images.shape[1], images.shape[2]), train, stride)
+        """Logits of RGB in [0, 1], or of the backbone's maps.
 
-    def from_maps(
-        self, maps: Maps, size: tuple[int, int], train: bool = False, stride: int = 1
-    ) -> Float[Array, "b rows cols classes"]:
-        """Logits of images of a size from the backbone's feature maps."""
-        return self.enlarged(self.scores(maps, train), size, stride)
+        With `train` and dropout this needs `rngs={"dropout": key}`.
+        """
+        if not isinstance(inputs, FeatureMaps):
+            size = (inputs.shape[1], inputs.shape[2])
+            inputs = FeatureMaps(self.trunk(inputs), size)
+        return self.enlarged(self.scores(inputs.maps, train), inputs.size, stride)
 
     def scores(self, maps: Maps, train: bool = False) -> Float[Array, "b rows cols classes"]:
         """The head's scores at the finest map."""

@@ -24,7 +24,7 @@ from seg import (
 )
 from seg.beside import TrainingSet
 from seg.data import LabelledImages
-from seg.nets import OnTrunk, net, variables_of
+from seg.nets import FeatureMaps, OnTrunk, net, variables_of
 from seg.nets.head import Head, statistics
 from seg.nets.lite import SIZES, STRIDES, Block, Lite, _Block, blocks_of, channels_of, taps_of
 from seg.nets.ops.conv import xla_conv
@@ -38,7 +38,6 @@ from seg.nets.ops.depthwise import (
     xla_depthwise,
 )
 from seg.nets.ops.dropout import dropout
-from seg.nets.ops.normalise import denormalise, normalise
 from seg.nets.ops.resize import strided
 from seg.optim import trunk_multiplier
 from seg.prepare import first_variables, prepare
@@ -135,8 +134,6 @@ def test_shapes_of_trunk_and_head():
     }
     expected = OnTrunk(5, Lite(blocks_of(SIZES["lite0"])), STRIDES, width=16)
     assert net("lite0", 5, width=16) == expected
-    x = jnp.asarray(pixels(1, 4, 4, 3) / np.float32(255))
-    np.testing.assert_allclose(denormalise(normalise(x)), x, atol=1e-6)
 
 
 def test_the_head_is_its_formula_and_its_statistics_by_hand():
@@ -206,13 +203,13 @@ def test_dropout_leaves_out_its_share_and_the_mean_stays(rate, share):
 @pytest.mark.parametrize("stride", [1, 2, 4])
 def test_a_loss_with_a_stride_sees_a_part_of_the_pixels(stride):
     shapes = ((2, 6, 8, 64), (2, 3, 4, 112), (2, 2, 2, 320))
-    maps = tuple(normal(*shape) for shape in shapes)
+    maps = FeatureMaps(tuple(normal(*shape) for shape in shapes), (45, 61))
     module = OnTrunk(3, Lite(blocks_of(SIZES["lite0"])), STRIDES, width=8)
-    logits = partial(module.apply, method=OnTrunk.from_maps)
-    params = module.init(jax.random.key(0), maps, (45, 61), method=OnTrunk.from_maps)
-    whole = logits(params, maps, (45, 61))
+    variables = module.init(jax.random.key(0), maps)
+    assert set(variables["params"]) == {"head"}  # the backbone is not needed
+    whole = module.apply(variables, maps)
     assert whole.shape == (2, 45, 61, 3)
-    part = logits(params, maps, (45, 61), stride=stride)
+    part = module.apply(variables, maps, stride=stride)
     np.testing.assert_allclose(part, strided(whole, stride), atol=1e-5)
 
 
@@ -346,7 +343,9 @@ def test_no_update_touches_the_statistics_nor_has_the_optimiser_any_state_of_the
     settings = replace(BRIEF, weight_decay=0.5, average=0.5)
     compiled = functions(settings, 2)
     images, labels = TOY
-    data = Data(MAPS(), labels, np.ones(2, np.float32), np.uint32(0))
+    data = Data(
+        FeatureMaps(MAPS(), TOY[0].shape[1:3]), labels, np.ones(2, np.float32), np.uint32(0)
+    )
     variables = compiled.init(np.uint32(0), data.images).trained
     head_statistics = {
         "mean": np.full(496, 0.5, np.float32),
@@ -382,7 +381,8 @@ compiles.
 def test_heads_start_as_they_did_when_statistics_were_among_them(trunk, narrow_lite):
     settings = replace(RECIPES[f"lite0-{trunk}"], net=narrow_lite)
     maps = tuple(np.zeros((1, n, n, c), np.float16) for n, c in ((8, 64), (4, 112), (2, 320)))
-    images = maps if settings.frozen else np.zeros((1, 64, 64, 3), np.uint8)
+    zeros = np.zeros((1, 64, 64, 3), np.uint8)
+    images = FeatureMaps(maps, (64, 64)) if settings.frozen else zeros
     params = functions(settings, 11).init(np.uint32(7), images).params
     for name, values in FIRST.items():
         np.testing.assert_allclose(params["head"][name]["kernel"].ravel()[:4], values, rtol=1e-5)
@@ -433,7 +433,9 @@ def test_every_step_has_a_dropout_of_its_own():
     def losses(dropout):
         settings = replace(BRIEF, head_dropout=dropout, lr=1.0)
         compiled = functions(settings, 2)
-        data = Data(MAPS(), TOY[1], np.ones(2, np.float32), np.uint32(0))
+        data = Data(
+            FeatureMaps(MAPS(), TOY[0].shape[1:3]), TOY[1], np.ones(2, np.float32), np.uint32(0)
+        )
         state = compiled.init(np.uint32(0), data.images)
         row = plan(0, len(TOY[1]), settings).rows(0)._replace(lr=np.float32(0))
         values = []
@@ -468,7 +470,7 @@ def test_prediction_is_that_of_the_whole_net(narrow_lite):
     variables = train(0, *TOY, settings, 2)
     predicted = predict(variables, images, settings, 2)
     assert predicted.shape == (3, 45, 61) and 0 < predicted.mean() < 1
-    x = normalise(jnp.asarray(images / np.float32(255)))
+    x = jnp.asarray(images / np.float32(255))
     whole = {
         **variables, "params": {**variables["params"], "trunk": trunk_params(settings)}
     }  # fmt: skip

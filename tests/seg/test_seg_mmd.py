@@ -11,7 +11,7 @@ from hypothesis import given
 
 from seg.features import features, penultimate, pool
 from seg.mmd import mmd2, polynomial_kernel
-from seg.nets import Compact, normalise
+from seg.nets import Compact
 from seg.nets.ops.resize import bilinear
 
 from .conftest import SEEDS, normal, pixels, refuses
@@ -76,9 +76,7 @@ def test_an_image_has_the_same_features_in_any_company(variables):
     every = features(variables, images, 11)
     assert every.shape == (19, 120) and every.dtype == np.float32
     np.testing.assert_allclose(features(variables, images[17:18], 11), every[17:18], atol=1e-5)
-    vector = pool(
-        PENULTIMATE(variables, normalise(jnp.asarray(images[3:4] / 255, jnp.float32)), 11)
-    )
+    vector = pool(PENULTIMATE(variables, jnp.asarray(images[3:4] / 255, jnp.float32), 11))
     np.testing.assert_allclose(vector, every[3:4], atol=1e-5)
     # Files of earlier versions hold the parameters alone.
     np.testing.assert_array_equal(features(variables["params"], images, 11), every)

@@ -58,9 +58,9 @@ def test_weights_go_to_the_device_once(compact, saved, monkeypatch):
     assert all(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(load_model(saved).variables))
     leaves, run = [], _predictor(COMPACT.net_spec, 1, 3, "labels")
 
-    def noting_predictor(variables, batch, size):
+    def noting_predictor(variables, batch):
         leaves.append(jax.tree.leaves(variables))
-        return run(variables, batch, size)
+        return run(variables, batch)
 
     monkeypatch.setattr(inference, "_predictor", lambda *_: noting_predictor)
     predict(jax.tree.map(np.asarray, compact.variables), pixels(4, *SIZE, 3), COMPACT, 3)

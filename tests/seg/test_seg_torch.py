@@ -27,17 +27,22 @@ NETS = [
     *((VGG16(8, atrous), torch_nets.VGG16(8, atrous), (64, 96)) for atrous in (False, True)),
 ])  # fmt: skip
 def test_logits_and_features_are_those_of_pytorch(module, torch_module, size):
-    images = normal(2, *size, 3)
-    assert_as_in_pytorch(module, torch_module, images, filled(module, images))
+    pictures = 0.45 + 0.22 * normal(2, *size, 3)
+    assert_as_in_pytorch(module, torch_module, pictures, filled(module, pictures))
 
 
-def assert_as_in_pytorch(module, torch_module, images, params, rtol=1e-7, **others):
+def assert_as_in_pytorch(module, torch_module, pictures, params, rtol=1e-7, **others):
+    """Networks normalise RGB in [0, 1] themselves; those of PyTorch, and our VGG16, take it normalised."""
+    normalised = normalise(pictures)
     variables = {"params": params, **others}
     for collection in variables.values():
         torch_nets.copy(collection, torch_module)
     with torch.no_grad():
-        expected = jax.tree.leaves(torch_module.eval()(torch_nets.images_of(np.asarray(images))))
+        expected = jax.tree.leaves(
+            torch_module.eval()(torch_nets.images_of(np.asarray(normalised)))
+        )
     assert all(other.std() > 0.05 for other in expected)
+    images = normalised if isinstance(module, VGG16) else pictures
     outputs = jax.tree.leaves(jax.jit(module.apply)(variables, images))
     assert_close(outputs, [o.numpy().transpose(0, 2, 3, 1) for o in expected], rtol, atol=1e-4)
 
@@ -49,13 +54,13 @@ def test_logits_of_a_lite_are_those_of_pytorch(name, size):
     rng = np.random.default_rng(0)  # noise has features like no photo's, so it is enlarged
     coarse = rng.random((2, size[0] // 8 + 2, size[1] // 8 + 2, 3)).astype(np.float32)
     pictures = jax.image.resize(coarse, (2, *size, 3), "linear")
-    images, module = normalise(pictures), net(name, CLASSES, width=16)
-    params = filled(module, images) | {"trunk": trunk(name).load()}
+    module = net(name, CLASSES, width=16)
+    params = filled(module, pictures) | {"trunk": trunk(name).load()}
     maps = jax.jit(trunk(name).module.apply)({"params": params["trunk"]}, pictures)
     head_statistics = dict(zip(("mean", "deviation"), statistics(maps), strict=True))
     torch_module = torch_nets.Lite(CLASSES, name, width=16)
     assert_as_in_pytorch(
-        module, torch_module, images, params, rtol=1e-4, statistics={"head": head_statistics}
+        module, torch_module, pictures, params, rtol=1e-4, statistics={"head": head_statistics}
     )
 
 

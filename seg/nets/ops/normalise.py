@@ -1,4 +1,4 @@
-"""The normalisation of images that every network expects."""
+"""The normalisation of images with which networks begin."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -12,9 +12,3 @@ def normalise(images: Float[Array, "b h w 3"]) -> Float[Array, "b h w 3"]:
     """Centre and scale each channel of RGB in [0, 1] by the statistics of ImageNet."""
     shape = (1, 1, 1, 3)
     return (images - jnp.reshape(jnp.array(MEAN), shape)) / jnp.reshape(jnp.array(STD), shape)
-
-
-def denormalise(images: Float[Array, "b h w 3"]) -> Float[Array, "b h w 3"]:
-    """Undo `normalise`: RGB in [0, 1], for networks that scale images in their own way."""
-    shape = (1, 1, 1, 3)
-    return images * jnp.reshape(jnp.array(STD), shape) + jnp.reshape(jnp.array(MEAN), shape)
