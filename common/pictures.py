@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import warnings
+from pathlib import Path
 
 import numpy as np
 
@@ -13,17 +14,18 @@ MOST_PIXELS, MOST_BYTES = 50_000_000, 500_000_000
 """Limits of an image and its file; the engine renders no larger ones."""
 
 
-def too_large(data: bytes) -> str | None:
-    """Explain why the bytes of an image file must not be decoded; None if they may be.
+def too_large(image_file: bytes | Path) -> str | None:
+    """Explain why an image file, or its bytes, must not be decoded; None if it may be.
 
-    Bytes that are not an image are left to the decoder, whose message is better.
+    What is not an image is left to the decoder, whose message is better.
     """
     from PIL import Image  # only for programs that read images
 
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            with Image.open(io.BytesIO(data)) as image:
+            file = image_file if isinstance(image_file, Path) else io.BytesIO(image_file)
+            with Image.open(file) as image:
                 width, height = image.size
     except Image.DecompressionBombError:
         return f"more than {MOST_PIXELS:,} pixels"

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from PIL import Image
 
 from common.errors import UserError
 from common.files import file_digest
@@ -24,7 +23,7 @@ from experiments.targets.few import CHOICE, spread
 from experiments.targets.real import reported_split
 from seg.classes import table_text
 from seg.data import Entry, LabelledImages, load, refuse_shared
-from seg.data.images import upright
+from seg.data.images import read_header
 
 FOLDS = 5
 """Number of folds of images without a split, if there are so many groups."""
@@ -34,15 +33,9 @@ def common_size(entries: Sequence[Entry]) -> tuple[int, int]:
     """Return the most frequent width and height (upright); of equally frequent ones the first.
 
     Raises:
-        UserError: the file of an image cannot be read.
+        DataError: the file of an image cannot be read, or has too many pixels.
     """
-    sizes: Counter[tuple[int, int]] = Counter()
-    for entry in entries:
-        try:
-            with Image.open(entry.image_path) as image:
-                sizes[upright(image)] += 1
-        except OSError as error:
-            raise UserError(f"{entry.image_path}: not a readable image ({error})") from None
+    sizes = Counter(read_header(entry.image_path).size for entry in entries)
     return sizes.most_common(1)[0][0]
 
 

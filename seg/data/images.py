@@ -2,6 +2,7 @@
 
 import io
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -36,16 +37,41 @@ def read_file(path: Path) -> bytes:
     return data
 
 
-ORIENTATION = 0x112
-"""EXIF's tag of the orientation of an image; values from 5 on swap width and height."""
+_ORIENTATION = 0x112
+"""EXIF's tag of the orientation of an image."""
 _BITS = 258
 """TIFF's tag of the bits per channel."""
 
 
-def upright(picture: Image.Image) -> tuple[int, int]:
-    """Width and height of an opened image as `read_image` rotates it."""
-    width, height = picture.size
-    return (height, width) if picture.getexif().get(ORIENTATION, 1) >= 5 else (width, height)
+class Header(NamedTuple):
+    """What the header of an image file says."""
+
+    stored: tuple[int, int]  # width and height of the stored pixels
+    orientation: int  # of EXIF, 1 for none; values from 5 on swap width and height
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height as `read_image` rotates the image."""
+        width, height = self.stored
+        return (height, width) if self.orientation >= 5 else (width, height)
+
+
+def read_header(path: Path) -> Header:
+    """Read the size of an image without decoding it.
+
+    Raises:
+        DataError: the file cannot be read, is not an image, or has too many pixels.
+    """
+    if why := too_large(path):
+        raise DataError(f"{path}: {why}; resize it")
+    try:
+        with Image.open(path) as picture:
+            orientation = picture.getexif().get(_ORIENTATION, 1)
+            return Header(picture.size, orientation if isinstance(orientation, int) else 1)
+    except Exception as error:  # Pillow has many errors
+        if isinstance(error, OSError) and error.strerror:  # the disk's, not Pillow's
+            raise DataError(f"{path}: cannot be read ({error.strerror})") from None
+        raise _unreadable(path, error) from None
 
 
 def is_deep(path: Path) -> bool:
@@ -78,7 +104,7 @@ def check_end(path: Path) -> None:
     if start.startswith(_JPEG_START) and not end.rstrip(b"\0\r\n").endswith(_JPEG_END):
         try:
             Image.open(path).load()
-        except OSError as error:
+        except Exception as error:  # Pillow has many errors
             raise _unreadable(path, error) from error
 
 
@@ -131,7 +157,7 @@ def read_image(path: Path) -> UInt8[np.ndarray, "h w 3"]:
         # OpenCV silently fills the lost part of a truncated JPEG with grey; Pillow reports it.
         try:
             Image.open(io.BytesIO(data)).load()
-        except OSError as error:
+        except Exception as error:  # Pillow has many errors
             raise _unreadable(path, error) from error
     bgr = decode(path, data, cv2.IMREAD_COLOR)
     return cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB)

@@ -48,6 +48,7 @@ from seg.data import LabelReader, load, read_target, subset
 from seg.data.images import check_end, read_image
 from tests.conftest import ROOT, refuses
 from tests.layouts import LAYOUTS, save, write
+from tests.robustness.test_untrusted import bomb
 
 PALETTE = [90, 90, 90, 200, 0, 0, 0, 0, 200, 0, 200, 0, 9, 9, 9, *[0] * 753]  # of all bytes
 SHAPES = ((48, 64), (64, 48), (40, 80))
@@ -814,9 +815,11 @@ def test_images_that_are_cut_off_dark_or_turned_are_counted(tmp_path, doctor):
     turned = Image.Exif()
     turned[0x112] = 3
     Image.open(images[3]).save(images[3], exif=turned)
+    images[5].write_bytes(bomb(20_000, 20_000))
     code, out, _ = doctor(root)
     assert code == 2
     assert f"{images[0]}: not a readable image, broken or truncated" in out
+    assert f"{images[5]}: more than 50,000,000 pixels" in out
     assert (
         f"16-bit images too dark for a network: 2, such as {images[1]}, whose largest value is 409"
         in out

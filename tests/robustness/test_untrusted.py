@@ -18,7 +18,7 @@ from scene.dataset.formats.png import read_png
 from scene.dataset.read import describe
 from scene.dataset.real import open_images
 from seg.data import LabelReader, list_split
-from seg.data.images import read_image
+from seg.data.images import read_header, read_image
 from seg.weights.read import read
 from tests.conftest import refused
 
@@ -42,7 +42,7 @@ def test_a_picture_that_says_it_is_huge_is_not_decoded(size, tmp_path, monkeypat
     path.write_bytes(bomb(*size))
     monkeypatch.setattr("cv2.imdecode", None)
     labels, pairs = LabelReader(shipped("camvid")), open_images(tmp_path).pairs
-    for reader in (read_image, labels, read_png, lambda _: next(pairs)):
+    for reader in (read_image, read_header, labels, read_png, lambda _: next(pairs)):
         refused(ValueError, r"1\.png: .*more than 50,000,000 pixels", reader, path)
 
 

@@ -6,7 +6,7 @@ from PIL import Image
 
 from common.labels.target_file import shipped
 from seg.data import LabelReader, list_unlabelled, load_unlabelled
-from seg.data.images import read_image
+from seg.data.images import read_header, read_image
 from tests.conftest import packed_png
 
 from .conftest import pixels, refuses_file, write_image, write_label
@@ -30,6 +30,14 @@ def test_photographs_are_turned_as_their_orientation_says(tmp_path):
     exif[0x112] = 6  # the top is at the right
     Image.fromarray(lying.astype(np.uint8)).save(path, exif=exif)
     np.testing.assert_array_equal(read_image(path), np.rot90(lying, -1))
+    assert read_header(path) == ((6, 4), 6) and read_header(path).size == (4, 6)
+
+
+def test_an_orientation_that_is_no_number_turns_nothing(tmp_path):
+    path = tmp_path / "image.png"
+    text = b"MM\0*\0\0\0\x08\0\x01\x01\x12\0\x02\0\0\0\x04abc\0\0\0\0\0"  # "abc" as text
+    Image.fromarray(pixels(4, 6, 3).astype(np.uint8)).save(path, exif=text)
+    assert read_header(path).size == (6, 4) and read_image(path).shape == (4, 6, 3)
 
 
 def test_labels_of_8_and_16_bits_and_of_palettes_keep_their_ids(tmp_path):
@@ -75,7 +83,7 @@ def test_files_that_are_no_images_and_labels_in_colours(tmp_path, mode):
         rf"label\.png: a label in colours .mode {mode}.*one channel", read_camvid_label, path
     )
     path.write_text("not an image")
-    for read in (read_image, read_camvid_label):
+    for read in (read_image, read_header, read_camvid_label):
         refuses_file(r"label\.png: not a readable image", read, path)
         refuses_file(r"gone\.png: cannot be read \(No such file", read, tmp_path / "gone.png")
 

@@ -20,7 +20,7 @@ from experiments.targets.real import HELD_OUT
 from experiments.targets.sizes import suitable_size
 from seg.classes import IGNORE_LABEL
 from seg.data import LabelReader, load
-from seg.data.images import ORIENTATION, check_end, decode, is_deep, read_file, upright
+from seg.data.images import check_end, decode, is_deep, read_file, read_header
 
 READ = 100
 """The most label files that are read whole."""
@@ -147,15 +147,13 @@ def _sizes(entries: Sequence[Entry], faults: list[Fault]) -> list[tuple[tuple[in
         path = entry.image_path
         try:
             check_end(path)
-            with Image.open(path) as picture:
-                size, stored = upright(picture), picture.size
-                orientation = picture.getexif().get(ORIENTATION, 1)
-            sizes[size] += 1
+            header = read_header(path)
+            sizes[header.size] += 1
             if is_deep(path):
                 largest = int(decode(path, read_file(path), cv2.IMREAD_UNCHANGED).max())
                 if 0 < largest < 2**15:
                     dark.append((path, largest))
-            if orientation != 1 and size == stored:
+            if header.orientation != 1 and header.size == header.stored:
                 rotated.append(path)
         except Exception as error:  # Pillow has many errors
             why = (
@@ -194,15 +192,15 @@ def _classes(
     for entry in _spread(entries, READ):
         try:
             label, unknown_values = reader.read(entry.label_path, entry.image_path)
-            with Image.open(entry.image_path) as picture:
-                size, stored = upright(picture), picture.size
+            header = read_header(entry.image_path)
         except (UserError, OSError) as error:
             faults.append(_fault(str(error), REPLACE))
             right = False
             continue
+        size = header.size
         if size != label.shape[::-1]:
             fix = "resize labels to the size of their image, to the nearest pixel"
-            if stored == label.shape[::-1]:
+            if header.stored == label.shape[::-1]:
                 fix = "EXIF orientation rotates the image: rotate the label, or remove the tag"
             faults.append(
                 Fault(
