@@ -21,7 +21,15 @@ import numpy as np
 from common.errors import UserError
 from common.files import digest, write
 from common.lines import CURE, JsonLines, Record
-from experiments.evaluation.job import LabelledSource, LabelledSubset, Result, Source, StreetPool
+from experiments.evaluation.job import (
+    REWARD_NAMES,
+    LabelledSource,
+    LabelledSubset,
+    Result,
+    Source,
+    StreetPool,
+)
+from experiments.evaluation.made_with import FIELD
 from scene.attributes import SPACES, names
 from scene.proposal import Histogram, Mixture, Proposal, components
 
@@ -278,10 +286,27 @@ def check_fields(where: str, record: Record) -> None:
             raise UserError(f"{where}: {name} must be of type {types}")
     sizes = [len(rows) for rows in SPACES.values()]
     for name in ("centre", "width"):
-        if record[name] is not None and len(record[name]) not in sizes:
-            raise UserError(f"{where}: {name} must hold {' or '.join(map(str, sizes))} values")
+        if record[name] is not None and not (
+            len(record[name]) in sizes and all(isinstance(v, float | int) for v in record[name])
+        ):
+            raise UserError(f"{where}: {name} must hold {' or '.join(map(str, sizes))} numbers")
+    if (record["centre"] is None) != (record["width"] is None):
+        raise UserError(f"{where}: an evaluation has both a centre and a width, or neither")
+    heads = record.get("heads", [])
+    if not isinstance(heads, list) or not all(map(_is_iou, (record["class_iou"], *heads))):
+        raise UserError(f"{where}: class_iou and heads must hold numbers or null")
+    if record.get("kind", "miou") not in [*REWARD_NAMES]:
+        raise UserError(f"{where}: kind must be {' or '.join(REWARD_NAMES)}")
+    made_with = record.get(FIELD, {})
+    if not isinstance(made_with, dict) or not all(isinstance(v, str) for v in made_with.values()):
+        raise UserError(f"{where}: {FIELD} must be a table of versions by name")
     if (record["reward"] is None) != (record["failed"] is not None):
         raise UserError(f"{where}: an evaluation has a reward or has failed, one of the two")
+
+
+def _is_iou(row: Any) -> bool:
+    """Whether a value is the IoU of each class."""
+    return isinstance(row, list) and all(v is None or isinstance(v, float | int) for v in row)
 
 
 def refuse_conflict(record: Record, where: str, other: Record, other_where: str) -> None:

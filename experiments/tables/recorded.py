@@ -149,7 +149,7 @@ def _read_bins(path: Path, config: Any) -> list[Record]:
             in_range = all(type(k) is int and 0 <= k < config.search.bins for k in row)
             if not (in_range and len(row) == count and math.isfinite(reward)):
                 raise ValueError
-        except (ValueError, KeyError, TypeError):
+        except (ValueError, KeyError, TypeError, OverflowError):
             raise UserError(
                 f"{path}: line {number} must hold a reward and {count} bins from 0 to "
                 f"{config.search.bins - 1} (--search.bins)"

@@ -531,6 +531,14 @@ def test_merge_refuses_two_values_for_one_key_and_names_both(make, tmp_path, ref
     ([HEADER, {"key": 1}], "line 2: key must be of type str"),
     ([HEADER, record(reward=None, failed=None)], "one of the two"),
     ([HEADER, record(centre=[0.5])], "centre must hold 23"),
+    ([HEADER, record(width=["0.5"] * 23)], "width must hold 23"),
+    ([HEADER, record(width=None)], "both a centre and a width, or neither"),
+    ([HEADER, record(class_iou=["a"])], "class_iou and heads must hold numbers or null"),
+    ([HEADER, record(heads=[0.5])], "class_iou and heads must hold numbers or null"),
+    ([HEADER, record(kind="loss")], "line 2: kind must be miou or mmd"),
+    ([HEADER, record(kind=[])], "line 2: kind must be miou or mmd"),
+    ([HEADER, record(made_with="jax")], "made_with must be a table of versions by name"),
+    ([HEADER, record(made_with={"jax": [1]})], "made_with must be a table of versions by name"),
     ([HEADER, record(), record(reward=0.5)], "line 3 hold the same evaluation with different"),
 ])  # fmt: skip
 def test_other_files_are_refused_in_one_line(found, complaint, tmp_path, refused):

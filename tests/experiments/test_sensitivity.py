@@ -231,6 +231,7 @@ def test_rewards_that_others_have_made_count(config, counted, tmp_path):
     (["--records", "none.jsonl"], "none.jsonl does not exist; pass a store"),
     (["--records", "."], "is not a run folder"),
     (["--records", "short.jsonl"], "line 2 must hold a reward and 23 bins from 0 to 9"),
+    (["--records", "large.jsonl"], "line 2 must hold a reward and 23 bins from 0 to 9"),
     (["--records", "few.jsonl"], "holds rewards of 2 proposals; a model needs 8 or more"),
     (["--records", "same.jsonl"], "all 10 rewards are equal"),
     (["--records", "text.jsonl"], "text.jsonl: line 1 is not JSON"),
@@ -247,6 +248,7 @@ def test_what_cannot_work_is_refused(flags, words, tmp_path, monkeypatch, error_
     monkeypatch.chdir(tmp_path)
     same = [line_of_bins([k] + [1] * 22, 5) for k in range(10)]
     write_lines(tmp_path / "short.jsonl", [same[0], {"bins": [1], "reward": 5}])
+    write_lines(tmp_path / "large.jsonl", [same[0], same[0] | {"reward": 10**400}])
     write_lines(tmp_path / "few.jsonl", same[:3])  # 0, 1 slide together
     write_lines(tmp_path / "same.jsonl", same)
     (tmp_path / "text.jsonl").write_text("some text\n")
