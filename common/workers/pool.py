@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import re
 import signal
 import threading
 import time
@@ -19,7 +20,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from itertools import chain, islice
+from itertools import chain, islice, takewhile
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
@@ -431,10 +432,14 @@ def _start(counter: Any, nice: int, sees_gpu: bool, reported: Any) -> None:
 
 
 def gpus() -> list[str]:
-    """NVIDIA GPUs for this process, as CUDA_VISIBLE_DEVICES names them."""
+    """NVIDIA GPUs for this process, as CUDA_VISIBLE_DEVICES names them.
+
+    As for CUDA, the first name of no GPU ends the list: -1, or NoDevFiles of Slurm.
+    """
     named = os.environ.get("CUDA_VISIBLE_DEVICES")
     if named is not None:
-        return [name for name in named.split(",") if name]
+        names = (name.strip() for name in named.split(","))
+        return list(takewhile(re.compile(r"\d|GPU-|MIG-").match, names))
     return [str(k) for k, _ in enumerate(Path("/proc/driver/nvidia/gpus").glob("*"))]
 
 

@@ -10,7 +10,7 @@ import pytest
 from common.errors import UserError
 from common.workers import pool
 from common.workers.pipeline import Split
-from common.workers.pool import LESS_URGENT, WorkerError, WorkerPool
+from common.workers.pool import LESS_URGENT, WorkerError, WorkerPool, gpus
 from tests.conftest import refused
 from tests.tasks import (
     die_until,
@@ -89,6 +89,15 @@ def test_workers_have_one_thread_one_gpu_their_environment_and_leaving_early_dro
     with WorkerPool(1) as pool:
         assert next(iter(pool.map(time.sleep, [(0,), (60,)]))) == (0, None)
     assert time.monotonic() - started < 30
+
+
+@pytest.mark.parametrize(("visible", "names"), [
+    ("0,1", ["0", "1"]), ("", []), ("-1", []), ("2, -1,3", ["2"]), ("NoDevFiles", []),
+    ("GPU-8932f937,MIG-GPU-8932f937/1/2", ["GPU-8932f937", "MIG-GPU-8932f937/1/2"]),
+])  # fmt: skip
+def test_the_first_name_of_no_gpu_ends_the_list(visible, names, monkeypatch):
+    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", visible)
+    assert gpus() == names
 
 
 TWICE = Split(lambda most, task: [task[-1:]] * min(most, 2), doubled)
