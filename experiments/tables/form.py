@@ -22,6 +22,8 @@ from seg.weights import described
 
 Report = dict[str, Any]
 
+INCOMPLETE = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
+"""The errors that a report causes in which fields are missing or of another type."""
 ONE_SEARCH = "Intervals of one search are over its networks; another search may find other streets."
 
 
@@ -37,12 +39,24 @@ class Form(NamedTuple):
 
 def write_report(form: Form, scores: Report, folder: Path) -> Report:
     """Derive the report and write its files; the JSON comes last, since it marks the others as complete."""
+    return _write(form, *_made(form, scores, folder), folder)
+
+
+Files = dict[str, bytes | str]
+"""Contents by the name of their file."""
+
+
+def _made(form: Form, scores: Report, folder: Path) -> tuple[Report, Files]:
+    """Derive the report, and make the contents of all files but the JSON."""
     report = form.derive({"study": form.name, **scores})
-    write(folder / f"{form.name}.md", form.text(report) + "\n")
-    for name, draw in form.figures.items():
-        write(folder / name, draw(report))
-    for name, lay_out in form.pages.items():
-        write(folder / name, lay_out(report, folder))
+    files: Files = {f"{form.name}.md": form.text(report) + "\n"}
+    files |= {name: draw(report) for name, draw in form.figures.items()}
+    return report, files | {name: lay_out(report, folder) for name, lay_out in form.pages.items()}
+
+
+def _write(form: Form, report: Report, files: Files, folder: Path) -> Report:
+    for name, content in files.items():
+        write(folder / name, content)
     write_json(folder / f"{form.name}.json", report)
     return report
 
@@ -62,14 +76,14 @@ def rewrite(form: Form, file: Path, folder: Path) -> Report:
     if not isinstance(scores, dict) or scores.get("study", form.name) != form.name:
         raise UserError(f"--rederive {file} is not a report of the study {form.name}")
     try:
-        form.text(form.derive(scores))
-    except (KeyError, TypeError, ValueError, IndexError) as error:
+        report, files = _made(form, scores, folder)
+    except INCOMPLETE as error:
         raise UserError(
             f"--rederive {file} is not a complete report of the study {form.name} ({error!r})"
         ) from None
     with naming(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    return write_report(form, scores, folder)
+    return _write(form, report, files, folder)
 
 
 def about(run: Session[Any], fidelity: Fidelity) -> Report:

@@ -430,6 +430,19 @@ def test_other_files_are_neither_attributes_nor_reports(config, out, content, at
     assert not out.exists()
 
 
+@pytest.mark.parametrize("part", ["text", "figures"])
+def test_a_report_of_other_types_is_refused_before_a_file_is_written(out, part):
+    def fail(report):
+        return report["mean"].items()  # an AttributeError
+
+    file = out.with_name("some.json")
+    file.write_text('{"study": "some", "scores": [1, 2]}')
+    failing = FORM._replace(**{part: fail if part == "text" else {"some.png": fail}})
+    with pytest.raises(UserError, match="is not a complete report of the study some"):
+        form.rewrite(failing, file, out)
+    assert not out.exists()
+
+
 def test_separate_trainers_train_while_renderers_render(tmp_path):
     final = defaults(LearntConfig, "camvid", "quick").final
     pace, cost = Pace(2.0, 3.0), Cost(160.0, 70.0)
