@@ -156,6 +156,23 @@ def test_answers_of_a_method_that_is_gone_are_refused(run, error_line):
         assert "is not one interval for each attribute" in error_line(begun=True)
 
 
+@pytest.mark.parametrize(("file", "changes"), [
+    ("summary.json", {"note": None}), ("summary.json", {"starts": 3}),
+    ("config.json", {"space": "x"}), ("pictures/seen.json", {"worst": [3]}),
+])  # fmt: skip
+def test_a_changed_file_of_a_run_is_refused_and_the_page_stays(file, changes, run, error_line):
+    before = (run / "report.html").read_bytes()
+    write_json(run / file, read_json(run / file) | changes)
+    assert main([str(run)]) == 2
+    assert "has a file that this version did not write" in error_line(begun=True)
+    assert (run / "report.html").read_bytes() == before
+
+
+def test_an_array_that_is_none_is_left_out(run):
+    (run / "pictures" / "probabilities.npy").write_bytes(b"PK\3\4no array")
+    assert main([str(run)]) == 0
+
+
 def gain(mean, *ci95):
     return {"mean": mean, "ci95": [*ci95] or None}
 

@@ -12,12 +12,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from jinja2 import TemplateError
+
 from common.command import Arguments, exit_code
 from common.errors import UserError
 from common.files import check_file, write
 from experiments.app.report import live, page
 from experiments.app.report.folder import NAME, SUMMARY, read
 from experiments.config import parsers
+from experiments.tables.form import INCOMPLETE
 
 
 def make(path: Path, out: Path | None) -> Path:
@@ -28,14 +31,23 @@ def make(path: Path, out: Path | None) -> Path:
         out: the page; by default in that folder.
 
     Raises:
-        UserError: the folder is not a finished run, or the page cannot be written.
+        UserError: the folder is not a finished run, one of its files is of another version, or the page
+            cannot be written.
     """
     out = out or path / NAME
     if out.is_dir():
         raise UserError(f"--out {out} is a folder; pass a file, such as {out / NAME}")
     if path.is_dir():
         check_file("--out", out)
-    write(out, page.html(read(path).summary, path))
+    try:
+        text = page.html(read(path).summary, path)
+    except UserError:
+        raise
+    except (*INCOMPLETE, TemplateError) as error:
+        raise UserError(
+            f"{path} has a file that this version did not write, or that was changed ({error!r})"
+        ) from None
+    write(out, text)
     return out
 
 

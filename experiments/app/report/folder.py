@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import Any, NamedTuple
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -155,6 +156,6 @@ def _array(path: Path, axes: int) -> np.ndarray | None:
     """The array in a file; None if the file is missing or holds something else."""
     try:
         array = np.load(path)
-    except (OSError, ValueError, EOFError):
+    except (OSError, ValueError, EOFError, BadZipFile):
         return None
     return array if isinstance(array, np.ndarray) and array.ndim == axes else None
