@@ -129,10 +129,10 @@ class Cache:
             recipe: sizes, assets, backbone, and the classes of the labels.
             units: f32[streets, attributes] of every street, in [0, 1].
             seed: decides, with the street's index, all random choices.
-            done: called with the number of new streets.
+            done: called with the number of new streets; of all if they exist.
         """
         folder = self._pool(name, recipe)
-        pieces = folder.with_name(f"{folder.name}.pieces")
+        pieces = _pieces_of(folder)
         starts = range(0, len(units), CHUNK)
 
         def fill(part: Path) -> dict[str, Any]:
@@ -151,7 +151,8 @@ class Cache:
                 done(len(units[start : start + CHUNK]))
             return {SECONDS: _assemble(part, [files[start] for start in starts], len(units))}
 
-        self._keep(folder, {"streets": name}, fill)
+        if not self._keep(folder, {"streets": name}, fill):
+            done(len(units))
         shutil.rmtree(pieces, ignore_errors=True)
         name_for_tasks = self._workers.share(str(folder))
         maps = name_for_tasks if recipe.fidelity.train.frozen else None
@@ -161,14 +162,16 @@ class Cache:
         recipe, units, seed, start = task
         return _pool_parts(recipe, units, seed, start, most, self.renders)
 
-    def seconds(self, name: str, recipe: Recipe) -> float:
-        """The core seconds in which the streets of a name were rendered, with their features."""
-        return float(read_json(self._pool(name, recipe) / ABOUT).get(SECONDS, 0.0))
+    def seconds(self, name: str, recipe: Recipe) -> float | None:
+        """The core seconds in which the streets of a name were rendered, if they exist, with features."""
+        file = self._pool(name, recipe) / ABOUT
+        return float(read_json(file).get(SECONDS, 0.0)) if file.exists() else None
 
     def forget(self, name: str, recipe: Recipe) -> None:
         """Remove the streets of a name once all their networks are trained."""
         folder = self._pool(name, recipe)
-        shutil.rmtree(folder, ignore_errors=True)
+        for path in (folder, _pieces_of(folder)):
+            shutil.rmtree(path, ignore_errors=True)
         self._checked.discard(folder)
 
     def _pool(self, name: str, recipe: Recipe) -> Path:
@@ -204,19 +207,21 @@ class Cache:
         folder: Path,
         description: Mapping[str, Any],
         fill: Callable[[Path], dict[str, Any] | None],
-    ) -> None:
-        """Write a folder if it does not exist; check once per run that it is right.
+    ) -> bool:
+        """Write a folder if it does not exist, and return whether it did not; check it once per run.
 
         ``fill`` writes its files, and may return more fields of `ABOUT`.
         """
         if folder in self._checked:
-            return
-        if not _is_whole(folder, description):
+            return False
+        is_new = not _is_whole(folder, description)
+        if is_new:
             with whole_folder(folder) as part:
                 more_fields = fill(part) or {}
                 files = {path.name: file_digest(path) for path in sorted(part.iterdir())}
                 write_json(part / ABOUT, {**description, **more_fields, "files": files})
         self._checked.add(folder)
+        return is_new
 
 
 def sent(recipe: Recipe, workers: Workers) -> Recipe:
@@ -292,6 +297,11 @@ def _pool_streets(
     maps = _features(images, train, True) if train.frozen else ()
     total = np.array(seconds + time.perf_counter() - started)
     return {"images": images, "labels": labels, **_files(maps), SECONDS: total}
+
+
+def _pieces_of(pool: Path) -> Path:
+    """The folder of the pieces of a pool that is not complete yet."""
+    return pool.with_name(f"{pool.name}.pieces")
 
 
 def _piece(path: Path) -> dict[str, np.ndarray] | None:

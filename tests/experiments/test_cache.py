@@ -229,6 +229,7 @@ def test_streets_are_rendered_once_and_whole_pieces_outlive_a_kill(opened, monke
     whole = made()
     assert len(whole[0]) == 7 and counts == [0, 3, 3, 1]
     assert same(made(images_and_labels=never), whole)
+    assert counts == [0, 3, 3, 1, 7]  # all are there already
     # The same streets with other classes have other labels.
     other = loaded(opened().streets("a" * 64, RECIPE._replace(table="cityscapes"), units, 3, int))
     assert same([other.images], whole[:1]) and not same([other.labels], whole[1:2])

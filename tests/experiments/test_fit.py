@@ -7,6 +7,7 @@ from base64 import b64encode
 from contextlib import nullcontext
 from dataclasses import asdict, replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import jax
 import numpy as np
@@ -20,25 +21,26 @@ from safetensors.numpy import save_file
 import experiments
 from common import folder as run_folder
 from common.errors import UserError
-from common.files import read_json
+from common.files import read_json, write_json
 from common.files import write as write_file
 from common.labels.target_file import find_target
 from common.progress import Progress
+from common.workers.pool import WorkerPool
 from experiments.app.evaluate import evaluate, labelled
 from experiments.app.fit import config as fit_config
 from experiments.app.fit import job as fit_job
 from experiments.app.fit import streets as fit_streets
 from experiments.app.fit.command import main
 from experiments.app.fit.config import FitConfig, config_of, configured, planned
-from experiments.app.fit.job import best_median_worst, fit, with_labels
+from experiments.app.fit.job import FORM, best_median_worst, fit, with_labels
 from experiments.app.report import live
 from experiments.app.report import page as page_of_runs
 from experiments.app.report.command import main as make_report
 from experiments.app.report.fit_table import by_class, derive, text, verdict
-from experiments.config import parsers
+from experiments.config import Fidelity, parsers
 from experiments.config.limits import training_bytes
 from experiments.evaluation.cache import Cache
-from experiments.evaluation.job import Source
+from experiments.evaluation.job import Recipe, Source
 from experiments.evaluation.pace import Pace
 from experiments.evaluation.runner import Runner
 from experiments.session import session
@@ -47,6 +49,7 @@ from experiments.tables.stats import TOO_FEW
 from experiments.targets.few import share_of
 from experiments.targets.folder import FOLDS, cut, fold_targets, parts_of, reader
 from experiments.targets.sizes import Choice, choose, suitable_size
+from scene.assets.catalogue import AssetPool
 from scene.held import hold, read_fixed
 from scene.proposal import Streets, describe, draw, streets_named
 from scene.version import ENGINE
@@ -54,6 +57,7 @@ from seg.beside import TrainingSet
 from seg.data import LabelledImages
 from seg.inference import outline
 from seg.model import Model, label_classes, load_model
+from seg.settings import TrainSettings
 from tests.layouts import save, write
 
 from .conftest import Page, never
@@ -597,6 +601,24 @@ def test_what_cannot_be_fitted_is_one_line(folder: Path, tmp_path: Path, capsys)
     assert main([str(folder), *out]) == 2
     assert "holds other files, such as letter.txt" in capsys.readouterr().err.splitlines()[-1]
     assert [*(tmp_path / "run").rglob("*.*")] == [letter]
+
+
+def test_streets_that_a_stopped_run_has_rendered_are_counted_and_removed(tmp_path: Path) -> None:
+    final = Fidelity(64, 48, 2, 1, samples=1, train=TrainSettings())
+    run = SimpleNamespace(
+        config=SimpleNamespace(final=final, out=tmp_path),
+        recipe=lambda fidelity: Recipe(fidelity, "camvid", "embree", AssetPool(0, 2)),
+        progress=Progress(1.0),
+        runner=SimpleNamespace(cache=Cache(WorkerPool(0), tmp_path)),
+    )
+    pools = [fit_streets.pool_of(run, streets_named("default", "extended"), 0)]
+    fit_streets.RenderedStreets(run, pools).render()
+    [about] = (tmp_path / "shared").glob("*/about.json")
+    write_json(about, read_json(about) | {"seconds": 12.5})
+    resumed = fit_streets.RenderedStreets(run, pools)  # all networks are tested: it renders nothing
+    assert resumed.seconds(FORM) == 12.5
+    resumed.remove_files()
+    assert not [*(tmp_path / "shared").iterdir()] and resumed.seconds(FORM) == 0
 
 
 @pytest.mark.parametrize("size", [(800, 8000), (80_000, 8000), (8 * 10**400, 64)])

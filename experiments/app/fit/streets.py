@@ -44,6 +44,7 @@ class RenderedStreets:
 
     def __init__(self, run: Session[FitConfig], pools: Sequence[Pool]) -> None:
         self._run, self._pools = run, pools
+        self._names = list(dict.fromkeys(pool.pool.name for pool in pools))
         self._recipe = run.recipe(run.config.final)
         self._rendered: dict[str, Cached] = {}
 
@@ -82,14 +83,16 @@ class RenderedStreets:
 
     def seconds(self, form: Form) -> float:
         """The core seconds of rendering, also of an earlier call that rendered the streets."""
-        if self._rendered:
-            cache = self._run.runner.cache
-            return round(sum(cache.seconds(name, self._recipe) for name in self._rendered), 1)
+        cache = self._run.runner.cache
+        by_pool = (cache.seconds(name, self._recipe) for name in self._names)
+        on_disk = [seconds for seconds in by_pool if seconds is not None]
+        if len(on_disk) == len(self._names):
+            return round(sum(on_disk), 1)
         file = self._run.config.out / f"{form.name}.json"
         earlier = read_json(file) if file.exists() else {}
         return float(earlier.get("seconds", {}).get("streets", 0.0))
 
     def remove_files(self) -> None:
-        """Remove the files of the streets."""
-        for name in self._rendered:
+        """Remove the files of the streets, also those of an earlier call that was stopped."""
+        for name in self._names:
             self._run.runner.cache.forget(name, self._recipe)
