@@ -4,8 +4,7 @@ The step is one jitted function, called in a host loop: on XLA's CPU backend gra
 run ten times slower inside `lax.scan`. On accelerators the same step is scanned in chunks.
 """
 
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 
 import jax
@@ -127,25 +126,52 @@ def train(
     )
     counts, statistics = prepared.counts, prepared.statistics
     del whole_set, prepared  # features are large, and joined ones are a copy
+    checked = {settings.steps, *range(CHUNK, settings.steps, CHUNK)}
+    checkpoint_steps = {settings.steps * k // checkpoints for k in range(1, checkpoints + 1)}
+    stops = sorted(checked | checkpoint_steps)
     nets = []
     for head, (seed, start) in enumerate(zip(seeds, starts, strict=True)):
-        if start is not None or settings.weights is not None or settings.has_trunk:
-            if start is None:
-                random = compiled.init(np.uint32(seed), data.images).params
-                start = first_variables(random, settings, statistics)
-            # The step donates its state, so it gets a copy.
-            state = compiled.resume(jax.tree.map(jnp.array, start))
-        else:
-            state = compiled.init(np.uint32(seed), data.images)
+        if start is None and (settings.weights is not None or settings.has_trunk):
+            random = compiled.init(np.uint32(seed), data.images).params
+            start = first_variables(random, settings, statistics)
+        if start is None:
+            first = compiled.init(np.uint32(seed), data.images)
+        else:  # a copy, since the step donates its state
+            first = compiled.resume(jax.tree.map(jnp.array, start))
         rows = plan(seed, counts, settings, share)
-        report = progress and partial(_report, progress, head * settings.steps)
         data = data._replace(seed=np.uint32(seed))
-        nets.append(
-            _after(
-                compiled, state, data, rows, settings, report, stepwise, checkpoints, at_checkpoint
-            )
-        )
+        for stop, state, loss in _updates(compiled, first, data, rows, stops, stepwise):
+            if error := error_of(loss, stop, settings):
+                raise TrainingError(error)
+            if progress is not None and stop in checked:
+                progress(head * settings.steps + stop, loss)
+            if at_checkpoint is not None and stop in checkpoint_steps:
+                averages = rows.weight[stop - 1] > 0
+                at_checkpoint(state.trained if averages else state._replace(mean=None).trained)
+        nets.append(state.trained)
     return stacked(nets)
+
+
+def _updates(
+    compiled: Functions,
+    state: TrainState,
+    data: Data,
+    rows: Plan,
+    stops: Sequence[int],
+    stepwise: bool,
+) -> Iterator[tuple[int, TrainState, float]]:
+    """Update a network with one head, and yield each of the stops with the state and the last loss.
+
+    A state is valid until the next one is requested.
+    """
+    for start, stop in pairwise([0, *stops]):
+        if stepwise:
+            for i in range(start, stop):
+                state, loss = compiled.step(state, data, rows.rows(i))
+        else:
+            state, losses = compiled.steps(state, data, rows.rows(slice(start, stop)))
+            loss = losses[-1]
+        yield stop, state, float(loss)
 
 
 def _heads_at_once(
@@ -167,39 +193,3 @@ def _heads_at_once(
     if error is not None:
         raise TrainingError(error)
     return jax.tree.map(lambda leaf: leaf[0], networks)
-
-
-def _report(progress: Callable[[int, float], None], before: int, step: int, loss: float) -> None:
-    progress(before + step, loss)
-
-
-def _after(
-    compiled: Functions,
-    state: TrainState,
-    data: Data,
-    rows: Plan,
-    settings: TrainSettings,
-    progress: Callable[[int, float], None] | None,
-    stepwise: bool,
-    checkpoints: int,
-    at_checkpoint: Callable[[Variables], None] | None,
-) -> Variables:
-    """The variables of a network with one head after all steps; arguments and errors are those of `train`."""
-    checked = {settings.steps, *range(CHUNK, settings.steps, CHUNK)}
-    checkpoint_steps = {settings.steps * k // checkpoints for k in range(1, checkpoints + 1)}
-    for start, stop in pairwise(sorted({0, *checked, *checkpoint_steps})):
-        if stepwise:
-            for i in range(start, stop):
-                state, loss = compiled.step(state, data, rows.rows(i))
-        else:
-            state, every_loss = compiled.steps(state, data, rows.rows(slice(start, stop)))
-            loss = every_loss[-1]
-        value = float(loss)
-        if error := error_of(value, stop, settings):
-            raise TrainingError(error)
-        if progress is not None and stop in checked:
-            progress(stop, value)
-        if at_checkpoint is not None and stop in checkpoint_steps:
-            averages = rows.weight[stop - 1] > 0
-            at_checkpoint(state.trained if averages else state._replace(mean=None).trained)
-    return state.trained
