@@ -15,13 +15,12 @@ def cross_entropy_sums(
     logits: Float[Array, "*shape classes"],
     labels: Integer[Array, "*shape"],
     class_weights: Float[Array, " classes"] | None = None,
-    ignore: int = IGNORE_LABEL,
 ) -> tuple[Float[Array, ""], Float[Array, ""]]:
     """Numerator and denominator of `cross_entropy`; both add up over the parts of a batch.
 
     sum_i w[y_i] * -log p_i[y_i] and sum_i w[y_i], over the labelled pixels.
     """
-    labelled = labels != ignore
+    labelled = labels != IGNORE_LABEL
     target = jnp.where(labelled, labels, 0).astype(jnp.int32)
     weight = labelled.astype(logits.dtype)
     if class_weights is not None:
@@ -62,7 +61,6 @@ def cross_entropy(
     logits: Float[Array, "*shape classes"],
     labels: Integer[Array, "*shape"],
     class_weights: Float[Array, " classes"] | None = None,
-    ignore: int = IGNORE_LABEL,
 ) -> Float[Array, ""]:
     """Weighted mean of -log softmax(logits)[label] over the labelled pixels.
 
@@ -70,21 +68,19 @@ def cross_entropy(
 
     Args:
         logits: one vector per pixel.
-        labels: class ids; `ignore` for ignored pixels.
+        labels: class ids; `IGNORE_LABEL` for ignored pixels.
         class_weights: None for equal weights.
-        ignore: the ignore label.
 
     Returns:
         The loss, in nats.
     """
-    nats, total = cross_entropy_sums(logits, labels, class_weights, ignore)
+    nats, total = cross_entropy_sums(logits, labels, class_weights)
     return nats / jnp.where(total > 0, total, 1)
 
 
 def soft_jaccard(
     logits: Float[Array, "*shape classes"],
     labels: Integer[Array, "*shape"],
-    ignore: int = IGNORE_LABEL,
 ) -> Float[Array, ""]:
     """1 - mean_c (I_c + 1) / (U_c + 1) over the classes c that occur in the labels.
 
@@ -96,8 +92,7 @@ def soft_jaccard(
 
     Args:
         logits: one vector per pixel.
-        labels: class ids; `ignore` for ignored pixels.
-        ignore: the ignore label.
+        labels: class ids; `IGNORE_LABEL` for ignored pixels.
 
     Returns:
         The loss, in 0..1.
@@ -106,7 +101,7 @@ def soft_jaccard(
     classes = jnp.arange(len(planes)).reshape(-1, *(1,) * labels.ndim)
     pixels = tuple(range(1, planes.ndim))
     truth = labels[None] == classes
-    p = jnp.where(labels[None] == ignore, 0, jax.nn.softmax(planes, axis=0))
+    p = jnp.where(labels[None] == IGNORE_LABEL, 0, jax.nn.softmax(planes, axis=0))
     shared = jnp.sum(jnp.where(truth, p, 0), axis=pixels)
     count = jnp.sum(truth, axis=pixels).astype(p.dtype)
     ratio = (shared + 1) / (jnp.sum(p, axis=pixels) + count - shared + 1)
@@ -115,7 +110,7 @@ def soft_jaccard(
 
 
 def class_weights(
-    labels: Integer[np.ndarray, "n h w"], classes: int, ignore: int = IGNORE_LABEL
+    labels: UInt8[np.ndarray, "n h w"], classes: int
 ) -> Float32[np.ndarray, " classes"]:
     """Weights that lift rare classes: (f + 0.01)^-0.75, scaled to mean 1.
 
@@ -124,24 +119,16 @@ def class_weights(
     Args:
         labels: labels of the training set.
         classes: the number of classes.
-        ignore: the ignore label.
 
     Returns:
         One weight per class; all are 1 if every pixel is ignored.
     """
-    return weights_of_shares(class_shares(labels, classes, ignore))
+    return weights_of_shares(class_shares(labels, classes))
 
 
-def class_shares(
-    labels: Integer[np.ndarray, "n h w"], classes: int, ignore: int = IGNORE_LABEL
-) -> Float[np.ndarray, " classes"]:
+def class_shares(labels: UInt8[np.ndarray, "n h w"], classes: int) -> Float[np.ndarray, " classes"]:
     """Each class's share of the labelled pixels; 0 if every pixel is ignored."""
-    if labels.dtype == np.uint8:
-        counts = label_counts(labels)
-        counts[ignore] = 0
-        counts = counts[:classes]
-    else:
-        counts = np.bincount(labels[labels != ignore].ravel(), minlength=classes)
+    counts = label_counts(labels)[:classes]  # `IGNORE_LABEL` is behind all classes
     return counts / max(counts.sum(), 1)
 
 

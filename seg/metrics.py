@@ -20,15 +20,13 @@ def confusion_matrix(
     labels: Integer[np.ndarray, "*shape"],
     predictions: Integer[np.ndarray, "*shape"],
     classes: int,
-    ignore: int = IGNORE_LABEL,
 ) -> Int64[np.ndarray, "classes classes"]:
     """Count pixels by true and by predicted class. Matrices of several batches add up.
 
     Args:
-        labels: true class ids; `ignore` for pixels that do not count.
+        labels: true class ids; `IGNORE_LABEL` for pixels that do not count.
         predictions: predicted class ids, same shape.
         classes: the number of classes.
-        ignore: the ignore label.
 
     Returns:
         Counts; row: true class, column: predicted class.
@@ -44,18 +42,18 @@ def confusion_matrix(
     truth, guess = labels.ravel(), predictions.ravel()
     for first in range(0, labels.size, PIECE):
         piece = slice(first, first + PIECE)
-        confusion += _counts(truth[piece], guess[piece], classes, ignore)
+        confusion += _counts(truth[piece], guess[piece], classes)
     return confusion
 
 
-def _counts(labels: np.ndarray, predictions: np.ndarray, classes: int, ignore: int) -> np.ndarray:
-    counted = labels != ignore
+def _counts(labels: np.ndarray, predictions: np.ndarray, classes: int) -> np.ndarray:
+    counted = labels != IGNORE_LABEL
     truth = labels[counted].astype(np.int64)
     guess = predictions[counted].astype(np.int64)
     for name, ids in (("labels", truth), ("predictions", guess)):
         if ids.size and (ids.min() < 0 or ids.max() >= classes):
             raise ValueError(
-                f"{name} must be in 0..{classes - 1} (or {ignore}, ignored, in labels); "
+                f"{name} must be in 0..{classes - 1} (or {IGNORE_LABEL}, ignored, in labels); "
                 f"found {ids.min()}..{ids.max()}"
             )
     return np.bincount(truth * classes + guess, minlength=classes * classes).reshape(

@@ -151,11 +151,10 @@ class Runner:
             before = identity(before, start.streets, 0)
         return {**fields, "config": digest([before, fields["config"]])[:16]}
 
-    def known(self, jobs: Sequence[Job], log: Store | None = None) -> list[bool]:
-        """Whether each evaluation is known, in the log or in the store."""
+    def known(self, jobs: Sequence[Job]) -> list[bool]:
+        """Whether each evaluation is known, in ``finals`` or in the store."""
         self._refresh()
-        log = self._finals if log is None else log
-        stores = [log] if self._store is None else [log, self._store]
+        stores = [self._finals] if self._store is None else [self._finals, self._store]
         keys = [self.key(job) for job in jobs]
         return [any(store.get(key) is not None for store in stores) for key in keys]
 

@@ -61,9 +61,9 @@ def curves(
     return png(figure)
 
 
-def png(figure: Figure, dpi: int = 110, tight: bool = False) -> bytes:
-    """Write a figure as PNG, if `tight` without its empty margins, and close it."""
+def png(figure: Figure, dpi: int = 110) -> bytes:
+    """Write a figure as PNG, and close it."""
     data = io.BytesIO()
-    figure.savefig(data, dpi=dpi, format="png", bbox_inches="tight" if tight else None)
+    figure.savefig(data, dpi=dpi, format="png")
     plt.close(figure)
     return data.getvalue()

@@ -68,30 +68,25 @@ def paired_seeds(run: Session[Any]) -> list[int]:
     return [run.config.seed + k for k in range(run.config.seeds)]
 
 
-def training_sets(
-    run: Session[Any], learnt: Streets | None, fidelity: Fidelity | None = None, **others: Source
-) -> dict[str, Source]:
+def training_sets(run: Session[Any], learnt: Streets | None) -> dict[str, Source]:
     """Make the training sets to compare.
 
     These are random, default and optimised streets, the same mixed with the labelled subset if there is one,
-    other sets, and all labelled images.
+    and all labelled images.
 
     Args:
         run: the job.
         learnt: the optimised streets; None leaves out sets that depend on them.
-        fidelity: the fidelity with the size of real images; by default the final one.
-        others: other sets by name.
     """
     config: SearchConfig = run.config
-    fidelity = fidelity or config.final
     sets: dict[str, Source] = {
         "random": config.streets("random"),
         "default": config.streets("default"),
     }
     if learnt is not None:
         sets["learnt"] = learnt
-    sets |= few_rows.rows(run, sets, fidelity) | others
-    return sets | ({"real": run.images(fidelity, "labelled")} if run.target.labelled else {})
+    sets |= few_rows.rows(run, sets, config.final)
+    return sets | ({"real": run.images(config.final, "labelled")} if run.target.labelled else {})
 
 
 def with_net(fidelity: Fidelity, name: NetName, weights: str | None = None) -> Fidelity:
