@@ -17,7 +17,7 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any, NoReturn
 
-from common.errors import Unfinished, UserError, printable
+from common.errors import Unfinished, UserError, printable, printable_lines
 from common.interrupt import INTERRUPTED, PROGRAM, while_working
 
 USAGE, BUG, UNREAD = 2, 70, 141
@@ -221,6 +221,11 @@ def path_of(module: str) -> Path:
     assert spec is not None and spec.origin is not None
     place = Path(spec.origin).parent.joinpath(*names)
     return place / "__main__.py" if place.is_dir() else place.with_suffix(".py")
+
+
+def say(text: str) -> None:
+    """Print lines of a result; names in files of others cannot control the terminal."""
+    print(printable_lines(text), flush=True)
 
 
 def running_command() -> str | None:

@@ -19,6 +19,11 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
+def printable_lines(text: str) -> str:
+    """As `printable`, but line by line."""
+    return "\n".join(map(printable, text.split("\n")))
+
+
 def counted(count: int, noun: str) -> str:
     """A number with its noun: "1 image", "1,200 images"."""
     return f"{count:,} {noun}{'s' * (count != 1)}"

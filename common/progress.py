@@ -13,12 +13,7 @@ from rich.progress import BarColumn, TextColumn
 from rich.progress import Progress as Bar
 from rich.text import Text
 
-from common.errors import printable
-
-
-def _printable_lines(text: str) -> str:
-    """Replace control characters, which names of files may have, in several lines."""
-    return "\n".join(map(printable, text.split("\n")))
+from common.errors import printable, printable_lines
 
 
 def duration(seconds: float) -> str:
@@ -167,7 +162,7 @@ class Progress:
 
     def say(self, text: str) -> None:
         """Print one or several lines that stay."""
-        text = _printable_lines(text)
+        text = printable_lines(text)
         if self._bar is not None:
             self._console.print(Text(text), soft_wrap=True)
         else:

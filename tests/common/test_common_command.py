@@ -11,7 +11,7 @@ from unittest.mock import Mock
 import pytest
 
 from common import loopback
-from common.command import BUG, UNREAD, Parser, exit_code, running_command, size, suggestion
+from common.command import BUG, UNREAD, Parser, exit_code, running_command, say, size, suggestion
 from common.errors import Unfinished, UserError, refuse_repeats
 from common.interrupt import INTERRUPTED
 from tests.conftest import ROOT, refused
@@ -178,6 +178,8 @@ def test_control_characters_of_a_message_are_shown_not_sent(capsys):
     error = UserError("a\x1b[31m/é: no image")
     assert exit_code(Mock(side_effect=error)) == 2
     assert capsys.readouterr().err == "error: a\\x1b[31m/é: no image\n"
+    say("a\x1b[31m\nb")
+    assert capsys.readouterr().out == "a\\x1b[31m\nb\n"
 
 
 @pytest.mark.parametrize(("origin", "host", "length", "status"), [
