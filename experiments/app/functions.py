@@ -12,6 +12,7 @@ from html import escape
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
+from common.command import say
 from common.errors import UserError
 from common.files import read_json
 from common.workers.pool import WorkerPool
@@ -24,13 +25,15 @@ from experiments.app.report.folder import NAME
 from experiments.config import MainConfig, Preset, TargetName
 from experiments.config.cli import configured
 from experiments.config.jobs import JOBS
+from experiments.evaluation.cache import by_target, statistics_of
 from experiments.evaluation.in_worker import evaluate_miou
 from experiments.evaluation.job import Recipe
-from experiments.session.session import set_up_process
+from experiments.session.session import set_up_process, with_few
 from experiments.tables.form import Report, interval, number
 from experiments.tables.row_names import trained_on
 from experiments.targets.base import Target
 from experiments.targets.named import named_target
+from scene.held import hold
 from scene.proposal import Streets, read_streets, streets_in
 from seg.model import Model, load_model
 from seg.recipes import with_steps
@@ -165,7 +168,7 @@ def fit(
         Path(data),
         Path(out),
         no_mirror=not mirror,
-        say=lambda text: print(text, flush=True),
+        say=say,
         **options | paths,
     )
     final = config.final
@@ -219,7 +222,8 @@ def reward(
 ) -> Reward:
     """Render a training set, train a network on it, and test it on a target's labelled images.
 
-    It runs in this process; the target's images are read once.
+    With the same options it is a reward of `search`. It runs in this process; the target's images are read
+    once.
 
     Args:
         streets: ``random``, ``default``, ``mixed``, a file ``attributes.json``, or a `scene.Proposal`.
@@ -241,9 +245,17 @@ def reward(
         except (OSError, ValueError) as error:
             raise UserError(f"streets: {error}") from None
     labelled, fidelity = _target(config), config.reward
-    recipe = Recipe(fidelity, labelled.table, config.renderer, config.pool)
     images = labelled.at(fidelity.height, fidelity.width)["reward"]
-    result = evaluate_miou(recipe, streets, seed, images)
+    recipe = Recipe(
+        fidelity,
+        labelled.table,
+        config.renderer,
+        config.pool,
+        statistics_of(images.images, fidelity.train) if by_target(fidelity.train) else None,
+        config.search.checkpoints,
+    )
+    source = with_few(config, labelled, fidelity, hold(streets, config.held))
+    result = evaluate_miou(recipe, source, seed, images)
     names = recipe.classes.classes
     return Reward(result.reward, dict(zip(names, result.class_iou, strict=True)))
 

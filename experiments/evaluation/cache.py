@@ -189,7 +189,7 @@ class Cache:
         real = target.at(fidelity.height, fidelity.width)["reward"]
         trunk = replace(fidelity.train, trunk="frozen")  # a tuned one starts like this
         cached = self.put(real, trunk, "reward")
-        ((_, statistics),) = self._workers.map(statistics_of, [(cached,)], net=True)
+        ((_, statistics),) = self._workers.map(_statistics_of_cached, [(cached,)], net=True)
         return recipe._replace(statistics=statistics)
 
     def _compute(self, part: Path, count: int, tasks: list[tuple], what: str) -> None:
@@ -267,11 +267,16 @@ def _features_of(
     return _features(cached.load().images[start:stop], train, training)
 
 
-def statistics_of(cached: Cached) -> Statistics:
+def _statistics_of_cached(cached: Cached) -> Statistics:
     """Compute the statistics of all features; runs in a worker."""
     maps = cached.load().features
     assert maps is not None
     return channel_statistics(maps)
+
+
+def statistics_of(images: np.ndarray, train: TrainSettings) -> Statistics:
+    """Compute in this process what `Cache.normalised` adds to a recipe, from the reward images."""
+    return channel_statistics(_features(images, replace(train, trunk="frozen"), False))
 
 
 def _pool_parts(

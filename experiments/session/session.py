@@ -16,6 +16,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Generic, NamedTuple, TypeVar, cast
 
 from common import folder
+from common.command import say
 from common.errors import UserError
 from common.progress import Progress, Stage, duration
 from common.workers.executors import workers_of
@@ -128,10 +129,7 @@ class Session(Generic[AnyConfig]):
 
     def with_few(self, fidelity: Fidelity, rendered: Source) -> Source:
         """A rendered set with the few labelled images, if the job has any."""
-        if not self.target.few_names:
-            return rendered
-        share = cast(FewConfig, self.config).few_share
-        return TrainingSet((rendered, self.images(fidelity, "few")), (1 - share, share))
+        return with_few(self.config, self.target, fidelity, rendered)
 
     def begin(self, plan: Sequence[Work]) -> None:
         """Print the plan with its time, and count progress from here."""
@@ -185,6 +183,15 @@ class Session(Generic[AnyConfig]):
         others = len(store) - usable
         note = f", {others} of them made with other backends or versions" if others else ""
         return f"{store.path} holds {len(store)}{note}"
+
+
+def with_few(config: Config, target: Target, fidelity: Fidelity, rendered: Source) -> Source:
+    """A rendered set with the few labelled images of a target, if it has any."""
+    if not target.few_names:
+        return rendered
+    share = cast(FewConfig, config).few_share
+    few = target.at(fidelity.height, fidelity.width)["few"]
+    return TrainingSet((rendered, few), (1 - share, share))
 
 
 def plan_text(
@@ -311,11 +318,11 @@ def open(
         store = None if config.store is None else Store(config.store, shared=True)
         title = f"Target: {target.title}"
         if not target.real:  # rendering it takes a while, so this is said first
-            print(title, flush=True)
+            say(title)
             compile_first(workers, config.renderer)  # after all that is refused at once
         target.at(config.reward.height, config.reward.width)
         if target.real:
-            print(title, flush=True)
+            say(title)
         ((_, made_with),) = made_with_answer
         fields[FIELD] = dict(made_with)
         if workers.trainers is not None:

@@ -6,6 +6,9 @@ import pytest
 import experiments
 from common.errors import UserError
 from common.files import write_json
+from experiments.app import functions
+from experiments.evaluation.job import Result
+from scene.attributes import names
 from scene.proposal import default_proposal, describe
 
 TINY = {"streets": 2, "width": 64, "height": 32, "train": {"steps": 2}}
@@ -28,6 +31,34 @@ def test_a_reward_of_a_file_of_attributes(tmp_path):
     path = tmp_path / "attributes.json"
     write_json(path, describe(default_proposal()))
     assert reward(path) == reward()
+
+
+def test_a_reward_is_that_of_a_search_with_its_labels_checkpoints_and_statistics(monkeypatch):
+    evaluated = []
+
+    def evaluate(recipe, source, seed, real):
+        evaluated.append((recipe, source, len(real.images)))
+        return Result(0.5, [None] * 19, 0.0, 0.0)
+
+    monkeypatch.setattr(functions, "evaluate_miou", evaluate)
+    reward(
+        "random",
+        few=1,
+        few_share=0.25,
+        search={"checkpoints": 2},
+        fix=("field_of_view=90",),
+        space="extended",
+    )
+    [(recipe, source, tested)] = evaluated
+    assert (tested, recipe.checkpoints, recipe.statistics) == (1, 2, None)
+    assert source.shares == (0.75, 0.25) and len(source.parts[1].images) == 1
+    where = names("extended").index("field_of_view")
+    assert source.parts[0].width[where] == 0 < np.delete(source.parts[0].width, where).min()
+    train = TINY["train"] | {"net": "lite0", "head_statistics": "target"}
+    small = {"reward_images": 2, "test_images": 2, "asset_count": 2}
+    experiments.reward(preset="smoke", reward=TINY | {"train": train}, **small)
+    mean, deviation = evaluated[1][0].statistics
+    assert mean.shape == deviation.shape and np.isfinite(mean).all() and (deviation > 0).all()
 
 
 @pytest.mark.parametrize(("options", "words"), [
