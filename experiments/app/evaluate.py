@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from common.command import Arguments, exit_code
+from common.command import Arguments, exit_code, say
 from common.errors import UserError, refuse_repeats
 from common.files import check_file, file_digest, write, write_json
 from common.labels.listing import split_names
@@ -307,7 +307,7 @@ def main(arguments: Arguments = None) -> int:
         target = find_target(options.target, options.data)
         data = labelled(target, options.data, options.split, options.group)
         scores = evaluate(model, data, options.pictures, progress=True)
-        print(f"split {', '.join(data.splits)}: {scores['images']} images\n{text(scores)}")
+        say(f"split {', '.join(data.splits)}: {scores['images']} images\n{text(scores)}")
         if options.json is not None:
             about = {"target": target.name, "data": str(options.data), "splits": data.splits}
             write_json(options.json, {**about, **scores})

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from common.command import Arguments, exit_code
+from common.command import Arguments, exit_code, say
 from common.errors import UserError
 from common.files import write
 from common.folder import opened
@@ -166,7 +166,7 @@ def main(arguments: Arguments = None) -> int:
             progress=True,
         )
         how = "ids" if options.rank else options.how or model.written
-        print(f"{options.out}: labels of {done} images as {how}; classes: {', '.join(model.names)}")
+        say(f"{options.out}: labels of {done} images as {how}; classes: {', '.join(model.names)}")
 
         if options.rank:
             count, files = min(options.first, done), f"{CVAT} and {STUDIO}"

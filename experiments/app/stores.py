@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from common.command import Arguments, exit_code
+from common.command import Arguments, exit_code, say
 from common.errors import UserError
 from common.files import check_file
 from experiments.config import RewardKind, parsers
@@ -80,8 +80,8 @@ def main(arguments: Arguments = None) -> int:
                 else "--out is only for merge; leave it out with show"
             )
         if options.command == "show":
-            print("\n".join(table(path) for path in options.files))
+            say("\n".join(table(path) for path in options.files))
         else:
-            print(merge(options.files, options.out))
+            say(merge(options.files, options.out))
 
     return exit_code(work, debug=options.debug, resumes=False)

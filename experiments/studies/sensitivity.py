@@ -18,6 +18,7 @@ import numpy as np
 from matplotlib.figure import Figure, SubFigure
 
 from common import folder
+from common.command import say
 from experiments.config.cli import command
 from experiments.config.jobs import SensitivityConfig
 from experiments.evaluation.cost import cost_of
@@ -71,7 +72,7 @@ def analyse(config: SensitivityConfig) -> Report:
     with folder.opened(config.out, settings, free=FREE_FIELDS, packages=PACKAGES):
         scores = _report(config, real, f"{target}, recorded in {origin}", records)
         report = write_report(FORM, scores, config.out)
-    print(f"{FORM.text(report)}\n{config.out / 'sensitivity.md'}", flush=True)
+    say(f"{FORM.text(report)}\n{config.out / 'sensitivity.md'}")
     return report
 
 

@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, NamedTuple
 
+from common.command import say
 from common.progress import duration
 from common.workers.pool import Workers
 from experiments import session
@@ -65,7 +66,7 @@ def do(study: Study[AnyConfig], config: AnyConfig) -> Report:
     """
     if isinstance(config, Rederived) and config.rederive is not None:
         report = rewrite(study.form, config.rederive, config.out)
-        print(study.form.text(report), flush=True)
+        say(study.form.text(report))
         return report
     set_up_process()  # checks of search methods start JAX
     check(study, config)

@@ -827,6 +827,19 @@ def test_images_that_are_cut_off_dark_or_turned_are_counted(tmp_path, doctor):
     assert f"images rotated by their EXIF orientation: 1, such as {images[3]}; sizes" in out
 
 
+def test_names_of_files_do_not_control_the_terminal(tmp_path, doctor):
+    root = masks(tmp_path / "data", [0, 1])
+    (root / "target.yaml").write_text(
+        "images: images/{name}.png\nlabels: masks/{name}.png\n"
+        "classes: {road: {ids: [0]}, sky: {ids: [1]}}\n"
+    )
+    for folder in ("images", "masks"):
+        (root / folder / "05.png").rename(root / folder / "05\x1b[2J.png")
+    (root / "images" / "05\x1b[2J.png").write_bytes(b"")
+    _, out, _ = doctor(root)
+    assert "\x1b" not in out and r"05\x1b[2J.png: not a readable image" in out
+
+
 @pytest.mark.parametrize("ending", ["png", "jpg", "tiff", "bmp", "webp"])
 def test_an_image_that_was_cut_off_is_found(tmp_path, ending):
     path = tmp_path / f"a.{ending}"

@@ -19,7 +19,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from common.command import Arguments, exit_code
+from common.command import Arguments, exit_code, say
 from common.errors import UserError, counted
 from common.files import check_file, write
 from experiments.config import parsers
@@ -77,9 +77,9 @@ def diagnose(
     facts, problems = machine.look()
     width = max(len(name) for name, _ in facts)
     for name, value in facts:
-        print(f"{name:{width}s}  {value}")
+        say(f"{name:{width}s}  {value}")
     for problem in problems:
-        print(f"! {problem}")
+        say(f"! {problem}")
     return 0 if data is None else _folder(data, target, write_to, out or OUT)
 
 
@@ -101,35 +101,35 @@ def _folder(data: Path, target: str | None, write_to: Path | None, out: Path) ->
         proposal = Proposal(f"{proposal.text.rstrip()}\n{outlines}", proposal.notes)
     if write_to is not None:
         write(write_to, proposal.text)
-    print(f"\n{data} as {target_file.name}: {_counts(findings)}")
+    say(f"\n{data} as {target_file.name}: {_counts(findings)}")
     for note in proposal.notes:
-        print(f"  {note}")
+        say(f"  {note}")
     if findings.sizes:
         _print_tables(findings, boundaries)
     for fault in findings.faults:
-        print(f"! {fault.what}\n    {fault.fix}")
+        say(f"! {fault.what}\n    {fault.fix}")
     has_renders = any(target_file.rendered)
     can_train = has_renders and bool(findings.sizes)
     costs = _costs(target_file, data, findings) if can_train else Costs()
     if not has_renders:
-        print(
+        say(
             "! no class has 'renders', which fit needs: edit the file, and run doctor again to see run times"
         )
     elif costs.minutes:
         if costs.fit:
-            print(f"fit: {costs.fit}")
-        print(
+            say(f"fit: {costs.fit}")
+        say(
             f"Estimated minutes on {costs.cores} cores, from a measurement of {costs.measured} seconds:"
         )
     elif can_train:
-        print("! run times unknown: this machine cannot train or render, see above")
+        say("! run times unknown: this machine cannot train or render, see above")
     for command, minutes in costs.minutes:
-        print(f"  {minutes:>6s}  {command}")
+        say(f"  {minutes:>6s}  {command}")
     _write_page(target_file, findings, out, data, proposal.text, costs, boundaries, examples)
     ending = f"; wrote {write_to}" if write_to is not None else ""
-    print(f"{out / PAGE} and {out / SHEET} show images with their labels{ending}")
+    say(f"{out / PAGE} and {out / SHEET} show images with their labels{ending}")
     if write_to is None and target is None and not (data / "target.yaml").exists():
-        print(f"\nProposed file, which --write FILE writes:\n\n{proposal.text}")
+        say(f"\nProposed file, which --write FILE writes:\n\n{proposal.text}")
     return 0 if findings.usable else 2
 
 
@@ -137,23 +137,23 @@ def _print_tables(findings: Any, boundaries: Sequence[Any]) -> None:
     """Print the sizes of the images, the shares of the classes, and their boundaries with the sky."""
     sizes = ", ".join(f"{count} of {w}x{h}" for (w, h), count in findings.sizes[:4])
     more = " and others" if len(findings.sizes) > 4 else ""
-    print(f"  sizes: {sizes}{more}")
+    say(f"  sizes: {sizes}{more}")
     wide = max(len(name) for name in (*(share.name for share in findings.classes), "ignored"))
-    print(f"  {'class':{wide}s}  pixels %  images %  mean row  rendered as")
+    say(f"  {'class':{wide}s}  pixels %  images %  mean row  rendered as")
     for share in findings.classes:
         row = f"{share.row:8.2f}" if share.share else f"{'-':>8s}"
         renders = ", ".join(share.renders) or "(trained on labels alone)"
-        print(
+        say(
             f"  {share.name:{wide}s}  {100 * share.share:8.2f}  {100 * share.images:8.0f}  {row}  {renders}"
         )
     ignored = f"{100 * findings.ignored:8.2f}  (of all pixels; {findings.read} labels read)"
-    print(f"  {'ignored':{wide}s}  {ignored}")
+    say(f"  {'ignored':{wide}s}  {ignored}")
     if boundaries:
-        print("  boundary with the sky: pixel sides that touch the sky, per pixel of the class")
-        print(f"  {'class':{wide}s}  labels  renders  with outline")
+        say("  boundary with the sky: pixel sides that touch the sky, per pixel of the class")
+        say(f"  {'class':{wide}s}  labels  renders  with outline")
         for row in boundaries:
             outline = f"{100 * row.outline:g} %: {row.outlined:.2f}" if row.outline else "-"
-            print(f"  {row.name:{wide}s}  {row.real:6.2f}  {row.exact:7.2f}  {outline}")
+            say(f"  {row.name:{wide}s}  {row.real:6.2f}  {row.exact:7.2f}  {outline}")
 
 
 def _counts(findings: Any) -> str:

@@ -13,9 +13,8 @@ they have not seen: a held-out split or group, or each fold of your images in tu
 from __future__ import annotations
 
 import shlex
-from functools import partial
 
-from common.command import Arguments, exit_code
+from common.command import Arguments, exit_code, say
 from common.errors import UserError
 from common.interrupt import PROGRAM
 from common.workers.pool import WorkerError
@@ -30,7 +29,6 @@ from scene.render import RendererError
 def main(arguments: Arguments = None) -> int:
     """The command line; returns the exit code."""
     options = parsers.fit().parse_args(arguments)
-    say = partial(print, flush=True)
 
     def work() -> None:
         flags = {name: value for name, value in vars(options).items() if name != "debug"}
