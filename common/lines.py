@@ -29,6 +29,10 @@ def _lock(file: Any) -> None:
         fcntl.flock(file, fcntl.LOCK_EX)
 
 
+class ChangedFile(UserError, RuntimeError):
+    """Another process has written to a file of this one, or has cut it."""
+
+
 class JsonLines:
     """A file of JSON objects, one per line.
 
@@ -81,7 +85,7 @@ class JsonLines:
         """Add lines and sync them to the disk; on a full disk, none of them remains.
 
         Raises:
-            RuntimeError: another process has added lines that this one has not read, or has removed some.
+            ChangedFile: another process has added lines that this one has not read, or has removed some.
             OSError: the file cannot be written.
         """
         text = "".join(json.dumps(record, allow_nan=False) + "\n" for record in records).encode()
@@ -91,7 +95,9 @@ class JsonLines:
                 shrunk = file.seek(0, os.SEEK_END) < self._size
                 file.seek(self._size)
                 if shrunk or b"\n" in file.read():
-                    raise RuntimeError(f"{self.path} was changed by another process; start again")
+                    raise ChangedFile(
+                        f"{self.path} was changed by another process; run the same command again"
+                    )
                 try:
                     file.truncate(self._size)  # a kill may have left part of a line
                     rest = memoryview(text)

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from common.command import exit_code
 from common.errors import UserError
 from common.lines import JsonLines
 from tests.conftest import refused
@@ -91,11 +92,12 @@ def test_a_file_that_cannot_grow_takes_no_half_line(path):
 
 
 @pytest.mark.parametrize("text", [f"{json.dumps(LINE)}\n" * 2, '{"a": 1}\n', ""])
-def test_a_file_that_was_changed_meanwhile_is_left_alone(path, text):
+def test_a_file_that_was_changed_meanwhile_is_left_alone(path, text, capsys):
     log = JsonLines(path)
     path.write_text(text)
     refused(RuntimeError, "changed by another process", log.append, LINE)
-    assert path.read_text() == text
+    assert exit_code(lambda: log.append(LINE)) == 2 and path.read_text() == text
+    assert capsys.readouterr().err.startswith(f"error: {path} was changed by another process; run")
 
 
 def test_what_another_process_adds_is_read_once(path):
