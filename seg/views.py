@@ -15,13 +15,11 @@ import numpy as np
 from jaxtyping import Array, Float, Float32, UInt8, UInt32
 
 from seg.augment import MIRROR, augment, draw
-from seg.batches import in_batches
+from seg.batches import in_batches, usual_batch
 from seg.settings import AugmentSpec, TrainSettings
 
 SEED = 2020
 """Seed of a view's random numbers, together with the view's number and the image's checksum."""
-BATCH, ACCELERATOR_BATCH = 8, 96
-"""Number of images that are augmented at once, on a CPU and on an accelerator."""
 IMAGES, LABELS = (0,), (1,)
 """Indices of images and labels in a view."""
 LOOKS = ("views", *AugmentSpec._fields)
@@ -84,8 +82,7 @@ def _view(
             images[indices], labels[indices], draws[indices], sums[indices] ^ np.uint32(view)
         )
 
-    size = BATCH if jax.default_backend() == "cpu" else ACCELERATOR_BATCH
-    return in_batches(batch, np.arange(len(images)), min(size, len(images)))
+    return in_batches(batch, np.arange(len(images)), usual_batch(len(images)))
 
 
 def _draws(view: int, checksum: int) -> Float32[np.ndarray, " draws"]:

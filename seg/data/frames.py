@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
@@ -87,15 +88,22 @@ def unreadable_note(path: Path) -> str:
 def _frames(path: Path) -> int:
     if path.suffix.lower() not in VIDEOS:
         return 1
-    video = _open(path)
-    count = max(int(video.get(cv2.CAP_PROP_FRAME_COUNT)), 1)
-    video.release()
-    return count
+    with _opened(path) as video:
+        return max(int(video.get(cv2.CAP_PROP_FRAME_COUNT)), 1)
 
 
-def _open(path: Path) -> cv2.VideoCapture:
-    """Open a video at its first frame. Raises DataError if it has none."""
+@contextmanager
+def _opened(path: Path) -> Iterator[cv2.VideoCapture]:
+    """Open a video at its first frame, and close it. Raises DataError if it has none."""
     video = cv2.VideoCapture(str(path))
+    try:
+        _check(video, path)
+        yield video
+    finally:
+        video.release()
+
+
+def _check(video: cv2.VideoCapture, path: Path) -> None:
     if not video.isOpened() or not video.grab():
         raise DataError(
             f"{path}: OpenCV cannot read this video, or it has no frames; convert it, or extract its frames "
@@ -106,7 +114,6 @@ def _open(path: Path) -> cv2.VideoCapture:
     )
     if width * height > MOST_PIXELS:
         raise DataError(f"{path}: {width}x{height} is more than {MOST_PIXELS:,} pixels")
-    return video
 
 
 def frames(source: Source, skip: Callable[[str], bool]) -> Iterator[Frame | None]:
@@ -122,16 +129,15 @@ def frames(source: Source, skip: Callable[[str], bool]) -> Iterator[Frame | None
     if not source.video:
         yield None if skip(source.name) else Frame(source.name, read_image(source.path))
         return
-    video = _open(source.path)
-    number, has_frame = 0, True
-    while has_frame:
-        name = f"{source.name}/{number:06d}"
-        if skip(name):
-            yield None
-        else:
-            decoded, image = video.retrieve()
-            if not decoded:
-                raise DataError(f"{source.path}: frame {number} is damaged")
-            yield Frame(name, cv2.cvtColor(image, cv2.COLOR_BGR2RGB))
-        number, has_frame = number + 1, video.grab()
-    video.release()
+    with _opened(source.path) as video:
+        number, has_frame = 0, True
+        while has_frame:
+            name = f"{source.name}/{number:06d}"
+            if skip(name):
+                yield None
+            else:
+                decoded, image = video.retrieve()
+                if not decoded:
+                    raise DataError(f"{source.path}: frame {number} is damaged")
+                yield Frame(name, cv2.cvtColor(image, cv2.COLOR_BGR2RGB))
+            number, has_frame = number + 1, video.grab()

@@ -15,14 +15,12 @@ from common.files import composed, parse_json
 from common.labels.target_file import MOST_CLASSES, Format, TargetFile
 from common.pictures import MOST_PIXELS, label_ids
 from seg.classes import IGNORE_LABEL
-from seg.data.coco import draw_regions
+from seg.data.coco import FARTHEST, draw_regions
 from seg.data.images import decode, read_file, read_image
 from seg.errors import DataError
 
 _UNKNOWN = MOST_CLASSES
 """The id of a value that no class names; no class has this id."""
-_FAR = 100_000.0
-"""A corner of a polygon lies at most so many pixels outside the image."""
 
 
 class Values(NamedTuple):
@@ -242,7 +240,7 @@ def _points(path: Path, value: Any, where: str) -> list[tuple[float, float]]:
     points: list[Any] = value if isinstance(value, list) else [None]
     for point in points:
         is_pair = isinstance(point, list) and len(point) == 2
-        if not is_pair or not all(type(v) in (int, float) and abs(v) <= _FAR for v in point):
+        if not is_pair or not all(type(v) in (int, float) and abs(v) <= FARTHEST for v in point):
             raise DataError(f"{path}: {where} must be a list of points [x, y] in or near the image")
     return [(float(x), float(y)) for x, y in points]
 

@@ -36,16 +36,7 @@ FEWEST = 3
 def derive(report: Report) -> Report:
     """Add means, intervals over folds and seeds, the gains by renders and by labels, and the verdict."""
     values = {row: _miou(folds) for row, folds in report["nets"].items()}
-    rows = {
-        row: {
-            **bounded(_estimate(values[row])),
-            **({"averaged": mean(report["averaged"][row])} if "averaged" in report else {}),
-            "miou": miou(flat),
-            "per_class": class_means(flat, report["classes"]),
-        }
-        for row, folds in report["nets"].items()
-        for flat in [[net for fold in folds for net in fold]]
-    }
+    rows = {row: _row(report, row, values[row]) for row in values}
     gains = {
         row: _estimate(values[row] - values["labels"]) for row in rows if row.startswith("labels+")
     }
@@ -61,6 +52,18 @@ def derive(report: Report) -> Report:
         "labels_add": _estimate(values["labels+renders"] - values["renders"]),
         "recipe": best,
         "verdict": verdict(gains["labels+renders"], report["labels"]),
+    }
+
+
+def _row(report: Report, row: str, values: np.ndarray) -> Report:
+    """The scores of a row, of which values f64[folds, seeds] are the mIoU of its networks."""
+    nets = [net for fold in report["nets"][row] for net in fold]
+    averaged = {"averaged": mean(report["averaged"][row])} if "averaged" in report else {}
+    return {
+        **bounded(_estimate(values)),
+        **averaged,
+        "miou": miou(nets),
+        "per_class": class_means(nets, report["classes"]),
     }
 
 
