@@ -292,12 +292,12 @@ def check_fields(where: str, record: Record) -> None:
             raise UserError(f"{where}: {name} must hold {' or '.join(map(str, sizes))} numbers")
     if (record["centre"] is None) != (record["width"] is None):
         raise UserError(f"{where}: an evaluation has both a centre and a width, or neither")
-    heads = record.get("heads", [])
+    heads = record.get("heads") or []
     if not isinstance(heads, list) or not all(map(_is_iou, (record["class_iou"], *heads))):
         raise UserError(f"{where}: class_iou and heads must hold numbers or null")
     if record.get("kind", "miou") not in [*REWARD_NAMES]:
         raise UserError(f"{where}: kind must be {' or '.join(REWARD_NAMES)}")
-    made_with = record.get(FIELD, {})
+    made_with = record.get(FIELD) or {}
     if not isinstance(made_with, dict) or not all(isinstance(v, str) for v in made_with.values()):
         raise UserError(f"{where}: {FIELD} must be a table of versions by name")
     if (record["reward"] is None) != (record["failed"] is not None):
