@@ -34,7 +34,7 @@ from experiments.tables.row_names import trained_on
 from experiments.targets.base import Target
 from experiments.targets.named import named_target
 from scene.held import hold
-from scene.proposal import Streets, read_streets, streets_in
+from scene.proposal import NAMES, Streets, read_streets, streets_in, streets_named
 from seg.model import Model, load_model
 from seg.recipes import with_steps
 
@@ -239,7 +239,9 @@ def reward(
     """
     set_up_process()
     config = _main_config(target, data, preset, options)
-    if isinstance(streets, str | Path):
+    if str(streets) in NAMES:
+        streets = streets_named(str(streets), config.space, config.default_width)
+    elif isinstance(streets, str | Path):
         try:
             streets = read_streets(str(streets), config.space)
         except (OSError, ValueError) as error:

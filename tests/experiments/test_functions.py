@@ -58,6 +58,8 @@ def test_a_reward_is_that_of_a_search_with_its_labels_checkpoints_and_statistics
     small = {"reward_images": 2, "test_images": 2, "asset_count": 2}
     experiments.reward(preset="smoke", reward=TINY | {"train": train}, **small)
     mean, deviation = evaluated[1][0].statistics
+    reward(default_width=0.3)
+    assert evaluated[2][1].width.max() == np.float32(0.3)
     assert mean.shape == deviation.shape and np.isfinite(mean).all() and (deviation > 0).all()
 
 
