@@ -155,7 +155,8 @@ def _object(path: Path) -> dict[str, Any]:
 def _array(path: Path, axes: int) -> np.ndarray | None:
     """The array in a file; None if the file is missing or holds something else."""
     try:
-        array = np.load(path)
+        with path.open("rb") as file:  # NumPy leaves a damaged archive open
+            array = np.load(file)
     except (OSError, ValueError, EOFError, BadZipFile):
         return None
     return array if isinstance(array, np.ndarray) and array.ndim == axes else None
