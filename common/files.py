@@ -143,6 +143,14 @@ WIDE = 100
 """Width of a line of JSON in characters."""
 
 
+def check_folder(path: Path, expected: str) -> None:
+    """Raise UserError, which says what was expected, if a path is not a folder that exists."""
+    if not path.is_dir():
+        raise UserError(
+            f"{path}: {'not a' if path.exists() else 'no such'} folder; expected {expected}"
+        )
+
+
 def check_file(flag: str, path: Path) -> None:
     """Raise UserError if the file of a flag cannot be written: before long work, not after."""
     if path.is_dir():

@@ -282,7 +282,7 @@ def _reader(kind: Any) -> Callable[[str], Any]:
             else f"one of {', '.join(c)}"
             if (c := _choices(p))
             else KINDS[p]
-            for p in _parts(kind)
+            for p in (parts if all(map(_choices, parts)) else _parts(kind))
         )
         raise argparse.ArgumentTypeError(f"must be {expected}, not {text!r}")
 

@@ -53,14 +53,15 @@ def label_ids(data: bytes) -> np.ndarray:
     Raises:
         UserError: the file is broken or in colours; the message does not name it.
     """
-    from PIL import Image
+    from PIL import Image, UnidentifiedImageError
 
     try:
         with Image.open(io.BytesIO(data)) as image:
             mode, kind = image.mode, image.format
             values = np.asarray(image)
     except Exception as error:  # Pillow has many errors
-        reason = f"not a readable image, broken or truncated ({error})"
+        why = "unknown format" if isinstance(error, UnidentifiedImageError) else error
+        reason = f"not a readable image, broken or truncated ({why})"
         raise UserError(f"{reason}; replace it with an intact copy") from error
     if mode in ("LA", "RGB", "RGBA"):
         if kind != "PNG" or data[24] == 16:  # in the header; Pillow halves the bits of colours

@@ -301,11 +301,17 @@ def read_streets(source: str, space: SpaceName | None) -> Streets:
 
     Raises:
         OSError: the file cannot be read.
-        ValueError: as `streets_in`, or the file has another space.
+        ValueError: as `streets_in`, there is no such file, or the file has another space.
     """
     if source in NAMES:
         return streets_named(source, space or "scenex")
-    streets = streets_in(Path(source))
+    path = Path(source)
+    if not path.is_file():
+        expected = f"{', '.join(NAMES)}, or a JSON file such as a run's attributes.json"
+        raise ValueError(
+            f"{source}: {'not a' if path.exists() else 'no such'} file; expected {expected}"
+        )
+    streets = streets_in(path)
     if space not in (None, space_in(streets)):
         raise ValueError(f"{source} has the attributes of space {space_in(streets)}, not {space}")
     return streets

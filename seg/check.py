@@ -40,7 +40,7 @@ def check_net(settings: TrainSettings) -> None:
         )
     if settings.net == "dinov2":
         if settings.weights is None:
-            raise ValueError("weights must name the .safetensors file of dinov2's backbone")
+            raise ValueError("dinov2 needs weights, the .safetensors file of its backbone")
         if settings.trunk == "tuned":
             raise ValueError('trunk is "tuned", but the backbone of dinov2 stays frozen')
     if settings.weights is not None and settings.net in FILELESS_NETS:

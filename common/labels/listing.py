@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple, NoReturn, cast
 
 from common.errors import UserError
-from common.files import IMAGES, composed, leads_out, plain_path, spelled
+from common.files import IMAGES, check_folder, composed, leads_out, plain_path, spelled
 from common.labels.coco import read_coco_file
 from common.labels.target_file import TRAIN, Files, TargetFile
 
@@ -47,8 +47,7 @@ def list_split(target: TargetFile, root: str | Path, split: str) -> tuple[Entry,
             outside the folder, or there are no images.
     """
     root = Path(root)
-    if not root.is_dir():
-        raise UserError(f"{root}: no such folder; expected {target.name}, with {_places(target)}")
+    check_folder(root, f"{target.name}, with {_places(target)}")
     if "/" in plain_path(split) or split in (".", ".."):
         names = split_names(target, root)
         if split not in names:

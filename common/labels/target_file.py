@@ -29,7 +29,7 @@ from msgspec import Meta
 
 from common.errors import UserError
 from common.expression import expression_fault
-from common.files import composed, plain_path, read_bytes
+from common.files import check_folder, composed, plain_path, read_bytes
 from common.interrupt import PROGRAM
 from common.labels import classes as engine
 
@@ -199,8 +199,7 @@ def find_target(target: str | Path | None, data: Path | None = None) -> TargetFi
     if target is None:
         if data is None:
             raise UserError("name a target, or the folder of its images")
-        if not data.is_dir():
-            raise UserError(f"{data}: no such folder; expected one with images and {FILE}")
+        check_folder(data, f"one with images and {FILE}")
         if not (data / FILE).is_file():
             command = shlex.join([PROGRAM, "doctor", str(data), "--write", str(data / FILE)])
             raise UserError(

@@ -107,7 +107,8 @@ def manifest(folder: str) -> tuple[Row, ...]:
 def _manifest(name: str) -> tuple[Row, ...]:
     root = path_of(name)
     if not root.is_dir():
-        raise LibraryError(f"{root} {'is not a folder' if root.exists() else 'does not exist'}")
+        fault = "is not a folder" if root.exists() else "does not exist"
+        raise LibraryError(f"{root} {fault}; expected the folder of your own assets")
     files = _mesh_files(root)
     if not files:
         raise LibraryError(

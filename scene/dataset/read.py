@@ -99,6 +99,8 @@ def describe(folder: Path) -> Described:
         why = (
             "an unfinished export; run the command that started it to resume" if unfinished else ""
         )
+        if not folder.is_dir():
+            why = f"{'not a' if folder.exists() else 'no such'} folder; expected one from sdr-jax render"
         raise ValueError(f"{folder}: {why or f'not a dataset, since it has no {DESCRIPTION}'}")
     description = read_json(path)
     try:

@@ -52,13 +52,15 @@ def list_sources(path: str | Path) -> tuple[Source, ...]:
     path = Path(path)
     if not path.exists():
         raise DataError(f"{path}: no such file or folder; expected images or a video")
+    kinds = ", ".join(IMAGES + VIDEOS)
     if path.is_dir():
         paths = [p for p in files_below(path) if p.suffix.lower() in IMAGES + VIDEOS]
         if not paths:
-            kinds = ", ".join(IMAGES + VIDEOS)
             unreadable = f"; {note}" if (note := unreadable_note(path)) else ""
             raise DataError(f"{path}: no images or videos; expected {kinds}{unreadable}")
         named = [(p.relative_to(path).with_suffix("").as_posix(), p) for p in paths]
+    elif path.suffix.lower() not in IMAGES + VIDEOS:
+        raise DataError(f"{path}: not an image or video; expected {kinds}, or a folder of these")
     else:
         named = [(path.stem, path)]
     by_name: dict[str, Path] = {}

@@ -574,6 +574,7 @@ def test_what_cannot_be_fitted_is_one_line(folder: Path, tmp_path: Path, capsys)
     for arguments, message in (
         ([str(tmp_path / "none"), *out], "none: no such folder"),
         ([str(tmp_path / "empty"), *out], "empty has no target.yaml"),
+        ([str(bare), *out], "bare.yaml: not a folder; expected one with images and target.yaml"),
         ([str(folder), *out, "--target", str(bare)], "bare.yaml: no class has 'renders', so"),
         ([str(folder), *out, "--few", "9"], "--few must be 1 to 5"),
         ([str(folder), *out, "--size", "60x48"], "--size must be two multiples of 8, 32 or more"),
@@ -581,7 +582,7 @@ def test_what_cannot_be_fitted_is_one_line(folder: Path, tmp_path: Path, capsys)
         ([str(folder), *out, "--init", str(tmp_path)], "is not a model"),
         (
             [str(folder), *out, "--net", "dinov2"],
-            "--net: weights must name the .safetensors file of dinov2's backbone",
+            "--net: dinov2 needs weights, the .safetensors file of its backbone",
         ),
         ([str(folder), *out, "--weights", "x"], "--weights x is for --net dinov2; those of lite0"),
         ([*dinov2, "--trunk", "tuned"], '"tuned", but the backbone of dinov2 stays frozen'),

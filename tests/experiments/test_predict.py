@@ -189,7 +189,13 @@ def test_a_video_without_frames_and_files_that_are_no_images(folder, tmp_path, c
     (tmp_path / "photo.jpg").write_bytes(b"nothing")
     assert main([folder, str(tmp_path / "photo.jpg"), "--out", str(tmp_path / "out")]) == 2
     assert "photo.jpg: not a readable image" in one_line(capsys)
-    assert not pictures(tmp_path / "out")
+    (tmp_path / "notes.txt").write_bytes(b"nothing")
+    assert main([folder, str(tmp_path / "notes.txt"), "--out", str(tmp_path / "none")]) == 2
+    assert "notes.txt: not an image or video; expected .png, " in one_line(capsys)
+    with pytest.raises(SystemExit, match="2"):
+        main([folder, str(tmp_path), "--out", str(tmp_path / "none"), "--as", "x"])
+    assert "--as: must be one of ids, colours, overlay, not 'x'" in capsys.readouterr().err
+    assert not pictures(tmp_path / "out") and not (tmp_path / "none").exists()
 
 
 def test_folders_that_cannot_be_read_or_written(model, folder, images, tmp_path, capsys):

@@ -94,6 +94,7 @@ def test_garbled_descriptions_are_refused(dataset, change):
     refused(ValueError, message, list, findings(dataset))
     path.write_text("{")
     refused(ValueError, r"dataset\.json is not a JSON file", list, findings(dataset))
+    refused(ValueError, "gone: no such folder; expected one from", list, findings(dataset / "gone"))
 
 
 @pytest.mark.parametrize("garbage", [None, "x", [[]], {"": None}])

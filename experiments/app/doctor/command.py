@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from common.command import Arguments, exit_code, say
 from common.errors import UserError, counted
-from common.files import check_file, write
+from common.files import check_file, check_folder, write
 from experiments.config import parsers
 
 if TYPE_CHECKING:
@@ -69,11 +69,11 @@ def diagnose(
             f"--write {write_to} proposes a file, and --target {target} names one; use only one of them"
         )
     if write_to is not None:
+        check_file("--write", write_to)
         if write_to.exists():
             raise UserError(f"--write {write_to} exists; remove it, or name another file")
-        check_file("--write", write_to)
-    if data is not None and not data.is_dir():
-        raise UserError(f"{data}: no such folder; expected one with images and labels")
+    if data is not None:
+        check_folder(data, "one with images and labels")
     facts, problems = machine.look()
     width = max(len(name) for name, _ in facts)
     for name, value in facts:

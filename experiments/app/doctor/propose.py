@@ -13,7 +13,7 @@ import yaml
 from PIL import Image
 
 from common.errors import UserError, counted
-from common.files import composed, files_below, plain_path
+from common.files import check_folder, composed, files_below, plain_path
 from common.labels import classes as engine
 from common.labels.listing import list_split, split_names
 from common.labels.target_file import FILE, SHIPPED, Format, find_target, shipped
@@ -95,8 +95,7 @@ def propose(root: Path) -> Proposal:
     Raises:
         UserError: no images with labels are found, or the folder's own file is wrong.
     """
-    if not root.is_dir():
-        raise UserError(f"{root}: no such folder; expected one with images and labels")
+    check_folder(root, "one with images and labels")
     if (root / FILE).is_file():
         find_target(None, root)  # refuses a wrong file
         try:
