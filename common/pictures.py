@@ -44,6 +44,14 @@ def _as_stored(data: bytes, values: np.ndarray) -> np.ndarray:
     return values if stored is None or stored.ndim != 3 else stored
 
 
+def unreadable(why: object) -> str:
+    """Say that an image is broken; an error of Pillow that would repeat its path or buffer is shortened."""
+    from PIL import UnidentifiedImageError
+
+    why = "unknown format" if isinstance(why, UnidentifiedImageError) else why
+    return f"not a readable image, broken or truncated ({why}); replace it with an intact copy"
+
+
 def label_ids(data: bytes) -> np.ndarray:
     """Decode the ids of a label file as they are stored, u8[h, w], or u16[h, w] for 16 bits.
 
@@ -53,16 +61,14 @@ def label_ids(data: bytes) -> np.ndarray:
     Raises:
         UserError: the file is broken or in colours; the message does not name it.
     """
-    from PIL import Image, UnidentifiedImageError
+    from PIL import Image
 
     try:
         with Image.open(io.BytesIO(data)) as image:
             mode, kind = image.mode, image.format
             values = np.asarray(image)
     except Exception as error:  # Pillow has many errors
-        why = "unknown format" if isinstance(error, UnidentifiedImageError) else error
-        reason = f"not a readable image, broken or truncated ({why})"
-        raise UserError(f"{reason}; replace it with an intact copy") from error
+        raise UserError(unreadable(error)) from error
     if mode in ("LA", "RGB", "RGBA"):
         if kind != "PNG" or data[24] == 16:  # in the header; Pillow halves the bits of colours
             values = _as_stored(data, values)

@@ -11,7 +11,7 @@ from PIL import Image
 
 from common.errors import UserError
 from common.files import read_bytes
-from common.pictures import MOST_BYTES, too_large
+from common.pictures import MOST_BYTES, too_large, unreadable
 from seg.errors import DataError
 
 # Warnings on damaged files do not say which; our errors do.
@@ -109,9 +109,7 @@ def check_end(path: Path) -> None:
 
 
 def _unreadable(path: Path, why: object) -> DataError:
-    return DataError(
-        f"{path}: not a readable image, broken or truncated ({why}); replace it with an intact copy"
-    )
+    return DataError(f"{path}: {unreadable(why)}")
 
 
 def decode(path: Path, data: bytes, flags: int) -> np.ndarray:
