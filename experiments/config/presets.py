@@ -81,10 +81,10 @@ _QUICK: Table = {
     "vgg": {"streets": 100, "shots": 4, "train": {"recipe": "scratch", "steps": 150}},
 }
 _QUICK_TWIN: Table = {
-    "search": {"updates_per_group": 5},
+    "search": {"updates_per_group": 4},
     "reward": {"streets": 12, "shots": 6},
-    "final": {"streets": 120},
-    "seeds": 6,
+    "final": {"streets": 80},
+    "seeds": 4,
 }
 _QUICK_REAL: Table = {
     "search": {"updates_per_group": 3, "datasets_per_update": 8},

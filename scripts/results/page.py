@@ -201,11 +201,12 @@ def streets_table(claims: Claims) -> list[str]:
     searches = distinct(len(report["searches"]) for report in reports)
     rewards = distinct(len(report["searches"][0]["rewards"]) for report in reports)
     seeds, size = (distinct(report[name] for report in reports) for name in ("seeds", "scored_at"))
-    far = claims.parts["far-0"]
+    far = claims.reports["far-0"]
     basis = (
         f"{searches} searches with {rewards} rewards each, {seeds} networks a row, at {size}; intervals over "
-        f"searches and networks. Far twins: five twins of engine {far['engine']} at "
-        f"{claims.reports['far-0']['scored_at']} with a search each; intervals over twins."
+        f"searches and networks. Far twins: five twins of engine {claims.parts['far-0']['engine']} with a "
+        f"search of {len(far['searches'][0]['rewards'])} rewards each, {far['seeds']} networks a row, at "
+        f"{far['scored_at']}; intervals over twins."
     )
     return [
         *markdown([*head, "over random", "over default"], lines),
