@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from common.files import read_json
+from common.files import check_folder, read_json
 from common.labels.classes import Outline
 from scene.dataset.formats import parquet
 from scene.dataset.formats.about import stem
@@ -93,14 +93,13 @@ def describe(folder: Path) -> Described:
     Raises:
         ValueError: the folder has no dataset, or its ``dataset.json`` was changed.
     """
+    check_folder(folder, "one from sdr-jax render")
     path = folder / DESCRIPTION
     if not path.is_file():
         unfinished = (folder / WORK).exists()
         why = (
             "an unfinished export; run the command that started it to resume" if unfinished else ""
         )
-        if not folder.is_dir():
-            why = f"{'not a' if folder.exists() else 'no such'} folder; expected one from sdr-jax render"
         raise ValueError(f"{folder}: {why or f'not a dataset, since it has no {DESCRIPTION}'}")
     description = read_json(path)
     try:
