@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from common.errors import UserError
 from common.files import read_json
 from scene import streams
 from scene.attributes import (
@@ -286,14 +287,14 @@ def streets_in(path: Path) -> Streets:
     """Read the streets that a JSON file describes, see `parse_streets`.
 
     Raises:
-        ValueError: the file is not JSON, or does not describe streets; the message names it.
+        UserError: the file is not JSON, or does not describe streets; the message names it.
         OSError: it cannot be read.
     """
     try:
         return parse_streets(read_json(path), str(path))
     except ValueError as error:
         where = "" if str(error).startswith(str(path)) else f"{path}: "
-        raise ValueError(f"{where}{error}") from None
+        raise UserError(f"{where}{error}") from None
 
 
 def read_streets(source: str, space: SpaceName | None) -> Streets:
@@ -301,19 +302,19 @@ def read_streets(source: str, space: SpaceName | None) -> Streets:
 
     Raises:
         OSError: the file cannot be read.
-        ValueError: as `streets_in`, there is no such file, or the file has another space.
+        UserError: as `streets_in`, there is no such file, or the file has another space.
     """
     if source in NAMES:
         return streets_named(source, space or "scenex")
     path = Path(source)
     if not path.is_file():
         expected = f"{', '.join(NAMES)}, or a JSON file such as a run's attributes.json"
-        raise ValueError(
+        raise UserError(
             f"{source}: {'not a' if path.exists() else 'no such'} file; expected {expected}"
         )
     streets = streets_in(path)
     if space not in (None, space_in(streets)):
-        raise ValueError(f"{source} has the attributes of space {space_in(streets)}, not {space}")
+        raise UserError(f"{source} has the attributes of space {space_in(streets)}, not {space}")
     return streets
 
 

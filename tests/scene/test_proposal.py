@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import sdr_jax
+from common.errors import UserError
 from scene import proposal as module
 from scene.attributes import BY_NAME, LATER, NAMES, default_unit
 from scene.proposal import (
@@ -207,7 +208,15 @@ def test_a_file_has_its_own_space_and_another_is_refused(tmp_path):
     for space in (None, "extended"):
         assert module.space_in(module.read_streets(str(file), space)) == "extended"
     complaint = "attributes.json has the attributes of space extended, not scenex"
-    refused(ValueError, complaint, module.read_streets, str(file), "scenex")
+    refused(UserError, complaint, module.read_streets, str(file), "scenex")
+
+
+@pytest.mark.parametrize("content", [None, "no JSON", '{"nonsense": 1}'])
+def test_a_file_that_is_missing_or_wrong_is_the_user_s_error(content, tmp_path):
+    file = tmp_path / "streets.json"
+    if content is not None:
+        file.write_text(content)
+    refused(UserError, str(file), module.read_streets, str(file), "scenex")
 
 
 def test_components_that_are_equal_are_one():

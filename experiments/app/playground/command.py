@@ -1,4 +1,4 @@
-"""Open a local page with a slider for each attribute and the street that it gives.
+"""Open a local page with a slider for each attribute beside the street it describes.
 
     sdr-jax playground
     sdr-jax playground --space extended --size 640x360 --no-browser
@@ -34,20 +34,14 @@ def first_state(options: argparse.Namespace) -> State:
     """The first state of a page.
 
     Raises:
-        ValueError: an option is out of range, or a file has no attributes; the message names it.
-        UserError: there is no such file.
+        ValueError: an option is out of range; the message names it.
+        UserError: there is no such file, or it has no attributes; the message names it.
         OSError: the file cannot be read.
     """
     width, height = options.size
     pool = AssetPool(own=options.assets)
     view = View(options.seed, 0, 0, options.shots, width, height, options.samples, pool)
-    try:
-        streets = read_streets(options.attributes, options.space)
-    except FileNotFoundError:
-        raise UserError(
-            f"--attributes {options.attributes}: no such file; pass default, random, mixed or an "
-            "attributes.json"
-        ) from None
+    streets = read_streets(options.attributes, options.space)
     if has_probabilities(streets):
         print(f"{options.attributes}: {LOSS}", flush=True)
     return opened(streets, check_view(view))
