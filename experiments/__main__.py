@@ -197,7 +197,7 @@ def text() -> str:
     lines = []
     for title, group in GROUPS.items():
         lines += ["", f"{title}:", *_rows(group, width)]
-    first, *more = wrap(f"NAME is one of {', '.join(STUDIES)}", WIDTH - width - 4)
+    first, *more = wrap(f"NAME: {', '.join(STUDIES)}", WIDTH - width - 4)
     lines += ["", "Studies of the paper:", f"  {STUDY:{width}s}  {first}"]
     lines += [f"  {'':{width}s}  {line}" for line in more]
     return "\n".join(

@@ -35,5 +35,6 @@ from .render import RenderSettings as RenderSettings
 from .render import renderer as renderer
 from .render.sensor import CameraResponse as CameraResponse
 from .street.camera import Camera as Camera
+from .street.extras import Mix as Mix
 from .street.street import Street as Street
 from .street.street import sample_street as sample_street

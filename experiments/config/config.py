@@ -90,8 +90,8 @@ class Config:
     test_split: str | None = None
     """The split to test on; by default the data's own."""
     holdout: str | None = None
-    """Test on this sequence (CamVid), city (Cityscapes) or album (LabelMeFacade), and leave it out of the
-    training images."""
+    """Test on this sequence (CamVid), city (Cityscapes) or group of photos (LabelMeFacade), and leave it out
+    of the training images."""
     twin_seed: Annotated[int, at_least(0)] = 0
     """Seed of the twin's hidden attributes."""
     twin: TwinName = "near"

@@ -1,4 +1,4 @@
-"""The paper's table 2: tests networks of different training sets on the target's test images.
+"""The paper's table 2: networks trained on renders, other data sets and labels, tested on the target.
 
     sdr-jax study table --target camvid --data DIR --holdout 0006R0
     sdr-jax study table --target camvid --data DIR --gta5 DIR --synthia DIR --nets compact fcn8s
