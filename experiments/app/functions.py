@@ -34,7 +34,7 @@ from experiments.tables.row_names import trained_on
 from experiments.targets.base import Target
 from experiments.targets.named import named_target
 from scene.held import hold
-from scene.proposal import NAMES, Streets, read_streets, streets_in, streets_named
+from scene.proposal import NAMES, Streets, read_streets, streets_in
 from seg.model import Model, load_model
 from seg.recipes import with_steps
 
@@ -240,7 +240,7 @@ def reward(
     set_up_process()
     config = _main_config(target, data, preset, options)
     if str(streets) in NAMES:
-        streets = streets_named(str(streets), config.space, config.default_width)
+        streets = config.streets(str(streets))
     elif isinstance(streets, str | Path):
         try:
             streets = read_streets(str(streets), config.space)

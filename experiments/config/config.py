@@ -14,7 +14,7 @@ from common.workers.pool import ExecutorName, refuse_many_workers
 from experiments.config.options import Bins, Fidelity, Search, SearchOptions
 from scene.attributes import SpaceName, names
 from scene.held import hold, read_fixed
-from scene.proposal import RELAXATION, Proposal, named
+from scene.proposal import RELAXATION, Streets, streets_named
 
 if TYPE_CHECKING:
     from scene.assets.catalogue import AssetPool
@@ -133,9 +133,9 @@ class Config:
         by_name = fidelities(self)
         return tuple(by_name[name].train.net for name in ("reward", "final") if name in by_name)
 
-    def streets(self, name: str) -> Proposal:
-        """Make the proposal ``random`` or ``default`` with the held attributes."""
-        return hold(named(name, self.space), self.held)
+    def streets(self, name: str) -> Streets:
+        """Make the streets ``random``, ``default`` or ``mixed`` with the fixed attributes."""
+        return hold(streets_named(name, self.space), self.held)
 
     @property
     def pool(self) -> AssetPool:
@@ -193,9 +193,9 @@ class RewardConfig(FinalConfig):
     """miou of a network trained on the dataset; or mmd, for images without labels: minus the distance between
     rendered and real images in the features of a network."""
 
-    def streets(self, name: str) -> Proposal:
-        """Make the proposal ``random`` or ``default`` with the held attributes."""
-        return hold(named(name, self.space, self.default_width), self.held)
+    def streets(self, name: str) -> Streets:
+        """Make the streets ``random``, ``default`` or ``mixed`` with the fixed attributes."""
+        return hold(streets_named(name, self.space, self.default_width), self.held)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,7 +12,7 @@ from experiments.config.config import BinsConfig, GroupsConfig
 from experiments.config.options import RivalName
 from scene.attributes import SpaceName, names
 from scene.held import hold
-from scene.proposal import Mixture, Proposal, Streets, moments, space_in, streets_in
+from scene.proposal import NAMES, Mixture, Proposal, Streets, moments, space_in, streets_in
 from sdr_jax.registry import make
 
 
@@ -40,14 +40,16 @@ def start_of(config: GroupsConfig) -> Proposal:
         UserError: the file holds a mixture, or other attributes.
     """
     start = config.search.start
-    if start in ("random", "default"):
-        return config.streets(start)
-    streets = read_attributes("--search.start", Path(start), config.space)
+    if start in NAMES:
+        streets = config.streets(start)
+    else:
+        read = read_attributes("--search.start", Path(start), config.space)
+        streets = hold(read, config.held)
     if isinstance(streets, Mixture):
         raise UserError(
             f"--search.start {start} holds {len(streets.shares)} components; a search starts from one"
         )
-    return hold(moments(streets), config.held)
+    return moments(streets)
 
 
 def read_attributes(flag: str, path: Path, space: SpaceName) -> Streets:

@@ -41,7 +41,7 @@ from experiments.tables.nets import by_row, jobs_of
 from experiments.tables.row_names import TRAINED_ON
 from experiments.tables.skeleton import Study, do
 from experiments.tables.stats import bootstrap, pairing, signal_to_noise, spearman
-from scene.proposal import Proposal
+from scene.proposal import Streets
 from seg.recipes import with_steps
 
 FIDELITY_SEED = 10_000_000
@@ -96,7 +96,7 @@ def middle(low: Fidelity, high: Fidelity) -> Fidelity:
     )
 
 
-def proposals(config: FidelityConfig) -> dict[str, Proposal]:
+def proposals(config: FidelityConfig) -> dict[str, Streets]:
     """Make the default street, random streets, and proposals with random bins, by name."""
     sampled = random_bins(config, config.proposals)
     return {
@@ -125,7 +125,7 @@ def scores(run: Session[FidelityConfig], _: Any) -> Report:
 
 
 def _score(
-    run: Session[FidelityConfig], number: int, rung: Rung, sources: dict[str, Proposal]
+    run: Session[FidelityConfig], number: int, rung: Rung, sources: dict[str, Streets]
 ) -> Report:
     """Score every proposal on one rung, in the order of the seeds, which all proposals share."""
     (name, fidelity, kind), config = rung, run.config

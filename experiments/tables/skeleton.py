@@ -32,7 +32,7 @@ from experiments.tables.nets import paired_seeds
 from experiments.targets.base import Target
 from experiments.targets.named import named_target
 from scene.held import hold
-from scene.proposal import Streets, streets_named
+from scene.proposal import Streets
 
 
 @dataclass(frozen=True)
@@ -223,10 +223,7 @@ def learnt_attributes(run: Session[Any]) -> Streets:
 
 def attributes(run: Session[Any], answers: Answers, name: str) -> Streets:
     """Return the attributes of streets by a name that `streets_named` knows, or those of ``learnt``."""
-    config = run.config
-    return answers.get(name) or hold(
-        streets_named(name, config.space, config.default_width), config.held
-    )
+    return answers.get(name) or run.config.streets(name)
 
 
 def learnt_from(config: LearntConfig) -> str:
