@@ -21,7 +21,7 @@ import sys
 import time
 from collections.abc import Sequence
 from dataclasses import fields, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -140,9 +140,8 @@ def networks(
             views[looks] = images._replace(features=maps)
         return views[looks]
 
-    lines = []
-    for on, name in work:
-        settings = settings_of(name)
+    @cache
+    def trained(on: str, settings: TrainSettings) -> tuple[Any, float]:
         images = trained_on("renders" if on == "labels+renders" else on, settings)
         few = trained_on("labels", settings) if on == "labels+renders" else None
         started = time.process_time()
@@ -156,7 +155,13 @@ def networks(
             beside=few,
             share=share_of(recipe.few),
         )
-        seconds = time.process_time() - started
+        return params, time.process_time() - started
+
+    lines = []
+    for on, name in work:
+        settings = settings_of(name)
+        # Only tests average mirror images, so recipes with and without share a network.
+        params, seconds = trained(on, replace(settings, average_mirror=False))
         confusions, of_heads = {}, {}
         for side, tested_on in ((DEVELOPMENT, real.development), (REPORTED, real.reported)):
             if tested_on is None or (on == "all" and side == DEVELOPMENT):
