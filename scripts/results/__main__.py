@@ -6,8 +6,9 @@
 
 Each part is a command with its own folder; those on which most claims rest come first. All share a store, so
 that nothing is evaluated twice. Parts without their data are left out. The core time that is planned comes
-first. The same command resumes a killed run, and `--only` makes some parts now and others later. A folder
-from another commit is refused, unless only documentation has changed.
+first. The same command resumes a killed run, and `--only` makes some parts now and others later. The store is
+committed with the reports, so that any checkout makes the page from it, or goes on. A folder from another
+commit is refused, unless only documentation has changed.
 """
 
 from __future__ import annotations
@@ -35,7 +36,8 @@ class ResultsConfig:
     out: Path = Path("runs/results")
     """Folder of all runs."""
     store: Path | None = None
-    """File of evaluations that runs share, instead of OUT/store.jsonl; none of them is repeated."""
+    """File of evaluations, none of which is repeated; by default DOCS/results/store.jsonl, or
+    OUT/store.jsonl without --docs."""
     docs: Path | None = None
     """Folder of the pages: reports and plots go into results/, and results.md is written from them."""
     only: tuple[str, ...] = ()

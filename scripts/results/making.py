@@ -23,6 +23,8 @@ from scripts.results.parts import Part
 
 PARTS = "parts.json"
 """File with the names of the finished parts."""
+STORE = "store.jsonl"
+"""File of all evaluations."""
 
 Runner = Callable[[Sequence[str]], int]
 """Runs a command and returns the exit code."""
@@ -98,7 +100,8 @@ def make(
         out: folder of all runs.
         docs: folder of the pages, for reports and plots; if it has all other reports, too, the page of
             results is written after each part.
-        store: store of evaluations instead of the folder's own; none of them is repeated.
+        store: store of evaluations, none of which is repeated; by default that beside the reports, so that it
+            is committed with them and the next run goes on elsewhere, or without pages one in ``out``.
         only: names of the parts to make; by default all of them.
         run: runs a part's command.
         cost: estimates the core seconds of a part.
@@ -110,7 +113,7 @@ def make(
         UserError: a part failed, or the folder is from another commit.
     """
     commit_name = commit()
-    store = store or out / "store.jsonl"
+    store = store or (out if docs is None else docs / "results") / STORE
     selected = [part for part in parts if not only or part.name in only]
     with ExitStack() as stack:
         stack.enter_context(folder.opened(out, {"commit": commit_name, "engine": ENGINE}))

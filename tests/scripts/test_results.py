@@ -120,10 +120,11 @@ class Runs:
     """Stands for the commands of parts: writes their files, and fails at one of them."""
 
     def __init__(self, failing: str = "") -> None:
-        self.failing, self.ran = failing, []
+        self.failing, self.ran, self.stores = failing, [], set()
 
     def __call__(self, words) -> int:
         out = Path(words[words.index("--out") + 1])
+        self.stores.add(Path(words[words.index("--store") + 1]))
         self.ran.append(out.name)
         out.mkdir(exist_ok=True)
         write(out / "some.png", b"picture")
@@ -162,11 +163,18 @@ def test_parts_run_once_and_are_recorded_with_their_origin(tmp_path, monkeypatch
 
 def test_a_run_of_some_parts_leaves_the_records_of_others(tmp_path, monkeypatch):
     monkeypatch.setattr(making, "commit", lambda: "abc")
+    out, docs, runs = tmp_path / "out", tmp_path / "docs", Runs()
     for name in ("two", "one"):
-        making.make(
-            SOME, tmp_path / "out", tmp_path / "docs", only=[name], run=Runs(), cost=lambda part: 0
-        )
-    assert list(read_json(tmp_path / "docs" / "results" / "parts.json")) == ["two", "one"]
+        making.make(SOME, out, docs, only=[name], run=runs, cost=lambda part: 0)
+    assert list(read_json(docs / "results" / "parts.json")) == ["two", "one"]
+    assert runs.stores == {docs / "results" / "store.jsonl"}  # committed with the reports
+
+
+def test_without_pages_the_store_is_with_the_runs(tmp_path, monkeypatch):
+    monkeypatch.setattr(making, "commit", lambda: "abc")
+    runs = Runs()
+    making.make(SOME, tmp_path / "out", run=runs, cost=lambda part: 0)
+    assert runs.stores == {tmp_path / "out" / "store.jsonl"}
 
 
 def test_the_page_is_written_after_each_part_if_all_other_reports_exist(tmp_path, monkeypatch):
