@@ -25,6 +25,7 @@ from experiments.app.report.folder import NAME
 from experiments.config import MainConfig, Preset, TargetName
 from experiments.config.cli import configured
 from experiments.config.jobs import JOBS
+from experiments.config.parsers import Fit
 from experiments.evaluation.cache import by_target, statistics_of
 from experiments.evaluation.in_worker import evaluate_miou
 from experiments.evaluation.job import Recipe
@@ -164,13 +165,8 @@ def fit(
         WorkerError: worker processes keep dying.
     """
     paths = {name: Path(options[name]) for name in PATHS if options.get(name) is not None}
-    config = config_of(
-        Path(data),
-        Path(out),
-        no_mirror=not mirror,
-        say=say,
-        **options | paths,
-    )
+    flags = {**options, **paths, "data": Path(data), "out": Path(out), "no_mirror": not mirror}
+    config = config_of(Fit(**flags), say)
     final = config.final
     if steps is not None:
         final = replace(final, train=with_steps(final.train, steps))

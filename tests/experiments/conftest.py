@@ -26,7 +26,8 @@ from common.flags import add_flag, fill, flags_of
 from common.progress import Progress
 from common.workers.pool import WorkerPool
 from experiments.__main__ import COMMANDS
-from experiments.config import MainConfig
+from experiments.app.fit import config as fit_config
+from experiments.config import MainConfig, parsers
 from experiments.config.cli import command as command_line
 from experiments.config.presets import PRESETS, TARGETS, defaults
 from experiments.evaluation.job import Recipe, Result
@@ -176,6 +177,11 @@ def results_of(run: Any, *arguments: Any, **options: Any) -> dict[str, list[Resu
     """Results of the jobs that `jobs_of` makes of the arguments, by row."""
     jobs = jobs_of(*arguments, **options)
     return by_row(jobs, run.runner.test(jobs))
+
+
+def config_of(data: Path, out: Path, say: Any = lambda text: None, **flags: Any) -> Any:
+    """The configuration of `sdr-jax fit` with these flags."""
+    return fit_config.config_of(parsers.Fit(data=data, out=out, **flags), say)
 
 
 @pytest.fixture(autouse=True)

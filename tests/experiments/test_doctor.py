@@ -32,7 +32,7 @@ from experiments.app.doctor.propose import (
     propose,
 )
 from experiments.app.doctor.survey import survey
-from experiments.app.fit.config import config_of, configured, cost_of_fit, planned
+from experiments.app.fit.config import configured, cost_of_fit, planned
 from experiments.app.main_job import plan
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
@@ -49,6 +49,8 @@ from seg.data.images import check_end, read_image
 from tests.conftest import ROOT, refuses
 from tests.layouts import LAYOUTS, save, write
 from tests.robustness.test_untrusted import bomb
+
+from .conftest import config_of
 
 PALETTE = [90, 90, 90, 200, 0, 0, 0, 0, 200, 0, 200, 0, 9, 9, 9, *[0] * 753]  # of all bytes
 SHAPES = ((48, 64), (64, 48), (40, 80))

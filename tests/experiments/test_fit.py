@@ -31,7 +31,7 @@ from experiments.app.fit import config as fit_config
 from experiments.app.fit import job as fit_job
 from experiments.app.fit import streets as fit_streets
 from experiments.app.fit.command import main
-from experiments.app.fit.config import FitConfig, config_of, configured, planned
+from experiments.app.fit.config import FitConfig, configured, planned
 from experiments.app.fit.job import FORM, best_median_worst, fit, with_labels
 from experiments.app.report import live
 from experiments.app.report import page as page_of_runs
@@ -60,7 +60,7 @@ from seg.model import Model, label_classes, load_model
 from seg.settings import TrainSettings
 from tests.layouts import save, write
 
-from .conftest import Page, never
+from .conftest import Page, config_of, never
 
 TARGET = """
 images: images/{name}.png

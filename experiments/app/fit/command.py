@@ -32,7 +32,7 @@ def main(arguments: Arguments = None) -> int:
 
     def work() -> None:
         flags = {name: value for name, value in vars(options).items() if name != "debug"}
-        config = config_of(flags.pop("data"), flags.pop("out"), say=say, **flags)
+        config = config_of(parsers.Fit(**flags), say)
         fit(config)
         command = shlex.join([PROGRAM, "predict", str(config.out / MODEL)])
         print(f"Label other images: {command} IMAGES --out DIR")

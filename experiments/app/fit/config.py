@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,7 +18,7 @@ from common.labels.target_file import Fit, find_target
 from common.memory import in_words, memory
 from experiments.app.report.fit_table import rows_of
 from experiments.attribute_search.plans import plan_of, work_of
-from experiments.config import FewConfig, Fidelity
+from experiments.config import FewConfig, Fidelity, parsers
 from experiments.config.config import NETS, FitPreset
 from experiments.config.limits import PIXEL, training_bytes
 from experiments.config.presets import defaults, in_space
@@ -85,56 +85,11 @@ class FitConfig(FewConfig):
         return trainers_of(self.trainers, usable_gpus())
 
 
-def config_of(
-    data: Path,
-    out: Path,
-    *,
-    target: str | None = None,
-    few: int | None = None,
-    holdout: str | None = None,
-    search: bool = False,
-    preset: FitPreset | None = None,
-    size: Size | None = None,
-    minutes: float | None = None,
-    shape: Fit | None = None,
-    seeds: int = FitConfig.seeds,
-    workers: int | None = None,
-    trainers: int | None = None,
-    init: Path | None = None,
-    store: Path | None = None,
-    net: TrunkName = "lite0",
-    trunk: Trunk | None = None,
-    weights: Path | None = None,
-    fix: Sequence[str] = (),
-    no_mirror: bool = False,
-    say: Callable[[str], None] = lambda text: None,
-) -> FitConfig:
+def config_of(flags: parsers.Fit, say: Callable[[str], None] = lambda text: None) -> FitConfig:
     """Make the configuration of a command line.
 
-    Without ``size``, the run that ``out`` holds keeps its own.
-
     Args:
-        data: folder of the images.
-        out: folder of the run.
-        target: the target's file, or the name of one in the package.
-        few: number of labels to use.
-        holdout: the group to test on.
-        search: whether to optimise streets, too.
-        preset: by default `full` on a GPU, otherwise `quick`.
-        size: width and height of the images for networks; by default as `choose` decides.
-        minutes: time limit of this machine by which the size is chosen, without ``size``.
-        shape: how images of another shape are treated.
-        seeds: networks of each row and fold.
-        workers: number of processes.
-        trainers: number of processes that train apart from those that render; by default one for each GPU.
-        init: folder of a model to start from.
-        store: file of evaluations that runs share.
-        net: the network, named by its backbone.
-        trunk: whether the backbone is frozen or tuned, by default as the preset says; it is always frozen
-            for the rewards of a search.
-        weights: file of the backbone's weights, for dinov2.
-        fix: attributes to hold at a value in all streets, such as field_of_view=90.
-        no_mirror: whether to leave out averaging over the mirror image.
+        flags: the command line. Without a size, the run that its folder holds keeps its own.
         say: called with size and time, and before this machine's pace is measured.
 
     Raises:
@@ -142,57 +97,53 @@ def config_of(
             read, weights are of another network, an attribute cannot be held, or a size takes too much
             memory or time.
     """
+    data, out, size = flags.data, flags.out, flags.size
     refuse_file(out)
-    read_fixed(fix, SPACE)
-    target_file = find_target(target, data)
+    read_fixed(flags.fix, SPACE)
+    target_file = find_target(flags.target, data)
     if not any(target_file.rendered):
         raise UserError(
             f"{target_file.source}: no class has 'renders', so renders would show none of them; say which "
             f"of the engine's classes each one is: {', '.join(NAMES)}"
         )
-    parts = parts_of(target_file, data, holdout, few)
+    parts = parts_of(target_file, data, flags.holdout, flags.few)
     if size is not None and (min(size) < SMALLEST or any(side % UNIT for side in size)):
         raise UserError(
             f"--size must be two multiples of {UNIT}, {SMALLEST} or more, not {size[0]}x{size[1]}"
         )
-    if weights is not None and net in FILELESS_NETS:
+    if flags.weights is not None and flags.net in FILELESS_NETS:
         raise UserError(
-            f"--weights {weights} is for --net dinov2; those of {net} come with a package"
+            f"--weights {flags.weights} is for --net dinov2; those of {flags.net} come with a package"
         )
-    preset = preset or default_preset()
-    weights_file = None if weights is None else str(weights.absolute())
+    preset = flags.preset or default_preset()
+    weights = None if flags.weights is None else str(flags.weights.absolute())
     decided = _size_of(out) if size is None else size
     if decided is None:
         entries = [entry for split in list_all(target_file, data).values() for entry in split]
         photographs = common_size(entries)
     else:
         photographs = decided
-    head_width = None if init is None else load_model(init).settings.head_width
+    head_width = None if flags.init is None else load_model(flags.init).settings.head_width
 
     def at(size: Size) -> FitConfig:
-        base = configured(size, preset, net, trunk, weights_file, search=search, seeds=seeds)
-        train = replace(base.final.train, average_mirror=not no_mirror)
+        base = configured(
+            size, preset, flags.net, flags.trunk, weights, search=flags.search, seeds=flags.seeds
+        )
+        train = replace(base.final.train, average_mirror=not flags.no_mirror)
         if not usable_gpus():
             train = replace(train, dtype="float32")  # CPUs emulate bfloat16
         if head_width is not None and train.has_trunk:
             train = replace(train, head_width=head_width)
+        same = ("data", "out", "shape", "few", "holdout", "minutes", "init", "store", "trainers")
         return replace(
             base,
             final=replace(base.final, train=train),
             target=target_file.name,
-            data=data,
-            out=out,
+            file=flags.target,
             few_share=share_of(len(parts.entries), preset),
-            file=target,
-            shape=shape,
-            few=few,
-            holdout=holdout,
-            minutes=minutes,
-            init=init,
-            store=store,
-            fix=tuple(fix),
-            workers=base.workers if workers is None else workers,
-            trainers=trainers,
+            fix=tuple(flags.fix),
+            workers=base.workers if flags.workers is None else flags.workers,
+            **{name: getattr(flags, name) for name in same},
         )
 
     first = at(photographs)
@@ -203,7 +154,7 @@ def config_of(
     if decided is not None:
         _refuse_large(first, len(parts.every))
     pace = pace_here(first.processes, say, measure=decided is None and preset != "smoke")
-    choice = choose_size(at, parts, photographs, pace, size=decided, minutes=minutes)
+    choice = choose_size(at, parts, photographs, pace, size=decided, minutes=flags.minutes)
     config = at(choice.size)
     _refuse_large(config, len(parts.every))
     say(choice.text(config.processes))
