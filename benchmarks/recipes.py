@@ -131,7 +131,7 @@ def networks(
     }
     views: dict[Any, LabelledImages] = {}
 
-    def trained_on(name: str, settings: TrainSettings) -> LabelledImages:
+    def images_of(name: str, settings: TrainSettings) -> LabelledImages:
         looks = (name, *(getattr(settings, look) for look in LOOKS))
         if looks not in views:
             images = sets[name]
@@ -142,8 +142,8 @@ def networks(
 
     @cache
     def trained(on: str, settings: TrainSettings) -> tuple[Any, float]:
-        images = trained_on("renders" if on == "labels+renders" else on, settings)
-        few = trained_on("labels", settings) if on == "labels+renders" else None
+        images = images_of("renders" if on == "labels+renders" else on, settings)
+        few = images_of("labels", settings) if on == "labels+renders" else None
         started = time.process_time()
         params = train(
             seed,

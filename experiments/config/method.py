@@ -43,8 +43,7 @@ def start_of(config: GroupsConfig) -> Proposal:
     if start in NAMES:
         streets = config.streets(start)
     else:
-        read = read_attributes("--search.start", Path(start), config.space)
-        streets = hold(read, config.held)
+        streets = hold(read_attributes("--search.start", Path(start), config.space), config.held)
     if isinstance(streets, Mixture):
         raise UserError(
             f"--search.start {start} holds {len(streets.shares)} components; a search starts from one"

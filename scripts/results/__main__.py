@@ -7,7 +7,7 @@
 Each part is a command with its own folder; those on which most claims rest come first. All share a store, so
 that nothing is evaluated twice. Parts without their data are left out. The core time that is planned comes
 first. The same command resumes a killed run, and `--only` makes some parts now and others later. The store is
-committed with the reports, so that any checkout makes the page from it, or goes on. A folder from another
+committed with the reports, so that any checkout makes the page from it, or resumes. A folder from another
 commit is refused, unless only documentation has changed.
 """
 

@@ -100,8 +100,8 @@ def make(
         out: folder of all runs.
         docs: folder of the pages, for reports and plots; if it has all other reports, too, the page of
             results is written after each part.
-        store: store of evaluations, none of which is repeated; by default that beside the reports, so that it
-            is committed with them and the next run goes on elsewhere, or without pages one in ``out``.
+        store: store of evaluations, none of which is repeated; by default in the folder of the
+            reports, which are committed with it, so that any checkout resumes; without pages, in ``out``.
         only: names of the parts to make; by default all of them.
         run: runs a part's command.
         cost: estimates the core seconds of a part.

@@ -212,7 +212,7 @@ def test_only_the_page_itself_is_answered(headers, status, kind):
     (["--size", "9000x9000"], "pixels"),
     (["--shots", "0"], "shots must be 1 to 60, not 0"),
     (["--attributes", "BAD"], "bad.json: unknown attribute 'nonsense'"),
-    (["--attributes", "defualt"], "defualt: no such file; expected default, random"),
+    (["--attributes", "defualt"], "--attributes defualt: no such file; expected default, random"),
     (["--real", "BAD"], "bad.json is not a folder"),
 ])  # fmt: skip
 def test_what_is_wrong_is_one_line_and_code_2(arguments, complaint, tmp_path, capsys, monkeypatch):

@@ -1,4 +1,4 @@
-"""Open a local page with a slider for each attribute beside the street it describes.
+"""Open a local page with a slider for each attribute and the street that they describe.
 
     sdr-jax playground
     sdr-jax playground --space extended --size 640x360 --no-browser
@@ -41,7 +41,10 @@ def first_state(options: argparse.Namespace) -> State:
     width, height = options.size
     pool = AssetPool(own=options.assets)
     view = View(options.seed, 0, 0, options.shots, width, height, options.samples, pool)
-    streets = read_streets(options.attributes, options.space)
+    try:
+        streets = read_streets(options.attributes, options.space)
+    except UserError as error:
+        raise UserError(f"--attributes {error}") from None
     if has_probabilities(streets):
         print(f"{options.attributes}: {LOSS}", flush=True)
     return opened(streets, check_view(view))
