@@ -101,7 +101,8 @@ def doctor(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(session, "compile_first", lambda workers, name: None)
     monkeypatch.setattr(pace, "cache_file", lambda name: tmp_path / name)
     monkeypatch.setattr(outlines, "renders", renders)
-    monkeypatch.setattr(machine, "look", lambda: machine.Machine([("GPU", "none")], ["a warning"]))
+    found = machine.Machine([("GPU", "none")], [("extra onnx", "none")], ["a warning"])
+    monkeypatch.setattr(machine, "look", lambda: found)
 
     def run(*words):
         code = main([*map(str, words), *(["--out", str(tmp_path / "out")] if words else [])])
@@ -502,12 +503,18 @@ def test_the_announced_size_is_that_of_the_preset_that_fit_takes(tmp_path, monke
     assert costs.choice(target, data, (960, 720), slow).size == (480, 360)
 
 
+def test_extras_are_listed_where_no_folder_is_surveyed(doctor, streets):
+    assert "\nextra onnx  none\n" in doctor()[1]
+    out = doctor(streets)[1]
+    assert out.startswith("GPU  none\n! a warning\n") and "extra onnx" not in out
+
+
 @pytest.mark.slow
 def test_the_machine_and_its_pace(monkeypatch):
     looked = machine.look()
     facts = dict(looked.facts)
     assert facts["renderer embree"] == "works" and "jax " in facts["versions"]
-    assert facts["extra dask"].startswith(
+    assert dict(looked.extras)["extra dask"].startswith(
         ("installed", "not installed: pip install 'sdr-jax[dask]'")
     )
     with WorkerPool(0) as pool:

@@ -74,7 +74,9 @@ def diagnose(
             raise UserError(f"--write {write_to} exists; remove it, or name another file")
     if data is not None:
         check_folder(data, "one with images and labels")
-    facts, problems = machine.look()
+    facts, extras, problems = machine.look()
+    if data is None:  # otherwise the folder's lines matter more
+        facts = [*facts, *extras]
     width = max(len(name) for name, _ in facts)
     for name, value in facts:
         say(f"{name:{width}s}  {value}")

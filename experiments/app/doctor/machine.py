@@ -19,9 +19,10 @@ Facts = list[tuple[str, str]]
 
 
 class Machine(NamedTuple):
-    """Facts in the order of the report, and problems."""
+    """Facts in the order of the report, optional extras, and problems."""
 
     facts: Facts
+    extras: Facts
     problems: list[str]
 
 
@@ -46,16 +47,17 @@ def look() -> Machine:
             facts.append((f"renderer {name}", "works"))
         except RendererError as error:
             facts.append((f"renderer {name}", f"does not work: {error}"))
+    extras: Facts = []
     for name, (module, purpose) in EXTRAS.items():
         state = (
             "installed" if find_spec(module) else f"not installed: pip install 'sdr-jax[{name}]'"
         )
-        facts.append((f"extra {name}", f"{state} ({purpose})"))
+        extras.append((f"extra {name}", f"{state} ({purpose})"))
     if dict(facts)[f"renderer {RENDERERS[0]}"] != "works":
         problems.append(
             f"the renderer {RENDERERS[0]}, which all commands use, does not work on this machine"
         )
-    return Machine(facts, problems)
+    return Machine(facts, extras, problems)
 
 
 def _gpu(problems: list[str]) -> str:
