@@ -23,6 +23,7 @@ from contextlib import contextmanager
 from itertools import chain, islice, takewhile
 from pathlib import Path
 from typing import Any, Literal, TypeVar
+from weakref import WeakSet
 
 from common.memory import refuse_larger
 from common.workers import under_way
@@ -302,6 +303,7 @@ class WorkerPool(Workers):
         self._environment = {"OPENBLAS_NUM_THREADS": "1", **(environment or {})}
         self._executors: dict[Kind, ProcessPoolExecutor] = {}
         self._reported: dict[Kind, Any] = {}  # units of each process
+        self._behind: WeakSet[Future] = WeakSet()  # work of low priority
         self._lock = threading.RLock()  # the pipeline's thread starts processes, too
         self._opened = time.perf_counter(), _cpu_seconds()
 
@@ -343,13 +345,18 @@ class WorkerPool(Workers):
         kind: Kind = "trainers" if apart else "behind" if behind else "workers"
         with self._lock, _inherited(self._environment):  # processes start with a task
             try:
-                return self._executor(kind).submit(function, *task)
+                future = self._executor(kind).submit(function, *task)
             except BrokenProcessPool:  # one has died since; unfinished tasks report it
                 self._stop(kind)
-                return self._executor(kind).submit(function, *task)
+                future = self._executor(kind).submit(function, *task)
+        if kind == "behind":
+            self._behind.add(future)
+        return future
 
     def _taken_back(self, future: Future) -> bool:
-        return super()._taken_back(future) if self._pipeline is not None else future.cancel()
+        if self._pipeline is not None:
+            return super()._taken_back(future)
+        return future in self._behind and future.cancel()
 
     def _executor(self, kind: Kind) -> Executor:
         if kind not in self._executors:

@@ -158,22 +158,28 @@ class Runner:
         keys = [self.key(job) for job in jobs]
         return [any(store.get(key) is not None for store in stores) for key in keys]
 
-    def prefetch(self, jobs: Sequence[Job]) -> None:
-        """Begin jobs that are requested later, with low priority, if that pays.
+    def prefetch(self, jobs: Sequence[Job], *, behind: bool = True) -> None:
+        """Begin jobs that are requested later, the longest first.
 
-        Jobs on given images alone are left out: they are short, and fill the last gaps when requested.
+        Args:
+            jobs: the jobs.
+            behind: begin them with low priority, if that pays. Jobs on given images alone are then left out:
+                they are short, and fill the last gaps when requested.
         """
-        jobs = [job for job in jobs if not isinstance(job.source, LabelledSource)]
+        jobs = sorted(jobs, key=job_cost, reverse=True)
+        if behind:
+            jobs = [job for job in jobs if not isinstance(job.source, LabelledSource)]
         new = {
             self.key(job): job
             for job, known in zip(jobs, self.known(jobs), strict=True)
             if not known and self.key(job) not in self._prefetched
         }
-        if not self._prefetched and sum(map(job_cost, new.values())) < LEAST:
+        if behind and not self._prefetched and sum(map(job_cost, new.values())) < LEAST:
             return
         self._announce_compilation(list(new.values()))
         for key, job in new.items():
-            future = self._workers.begin(attempt, *self._task([job]), split=self._split)
+            task = self._task([job])
+            future = self._workers.begin(attempt, *task, split=self._split, behind=behind)
             if future is not None:
                 self._prefetched[key] = _Prefetched(job, future)
 
@@ -221,22 +227,33 @@ class Runner:
             refuse_failed(kind_results, len(kind_results))
         return results
 
-    def train(self, job: Job, params: Params | None = None) -> Params:
+    def begin_training(self, job: Job, params: Params | None = None) -> Future | None:
+        """Begin a network that `train` may be asked for later; None without worker processes."""
+        return self._workers.begin(trained_net, *self._training(job, params), behind=False)
+
+    def train(self, job: Job, params: Params | None = None, begun: Future | None = None) -> Params:
         """Train a job's network and return its variables, without a test or a record.
 
         Args:
             job: the job of the network.
             params: parameters at the start.
+            begun: the result of `begin_training` with the same arguments.
 
         Raises:
             UserError: training diverged.
         """
-        recipe = sent(self.cache.normalised(job.recipe, self._target), self._workers)
-        task = (recipe, self._source(job.source, job.recipe), int(job.seed), params)
-        ((_, variables),) = self._workers.map(trained_net, [task], net=True)
+        started = {} if begun is None else {0: begun}
+        ((_, variables),) = self._workers.map(
+            trained_net, [self._training(job, params)], net=True, started=started
+        )
         if isinstance(variables, str):
             raise UserError(f"training of the network failed: {variables}")
         return variables
+
+    def _training(self, job: Job, params: Params | None) -> tuple:
+        """Arguments of `trained_net`."""
+        recipe = sent(self.cache.normalised(job.recipe, self._target), self._workers)
+        return recipe, self._source(job.source, job.recipe), int(job.seed), params
 
     def _results(self, jobs: Sequence[Job], log: Store) -> Iterator[tuple[int, str, Result]]:
         """Yield (index, key, result) of every job: known ones first, the others as they are done.

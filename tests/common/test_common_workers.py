@@ -73,6 +73,17 @@ def test_requested_work_that_still_waits_behind_other_work_is_urgent(tmp_path):
         assert list(pool.map(wait_for, [(str(gate),)], started={0: blocked[0]})) == [(0, None)]
 
 
+def test_urgent_work_that_was_begun_keeps_its_place(tmp_path):
+    with WorkerPool(1) as pool:
+        gate = tmp_path / "gate"
+        blocked = [pool.begin(wait_for, str(gate), behind=False) for _ in range(3)]
+        future = pool.begin(square, 3, behind=False)
+        assert not pool._taken_back(future) and not future.cancelled() and not blocked[0].done()
+        gate.touch()
+        assert list(pool.map(square, [(3,)], started={0: future})) == [(0, 9)]
+        assert all(work.done() for work in blocked)
+
+
 def test_workers_have_one_thread_one_gpu_their_environment_and_leaving_early_drops_the_work():
     with WorkerPool(1, {"SCENE_TEST": "yes", "CUDA_VISIBLE_DEVICES": "5,7"}) as pool:
         [(_, (*settings, pid))] = pool.map(surroundings, [()])

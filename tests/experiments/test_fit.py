@@ -4,6 +4,7 @@ import json
 import re
 import shlex
 from base64 import b64encode
+from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -25,7 +26,7 @@ from common.files import read_json, write_json
 from common.files import write as write_file
 from common.labels.target_file import find_target
 from common.progress import Progress
-from common.workers.pool import WorkerPool
+from common.workers.pool import WorkerPool, Workers
 from experiments.app.evaluate import evaluate, labelled
 from experiments.app.fit import config as fit_config
 from experiments.app.fit import job as fit_job
@@ -41,6 +42,7 @@ from experiments.config import Fidelity, parsers
 from experiments.config.limits import training_bytes
 from experiments.evaluation.cache import Cache
 from experiments.evaluation.job import Recipe, Source
+from experiments.evaluation.made_with import made_with
 from experiments.evaluation.pace import Pace
 from experiments.evaluation.runner import Runner
 from experiments.session import session
@@ -390,6 +392,13 @@ def test_from_a_folder_of_ones_own_to_a_net(folder, tmp_path, capsys, monkeypatc
     monkeypatch.setattr(fit_streets, "draw", draw_kept)
     monkeypatch.setattr(page_of_runs, "EVERY", 0)
     charges: list[float] = []
+    begun: list[tuple[str, bool]] = []
+
+    def begin(self: Workers, function: Callable, *task: object, behind: bool, split=None) -> None:
+        if function is not made_with:
+            begun.append((function.__name__, behind))
+
+    monkeypatch.setattr(Workers, "begin", begin)
 
     class Charged(Progress):
         def advance(self, units: float = 1.0, *, replayed: bool = False) -> None:
@@ -402,6 +411,9 @@ def test_from_a_folder_of_ones_own_to_a_net(folder, tmp_path, capsys, monkeypatc
     assert main(arguments) == 0
     said = capsys.readouterr().out
     assert said.splitlines()[0].startswith("Images of 64x48, about ")
+    # All folds are begun at once, and the network to save before the last of them.
+    in_order = ["attempt"] * 3 + ["trained_net"] + ["attempt"] * 3
+    assert begun == [(name, False) for name in in_order]
     # The plan is the sum of what is charged, and the last piece of work completes it.
     config = json.loads((tmp_path / "run" / "config.json").read_bytes())
     work = planned(config_of(folder, tmp_path, preset="smoke", seeds=1, size=(64, 48)), 2)
@@ -467,6 +479,7 @@ def test_from_a_folder_of_ones_own_to_a_net(folder, tmp_path, capsys, monkeypatc
         patch.setattr(Cache, "streets", never)
         patch.setattr(Runner, "train", never)
         fitted = experiments.fit(folder, tmp_path / "run", preset="smoke", **options)
+    assert len(begun) == len(in_order)
     again = fitted.summary
     assert sum(charges) == pytest.approx(sum(stage.cost for stage in work))
     assert again["seconds"]["streets"] == summary["seconds"]["streets"] and again["command"] is None
@@ -513,8 +526,8 @@ def test_with_a_search_the_net_that_is_left_may_be_of_learnt_streets(folder, tmp
     size = (64, 48)
     options = {"preset": "smoke", "seeds": 1, "size": size, "workers": 1, "search": True}
     fit(config_of(folder, tmp_path / "run", **options))
-    # Each of two folds has nets beside mixed and beside learnt streets; then the net that is left.
-    assert taken[0] == taken[2] and taken[4] == taken[1] and len(set(taken)) == 3
+    # Each of two folds has networks on mixed and on optimised streets; then one is begun, and another saved.
+    assert taken[0] == taken[2] == taken[4] and taken[5] == taken[1] and len(set(taken)) == 3
     notes = load_model(tmp_path / "run" / "model").notes
     assert notes["trained_on"] == "labels+learnt"
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Future
 from dataclasses import replace
 from typing import Any, NamedTuple, cast
 
@@ -116,8 +117,16 @@ def scores(run: Session[FitConfig], data: Prepared) -> Report:
     are_tested = [
         all(fold.runner.known(fold_jobs)) for fold, fold_jobs in zip(folds, jobs, strict=True)
     ]
+    rendered: dict[Row, Source] = {"labels+renders": pools[0][seeds[0]].pool}
+    if config.learnt:
+        rendered["labels+learnt"] = pools[1][seeds[0]].pool
+    model = _SavedModel(run, data, rendered, streets)
     if not all(are_tested):
         streets.render()
+        for fold, fold_jobs in zip(folds, jobs, strict=True):
+            if fold is folds[-1]:  # begun last, it would keep one core busy and the others idle
+                model.begin("labels+renders")
+            fold.runner.prefetch([streets.fill(job) for job in fold_jobs], behind=False)
     networks: dict[Row, list[Any]] = {row: [] for row in rows_of(config.learnt)}
     averaged: dict[Row, list[float | None]] = {row: [] for row in networks}
     for number, fold in enumerate(folds):
@@ -132,14 +141,11 @@ def scores(run: Session[FitConfig], data: Prepared) -> Report:
             averaged[row] += miou(nets(of_row))
         if number == 0:
             _write_examples(run, fold, [job for job in jobs[0] if job.keeps == "predictions"])
-    rendered: dict[Row, Source] = {"labels+renders": pools[0][seeds[0]].pool}
-    if config.learnt:
-        rendered["labels+learnt"] = pools[1][seeds[0]].pool
     report = {**facts, "nets": networks}
     if config.final.train.heads > 1:
         report["averaged"] = averaged
         report["over_images"] = _bootstrap_gains(folds, jobs, data.parts)
-    _save_model(run, data, rendered, derive(report), streets, finished=all(are_tested))
+    model.save(derive(report), finished=all(are_tested))
     seconds = {"streets": streets.seconds(FORM), "total": round(run.progress.elapsed, 1)}
     streets.remove_files()
     return {**report, "seconds": seconds}
@@ -242,56 +248,84 @@ def _bootstrap_gains(
     }
 
 
-def _save_model(
-    run: Session[FitConfig],
-    data: Prepared,
-    rendered: Mapping[Row, Source],
-    report: Report,
-    streets: RenderedStreets,
-    *,
-    finished: bool,
-) -> None:
-    """Train the network on all labels in the way of the best row with labels, and save it.
+class _SavedModel:
+    """The network on all labels that a run saves.
 
-    Optimised streets are those of the first fold, whose search has seen most of the labels. If all tests were
-    ``finished`` before, a saved model of the same images and results stays.
+    Args:
+        run: the run.
+        data: its data.
+        rendered: the streets of each row with labels and renders.
+        streets: the rendered streets.
     """
-    config, parts = run.config, data.parts
-    assert config.data is not None
-    whole = replace(run, target=all_labelled(parts, data.folds[0], config.data, data.read_all))
-    labels = whole.images(config.final, "labelled")
-    best = report["recipe"]
-    notes = {
-        "target": parts.target.name,
-        "labelled_images": len(labels.images),
-        SEEN: sorted(file_digest(entry.image_path) for entry in parts.model_entries),
-        "trained_on": best,
-        "verdict": report["verdict"],
-        "miou": report["rows"][best].get("averaged") or report["rows"][best]["mean"],
-        "reported_on": report["where"],
-    }
-    if data.started_from is not None:
-        notes["started_from"] = data.started_from
-    source = labels if best == "labels" else with_labels(config, rendered[best], labels)
-    job = Job(run.recipe(config.final), source, config.seed, {})
-    if finished and _is_saved(config, notes):
-        streets.skip()
-        run.progress.advance(job_cost(job), replayed=True)
-        return
-    if best == "labels":
-        streets.skip()
-    else:
-        streets.render()
-    variables = whole.runner.train(streets.fill(job), data.init)
-    Model(
-        config.final.train,
-        variables,
-        (config.final.height, config.final.width),
-        classes_of(parts.target),
-        "colours" if parts.target.kind == "colours" else "ids",
-        notes,
-    ).save(config.out / MODEL)
-    run.progress.advance(job_cost(job))
+
+    def __init__(
+        self,
+        run: Session[FitConfig],
+        data: Prepared,
+        rendered: Mapping[Row, Source],
+        streets: RenderedStreets,
+    ) -> None:
+        config = run.config
+        assert config.data is not None
+        target = all_labelled(data.parts, data.folds[0], config.data, data.read_all)
+        self._run, self._data, self._rendered = replace(run, target=target), data, rendered
+        self._streets = streets
+        self._labels = self._run.images(config.final, "labelled")
+        self._begun: dict[Row, Future | None] = {}
+
+    def _job(self, row: Row) -> Job:
+        config = self._run.config
+        source: Source = self._labels
+        if row != "labels":
+            source = with_labels(config, self._rendered[row], self._labels)
+        return self._streets.fill(Job(self._run.recipe(config.final), source, config.seed, {}))
+
+    def begin(self, row: Row) -> None:
+        """Begin to train it in the way of the row that is most likely the best."""
+        self._begun[row] = self._run.runner.begin_training(self._job(row), self._data.init)
+
+    def save(self, report: Report, *, finished: bool) -> None:
+        """Train the network in the way of the best row with labels, and save it.
+
+        Optimised streets are those of the first fold, whose search has seen most of the labels.
+
+        Args:
+            report: the report on the tested networks.
+            finished: whether all tests were known before the run; a saved model of the same images and
+                results then stays.
+        """
+        config, parts, progress = self._run.config, self._data.parts, self._run.progress
+        best = report["recipe"]
+        notes = {
+            "target": parts.target.name,
+            "labelled_images": len(self._labels.images),
+            SEEN: sorted(file_digest(entry.image_path) for entry in parts.model_entries),
+            "trained_on": best,
+            "verdict": report["verdict"],
+            "miou": report["rows"][best].get("averaged") or report["rows"][best]["mean"],
+            "reported_on": report["where"],
+        }
+        if self._data.started_from is not None:
+            notes["started_from"] = self._data.started_from
+        if finished and _is_saved(config, notes):
+            self._streets.skip()
+            progress.advance(job_cost(self._job(best)), replayed=True)
+            return
+        if best == "labels":
+            self._streets.skip()
+        else:
+            self._streets.render()
+        job = self._job(best)
+        variables = self._run.runner.train(job, self._data.init, self._begun.get(best))
+        Model(
+            config.final.train,
+            variables,
+            (config.final.height, config.final.width),
+            classes_of(parts.target),
+            "colours" if parts.target.kind == "colours" else "ids",
+            notes,
+        ).save(config.out / MODEL)
+        progress.advance(job_cost(job))
 
 
 def _is_saved(config: FitConfig, notes: Mapping[str, Any]) -> bool:
