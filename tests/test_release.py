@@ -7,9 +7,11 @@ import shlex
 import shutil
 import sys
 import tomllib
+from importlib.metadata import distributions
 from subprocess import run
 
 import pytest
+from packaging.specifiers import SpecifierSet
 
 from common.command import path_of
 from experiments.__main__ import (
@@ -141,6 +143,21 @@ def test_only_known_shells_complete(capsys):
     assert main(["--completion", "fish"]) == 2
     said = "sdr-jax: error: --completion fish: must be one of bash, zsh, tcsh\n"
     assert capsys.readouterr().err == said
+
+
+def test_pinned_versions_run_on_the_first_python_3_11():
+    """Debian 12 has 3.11.2: pip would try other versions of everything else, without end."""
+    pins = dict(
+        re.findall(r"^([\w.-]+)==(\S+)", (ROOT / "constraints.txt").read_text(), re.MULTILINE)
+    )
+    required = {
+        name: SpecifierSet(installed.metadata["Requires-Python"] or "")
+        for name, version in pins.items()
+        for installed in distributions(name=name)
+        if installed.version == version
+    }
+    assert len(required) > len(pins) / 2
+    assert [name for name, versions in required.items() if "3.11.0" not in versions] == []
 
 
 def test_an_image_is_made_of_what_there_is_in_few_lines():
