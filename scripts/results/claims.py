@@ -79,12 +79,12 @@ class Claims:
         return "worse than" if high < 0 else "within noise of"
 
     def fit_row(self, target: str, trained_on: str) -> Report:
-        """Return the row of networks trained as `fit` trains them: labels, both, renders or all."""
+        """Return the row of networks trained as `fit` does: labels, both, renders, all or all+renders."""
         name = f"fit-{target}"
         every = self.reports[name]["reward_images"]
         labels, renders = {
             "labels": (14, "none"), "both": (14, "mixed"),
-            "renders": (0, "mixed"), "all": (every, "none"),
+            "renders": (0, "mixed"), "all": (every, "none"), "all+renders": (every, "mixed"),
         }[trained_on]  # fmt: skip
         return self.row(name, labels=labels, renders=renders)
 
