@@ -131,9 +131,8 @@ def parts(data: Data, out: Path, preset: Size) -> list[Part]:
             flags = ("--twin", "far", "--twin-seed", seed, *wide, "--methods", "intervals")
             yield study(f"far-{seed}", "streets", "searches", "twin", *flags, *one, *five)
         tiled = ("--search.relaxation", "0.1")
-        yield paper(
-            "paper", "--methods", "sdr", "random_search", "attribute_descent", *three, *tiled
-        )
+        for method in ("sdr", "random_search", "attribute_descent"):
+            yield paper(f"paper-{method}", "--methods", method, *three, *tiled)
         for real in REAL:
             optimised = ("--learnt", str(out / real.name / "attributes" / "intervals-0.json"))
             rendered = ("--renders", "random", "default", "mixed", "learnt", *optimised)
