@@ -115,14 +115,14 @@ def figures(sizes: Sizes) -> Iterator[Figure]:
     reward = partial(noise, sizes.images, sizes.reward)
 
     def head() -> Callable[[], Any]:
-        own = with_features(reward(), settings, settings.views)
-        return lambda: train(0, *own[:2], settings, CLASSES, features=own.features)
+        images = with_features(reward(), settings, settings.views)
+        return lambda: train(0, *images[:2], settings, CLASSES, features=images.features)
 
     def heads(tested: bool) -> Callable[[], Any]:
-        own = with_features(reward(), settings, settings.views)
+        images = with_features(reward(), settings, settings.views)
         test = with_features(reward(), settings, 1) if tested else None
         many = sizes.networks
-        return lambda: train_many(range(many), [own] * many, settings, CLASSES, test=test)
+        return lambda: train_many(range(many), [images] * many, settings, CLASSES, test=test)
 
     def extracted(batch: int) -> Callable[[], Any]:
         return partial(features, reward().images, settings, batch)
@@ -137,11 +137,11 @@ def figures(sizes: Sizes) -> Iterator[Figure]:
         name = f"features of {sizes.images} images by {backbone}, batches of {batch}"
         yield Figure(name, partial(extracted, batch))
     for dtype in ("float32", "bfloat16"):
-        own = replace(sizes.whole, dtype=dtype)
-        yield from steps(own, sizes.whole_size, sizes.chunk)
-    own = replace(sizes.tuned, dtype="bfloat16")
+        whole = replace(sizes.whole, dtype=dtype)
+        yield from steps(whole, sizes.whole_size, sizes.chunk)
+    tuned = replace(sizes.tuned, dtype="bfloat16")
     for way in ("shifts", "grouped"):
-        yield from steps(own, sizes.tuned_size, sizes.chunk, way)
+        yield from steps(tuned, sizes.tuned_size, sizes.chunk, way)
 
 
 def steps(
@@ -256,10 +256,10 @@ def main(arguments: list[str] | None = None) -> int:
     device = jax.devices()[0].device_kind
     key = {"device": device, "backend": jax.default_backend(), "jax": jax.__version__}
     lines = JsonLines(options.out)
-    known = {row["what"] for row in lines.lines if key.items() <= row.items()}
+    recorded = {row["what"] for row in lines.lines if key.items() <= row.items()}
     started, left = time.perf_counter(), 0
     for figure in figures(TINY if options.tiny else FULL):
-        if options.only not in figure.name or figure.name in known:
+        if options.only not in figure.name or figure.name in recorded:
             continue
         if time.perf_counter() - started > options.seconds:
             left += 1

@@ -205,7 +205,7 @@ def measured_first(recipe: Recipe, counts: Sequence[int], seed: int) -> list[Row
                     settings,
                     classes,
                     features=(renders or few).features,
-                    beside=few if renders else None,
+                    extra=few if renders else None,
                     share=share_of(labels),
                 )
                 confusion = score(

@@ -227,7 +227,7 @@ def networks(recipe: Recipe, seed: int, rules: Sequence[str], folder: Path) -> l
     log, lines, classes = JsonLines(folder / NETWORKS), [], len(table.classes)
     mixed: dict[str, Any] = {}
     if real.few is not None:
-        mixed = {"beside": real.few, "share": share_of(recipe.few)}
+        mixed = {"extra": real.few, "share": share_of(recipe.few)}
     for rule in rules:
         started = time.process_time()
         labels = labels_of(rule, rendered, recipe.file)

@@ -152,7 +152,7 @@ def networks(
             settings,
             classes,
             features=images.features,
-            beside=few,
+            extra=few,
             share=share_of(recipe.few),
         )
         return params, time.process_time() - started

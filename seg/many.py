@@ -11,11 +11,11 @@ import numpy as np
 from jaxtyping import Array, Int32, Int64, UInt8
 
 from seg.at_once import padded, train_at_once
-from seg.beside import TrainingSet, training_set
 from seg.check import check_settings
 from seg.classes import IGNORE_LABEL
 from seg.data import LabelledImages
 from seg.inference import heads_of, labels_by_head, prediction_inputs
+from seg.mixing import TrainingSet, training_set
 from seg.prepare import (
     PartCache,
     TrainingError,
@@ -89,7 +89,7 @@ def train_many(
     Args:
         seeds: for each network 32 bits for initial parameters, the order of the images and augmentation.
         sets: for each network its labelled images u8[n, h, w, 3] with labels u8[n, h, w]; or a
-            `TrainingSet` of two parts, the second of which has a share of all batches (`beside` and `share`
+            `TrainingSet` of two parts, the second of which has a share of all batches (`extra` and `share`
             of `train`). Images of all sets have one size. For a frozen backbone they may have the features
             of all their views.
         settings: everything else.

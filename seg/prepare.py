@@ -6,9 +6,9 @@ import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
 from seg import losses, pyramid
-from seg.beside import TrainingSet, mean_share, mixed
 from seg.classes import IGNORE_LABEL
 from seg.data import LabelledImages
+from seg.mixing import TrainingSet, mean_share, mixed
 from seg.nets import FeatureMaps
 from seg.nets.head import STATISTICS, Maps
 from seg.pyramid import Statistics

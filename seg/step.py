@@ -14,8 +14,8 @@ import optax
 from jaxtyping import Array, Float, Float32, Int32, PRNGKeyArray, UInt8, UInt32
 
 from seg.augment import augment, draw
-from seg.beside import batch_indices
 from seg.losses import cross_entropy, cross_entropy_sums, soft_jaccard
+from seg.mixing import batch_indices
 from seg.nets import net_of
 from seg.nets.ops.resize import strided
 from seg.optim import descend, optimizer, poly_schedule

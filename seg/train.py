@@ -13,10 +13,10 @@ import numpy as np
 from jaxtyping import UInt8
 
 from seg.at_once import train_at_once
-from seg.beside import joined, training_set
 from seg.check import check_settings
 from seg.data import LabelledImages
 from seg.inference import heads_of, stacked
+from seg.mixing import joined, training_set
 from seg.nets import variables_of
 from seg.nets.head import Maps
 from seg.prepare import (
@@ -46,7 +46,7 @@ def train(
     *,
     features: Maps | None = None,
     statistics: Statistics | None = None,
-    beside: LabelledImages | None = None,
+    extra: LabelledImages | None = None,
     share: float = 0.5,
     checkpoints: int = 1,
     at_checkpoint: Callable[[Variables], None] | None = None,
@@ -71,10 +71,10 @@ def train(
             `seg.views.view_images`; None computes them.
         statistics: for a network with a backbone and `head_statistics` "target": the fixed statistics of its
             head, from `channel_statistics` of real images. Not needed, and not used, with ``params``.
-        beside: more images of the same size, such as labelled photographs mixed with renders; for a frozen
+        extra: more images of the same size, such as labelled photographs mixed with renders; for a frozen
             backbone they may have the features of all their views. Class weights and training statistics are
             those of the images in the batches.
-        share: share of ``beside`` in the images of all batches, in (0, 1), even if they are few; with the
+        share: share of ``extra`` in the images of all batches, in (0, 1), even if they are few; with the
             settings' `last_share` that of the first batch.
         checkpoints: number of evenly spaced steps after which `at_checkpoint` is called, at most all; the
             last one is the end. More than one are for networks of one head.
@@ -103,7 +103,7 @@ def train(
         raise ValueError(
             f"checkpoints are for networks of one head; the settings have {settings.heads}"
         )
-    whole_set = training_set(LabelledImages(images, labels, features=features), beside, share)
+    whole_set = training_set(LabelledImages(images, labels, features=features), extra, share)
     prepared = prepare(whole_set, settings, classes, statistics, resumes=params is not None)
     starts = (
         [None] * settings.heads

@@ -57,15 +57,15 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     command.add_argument("--only", choices=PARTS, nargs="+", default=PARTS, help="these tables")
     command.add_argument("--against", type=Path, help="nets.jsonl in the --out of another engine")
     choices = {"space": get_args(SpaceName), "training": tuple(RECIPES)}
-    for name, known in choices.items():
+    for name, values in choices.items():
         default = Recipe._field_defaults[name]
-        command.add_argument(f"--{name}", choices=known, default=default, help=f"({default})")
+        command.add_argument(f"--{name}", choices=values, default=default, help=f"({default})")
     return command.parse_args(arguments)
 
 
 def _run(options: argparse.Namespace) -> None:
-    given = vars(options)
-    recipe = Recipe(**{name: given[name] for name in Recipe._fields if name in given})
+    flags = vars(options)
+    recipe = Recipe(**{name: flags[name] for name in Recipe._fields if name in flags})
     real, classes, seeds = real_images(recipe), recipe.classes.classes, range(options.seeds)
     before = None if options.against is None else _before(options, recipe)
     with files.naming(options.out):
@@ -73,14 +73,14 @@ def _run(options: argparse.Namespace) -> None:
     scores = _train(
         nets(recipe, options.only, seeds), JsonLines(options.out / "nets.jsonl"), options
     )
-    found = summary(scores, classes, before)
+    tables_by_title = summary(scores, classes, before)
     if "tones" in options.only:
         sets = {"real": real, **{name: rendered(recipe, name, 0) for name in ATTRIBUTES}}
-        pairs = {name: (own.images, own.labels) for name, own in sets.items()}
-        found["tones"] = tables.tone_rows(pairs, classes)
-    for title, rows in found.items():
+        pairs = {name: (images.images, images.labels) for name, images in sets.items()}
+        tables_by_title["tones"] = tables.tone_rows(pairs, classes)
+    for title, rows in tables_by_title.items():
         print(f"\n{title}\n{table(rows)}")
-    write(options.json, recipe=recipe._asdict(), seeds=options.seeds, **found)
+    write(options.json, recipe=recipe._asdict(), seeds=options.seeds, **tables_by_title)
 
 
 def _before(options: argparse.Namespace, recipe: Recipe) -> dict[str, list[np.ndarray]]:

@@ -28,7 +28,7 @@ renders = scene.read_dataset(Path("dataset"), table.outlines)
 params = seg.train(
     config["seed"], renders.images, table.from_train_id[renders.labels],
     seg.TrainSettings(**final["train"]), len(table.classes),
-    beside=real, share=config["few_share"],
+    extra=real, share=config["few_share"],
 )
 ```
 """

@@ -53,11 +53,11 @@ def scores(run: Session[MainConfig], _: Any) -> Report:
     live.watch(run, {**about(run, config.final), **few_rows.about(run)})
     # Networks that need no optimised streets fill gaps of the search, the others gaps of the export.
     run.runner.prefetch(jobs_of("final", training_sets(run, None), recipe, seeds, keeps=True))
-    found = learn(run)
-    final = jobs_of("final", training_sets(run, found.solution), recipe, seeds, keeps=True)
+    search_result = learn(run)
+    final = jobs_of("final", training_sets(run, search_result.solution), recipe, seeds, keeps=True)
     run.runner.prefetch(final)
-    pictures.write_policy(folder / pictures.PICTURES, found)
-    export(run, recipe, found.solution)
+    pictures.write_policy(folder / pictures.PICTURES, search_result)
+    export(run, recipe, search_result.solution)
     dataset = read_dataset(folder / "dataset", recipe.classes.outlines)
     labels = recipe.classes.from_train_id[dataset.labels]
     shown["learnt"] = LabelledImages(dataset.images, labels)
@@ -71,7 +71,7 @@ def scores(run: Session[MainConfig], _: Any) -> Report:
     )
     share = run.workers.cpu_share()
     return {
-        **summary.scores(run, rows, found.solution),
+        **summary.scores(run, rows, search_result.solution),
         "cpu_share": None if share is None else round(share, 3),
     }
 

@@ -21,8 +21,8 @@ from experiments.config.method import make_method, make_space
 from experiments.config.options import Fidelity
 from scene.assets.catalogue import check_pool
 from scene.render import check_settings
-from seg.beside import extra_count
 from seg.check import check_settings as check_train_settings
+from seg.mixing import extra_count
 from seg.nets.trunks import trunk_of
 from seg.settings import FILELESS_NETS, VGG_NETS, TrainSettings
 from seg.weights import check as check_weights

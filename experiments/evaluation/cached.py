@@ -11,8 +11,8 @@ import numpy as np
 
 from common.errors import UserError
 from common.sent import here
-from seg.beside import TrainingSet
 from seg.data import LabelledImages
+from seg.mixing import TrainingSet
 
 
 class Cached(NamedTuple):

@@ -34,11 +34,11 @@ from experiments.evaluation.predictions import predictions_of
 from experiments.evaluation.renders import Part, Rendered, Written, joined
 from scene.dataset.render import Dataset, render_dataset
 from scene.proposal import Streets, draw
-from seg.beside import TrainingSet
 from seg.data import LabelledImages
 from seg.inference import predict_heads
 from seg.many import train_many
 from seg.metrics import confusion_matrix, iou, mean_iou
+from seg.mixing import TrainingSet
 from seg.pyramid import features
 from seg.settings import TrainSettings
 from seg.step import Params
@@ -321,7 +321,7 @@ def trained(
     refuse_other(recipe.made_with)
     mixed_in: dict[str, Any] = {}
     if isinstance(source, TrainingSet):
-        mixed_in = {"beside": source.parts[1], "share": source.shares[1]}
+        mixed_in = {"extra": source.parts[1], "share": source.shares[1]}
     fidelity = recipe.fidelity
     per_step = head_cost(fidelity) / (fidelity.train.steps * fidelity.train.heads)
     with _memory_named(recipe), ending_report():

@@ -11,9 +11,9 @@ from experiments.evaluation.predictions import Predictions
 from experiments.targets.base import Side
 from scene.assets.catalogue import AssetPool
 from scene.proposal import Streets
-from seg.beside import TrainingSet
 from seg.classes import ClassTable, class_table
 from seg.data import LabelledImages
+from seg.mixing import TrainingSet
 from seg.pyramid import Statistics
 
 REWARD_NAMES: dict[RewardKind, str] = {"miou": "mIoU", "mmd": "-MMD^2"}

@@ -69,8 +69,8 @@ from experiments.targets.base import Side, Target
 from scene.proposal import Streets, draw
 from scene.version import ENGINE
 from sdr_jax import refuse_failures
-from seg.beside import TrainingSet
 from seg.data import LabelledImages
+from seg.mixing import TrainingSet
 from seg.step import Params
 
 LEAST = 60.0
@@ -231,18 +231,18 @@ class Runner:
         """Begin a network that `train` may be asked for later; None without worker processes."""
         return self._workers.begin(trained_net, *self._training(job, params), behind=False)
 
-    def train(self, job: Job, params: Params | None = None, begun: Future | None = None) -> Params:
+    def train(self, job: Job, params: Params | None = None, future: Future | None = None) -> Params:
         """Train a job's network and return its variables, without a test or a record.
 
         Args:
             job: the job of the network.
             params: parameters at the start.
-            begun: the result of `begin_training` with the same arguments.
+            future: the result of `begin_training` with the same arguments.
 
         Raises:
             UserError: training diverged.
         """
-        started = {} if begun is None else {0: begun}
+        started = {} if future is None else {0: future}
         ((_, variables),) = self._workers.map(
             trained_net, [self._training(job, params)], net=True, started=started
         )

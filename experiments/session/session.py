@@ -45,8 +45,8 @@ from scene.dataset.render import compile_first
 from scene.render import RendererError, renderer
 from scene.version import ENGINE
 from scene.versions import picture_versions
-from seg.beside import TrainingSet
 from seg.data import LabelledImages
+from seg.mixing import TrainingSet
 from seg.weights import described
 
 PACKAGES = ("sdr-jax", "trimesh", "pyrender")
@@ -62,7 +62,7 @@ class Work(NamedTuple):
     what: str  # such as "rewards of the search"
     nets: int
     fidelity: Fidelity
-    each: Cost  # of one
+    cost_of_one: Cost
 
     @classmethod
     def at(cls, what: str, nets: int, fidelity: Fidelity) -> Work:
@@ -83,7 +83,7 @@ class Work(NamedTuple):
     @property
     def total(self) -> Cost:
         """The total cost of rendering and of training."""
-        return self.each.times(self.nets)
+        return self.cost_of_one.times(self.nets)
 
 
 def total_of(plan: Sequence[Work]) -> Cost:
@@ -207,8 +207,8 @@ def plan_text(
         trainers: number of separate trainers, if there are any.
     """
     lines = ["Plan, in CPU seconds:"]
-    for what, nets, fidelity, each in plan:
-        train, seconds = fidelity.train, pace.seconds(each)
+    for what, nets, fidelity, cost_of_one in plan:
+        train, seconds = fidelity.train, pace.seconds(cost_of_one)
         size = f"{fidelity.size}, {fidelity.images} images, {train.steps} steps"
         decimals = 1 if seconds >= 1 else 2
         lines.append(f"  {nets:5d} x {seconds:6.{decimals}f}  {what} ({train.net}, {size})")

@@ -42,7 +42,7 @@ from experiments.tables.skeleton import LEARNT, Answers, Row, attributes, learnt
 from experiments.tables.stats import bounded, equivalent_labels, estimated, gain, mean
 from experiments.targets.base import Target
 from experiments.targets.few import share_of, spread
-from seg.beside import TrainingSet
+from seg.mixing import TrainingSet
 
 ALONE = "none"
 """The name of labelled images alone, without renders."""

@@ -39,14 +39,14 @@ class Form(NamedTuple):
 
 def write_report(form: Form, scores: Report, folder: Path) -> Report:
     """Derive the report and write its files; the JSON comes last, since it marks the others as complete."""
-    return _write(form, *_made(form, scores, folder), folder)
+    return _write(form, *_contents(form, scores, folder), folder)
 
 
 Files = dict[str, bytes | str]
 """Contents by the name of their file."""
 
 
-def _made(form: Form, scores: Report, folder: Path) -> tuple[Report, Files]:
+def _contents(form: Form, scores: Report, folder: Path) -> tuple[Report, Files]:
     """Derive the report, and make the contents of all files but the JSON."""
     report = form.derive({"study": form.name, **scores})
     files: Files = {f"{form.name}.md": form.text(report) + "\n"}
@@ -76,7 +76,7 @@ def rewrite(form: Form, file: Path, folder: Path) -> Report:
     if not isinstance(scores, dict) or scores.get("study", form.name) != form.name:
         raise UserError(f"--rederive {file} is not a report of the study {form.name}")
     try:
-        report, files = _made(form, scores, folder)
+        report, files = _contents(form, scores, folder)
     except INCOMPLETE as error:
         raise UserError(
             f"--rederive {file} is not a complete report of the study {form.name} ({error!r})"

@@ -182,7 +182,7 @@ def draw_weights(model: Fit, count: int, seed: int) -> np.ndarray:
     return prior + (model.x.T @ errors).T * model.variance
 
 
-def shares(layout: Layout, expected: np.ndarray, drawn: np.ndarray) -> Shares:
+def shares(layout: Layout, expected: np.ndarray, draws: np.ndarray) -> Shares:
     """Compute Sobol indices of the expected model, and their spread under the posterior.
 
     Squares of uncertain weights add up in a sampled model, most of all over the many pairs. The mean of this
@@ -191,11 +191,11 @@ def shares(layout: Layout, expected: np.ndarray, drawn: np.ndarray) -> Shares:
     Args:
         layout: layout of the features.
         expected: weights f64[features].
-        drawn: weights f64[draws, features] from the posterior.
+        draws: weights f64[draws, features] from the posterior.
     """
     belongs = (layout.effect[:, None] == np.arange(layout.effects)).astype(float)
     variances = expected**2 @ belongs
-    sampled = (drawn**2 - drawn.var(axis=0)) @ belongs
+    sampled = (draws**2 - draws.var(axis=0)) @ belongs
     signal = max(float(variances.sum()), np.finfo(float).tiny)
     # Each sample is divided by its own signal, or by the least that counts where it has hardly any.
     signals = sampled.sum(axis=1)

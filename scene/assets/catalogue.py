@@ -46,15 +46,15 @@ class AssetPool(NamedTuple):
     @property
     def identity(self) -> dict[str, Any]:
         """Its fields as JSON values; later fields only if set, so that older records keep their identity."""
-        own = self.own_class and self.own_class._asdict()
-        fields = {**self._asdict(), "without": list(self.without), "own_class": own}
+        own_class = self.own_class and self.own_class._asdict()
+        fields = {**self._asdict(), "without": list(self.without), "own_class": own_class}
         later = ("without", "overlap", "own_class", "weather")
         return {k: v for k, v in fields.items() if v or k not in later}
 
     def with_paths(self, rename: Callable[[str], str]) -> AssetPool:
         """Replace the folder of own assets and the file of the own class by ``rename`` of them."""
-        own = self.own_class and self.own_class.with_path(rename)
-        return self._replace(own=rename(self.own), own_class=own)
+        own_class = self.own_class and self.own_class.with_path(rename)
+        return self._replace(own=rename(self.own), own_class=own_class)
 
     def overlap_of(self, params: StreetParams) -> str:
         """Return ``overlap`` of a street; by default "allow" in ``scenex``, as in the paper, else "avoid"."""

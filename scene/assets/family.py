@@ -73,8 +73,8 @@ class Family:
     def draw(self, rng: np.random.Generator, kind: str) -> Asset:
         """Draw an asset of one kind; raise ValueError with the known kinds for another."""
         if kind not in self.kinds:
-            known = ", ".join(self.kinds)
-            raise ValueError(f"unknown kind of {self.name} {kind!r}; known: {known}")
+            kinds = ", ".join(self.kinds)
+            raise ValueError(f"unknown kind of {self.name} {kind!r}; known: {kinds}")
         return self.build(self.sample(rng, kind))
 
     def base(self, kind: str) -> str:

@@ -38,21 +38,23 @@ class OwnClass(NamedTuple):
         return self._replace(file=rename(self.file))
 
 
-def check(own: OwnClass) -> None:
+def check(own_class: OwnClass) -> None:
     """Check the name and place and load the asset once, so that errors come before the work.
 
     Raises:
         UserError: name or place is invalid.
         LibraryError: the file cannot be used.
     """
-    check_class_name(own.name)
-    if own.place not in PLACES:
-        raise UserError(f"own class: place {own.place!r} is unknown; known: {', '.join(PLACES)}")
-    if Path(own.file).suffix.lower() != SUFFIX or not Path(own.file).is_file():
-        reason = f"is not a {SUFFIX} file" if Path(own.file).exists() else "does not exist"
-        name = own.file or "''"
+    check_class_name(own_class.name)
+    if own_class.place not in PLACES:
+        raise UserError(
+            f"own class: place {own_class.place!r} is unknown; known: {', '.join(PLACES)}"
+        )
+    if Path(own_class.file).suffix.lower() != SUFFIX or not Path(own_class.file).is_file():
+        reason = f"is not a {SUFFIX} file" if Path(own_class.file).exists() else "does not exist"
+        name = own_class.file or "''"
         raise LibraryError(f"{name} {reason}; an own class needs a {SUFFIX} file of its asset")
-    load(snapshot(own.file))
+    load(snapshot(own_class.file))
 
 
 def load(ref: str) -> Asset:

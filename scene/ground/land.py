@@ -117,7 +117,7 @@ def land_height(path: Path, points: Array, junction: Junction | None = None) -> 
     The heights of the road and its arms, weighted by distance: sum h / d^6 over sum 1 / d^6 for places along
     them.
     """
-    return _land_height(np.asarray(points, float), *_known(path, junction))
+    return _land_height(np.asarray(points, float), *_anchors(path, junction))
 
 
 @njit(cache=True, fastmath=True, error_model="numpy")
@@ -136,7 +136,7 @@ def _land_height(points: Array, places: Array, heights: Array) -> Array:
 
 
 @lru_cache(maxsize=8)
-def _known(path: Path, junction: Junction | None) -> tuple[Array, Array]:
+def _anchors(path: Path, junction: Junction | None) -> tuple[Array, Array]:
     """Places f64[n, 2] along the road and its arms, and their heights f64[n]."""
     x = np.arange(GROUND_START, STRIP_END, 8.0)
     y = np.zeros_like(x)

@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from common.files import read_json
+from experiments.studies.search_columns import thirds
 from experiments.tables.form import Report, interval, markdown, number, words
-from experiments.tables.stats import estimated
+from experiments.tables.stats import estimated, mean
 from scripts.results.parts import HOLDOUT
 
 RECORDS = "parts.json"
@@ -77,6 +78,12 @@ class Claims:
         if low > 0:
             return "better than"
         return "worse than" if high < 0 else "within noise of"
+
+    def rise(self, report: str, method: str) -> str:
+        """Write the mean rewards of the first and of the last third of a method's searches."""
+        searches = [one for one in self.reports[report]["searches"] if one["method"] == method]
+        first, last = zip(*(thirds(one["rewards"]) for one in searches), strict=True)
+        return f"{number(mean(first))} to {number(mean(last))}"
 
     def fit_row(self, target: str, trained_on: str) -> Report:
         """Return the row of networks trained as `fit` does: labels, both, renders, all or all+renders."""

@@ -86,8 +86,9 @@ def text(docs: Path) -> str:
     }
     lines = {name: "\n".join(table) for name, table in tables.items()}
     return template.render(
-        claims=claims, tables=lines, reports=claims.reports, m=claims.measured, signed=signed
-    )
+        claims=claims, tables=lines, reports=claims.reports, m=claims.measured, signed=signed,
+        missing=[name for name in SDR if name not in claims.reports],
+    )  # fmt: skip
 
 
 def origin(claims: Claims, names: Sequence[str], basis: str) -> list[str]:
@@ -107,8 +108,8 @@ def origin(claims: Claims, names: Sequence[str], basis: str) -> list[str]:
         for engine, commits in made_by.items()
     )
     seconds = sum(part["core_seconds"] or 0 for part in parts)
-    known = all(part["core_seconds"] for part in parts)
-    cost = f" {duration(seconds)} of a core." if known else ""
+    has_cost = all(part["core_seconds"] for part in parts)
+    cost = f" {duration(seconds)} of a core." if has_cost else ""
     return ["", f"{basis} E{engines[1:]}.{cost} `{parts[0]['command']}`"]
 
 
@@ -119,12 +120,12 @@ def titles(claims: Claims, names: Mapping[str, str]) -> dict[str, str]:
         claims: the reports.
         names: the name of each target's report.
     """
-    made = {
+    origins = {
         target: f"engine {claims.parts[name]['engine']}, {claims.reports[name]['scored_at']}"
         for target, name in names.items()
     }
-    several = len(set(made.values())) > 1
-    return {name: TARGETS[name] + f" ({origin})" * several for name, origin in made.items()}
+    several = len(set(origins.values())) > 1
+    return {name: TARGETS[name] + f" ({origin})" * several for name, origin in origins.items()}
 
 
 def distinct(values: Iterable[object]) -> str:
@@ -192,8 +193,10 @@ def streets_table(claims: Claims) -> list[str]:
             for row in ("random", "default", "intervals", "real")
         }
         if name in claims.reports:
-            each = [number(search["learnt"]) for search in claims.reports[name]["searches"]]
-            means["intervals"] += f" ({', '.join(each)})"
+            means_of_searches = [
+                number(search["learnt"]) for search in claims.reports[name]["searches"]
+            ]
+            means["intervals"] += f" ({', '.join(means_of_searches)})"
         over = [claims.gain(name, over=base) for base in ("random", "default")]
         lines.append([title, *means.values(), *over])
     head = ["tested on", "random", "default", "optimised (each search)", "real"]

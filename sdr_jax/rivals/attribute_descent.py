@@ -90,27 +90,31 @@ def attribute_descent(
 
     def sample(rng_key: RngKey, state: DescentState, n: int) -> tuple[Bins, Proposal]:
         del rng_key
-        active = jnp.asarray(order)[turn(state)]
-        size = jnp.asarray(sizes)[active]
+        active_attribute = jnp.asarray(order)[turn(state)]
+        size = jnp.asarray(sizes)[active_attribute]
         absent = jnp.arange(space.max_bins) >= size
         fewest_first = jnp.argsort(jnp.where(absent, NEVER, state.counts)).astype(jnp.int32)
         tries = fewest_first[jnp.arange(n) % size]
-        actions = jnp.broadcast_to(state.current, (n, space.attributes)).at[:, active].set(tries)
+        actions = (
+            jnp.broadcast_to(state.current, (n, space.attributes))
+            .at[:, active_attribute]
+            .set(tries)
+        )
         return actions, relax(space, actions, width, unoptimised)
 
     def update(state: DescentState, actions: Bins, rewards: Rewards) -> tuple[DescentState, Info]:
-        active = jnp.asarray(order)[turn(state)]
+        active_attribute = jnp.asarray(order)[turn(state)]
         finite = jnp.isfinite(rewards)
-        sums = state.sums.at[actions[:, active]].add(jnp.where(finite, rewards, 0.0))
-        counts = state.counts.at[actions[:, active]].add(finite.astype(jnp.int32))
+        sums = state.sums.at[actions[:, active_attribute]].add(jnp.where(finite, rewards, 0.0))
+        counts = state.counts.at[actions[:, active_attribute]].add(finite.astype(jnp.int32))
         tried = state.tried + rewards.shape[0]
-        size = jnp.asarray(sizes)[active]
+        size = jnp.asarray(sizes)[active_attribute]
         complete = jnp.all((counts >= repeats) | (jnp.arange(space.max_bins) >= size))
         ends = complete | (tried >= PATIENCE * repeats * size)
 
         means = jnp.where(counts > 0, sums / jnp.maximum(counts, 1), -jnp.inf)
-        best = jnp.where(jnp.any(counts > 0), jnp.argmax(means), state.current[active])
-        current = state.current.at[active].set(best.astype(jnp.int32))
+        best = jnp.where(jnp.any(counts > 0), jnp.argmax(means), state.current[active_attribute])
+        current = state.current.at[active_attribute].set(best.astype(jnp.int32))
         next_state = DescentState(
             current=jnp.where(ends, current, state.current),
             sums=jnp.where(ends, 0.0, sums),

@@ -10,8 +10,8 @@ from experiments.evaluation.job import Recipe, Result, Source, rendered_of
 from experiments.evaluation.store import digest_of
 from scene.attributes import NAMES
 from scene.proposal import components, moments
-from seg.beside import TrainingSet
 from seg.data import LabelledImages
+from seg.mixing import TrainingSet
 
 
 def formula(

@@ -27,9 +27,9 @@ from experiments.evaluation.runner import Runner, about
 from scene.assets.catalogue import AssetPool
 from scene.proposal import default_proposal, draw
 from seg import pyramid
-from seg.beside import TrainingSet
 from seg.classes import table_text
 from seg.data import LabelledImages
+from seg.mixing import TrainingSet
 from seg.recipes import RECIPES
 from seg.views import view_images
 

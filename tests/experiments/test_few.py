@@ -18,8 +18,8 @@ from experiments.tables.few_rows import ROWS
 from experiments.targets.few import spread
 from experiments.targets.named import named_target
 from scene.proposal import default_proposal, random_proposal
-from seg.beside import TrainingSet
 from seg.data import LabelledImages
+from seg.mixing import TrainingSet
 
 from .conftest import POOL, Counted, lines, main_job, never, runner_of
 from .test_cache import REAL, RECIPE, TARGET, TEST

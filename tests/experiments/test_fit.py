@@ -55,9 +55,9 @@ from scene.assets.catalogue import AssetPool
 from scene.held import hold, read_fixed
 from scene.proposal import Streets, describe, draw, streets_named
 from scene.version import ENGINE
-from seg.beside import TrainingSet
 from seg.data import LabelledImages
 from seg.inference import outline
+from seg.mixing import TrainingSet
 from seg.model import Model, label_classes, load_model
 from seg.settings import TrainSettings
 from tests.layouts import save, write

@@ -12,8 +12,8 @@ from experiments.studies.labels import FORM, counts_of
 from experiments.tables.stats import equivalent_labels, reached
 from experiments.targets.base import Target
 from scene.proposal import Mixture, describe, streets_named
-from seg.beside import TrainingSet
 from seg.data import LabelledImages
+from seg.mixing import TrainingSet
 
 from .conftest import Counted, never
 

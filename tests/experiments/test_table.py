@@ -16,10 +16,10 @@ from experiments.config.jobs import defaults_of
 from experiments.studies.table import FORM, PAPER, fidelity_of, subset_miou
 from experiments.tables.nets import with_net
 from experiments.tables.stats import mean_ci95, paired_gain
-from seg.beside import TrainingSet
 from seg.classes import CITYSCAPES_19, IGNORE_LABEL, SYNTHIA_13, SYNTHIA_16
 from seg.data import LabelledImages
 from seg.metrics import iou, mean_iou
+from seg.mixing import TrainingSet
 from seg.recipes import RECIPES
 
 from .conftest import Counted, lines, never, write_pair

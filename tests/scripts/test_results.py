@@ -243,11 +243,17 @@ def test_the_page_has_parts_that_are_made_later(tmp_path):
         if other := stands_for.get(part.name.partition("-")[0], replaced.get(part.name)):
             records[part.name] = records[other] | {"commit": "abc", "engine": 10}
             shutil.copyfile(folder / f"{other}.json", folder / f"{part.name}.json")
+    descent = folder / "paper-attribute_descent.json"
+    descent.write_text(descent.read_text().replace('"random_search"', '"attribute_descent"'))
     write_json(folder / "parts.json", records)
     text = page.text(tmp_path)
-    assert "six groups and 50 updates a group, its streets are within noise of random" in text
-    assert "With 3,000 rewards, one search, they are within noise of random ones: -3.4" in text
-    assert "One search has" not in text and "are not made yet" not in text
+    assert "(50 updates a group), streets by `sdr` are within noise of random" in text
+    assert (
+        "With 3,000 rewards, one search, streets by `sdr` are within noise of random ones: -3.4"
+        in text
+    )
+    assert "With as many rewards `random_search` gains -1.5 (-2.7 to -0.3) over random" in text
+    assert "One search is one draw" not in text and "are not made yet" not in text
     assert "| CamVid, 300 rewards, no relaxation | 240x176 | sdr | 3 | 54.6 |" in text
     assert "| CamVid (100 labels, its test images) |" in text
     size = read_json(folder / "labels-camvid.json")["scored_at"]

@@ -22,8 +22,8 @@ from seg import (
     pyramid,
     score,
 )
-from seg.beside import TrainingSet
 from seg.data import LabelledImages
+from seg.mixing import TrainingSet
 from seg.nets import FeatureMaps, OnTrunk, net, variables_of
 from seg.nets.head import Head, statistics
 from seg.nets.lite import SIZES, STRIDES, Block, Lite, _Block, blocks_of, channels_of, taps_of

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from seg import TrainingError, TrainSettings, predict_heads, train, train_many
 from seg.at_once import padded
-from seg.beside import TrainingSet, training_set
 from seg.data import LabelledImages
 from seg.metrics import confusion_matrix
+from seg.mixing import TrainingSet, training_set
 from seg.nets.trunks import trunk_of
 
 from .conftest import SEEDS, assert_close, assert_same, pixels, refuses
@@ -52,7 +52,7 @@ def images_of(count: int, config: TrainSettings, seed: int = 0, views: int | Non
 def one_by_one(seeds, sets, config):
     for seed, images in zip(seeds, sets, strict=True):
         parts, shares = images if isinstance(images, TrainingSet) else ((images,), (1.0,))
-        more = {} if len(parts) == 1 else {"beside": parts[1], "share": shares[1]}
+        more = {} if len(parts) == 1 else {"extra": parts[1], "share": shares[1]}
         first = parts[0]
         yield train(
             seed, *first[:2], config, CLASSES, features=first.features, stepwise=True, **more

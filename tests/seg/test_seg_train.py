@@ -168,7 +168,7 @@ def test_a_jaccard_loss_and_a_rising_share_change_the_net_and_nothing_else():
     assert any(map(np.any, jax.tree.leaves(jax.tree.map(np.subtract, *nets))))
     extra, first = LabelledImages(images[2:], labels[2:]), LabelledImages(images[:2], labels[:2])
     steps = replace(brief, steps=8)
-    sets = {"beside": extra, "share": 0.25}
+    sets = {"extra": extra, "share": 0.25}
     constant, same, rising = (
         train(0, *first[:2], replace(steps, last_share=last), 11, **sets)
         for last in (None, 0.25, 1.0)

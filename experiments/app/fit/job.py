@@ -30,11 +30,11 @@ from experiments.tables.stats import UNITS, over_units
 from experiments.targets.base import Target
 from experiments.targets.folder import Parts, Read, all_labelled, fold_targets, parts_of, reader
 from scene.dataset.formats.png import encode
-from seg.beside import TrainingSet
 from seg.classes import class_table, colorize
 from seg.data import LabelledImages
 from seg.errors import ModelError
 from seg.inference import heads_of, stacked
+from seg.mixing import TrainingSet
 from seg.model import SEEN, Model, classes_of, load_model, refuse_others
 from seg.step import Params
 
@@ -271,7 +271,7 @@ class _SavedModel:
         self._run, self._data, self._rendered = replace(run, target=target), data, rendered
         self._streets = streets
         self._labels = self._run.images(config.final, "labelled")
-        self._begun: dict[Row, Future | None] = {}
+        self._futures: dict[Row, Future | None] = {}
 
     def _job(self, row: Row) -> Job:
         config = self._run.config
@@ -282,7 +282,7 @@ class _SavedModel:
 
     def begin(self, row: Row) -> None:
         """Begin to train it in the way of the row that is most likely the best."""
-        self._begun[row] = self._run.runner.begin_training(self._job(row), self._data.init)
+        self._futures[row] = self._run.runner.begin_training(self._job(row), self._data.init)
 
     def save(self, report: Report, *, finished: bool) -> None:
         """Train the network in the way of the best row with labels, and save it.
@@ -316,7 +316,7 @@ class _SavedModel:
         else:
             self._streets.render()
         job = self._job(best)
-        variables = self._run.runner.train(job, self._data.init, self._begun.get(best))
+        variables = self._run.runner.train(job, self._data.init, self._futures.get(best))
         Model(
             config.final.train,
             variables,

@@ -15,7 +15,7 @@ from experiments.evaluation.job import Job, StreetPool
 from experiments.session.session import Session
 from experiments.tables.form import Form
 from scene.proposal import Streets, draw
-from seg.beside import TrainingSet
+from seg.mixing import TrainingSet
 
 
 class Pool(NamedTuple):

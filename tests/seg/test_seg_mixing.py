@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from seg import TrainSettings, predict
-from seg.beside import batch_indices, extra_count, mean_share, mixed
 from seg.data import LabelledImages
 from seg.losses import class_shares, class_weights, weights_of_shares
+from seg.mixing import batch_indices, extra_count, mean_share, mixed
 from seg.pyramid import channel_statistics, features
 from seg.step import plan
 from seg.train import train
@@ -79,7 +79,7 @@ def test_a_net_believes_whom_it_sees_more_often(share):
     settings = TrainSettings(steps=40, batch=10, warmup=2, lr=1e-2, weighted=False)
     images, blank = pixels(2, 32, 32, 3, seed=1), np.zeros((2, 32, 32), np.uint8)
     extra = LabelledImages(images[:1], blank[:1] + 1)
-    params = train(0, images, blank, settings, 2, beside=extra, share=share)
+    params = train(0, images, blank, settings, 2, extra=extra, share=share)
     share_of_ones = np.mean(predict(params, images, settings, 2))
     assert share_of_ones == pytest.approx(float(share > 0.5), abs=0.05)
 
@@ -87,9 +87,9 @@ def test_a_net_believes_whom_it_sees_more_often(share):
 def test_features_beside_are_those_computed_and_set_the_head_s_statistics():
     fit = partial(train, 0, IMAGES[:4], LABELS[:4], FROZEN, 3)
     few = LabelledImages(IMAGES[4:], LABELS[4:])
-    computed, alone = fit(beside=few), fit()
+    computed, alone = fit(extra=few), fit()
     views = [features(view_images(part, FROZEN)) for part in (IMAGES[:4], IMAGES[4:])]
-    assert_same(computed, fit(features=views[0], beside=few._replace(features=views[1])))
+    assert_same(computed, fit(features=views[0], extra=few._replace(features=views[1])))
     mean, _ = mixed([0.5, 0.5], [channel_statistics(view) for view in views])
     np.testing.assert_array_equal(computed["statistics"]["head"]["mean"], mean)
     one, other = (net["params"]["head"]["mix"]["kernel"] for net in (alone, computed))
@@ -106,5 +106,5 @@ def test_features_beside_are_those_computed_and_set_the_head_s_statistics():
 def test_what_cannot_stand_beside_is_refused(change, message):
     few = LabelledImages(IMAGES[:2], LABELS[:2])
     share = change.pop("share", 0.5)
-    net = partial(train, beside=few._replace(**change), share=share)
+    net = partial(train, extra=few._replace(**change), share=share)
     refuses(message, net, 0, IMAGES, LABELS, replace(FROZEN, net="compact"), 3)
