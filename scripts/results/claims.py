@@ -79,11 +79,13 @@ class Claims:
             return "better than"
         return "worse than" if high < 0 else "within noise of"
 
-    def rise(self, report: str, method: str) -> str:
-        """Write the mean rewards of the first and of the last third of a method's searches."""
-        searches = [one for one in self.reports[report]["searches"] if one["method"] == method]
-        first, last = zip(*(thirds(one["rewards"]) for one in searches), strict=True)
-        return f"{number(mean(first))} to {number(mean(last))}"
+    def rewards(self, report: str) -> tuple[str, str]:
+        """Write the mean rewards of the first and of the last third of a report's searches."""
+        first, last = zip(
+            *(thirds(search["rewards"]) for search in self.reports[report]["searches"]),
+            strict=True,
+        )
+        return number(mean(first)), number(mean(last))
 
     def fit_row(self, target: str, trained_on: str) -> Report:
         """Return the row of networks trained as `fit` does: labels, both, renders, all or all+renders."""

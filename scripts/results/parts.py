@@ -73,6 +73,8 @@ COUNTS = ("7", "14", "27", "67")
 LARGE = ("--final.width", "480", "--final.height", "360")
 MINUTES = "15"
 """Core-minutes of a search by the default method."""
+METHODS = ("sdr", "random_search", "attribute_descent")
+"""The paper's search, and the two with which it is compared at its own number of rewards."""
 GROUPS, UPDATES = 6, 50
 """The paper's groups of attributes, and its updates of each; an update takes one reward."""
 
@@ -131,7 +133,7 @@ def parts(data: Data, out: Path, preset: Size) -> list[Part]:
             flags = ("--twin", "far", "--twin-seed", seed, *wide, "--methods", "intervals")
             yield study(f"far-{seed}", "streets", "searches", "twin", *flags, *one, *five)
         tiled = ("--search.relaxation", "0.1")
-        for method in ("sdr", "random_search", "attribute_descent"):
+        for method in METHODS:
             yield paper(f"paper-{method}", "--methods", method, *three, *tiled)
         for real in REAL:
             optimised = ("--learnt", str(out / real.name / "attributes" / "intervals-0.json"))

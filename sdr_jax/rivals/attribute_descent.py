@@ -78,6 +78,9 @@ def attribute_descent(
     def turn(state: DescentState) -> Array:
         return state.sweeps % space.attributes
 
+    def active_attribute(state: DescentState) -> Array:
+        return jnp.asarray(order)[turn(state)]
+
     def init(rng_key: RngKey) -> DescentState:
         del rng_key  # nothing is random but the streets
         return DescentState(
@@ -90,31 +93,27 @@ def attribute_descent(
 
     def sample(rng_key: RngKey, state: DescentState, n: int) -> tuple[Bins, Proposal]:
         del rng_key
-        active_attribute = jnp.asarray(order)[turn(state)]
-        size = jnp.asarray(sizes)[active_attribute]
+        attribute = active_attribute(state)
+        size = jnp.asarray(sizes)[attribute]
         absent = jnp.arange(space.max_bins) >= size
         fewest_first = jnp.argsort(jnp.where(absent, NEVER, state.counts)).astype(jnp.int32)
         tries = fewest_first[jnp.arange(n) % size]
-        actions = (
-            jnp.broadcast_to(state.current, (n, space.attributes))
-            .at[:, active_attribute]
-            .set(tries)
-        )
+        actions = jnp.broadcast_to(state.current, (n, space.attributes)).at[:, attribute].set(tries)
         return actions, relax(space, actions, width, unoptimised)
 
     def update(state: DescentState, actions: Bins, rewards: Rewards) -> tuple[DescentState, Info]:
-        active_attribute = jnp.asarray(order)[turn(state)]
+        attribute = active_attribute(state)
         finite = jnp.isfinite(rewards)
-        sums = state.sums.at[actions[:, active_attribute]].add(jnp.where(finite, rewards, 0.0))
-        counts = state.counts.at[actions[:, active_attribute]].add(finite.astype(jnp.int32))
+        sums = state.sums.at[actions[:, attribute]].add(jnp.where(finite, rewards, 0.0))
+        counts = state.counts.at[actions[:, attribute]].add(finite.astype(jnp.int32))
         tried = state.tried + rewards.shape[0]
-        size = jnp.asarray(sizes)[active_attribute]
+        size = jnp.asarray(sizes)[attribute]
         complete = jnp.all((counts >= repeats) | (jnp.arange(space.max_bins) >= size))
         ends = complete | (tried >= PATIENCE * repeats * size)
 
         means = jnp.where(counts > 0, sums / jnp.maximum(counts, 1), -jnp.inf)
-        best = jnp.where(jnp.any(counts > 0), jnp.argmax(means), state.current[active_attribute])
-        current = state.current.at[active_attribute].set(best.astype(jnp.int32))
+        best = jnp.where(jnp.any(counts > 0), jnp.argmax(means), state.current[attribute])
+        current = state.current.at[attribute].set(best.astype(jnp.int32))
         next_state = DescentState(
             current=jnp.where(ends, current, state.current),
             sums=jnp.where(ends, 0.0, sums),
@@ -129,7 +128,7 @@ def attribute_descent(
         return relax(space, state.current, width, unoptimised)
 
     def probabilities(state: DescentState) -> Float[Array, "attributes bins"]:
-        decided = (state.current >= 0).at[jnp.asarray(order)[turn(state)]].set(False)
+        decided = (state.current >= 0).at[active_attribute(state)].set(False)
         certain = jax.nn.one_hot(state.current, space.max_bins)
         return jnp.where(decided[:, None], certain, uniform(space))
 
