@@ -36,7 +36,7 @@ setup-run:
 demo: setup-run
 	@$(BIN)/python -m experiments.cityscapes --preset quick --out "$(OUT)" --twin "$(TWIN)" --twin-seed "$(TWIN_SEED)"
 	@echo
-	@echo 'The run is in $(OUT): open report.html; figures in summary.json, learnt attributes in attributes.json'
+	@echo 'The run is in $(OUT): open report.html; figures in summary.json, optimised attributes in attributes.json'
 
 test: setup
 	@$(BIN)/python -m pytest -n "$(JOBS)" --dist loadfile -m "not slow and not robust" --durations=20 $(ARGS)

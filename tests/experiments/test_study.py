@@ -270,7 +270,7 @@ def test_nets_are_paired_and_made_once(config, counted):
         sources = training_sets(run, random_proposal())
         assert list(sources) == ["random", "default", "learnt", "real"]
         results = results_of(run, "some", sources, recipe, seeds)
-        # Random and learnt attributes are the same here.
+        # Random and optimised attributes are the same here.
         assert [task[2] for task in counted.calls] == [0, 0, 1, 1, 0, 1]  # the longest first
         again = results_of(run, "others", sources, recipe, seeds)
         assert len(counted.calls) == 6 and list(results) == list(again) == list(sources)
