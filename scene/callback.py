@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, UInt8, UInt32
 
-from scene.assets.catalogue import AssetPool
+from scene.assets.catalogue import AssetPool, check_pool
 from scene.attributes import space_of
 from scene.dataset.render import render_street
 from scene.render import RenderSettings, check_settings, renderer
@@ -37,14 +37,14 @@ def render_fn(
     NaN becomes 0.5.
 
     Raises:
-        ValueError: settings or shots are out of range, or the renderer is unknown; raised here, not in the
-            callback.
+        ValueError, LibraryError: settings, shots or the pool are out of range or cannot be used, or the
+            renderer is unknown; raised here, not in the callback.
     """
     check_settings(settings)
     renderer(renderer_name)
     if shots < 1:
         raise ValueError(f"shots per street must be 1 or more, not {shots}")
-    assets = pool or AssetPool()
+    assets = check_pool(pool or AssetPool())
     size = (shots, settings.height, settings.width)
 
     def on_host(unit: np.ndarray, seeds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

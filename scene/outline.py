@@ -79,7 +79,10 @@ def _window(inside: np.ndarray) -> tuple[slice, slice]:
 
 
 def _closed(mask: np.ndarray, size: float) -> np.ndarray:
-    """Close a mask u8[h, w] with an ellipse of an odd width in pixels; the image is extended at its edges."""
+    """Close a mask u8[h, w] with an ellipse of about a width in pixels; the image is extended at its edges.
+
+    A large ellipse is several rounds of a smaller one, so its radius may differ by a seventh.
+    """
     radius = max(round((size - 1) / 2), SMALLEST // 2)
     rounds = max(radius // RADIUS, 1)
     side = 2 * round(radius / rounds) + 1

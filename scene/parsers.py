@@ -111,7 +111,7 @@ class Stats:
     """folder written by `sdr-jax render`"""
     against: Annotated[Path | None, Option("DIR")] = None
     """folder to compare with: CamVid, Cityscapes or another rendered dataset"""
-    only: Annotated[tuple[str, ...], REPEATED, Option("PREFIX")] = ()
+    only: Annotated[tuple[str, ...], REPEATED, Option("PREFIX", needs=("--against",))] = ()
     """use only real images whose names start with PREFIX; may be repeated"""
     json: Annotated[Path | None, Option("FILE")] = None
     """also write the statistics to this file"""

@@ -461,6 +461,8 @@ def _check_classes(target: TargetFile, lines: _Lines) -> None:
     rendered: dict[str, str] = {}
     for name, target_class in target.classes.items():
         field = f"classes.{name}"
+        if name == "void":
+            lines.refuse(field, "void is the name of ignored pixels; choose another")
         if not getattr(target_class, kind) and name != target.rest:
             lines.refuse(field, f"missing {kind}, its values in labels of format {target.format}")
         for k, value in enumerate(getattr(target_class, kind)):

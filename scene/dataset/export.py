@@ -21,6 +21,7 @@ from common.errors import UserError
 from common.files import read_json, write, write_json
 from common.folder import differences
 from common.labels.classes import Outline
+from common.memory import in_words
 from common.workers.pool import WorkerPool, Workers, opened
 from scene.assets import library
 from scene.assets.catalogue import AssetPool, check_pool
@@ -329,7 +330,7 @@ def _check_room(plan: Plan, units: np.ndarray) -> None:
     free = shutil.disk_usage(existing).free
     if need > free:
         raise ExportError(
-            f"{plan.folder}: the export needs about {need / 1e9:.1f} GB, but {free / 1e9:.1f} GB are free; "
+            f"{plan.folder}: the export needs about {in_words(need)}, but {in_words(free)} are free; "
             "render fewer or smaller images, or choose another disk"
         )
 

@@ -109,6 +109,8 @@ def describe(folder: Path) -> Described:
         most = images <= MOST_IMAGES and size[0] * size[1] <= MAX_PIXELS
         if not is_valid or not most or min(images, shots, *size) < 1:
             raise ValueError("format, split, images, shots or size")
+        if -(-images // shots) != len(description["streets"]):
+            raise ValueError("images, shots or streets, whose numbers do not agree")
         dataset_layout = layout(description["format"])
         classes = labels_of(description, dataset_layout.published)
         framing_shares = [
@@ -162,8 +164,19 @@ def images_and_classes(
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield images u8[h, w, 3] and classes u8[h, w] of an exported dataset; raises as `labels`.
 
-    The outlines of a target are drawn with the dataset's depth.
+    The outlines of a target are drawn with the dataset's depth, in labels of the engine's classes.
     """
+    if outlines:
+        if dataset.description.get("target") is not None:
+            raise ValueError(
+                f"{dataset.folder} has the labels of a target, but outlines are drawn around the engine's "
+                "classes; export it without --target"
+            )
+        if "depth" not in dataset.layout.files:
+            raise ValueError(
+                f"{dataset.folder} has no depth, which outlines need; export it with --format cityscapes or "
+                "coco"
+            )
     for name in dataset.stems:
         label = labels(dataset, name)
         if outlines:

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from common.errors import UserError
-from common.files import read_bytes
+from common.files import check_folder, read_bytes
 from common.labels.target_file import shipped
 from common.pictures import MOST_BYTES, label_ids, too_large
 from scene.classes import CLASS_NAMES, VOID
@@ -42,7 +42,12 @@ def open_images(folder: Path, prefixes: tuple[str, ...] = ()) -> ImageSet:
     Raises:
         ValueError: it is none of these, or a file is damaged.
     """
+    check_folder(folder, "one with images")
     if (folder / DESCRIPTION).is_file():
+        if prefixes:
+            raise ValueError(
+                f"{folder}: --only is for real images, but these are rendered; leave it out"
+            )
         dataset = describe(folder)
         return ImageSet(dataset.labels.names, images_and_classes(dataset), dataset.framing)
     if (folder / "train").is_dir() and (folder / "trainannot").is_dir():

@@ -14,7 +14,7 @@ import numpy as np
 
 from common.labels.classes import Outline
 from common.workers.pool import WorkerPool, Workers, opened
-from scene.assets.catalogue import AssetPool
+from scene.assets.catalogue import AssetPool, check_pool
 from scene.attributes import check_unit, default_unit, street_params
 from scene.compiled import first_use
 from scene.outline import outlined
@@ -131,12 +131,13 @@ def render_dataset(
         progress: called with (streets done, streets).
 
     Raises:
-        ValueError: attributes, size or shots are out of range, or the renderer is unknown.
+        ValueError: attributes, size, shots or the pool are out of range, or the renderer is unknown.
+        LibraryError: the pool's files cannot be used.
         RendererError: this machine lacks what the renderer needs.
         WorkerError: worker processes keep dying.
     """
     units = check_request(units, shots, settings, renderer_name)
-    pool = pool or AssetPool()
+    pool = check_pool(pool or AssetPool())
     n, h, w = len(units) * shots, settings.height, settings.width
     images, labels = np.empty((n, h, w, 3), np.uint8), np.empty((n, h, w), np.uint8)
     with opened(workers) as processes:

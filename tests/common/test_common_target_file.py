@@ -95,6 +95,7 @@ def test_the_format_follows_from_the_classes():
     ("wall", "walls", ("line 10: classes.building.renders[1]:", "no class 'walls'", "it has road, side")),
     ("wall", "road", ("line 10: classes.building.renders[1]:", "'road' is also in the renders of road")),
     ("    ids: [1, 7]", "    id: [1, 7]", ("line 9: classes.building.id:", "unknown field", "ids, colours")),
+    ("lane mark", "void", ("line 11: classes.void: void is the name of ignored pixels",)),
     ("lane mark", "road", ("line 11: classes.road:", "appears twice; remove one")),
     ("lane mark", "[a, b]", ("line 11:", "expected a name, not a list")),
     ("{ids: [3]}", "[3]", ("line 11: classes.lane mark:", "expected table, not list")),

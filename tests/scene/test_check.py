@@ -82,6 +82,7 @@ def test_no_dataset_is_refused_and_an_unfinished_one_says_how_to_go_on(files, tm
     "change",
     [
         {"images": 0},
+        {"images": 10_000_000},
         {"format": "voc"},
         {"render": None},
         {"shots": "two"},

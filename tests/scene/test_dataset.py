@@ -65,6 +65,7 @@ def test_streets_of_neighbouring_seeds_are_not_the_same_and_the_pool_of_assets_i
     ({"settings": TINY._replace(width=2)}, "2x32 is too small"),
     ({"settings": TINY._replace(samples=0)}, "samples must lie in 1..8"),
     ({"renderer_name": "povray"}, "unknown renderer 'povray'; known: embree, opengl"),
+    ({"pool": AssetPool(use="own")}, "use 'own' needs a folder of own assets"),
     ({"workers": -1}, "workers must be 0 or more, not -1"),
 ])  # fmt: skip
 def test_bad_arguments_are_refused_by_name(changes, message):

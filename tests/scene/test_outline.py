@@ -185,6 +185,14 @@ def test_datasets_are_exact_without_outlines_and_the_same_with_any_number_of_wor
     np.testing.assert_array_equal(read_dataset(tmp_path / "exact").labels, exact.labels)
     read = read_dataset(tmp_path / "exact", target.engine_outlines)
     assert (read.labels != one.labels).mean() < 0.001
+    export_dataset(UNITS, 0, tmp_path / "flat", format="folders", **options)
+    export_dataset(UNITS, 0, tmp_path / "camvid", target="camvid", **options)
+    for folder, lack in (
+        ("flat", "no depth, which outlines need"),
+        ("camvid", "the labels of a target"),
+    ):
+        with pytest.raises(ValueError, match=lack):
+            read_dataset(tmp_path / folder, target.engine_outlines)
 
 
 def test_exports_in_the_layout_of_cityscapes_are_exact_without_its_target(tmp_path):

@@ -145,3 +145,9 @@ def test_real_camvid(dataset, camvid_dir):
     statistics = compare(dataset, camvid_dir, ("0016E5", "0001TP"))[1]["target"]
     assert statistics.images > 200 and statistics.mean_row[CAMVID.index("sky")] < 0.3
     assert 0.2 < statistics.frequency[CAMVID.index("road")] < 0.45
+
+
+def test_names_of_real_images_choose_no_rendered_ones(dataset, refusal):
+    error = refusal(main, dataset, "--against", dataset, "--only", "0016E5")
+    assert "--only is for real images, but these are rendered" in error
+    assert "--only needs --against" in refusal(main, dataset, "--only", "0016E5")

@@ -57,15 +57,19 @@ def card(about: About, features: str = "") -> Iterator[str]:
     )
     streets, version = len(description["streets"]), description["versions"]["sdr-jax"]
     engine, renderer, seed = (description[name] for name in ("engine", "renderer", "seed"))
+    things = description["format"] == "yolo-seg"
+    what = "outlines of things" if things else "the class of every pixel"
     yield (
         f"# Rendered streets\n{description['images']} images of {width}x{height} pixels of {streets} "
-        f"streets, with the class of every pixel, rendered by sdr-jax {version} (engine {engine}, "
+        f"streets, with {what}, rendered by sdr-jax {version} (engine {engine}, "
         f"renderer {renderer}, seed {seed}). `dataset.json` holds all settings and the attributes of "
         "every street.\n\n"
     )
     yield USES[description["format"]].replace("{split}", SPLIT[about.split])
     yield "\n## Classes\n| value | class | share of pixels | images |\n| --- | --- | --- | --- |\n"
-    for value, name in about.labels.all_values:
+    labels = about.labels
+    rows = [(k, labels.names[thing]) for k, thing in enumerate(labels.things)]
+    for value, name in rows if things else labels.all_values:
         if name in description["class_frequency"]:
             share, images = (
                 description["class_frequency"][name],

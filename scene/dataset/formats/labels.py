@@ -104,8 +104,8 @@ def engine_labels(published: bool, own_class: str | None = None) -> Labels:
 def target_entry(target: TargetFile | str | Path) -> dict[str, Any]:
     """The entry of a target in ``dataset.json``, which `target_labels` reads.
 
-    Classes and ignored pixels get the first of their ids or colours. If label files hold names, the value is
-    the class's index.
+    Classes and ignored pixels get the first of their ids or colours, or a free one if they have none. If
+    label files hold names, the value is the class's index.
 
     Raises:
         UserError: the target does not exist, or the engine renders none of its classes.
@@ -120,23 +120,24 @@ def target_entry(target: TargetFile | str | Path) -> dict[str, Any]:
             "'renders' to the classes in its file"
         )
     names, kind = target.class_names, target.kind
-    values: list[Any] = list(range(len(names)))
+    own: list[list[Any]] = [[k] for k in range(len(names))]
+    void: list[Any] = []
     if kind != "names":
-        values = [getattr(target_class, kind)[0] for target_class in target.classes.values()]
-    used = {v for target_class in target.classes.values() for v in getattr(target_class, kind)}
-    free = ((k, k, k) for k in range(256)) if kind == "colours" else (255, *range(256))
-    void = target.void[0] if target.void and kind != "names" else None
-    if void is None:
-        void = next(value for value in free if value not in used and value not in values)
+        own = [list(getattr(target_class, kind)) for target_class in target.classes.values()]
+        void = list(target.void)
+    used = {value for values in (*own, void) for value in values}
+    every = ((k, k, k) for k in range(256)) if kind == "colours" else (255, *range(65536))
+    free = (value for value in every if value not in used)
+    ignored, *values = (values[0] if values else next(free) for values in (void, *own))
     return {
         "name": target.name,
-        "void": _plain(void),
+        "void": _plain(ignored),
         "classes": [
             {"name": name, "value": _plain(value), "colour": list(colour),
-             "renders": list(target_class.renders)}
+             "renders": [n for n, k in zip(CLASS_NAMES, target.of_engine, strict=True) if k == number]}
             | ({"outline": target.outlines[name]} if name in target.outlines else {})
-            for name, value, colour, target_class in zip(
-                names, values, target.palette, target.classes.values(), strict=True
+            for number, (name, value, colour) in enumerate(
+                zip(names, values, target.palette, strict=True)
             )
         ],
     }  # fmt: skip

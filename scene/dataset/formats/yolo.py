@@ -14,6 +14,7 @@ from collections.abc import Iterator
 
 import cv2
 import numpy as np
+from scipy.spatial import cKDTree
 
 from scene.dataset.formats.about import About
 from scene.dataset.formats.labels import Labels
@@ -48,16 +49,24 @@ def outline(mask: np.ndarray) -> np.ndarray:
     contours, _ = cv2.findContours(double, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
     rings = [ring[:, 0] // 2 + np.where(ring[:, 0] % 2, 1 - INSET, INSET) for ring in contours]
     rings.sort(key=lambda ring: abs(area(ring)))
-    polygon = rings.pop()
-    while rings:
+    corners = np.concatenate(rings)
+    ring_of = np.repeat(np.arange(len(rings)), [len(ring) for ring in rings])
+    added = np.flatnonzero(ring_of == len(rings) - 1)
+    polygon = added.tolist()
+    left = np.flatnonzero(ring_of < len(rings) - 1)
+    gaps, joints = np.full(len(corners), np.inf), np.zeros(len(corners), int)
+    while len(left):
         # The nearest ring first, since its line is the shortest.
-        gaps = [np.linalg.norm(polygon[:, None] - ring, axis=2) for ring in rings]
-        nearest = int(np.argmin([gap.min() for gap in gaps]))
-        ring, gap = rings.pop(nearest), gaps[nearest]
-        joint, start = np.unravel_index(int(gap.argmin()), gap.shape)
-        way = np.roll(ring, -int(start), axis=0)
-        polygon = np.concatenate([polygon[: joint + 1], way, way[:1], polygon[joint:]])
-    return polygon
+        distances, nearest = cKDTree(corners[added]).query(corners[left])
+        nearer = distances < gaps[left]
+        gaps[left[nearer]], joints[left[nearer]] = distances[nearer], added[nearest[nearer]]
+        start = left[np.argmin(gaps[left])]
+        ring = np.flatnonzero(ring_of == ring_of[start])
+        added = np.roll(ring, ring[0] - start)
+        joint = polygon.index(joints[start])
+        polygon[joint + 1 : joint + 1] = [*added, start, joints[start]]
+        left = left[ring_of[left] != ring_of[start]]
+    return corners[polygon]
 
 
 def area(corners: np.ndarray) -> float:
