@@ -16,9 +16,10 @@ def squared_percent(rewards: Float[Array, "n"]) -> Float[Array, "n"]:
     """Compute `sign(r) (100 r)^2`, as in the authors' code: differences between high rewards count for more.
 
     It is meant for mean IoU. Without the sign, the lower of two negative rewards would count as the
-    higher one.
+    higher one. Squares are at most `LARGEST`.
     """
-    return jnp.sign(rewards) * (100 * rewards) ** 2
+    percent = jnp.clip(100 * rewards, -(LARGEST**0.5), LARGEST**0.5)
+    return jnp.sign(rewards) * percent**2
 
 
 def nan_if_infinite(rewards: Float[Array, "n"]) -> Float[Array, "n"]:

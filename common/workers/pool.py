@@ -17,7 +17,14 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    wait,
+)
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from itertools import chain, islice, takewhile
@@ -116,7 +123,8 @@ class Workers:
             tasks: its arguments.
             net: whether it trains or applies a network, and uses a GPU if there is one.
             split: how a network is divided between renderers and trainers; by default a trainer does it all.
-            started: futures from `begin` by the index of their task; those that still wait become urgent.
+            started: futures from `begin` by the index of their task; those that still wait become urgent,
+                and those that were dropped, since a worker died, begin again.
 
         Raises:
             WorkerError: a process died, and died again when the work was repeated.
@@ -130,18 +138,20 @@ class Workers:
         futures = {
             index: future
             for index, future in (started or {}).items()
-            if not self._taken_back(future)
+            if not _was_dropped(future) and not self._taken_back(future)
         }
         try:
             for attempt in range(2):
                 try:
                     new = [k for k in range(len(tasks)) if k not in done and k not in futures]
                     new_tasks = [tasks[k] for k in new]
-                    if net:
-                        new_futures = self._begin_nets(function, new_tasks, split, False)
-                    else:
-                        new_futures = [self._submit(function, t, behind=False) for t in new_tasks]
-                    futures.update(zip(new, new_futures, strict=True))
+                    # No other name may hold the futures, since each keeps its result.
+                    futures.update(zip(
+                        new,
+                        self._begin_nets(function, new_tasks, split, False) if net
+                        else [self._submit(function, t, behind=False) for t in new_tasks],
+                        strict=True,
+                    ))  # fmt: skip
                     for index, result in self._results(futures):
                         done.add(index)
                         yield index, result
@@ -271,6 +281,11 @@ class Workers:
 
     def _refuse_lost(self) -> None:
         """Raise an error if no answer can come."""
+
+
+def _was_dropped(future: Future) -> bool:
+    """Whether a pipeline that closed has dropped this work, as when a worker dies."""
+    return future.done() and (future.cancelled() or isinstance(future.exception(), CancelledError))
 
 
 Kind = Literal["workers", "behind", "trainers"]

@@ -143,6 +143,7 @@ def _progress_line(
     best = max(float(np.nanmax(r)) for r, *_ in history if not np.isnan(r).all())
     line = f"{REWARD_NAMES[kind]} {in_words(kind, float(np.nanmean(latest)))}, best {in_words(kind, best)}"
     if np.isfinite(baseline):
-        scale = 100 if plan.config.search.squared_reward else 1
-        line += f", baseline {in_words(kind, baseline / scale)}"
+        if plan.config.search.squared_reward:
+            baseline = np.sign(baseline) * np.sqrt(abs(baseline)) / 100
+        line += f", baseline {in_words(kind, baseline)}"
     return f"{where} | {line}"

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from common.errors import UserError
-from common.files import digest, write
+from common.files import digest, naming, write
 from common.lines import CURE, JsonLines, Record
 from experiments.evaluation.job import (
     REWARD_NAMES,
@@ -195,6 +195,8 @@ class Store:
     def __init__(self, path: Path, shared: bool = False) -> None:
         if path.is_dir():
             raise UserError(f"{path} is a folder; a store is a file")
+        if shared and path.exists():
+            _refuse_other_file(path)
         self.path, self._shared = path, shared
         self._known: dict[str, list[tuple[Record, str]]] = {}  # lines of a key, and their places
         self._lines = JsonLines(path, CURE if shared else f"{CURE}, or use another --out")
@@ -259,6 +261,15 @@ class Store:
         if self._shared and lines:
             refuse_conflict(*lines[0], record, where)
         lines.append((record, where))
+
+
+def _refuse_other_file(path: Path) -> None:
+    """Raise UserError if a file does not begin as a store; a kill may have left part of its first line."""
+    start = json.dumps(HEADER).partition(",")[0].encode()
+    with naming(path), open(path, "rb") as file:
+        content = file.read(len(start))
+    if not start.startswith(content):
+        raise UserError(f"{path} is no store of evaluations, expected {FORMAT!r}; use another file")
 
 
 def _check_header(path: Path, header: Record) -> None:

@@ -163,7 +163,9 @@ def intervals(
         as_random = whole[None, :] if has_start else chance >= 0.5
         other = jnp.where(as_random, random[None, :], anywhere)
         first = jnp.where(turn % 2 == 0, start_choices[None, :], other)
-        actions = jnp.where(count < opening, first, changed)
+        # An opening of two is the whole first update.
+        is_opening = (turn if opening > 2 else count) < opening
+        actions = jnp.where(is_opening, first, changed)
         return actions, proposed(actions)
 
     def update(

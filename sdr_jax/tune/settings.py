@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -82,7 +83,7 @@ class _Reader:
     def typed(self, value: Any, kind: type, where: str) -> Any:
         """The value as `kind`; a whole number may stand for a number, but true not for 1."""
         fits = type(value) is kind or (kind is float and type(value) is int)
-        if not fits or (kind is float and not math.isfinite(value)):
+        if not fits or (kind is float and not abs(value) <= sys.float_info.max):
             raise UserError(f"{where} is {value!r}, but must be {TYPES[kind]}")
         return kind(value)
 

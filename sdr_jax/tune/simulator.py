@@ -104,10 +104,12 @@ class Simulator:
     _stopped: bool = False
 
     def __post_init__(self) -> None:
-        self._supervisor = subprocess.Popen(
-            [sys.executable, "-I", "-S", "-c", SUPERVISOR],
-            stdin=subprocess.PIPE, bufsize=0, start_new_session=True,
-        )  # fmt: skip
+        self._supervisor: subprocess.Popen | None = None
+        if hasattr(os, "killpg"):  # Windows has no process groups
+            self._supervisor = subprocess.Popen(
+                [sys.executable, "-I", "-S", "-c", SUPERVISOR],
+                stdin=subprocess.PIPE, bufsize=0, start_new_session=True,
+            )  # fmt: skip
 
     def evaluate(self, trial: Trial) -> Outcome:
         """Evaluate one trial; its seeds depend on the trial's seed alone.
@@ -143,7 +145,8 @@ class Simulator:
             running = list(self._running)
         for process in running:
             _kill(process)
-        self._supervisor.communicate()  # closes its pipe, and waits
+        if self._supervisor is not None:
+            self._supervisor.communicate()  # closes its pipe, and waits
 
     def _run(self, trial: Trial, folder: Path, seed: int) -> float:
         folder.mkdir(parents=True)
@@ -186,9 +189,9 @@ class Simulator:
 
     def _note(self, process: subprocess.Popen) -> None:
         """Tell the supervisor that a simulator has started, or has ended."""
-        assert self._supervisor.stdin is not None
-        with suppress(BrokenPipeError):  # the search continues if the supervisor was killed
-            self._supervisor.stdin.write(f"{process.pid}\n".encode())
+        if self._supervisor is not None and self._supervisor.stdin is not None:
+            with suppress(BrokenPipeError):  # the search continues if the supervisor was killed
+                self._supervisor.stdin.write(f"{process.pid}\n".encode())
 
     def _wait(self, process: subprocess.Popen, id: int, outputs: Sequence[int]) -> int:
         """Wait for the exit code; report when the outputs (file descriptors) stop growing."""

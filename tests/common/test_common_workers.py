@@ -1,9 +1,11 @@
 """Worker processes: answers by index, errors passed on, one death survived."""
 
+import gc
 import os
 import signal
 import time
-from concurrent.futures import CancelledError
+import weakref
+from concurrent.futures import CancelledError, Future
 
 import pytest
 
@@ -218,3 +220,35 @@ def test_work_under_way_is_seen_before_its_result(tmp_path, monkeypatch, trainer
         assert [result for _, result in workers.map(reports_and_waits, tasks, **net)] == [None] * 2
         assert workers.under_way() == 0 and 4.0 in seen
     assert workers.under_way() == 0  # of no process
+
+
+def test_a_result_that_was_taken_is_not_kept(monkeypatch):
+    taken: list[weakref.ref[Future]] = []
+    result = WorkerPool.result
+
+    def seen(self, future):
+        taken.append(weakref.ref(future))
+        return result(self, future)
+
+    monkeypatch.setattr(WorkerPool, "result", seen)
+    with WorkerPool(1) as workers:
+        answers = workers.map(square, [(x,) for x in range(20)])
+        for _ in range(10):
+            next(answers)
+        gc.collect()
+        assert sum(future() is not None for future in taken) <= 2
+        assert len(list(answers)) == 10
+
+
+def test_work_that_a_dead_worker_has_dropped_begins_again(tmp_path):
+    """A network begins, a worker dies before it is requested, and a request still gets its result."""
+    with WorkerPool(1, trainers=1) as workers:
+        model = workers.begin(square, 3, behind=False)
+        assert model.result() == 9
+        waiting = workers.begin(wait_for, str(tmp_path / "never"), behind=False)
+        once = str(tmp_path / "once")
+        assert list(workers.map(die_until, [(once, 1, 2)])) == [(0, 4)]
+        assert isinstance(waiting.exception(), CancelledError)
+        assert list(workers.map(square, [(3,), (4,)], net=True, started={0: waiting})) == [
+            (0, 9), (1, 16)
+        ]  # fmt: skip

@@ -549,6 +549,22 @@ def test_other_files_are_refused_in_one_line(found, complaint, tmp_path, refused
     assert str(path) in error and complaint in error and path.read_bytes() == before
 
 
+@pytest.mark.parametrize(
+    "content", [b'{"road": 0, "sky": 1}', b"a word", b"\xff\xd8\xff\xe0 a photograph\n"]
+)
+def test_a_file_of_another_program_is_left_as_it_is(content, tmp_path, refused):
+    """One line without an end is not taken for a store that a kill has cut short."""
+    path = tmp_path / "classes.json"
+    path.write_bytes(content)
+    assert "is no store of evaluations" in refused("show", path)
+    with pytest.raises(UserError, match="is no store of evaluations"):
+        Store(path, shared=True).add(record())
+    assert path.read_bytes() == content
+    path.write_bytes(b'{"store": "sdr')  # a kill
+    Store(path, shared=True).add(record())
+    assert len(Store(path, shared=True)) == 1
+
+
 def test_files_that_are_not_there_are_refused(tmp_path, refused):
     assert "none.jsonl does not exist; pass a store" in refused("show", tmp_path / "none.jsonl")
     assert "is not a run folder" in refused("show", tmp_path)

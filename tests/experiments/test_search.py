@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 from unittest.mock import Mock
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 import sdr_jax
 from common.errors import UserError
 from experiments import session
-from experiments.attribute_search.loop import search
+from experiments.attribute_search.loop import _progress_line, search
 from experiments.attribute_search.plans import plan_of
 from experiments.attribute_search.rewards import embed
 from experiments.config import make_space
@@ -147,3 +148,12 @@ def test_a_disk_that_fills_up_is_named_and_the_run_goes_on_later(end, out, filli
     filling_disk(99)
     code, text = end(nothing_to_score)
     assert code == 2 and "the reward is nan" in text and len(lines(log)) == 4
+
+
+def test_the_baseline_of_squared_rewards_is_shown_as_a_reward():
+    search = SimpleNamespace(squared_reward=True)
+    plan = SimpleNamespace(
+        name="run", updates=9, method="sdr", config=SimpleNamespace(search=search)
+    )
+    history = [(np.array([0.5]), 2500.0, 0, None)]
+    assert _progress_line(plan, "miou", 0, history).endswith("mIoU 50.0, best 50.0, baseline 50.0")

@@ -20,7 +20,7 @@ from sdr_jax.coordinate_descent import (
 from sdr_jax.distributions import moments
 from sdr_jax.layout import by_attribute, lay_out
 from sdr_jax.registry import make
-from sdr_jax.rewards import squared_percent
+from sdr_jax.rewards import LARGEST, squared_percent
 from sdr_jax.sdr import SdrState
 
 from .conftest import KEY, SEEDS, assert_same, run_updates, tell
@@ -168,8 +168,8 @@ def test_info_by_hand(failed: bool) -> None:
     np.testing.assert_allclose(info.advantages[:2], [625 - 3125, 5625 - 3125], rtol=1e-5)
     assert (info.reward_mean, info.baseline) == (0.5, pytest.approx(3125))
     # The worse of two negative rewards is not the better one.
-    squares = squared_percent(jnp.asarray([-0.2, -0.1, 0.3]))
-    np.testing.assert_allclose(squares, [-400, -100, 900], rtol=1e-6)
+    squares = squared_percent(jnp.asarray([-0.2, -0.1, 0.3, -1e9, 1e15]))
+    np.testing.assert_allclose(squares, [-400, -100, 900, -LARGEST, LARGEST], rtol=1e-6)
 
 
 @pytest.mark.parametrize(("finite", "baseline"), [

@@ -1,9 +1,11 @@
 """Simulators that are programs: how they run, what can fail, and runs that are interrupted."""
 
 import json
+import os
 import re
 import shutil
 import signal
+import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -371,6 +373,7 @@ def test_a_file_may_begin_with_a_byte_order_mark(tmp_path) -> None:
     ("[[attributes]]\n", "attribute 1 has no name"),
     ('[[attributes]]\nname = ""', "attribute 1 has an empty name"),
     (A * 2, "given more than once: 'a'"),
+    (A + f"high = 1{400 * '0'}", "but must be a number"),
     (A + "bins = 1", "'a': bins is 1, but must lie in 2..1000"),
     (f"evaluations = {10**14}\n" + A, "evaluations 100000000000000 would take 100 PB of memory"),
     (A + "bins = 2.5", "'a': bins is 2.5, but must be a whole number"),
@@ -482,3 +485,16 @@ def test_no_signal_leaves_a_simulator_and_the_folder_is_locked_until_then(
     if process.returncode == 130:
         assert error.strip() == "stopped; the same command resumes"
     assert all(gone(int(pid)) for pid in pids.read_text().split()) and len(runs.lines()) == 1
+
+
+def test_without_process_groups_there_is_no_supervisor(runs, monkeypatch) -> None:
+    """As on Windows, where a simulator that a kill leaves running is not ended."""
+    monkeypatch.delattr(os, "killpg")
+    started, popen = [], subprocess.Popen
+    monkeypatch.setattr(
+        subprocess,
+        "Popen",
+        lambda command, **options: started.append(command) or popen(command, **options),
+    )
+    runs.done()
+    assert len(started) >= 6 and not any("-S" in command for command in started)
