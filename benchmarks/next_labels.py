@@ -29,6 +29,7 @@ import numpy as np
 
 from benchmarks.report import Row, count, parser, table, write
 from benchmarks.transfer.recipe import Recipe, rendered, sides
+from common.command import exit_code
 from common.labels.target_file import find_target
 from experiments.app.fit.config import configured
 from experiments.app.fit.job import RENDERED
@@ -262,18 +263,20 @@ def main(arguments: list[str] | None = None) -> int:
         help="with --first: streets to mix with (300)",
     )
     options = command.parse_args(arguments)
-    if options.first:
-        return _first(options)
+    run = _first if options.first else _rankings
+    return exit_code(lambda: run(options), users=(ValueError,))
+
+
+def _rankings(options: argparse.Namespace) -> None:
     split, rows = read_split(options.data), []
     for seed in range(options.seed, options.seed + options.seeds):
         rows += measured(split, seed)
         print(table(rows[-1 - len(RANKINGS) :]), flush=True)
     print(table(summary(rows)))
     write(options.json, rows=rows)
-    return 0
 
 
-def _first(options: argparse.Namespace) -> int:
+def _first(options: argparse.Namespace) -> None:
     recipe = Recipe(str(options.data), options.target, options.holdout, streets=options.streets)
     rows: list[Row] = []
     for seed in range(options.seed, options.seed + options.seeds):
@@ -281,7 +284,6 @@ def _first(options: argparse.Namespace) -> int:
         print(table([row for row in rows if row["seed"] == seed]), flush=True)
     print(table(summary_first(rows)))
     write(options.json, recipe=recipe._asdict(), rows=rows)
-    return 0
 
 
 if __name__ == "__main__":

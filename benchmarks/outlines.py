@@ -102,18 +102,40 @@ class Recipe(NamedTuple):
         source = self.attributes if self.attributes in NAMES else files.file_digest(path)
         return {"engine": ENGINE, "attributes": source, **{n: getattr(self, n) for n in names}}
 
-    def key(self, rule: str, seed: int) -> dict[str, Any]:
-        """Everything that a network depends on, with the source code of outlines."""
-        names = ("holdout", "few", "training", "steps")
-        source = None if rule == EXACT else files.file_digest(Path(outline.__file__))[:16]
+    @property
+    def real(self) -> dict[str, Any]:
+        """Everything that the labelled images depend on."""
         return {
             "target": self.file.name,
+            "holdout": self.holdout,
+            "few": self.few,
+            "data": _digest(self),
+        }
+
+    def key(self, rule: str, seed: int) -> dict[str, Any]:
+        """Everything that a network depends on, with the source code of outlines."""
+        names = ("training", "steps")
+        source = None if rule == EXACT else files.file_digest(Path(outline.__file__))[:16]
+        return {
+            **self.real,
             **self.rendered,
             **{name: getattr(self, name) for name in names},
             "rule": rule,
             "outline": source,
             "seed": seed,
         }
+
+
+@lru_cache(maxsize=2)
+def _digest(recipe: Recipe) -> str:
+    """The digest of a target's file, and of the labelled images and their labels."""
+    target = recipe.file
+    parts = parts_of(target, Path(recipe.data), recipe.holdout)
+    entries = [
+        (entry.name, *(files.file_digest(path) for path in (entry.image_path, entry.label_path)))
+        for entry in (*parts.entries, *parts.held_out)
+    ]
+    return files.digest([msgspec.to_builtins(target), entries])[:16]
 
 
 # ---- rules

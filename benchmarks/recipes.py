@@ -80,7 +80,9 @@ def settings_of(recipe: str) -> TrainSettings:
     return settings
 
 
-def key(recipe: outlines.Recipe, settings: TrainSettings, on: str, seed: int) -> dict[str, Any]:
+def key(
+    recipe: outlines.Recipe, settings: TrainSettings, on: str, seed: int, tested: int
+) -> dict[str, Any]:
     """Everything that a network depends on."""
     defaults = TrainSettings()
     values = {
@@ -88,8 +90,8 @@ def key(recipe: outlines.Recipe, settings: TrainSettings, on: str, seed: int) ->
         for field in fields(settings)
         if getattr(settings, field.name) != getattr(defaults, field.name)
     }
-    same = {"target": recipe.file.name, "holdout": recipe.holdout, "few": recipe.few}
-    return {**recipe.rendered, **same, "settings": values, "on": on, "seed": seed}
+    of_network = {"settings": values, "on": on, "seed": seed, "tested": tested}
+    return {**recipe.rendered, **recipe.real, **of_network}
 
 
 @lru_cache(maxsize=2)
@@ -177,7 +179,7 @@ def networks(
             confusions[side] = together.tolist()
             of_heads[side] = [mean_iou(confusion) for confusion in alone or [together]]
         line = {
-            "key": key(recipe, settings, on, seed),
+            "key": key(recipe, settings, on, seed, tested),
             "seconds": round(seconds, 2),
             "scores": confusions,
             "heads": of_heads,
@@ -264,7 +266,7 @@ def _run(options: argparse.Namespace) -> None:
 
     def key_of(pair: tuple[str, str], seed: int) -> dict[str, Any]:
         on, name = pair
-        return key(recipe, settings_of(name), on, seed)
+        return key(recipe, settings_of(name), on, seed, options.tested)
 
     done = outlines.finished(networks, recipe, pairs, key_of, options, options.tested)
     lines = {(*pair, seed): line for (pair, seed), line in done.items()}

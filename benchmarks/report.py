@@ -26,7 +26,7 @@ def parser(description: str | None) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         description=description, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--json", type=_new_file, help="also write machine, versions and rows here")
+    parser.add_argument("--json", type=new_file, help="also write machine, versions and rows here")
     return parser
 
 
@@ -72,7 +72,7 @@ def target_parser(
     return command
 
 
-def _new_file(text: str) -> Path:
+def new_file(text: str) -> Path:
     """Read the path of a new file, and check it before the work starts."""
     path = Path(text)
     if path.is_dir() or not path.parent.is_dir():

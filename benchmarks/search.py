@@ -26,7 +26,7 @@ import sdr_jax
 from benchmarks import foreign, problems, recorded
 from benchmarks.problems import Problem, grouped_space
 from benchmarks.ranking import behind, mean_ranks, plot, text
-from benchmarks.report import Row, count, parser, table, write
+from benchmarks.report import Row, count, new_file, parser, table, write
 from benchmarks.rivals import METHODS, RIVALS, make
 from experiments.evaluation.in_worker import worker_environment
 
@@ -258,7 +258,9 @@ def main(arguments: list[str] | None = None) -> int:
     command.add_argument(
         "--workers", type=partial(count, 0), default=os.cpu_count(), help="processes; 0: this one"
     )
-    command.add_argument("--plot", help="also draw value against evaluations into this PNG")
+    command.add_argument(
+        "--plot", type=new_file, help="also draw value against evaluations into this PNG"
+    )
     options = command.parse_args(arguments)
     budgets = tuple(sorted(set(options.evaluations)))
     tasks = [Task(m, p, budgets, options.seeds) for m in options.methods for p in options.problems]

@@ -1,6 +1,7 @@
 """Which images a ranking puts first, and the summary of the scores of networks trained on them."""
 
 import numpy as np
+import pytest
 
 from benchmarks import next_labels
 from benchmarks.next_labels import (
@@ -8,6 +9,7 @@ from benchmarks.next_labels import (
     RANKINGS,
     first_choices,
     k_centre,
+    main,
     pooled,
     ranked,
     summary,
@@ -82,3 +84,10 @@ def test_choices_of_first_images_are_compared_in_pairs():
         "labels": 7, "renders": 0, "spread": "32.0", "k-centre": "31.0", "gain": "-1.0 (-1.0 to -1.0)",
     }  # fmt: skip
     assert mixed["renders"] == 300 and mixed["gain"] == "+2.0 (+2.0 to +2.0)"
+
+
+@pytest.mark.parametrize("first", [[], ["--first", "2"]])
+def test_a_wrong_folder_is_one_line_and_exit_code_2(tmp_path, capsys, first):
+    assert main([str(tmp_path / "none"), *first]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert str(tmp_path / "none") in line

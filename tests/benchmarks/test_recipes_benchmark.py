@@ -6,7 +6,8 @@ import sys
 import numpy as np
 import pytest
 
-from benchmarks.recipes import NETWORKS, gain_rows, main, settings_of
+from benchmarks.outlines import Recipe, _digest
+from benchmarks.recipes import NETWORKS, gain_rows, key, main, settings_of
 from seg.recipes import RECIPES
 
 
@@ -15,6 +16,16 @@ def test_a_recipe_is_one_of_ours_with_changes():
     changed = settings_of("lite0-frozen:heads=2,jaccard=0.5,last_share=None,average_mirror=True")
     assert (changed.heads, changed.jaccard, changed.last_share) == (2, 0.5, None)
     assert changed.average_mirror and changed.steps == RECIPES["lite0-frozen"].steps
+
+
+def test_a_network_depends_on_the_images_and_on_how_many_are_tested(camvid):
+    recipe, settings = Recipe(str(camvid), "camvid", "0006R0"), settings_of("compact")
+    keys = [key(recipe, settings, "all", 0, tested) for tested in (2, 3)]
+    label = camvid / "trainannot" / "0001TP_1.png"
+    label.write_bytes((camvid / "valannot" / "0016E5_0.png").read_bytes())
+    _digest.cache_clear()
+    keys.append(key(recipe, settings, "all", 0, 3))
+    assert len({json.dumps(one) for one in keys}) == 3
 
 
 def test_gains_are_paired_by_seed():

@@ -138,3 +138,9 @@ def test_one_process_has_all_problems_of_a_method_that_compiles() -> None:
     assert batch_tasks == [
         [("tpe", "smooth")], [("tpe", "ridge")], [("sdr", "smooth"), ("sdr", "ridge")],
     ]  # fmt: skip
+
+
+def test_a_plot_that_cannot_be_written_is_refused_first(capsys):
+    with pytest.raises(SystemExit, match=r"^2$"):
+        main(["--plot", "/no/such/folder/x.png"])
+    assert "must be a file in an existing folder" in capsys.readouterr().err
