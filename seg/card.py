@@ -46,7 +46,8 @@ def card(config: Mapping[str, Any]) -> str:
     trained = plain_text(notes.get("trained_on", "images that its notes do not name"))
     if "labelled_images" in notes:
         renders = " and renders" if "+" in trained else ""
-        trained = f"{plain_text(notes['labelled_images'])} labelled images{renders}"
+        count = notes["labelled_images"]
+        trained = f"{plain_text(count)} labelled image{'s' * (count != 1)}{renders}"
     version = plain_text(config["versions"].get("sdr-jax", "?"))
     lines = [
         f"# {plain_text(title)}",

@@ -118,6 +118,11 @@ def train_many(
     for number, images in enumerate(sets):
         try:
             whole = images if isinstance(images, TrainingSet) else TrainingSet((images,))
+            if len(whole.parts) != len(whole.shares) or len(whole.parts) > 2:
+                raise ValueError(
+                    f"a training set has one or two parts, with a share for each; got {len(whole.parts)} "
+                    f"and {len(whole.shares)}"
+                )
             if len(whole.parts) > 1:
                 whole = training_set(whole.parts[0], whole.parts[1], whole.shares[1])
             prepared.append(prepare(whole, settings, classes, statistics, cache=cache))

@@ -169,7 +169,7 @@ class Model:
             Indices of `classes`, u8[n, h, w], or a list of u8[h, w] for a list.
 
         Raises:
-            ValueError: an image is not RGB bytes, or has no pixel.
+            ValueError: an image is not RGB bytes, or has no pixel, or the array has no images.
             WeightsError: the frozen backbone's weights cannot be used.
         """
         places = range(len(self.classes)) if among is None else among
@@ -202,6 +202,8 @@ class Model:
         self, images: Any
     ) -> Iterator[tuple[Float32[np.ndarray, "rows cols classes"], tuple[int, int]]]:
         """Scores of the part that shows the image, at the model's size, and the image's own size."""
+        if isinstance(images, np.ndarray) and not len(images):
+            raise ValueError(f"expected images u8[n, h, w, 3], n > 0; got {list(images.shape)}")
         for image in images:
             if image.ndim != 3 or image.shape[-1] != 3 or image.dtype != np.uint8 or not image.size:
                 raise ValueError(
@@ -224,7 +226,8 @@ class Model:
         """Paint a prediction in the format of label files.
 
         Args:
-            labels: from `predict`; 255 for ignored pixels, black in colours.
+            labels: from `predict`; 255 for ignored pixels, which become 255, or the least id without a class
+                if 255 has one, and black in colours.
             how: the format; by default that of the label files of the model's data.
             image: the segmented image, for overlays.
 
@@ -233,8 +236,9 @@ class Model:
         """
         how = how or self.written
         if how == "ids":
-            ids = np.array([label_class.id for label_class in self.classes])
-            table = np.full(256, IGNORE_LABEL, np.uint16 if ids.max() > 255 else np.uint8)
+            ids = [label_class.id for label_class in self.classes]
+            ignored = next(id for id in (IGNORE_LABEL, *range(256)) if id not in ids)
+            table = np.full(256, ignored, np.uint16 if max(ids) > 255 else np.uint8)
             table[: len(ids)] = ids
             return table[labels]
         colours = colorize(labels, [label_class.color for label_class in self.classes])
@@ -500,5 +504,7 @@ def _highest(scores: np.ndarray, size: tuple[int, int], places: Sequence[int]) -
 
 def _softmax(scores: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     planes = np.stack([_plane(scores, k, size) for k in range(scores.shape[-1])], axis=-1)
-    planes = np.exp(planes - planes.max(axis=-1, keepdims=True))
-    return planes / planes.sum(axis=-1, keepdims=True)
+    planes -= planes.max(axis=-1, keepdims=True)
+    np.exp(planes, out=planes)
+    planes /= planes.sum(axis=-1, keepdims=True)
+    return planes

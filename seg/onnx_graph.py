@@ -8,6 +8,7 @@ becomes a Conv, not a sum of shifted copies.
 import json
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import jax
@@ -60,16 +61,12 @@ def onnx_bytes(model: Model) -> bytes:
     Raises:
         ModelError: the package onnx is not installed, or the network has an operation that cannot be written.
     """
-    if model.settings.dtype != "float32":
-        raise ModelError(
-            f"a network of {model.settings.dtype} cannot be written as ONNX, since few runtimes "
-            "compute in it; train one of float32"
-        )
+    settings = replace(model.settings, dtype="float32")  # few runtimes compute in bfloat16
     onnx = onnx_package()
     shape, classes = (1, *model.size, 3), len(model.classes)
 
     def logits_of(image: jax.Array) -> jax.Array:
-        return apply(model.variables, image, model.settings, classes)
+        return apply(model.variables, image, settings, classes)
 
     traced = jax.make_jaxpr(logits_of)(jax.ShapeDtypeStruct(shape, np.uint8))
     graph = Graph()

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from common.command import Arguments, exit_code, say
-from common.errors import UserError, refuse_repeats
+from common.errors import UserError, counted, refuse_repeats
 from common.files import check_file, file_digest, write, write_json
 from common.labels.listing import split_names
 from common.labels.target_file import TargetFile, find_target
@@ -284,14 +284,14 @@ def text(scores: dict[str, Any]) -> str:
         if value is not None:
             lines.append(f"{name:16s} {value:6.2f} {edge:8.2f}")
     lines += [
-        f"{group}: {score['miou']:.2f} on {score['images']} images"
+        f"{group}: {score['miou']:.2f} on {counted(score['images'], 'image')}"
         for group, score in scores["groups"].items()
         if score["miou"] is not None and len(scores["groups"]) <= 12
     ]
     if scores["trained_on"]:
         lines.append(
-            f"The model was trained on {scores['trained_on']} of these {scores['images']} images, so these "
-            "scores are higher than for new images."
+            f"The model was trained on {scores['trained_on']} of these "
+            f"{counted(scores['images'], 'image')}, so these scores are higher than for new images."
         )
     return "\n".join(lines)
 
@@ -307,7 +307,7 @@ def main(arguments: Arguments = None) -> int:
         target = find_target(options.target, options.data)
         data = labelled(target, options.data, options.split, options.group)
         scores = evaluate(model, data, options.pictures, progress=True)
-        say(f"split {', '.join(data.splits)}: {scores['images']} images\n{text(scores)}")
+        say(f"split {', '.join(data.splits)}: {counted(scores['images'], 'image')}\n{text(scores)}")
         if options.json is not None:
             about = {"target": target.name, "data": str(options.data), "splits": data.splits}
             write_json(options.json, {**about, **scores})

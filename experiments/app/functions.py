@@ -22,7 +22,7 @@ from experiments.app.fit.config import config_of
 from experiments.app.report import fit_table, summary
 from experiments.app.report.fit_table import MODEL
 from experiments.app.report.folder import NAME
-from experiments.config import MainConfig, Preset, TargetName
+from experiments.config import MainConfig, Preset, TargetName, check
 from experiments.config.cli import configured
 from experiments.config.jobs import JOBS
 from experiments.config.parsers import Fit
@@ -37,7 +37,6 @@ from experiments.targets.named import named_target
 from scene.held import hold
 from scene.proposal import NAMES, Streets, read_streets, streets_in
 from seg.model import Model, load_model
-from seg.recipes import with_steps
 
 PATHS = ("init", "store", "weights")
 """Options of `fit` that are files or folders."""
@@ -161,18 +160,13 @@ def fit(
 
     Raises:
         UserError, DataError: the data or an argument cannot be used; the message names it.
-        TypeError: the command has no such flag.
+        TypeError: the command has no such flag, or it is an argument here.
         WorkerError: worker processes keep dying.
     """
     paths = {name: Path(options[name]) for name in PATHS if options.get(name) is not None}
-    flags = {**options, **paths, "data": Path(data), "out": Path(out), "no_mirror": not mirror}
-    config = config_of(Fit(**flags), say)
-    final = config.final
-    if steps is not None:
-        final = replace(final, train=with_steps(final.train, steps))
-    if streets is not None:
-        final = replace(final, streets=streets)
-    return Fitted(config.out, fit_job.fit(replace(config, final=final)))
+    flags = Fit(**options | paths, data=Path(data), out=Path(out), no_mirror=not mirror)
+    config = config_of(flags, say, streets=streets, steps=steps)
+    return Fitted(config.out, fit_job.fit(config))
 
 
 def search(
@@ -188,7 +182,7 @@ def search(
     Args:
         target: ``twin``, ``cityscapes``, ``camvid`` or ``labelmefacade``.
         data: folder of the target's images; none for the twin.
-        out: folder of the run; by default ``runs/TARGET-PRESET``.
+        out: folder of the run; by default ``runs/TARGET-PRESET``, with cityscapes for the twin.
         preset: ``smoke``, ``quick`` or ``paper``.
         options: flags of the command with underscores, such as ``holdout="0006R0"``, ``space="extended"`` or
             ``seeds=5``; those with a dot as a dictionary, such as ``search={"updates_per_group": 4}``.
@@ -235,6 +229,7 @@ def reward(
     """
     set_up_process()
     config = _main_config(target, data, preset, options)
+    check(config)
     if str(streets) in NAMES:
         streets = config.streets(str(streets))
     elif isinstance(streets, str | Path):
@@ -271,9 +266,15 @@ def _main_config(
     if command not in commands:
         raise UserError(f"target must be one of twin, {', '.join(commands)}, not {target!r}")
     flags = {"preset": preset, **_flat(options)}
+    if "fix" in flags:
+        flags["fix"] = tuple(flags["fix"])  # configurations are hashed
     if data is not None:
         flags["data"] = Path(data)
-    return cast(MainConfig, configured(command, flags))
+    config = cast(MainConfig, configured(command, flags))
+    if config.target != target:  # the command takes the twin without data
+        needs = "takes no data" if target == "twin" else "needs its folder, data="
+        raise UserError(f"target {target!r} {needs}")
+    return config
 
 
 def _flat(options: dict[str, Any], prefix: str = "") -> dict[str, Any]:

@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from common.command import Arguments, exit_code, say
-from common.errors import UserError
+from common.errors import UserError, counted
 from common.files import write
 from common.folder import opened
 from common.progress import Progress
@@ -138,7 +138,9 @@ def _write(
         names = (frame.name for frame in new)
         scores.add(dict(zip(names, uncertainties, strict=True)))
     else:
-        predictions = model.probabilities(images) if probabilities else model.predict(images)
+        # The probabilities of a batch of photographs would not fit into memory.
+        by_image = (model.probabilities([image])[0] for image in images)
+        predictions = by_image if probabilities else model.predict(images)
     for frame, labels in zip(new, predictions, strict=True):
         path = _label(out, frame.name)
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -166,7 +168,9 @@ def main(arguments: Arguments = None) -> int:
             progress=True,
         )
         how = "ids" if options.rank else options.how or model.written
-        say(f"{options.out}: labels of {done} images as {how}; classes: {', '.join(model.names)}")
+        say(
+            f"{options.out}: labels of {counted(done, 'image')} as {how}; classes: {', '.join(model.names)}"
+        )
 
         if options.rank:
             count, files = min(options.first, done), f"{CVAT} and {STUDIO}"

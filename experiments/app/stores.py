@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from common.command import Arguments, exit_code, say
-from common.errors import UserError
+from common.errors import UserError, counted
 from common.files import check_file
 from experiments.config import RewardKind, parsers
 from experiments.evaluation.job import REWARD_NAMES, in_words
@@ -42,13 +42,15 @@ def merge(paths: Sequence[Path], out: Path) -> str:
     entries = merged(entry for path in paths for entry in read(path).values())
     records = [record for record, _ in entries.values()]
     write_store(out, records)
-    return "\n".join(filter(None, (f"{out}: {len(records)} evaluations", makers_in_words(records))))
+    return "\n".join(
+        filter(None, (f"{out}: {counted(len(records), 'evaluation')}", makers_in_words(records)))
+    )
 
 
 def table(path: Path) -> str:
     """The contents of a store or a run folder, one line per configuration."""
     records = [record for record, _ in read(path).values()]
-    lines = [f"{path}: {len(records)} evaluations"]
+    lines = [f"{path}: {counted(len(records), 'evaluation')}"]
     for config, evaluations in kinds_of(records).items():
         first = evaluations[0]
         about = [str(first.get(name, "?")) for name in ("target", "side", "size", "images")]
@@ -60,9 +62,8 @@ def table(path: Path) -> str:
             best, mean = (in_words(score, v) for v in (max(rewards), float(np.mean(rewards))))
             best_and_mean = f" | {REWARD_NAMES[score]} best {best}, mean {mean}"
         count, failed = len(evaluations), len(evaluations) - len(rewards)
-        lines.append(
-            f"  {config}  {kind:36s} {count:6d} evaluations, {failed} failed{best_and_mean}"
-        )
+        made = f"{count:6d} evaluation{'s' * (count != 1)}"
+        lines.append(f"  {config}  {kind:36s} {made}, {failed} failed{best_and_mean}")
     if differences := makers_in_words(records):
         lines.append(f"  {differences}")
     return "\n".join(lines)

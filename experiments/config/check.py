@@ -44,7 +44,9 @@ def check(config: Config) -> None:
 
 def _check_target(config: Config) -> None:
     if config.twin == "far" and config.target != "twin":
-        raise UserError(f"--twin far needs --target twin, not {config.target}")
+        raise UserError(
+            f"--twin far is for the twin (sdr-jax cityscapes without --data), not {config.target}"
+        )
     _ = config.held  # refuses values outside an attribute's range
     with flagged("--assets", "--asset"):
         check_pool(config.pool, "--asset-")

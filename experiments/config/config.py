@@ -240,7 +240,8 @@ class LearntConfig(SearchConfig, Rederived):
     """More fields of a study of optimised streets."""
 
     learnt: Path | None = None
-    """Optimised streets of an earlier run (attributes.json); by default the search runs first."""
+    """Optimised streets of an earlier run (attributes.json); where they are needed without it, a search
+    runs first."""
 
 
 AnyConfig = TypeVar("AnyConfig", bound=Config)

@@ -17,7 +17,7 @@ from typing import Any, Generic, NamedTuple, TypeVar, cast
 
 from common import folder
 from common.command import say
-from common.errors import UserError
+from common.errors import UserError, counted
 from common.progress import Progress, Stage, duration
 from common.workers.executors import workers_of
 from common.workers.pool import Workers
@@ -226,8 +226,12 @@ def time_text(
     """The approximate time of a plan in words; arguments as of `plan_text`."""
     first = pace.start(start, workers, trainers)
     whole = duration(first + pace.wall(cost, workers, trainers))
-    kinds = "worker(s)" if trainers is None else f"renderer(s) and {trainers} trainer(s)"
-    return f"About {whole} on {workers} {kinds}, {duration(first)} of it to start and compile"
+    processes = (
+        counted(workers, "worker")
+        if trainers is None
+        else f"{counted(workers, 'renderer')} and {counted(trainers, 'trainer')}"
+    )
+    return f"About {whole} on {processes}, {duration(first)} of it to start and compile"
 
 
 def _measured(workers: Workers, kind: str, say: Callable[[str], None]) -> Pace:

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, NamedTuple
 
 from common.command import say
+from common.errors import counted
 from common.progress import duration
 from common.workers.pool import Workers
 from experiments import session
@@ -81,7 +82,9 @@ def do(study: Study[AnyConfig], config: AnyConfig) -> Report:
         share = run.workers.cpu_share()
         run.progress.say(study.form.text(report))
         if share is not None:
-            run.progress.say(f"Busy: {100 * share:.0f} % of {max(config.workers, 1)} core(s)")
+            run.progress.say(
+                f"Busy: {100 * share:.0f} % of {counted(max(config.workers, 1), 'core')}"
+            )
         note = "" if run.target.real else f" (the {run.target.name}, not real data)"
         file = config.out / f"{study.form.name}.json"
         run.progress.say(f"Done in {duration(run.progress.elapsed)}{note}: {file}")

@@ -185,7 +185,7 @@ def cut(
         )
         raise UserError(
             f"{data}: {len(different)} labelled image{copies}; a network needs another to be tested on: "
-            "label one more"
+            "label one more, or use more than --few 1"
         )
     if len(by_group) == 1:
         stretches = np.array_split(different, min(FOLDS, len(different)))

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from common.errors import UserError
+from common.errors import UserError, counted
 from common.progress import duration
 from experiments.config.config import FitPreset
 
@@ -39,9 +39,8 @@ class Choice(NamedTuple):
 
     def text(self, workers: int) -> str:
         """Describe size and time in one line."""
-        chosen = (
-            f"Images of {words(self.size)}, about {duration(self.seconds)} on {workers} worker(s)"
-        )
+        time = f"about {duration(self.seconds)} on {counted(workers, 'worker')}"
+        chosen = f"Images of {words(self.size)}, {time}"
         if math.prod(self.size) <= math.prod(self.smallest):
             return chosen
         return f"{chosen}; {words(self.smallest)} would take {duration(self.smallest_seconds)}"

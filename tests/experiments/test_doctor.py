@@ -428,7 +428,11 @@ def test_what_cannot_be_looked_at_is_refused_in_one_line(doctor, tmp_path, stree
         ((tmp_path / "alone",), "alone --out labels"),
         ((taken,), "taken.yaml: not a folder; expected one with images and labels"),
         ((streets, "--write", empty), "empty is a folder; name a file"),
-        ((streets, "--write", taken), "taken.yaml exists; remove it, or name another file"),
+        (
+            (streets, "--write", taken),
+            "taken.yaml exists; run doctor without --write to check it, or",
+        ),
+        ((streets, "--out", taken), "taken.yaml is a file; it must be a folder"),
         ((streets, "--write", tmp_path / "no" / "t.yaml"), "t.yaml: no folder"),
         ((streets, "--target", "kity"), "--target kity: no such file"),
         (

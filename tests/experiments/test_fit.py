@@ -144,7 +144,7 @@ def test_copies_stay_in_one_fold_and_are_counted(tmp_path: Path) -> None:
 
 
 def test_a_single_image_cannot_be_tested_on() -> None:
-    with pytest.raises(UserError, match=r"data: 1 labelled image; .*label one more"):
+    with pytest.raises(UserError, match=r"data: 1 labelled image; .*label one more, or use"):
         cut(["a"], Path("data"))
 
 
@@ -165,7 +165,7 @@ def test_the_largest_size_that_the_minutes_and_the_memory_allow() -> None:
     whole = choose(shape, "quick", seconds, minutes=14.4)  # 480 x 360 / 200 = 864 seconds
     assert whole.size == (480, 360)
     assert choose(shape, "quick", seconds, minutes=3.52).size == (240, 176)
-    times = "about 14 min on 2 worker(s); 240x176 would take 4 min"
+    times = "about 14 min on 2 workers; 240x176 would take 4 min"
     assert whole.text(2) == f"Images of 480x360, {times}"
     with pytest.raises(UserError, match=r"^--minutes 3\.5 .* 240x176, .* takes 3\.6 minutes here"):
         choose(shape, "quick", seconds, minutes=3.5)
@@ -176,9 +176,7 @@ def test_the_largest_size_that_the_minutes_and_the_memory_allow() -> None:
     assert choose(shape, "quick", seconds, lambda size: False).size == (240, 176)
     # A size that is decided stays, and so do small photographs.
     assert choose(shape, "quick", seconds, size=(640, 480), minutes=0.1).seconds == 1536
-    assert (
-        choose((120, 80), "quick", seconds).text(1) == "Images of 120x80, about 48 s on 1 worker(s)"
-    )
+    assert choose((120, 80), "quick", seconds).text(1) == "Images of 120x80, about 48 s on 1 worker"
     assert choose(shape, "smoke", lambda size: 1e6).size == (64, 48)
 
 
@@ -216,9 +214,11 @@ def test_fit_takes_the_size_that_this_machine_can_and_a_run_keeps_its_own(
     fast = config_of(large, tmp_path / "run", workers=2, say=said.append)
     assert fast.final.size == fast.reward.size == "480x360"
     (line,) = said
-    assert re.fullmatch(
-        r"Images of 480x360, about .* on 2 worker\(s\); 240x176 would take .*", line
-    )
+    assert re.fullmatch(r"Images of 480x360, about .* on 2 workers; 240x176 would take .*", line)
+    flags = parsers.Fit(data=large, out=tmp_path / "run", workers=2)
+    longer = fit_config.config_of(flags, streets=4000, steps=10_000)
+    assert (longer.final.streets, longer.final.train.steps) == (4000, 10_000)
+    assert longer.final.width < 480  # the size is chosen for what is trained
     searching = config_of(large, tmp_path / "run", workers=2, search=True, size=(480, 360))
     assert (searching.reward.size, searching.final.size) == ("240x176", "480x360")
     # Twice as slow, it is a smaller size, unless the run in the folder has one, or minutes are allowed.
@@ -546,9 +546,11 @@ def test_a_gpu_takes_the_full_preset_and_a_cpu_takes_it_on_request(folder, tmp_p
     assert on_gpu.final.train == replace(train, dtype="bfloat16")
     assert (asked.final.streets, asked.few_share, len(asked.trainings)) == (800, 0.25, 3)
     assert asked.final.size == "64x48"  # the images' own
-    assert re.fullmatch(r"Images of 64x48, about .* on \d+ worker\(s\)", lines[-1])
+    assert re.fullmatch(r"Images of 64x48, about .* on \d+ workers?", lines[-1])
     assert configured((960, 720), "full").reward.size == "960x720"
     assert share_of(100, "full") == 0.25 and share_of(100) == 0.5
+    dinov2 = configured((64, 48), "full", "dinov2").final
+    assert (dinov2.train.trunk, dinov2.streets) == ("frozen", 800)
     again = config_of(folder, tmp_path / "run", preset="full", trunk="frozen")
     assert (again.final.train.trunk, again.final.train.heads) == ("frozen", 3)
 
@@ -658,7 +660,9 @@ def test_memory_counts_every_worker_and_both_copies_of_a_training_set(
         config_of(folder, tmp_path / "run", size=size, workers=4)
 
 
-def test_init_takes_the_width_of_the_model_and_names_what_differs(folder, tmp_path) -> None:
+def test_init_takes_the_width_of_the_model_and_names_what_differs(
+    folder, tmp_path, monkeypatch
+) -> None:
     classes = label_classes(find_target(None, folder).class_names)
     train = configured((64, 48), "smoke").final.train
     for changes, message in (
@@ -674,6 +678,12 @@ def test_init_takes_the_width_of_the_model_and_names_what_differs(folder, tmp_pa
             continue
         with pytest.raises(UserError, match=message):
             fit(config)
+    Model(train, jax.tree.map(lambda leaf: np.zeros(leaf.shape, leaf.dtype), outline(train, 5)),
+          (48, 64), classes).save(tmp_path / "model")  # fmt: skip
+    config = config_of(folder, tmp_path / "run", preset="smoke", init=tmp_path / "model")
+    monkeypatch.setattr(fit_job, "trunk_of", lambda settings: SimpleNamespace(source=id(settings)))
+    with pytest.raises(UserError, match="its head was trained on other weights of the backbone"):
+        fit(config)
 
 
 def test_smoke_nets_end_their_warm_up_before_they_end() -> None:

@@ -46,7 +46,7 @@ def test_a_reward_is_that_of_a_search_with_its_labels_checkpoints_and_statistics
         few=1,
         few_share=0.25,
         search={"checkpoints": 2},
-        fix=("field_of_view=90",),
+        fix=["field_of_view=90"],
         space="extended",
     )
     [(recipe, source, tested)] = evaluated
@@ -68,6 +68,11 @@ def test_a_reward_is_that_of_a_search_with_its_labels_checkpoints_and_statistics
     ({"target": "kitti"}, "target must be one of twin, cityscapes, camvid, labelmefacade"),
     ({"reward_image": 3}, "no option reward_image; did you mean reward_images"),
     ({"twin_seed": 1, "target": "camvid"}, "--twin-seed is for --target twin"),
+    ({"target": "cityscapes"}, "target 'cityscapes' needs its folder, data="),
+    ({"target": "twin", "data": "streets"}, "target 'twin' takes no data"),
+    ({"reward": {"streets": 0}}, "--reward.streets must be 1 or more, not 0"),
+    ({"reward": {"width": 33}}, "--reward.width and --reward.height must be multiples of 8"),
+    ({"reward": {"train": {"steps": 0}}}, "--reward.train.steps must be 1 or more"),
 ])  # fmt: skip
 def test_what_cannot_be_used_is_named(options, words):
     with pytest.raises(UserError, match=words):

@@ -104,7 +104,7 @@ def test_photographs_that_are_not_read_are_counted(folder, images, tmp_path, cap
     assert "cannot read 1 .heic" in error
 
 
-def test_colours_overlays_and_probabilities(model, images, tmp_path):
+def test_colours_overlays_and_probabilities(model, images, tmp_path, monkeypatch):
     image = read_image(images / "b.png")
     (labels,) = model.predict([image])
     colours = np.array([label.color for label in CLASSES])[labels]
@@ -114,6 +114,14 @@ def test_colours_overlays_and_probabilities(model, images, tmp_path):
     assert likely.shape == (20, 30, 2) and likely.dtype == np.float16
     (expected,) = model.probabilities([image])
     np.testing.assert_allclose(likely, expected, atol=1e-3)
+    counts, all_at_once = [], Model.probabilities
+    monkeypatch.setattr(
+        Model,
+        "probabilities",
+        lambda self, some: counts.append(len(some)) or all_at_once(self, some),
+    )
+    predict(model, images, tmp_path / "p", probabilities=True)
+    assert set(counts) == {1} and len(counts) > 1  # those of a batch may not fit into memory
     predict(model, images / "b.png", tmp_path / "o", "overlay")
     middle = (image.astype(float) + colours) / 2
     assert np.abs(pictures(tmp_path / "o")["b"] - middle).max() <= 0.5

@@ -340,9 +340,9 @@ def test_the_plan_tells_nets_seconds_and_time_and_what_nets_start_from(tmp_path)
     # 400 x (0.035 + 0.025) s of rendering, 42240 pixels x (800 views x 2.5e-7 s + 4000 in updates x 4.5e-8 s)
     assert "15 x   39.9  nets, 3 sets x 5 seeds (lite0, 240x176, 400 images, 1000 steps)" in text
     # (15 x 39.9 + 10 x 6) / 2 + 12 = 341 s, then (15 x (23.8 + 2 x 16.1) + 10 x 10) / 2 + 31 = 501 s
-    assert "About 6 min on 2 worker(s), 12 s of it to start and compile" in text
+    assert "About 6 min on 2 workers, 12 s of it to start and compile" in text
     text = plan_text(plan, 2, Pace(1.0, 2.0), Cost(5.0, 2.0))
-    assert "About 8 min on 2 worker(s), 31 s of it to start and compile" in text
+    assert "About 8 min on 2 workers, 31 s of it to start and compile" in text
     assert "10 x   10.0  b" in text
     path = tmp_path / "hed.npz"
     np.savez(path, normalisation="hed", source="VGG16, fine-tuned")
@@ -451,7 +451,7 @@ def test_separate_trainers_train_while_renderers_render(tmp_path):
     ]  # fmt: skip
     text = plan_text([Work("nets", 1, final, cost)], 2, pace, Cost(), 2)
     # max(320 / 2, 210 / 2) + 3 x 12 s of start
-    assert "About 3 min on 2 renderer(s) and 2 trainer(s), 36 s of it to start" in text
+    assert "About 3 min on 2 renderers and 2 trainers, 36 s of it to start" in text
 
 
 @pytest.mark.parametrize("trainers", [None, 1])

@@ -140,6 +140,9 @@ def test_labels_are_painted_as_label_files_have_them(compact):
     labels = np.array([[0, 1], [2, 255]], np.uint8)
     ids = compact.painted(labels)
     assert ids.dtype == np.uint16 and ids.tolist() == [[7, 300], [0, 255]]
+    mask = replace(compact, classes=label_classes("ab", ids=[0, 255]))
+    assert mask.painted(labels % 2).tolist() == [[0, 255], [0, 255]]
+    assert mask.painted(np.array([[0, 1, 255]], np.uint8)).tolist() == [[0, 255, 1]]  # not a class
     small = replace(compact, classes=label_classes("abc"), written="colours")
     assert small.painted(labels, "ids").dtype == np.uint8
     colours = small.painted(labels)
@@ -286,4 +289,7 @@ def test_models_that_make_no_sense(changes, message, compact):
     np.zeros((0, 4, 3), np.uint8),
 ])  # fmt: skip
 def test_what_is_no_image_is_refused(image, compact):
+    none = np.zeros((0, 8, 8, 3), np.uint8)
+    for method in (compact.predict, compact.probabilities):
+        refused(ValueError, r"n > 0; got \[0, 8, 8, 3\]", method, none)
     refused(ValueError, r"an image must be u8\[h, w, 3\]; got ", compact.predict, [image])

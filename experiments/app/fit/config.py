@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
-from common.bounds import POSITIVE, at_least, check_bounds
-from common.errors import UserError, flagged
+from common.bounds import POSITIVE, at_least, at_most, check_bounds
+from common.errors import UserError, counted, flagged
 from common.folder import read_config, refuse_file
 from common.labels.classes import NAMES
 from common.labels.listing import list_all
@@ -34,7 +34,7 @@ from scene.held import read_fixed
 from scene.render.protocol import MAX_PIXELS
 from seg.check import check_settings
 from seg.model import load_model
-from seg.recipes import RECIPES, with_heads, with_net
+from seg.recipes import RECIPES, with_heads, with_net, with_steps
 from seg.settings import FILELESS_NETS, Trunk, TrunkName
 from seg.weights import check as check_weights
 
@@ -63,7 +63,7 @@ class FitConfig(FewConfig):
     """Whether streets are optimised, too."""
     minutes: Annotated[float | None, POSITIVE] = None
     """The time limit by which the size was chosen."""
-    seeds: Annotated[int, at_least(1), NETS] = 3
+    seeds: Annotated[int, at_least(1), at_most(2**10), NETS] = 3
     """Networks of each row and fold; on a frozen backbone they are heads of one."""
     init: Path | None = None
     """Folder of a model from which the saved network starts."""
@@ -85,18 +85,27 @@ class FitConfig(FewConfig):
         return trainers_of(self.trainers, usable_gpus())
 
 
-def config_of(flags: parsers.Fit, say: Callable[[str], None] = lambda text: None) -> FitConfig:
+def config_of(
+    flags: parsers.Fit,
+    say: Callable[[str], None] = lambda text: None,
+    *,
+    streets: int | None = None,
+    steps: int | None = None,
+) -> FitConfig:
     """Make the configuration of a command line.
 
     Args:
         flags: the command line. Without a size, the run that its folder holds keeps its own.
         say: called with size and time, and before this machine's pace is measured.
+        streets: rendered streets; by default the preset's.
+        steps: training steps; by default the recipe's.
 
     Raises:
         UserError: there is no such target or folder, none of its classes is rendered, an image cannot be
             read, weights are of another network, an attribute cannot be held, or a size takes too much
             memory or time.
     """
+    check_bounds(flags, "--")
     data, out, size = flags.data, flags.out, flags.size
     refuse_file(out)
     read_fixed(flags.fix, SPACE)
@@ -129,7 +138,9 @@ def config_of(flags: parsers.Fit, say: Callable[[str], None] = lambda text: None
         base = configured(
             size, preset, flags.net, flags.trunk, weights, search=flags.search, seeds=flags.seeds
         )
-        train = replace(base.final.train, average_mirror=not flags.no_mirror)
+        final = base.final if streets is None else replace(base.final, streets=streets)
+        train = final.train if steps is None else with_steps(final.train, steps)
+        train = replace(train, average_mirror=not flags.no_mirror)
         if not usable_gpus():
             train = replace(train, dtype="float32")  # CPUs emulate bfloat16
         if head_width is not None and train.has_trunk:
@@ -137,7 +148,7 @@ def config_of(flags: parsers.Fit, say: Callable[[str], None] = lambda text: None
         same = ("data", "out", "shape", "few", "holdout", "minutes", "init", "store", "trainers")
         return replace(
             base,
-            final=replace(base.final, train=train),
+            final=replace(final, train=train),
             target=target_file.name,
             file=flags.target,
             few_share=share_of(len(parts.entries), preset),
@@ -257,10 +268,12 @@ def _refuse_large(config: FitConfig, labelled: int) -> None:
     if need > memory():
         scale = math.sqrt(memory() / need)
         width, height = (int(scale * side / UNIT) * UNIT for side in (final.width, final.height))
-        fewer = ", or fewer --workers" if workers > 1 else ""
+        ways = [f"--size {width}x{height} or less"] if min(width, height) >= SMALLEST else []
+        ways += ["fewer --workers"] if workers > 1 else []
+        way = " or ".join(ways)
         raise UserError(
-            f"--size {final.size} would take {in_words(need)} of memory to train networks in {workers} "
-            f"worker(s), and there are {in_words(memory())}: use --size {width}x{height} or less{fewer}"
+            f"--size {final.size} would take {in_words(need)} of memory to train networks in "
+            f"{counted(workers, 'worker')}, and there are {in_words(memory())}{way and f': use {way}'}"
         )
 
 
@@ -281,7 +294,7 @@ def configured(
     """
     full = preset == "full"
     others = "quick" if preset == "full" else preset  # decides what is not changed below
-    trunk = trunk or ("tuned" if full else "frozen")
+    trunk = trunk or ("tuned" if full and net != "dinov2" else "frozen")
     base = in_space(defaults(FitConfig, "camvid", others), SPACE)
     reward_size = suitable_size(*size, AREAS[others][0]) if search else size
 

@@ -36,6 +36,7 @@ from seg.errors import ModelError
 from seg.inference import heads_of, stacked
 from seg.mixing import TrainingSet
 from seg.model import SEEN, Model, classes_of, load_model, refuse_others
+from seg.nets.trunks import trunk_of
 from seg.step import Params
 
 RANKED_BY: Row = "labels+renders"
@@ -93,6 +94,10 @@ def _initial_variables(config: FitConfig, model: Model, target: Target) -> Param
     ):
         if expected != actual:
             raise UserError(f"--init {config.init}: a model with {flag} {actual}, not {expected}")
+    if train.frozen and trunk_of(train).source != trunk_of(model.settings).source:
+        raise UserError(
+            f"--init {config.init}: its head was trained on other weights of the backbone; give its --weights"
+        )
     heads = heads_of(model.variables, model.settings.heads)
     return stacked([heads[k % len(heads)] for k in range(train.heads)])
 

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from common.errors import counted
 from common.interrupt import PROGRAM
 from common.progress import duration
 from experiments.tables.form import (
@@ -89,7 +90,7 @@ def _estimate(values: np.ndarray) -> Report:
 def verdict(gain: Mapping[str, Any], labels: int) -> str:
     """A sentence on the gain from renders."""
     mean, ci95 = gain["mean"], gain["ci95"]
-    your_labels = f"your {labels} labels"
+    your_labels = f"your {counted(labels, 'label')}"
     if mean is None:
         return "Training failed for some networks, so the gain from renders is unknown."
     if ci95 is None:
