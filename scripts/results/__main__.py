@@ -1,8 +1,8 @@
 """Make every recorded result and their page from one commit: `make results`.
 
-    python -m scripts.results --data CAMVID --facades LABELMEFACADE --docs docs   # forty hours of a core
+    python -m scripts.results --data CAMVID --facades LABELMEFACADE --docs docs
     python -m scripts.results --data CAMVID --only fit-camvid-0006R0 --docs docs
-    python -m scripts.results --data CAMVID --preset smoke                        # tiny: a trial run
+    python -m scripts.results --data CAMVID --preset smoke      # tiny: a trial run
 
 Each part is a command with its own folder; those on which most claims rest come first. All share a store, so
 that nothing is evaluated twice. Parts without their data are left out. The core time that is planned comes
