@@ -363,8 +363,10 @@ def test_a_gain_over_tested_images_by_hand():
     ours, theirs = np.array([good] * 15), np.array([good] * 5 + [bad] * 10)
     estimate = over_units(ours, theirs)
     assert estimate.value == pytest.approx(100 * (1 - (80 / 120 + 120 / 160) / 2))
-    low, high = estimate.ci95
-    assert 10 < low < estimate.value < high < 42  # of no image with a mistake, or of all
+    # Without one of the five good images, and without one of the ten bad ones.
+    without = [1 - (72 / 112 + 112 / 152) / 2] * 5 + [1 - (76 / 112 + 112 / 148) / 2] * 10
+    half = 100 * 2.14479 * np.sqrt(14 * np.var(without))  # Student's t of 14 degrees of freedom
+    assert estimate.ci95 == pytest.approx([estimate.value - half, estimate.value + half], rel=1e-4)
     assert over_units(ours, ours) == (0.0, [0.0, 0.0])
     few = over_units(ours[:13], theirs[:13])
     assert few.value > 0 and few.ci95 is None

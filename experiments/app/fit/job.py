@@ -149,7 +149,7 @@ def scores(run: Session[FitConfig], data: Prepared) -> Report:
     report = {**facts, "nets": networks}
     if config.final.train.heads > 1:
         report["averaged"] = averaged
-        report["over_images"] = _bootstrap_gains(folds, jobs, data.parts)
+        report["over_images"] = _gains_over_images(folds, jobs, data.parts)
     model.save(derive(report), finished=all(are_tested))
     seconds = {"streets": streets.seconds(FORM), "total": round(run.progress.elapsed, 1)}
     streets.remove_files()
@@ -212,12 +212,12 @@ def with_labels(
     return TrainingSet((renders, labels), (1 - config.few_share, config.few_share))
 
 
-def _bootstrap_gains(
+def _gains_over_images(
     folds: Sequence[Session[FitConfig]], jobs: Sequence[Sequence[Job]], parts: Parts
 ) -> dict[Row, Report]:
-    """The gain of the first network of each row over labels alone, with its bootstrap over test images.
+    """The gain of the first network of each row over labels alone, with its interval over test images.
 
-    Images of a group are resampled together if there are at least `UNITS` groups, otherwise one by one. The
+    Images of a group are left out together if there are at least `UNITS` groups, otherwise one by one. The
     result is empty where some image's confusion matrix is missing, such as if evaluations come from a store.
     """
     seed = folds[0].config.trainings[0]

@@ -177,7 +177,7 @@ def _over_images(report: Report) -> list[str]:
         return []
     low, high = gain["ci95"]
     return [
-        f"For the averaged network, renders add {gain['value']:.1f} points; 95 % bootstrap interval over "
+        f"For the averaged network, renders add {gain['value']:.1f} points; 95 % interval over "
         f"{gain['units']}: {low:.1f} to {high:.1f}."
     ]
 
