@@ -15,7 +15,7 @@ from typing import Any
 from common.files import read_json
 from experiments.studies.search_columns import thirds
 from experiments.tables.form import Report, interval, markdown, number, words
-from experiments.tables.stats import estimated, mean
+from experiments.tables.stats import estimated, mean, welch
 from scripts.results.parts import HOLDOUT
 
 RECORDS = "parts.json"
@@ -78,6 +78,16 @@ class Claims:
         if low > 0:
             return "better than"
         return "worse than" if high < 0 else "within noise of"
+
+    def lead(self, method: str, over: str) -> str:
+        """Write how much better streets of one of the paper's methods are, with Welch's test over searches."""
+        ours, theirs = (
+            [search["learnt"] for search in self.reports[f"paper-{name}"]["searches"]
+             if search["method"] == name]
+            for name in (method, over)
+        )  # fmt: skip
+        test = welch(ours, theirs)
+        return "" if test is None else f"{test.difference:+.1f} (p = {test.p_value:.2f})"
 
     def rewards(self, report: str) -> tuple[str, str]:
         """Write the mean rewards of the first and of the last third of a report's searches."""

@@ -19,7 +19,7 @@ def test_a_recipe_is_one_of_ours_with_changes():
 
 
 def test_a_network_depends_on_the_images_and_on_how_many_are_tested(camvid):
-    recipe, settings = Recipe(str(camvid), "camvid", "0006R0"), settings_of("compact")
+    recipe, settings = Recipe(str(camvid), "camvid", "0006R0"), settings_of("lite0-heads")
     keys = [key(recipe, settings, "all", 0, tested) for tested in (2, 3)]
     label = camvid / "trainannot" / "0001TP_1.png"
     label.write_bytes((camvid / "valannot" / "0016E5_0.png").read_bytes())

@@ -432,7 +432,6 @@ def test_what_cannot_be_looked_at_is_refused_in_one_line(doctor, tmp_path, stree
             (streets, "--write", taken),
             "taken.yaml exists; run doctor without --write to check it, or",
         ),
-        ((streets, "--out", taken), "taken.yaml is a file; it must be a folder"),
         ((streets, "--write", tmp_path / "no" / "t.yaml"), "t.yaml: no folder"),
         ((streets, "--target", "kity"), "--target kity: no such file"),
         (
@@ -444,6 +443,10 @@ def test_what_cannot_be_looked_at_is_refused_in_one_line(doctor, tmp_path, stree
         code, _, err = doctor(*words)
         assert code == 2 and message in err and err.count("\n") == 1
     assert not (tmp_path / "out").exists()
+    (tmp_path / "out").touch()
+    code, out, err = doctor(streets, "--write", tmp_path / "new.yaml")
+    assert (code, out) == (2, "") and "out is a file; it must be a folder" in err
+    assert not (tmp_path / "new.yaml").exists()
     refuses("gone: no such folder", propose, tmp_path / "gone", error=UserError)
 
 

@@ -477,8 +477,8 @@ def test_show_counts_by_configuration(tmp_path, capsys):
     first, one, other, run, own = capsys.readouterr().out.splitlines()
     assert first.endswith("4 evaluations")
     assert "3 evaluations, 1 failed" in one and "mIoU best 30.0, mean 20.0" in one
-    assert "1 evaluations, 0 failed" in other and "best 50.0" in other
-    assert f"{log.parent}: 1 evaluations" in run and "best 10.0" in own
+    assert "1 evaluation, 0 failed" in other and "best 50.0" in other
+    assert run.endswith(f"{log.parent}: 1 evaluation") and "best 10.0" in own
 
 
 def test_show_tells_rewards_without_labels_as_they_are(tmp_path, capsys):

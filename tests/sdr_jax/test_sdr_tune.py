@@ -497,4 +497,4 @@ def test_without_process_groups_there_is_no_supervisor(runs, monkeypatch) -> Non
         lambda command, **options: started.append(command) or popen(command, **options),
     )
     runs.done()
-    assert len(started) >= 6 and not any("-S" in command for command in started)
+    assert len(started) >= 6 and not any(simulators.SUPERVISOR in command for command in started)

@@ -105,6 +105,7 @@ def config_of(
             read, weights are of another network, an attribute cannot be held, or a size takes too much
             memory or time.
     """
+    flags = replace(flags, fix=tuple(flags.fix))  # functions may give a list
     check_bounds(flags, "--")
     data, out, size = flags.data, flags.out, flags.size
     refuse_file(out)
@@ -152,7 +153,7 @@ def config_of(
             target=target_file.name,
             file=flags.target,
             few_share=share_of(len(parts.entries), preset),
-            fix=tuple(flags.fix),
+            fix=flags.fix,
             workers=base.workers if flags.workers is None else flags.workers,
             **{name: getattr(flags, name) for name in same},
         )
