@@ -80,7 +80,7 @@ class Claims:
         return "worse than" if high < 0 else "within noise of"
 
     def lead(self, method: str, over: str) -> str:
-        """Write how much better streets of one of the paper's methods are, with Welch's test over searches."""
+        """Write the lead of one of the paper's methods over another, with Welch's test over searches."""
         ours, theirs = (
             [search["learnt"] for search in self.reports[f"paper-{name}"]["searches"]
              if search["method"] == name]
