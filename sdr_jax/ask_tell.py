@@ -124,8 +124,9 @@ class AskTell:
 
         Args:
             id: id of a trial from `ask`.
-            reward: higher is better, from -1e15 to 1e15. None, NaN or an infinite value means that the
-                evaluation failed; it is recorded as failed, not as a low reward.
+            reward: higher is better, from -1e15 to 1e15; `sdr` learns nothing from differences far below
+                1e-6, where Adam's epsilon is larger than its gradients. None, NaN or an infinite value means
+                that the evaluation failed; it is recorded as failed, not as a low reward.
             notes: JSON values that the trial's record keeps.
 
         Raises:

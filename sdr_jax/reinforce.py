@@ -54,15 +54,11 @@ class Learner(NamedTuple):
     baseline: BaselineState
 
 
-EPSILON = 1e-16
-"""Adam's epsilon: below the gradients of scores that hardly differ, above those whose squares are 0."""
-
-
 def adam(learning_rate: float | optax.GradientTransformation) -> optax.GradientTransformation:
     """Make Adam with a learning rate, or return the transformation that stands in its place."""
     if isinstance(learning_rate, optax.GradientTransformation):
         return learning_rate
-    return optax.adam(learning_rate, eps=EPSILON)
+    return optax.adam(learning_rate)
 
 
 def init_learner(rule: Rule, params: PyTree[Array]) -> Learner:

@@ -234,7 +234,7 @@ def test_rewards_that_others_have_made_count(config, counted, tmp_path):
     (["--records", "large.jsonl"], "line 2 must hold a reward and 23 bins from 0 to 9"),
     (["--records", "few.jsonl"], "holds rewards of 2 proposals; a model needs 8 or more"),
     (["--records", "same.jsonl"], "all 10 rewards are equal"),
-    (["--records", "text.jsonl"], "text.jsonl: line 1 is not JSON"),
+    (["--records", "text.jsonl"], "text.jsonl is no store of evaluations"),
     (["--records", "deep.jsonl"], "deep.jsonl"),
     (["--records", "store.jsonl", "other.jsonl"], "hold the same evaluation with different values"),
     (["--records", "store.jsonl", "--target", "twin"], "no rewards of target twin in --space scenex, but"),

@@ -266,13 +266,3 @@ for trial in search.ask():
 print(search.updates, device == jax.devices()[0], jax.numpy.ones(1).devices() == {jax.devices()[1]})
 """
     assert printed(code, XLA_FLAGS="--xla_force_host_platform_device_count=2") == ["1 True True"]
-
-
-@pytest.mark.parametrize("scale", [1.0, 1e-9])
-def test_reinforce_learns_from_scores_of_any_scale(scale):
-    x = space(["x"], bins=4)
-    search = AskTell(x, sdr_jax.sdr(x, updates_per_group=30, hidden=4, learning_rate=0.1), n=8)
-    while trials := search.ask():
-        for trial in trials:
-            search.tell(trial.id, -scale * (float(trial.proposal.centre[0]) - 0.125) ** 2)
-    assert float(search.solution().centre[0]) == 0.125
