@@ -341,7 +341,8 @@ def test_a_net_of_the_table_needs_images_that_are_large_enough(error_line, out):
     (["--twin", "other"], ["--twin", "near", "far"]),
     (["--colour", "red"], ["--colour; did you mean --reward.train.colour"]),
     (["--sede", "1"], ["--sede; did you mean --seed?"]),
-    (["--target", "camvid"], ["no option --target: the command names the", "without --data is the twin"]),
+    (["--target", "camvid"], ["no option --target: the command names the target; there are", "camvid",
+                              "cityscapes without --data is the twin"]),
     (["--stat", "random"], ["no option --stat; did you mean --start?"]),
 ])  # fmt: skip
 def test_what_the_parser_refuses_has_exit_code_2(arguments, words, capsys):
