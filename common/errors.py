@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from difflib import get_close_matches
 
 
 class UserError(ValueError):
@@ -27,6 +28,13 @@ def printable_lines(text: str) -> str:
 def counted(count: int, noun: str) -> str:
     """A number with its noun: "1 image", "1,200 images"."""
     return f"{count:,} {noun}{'s' * (count != 1)}"
+
+
+def hint(word: object, names: Iterable[str]) -> str:
+    """Write "did you mean car?" for a word that resembles a name, otherwise list the names."""
+    names = list(names)
+    similar = get_close_matches(str(word), names, 1)
+    return f"did you mean {similar[0]}?" if similar else f"known: {', '.join(names)}"
 
 
 def refuse_repeats(flag: str, values: Sequence[object]) -> None:

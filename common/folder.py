@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -40,10 +41,14 @@ def read_config(path: Path) -> dict[str, Any]:
     return config
 
 
-def refuse_file(path: Path) -> None:
-    """Raise UserError if ``--out`` is a file; a folder, or nothing, may become the folder of a job."""
+def refuse_unwritable(path: Path) -> None:
+    """Raise UserError if ``--out`` is a file, or cannot be written; it need not exist yet."""
+    existing = next(p for p in (path.absolute(), *path.absolute().parents) if p.exists())
     if path.exists() and not path.is_dir():
         raise UserError(f"--out {path} is a file; it must be a folder")
+    if not existing.is_dir() or not os.access(existing, os.W_OK | os.X_OK):
+        why = "read-only" if existing.is_dir() else "a file"
+        raise UserError(f"--out {path} cannot be written ({existing} is {why}); choose another")
 
 
 def refuse_foreign(
@@ -57,7 +62,7 @@ def refuse_foreign(
         free: dotted names of values that may differ when a job is resumed.
         allowed: files that a folder may contain before its job, besides the lock.
     """
-    refuse_file(path)
+    refuse_unwritable(path)
     if not path.exists():
         return
     if not (path / CONFIG).exists():

@@ -10,12 +10,11 @@ the ranges are ours.
 from __future__ import annotations
 
 import math
-from difflib import get_close_matches
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from common.errors import UserError
+from common.errors import UserError, hint
 
 
 class Attribute(NamedTuple):
@@ -216,9 +215,7 @@ def unit_value(name: str, value: Any, space: SpaceName) -> float:
 def _unknown_attribute(name: str, space: SpaceName) -> str:
     if name in BY_NAME:
         return f"space {space} has no attribute {name}; space extended does"
-    similar = get_close_matches(name, BY_NAME, 1)
-    hint = f"did you mean {similar[0]}?" if similar else f"known: {', '.join(names(space))}"
-    return f"there is no attribute {name!r}; {hint}"
+    return f"there is no attribute {name!r}; {hint(name, names(space))}"
 
 
 def street_params(unit: np.ndarray) -> StreetParams:

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from common.errors import UserError
+from common.errors import UserError, hint
 from scene.assets import catalogue, own_class
 from scene.assets.catalogue import AssetPool, check_pool
 from scene.assets.families import FAMILIES
@@ -140,7 +139,7 @@ class LabelledStreet:
         """
         for name in passes:
             if name not in PASSES:
-                raise UserError(f"passes: {name!r} is unknown; known: {', '.join(PASSES)}")
+                raise UserError(f"passes: {name!r} is unknown; {hint(name, PASSES)}")
         try:
             settings = check_settings(RenderSettings(*size, samples=samples))
         except (TypeError, ValueError) as error:
@@ -170,9 +169,9 @@ class LabelledStreet:
         own_class = self.pool.own_class
         class_names = (*CLASS_NAMES, *([own_class.name] if own_class else []))
         if class_name not in class_names:
-            similar = get_close_matches(str(class_name), class_names, 1)
-            hint = f"did you mean {similar[0]}?" if similar else f"known: {', '.join(class_names)}"
-            raise UserError(f"class_name {class_name!r} is unknown; {hint}")
+            raise UserError(
+                f"class_name {class_name!r} is unknown; {hint(class_name, class_names)}"
+            )
         return class_names.index(class_name)
 
     def _table(self, frame: Frame) -> tuple[Instance, ...]:
@@ -215,7 +214,7 @@ def sample(
     if shots < 1:
         raise UserError(f"shots must be 1 or more, not {shots}")
     if space not in SPACES:
-        raise UserError(f"space {space!r} is unknown; known: {', '.join(SPACES)}")
+        raise UserError(f"space {space!r} is unknown; {hint(space, SPACES)}")
     unit = default_unit(space)
     for name, value in attributes.items():
         number = unit_value(name, value, space)  # refuses unknown names

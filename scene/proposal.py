@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from common.errors import UserError
+from common.errors import UserError, hint
 from common.files import read_json
 from scene import streams
 from scene.attributes import (
@@ -185,7 +185,7 @@ def streets_named(name: str, space: SpaceName, width: float = RELAXATION) -> Str
         ValueError: the name is unknown.
     """
     if name not in NAMES:
-        raise ValueError(f"unknown streets {name!r}; known: {', '.join(NAMES)}")
+        raise ValueError(f"unknown streets {name!r}; {hint(name, NAMES)}")
     if name != "mixed":
         return named(name, space, width)
     return mixture((0.5, 0.5), (default_proposal(width, space), random_proposal(space)))
@@ -249,7 +249,7 @@ def parse_streets(value: Any, where: str = "attributes") -> Streets:
         raise ValueError(NO_ATTRIBUTES)
     space = value.get("space")
     if space not in (None, *SPACES):
-        raise ValueError(f"unknown space {space!r}; known: {', '.join(SPACES)}")
+        raise ValueError(f"unknown space {space!r}; {hint(space, SPACES)}")
     missing: dict[str, None] = {}
     if "components" in value:
         streets = _mixed(value["components"], space, missing)
@@ -325,7 +325,7 @@ def _parsed(value: Any, space: SpaceName | None, missing: dict[str, None]) -> Co
     known_names = names(space or "extended")
     for name in value:
         if name not in known_names:
-            raise ValueError(f"unknown attribute {name!r}; known: {', '.join(known_names)}")
+            raise ValueError(f"unknown attribute {name!r}; {hint(name, known_names)}")
     expected_names = (
         names("scenex") if not space and set(value) <= set(names("scenex")) else known_names
     )

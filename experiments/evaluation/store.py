@@ -275,9 +275,9 @@ def _refuse_other_file(path: Path) -> None:
 def _check_header(path: Path, header: Record) -> None:
     file_format = header.get("store")
     if file_format != FORMAT:
-        earlier = isinstance(file_format, str) and file_format.startswith(FORMAT.rpartition(",")[0])
-        what = f"of an earlier version ({file_format!r})" if earlier else "no store of evaluations"
-        raise UserError(f"{path} is {what}, expected {FORMAT!r}; use another store")
+        raise UserError(
+            f"{path} is of another version ({file_format!r}), expected {FORMAT!r}; use another store"
+        )
     attributes = header.get("attributes")
     if attributes != list(NAMES):
         attributes = attributes if isinstance(attributes, list) else []

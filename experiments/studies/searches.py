@@ -20,7 +20,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from common.errors import UserError
+from common.errors import UserError, hint
 from experiments.attribute_search import plans
 from experiments.attribute_search.loop import Found, learn
 from experiments.attribute_search.plans import SearchPlan
@@ -67,7 +67,7 @@ def check(config: ManyConfig) -> None:
     attributes = names(config.space)
     for name in config.subset or ():
         if name not in attributes:
-            raise UserError(f"--subset: unknown attribute {name!r}; known: {', '.join(attributes)}")
+            raise UserError(f"--subset: unknown attribute {name!r}; {hint(name, attributes)}")
         if name in config.held:
             raise UserError(f"--subset: attribute {name} is held by --fix")
     for name, search_config in configure_all(config).items():

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from common.errors import hint
 from scene.assets import library, own_class
 from scene.assets.families import FAMILIES
 from scene.assets.own_class import OwnClass
@@ -68,11 +69,11 @@ MAX_COUNT = 1_000_000
 def refuse_unknown(pool: AssetPool, prefix: str = "asset ") -> None:
     """Raise ValueError for a field out of range, as `check_pool` does, but read no folder."""
     if pool.use not in USES:
-        raise ValueError(f"{prefix}use {pool.use!r} is unknown; known: {', '.join(USES)}")
+        raise ValueError(f"{prefix}use {pool.use!r} is unknown; {hint(pool.use, USES)}")
     if pool.overlap not in ("", *OVERLAPS):
-        raise ValueError(f"overlap {pool.overlap!r} is unknown; known: {', '.join(OVERLAPS)}")
+        raise ValueError(f"overlap {pool.overlap!r} is unknown; {hint(pool.overlap, OVERLAPS)}")
     if pool.weather not in ("", *WEATHERS):
-        raise ValueError(f"weather {pool.weather!r} is unknown; known: {', '.join(WEATHERS)}")
+        raise ValueError(f"weather {pool.weather!r} is unknown; {hint(pool.weather, WEATHERS)}")
     if not 0 < pool.fraction <= 1:
         raise ValueError(f"{prefix}fraction must lie in (0, 1], not {pool.fraction}")
     if pool.first < 0:
@@ -83,7 +84,7 @@ def refuse_unknown(pool: AssetPool, prefix: str = "asset ") -> None:
         raise ValueError(f"{prefix}count must be {MAX_COUNT:,} or less, not {pool.size}")
     for family in pool.without:
         if family not in FAMILIES:
-            raise ValueError(f"{prefix}without: no family {family!r}; known: {', '.join(FAMILIES)}")
+            raise ValueError(f"{prefix}without: no family {family!r}; {hint(family, FAMILIES)}")
 
 
 def check_pool(pool: AssetPool, prefix: str = "asset ") -> AssetPool:
@@ -231,7 +232,7 @@ def asset(family: str, ref: int | str) -> Asset:
     if family == own_class.FAMILY:
         return own_class.load(str(ref))
     if family not in FAMILIES:
-        raise ValueError(f"unknown asset family {family!r}; known: {', '.join(FAMILIES)}")
+        raise ValueError(f"unknown asset family {family!r}; {hint(family, FAMILIES)}")
     if isinstance(ref, str):
         return library.load(family, ref)
     if ref < 0:
@@ -281,7 +282,7 @@ def families_of(name: str) -> tuple[str, ...]:
     if not families and name not in FAMILIES:
         names = dict.fromkeys([CLASS_NAMES[row.train_id] for row in FAMILIES.values()])
         raise ValueError(
-            f"no assets of class {name!r}; known: {', '.join(names | dict.fromkeys(FAMILIES))}"
+            f"no assets of class {name!r}; {hint(name, names | dict.fromkeys(FAMILIES))}"
         )
     return families or (name,)
 

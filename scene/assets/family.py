@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from common.errors import hint
 from scene.classes import TrainId
 from scene.mesh.asset import Asset
 
@@ -73,8 +74,7 @@ class Family:
     def draw(self, rng: np.random.Generator, kind: str) -> Asset:
         """Draw an asset of one kind; raise ValueError with the known kinds for another."""
         if kind not in self.kinds:
-            kinds = ", ".join(self.kinds)
-            raise ValueError(f"unknown kind of {self.name} {kind!r}; known: {kinds}")
+            raise ValueError(f"unknown kind of {self.name} {kind!r}; {hint(kind, self.kinds)}")
         return self.build(self.sample(rng, kind))
 
     def base(self, kind: str) -> str:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from common.errors import UserError
+from common.errors import UserError, hint
 from scene.assets.library import LibraryError, path_of, refuse_changed, snapshot
 from scene.classes import check_class_name
 from scene.mesh.asset import Asset, translate
@@ -48,7 +48,7 @@ def check(own_class: OwnClass) -> None:
     check_class_name(own_class.name)
     if own_class.place not in PLACES:
         raise UserError(
-            f"own class: place {own_class.place!r} is unknown; known: {', '.join(PLACES)}"
+            f"own class: place {own_class.place!r} is unknown; {hint(own_class.place, PLACES)}"
         )
     if Path(own_class.file).suffix.lower() != SUFFIX or not Path(own_class.file).is_file():
         reason = f"is not a {SUFFIX} file" if Path(own_class.file).exists() else "does not exist"

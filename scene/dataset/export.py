@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from filelock import FileLock, Timeout
 
-from common.errors import UserError
+from common.errors import UserError, hint
 from common.files import read_json, write, write_json
 from common.folder import differences
 from common.labels.classes import Outline
@@ -110,7 +110,7 @@ def export_dataset(
     if not (len(units) - 1) * shots < images <= len(units) * shots:
         raise ValueError(f"{images} images do not fit {len(units)} streets with {shots} shots")
     if split not in SPLITS:
-        raise ValueError(f"unknown split {split!r}; known: {', '.join(SPLITS)}")
+        raise ValueError(f"unknown split {split!r}; {hint(split, SPLITS)}")
     layout(format).check()
     pool = check_pool(pool or AssetPool())
     target_record = None if target is None else target_entry(target)

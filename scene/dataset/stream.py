@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from common.errors import UserError
+from common.errors import UserError, hint
 from common.labels.classes import Outline
 from common.workers.pool import Workers, opened
 from scene.assets.catalogue import AssetPool, check_pool
@@ -107,7 +107,7 @@ def stream(
             raise ValueError(f"{name} must be 0 or more, not {value}")
     for name in passes:
         if name not in EXTRA:
-            raise UserError(f"passes: {name!r} is unknown; known: {', '.join(EXTRA)}")
+            raise UserError(f"passes: {name!r} is unknown; {hint(name, EXTRA)}")
     check_request(draw(distribution, seed, 1), shots, settings, renderer_name)
     pool = check_pool(pool or AssetPool())
     if target is None:

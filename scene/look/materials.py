@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from common.errors import hint
 from scene.look.patterns import LANE_TILE, PATTERNS
 from scene.streams import table_row
 
@@ -81,7 +82,7 @@ MATERIAL_ID: dict[str, int] = {m.name: i for i, m in enumerate(MATERIALS)}
 def material_id(name: str) -> int:
     """Index of a material; raises ValueError naming the known ones."""
     if name not in MATERIAL_ID:
-        raise ValueError(f"unknown material {name!r}; known: {', '.join(MATERIAL_ID)}")
+        raise ValueError(f"unknown material {name!r}; {hint(name, MATERIAL_ID)}")
     return MATERIAL_ID[name]
 
 

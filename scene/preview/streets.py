@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from common.errors import hint
 from scene.attributes import BY_NAME, NAMES, default_unit, street_params
 from scene.dataset.render import render_street
 from scene.preview.layout import Studio, captioned, grid, stack, tile
@@ -31,7 +32,7 @@ def sweep(name: str, steps: int, seed: int, studio: Studio) -> np.ndarray:
         ValueError: unknown attribute.
     """
     if name not in BY_NAME:
-        raise ValueError(f"unknown attribute {name!r}; known: {', '.join(BY_NAME)}")
+        raise ValueError(f"unknown attribute {name!r}; {hint(name, BY_NAME)}")
     row, where = BY_NAME[name], list(BY_NAME).index(name)
     images = []
     for k, share in enumerate(np.linspace(0, 1, steps)):

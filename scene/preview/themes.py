@@ -7,6 +7,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from common.errors import hint
 from scene.attributes import BY_NAME, street_params
 from scene.dataset.render import street_seed
 from scene.preview.layout import Studio, captioned, grid, stack
@@ -59,7 +60,7 @@ def theme_page(name: str, streets: int, seed: int, studios: list[Studio]) -> np.
         ValueError: unknown theme.
     """
     if name not in THEMES:
-        raise ValueError(f"unknown theme {name!r}; known: {', '.join(THEMES)}")
+        raise ValueError(f"unknown theme {name!r}; {hint(name, THEMES)}")
     theme, rows = THEMES[name], []
     seed += list(THEMES).index(name)  # different streets for each theme
     mix = MIX._replace(**theme.mix)

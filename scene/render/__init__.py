@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from common.errors import hint
 from scene.names import RENDERERS
 from scene.render.memory import keep_freed_memory
 from scene.render.protocol import Frame, Renderer, RendererError, RenderSettings, check_settings
@@ -33,4 +34,4 @@ def renderer(name: str) -> Renderer:
         from scene.render.opengl.renderer import OpenGLRenderer
 
         return OpenGLRenderer()
-    raise ValueError(f"unknown renderer {name!r}; known: {', '.join(RENDERERS)}")
+    raise ValueError(f"unknown renderer {name!r}; {hint(name, RENDERERS)}")

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
-from common.errors import UserError
+from common.errors import UserError, hint
 from common.files import read_bytes
 from common.memory import refuse_larger
 from sdr_jax.registry import METHODS, options_of
@@ -223,7 +223,7 @@ def _check(reader: _Reader, settings: Settings) -> None:
         raise reader.refuse("timeout_seconds", f"{settings.timeout_seconds:g}", "be above 0")
     if settings.method not in METHODS:
         raise UserError(
-            f"{reader.at('method')} {settings.method!r} is unknown; known: {', '.join(METHODS)}"
+            f"{reader.at('method')} {settings.method!r} is unknown; {hint(settings.method, METHODS)}"
         )
     n, total = settings.datasets_per_update, settings.evaluations
     if total % n:

@@ -12,7 +12,7 @@ from unittest.mock import Mock
 import pytest
 
 from common.errors import UserError
-from common.folder import as_json, opened, refuse_foreign
+from common.folder import as_json, opened, refuse_foreign, refuse_unwritable
 
 ROWS = [{"name": "yaw", "low": 0.0}, {"name": "fog", "low": 0.5}]
 JOB = {
@@ -131,10 +131,16 @@ def test_a_broken_config_is_named(out, text):
 def test_out_is_a_file_or_cannot_be_written(out, monkeypatch):
     out.write_text("mine")
     assert "is a file; it must be a folder" in refused(out)
-    assert "cannot be written (Not a directory)" in refused(out / "below")
+    assert f"cannot be written ({out} is a file)" in refused(out / "below")
     assert out.read_text() == "mine"
     # Root may write anywhere but in a file system that takes no files.
     assert "cannot be written" in refused(Path("/proc/run"))
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "access", lambda path, mode: Path(path) != out.parent)
+        new = f"cannot be written ({out.parent} is read-only)"
+        assert new in refused(out.with_name("new"))
+        with pytest.raises(UserError, match="is read-only"):  # before anything is measured
+            refuse_unwritable(out.with_name("new") / "below")
     read_only = OSError(errno.EROFS, os.strerror(errno.EROFS))
     monkeypatch.setattr(Path, "mkdir", Mock(side_effect=read_only))
     assert "(Read-only file system); choose another" in refused(out.with_name("new"))

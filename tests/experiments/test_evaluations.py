@@ -524,7 +524,7 @@ def test_merge_refuses_two_values_for_one_key_and_names_both(make, tmp_path, ref
 @pytest.mark.parametrize(("found", "complaint"), [
     ([{**HEADER, "attributes": ["light", "fog"]}], "another space: 2 attributes"),
     ([{**HEADER, "attributes": list(reversed(NAMES))}], "in another order"),
-    ([{**HEADER, "store": "sdr-jax evaluations, 1"}], "of an earlier version"),
+    ([{**HEADER, "store": "sdr-jax evaluations, 1"}], "of another version"),
     ([record()], "is no store of evaluations"),
     ([HEADER, [1]], "line 2 is not a JSON object"),
     ([HEADER, math.nan], "line 2 is not JSON"),

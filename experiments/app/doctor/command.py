@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from common.command import Arguments, exit_code, say
 from common.errors import UserError, counted
 from common.files import check_file, check_folder, write
-from common.folder import refuse_file
+from common.folder import refuse_unwritable
 from experiments.config import parsers
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def diagnose(
                 f"--write {write_to} exists; run doctor without --write to check it, or name another file"
             )
     if out is not None:
-        refuse_file(out)
+        refuse_unwritable(out)
     if data is not None:
         check_folder(data, "one with images and labels")
     facts, extras, problems = machine.look()

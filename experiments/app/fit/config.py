@@ -11,7 +11,7 @@ from typing import Annotated
 
 from common.bounds import POSITIVE, at_least, at_most, check_bounds
 from common.errors import UserError, counted, flagged
-from common.folder import read_config, refuse_file
+from common.folder import read_config, refuse_unwritable
 from common.labels.classes import NAMES
 from common.labels.listing import list_all
 from common.labels.target_file import Fit, find_target
@@ -108,7 +108,7 @@ def config_of(
     flags = replace(flags, fix=tuple(flags.fix))  # functions may give a list
     check_bounds(flags, "--")
     data, out, size = flags.data, flags.out, flags.size
-    refuse_file(out)
+    refuse_unwritable(out)
     read_fixed(flags.fix, SPACE)
     target_file = find_target(flags.target, data)
     if not any(target_file.rendered):

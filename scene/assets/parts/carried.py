@@ -9,6 +9,7 @@ from itertools import product
 
 import numpy as np
 
+from common.errors import hint
 from scene.assets.parts.human import Body, Pose, limb, shoulders, skin, spine
 from scene.assets.parts.palette import BLACK, STEEL, darker
 from scene.mesh.asset import Asset, Color, Point, ignore, merge, rotate, solid, translate
@@ -209,4 +210,4 @@ def carried(name: str, body: Body, pose: Pose, color: Color, second_color: Color
             foot = right + [0.1, 0, 0]
             ends = np.array([foot, foot + [0, 0, 0.13]])
             return limb(ends, [0.03, 0.042], (0.6, 0.58, 0.52), "plain", 8)
-    raise ValueError(f"unknown object to carry {name!r}; known: {', '.join(CARRIED)}")
+    raise ValueError(f"unknown object to carry {name!r}; {hint(name, CARRIED)}")

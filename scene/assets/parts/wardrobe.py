@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from common.errors import hint
 from scene.assets.parts.draw import (
     SameAs,
     between,
@@ -157,7 +158,7 @@ def sample_outfit(
         ValueError: unknown style.
     """
     if style not in STYLES:
-        raise ValueError(f"unknown style of clothes {style!r}; known: {', '.join(STYLES)}")
+        raise ValueError(f"unknown style of clothes {style!r}; {hint(style, STYLES)}")
     if style in ("skirt", "dress", "robe"):
         curves = max(curves, 0.85)
     is_woman = curves > 0.5

@@ -8,7 +8,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
 
-from common.errors import UserError
+from common.errors import UserError, hint
 from scene.dataset.formats import card, coco, parquet, yolo
 from scene.dataset.formats.about import CITY, About
 
@@ -134,5 +134,5 @@ def layout(name: str) -> Layout:
         ValueError: unknown name.
     """
     if name not in LAYOUTS:
-        raise ValueError(f"unknown format {name!r}; known: {', '.join(FORMATS)}")
+        raise ValueError(f"unknown format {name!r}; {hint(name, FORMATS)}")
     return LAYOUTS[name]
