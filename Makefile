@@ -56,7 +56,7 @@ lint: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/codespell
 	$(BIN)/codespell --dictionary scripts/words.txt \
-	    --ignore-multiline-regex '(?sm)^```.*?^```$$|````[^\n]*?````|`[^`\n]*`|\]\([^)]*\)|\{ #[^}]*\}|^:::[^\n]*' docs/*.md docs/*/*.md README.md CONTRIBUTING.md examples/*/*.md
+	    --ignore-multiline-regex '(?sm)^```.*?^```$$|````[^\n]*?````|`[^`\n]*`|\]\([^)]*\)|\{ #[^}]*\}|^:::[^\n]*' docs/*.md docs/*/*.md *.md examples/*/*.md
 	$(BIN)/mypy
 
 docs: setup

@@ -32,11 +32,11 @@ NAMES = {
 """Replaced names of classes and functions of `experiments` and `seg`, and those of today."""
 FOLDERS = ("common", "sdr_jax", "scene", "seg", "experiments", "benchmarks", "examples", "tests")
 SOURCES = [path for folder in FOLDERS for path in sorted((ROOT / folder).rglob("*.py"))]
-# Results quote what was made before; this file names the words.
+# The page of results quotes what was made before.
 PAGES = [
     path
     for path in (*ROOT.glob("*.md"), *sorted((ROOT / "docs").rglob("*.md")))
-    if path.name != "CHANGELOG.md" and not path.name.startswith("results")
+    if not path.name.startswith("results")
 ]
 
 

@@ -27,7 +27,7 @@ FAR = "far"
 TARGETS = {
     f"camvid-{HOLDOUT}": f"CamVid {HOLDOUT}",
     "labelmefacade": "LabelMeFacade",
-    "camvid": "CamVid, test images",
+    "camvid": "CamVid test images",
     FAR: "far twins",
 }
 """Targets as the page names them."""
@@ -78,6 +78,16 @@ class Claims:
         if low > 0:
             return "better than"
         return "worse than" if high < 0 else "within noise of"
+
+    def significant(self, over: str) -> str:
+        """Name the targets on which the gain of optimised streets is significant, and the others."""
+        better: dict[bool, list[str]] = {True: [], False: []}
+        for target, name in TARGETS.items():
+            entry = self.estimate(target, field=f"gain_over_{over}")
+            better[entry["ci95"][0] > 0].append(name)
+        yes, no = (" and ".join(better[found]).replace(" and ", ", ", len(better[found]) - 2)
+                   for found in (True, False))  # fmt: skip
+        return f"on {yes}, not on {no}" if yes and no else f"on {yes}" if yes else "on no target"
 
     def lead(self, method: str, over: str) -> str:
         """Write the lead of one of the paper's methods over another, with Welch's test over searches."""
