@@ -163,26 +163,33 @@ def labels_table(claims: Claims) -> list[str]:
     lines = []
     for target, title in titles(claims, names).items():
         rows = {
-            (row["labels"], row["renders"]): row for row in claims.reports[names[target]]["rows"]
+            (row["labels"], row["renders"]): row
+            for report in (names[target], f"kinds-{target}")
+            for row in claims.reports.get(report, {"rows": []})["rows"]
         }
-        for count in dict.fromkeys(labels for labels, _ in rows):
+        for count in sorted({labels for labels, _ in rows}):
             means = [number(rows.get((count, kind), {}).get("mean")) for kind in RENDERS]
-            optimised = rows[count, "learnt"]
-            default = gain(miou(optimised["nets"]), miou(rows[count, "default"]["nets"]))
-            over = [signed(optimised["over_random"]), signed(default)]
+            optimised, *others = (
+                miou(rows[count, kind]["nets"]) if (count, kind) in rows else None
+                for kind in ("learnt", "random", "default")
+            )
+            over = [
+                signed(gain(optimised, other) if optimised and other else None) for other in others
+            ]
             lines.append([title, str(count), *means, *over])
     head = ["tested on", "labels", "alone", "+ random", "+ default", "+ half of each"]
     seeds, size = (
         distinct(claims.reports[report][name] for report in names.values())
         for name in ("seeds", "scored_at")
     )
+    kinds = [f"kinds-{name}" for name in names if f"kinds-{name}" in claims.reports]
     basis = (
         f"One search for the optimised streets; {seeds} networks a row, at {size}, each with its own "
         "labels, streets and first weights."
     )
     return [
         *markdown([*head, "+ optimised", "optimised over random", "over default"], lines),
-        *origin(claims, [*names.values()], basis),
+        *origin(claims, [*names.values(), *kinds], basis),
     ]
 
 

@@ -135,10 +135,11 @@ def parts(data: Data, out: Path, preset: Size) -> list[Part]:
         tiled = ("--search.relaxation", "0.1")
         for method in METHODS:
             yield paper(f"paper-{method}", "--methods", method, *three, *tiled)
-        for real in REAL:
+        for real in REAL[:2]:
             optimised = ("--learnt", str(out / real.name / "attributes" / "intervals-0.json"))
             rendered = ("--renders", "random", "default", "mixed", "learnt", *optimised)
-            yield labels("labels", real, ("0", *COUNTS), *rendered)
+            yield labels("kinds", real, ("0", "14"), *rendered)
+            yield labels("labels", real, ("0", *COUNTS), "--renders", "mixed")
         sdr = ("--methods", "sdr")
         yield paper("paper-no-relaxation", *sdr, *three, "--search.relaxation", "0")
         in_one = ("--groups", ",".join(NAMES))
