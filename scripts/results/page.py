@@ -258,7 +258,7 @@ def cost_table(claims: Claims) -> list[str]:
         for name in SEARCHED
         for entry in claims.reports[name]["searches"]
     ]
-    rewards = len(claims.reports[SEARCHED[0]]["searches"][0]["rewards"])
+    rewards = distinct(len(claims.reports[name]["searches"][0]["rewards"]) for name in SEARCHED)
     low, high = (number(value, ".0f") for value in (min(search), max(search)))
     lines.append([f"a search with {rewards} rewards", "", f"{low} to {high}"])
     for name in TARGETS:

@@ -11,7 +11,7 @@ from common.errors import UserError
 from common.files import read_json, write, write_json
 from experiments.config import presets
 from experiments.config.jobs import defaults_of
-from experiments.tables.form import miou
+from experiments.tables.form import interval, miou
 from experiments.tables.skeleton import check
 from experiments.tables.stats import gain
 from scene.version import ENGINE
@@ -291,6 +291,15 @@ def test_readme_states_what_the_reports_say():
     )
     assert f"it took {fit} minutes on two cores" in readme
     assert f"about {demo} minutes on two cores" in readme
+    text = " ".join(readme.split())
+    held_out = (RECORDED.gain("camvid-0006R0", over=over) for over in ("random", "default"))
+    gains = "{} over random streets and {} over default ones".format(*held_out)
+    far = RECORDED.estimate("far", field="gain_over_default")
+    assert gains in text
+    assert "gained {:+.1f} points ({})".format(far["mean"], interval(far["ci95"])) in text
+    limits = (ROOT / "docs" / "limits.md").read_text(encoding="utf-8")
+    verdict = RECORDED.verdict("camvid-0006R0", "intervals").removesuffix(" of")
+    assert f"On a held-out sequence of CamVid they are {verdict} of random and of default" in limits
 
 
 def test_the_page_on_few_labels_states_what_the_reports_say():
