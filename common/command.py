@@ -17,7 +17,7 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any, NoReturn
 
-from common.errors import Unfinished, UserError, printable, printable_lines
+from common.errors import SIMILAR, Unfinished, UserError, printable, printable_lines
 from common.interrupt import INTERRUPTED, PROGRAM, while_working
 
 USAGE, BUG, UNREAD = 2, 70, 141
@@ -25,9 +25,6 @@ USAGE, BUG, UNREAD = 2, 70, 141
 DEBUG = "--debug"
 """Flag of every command: show where an error comes from."""
 HELP = ("-h", "--help", "--help-all")
-SIMILAR = 0.75
-"""The least similarity of a suggestion, see `difflib.get_close_matches`: sede suggests seed, start does not
-suggest target."""
 Arguments = Sequence[str] | argparse.Namespace | None
 """Words of a command line, by default those of the program; or the result of its parser."""
 Relation = tuple[str, Sequence[str], Sequence[str]]

@@ -6,6 +6,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
 
+SIMILAR = 0.75
+"""The least similarity of a suggestion, see `difflib.get_close_matches`: sede suggests seed, start does not
+suggest target."""
+
 
 class UserError(ValueError):
     """An argument, a file or a folder is wrong; the message names it and says what would be right."""
@@ -33,7 +37,7 @@ def counted(count: int, noun: str) -> str:
 def hint(word: object, names: Iterable[str]) -> str:
     """Write "did you mean car?" for a word that resembles a name, otherwise list the names."""
     names = list(names)
-    similar = get_close_matches(str(word), names, 1)
+    similar = get_close_matches(str(word), names, 1, SIMILAR)
     return f"did you mean {similar[0]}?" if similar else f"known: {', '.join(names)}"
 
 

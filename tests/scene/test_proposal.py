@@ -137,13 +137,13 @@ def test_what_is_described_is_read_back_to_the_same_streets(lists, seed):
 
 @pytest.mark.parametrize(("value", "message"), [
     ([0.5] * 23, "expected a JSON object"),
-    ({**VALUES, "car_postion": 0.5}, "unknown attribute 'car_postion'; known: illum"),
+    ({**VALUES, "car_postion": 0.5}, "unknown attribute 'car_postion'; did you mean car_position?"),
     ({NAMES[0]: 0.25, **dict.fromkeys(NAMES[1:14], 0.5)}, "attribute car_position is missing; all 23"),
     ({**VALUES, "bend": 0.5}, f"attribute field_of_view is missing; all {len(BOTH)}"),
     ({"space": "extended", **VALUES}, f"attribute field_of_view is missing; all {len(BOTH)}"),
     ({"space": "scenex", **VALUES, "bend": 0.5}, "unknown attribute 'bend'; known: illum"),
     ({"space": "narrow", **VALUES}, "unknown space 'narrow'; known: scenex, extended"),
-    ({"space": ["extended"], **VALUES}, r"unknown space \['extended'\]; known"),
+    ({"space": ["extended"], **VALUES}, r"unknown space \['extended'\]; did you mean extended"),
     *(({**VALUES, "car_position": value}, f"car_position{message}") for value, message in (
         (1.5, r" is 1.5; .* \[0, 1\]"),
         *((value, f" is {value!r}") for value in (-0.1, np.nan, "0.5", True, None)),
