@@ -224,17 +224,19 @@ class AskTell:
     def _replay(self, record: dict[str, Any], where: str) -> None:
         waiting = {trial.id: trial for trial in self.ask()}
         id, reward = record.get("id"), record.get("reward")
-        if not (reward is None or (isinstance(reward, float) and abs(reward) <= LARGEST)):
+        is_number = isinstance(reward, int | float) and not isinstance(reward, bool)
+        if not (reward is None or (is_number and abs(reward) <= LARGEST)):
             raise UserError(
                 f"{where}: reward must be null or a number within +-{LARGEST:g}, not {reward!r}"
             )
-        fields = self._trial_fields(waiting[id]) if id in waiting else None
+        trial = waiting.get(id) if type(id) is int else None
+        fields = None if trial is None else self._trial_fields(trial)
         if fields is None or any(record.get(name) != value for name, value in fields.items()):
             raise UserError(
                 f"{where} does not belong to this search: use the space, method, n and seed with which the "
                 "history was started"
             )
-        self._add_reward(fields["id"], np.nan if reward is None else reward)
+        self._add_reward(fields["id"], np.nan if reward is None else float(reward))
 
 
 def _upper_median(rewards: np.ndarray) -> float:

@@ -25,9 +25,8 @@ def init_baseline() -> BaselineState:
 
 
 class Baseline(NamedTuple):
-    """Two pure functions, and the number of rewards that they need."""
+    """A pure function, and the number of rewards that it needs."""
 
-    init: Callable[[], BaselineState]
     # (state, rewards f32[n]) -> (advantages f32[n], state)
     advantage: Callable[[BaselineState, Float[Array, "n"]], tuple[Float[Array, "n"], BaselineState]]
     min_rewards: int = 1  # rewards without NaN that an update needs
@@ -66,4 +65,4 @@ def ema(decay: float = 0.9, includes_current: bool = False) -> Baseline:
         advantages = rewards - (present if includes_current else past)
         return advantages, BaselineState(present, state.updates + 1)
 
-    return Baseline(init_baseline, advantage)
+    return Baseline(advantage)

@@ -61,7 +61,7 @@ class HostReward:
 
         Raised inside the callback, they would reach the caller too, but JAX would print a traceback first.
         """
-        self._deferring = True
+        self._error, self._deferring = None, True
         try:
             yield
             self.reraise()
@@ -92,9 +92,9 @@ def host_reward(evaluate: Callable[[DataSets], np.ndarray], *, common: bool = Fa
     noisy and costly. Keys stay in JAX; the host gets seeds. Ordered callbacks work under jit, scan and
     cond, not under vmap.
 
-    A reward of NaN says that the evaluation failed; methods leave it out. An error in `evaluate`, Ctrl-C
-    included, ends the optimisation: `run` and `drive` raise it. Where your own jitted code calls the reward
-    function, or `run` as a whole is jitted, JAX raises `JaxRuntimeError` with the error's text, and
+    A reward that is not finite says that the evaluation failed; methods leave it out. An error in `evaluate`,
+    Ctrl-C included, ends the optimisation: `run` and `drive` raise it. Where your own jitted code calls the
+    reward function, or `run` as a whole is jitted, JAX raises `JaxRuntimeError` with the error's text, and
     `reraise()` then raises the error itself. A wrong type, shape or dtype of the rewards is an error, too,
     and so is a reward beyond 1e15.
 

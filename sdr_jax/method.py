@@ -49,10 +49,9 @@ def clipping_message(clipped: int, total: int) -> str:
 
 def basic_info(rewards: Float[Array, "n"], entropy: Float[Array, ""]) -> Info:
     """The `Info` of a method that has no baseline, no gradient and no order of groups."""
-    finite = nan_if_infinite(rewards)
     return Info(
-        reward_mean=mean_without_nan(finite),
-        reward_best=jnp.nanmax(finite),
+        reward_mean=mean_without_nan(rewards),
+        reward_best=jnp.nanmax(rewards),
         baseline=jnp.asarray(jnp.nan, jnp.float32),
         advantages=jnp.zeros_like(rewards),
         entropy=entropy,
@@ -118,7 +117,7 @@ class RewardFn(Protocol):
     def __call__(
         self, rng_key: RngKey, proposals: Proposal, actions: Real[Array, "n attributes"]
     ) -> Float[Array | np.ndarray, "n"]:
-        """Evaluate data sets; higher rewards are better, and NaN says that an evaluation failed.
+        """Evaluate data sets; higher rewards are better, and one that is not finite is a failed evaluation.
 
         Args:
             rng_key: consumed.
@@ -147,7 +146,16 @@ def jit_method(
     updates: int | None = None,
     shift_invariant: bool = True,
 ) -> Method:
-    """Make a method of these functions, each of them jitted; by default `spread` is the solution."""
+    """Make a method of these functions, each of them jitted; by default `spread` is the solution.
+
+    `update` gets NaN in place of infinite rewards.
+    """
+
+    def update_without_infinity(
+        state: State, actions: Array, rewards: Rewards
+    ) -> tuple[State, Info]:
+        return update(state, actions, nan_if_infinite(rewards))
+
     answer = jax.jit(solution)
     diagnostics = Diagnostics(
         spread=answer if spread is None else jax.jit(spread),
@@ -157,7 +165,7 @@ def jit_method(
     return Method(
         init=jax.jit(init),
         sample=jax.jit(sample, static_argnames="n"),
-        update=jax.jit(update),
+        update=jax.jit(update_without_infinity),
         solution=answer,
         diagnostics=diagnostics,
         updates=updates,

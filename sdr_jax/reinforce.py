@@ -9,9 +9,9 @@ import optax
 from jaxtyping import Array, Float, PyTree
 
 from sdr_jax import trees
-from sdr_jax.baseline import Baseline, BaselineState
+from sdr_jax.baseline import Baseline, BaselineState, init_baseline
 from sdr_jax.method import Info
-from sdr_jax.rewards import mean_without_nan, nan_if_infinite
+from sdr_jax.rewards import mean_without_nan
 from sdr_jax.variance_reduction import normalised
 
 
@@ -63,7 +63,7 @@ def adam(learning_rate: float | optax.GradientTransformation) -> optax.GradientT
 
 def init_learner(rule: Rule, params: PyTree[Array]) -> Learner:
     """The learner before its first update."""
-    return Learner(params, rule.optimizer.init(params), rule.baseline.init())
+    return Learner(params, rule.optimizer.init(params), init_baseline())
 
 
 def learn(
@@ -79,14 +79,13 @@ def learn(
         rule: the rule.
         learner: the policy and its state.
         log_probs_of: `phi -> log pi_phi(theta'_k)`, f32[n], of the actions that were rewarded.
-        scores: rewards of the actions, f32[n]; those that are not finite are left out.
+        scores: rewards of the actions, f32[n]; those that are NaN are left out.
         info: the info so far.
 
     Returns:
         The learner, and the info with the figures of this update. With fewer scores than the baseline
         needs, the learner stays as it was: the optimiser would otherwise step by its momentum alone.
     """
-    scores = nan_if_infinite(scores)
     advantages, baseline_state = rule.baseline.advantage(learner.baseline, scores)
     baseline = mean_without_nan(scores - advantages)
     advantages = normalised(advantages) if rule.normalise else advantages

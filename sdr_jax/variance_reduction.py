@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from sdr_jax.baseline import Baseline, BaselineState, ema, init_baseline
+from sdr_jax.baseline import Baseline, BaselineState, ema
 from sdr_jax.rewards import mean_without_nan
 
 
@@ -29,7 +29,7 @@ def leave_one_out() -> Baseline:
         advantages = jnp.where(count == n, differences * n / (n - 1), of_some)
         return advantages, BaselineState(mean, state.updates + 1)
 
-    return Baseline(init_baseline, advantage, min_rewards=2)
+    return Baseline(advantage, min_rewards=2)
 
 
 def normalised(advantages: Float[Array, "n"], eps: float = 1e-6) -> Float[Array, "n"]:

@@ -12,9 +12,10 @@ from jaxtyping import Array, Key
 from sdr_jax.distributions import entropy
 from sdr_jax.method import basic_info
 from sdr_jax.relaxation import UNDECIDED, relax
+from sdr_jax.rewards import nan_if_infinite
 from sdr_jax.space import Proposal, Space, Width
 
-info = jax.jit(lambda rewards, probabilities: basic_info(rewards, entropy(probabilities)))
+info = jax.jit(lambda rewards, chances: basic_info(nan_if_infinite(rewards), entropy(chances)))
 """The info of an update, from rewards f32[n] and probabilities f32[attributes bins]."""
 
 

@@ -228,7 +228,8 @@ def _refuse_outage(search: AskTell, earlier: int, command: Sequence[str], out: P
         return
     reason = (failed[-1].get("failures") or ["unknown reason"])[-1]
     where = f"(its output is in {out / EVALUATIONS})"
-    if search.updates == 1 and len(failed) == search.n:
+    first = [line for line in search.history if line["update"] == 0]
+    if search.updates == 1 and all(line["reward"] is None for line in first):
         raise _NeverWorked(
             f"all {search.n} evaluations of the first update failed; the simulator "
             f"{' '.join(command)}: {reason} {where}"

@@ -1,5 +1,6 @@
 """Ask and tell: the same search as the loops, also after any interruption."""
 
+import json
 import re
 from pathlib import Path
 
@@ -204,6 +205,16 @@ def test_scores_too_large_for_single_precision_are_refused(tmp_path: Path) -> No
     )
 
 
+def test_whole_numbers_are_rewards_whoever_wrote_them(tmp_path: Path) -> None:
+    path = tmp_path / "history.jsonl"
+    for trial in (search := AskTell(SPACE, GAUSSIAN, n=2, path=path)).ask():
+        search.tell(trial.id, float(trial.id))
+    for number in "01":
+        path.write_text(path.read_text().replace(f'"reward": {number}.0', f'"reward": {number}'))
+    assert [type(json.loads(line)["reward"]) for line in path.open()] == [int, int]
+    assert_same(AskTell(SPACE, GAUSSIAN, n=2, path=path).state, search.state)
+
+
 def test_penalties_among_scores_are_counted() -> None:
     search = AskTell(SPACE, make("surrogate", SPACE), n=5)
     for update in range(3):
@@ -233,7 +244,8 @@ def test_wrong_use_is_refused_and_a_method_of_so_many_updates_ends(tmp_path: Pat
     ended = drive(AskTell(SPACE, SDR, n=N), 6 * N)
     assert ended.ask() == []
     refuses("none is waiting", ended.tell, 18, 1.0)
-    for line in ("[]", "nonsense", '{"id": NaN}', '{"id": 0, "reward": "1"}'):
+    wrong = "[]", "nonsense", '{"id": NaN}', '{"id": [1]}', '{"id": 0, "reward": "1"}'
+    for line in wrong:
         path.write_text(f"{line}\n{{}}\n")
         refuses(r"history.jsonl: line 1", AskTell, SPACE, GAUSSIAN, n=N, path=path)
 

@@ -170,10 +170,12 @@ def test_answers_stay_inside_whatever_the_rewards(name: str, seed: int, scale: f
 @given(seed=SEEDS, failed=st.sets(st.integers(0, 4), max_size=3))
 def test_an_update_with_failed_rewards_is_one_without_them(name, seed, failed) -> None:
     method, rng = ALL[name], np.random.default_rng(seed)
-    state = run_updates(method, lambda *_: rng.normal(0, 1, 5), updates=1, n=5)
+    # The second update has a penalty, below which rewards are clipped.
+    penalty = np.asarray([-1e4, 0, 0, 0, 0])
+    state = run_updates(method, lambda t, *_: rng.normal(0, 1, 5) + t * penalty, updates=2, n=5)
     actions, _ = method.sample(jax.random.key(seed), state, 5)
     finite = np.asarray([k not in failed for k in range(5)])
-    rewards = np.where(finite, rng.normal(0, 1, 5), rng.choice([np.nan, np.inf]))
+    rewards = np.where(finite, rng.normal(0, 1, 5), rng.choice([np.nan, np.inf, -np.inf], 5))
     with_failed, info = tell(method, actions, rewards, state)
     without, info_without = tell(method, actions[finite], rewards[finite], state)
     for answer in (method.solution, method.diagnostics.spread, method.diagnostics.probabilities):

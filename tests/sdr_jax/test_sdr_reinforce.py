@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sdr_jax import Baseline, ema, leave_one_out, reinforce_loss, sdr, space
+from sdr_jax.baseline import init_baseline
 from sdr_jax.distributions import entropy
 from sdr_jax.layout import init_policies
 from sdr_jax.policy import Policy, log_prob, mask_logits, sample_bins
@@ -97,7 +98,7 @@ def test_each_group_has_a_policy_and_inputs_of_its_own() -> None:
 
 
 def advantages(baseline: Baseline, updates: list) -> list[list[float]]:
-    state, out = baseline.init(), []
+    state, out = init_baseline(), []
     for rewards in updates:
         values, state = baseline.advantage(state, jnp.asarray(rewards, jnp.float32))
         out.append(values.tolist())

@@ -191,6 +191,13 @@ def test_an_error_in_drive_hides_no_error_of_a_later_run() -> None:
     refuses("disk full", run, KEY, METHOD, reward_fn, n=2, error=OSError)
 
 
+def test_an_error_that_nobody_asked_for_is_not_that_of_a_later_run() -> None:
+    reward_fn = host_reward(evaluate := Evaluate(0, OSError("disk full")))
+    with pytest.raises(jax.errors.JaxRuntimeError):
+        jax.block_until_ready(jax.jit(lambda key: run(key, METHOD, reward_fn, n=2)[0])(KEY))
+    assert len(list(drive(KEY, METHOD, reward_fn, n=2))) == 8 and len(evaluate.calls) == 9
+
+
 @pytest.mark.parametrize(("returned", "message"), [
     (np.zeros(2), r"float64\[2\], not float32\[2\]"),
     (np.zeros(3, np.float32), r"float32\[3\], not float32\[2\]"),

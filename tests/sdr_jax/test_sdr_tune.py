@@ -318,6 +318,20 @@ def test_the_same_command_resumes_after_many_failures_in_a_row(runs: Runs, monke
     assert main(arguments) == 0 and read_json(runs.out / "answer.json")["failed"] == 22
 
 
+def test_failures_of_an_unfinished_update_say_nothing_of_the_first(runs: Runs) -> None:
+    code = "print(1) if at['evaluation'] in (0, 4, 5) else sys.exit('infeasible')"
+    options = "--retries", "0"
+    runs.done(*options, code=code)
+    whole = (runs.out / "answer.json").read_bytes()
+    # Interrupted in update 1: as many evaluations have failed (1, 2, 3) as an update has.
+    (runs.out / "answer.json").unlink()
+    lines = (runs.out / LOG).read_text().splitlines(keepends=True)
+    of_second = [line for line in lines if json.loads(line)["id"] == 3]
+    (runs.out / LOG).write_text("".join([*lines[:3], *of_second]))
+    runs.done(*options, code=code)
+    assert (runs.out / "answer.json").read_bytes() == whole
+
+
 def test_a_folder_can_be_used_after_a_retry_without_a_score(runs: Runs, monkeypatch) -> None:
     monkeypatch.setattr(search, "OUTAGE", 5)
     (down := runs.folder / "down").write_text("1")
