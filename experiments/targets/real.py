@@ -32,8 +32,10 @@ MOST_NAMED = 8
 
 
 def reported_split(target: str, splits: Collection[str]) -> str:
-    """Return the split on which a target is tested; it need not be among its splits."""
-    return REPORTED.get(target) or next((name for name in HELD_OUT if name in splits), HELD_OUT[0])
+    """Return the split on which a target is tested: its own, or test or val in any case; else ``test``."""
+    by_name = {split.lower(): split for split in splits}
+    names = (REPORTED.get(target), *HELD_OUT)
+    return next((by_name[name] for name in names if name in by_name), HELD_OUT[0])
 
 
 def real_target(name: str, config: Config, data: Path) -> Target:

@@ -501,6 +501,10 @@ def test_costs_scale_with_the_pace_of_both_parts(tmp_path):
     assert "sdr-jax camvid --data 'my data' --preset quick" in spaces
     mine = costs.commands(find_target("kitti"), tmp_path / "none", (64, 48), {"camvid": "camvid"})
     assert list(mine) == ["sdr-jax render --images 400 --shots 1 --size 64x48 --out DIR"]
+    # A user's own file, named for a folder that happens to be called camvid, has no command of its own.
+    namesake = msgspec.structs.replace(find_target("kitti"), name="camvid")
+    others = costs.commands(namesake, tmp_path / "none", (64, 48), {"camvid": "camvid"})
+    assert list(others) == list(mine)
 
 
 def test_the_announced_size_is_that_of_the_preset_that_fit_takes(tmp_path, monkeypatch):

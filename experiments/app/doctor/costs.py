@@ -10,7 +10,7 @@ from pathlib import Path
 
 from common.errors import UserError
 from common.interrupt import PROGRAM
-from common.labels.target_file import TargetFile
+from common.labels.target_file import TargetFile, shipped
 from experiments.app.fit.config import choose_size, configured, cost_of_fit, default_preset
 from experiments.app.main_job import plan
 from experiments.config import Fidelity, MainConfig, Preset, TargetName
@@ -49,7 +49,7 @@ def commands(
     with suppress(UserError):
         command = f"{shlex.join([PROGRAM, 'fit', str(data)])} --out DIR"
         costs[command] = cost_of_fit(configured(size, default_preset()), parts_of(target, data))
-    if target.name in targets:
+    if target.name in targets and target == shipped(target.name):
         presets: tuple[Preset, ...] = ("smoke", "quick")
         for preset in presets:
             config = defaults(MainConfig, targets[target.name], preset)

@@ -104,7 +104,7 @@ def survey(target: TargetFile, root: Path) -> Survey:
     training = [
         entry
         for split, split_entries in splits.items()
-        if split not in HELD_OUT
+        if split.lower() not in HELD_OUT
         for entry in split_entries
     ]
     photographs = sizes[0][0] if sizes else (480, 360)
