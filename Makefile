@@ -15,11 +15,11 @@ BIN := .venv/bin
 .PHONY: help setup setup-run demo test results nightly robust lint docs format clean
 
 help:
-	@echo 'make demo      learn the attributes of the embedded target; OUT=DIR (runs/demo), TWIN=near|far (far), TWIN_SEED=N (0)'
+	@echo 'make demo      search for the attributes of a rendered target (the twin); OUT=DIR (runs/demo), TWIN=near|far (far), TWIN_SEED=N (0)'
 	@echo 'make test      the tests, without the slow ones; ARGS="-k name" goes to pytest; JOBS=N (2) at a time'
 	@echo 'make results   every result of docs/results.md, from this commit; DATA=CAMVID ($$CAMVID_DIR), FACADES=LABELMEFACADE, STORE=FILE; hours'
 	@echo 'make nightly   all tests but the next'
-	@echo 'make robust    kills, full disks, damaged and hostile files: a table of what is survived; TIMES=N (20)'
+	@echo 'make robust    fault-injection tests: kills, full disks, damaged and hostile files; TIMES=N (20)'
 	@echo 'make lint      ruff (rules, format), spelling and mypy'
 	@echo 'make docs      the pages, into site/; a warning is an error'
 	@echo 'make format    let ruff rewrite the code'

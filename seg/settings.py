@@ -83,7 +83,7 @@ class TrainSettings:
     Named sets of them are in `seg.recipes`.
 
     Attributes:
-        net: see `seg.net`; or the user's own backbone, a row of `seg.nets.trunks.TRUNKS`.
+        net: see docs/howto/net.md, which also shows how to add a backbone.
         optimizer: see `seg.optim`.
         lr: highest learning rate. Paper (SGD): 5e-4.
         steps: number of updates. Paper: 1000 per reward, 20 000 at the end.
@@ -127,7 +127,7 @@ class TrainSettings:
             are their mean. Features are computed once for all.
         jaccard: weight of the soft Jaccard loss, added to the cross-entropy, see `seg.losses`.
         last_share: share of the second part of a training set in the last batch; it changes linearly
-            from the share in the first one. None: it stays.
+            from the share in the first one. None: it stays constant.
         average_mirror: whether logits are the mean over an image and its mirror image.
     """
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 from common.bounds import Bound, at_least, at_most, must, within
 from common.flags import REPEATED, UNUSED, Option, Word
 from common.memory import refuse_larger
-from common.workers.pool import ExecutorName, refuse_many_workers
+from common.workers.pool import ExecutorName, cores, refuse_many_workers
 from experiments.config.options import Bins, Fidelity, Search, SearchOptions
 from scene.attributes import SpaceName, names
 from scene.held import hold, read_fixed
@@ -43,7 +42,6 @@ _FEW = must(
     "be a number of images, 1 or more, or a share in (0, 1]",
     lambda few: few >= 1 if isinstance(few, int) else 0 < few <= 1,
 )
-_CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +61,7 @@ class Config:
     """Hold an attribute at a value in all streets, in its unit, such as field_of_view=90; may be repeated."""
     data: Path | None = None
     """Folder of real images; by default the environment variable CAMVID_DIR for camvid, LABELMEFACADE_DIR for
-    labelmefacade."""
+    labelmefacade; without it, cityscapes takes the twin."""
     out: Path = Path("runs/run")
     """The run folder. The same command resumes a stopped run."""
     weights: Path | None = None
@@ -74,7 +72,7 @@ class Config:
     """Seed of all random choices except the twin and the choice of real images."""
     renderer: Literal["embree", "opengl"] = "embree"
     """The renderer."""
-    workers: Annotated[int, at_least(0), Bound(refuse_many_workers)] = _CORES
+    workers: Annotated[int, at_least(0), Bound(refuse_many_workers)] = cores()
     """Processes that render and train, one core each; 0 also starts one. With trainers they only render."""
     trainers: Annotated[int | None, at_least(1)] = None
     """Separate processes that train networks; by default one for each NVIDIA GPU, and none without a GPU."""
