@@ -94,7 +94,7 @@ def _roots(package: Path) -> Iterator[Path]:
 
 
 def _sources(package: Path) -> str:
-    """A digest of all files on which compiled functions depend."""
+    """A digest of the package's files on which compiled functions depend."""
     digest = hashlib.sha256()
     for path in sorted(package.rglob("*.py")):
         relative = path.relative_to(package)

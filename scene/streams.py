@@ -1,4 +1,4 @@
-"""The random streams of a street by name; no two names share a stream.
+"""The random streams of a street by name; no two names of one table share a stream.
 
 ``numpy.random.SeedSequence`` pads short keys with zeros: ``[s]``, ``[s, 0]`` and ``[s, 0, 0]`` are the same
 key. So all keys of a street have the same length: seed, number of the stream, part.

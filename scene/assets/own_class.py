@@ -13,7 +13,7 @@ from common.errors import UserError, hint
 from scene.assets.library import LibraryError, path_of, refuse_changed, snapshot
 from scene.classes import check_class_name
 from scene.mesh.asset import Asset, translate
-from scene.mesh.file import MeshError, read_mesh, referenced
+from scene.mesh.file import MeshError, check_asset, read_mesh, referenced
 from scene.names import PLACES
 
 FAMILY = "own class"
@@ -84,9 +84,9 @@ def in_memory(asset: Asset) -> str:
     """Register an asset without a file and return the name by which `load` finds it in this process.
 
     Raises:
-        MeshError: implausible size.
+        MeshError: implausible size, or see `check_asset`.
     """
-    asset = _on_ground(asset)
+    asset = _on_ground(check_asset(asset))
     arrays = (*(asset.mesh.vertices, asset.mesh.faces), asset.color, asset.material)
     content = hashlib.sha256()
     for array in arrays:

@@ -1,7 +1,7 @@
 """Paint on the road: lines, crossings, arrows, words, parking bays, box junctions and hatching.
 
-All shapes are outlines [n, 4, 2] in world metres. Words and arrows are drawn as the driver sees them, u to
-the right and v ahead, and turned to the direction of their lane.
+All shapes are outlines [n, 4, 2] in metres along and across the road, before it bends. Words and arrows are
+drawn as the driver sees them, u to the right and v ahead, and turned to the direction of their lane.
 """
 
 from __future__ import annotations

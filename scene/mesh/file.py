@@ -16,7 +16,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from common.pictures import MOST_PIXELS
-from scene.look.materials import material_id
+from scene.look.materials import MATERIALS, material_id
 from scene.mesh.asset import Asset, merge
 from scene.mesh.bombs import MeshError, gltf_content, refuse_bomb
 from scene.mesh.gltf import TexturePlacement, readable
@@ -88,27 +88,20 @@ def read_mesh(
         raise
     except Exception as error:  # loaders raise all kinds of exceptions
         raise MeshError(f"broken: {error}") from error
-    pieces = [piece for piece in pieces if len(piece.color)]
-    if not pieces:
-        raise MeshError("has no faces")
-    for piece in pieces:
-        faces, count = np.asarray(piece.mesh.faces), len(piece.mesh.vertices)
-        if faces.min() < 0 or faces.max() >= count:
-            raise MeshError(f"has a face with a vertex index outside of its {count} vertices")
-    merged = merge(*pieces)
+    merged = _joined(pieces)
     vertices = merged.mesh.vertices @ (scale * _axes(path, up, forward)).T
-    if not np.isfinite(vertices).all():
-        raise MeshError("has vertices that are not finite numbers")
     mesh = trimesh.Trimesh(vertices, merged.mesh.faces, process=False)
     mesh.remove_unreferenced_vertices()
-    return merged._replace(mesh=Mesh(np.asarray(mesh.vertices), np.asarray(mesh.faces)))
+    return check_asset(
+        merged._replace(mesh=Mesh(np.asarray(mesh.vertices), np.asarray(mesh.faces)))
+    )
 
 
 def from_trimesh(mesh: trimesh.Trimesh | trimesh.Scene) -> Asset:
     """Convert a mesh in memory to an asset: metres, z up, front along x; colours are sRGB.
 
     Raises:
-        MeshError: it has no faces, too many, or vertices that are not finite.
+        MeshError: see `check_asset`.
     """
     import trimesh
 
@@ -116,16 +109,50 @@ def from_trimesh(mesh: trimesh.Trimesh | trimesh.Scene) -> Asset:
     geometries = list(_placed(loaded))
     if sum(len(geometry.faces) for geometry, _ in geometries) > MOST_FACES:
         raise MeshError(f"has more than {MOST_FACES:,} faces, which is the limit")
-    pieces = [
-        _piece(geometry, np.asarray(matrix), False, {}, []) for geometry, matrix in geometries
-    ]
-    pieces = [piece for piece in pieces if len(piece.color)]
+    for geometry, _ in geometries:
+        _check_faces(geometry.faces, geometry.vertices)
+    return _joined(
+        [_piece(geometry, np.asarray(matrix), False, {}, []) for geometry, matrix in geometries]
+    )
+
+
+def check_asset(asset: Asset) -> Asset:
+    """Return an asset after checks of its arrays, which compiled code follows without any.
+
+    Raises:
+        MeshError: it has no faces, too many, one with a missing vertex or an unknown material, numbers that
+            are not finite, or arrays of other lengths.
+    """
+    vertices, faces, count = asset.mesh.vertices, asset.mesh.faces, len(asset.mesh.faces)
+    if not count:
+        raise MeshError("has no faces")
+    if count > MOST_FACES:
+        raise MeshError(f"has more than {MOST_FACES:,} faces, which is the limit")
+    of_faces = (asset.color, asset.material, *([] if asset.ignored is None else [asset.ignored]))
+    if any(len(array) != count for array in of_faces):
+        lengths = ", ".join(str(len(array)) for array in of_faces)
+        raise MeshError(f"has {count} faces, but colours, materials and labels of {lengths}")
+    _check_faces(faces, vertices)
+    for what, numbers in (("vertices", vertices), ("colours", asset.color)):
+        if not np.isfinite(numbers).all():
+            raise MeshError(f"has {what} that are not finite numbers")
+    if asset.material.max() >= len(MATERIALS):
+        raise MeshError(f"has material {asset.material.max()}; the last is {len(MATERIALS) - 1}")
+    return asset
+
+
+def _check_faces(faces: np.ndarray, vertices: np.ndarray) -> None:
+    """Raise MeshError if a face has a vertex that does not exist."""
+    if len(faces) and (np.min(faces) < 0 or np.max(faces) >= len(vertices)):
+        raise MeshError(f"has a face with a vertex index outside of its {len(vertices)} vertices")
+
+
+def _joined(pieces: list[Asset]) -> Asset:
+    """Merge the pieces that have faces; raise MeshError if none has, or one is broken."""
+    pieces = [check_asset(piece) for piece in pieces if len(piece.color)]
     if not pieces:
         raise MeshError("has no faces")
-    asset = merge(*pieces)
-    if not np.isfinite(asset.mesh.vertices).all():
-        raise MeshError("has vertices that are not finite numbers")
-    return asset
+    return merge(*pieces)
 
 
 def _axes(path: Path, up: str, forward: str) -> np.ndarray:

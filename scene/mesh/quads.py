@@ -35,7 +35,7 @@ def flat(outline: np.ndarray, z: float, color: np.ndarray, material: str) -> Qua
 
 
 def rectangles(x0: np.ndarray, x1: np.ndarray, y0: np.ndarray, y1: np.ndarray) -> np.ndarray:
-    """Outlines f64[n, 4, 2] of upright rectangles; the four bounds broadcast together."""
+    """Outlines f64[n, 4, 2] of rectangles along the axes; the four bounds broadcast together."""
     outline = np.empty((max(np.size(v) for v in (x0, x1, y0, y1)), 4, 2))
     outline[:, 0, 0] = outline[:, 3, 0] = x0
     outline[:, 1, 0] = outline[:, 2, 0] = x1

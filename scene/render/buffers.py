@@ -23,7 +23,7 @@ class Hits(NamedTuple):
 
     face: np.ndarray  # i32[n] of the instance's shape, shade.MISS for the sky
     instance: np.ndarray  # i32[n], 0 for the sky
-    distance: np.ndarray  # f32[n] metres along the ray; undefined for the sky
+    distance: np.ndarray  # f32[n] metres along the ray; 0 for the sky
     u: np.ndarray  # f32[n] weight of the face's second corner; undefined for the sky
     v: np.ndarray  # f32[n] weight of the third
 
@@ -35,7 +35,7 @@ class Spots(NamedTuple):
     sample: np.ndarray  # i32[m] the sample that represents it
     share: np.ndarray  # f32[m] number of its samples
     directions: np.ndarray  # f32[m, 3] unit, from the camera to their mean
-    distance: np.ndarray  # f32[m] metres; undefined for the sky
+    distance: np.ndarray  # f32[m] metres; 0 for the sky
     owner: np.ndarray  # i32[n] each sample's spot
 
 

@@ -43,9 +43,7 @@ def _seen_from(street: Street) -> list[str]:
     eyes = [c for camera in street.cameras for c in (camera, *camera.further)]
     places = np.array([c.position[:2] for c in eyes]).reshape(-1, 1, 2)
     views = ["far" if p.far else "" for p in street.placements]
-    green = [
-        k for k, p in enumerate(street.placements) if p.train_id == TrainId.VEGETATION and not p.far
-    ]
+    green = [k for k, p in enumerate(street.placements) if p.train_id == TrainId.VEGETATION]
     if green and len(eyes):
         feet = np.array([street.placements[k].pose[:2, 3] for k in green])
         near = (((feet - places) ** 2).sum(axis=2) < CLOSE**2).any(axis=0)

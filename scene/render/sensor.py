@@ -121,7 +121,7 @@ def _metered(radiance: np.ndarray, meter: float) -> float:
 
 @lru_cache(maxsize=64)
 def _tone_table(contrast: float, gamma: float) -> np.ndarray:
-    """Tones f32[TONES] in 0..255 of radiances MOST (i / TONES)^2.
+    """Tones f32[TONES] in 0..255 of radiances MOST (i / (TONES - 1))^2.
 
     The curve x / (1 + x^2)^(1/2) bends the sky's last two stops; contrast turns it about mid grey.
     """

@@ -142,6 +142,11 @@ def test_greenery_beside_a_camera_is_seen_from_near():
         assert (view == "near") == (green and least < CLOSE)
         kinds.add(view)
     assert kinds == {"", "near", "far"}
+    # A camera of the user's own may stand where no tree was to be near.
+    far = next(p for p in sampled.placements if p.far and p.train_id == TrainId.VEGETATION)
+    beside = sampled.cameras[0]._replace(position=(*(far.pose[:2, 3] + 4), 1.5), further=())
+    g = build(sampled._replace(cameras=(beside,)))
+    assert g.assets[g.shape[far.instance] - 3][2] == "near"
 
 
 def test_quads_are_merged_ones_a_ball_is_trimesh_s_and_a_mesh_asks_for_what_it_does_not_hold():

@@ -10,6 +10,8 @@ import scene
 from common.errors import UserError
 from scene import RENDERERS, AssetPool, CameraResponse, RenderSettings, render_street, sample
 from scene.labelled import PASSES
+from scene.mesh.file import from_trimesh
+from scene.mesh.mesh import Mesh
 from tests.scene.conftest import chosen
 
 SIZE, SEED, SHOTS = (96, 64), 7, 2
@@ -123,6 +125,11 @@ def test_a_shifted_principal_point_renders_a_part_of_a_larger_image(name, street
 EYE = np.eye(4)
 K = np.array([[60.0, 0, 47.5], [0, 60.0, 31.5], [0, 0, 1]])
 BOX = trimesh.creation.box((1, 1, 1))
+ASSET = from_trimesh(BOX)
+
+
+def broken(faces):
+    return trimesh.Trimesh(BOX.vertices, faces, process=False)
 
 
 @pytest.mark.parametrize(("work", "words"), [
@@ -136,6 +143,13 @@ BOX = trimesh.creation.box((1, 1, 1))
     (lambda s: s.add(3, "car", (3, 0)), "mesh must be a trimesh mesh, a file or an asset, not int"),
     (lambda s: s.add("no.glb", "car", (3, 0)), "no.glb is not a file"),
     (lambda s: s.add(("carr", 1), "car", (3, 0)), "families: "),
+    (lambda s: s.add(broken(faces=[[0, 1, 99]]), "car", (3, 0)), "has a face with a vertex index outside"),
+    (lambda s: s.add(broken(faces=[[0, 1, -1]]), "car", (3, 0)), "has a face with a vertex index outside"),
+    (lambda s: s.add(ASSET._replace(material=ASSET.material + 200), "car", (3, 0)), "mesh has material 200"),
+    (lambda s: s.add(ASSET._replace(color=ASSET.color[1:]), "car", (3, 0)), "has 12 faces, but colours"),
+    (lambda s: s.add(ASSET._replace(color=ASSET.color * np.nan), "car", (3, 0)), "has colours that are not"),
+    (lambda s: s.add(ASSET._replace(mesh=Mesh(ASSET.mesh.vertices, ASSET.mesh.faces - 9)), "car", (3, 0)),
+     "has a face with a vertex index outside"),
     (lambda s: s.add(BOX, "car", (3,)), "position must be 2 or 3 finite numbers"),
     (lambda s: s.add(BOX, "car", (3, 0), yaw=np.inf), "yaw must be a finite number"),
     (lambda s: s.render(0, SIZE, passes=("flow",)), "passes: 'flow' is unknown"),

@@ -95,6 +95,19 @@ def test_a_camera_sees_with_its_own_lens_exposure_and_white_balance(draw):
     assert warm[2] < default[2] - 5
 
 
+@pytest.mark.parametrize("name", RENDERERS)
+def test_every_camera_has_its_own_lens(name):
+    narrow, wide = (LEVEL._replace(field_of_view=math.radians(fov)) for fov in (30, 100))
+    sampled = bare_street(at("lamp", 12, 1))
+    one, other = (
+        chosen(name).render(sampled._replace(cameras=cameras), QUIET)
+        for cameras in ((narrow, wide), (wide, narrow))
+    )
+    for frame, same in zip(one, reversed(other), strict=True):
+        np.testing.assert_array_equal(frame.depth, same.depth)
+    assert not np.array_equal(one[0].depth, one[1].depth)
+
+
 @pytest.mark.parametrize(("change", "message"), [
     ({"width": 4}, "4x320 is too small"), ({"height": 0}, "640x0 is too small"),
     ({"width": 100_000, "height": 100_000}, "has more than 50,000,000 pixels"),

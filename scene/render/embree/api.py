@@ -53,16 +53,14 @@ def _find() -> Path:
     spec = importlib.util.find_spec("embreex")
     if spec is None or spec.origin is None:
         raise RendererError(
-            "the embree renderer needs the embreex wheel (pip install embreex); "
-            "if your platform has none, use --renderer opengl"
+            "rendering needs the embreex wheel (pip install embreex), which does not exist for Linux on ARM"
         )
     site = Path(spec.origin).parents[1]
     for pattern in PATTERNS:
         for path in sorted(site.glob(pattern)):
             return path
     raise RendererError(
-        f"the embreex wheel in {site} has no Embree 4 library; reinstall it (4.3 or later), or use "
-        "--renderer opengl"
+        f"the embreex wheel in {site} has no Embree 4 library; reinstall it (4.3 or later)"
     )
 
 
@@ -93,7 +91,9 @@ def device() -> int:
     """Embree's device of this process: one thread, since workers are processes."""
     handle = library().rtcNewDevice(b"threads=1")
     if not handle:
-        raise RendererError("Embree does not support this processor; use --renderer opengl")
+        raise RendererError(
+            "Embree does not support this processor; rendering needs one that it supports"
+        )
     return int(handle)
 
 

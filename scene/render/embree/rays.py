@@ -13,7 +13,8 @@ NOTHING = 0xFFFFFFFF
 """Hit id of a ray without a hit."""
 FIELDS = 21
 """Words per ray of Embree's packets of rays and hits: origin, near, direction, time, far, mask, id, flags;
-normal, u, v, and the numbers of triangle, mesh and instance. Rays alone end with the flags."""
+normal, u, v, and the numbers of triangle, mesh, instance and place in an array of instances, the last of
+which is INSTANCE. Rays alone end with the flags."""
 DIRECTION, FAR, MASK, GEOMETRY, INSTANCE = 4, 8, 9, 18, 20
 
 

@@ -44,7 +44,7 @@ from scene.street.street import Street
 
 
 class EmbreeRenderer:
-    """Renders streets by ray casting; keeps no state between calls but the hierarchies of assets."""
+    """Renders streets by a depth buffer, with rays for light; between calls it keeps assets' hierarchies."""
 
     name = "embree"
 
@@ -71,23 +71,23 @@ class EmbreeRenderer:
         bvh = scene_bvh(geometry)
         around = around._replace(street=framed(street, geometry, bvh, settings, shots))
         lap("bvh")
-        frames, pixel_settings = [], through_middles(settings)
+        frames = []
         for shot in range(len(street.cameras)) if shots is None else shots:
             camera = around.street.cameras[shot]
-            view = _look(around, camera, settings)
-            pixel_view = (
-                view if pixel_settings == settings else _look(around, camera, pixel_settings)
-            )
+            through = seen_through(camera, settings)
+            pixels = through_middles(through)
+            view = _look(around, camera, through)
+            pixel_view = view if pixels == through else _look(around, camera, pixels)
             lit, opened = (np.ones(len(view.points), np.float32) for _ in range(2))
             if settings.shadows:
-                lit = sunlight(bvh, view, street.sky.sun_direction, settings)
+                lit = sunlight(bvh, view, street.sky.sun_direction, through)
             if settings.occlusion:
-                segments = sky_segments(view, around, settings)
-                order = by_tiles(segments.needed, *sky_grid(settings), 4, 2)
+                segments = sky_segments(view, around, through)
+                order = by_tiles(segments.needed, *sky_grid(through), 4, 2)
                 unblocked = free(bvh, segments.starts, segments.directions, order, REACH)
-                opened = spread(unblocked, view, settings)
+                opened = spread(unblocked, view, through)
             lap("rays")
-            frames.append(expose(around, shot, view, Light(lit, opened), pixel_view, settings))
+            frames.append(expose(around, shot, view, Light(lit, opened), pixel_view, through))
             lap("shade")
         return frames
 

@@ -34,7 +34,7 @@ def sunlight(bvh: SceneBVH, view: Visible, sun: np.ndarray, settings: RenderSett
         settings: size and samples.
     """
     spots = view.spots
-    lit = _unknown(view.side)
+    lit = np.where(view.side == 0, f32(0), UNKNOWN)  # 0 where there is no ray
     of_spot = view.hits.instance[spots.sample] if settings.samples > 1 else view.hits.instance
     where = (of_spot, view.flat, view.side, settings.width, settings.height)
     direction = np.ascontiguousarray(sun[None], f32)
@@ -46,15 +46,6 @@ def sunlight(bvh: SceneBVH, view: Visible, sun: np.ndarray, settings: RenderSett
         spot, starts = _every_sample(edge, view, settings.samples, settings.width)
         reached = free(bvh, starts, direction, np.arange(len(spot)))
         _average(edge, spot, reached, lit)
-    return lit
-
-
-@njit(cache=True)
-def _unknown(side: np.ndarray) -> np.ndarray:
-    """0 for spots without a ray, else ``UNKNOWN``."""
-    lit = np.empty(side.shape[0], np.float32)
-    for i in range(side.shape[0]):
-        lit[i] = f32(0) if side[i] == 0 else UNKNOWN
     return lit
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from scene.compiled import njit
 from scene.render import shade
 from scene.render.buffers import Hits, Light, Rays, Visible
+from scene.render.embree.api import device
 from scene.render.embree.renderer import scene_bvh
 from scene.render.framing import framed
 from scene.render.geometry import World, build, world
@@ -63,8 +64,9 @@ class OpenGLRenderer:
         """Open the context, once per process.
 
         Raises:
-            RendererError: EGL, a driver or pyrender is missing.
+            RendererError: EGL, a driver, pyrender or Embree is missing.
         """
+        device()  # frames and ambient occlusion need Embree
         _on_gl_thread(_rasterizer)
 
     def render(
@@ -132,14 +134,16 @@ def _render(
         )
         lap("bvh")
         look = partial(_look, rasterizer, around, merged)
-        frames, pixel_settings = [], through_middles(settings)
+        frames = []
         for shot in range(len(street.cameras)) if shots is None else shots:
             camera = street.cameras[shot]
-            drawing, view = look(camera, settings)
-            pixel_view = view if pixel_settings == settings else look(camera, pixel_settings)[1]
-            light = _light(rasterizer, around, merged, camera, drawing, view, settings)
+            through = seen_through(camera, settings)
+            pixels = through_middles(through)
+            drawing, view = look(camera, through)
+            pixel_view = view if pixels == through else look(camera, pixels)[1]
+            light = _light(rasterizer, around, merged, camera, drawing, view, through)
             lap("rays")
-            frames.append(expose(around, shot, view, light, pixel_view, settings))
+            frames.append(expose(around, shot, view, light, pixel_view, through))
             lap("shade")
         return frames
     except BaseException:
