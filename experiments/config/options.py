@@ -60,7 +60,7 @@ class Bins:
     bins: Annotated[int, at_least(2), at_most(MOST_BINS)] = 10
     """Bins of each attribute (the paper's K)."""
     relaxation: Annotated[float | None, within(0, 1)] = None
-    """Width of a relaxed bin, as a share of the range; by itself a method takes 1 / bins, so that bins tile it."""
+    """Width of a relaxed bin, as a share of the range; with 1 / bins, bins tile it."""
 
 
 @dataclass(frozen=True)

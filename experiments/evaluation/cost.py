@@ -26,7 +26,7 @@ VIEW_COST = {"lite0": 2.5e-7, "lite1": 3.1e-7, "lite2": 3.3e-7, "dinov2": 3e-6}
 
 
 COMPILE_COST = 45.0
-"""CPU seconds of compiling the renderer, once per machine."""
+"""CPU seconds of compiling the renderer, once per installation."""
 START_COST = 12.0
 """CPU seconds until a worker has its first result: with its assets and compiled networks."""
 

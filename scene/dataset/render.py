@@ -21,7 +21,7 @@ from scene.outline import outlined
 from scene.render import Frame, RenderSettings, check_settings, renderer
 from scene.street.street import Street, sample_street
 
-COMPILING = "compiling the renderer (once per machine, about a minute)..."
+COMPILING = "compiling the renderer (once per installation, about a minute)..."
 
 
 class Dataset(NamedTuple):

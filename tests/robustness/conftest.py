@@ -180,7 +180,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Whole]:
     @cache
     def made(name: str) -> Whole:
         program, out = PROGRAMS[name], tmp_path_factory.mktemp(name) / "whole"
-        compile_first(WorkerPool(0), "embree")  # once per machine, and it says so on standard error
+        compile_first(WorkerPool(0), "embree")  # once per installation, and it says so
         started = time.monotonic()
         assert program.finish(out) == (0, "")
         seconds = time.monotonic() - started
