@@ -23,7 +23,6 @@ from .errors import WeightsError as WeightsError
 from .inference import predict as predict
 from .inference import predict_heads as predict_heads
 from .inference import score as score
-from .losses import class_weights as class_weights
 from .losses import cross_entropy as cross_entropy
 from .many import TrainedNetworks as TrainedNetworks
 from .many import train_many as train_many

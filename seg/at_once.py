@@ -13,18 +13,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float32, Int32
 
+from seg.batches import padded
 from seg.prepare import CHUNK, Prepared, error_of, first_variables, head_seeds
 from seg.settings import TrainSettings
 from seg.step import Data, Plan, Variables, functions, plan
-
-
-def padded(count: int) -> int:
-    """The least of 1, 2, 3, 4, 6, 8, 12, 16, 24 ... that is not below a count.
-
-    Arrays of these lengths serve for all counts, so that few shapes are compiled.
-    """
-    power = 1 << max(count - 1, 0).bit_length()
-    return 3 * power // 4 if power > 2 and count <= 3 * power // 4 else power
 
 
 def train_at_once(

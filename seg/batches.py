@@ -17,6 +17,15 @@ def usual_batch(images: int) -> int:
     return min(BATCH if jax.default_backend() == "cpu" else ACCELERATOR_BATCH, images)
 
 
+def padded(count: int) -> int:
+    """The least of 1, 2, 3, 4, 6, 8, 12, 16, 24 ... that is not below a count.
+
+    Arrays of these lengths serve for all counts, so that few shapes are compiled.
+    """
+    power = 1 << max(count - 1, 0).bit_length()
+    return 3 * power // 4 if power > 2 and count <= 3 * power // 4 else power
+
+
 def in_batches(
     run: Callable[[Shaped[np.ndarray, "b ..."]], Any],
     images: Shaped[np.ndarray, "n ..."],

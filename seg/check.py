@@ -2,7 +2,7 @@
 
 from common.bounds import check_bounds
 from seg.nets.trunks import check_name
-from seg.settings import FILELESS_NETS, TrainSettings
+from seg.settings import FILELESS_NETS, VGG_NETS, TrainSettings
 
 
 def check_settings(settings: TrainSettings) -> None:
@@ -56,9 +56,9 @@ def check_net(settings: TrainSettings) -> None:
         raise ValueError(
             f"heads must be 1, not {settings.heads}, for the network {settings.net} without a frozen backbone"
         )
-    if settings.has_trunk and (settings.norm or settings.lr_multipliers != "none"):
+    if settings.net not in VGG_NETS and (settings.norm or settings.lr_multipliers != "none"):
         raise ValueError(
-            f"norm and lr_multipliers are for the VGG networks; {settings.net} has its own rates"
+            f"norm and lr_multipliers are for {' and '.join(VGG_NETS)}, not for {settings.net}"
         )
     if not settings.has_trunk and (
         settings.loss_stride != 1 or settings.head_statistics != "training"

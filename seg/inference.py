@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float32, Int32, Int64, UInt8
 
 from seg import pyramid
-from seg.batches import in_batches
+from seg.batches import in_batches, padded
 from seg.metrics import confusion_matrix
 from seg.nets import FeatureMaps, OnTrunk, net_of, variables_of
 from seg.nets.head import Maps
@@ -202,10 +202,11 @@ def _predict_batches(
     def run(batch: np.ndarray) -> Array:
         return predict_batch(variables, jax.tree.map(lambda side: side[batch], sides))
 
-    return in_batches(run, np.arange(len(images)), settings.predict_batch)
+    size = min(settings.predict_batch, padded(len(images)))
+    return in_batches(run, np.arange(len(images)), size)
 
 
-def outline(settings: TrainSettings, classes: int) -> Variables:
+def variable_shapes(settings: TrainSettings, classes: int) -> Variables:
     """Shapes and types of the result of `train`, as a tree of `jax.ShapeDtypeStruct`."""
     compiled = functions(settings, classes)
     images: Any = jax.ShapeDtypeStruct((1, 64, 64, 3), np.uint8)

@@ -109,23 +109,6 @@ def soft_jaccard(
     return jnp.sum(jnp.where(occurs, 1 - ratio, 0)) / jnp.maximum(jnp.sum(occurs), 1)
 
 
-def class_weights(
-    labels: UInt8[np.ndarray, "n h w"], classes: int
-) -> Float32[np.ndarray, " classes"]:
-    """Weights that lift rare classes: (f + 0.01)^-0.75, scaled to mean 1.
-
-    f is the share of a class in the labelled pixels.
-
-    Args:
-        labels: labels of the training set.
-        classes: the number of classes.
-
-    Returns:
-        One weight per class; all are 1 if every pixel is ignored.
-    """
-    return weights_of_shares(class_shares(labels, classes))
-
-
 def class_shares(labels: UInt8[np.ndarray, "n h w"], classes: int) -> Float[np.ndarray, " classes"]:
     """Each class's share of the labelled pixels; 0 if every pixel is ignored."""
     counts = label_counts(labels)[:classes]  # `IGNORE_LABEL` is behind all classes
@@ -141,6 +124,6 @@ def label_counts(labels: UInt8[np.ndarray, "n h w"]) -> Int64[np.ndarray, "256"]
 
 
 def weights_of_shares(share: Float[np.ndarray, " classes"]) -> Float32[np.ndarray, " classes"]:
-    """The weights of `class_weights` from the shares of the classes."""
+    """Weights of the loss that lift rare classes: (share + 0.01)^-0.75, scaled to mean 1."""
     weights = (share + 0.01) ** -0.75
     return (weights / weights.mean()).astype(np.float32)

@@ -10,7 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Int32, Int64, UInt8
 
-from seg.at_once import padded, train_at_once
+from seg.at_once import train_at_once
+from seg.batches import padded
 from seg.check import check_settings
 from seg.classes import IGNORE_LABEL
 from seg.data import LabelledImages

@@ -21,7 +21,7 @@ from safetensors.numpy import load as parse_tensors
 from safetensors.numpy import save as tensor_bytes
 
 from common.bounds import check_fields
-from common.errors import UserError, printable
+from common.errors import UserError, printable, suggestion
 from common.files import digest, read_bytes, read_json, versions, whole_folder, write, write_json
 from common.labels.target_file import TargetFile
 from common.memory import refuse_larger
@@ -30,7 +30,7 @@ from seg.check import check_net
 from seg.classes import IGNORE_LABEL, colorize
 from seg.data.labelled import fitted, resize_image
 from seg.errors import ModelError
-from seg.inference import logits, outline
+from seg.inference import logits, variable_shapes
 from seg.names import As
 from seg.nets.trunks import trunk_of
 from seg.settings import TrainSettings
@@ -257,9 +257,10 @@ class Model:
         """
         folder = Path(folder)
         refuse_others(folder)
-        config = self.config()
+        weights = self._weights()
+        config = self._config(weights)
         with whole_folder(folder) as part:
-            write(part / WEIGHTS, self._weights())
+            write(part / WEIGHTS, weights)
             write(part / README, card(config))
             write_json(part / CONFIG, config)
 
@@ -268,6 +269,9 @@ class Model:
 
     def config(self) -> dict[str, Any]:
         """The content of ``config.json``."""
+        return self._config(self._weights())
+
+    def _config(self, weights: bytes) -> dict[str, Any]:
         height, width = self.size
         return {
             "format": FORMAT,
@@ -279,7 +283,7 @@ class Model:
                 for label_class in self.classes
             ],
             "trunk": dict(trunk_of(self.settings).source) if self.settings.frozen else None,
-            "weights": {"file": WEIGHTS, "sha256": hashlib.sha256(self._weights()).hexdigest()},
+            "weights": {"file": WEIGHTS, "sha256": hashlib.sha256(weights).hexdigest()},
             "recipe": asdict(self.settings),
             "notes": dict(self.notes),
             "versions": dict(self.versions),
@@ -319,6 +323,7 @@ def load_model(path: str | Path, mirror: bool = True) -> Model:
         names = f", or {' or '.join(shipped())}" if shipped() else ""
         raise ModelError(
             f"{folder} is not a model: pass a folder with {CONFIG} and {WEIGHTS}{names}"
+            + suggestion(str(path), shipped())
         )
     try:
         model = _loaded(folder, read_json(file))
@@ -363,14 +368,14 @@ def _loaded(folder: Path, config: Any) -> Model:
     size = _field(config, "size", dict)
     variables = _variables(
         folder / WEIGHTS,
-        _field(_field(config, "weights", dict), "sha256", str),
+        _field(_field(config, "weights", dict), "sha256", str, "weights."),
         settings,
         len(classes),
     )
     return Model(
         settings,
         variables,
-        (_field(size, "height", int), _field(size, "width", int)),
+        (_field(size, "height", int, "size."), _field(size, "width", int, "size.")),
         classes,
         written,
         _field(config, "notes", dict),
@@ -378,13 +383,13 @@ def _loaded(folder: Path, config: Any) -> Model:
     )
 
 
-def _field(value: Any, name: str, kind: type) -> Any:
-    """A field of an object; ValueError if it is missing or of another type."""
+def _field(value: Any, name: str, kind: type, where: str = "") -> Any:
+    """A field of the object at `where`; ValueError if it is missing or of another type."""
     if not isinstance(value, dict) or name not in value:
-        raise ValueError(f"{name} is missing: the file is damaged, or not of a model")
+        raise ValueError(f"{where}{name} is missing: the file is damaged, or not of a model")
     field_value = value[name]
     if not isinstance(field_value, kind) or isinstance(field_value, bool):
-        raise ValueError(f"{name} is {field_value!r}; expected {kind.__name__}")
+        raise ValueError(f"{where}{name} is {field_value!r}; expected {kind.__name__}")
     return field_value
 
 
@@ -398,10 +403,11 @@ def _settings(recipe: dict[str, Any]) -> TrainSettings:
 
 
 def _label_class(where: str, row: Any) -> LabelClass:
-    color = _field(row, "color", list)
+    color = _field(row, "color", list, f"{where}.")
     if len(color) != 3 or any(type(v) is not int or not 0 <= v <= 255 for v in color):
         raise ValueError(f"{where}.color is {color}; expected three numbers 0..255")
-    return LabelClass(_field(row, "name", str), _field(row, "id", int), tuple(color))
+    name, id = _field(row, "name", str, f"{where}."), _field(row, "id", int, f"{where}.")
+    return LabelClass(name, id, tuple(color))
 
 
 def _check_classes(classes: Sequence[LabelClass], written: str) -> None:
@@ -437,7 +443,7 @@ def _variables(path: Path, expected: str, settings: TrainSettings, classes: int)
         arrays = parse_tensors(data)
     except (SafetensorError, ValueError, KeyError) as error:
         raise ModelError(f"{path}: a damaged .safetensors ({error})") from None
-    net = outline(settings, classes)
+    net = variable_shapes(settings, classes)
     leaves_by_name = dict(_named(net))
     if mismatched := sorted(leaves_by_name.keys() ^ arrays.keys()):
         problem = (

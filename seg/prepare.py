@@ -18,7 +18,7 @@ from seg.views import view_labels, views
 from seg.weights import load
 
 CHUNK = 50
-"""Steps between two checks of the loss; also the length of a scan on an accelerator."""
+"""Steps between two checks of the loss; also the longest scan on an accelerator."""
 
 
 class TrainingError(Exception):

@@ -98,7 +98,7 @@ class TrainSettings:
         blur: mix with a blur.
         noise: add noise to every pixel.
         scale: enlarge or shrink image and labels, by 0.5 to 2, and cut to the image's size.
-        weighted: balance rare classes in the loss by `class_weights`.
+        weighted: balance rare classes in the loss by `losses.weights_of_shares`.
         predict_batch: images per call of the network in `predict`.
         weights: file of ImageNet weights from `sdr-jax weights convert`, from which the VGG networks start
             (paper). If it holds the 13 convolutions alone, fc6 and fc7 start at random; DeepLabv2's
@@ -138,7 +138,7 @@ class TrainSettings:
     batch: Annotated[int, at_least(1)] = 8
     warmup: Annotated[int, at_least(0), at_most(2**31 - 1)] = 20
     power: Annotated[float, at_least(0)] = 0.9
-    momentum: Annotated[float, at_least(0)] = 0.9
+    momentum: Annotated[float, within(0, 1, "[)")] = 0.9
     weight_decay: Annotated[float, at_least(0)] = 0.0
     mirror: bool = True
     colour: bool = True

@@ -1,4 +1,4 @@
-"""Trains a fresh network on a labelled set.
+"""Trains a network on a labelled set, from random or earlier variables.
 
 The step is one jitted function, called in a host loop: on XLA's CPU backend gradient convolutions
 run ten times slower inside `lax.scan`. On accelerators the same step is scanned in chunks.
@@ -99,7 +99,7 @@ def train(
         raise ValueError(
             f"checkpoints must lie in 1..{settings.steps}, the steps; got {checkpoints}"
         )
-    if checkpoints > 1 and settings.heads > 1:
+    if settings.heads > 1 and (checkpoints > 1 or at_checkpoint is not None):
         raise ValueError(
             f"checkpoints are for networks of one head; the settings have {settings.heads}"
         )
@@ -112,7 +112,7 @@ def train(
     )
     if stepwise is None:
         stepwise = jax.default_backend() == "cpu"
-    if settings.heads > 1 and not stepwise and at_checkpoint is None:
+    if settings.heads > 1 and not stepwise:
         return _heads_at_once(rng_seed, prepared, starts, settings, classes, progress)
     compiled = functions(settings, classes)
     seeds = head_seeds(rng_seed, settings.heads)

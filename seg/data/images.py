@@ -101,9 +101,15 @@ def check_end(path: Path) -> None:
         raise _unreadable(path, "its end is missing")
     if not start.startswith((b"\x89PNG", _JPEG_START)):
         read_image(path)
-    if start.startswith(_JPEG_START) and not end.rstrip(b"\0\r\n").endswith(_JPEG_END):
+    if start.startswith(_JPEG_START):
+        _check_jpeg(path, path, end)
+
+
+def _check_jpeg(path: Path, source: Path | io.BytesIO, end: bytes) -> None:
+    """Refuse a truncated JPEG, whose lost part OpenCV silently fills with grey; Pillow reports it."""
+    if not end.rstrip(b"\0\r\n").endswith(_JPEG_END):
         try:
-            Image.open(path).load()
+            Image.open(source).load()
         except Exception as error:  # Pillow has many errors
             raise _unreadable(path, error) from error
 
@@ -151,11 +157,7 @@ def read_image(path: Path) -> UInt8[np.ndarray, "h w 3"]:
         DataError: the file is missing, not an image, broken or truncated.
     """
     data = read_file(path)
-    if data.startswith(_JPEG_START) and not data.rstrip(b"\0\r\n").endswith(_JPEG_END):
-        # OpenCV silently fills the lost part of a truncated JPEG with grey; Pillow reports it.
-        try:
-            Image.open(io.BytesIO(data)).load()
-        except Exception as error:  # Pillow has many errors
-            raise _unreadable(path, error) from error
+    if data.startswith(_JPEG_START):
+        _check_jpeg(path, io.BytesIO(data), data[-1024:])
     bgr = decode(path, data, cv2.IMREAD_COLOR)
     return cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB)

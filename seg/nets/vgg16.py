@@ -9,6 +9,7 @@ from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
 from seg.nets.ops.conv import Conv, conv
+from seg.nets.ops.group_norm import GroupNorm
 from seg.nets.ops.max_pool import max_pool
 
 _CONVS = (2, 2, 3, 3, 3)  # of each stage
@@ -53,7 +54,7 @@ class VGG16(nn.Module):
                     name=f"conv{stage}_{number}",
                 )(x)
                 if self.norm:
-                    x = nn.GroupNorm(_GROUPS, dtype=self.dtype, name=f"norm{stage}_{number}")(x)
+                    x = GroupNorm(_GROUPS, dtype=self.dtype, name=f"norm{stage}_{number}")(x)
                 x = nn.relu(x)
             if self.atrous:
                 x = max_pool(x, 3, 2 if stage <= 3 else 1)

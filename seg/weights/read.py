@@ -37,7 +37,7 @@ def read(path: Path) -> dict[str, np.ndarray]:
         if head.startswith(b"\x80"):
             return read_legacy(path)
     except OSError as error:
-        raise WeightsError(f"{path}: {error.strerror or error}") from None
+        raise WeightsError(f"{path}: {error.strerror or error}; expected {_KINDS}") from None
     raise WeightsError(f"{path}: no file of weights; expected {_KINDS}")
 
 

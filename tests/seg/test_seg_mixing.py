@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from seg import TrainSettings, predict
 from seg.data import LabelledImages
-from seg.losses import class_shares, class_weights, weights_of_shares
+from seg.losses import class_shares, weights_of_shares
 from seg.mixing import batch_indices, extra_count, mean_share, mixed
 from seg.pyramid import channel_statistics, features
 from seg.step import plan
@@ -70,7 +70,7 @@ def test_parts_that_count_by_their_size_are_the_whole():
     np.testing.assert_allclose(mixed([0.5, 0.5], [second, second])[1], second[1], rtol=1e-5)
     shares = [class_shares(part, 3) for part in (LABELS[:4], LABELS[4:])]
     weights = weights_of_shares(shares[0] * 4 / 6 + shares[1] * 2 / 6)
-    np.testing.assert_allclose(weights, class_weights(LABELS, 3))
+    np.testing.assert_allclose(weights, weights_of_shares(class_shares(LABELS, 3)))
 
 
 @pytest.mark.parametrize("share", [0.1, 0.9])

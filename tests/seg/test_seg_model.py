@@ -177,7 +177,7 @@ def test_classes_of_a_target_have_the_values_of_its_files():
     ({"classes": []}, f"{CONFIG}: a model has 1 to 255 classes, not 0"),
     ({"classes": [{"name": "a", "id": 1, "color": [0, 0, 0]}]}, f"{WEIGHTS}: .*: .*with 1 classes has"),
     ({"classes": [{"name": "a", "id": 1, "color": [0, 0]}]}, r"classes\[0\].color is \[0, 0\]"),
-    ({"size": {"width": 4}}, f"{CONFIG}: height is missing"),
+    ({"size": {"width": 4}}, f"{CONFIG}: size.height is missing"),
     ({"written": "words"}, f"{CONFIG}: written is 'words'; expected ids or colours"),
     ({"recipe": {"net": "compact", "stride": 2}}, r"recipe\.stride: there is no such setting"),
     ({"recipe": {"net": "compact", "lr": "high"}}, r"recipe\.lr must be a number, not 'high'"),

@@ -19,13 +19,14 @@ from seg import (
     TrainingError,
     TrainSettings,
     check_settings,
-    class_weights,
     mean_iou,
     predict,
     score,
 )
+from seg.batches import in_batches
 from seg.data import LabelledImages, list_split, load, read_split
-from seg.inference import apply, heads_of, logits, outline, predict_heads
+from seg.inference import apply, heads_of, logits, predict_heads, variable_shapes
+from seg.losses import class_shares, weights_of_shares
 from seg.prepare import check_arrays
 from seg.pyramid import features
 from seg.step import Data, functions, plan
@@ -117,7 +118,9 @@ def test_heads_are_nets_of_their_own_whose_mean_logits_count(narrow_lite):
     np.testing.assert_array_equal(
         predict_heads(heads[0], images, one_head, 11), expected[1][:, None]
     )
-    shapes = jax.tree.map(lambda leaf: (leaf.shape, leaf.dtype), (net, outline(settings, 11)))
+    shapes = jax.tree.map(
+        lambda leaf: (leaf.shape, leaf.dtype), (net, variable_shapes(settings, 11))
+    )
     assert shapes[0] == shapes[1]
     further = train(6, images, labels, replace(settings, lr=1e-6), 11, params=net)
     assert_close(further, net, atol=1e-4)
@@ -132,6 +135,23 @@ def test_heads_are_nets_of_their_own_whose_mean_logits_count(narrow_lite):
         train(5, images, labels, replace(settings, lr=1e30), 11, **options)
     with pytest.raises(ValueError, match="checkpoints are for networks of one head"):
         train(5, images, labels, settings, 11, checkpoints=2)
+    with pytest.raises(ValueError, match="checkpoints are for networks of one head"):
+        train(5, images, labels, settings, 11, at_checkpoint=steps.append)
+
+
+def test_few_images_are_predicted_in_a_small_batch(fitted, monkeypatch):
+    sizes = []
+
+    def recorded(run, images, size):
+        sizes.append(size)
+        return in_batches(run, images, size)
+
+    monkeypatch.setattr("seg.inference.in_batches", recorded)
+    settings, images, whole = replace(SETTINGS, predict_batch=16), toy(count=20)[0], []
+    for count in (1, 5, 20):
+        whole.append(logits(fitted, images[:count], settings, 11))
+    assert sizes == [1, 6, 16]
+    assert_close(whole[0][0], whole[2][0], atol=1e-4)
 
 
 @pytest.mark.parametrize("kind", ["net", "head"])
@@ -215,7 +235,7 @@ def test_checkpoints_are_the_nets_of_their_steps_and_change_none():
         assert_same(net, without)
     nets = []
     rows, compiled = plan(0, 2, settings), functions(settings, 11)
-    weights = class_weights(toy()[1], 11)
+    weights = weights_of_shares(class_shares(toy()[1], 11))
     data = jax.device_put(Data(*toy(), weights, np.uint32(0)))
     state = compiled.init(data.seed, data.images)
     for i in range(10):
@@ -293,8 +313,8 @@ def test_arrays_that_do_not_fit(images, labels, message):
     ({"trunk": "tuned"}, '"tuned", but the network compact has no backbone; lite0'),
     ({"net": "fcn8s", "trunk": "tuned"}, "the network fcn8s has no backbone"),
     (LITE0 | {"weights": "vgg16.npz"}, "in the network lite0; its own weights come with a package"),
-    (LITE0 | {"norm": True}, "lite0 has its own rates"),
-    (LITE0 | {"lr_multipliers": "deeplab"}, "lite0 has its own rates"),
+    (LITE0 | {"norm": True}, "are for fcn8s and deeplabv2, not for lite0"),
+    (LITE0 | {"lr_multipliers": "deeplab"}, "are for fcn8s and deeplabv2, not for lite0"),
     (LITE0 | {"views": 0}, "views must be 1 or more, not 0"),
     (LITE0 | {"loss_stride": 3}, "loss_stride must be one of 1, 2, 4, 8, not 3"),
     ({"loss_stride": 2}, "are for networks with a backbone; the network is compact"),
@@ -306,6 +326,9 @@ def test_arrays_that_do_not_fit(images, labels, message):
     ({"net": "fcn8"}, "unknown network 'fcn8'; known networks: compact, deeplabv2, dinov2, fcn8s, lite0"),
     (LITE0 | {"trunk": "Tuned"}, "trunk must be one of frozen, tuned, not Tuned"),
     (LITE0 | {"head_statistics": "both"}, "head_statistics must be one of training, target, not both"),
+    ({"net": "compact", "norm": True}, "are for fcn8s and deeplabv2, not for compact"),
+    ({"net": "compact", "lr_multipliers": "deeplab"}, "are for fcn8s and deeplabv2, not for compact"),
+    ({"momentum": 1.5}, "momentum must lie in"),
     ({"lr_multipliers": "caffe"}, "lr_multipliers must be one of none, deeplab, not caffe"),
     ({"mirror": "no"}, "mirror must be True or False, not 'no'"),
     ({"steps": 100.5}, "steps must be a whole number, not 100.5"),

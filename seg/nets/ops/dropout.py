@@ -10,8 +10,8 @@ def dropout(
 ) -> Float[Array, "*shape"]:
     """Set a random share of the values to 0, and scale the others so that the mean stays.
 
-    It equals `nn.Dropout`, but takes one random byte per value instead of four: random numbers take most of
-    dropout's time on a CPU.
+    In distribution it is `nn.Dropout` with the rate rounded to 1/256, but takes one random byte per value
+    instead of four: random numbers take most of dropout's time on a CPU.
 
     Args:
         rng_key: key of the choice.
