@@ -52,7 +52,10 @@ def real_target(name: str, config: Config, data: Path) -> Target:
     unlabelled = config.unlabelled if isinstance(config, MainConfig) else None
     if unlabelled is not None:
         # No label is read, so the paths of labels are never opened.
-        reward = tuple(Entry(p.stem, "", p, p) for p in list_unlabelled(unlabelled))
+        reward = tuple(
+            Entry(path.relative_to(unlabelled).with_suffix("").as_posix(), "", path, path)
+            for path in list_unlabelled(unlabelled)
+        )
     reward = subset(reward, config.reward_images)
     refuse_overlap([e.name for e in reward], [e.name for e in test])
     # -MMD^2 needs no labels, even where the images have them.

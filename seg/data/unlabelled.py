@@ -16,7 +16,7 @@ def list_unlabelled(root: str | Path) -> tuple[Path, ...]:
     """List the image files in a folder and its sub-folders, sorted by path, without reading them.
 
     Raises:
-        DataError: there is no such folder, it has no images, or two images have the same name.
+        DataError: there is no such folder, or it has no images.
     """
     root = Path(root)
     if not root.is_dir():
@@ -24,11 +24,6 @@ def list_unlabelled(root: str | Path) -> tuple[Path, ...]:
     paths = tuple(p for p in files_below(root) if p.suffix.lower() in IMAGES)
     if not paths:
         raise DataError(f"{root}: no images; expected {', '.join(IMAGES)}")
-    by_name: dict[str, Path] = {}
-    for path in paths:
-        if path.stem in by_name:
-            raise DataError(f"{path} and {by_name[path.stem]} have the same name; rename one")
-        by_name[path.stem] = path
     return paths
 
 

@@ -109,10 +109,9 @@ def test_images_of_all_sizes_come_sorted_and_jpegs_with_bytes_after_their_end(tm
 def test_bad_folders_are_named(tmp_path):
     refuses_file("nowhere: no such folder", list_unlabelled, tmp_path / "nowhere")
     refuses_file("no images; expected .png", list_unlabelled, tmp_path)
-    one, other = (tmp_path / name / "1.png" for name in "ab")
-    write_image(one)
-    write_image(other)
-    refuses_file("the same name", list_unlabelled, tmp_path)
-    one.write_text("no image")
-    other.unlink()
+    frames = tuple(tmp_path / sequence / "1.png" for sequence in "ab")  # every sequence has a first frame
+    for frame in frames:
+        write_image(frame)
+    assert list_unlabelled(tmp_path) == frames
+    frames[0].write_text("no image")
     refuses_file("broken", load_unlabelled, list_unlabelled(tmp_path), (3, 4))
