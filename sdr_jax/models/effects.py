@@ -60,7 +60,7 @@ class EffectsState(NamedTuple):
     noise: Float[Array, ""]  # variance of a reward; 0 while all rewards are equal
 
 
-class Model(NamedTuple):
+class RewardFunction(NamedTuple):
     """One function of the bins: the posterior's mean, or a draw from the posterior."""
 
     main: Float[Array, "*draws attributes bins"]  # f_i
@@ -182,18 +182,18 @@ def posterior(model: Effects, state: EffectsState) -> Posterior:
     return regression.posterior(state.statistics, std, jnp.sqrt(noise))
 
 
-def mean_model(model: Effects, belief: Posterior) -> Model:
+def mean_model(model: Effects, belief: Posterior) -> RewardFunction:
     """The model with the posterior's mean as weights."""
     return _model(model, belief.mean)
 
 
-def draw_models(rng_key: Key[Array, ""], model: Effects, belief: Posterior, n: int) -> Model:
+def draw_models(rng_key: Key[Array, ""], model: Effects, belief: Posterior, n: int) -> RewardFunction:
     """Draw models from the posterior, stacked on a leading axis; the key is consumed."""
     return jax.vmap(partial(_model, model))(regression.draw(rng_key, belief, n))
 
 
 def values(
-    model: Effects, function: Model, probabilities: Float[Array, "attributes bins"]
+    model: Effects, function: RewardFunction, probabilities: Float[Array, "attributes bins"]
 ) -> Float[Array, "attributes bins"]:
     """Compute the expected reward of each bin, with the other attributes sampled from the policy.
 
@@ -253,8 +253,8 @@ def layout_weights(model: Effects, weights: Array) -> Array:
     return weights[:size] + model.shared @ weights[size:]
 
 
-def _model(model: Effects, weights: Array) -> Model:
-    return Model(*features.split(model.layout, layout_weights(model, weights)))
+def _model(model: Effects, weights: Array) -> RewardFunction:
+    return RewardFunction(*features.split(model.layout, layout_weights(model, weights)))
 
 
 def _first_scales(model: Effects) -> Float[np.ndarray, "effects"]:
