@@ -187,7 +187,9 @@ def mean_model(model: Effects, belief: Posterior) -> RewardFunction:
     return _model(model, belief.mean)
 
 
-def draw_models(rng_key: Key[Array, ""], model: Effects, belief: Posterior, n: int) -> RewardFunction:
+def draw_models(
+    rng_key: Key[Array, ""], model: Effects, belief: Posterior, n: int
+) -> RewardFunction:
     """Draw models from the posterior, stacked on a leading axis; the key is consumed."""
     return jax.vmap(partial(_model, model))(regression.draw(rng_key, belief, n))
 
