@@ -105,8 +105,8 @@ def _real(recipe: outlines.Recipe, tested: int) -> Real:
         count = len(images.images)
         chosen = np.unique(np.linspace(0, count - 1, min(tested, count)).round().astype(int))
         subset = images.take(chosen)
-        views = with_mirror(subset.images, RECIPES["lite0-heads"])
-        return subset._replace(features=features(views))
+        settings = RECIPES["lite0-heads"]
+        return subset._replace(features=features(with_mirror(subset.images, settings), settings))
 
     development = with_features(real.development)
     assert development is not None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import platform
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -15,6 +14,7 @@ from typing import Any, TypeVar
 from common.files import versions
 from common.files import write as write_file
 from common.labels.target_file import SHIPPED
+from common.workers.pool import cores
 
 Row = dict[str, Any]
 PACKAGES = ("sdr-jax", "jax", "flax", "optax", "numpy", "trimesh", "embreex", "pyrender")
@@ -105,8 +105,7 @@ def machine() -> dict[str, Any]:
             if line.startswith("model name"):
                 name = line.partition(":")[2].strip()
                 break
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return {"processor": name, "cores": cores, "system": platform.system()}
+    return {"processor": name, "cores": cores(), "system": platform.system()}
 
 
 def report(rows: list[Row], path: Path | None) -> None:

@@ -28,6 +28,7 @@ from benchmarks.problems import Problem, grouped_space
 from benchmarks.ranking import behind, mean_ranks, plot, text
 from benchmarks.report import Row, count, new_file, parser, table, write
 from benchmarks.rivals import METHODS, RIVALS, make
+from common.workers.pool import cores
 from experiments.evaluation.in_worker import worker_environment
 
 DEFAULT = "surrogate"
@@ -256,7 +257,7 @@ def main(arguments: list[str] | None = None) -> int:
     command.add_argument("--methods", choices=METHODS, default=list(METHODS), **names)
     command.add_argument("--problems", choices=PROBLEMS, default=list(PROBLEMS), **names)
     command.add_argument(
-        "--workers", type=partial(count, 0), default=os.cpu_count(), help="processes; 0: this one"
+        "--workers", type=partial(count, 0), default=cores(), help="processes; 0: this one"
     )
     command.add_argument(
         "--plot", type=new_file, help="also draw value against evaluations into this PNG"

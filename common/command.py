@@ -11,13 +11,12 @@ import sys
 import textwrap
 import traceback
 from collections.abc import Callable, Iterable, Sequence, Set
-from difflib import get_close_matches
 from importlib.util import find_spec
 from itertools import takewhile
 from pathlib import Path
 from typing import Any, NoReturn
 
-from common.errors import SIMILAR, Unfinished, UserError, printable, printable_lines
+from common.errors import Unfinished, UserError, printable, printable_lines, suggestion
 from common.interrupt import INTERRUPTED, PROGRAM, while_working
 
 USAGE, BUG, UNREAD = 2, 70, 141
@@ -193,17 +192,6 @@ def unmet(relations: Iterable[Relation], used: Set[str]) -> str | None:
         for other in used & {*excludes} if flag in used else ():
             return f"{flag} has no effect with {other}"
     return None
-
-
-def suggestion(word: str, names: Iterable[str]) -> str:
-    """Write ``; did you mean --seeds?`` for a word that resembles a name, otherwise nothing."""
-    names = list(names)
-    leaf = word.lstrip("-")
-    similar = [name for name in names if name.rpartition(".")[2] == leaf][:2]
-    if not similar:  # dashes alone make no word similar
-        bare = {name.lstrip("-"): name for name in names}
-        similar = [bare[name] for name in get_close_matches(leaf, bare, 1, SIMILAR)]
-    return f"; did you mean {' or '.join(similar)}?" if similar else ""
 
 
 def docstring(module: str) -> str:

@@ -16,7 +16,7 @@ class UserError(ValueError):
 
 
 class Unfinished(UserError):
-    """Too many evaluations failed to finish the work; a command ends with code 1, not 2."""
+    """A part of the work could not be done; a command ends with code 1, not 2."""
 
 
 def printable(text: str) -> str:
@@ -39,6 +39,17 @@ def hint(word: object, names: Iterable[str]) -> str:
     names = list(names)
     similar = get_close_matches(str(word), names, 1, SIMILAR)
     return f"did you mean {similar[0]}?" if similar else f"known: {', '.join(names)}"
+
+
+def suggestion(word: str, names: Iterable[str]) -> str:
+    """Write ``; did you mean --seeds?`` for a word that resembles a name, otherwise nothing."""
+    names = list(names)
+    leaf = word.lstrip("-")
+    similar = [name for name in names if name.rpartition(".")[2] == leaf][:2]
+    if not similar:  # dashes alone make no word similar
+        bare = {name.lstrip("-"): name for name in names}
+        similar = [bare[name] for name in get_close_matches(leaf, bare, 1, SIMILAR)]
+    return f"; did you mean {' or '.join(similar)}?" if similar else ""
 
 
 def refuse_repeats(flag: str, values: Sequence[object]) -> None:

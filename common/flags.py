@@ -27,6 +27,7 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeVar, Union, get_args
 from typing import get_type_hints as hints_of
 
 from common.command import Parser, docstring, size
+from common.errors import suggestion
 
 Value = TypeVar("Value")
 KINDS: dict[type, str] = {int: "a whole number", float: "a number", Path: "a path", str: "a word"}
@@ -284,7 +285,8 @@ def _reader(kind: Any) -> Callable[[str], Any]:
             else KINDS[p]
             for p in (parts if all(map(_choices, parts)) else _parts(kind))
         )
-        raise argparse.ArgumentTypeError(f"must be {expected}, not {text!r}")
+        similar = suggestion(text, (choice for part in parts for choice in _choices(part)))
+        raise argparse.ArgumentTypeError(f"must be {expected}, not {text!r}{similar}")
 
     return read
 

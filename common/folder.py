@@ -51,6 +51,14 @@ def refuse_unwritable(path: Path) -> None:
         raise UserError(f"--out {path} cannot be written ({existing} is {why}); choose another")
 
 
+def refuse_other_files(path: Path, allowed: Sequence[str] = ()) -> None:
+    """Raise UserError if ``--out`` cannot be written, or contains no run and files that are not allowed."""
+    refuse_unwritable(path)
+    if path.exists() and not (path / CONFIG).exists():
+        if {entry.name for entry in path.iterdir()} - {LOCK, f"{CONFIG}.part", *allowed}:
+            raise UserError(f"--out {path} contains other files and no run; choose another")
+
+
 def refuse_foreign(
     path: Path, config: dict[str, Any], free: Sequence[str] = (), allowed: Sequence[str] = ()
 ) -> None:
@@ -62,12 +70,8 @@ def refuse_foreign(
         free: dotted names of values that may differ when a job is resumed.
         allowed: files that a folder may contain before its job, besides the lock.
     """
-    refuse_unwritable(path)
-    if not path.exists():
-        return
+    refuse_other_files(path, allowed)
     if not (path / CONFIG).exists():
-        if {entry.name for entry in path.iterdir()} - {LOCK, f"{CONFIG}.part", *allowed}:
-            raise UserError(f"--out {path} contains other files and no run; choose another")
         return
     try:
         recorded = read_config(path)

@@ -32,10 +32,10 @@ TRUST = 0.1
 
 
 class Stage(NamedTuple):
-    """Networks of one kind; a job goes through its stages in order."""
+    """Networks or other results of one kind; a job goes through its stages in order."""
 
-    what: str
-    nets: int
+    what: str  # such as "rewards of the search"
+    number: int
     units: float  # of work in total
 
 
@@ -82,7 +82,7 @@ class Progress:
         self._done = self._worked = self._expected = self._start = 0.0
         self._under_way = self._furthest = 0.0  # units of unfinished pieces; the most units shown
         self._line_time = -math.inf  # of the last plain line about them
-        self._nets = 0
+        self._networks = 0
         self._started = self._paced = self._latest = time.perf_counter()
         self._stream = stream or sys.stdout
         self._console = Console(file=self._stream)
@@ -136,8 +136,14 @@ class Progress:
             return None
         return left * spent / worked
 
-    def advance(self, units: float = 1.0, *, replayed: bool = False) -> None:
-        """Count work as done; replayed work and its time do not enter the estimate."""
+    def advance(self, units: float = 1.0, *, networks: int = 1, replayed: bool = False) -> None:
+        """Count work as done; replayed work and its time do not enter the estimate.
+
+        Args:
+            units: the cost of the work.
+            networks: how many networks it has trained; 0 for streets alone.
+            replayed: whether an earlier session did it.
+        """
         now = time.perf_counter()
         self._done += units
         self._under_way = max(self._under_way - units, 0.0)
@@ -147,7 +153,7 @@ class Progress:
             if not self._worked:
                 self._paced += min(self._start, now - self._paced)
             self._worked += units
-            self._nets += 1
+            self._networks += networks
         self._latest = now
 
     def under_way(self, units: float) -> None:
@@ -195,10 +201,9 @@ class Progress:
         first, *others = self._bar.task_ids
         self._bar.below = " | ".join(self._facts())
         for task, (stage, done) in zip(others, self._by_stage(), strict=True):
-            nets = (
-                f"{stage.what}, {stage.nets * done / (stage.units or 1):.0f} of {stage.nets} nets"
-            )
-            self._bar.update(task, completed=done, description=nets)
+            made = stage.number * done / (stage.units or 1)
+            text = f"{stage.what}, {made:.0f} of {stage.number}"
+            self._bar.update(task, completed=done, description=text)
         self._bar.update(first, completed=share, description=line)
 
     def _by_stage(self) -> Iterable[tuple[Stage, float]]:
@@ -215,10 +220,10 @@ class Progress:
         if self._stages and self._worked > 0:
             spent = time.perf_counter() - self._started
             cpu = spent / self._worked * self._total * self._workers
-            facts[:0] = [
-                f"{60 * self._nets / max(spent, 1e-9):.3g} nets a minute",
-                f"about {duration(cpu)} of CPU in total",
-            ]
+            facts.insert(0, f"about {duration(cpu)} of CPU in total")
+            if self._networks:
+                pace = 60 * self._networks / max(spent, 1e-9)
+                facts.insert(0, f"{pace:.3g} networks a minute")
         return facts
 
     def close(self) -> None:

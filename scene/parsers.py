@@ -9,7 +9,7 @@ from typing import Annotated
 
 from common.flags import ARGUMENT, ONE_OF, REPEATED, SWITCH, Option, Size, command_line
 from common.labels.target_file import SHIPPED
-from common.workers.pool import ExecutorName
+from common.workers.pool import ExecutorName, cores
 from scene.attributes import SpaceName
 from scene.dataset.formats.layout import FORMATS, SPLITS
 from scene.names import HELD, OVERLAPS, OWN_EVERY, PLACES, RENDERERS, USES, WEATHERS
@@ -70,8 +70,8 @@ class Render(Assets):
     """name of the split"""
     seed: Annotated[int, Option("N")] = 0
     """random seed"""
-    workers: Annotated[int, Option("N")] = 2
-    """number of processes; the files do not depend on it"""
+    workers: Annotated[int, Option("N")] = cores()
+    """number of processes, by default one per core; the files do not depend on it"""
     renderer: Annotated[str, Option(choices=RENDERERS)] = "embree"
     """rendering engine"""
     samples: Annotated[int, Option("N")] = 2

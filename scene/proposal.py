@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from common.errors import UserError, hint
+from common.errors import UserError, hint, suggestion
 from common.files import read_json
 from scene import streams
 from scene.attributes import (
@@ -311,6 +311,7 @@ def read_streets(source: str, space: SpaceName | None) -> Streets:
         expected = f"{', '.join(NAMES)}, or a JSON file such as a run's attributes.json"
         raise UserError(
             f"{source}: {'not a' if path.exists() else 'no such'} file; expected {expected}"
+            + suggestion(source, NAMES)
         )
     streets = streets_in(path)
     if space not in (None, space_in(streets)):

@@ -27,7 +27,7 @@ import msgspec
 import yaml
 from msgspec import Meta
 
-from common.errors import UserError
+from common.errors import UserError, suggestion
 from common.expression import expression_fault
 from common.files import check_folder, composed, plain_path, read_bytes
 from common.interrupt import PROGRAM
@@ -212,6 +212,7 @@ def find_target(target: str | Path | None, data: Path | None = None) -> TargetFi
     if not Path(target).is_file():
         raise UserError(
             f"--target {target}: no such file; expected a file, or one of {', '.join(SHIPPED)}"
+            + suggestion(str(target), SHIPPED)
         )
     return parse_target(read_bytes(Path(target), MOST_BYTES), str(target))
 
@@ -382,13 +383,10 @@ class _Lines:
             field += where.rstrip("`")
             unknown = re.search(r"unknown field `(.*)`", why)
             if unknown:
-                field, why = (
-                    f"{field}.{unknown[1]}",
-                    "unknown field; expected one of "
-                    + ", ".join(
-                        name for name in getattr(kind, "__struct_fields__", ()) if name != "source"
-                    ),
-                )
+                names = [n for n in getattr(kind, "__struct_fields__", ()) if n != "source"]
+                similar = suggestion(unknown[1], names)
+                field = f"{field}.{unknown[1]}"
+                why = f"unknown field; expected one of {', '.join(names)}{similar}"
             self.refuse(field.lstrip("."), plain_words(why))
 
 
@@ -416,7 +414,8 @@ def _check(target: TargetFile, lines: _Lines) -> None:
     for name in target.outlines:
         if name not in rendered:
             why = "has no 'renders'" if name in target.classes else "not a class"
-            lines.refuse(f"outlines.{name}", f"{why}; expected one of {', '.join(rendered)}")
+            expected = f"expected one of {', '.join(rendered)}{suggestion(name, rendered)}"
+            lines.refuse(f"outlines.{name}", f"{why}; {expected}")
     _check_splits(target, lines)
     for field in ("images", "labels"):
         files = getattr(target, field)
@@ -476,7 +475,8 @@ def _check_classes(target: TargetFile, lines: _Lines) -> None:
             if engine_class not in engine.NAMES:
                 lines.refuse(
                     f"{field}.renders[{k}]",
-                    f"the engine has no class {engine_class!r}; it has {', '.join(engine.NAMES)}",
+                    f"the engine has no class {engine_class!r}; it has {', '.join(engine.NAMES)}"
+                    + suggestion(engine_class, engine.NAMES),
                 )
             if engine_class in rendered:
                 lines.refuse(

@@ -453,6 +453,11 @@ def _start(counter: Any, nice: int, sees_gpu: bool, reported: Any) -> None:
         os.environ["CUDA_VISIBLE_DEVICES"] = names[number % len(names)] if sees_gpu else ""
 
 
+def cores() -> int:
+    """Count the cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def gpus() -> list[str]:
     """NVIDIA GPUs for this process, as CUDA_VISIBLE_DEVICES names them.
 

@@ -97,6 +97,8 @@ def labelled(
 def mapping(model: Model, data: Labelled) -> tuple[list[int], np.ndarray]:
     """Find the model's classes that the data have, too, and their indices there.
 
+    Classes of one name are the same; otherwise those of Cityscapes are what the data's target renders as.
+
     Returns:
         Indices of the model's classes, and u8[256] from such an index to a class of the data.
 
@@ -104,11 +106,10 @@ def mapping(model: Model, data: Labelled) -> tuple[list[int], np.ndarray]:
         UserError: model and data share no class.
     """
     table = np.full(256, IGNORE_LABEL, np.uint8)
-    if set(model.names) == set(data.classes):
-        table[: len(model.names)] = [data.classes.index(name) for name in model.names]
-    elif set(model.names) <= set(CITYSCAPES_19.classes):
-        engine = CITYSCAPES_19.classes
-        table[: len(model.names)] = [data.of_engine[engine.index(name)] for name in model.names]
+    indices = {name: k for k, name in enumerate(data.classes)}
+    if not set(model.names) == set(data.classes) and set(model.names) <= set(CITYSCAPES_19.classes):
+        indices = dict(zip(CITYSCAPES_19.classes, data.of_engine, strict=True)) | indices
+    table[: len(model.names)] = [indices.get(name, IGNORE_LABEL) for name in model.names]
     among = np.flatnonzero(table != IGNORE_LABEL).tolist()
     if not among:
         raise UserError(

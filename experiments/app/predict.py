@@ -15,15 +15,15 @@ and label_studio.json have predicted labels of the first ones, to correct in the
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, nullcontext
-from itertools import chain, islice
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
 from common.command import Arguments, exit_code, say
-from common.errors import UserError, counted
+from common.errors import Unfinished, UserError, counted
 from common.files import write
 from common.folder import opened
 from common.progress import Progress
@@ -31,8 +31,12 @@ from experiments.app.prelabels.files import CVAT, RANKING, STUDIO, write_files
 from experiments.app.prelabels.ranking import SCORES, Scores, ranked, refuse_unranked
 from experiments.config import parsers
 from scene.dataset.formats.png import encode
-from seg.data.frames import Frame, frames, list_sources, unreadable_note
+from seg.data.frames import Frame, Source, frames, list_sources, unreadable_note
+from seg.errors import DataError
 from seg.model import PACKAGES, As, Model, load_model
+
+MOST_NAMED = 8
+"""The most broken files that are named."""
 
 
 def predict(
@@ -47,6 +51,8 @@ def predict(
 ) -> int:
     """Write a label PNG for each image; a stopped call resumes.
 
+    Broken files are left out, and reported once all others have their results.
+
     Args:
         model: a model, its folder, or the name of one that comes with the package.
         images: an image, a video, or a folder of both.
@@ -60,7 +66,8 @@ def predict(
         The number of images with results in `out`.
 
     Raises:
-        UserError: no model, no images, a broken file, or a folder with other files.
+        UserError: no model, no readable images, or a folder with other files.
+        Unfinished: some of the files are broken.
         OSError: a file cannot be written; the error names it.
     """
     model = model if isinstance(model, Model) else load_model(model)
@@ -86,7 +93,7 @@ def predict(
     total = sum(source.frames for source in sources)
     progress_bar = closing(Progress(total)) if progress else nullcontext()
     unread = unreadable_note(images)
-    done = 0
+    done, broken = 0, list[tuple[Source, DataError]]()
     with opened(out, job, packages=PACKAGES), progress_bar as bar:
         if bar is not None and unread:
             bar.say(f"{images}: {unread}")
@@ -95,7 +102,7 @@ def predict(
         def is_done(name: str) -> bool:
             return _label(out, name).exists() and (scores is None or name in scores.by_name)
 
-        all_frames = chain.from_iterable(frames(source, is_done) for source in sources)
+        all_frames = _frames(sources, is_done, broken)
         for batch in _batches(all_frames, model.settings.predict_batch):
             new = [frame for frame in batch if frame is not None]
             _write(model, new, out, how, probabilities, scores)
@@ -105,11 +112,34 @@ def predict(
                 bar.advance(len(new))
                 if 100 * before // total < 100 * done // total:
                     bar.update(f"{done} of {total} images")
+        if broken and not done:
+            raise broken[0][1]
         if scores is not None:
             assert rank is not None
+            faulty = [source for source, _ in broken]
+            sources = tuple(source for source in sources if source not in faulty)
             rows = ranked(sources, scores, images, lambda name: _label(out, name), rank)
             write_files(out, rows, rank, model)
+    if broken:
+        names = ", ".join(str(source.path) for source, _ in broken[:MOST_NAMED])
+        names += ", ..." if len(broken) > MOST_NAMED else ""
+        raise Unfinished(
+            f"{out}: labels of {counted(done, 'image')}; {counted(len(broken), 'broken file')}: {names}"
+        )
     return done
+
+
+def _frames(
+    sources: Sequence[Source],
+    is_done: Callable[[str], bool],
+    broken: list[tuple[Source, DataError]],
+) -> Iterator[Frame | None]:
+    """Yield the frames of all sources, as `frames` does; add broken sources with their error to a list."""
+    for source in sources:
+        try:
+            yield from frames(source, is_done)
+        except DataError as error:
+            broken.append((source, error))
 
 
 def _batches(all_frames: Iterator[Frame | None], size: int) -> Iterator[list[Frame | None]]:

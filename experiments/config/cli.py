@@ -13,8 +13,8 @@ from inspect import get_annotations
 from pathlib import Path
 from typing import Any
 
-from common.command import HELP, Parser, docstring, exit_code, suggestion, unmet
-from common.errors import UserError
+from common.command import HELP, Parser, docstring, exit_code, unmet
+from common.errors import UserError, suggestion
 from common.flags import Field, add_flag, fill, flags_of
 from common.workers.pool import WorkerError
 from experiments.config.config import AnyConfig, Config, GroupsConfig, LearntConfig, fidelities

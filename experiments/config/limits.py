@@ -9,6 +9,7 @@ from common.errors import flagged
 from common.memory import refuse_larger
 from experiments.config.config import RECORD, Config, GroupsConfig, fidelities
 from experiments.config.options import Fidelity, Search, SearchOptions
+from experiments.config.trainers import training_processes
 from scene.render.protocol import MAX_PIXELS, refuse_large_images, refuse_many_shots
 from seg.augment import DRAWS
 from seg.nets.trunks import trunk_of
@@ -24,7 +25,7 @@ def refuse_too_large(config: Config) -> None:
         _refuse_fidelity(f"--{name}", fidelity)
         if config.executor == "processes" and fidelity.width * fidelity.height <= MAX_PIXELS:
             sets = _times(training_bytes(fidelity))
-            refuse_larger("--workers", max(config.workers, 1), sets, f"training sets of --{name}")
+            refuse_larger(*training_processes(config), sets, f"training sets of --{name}")
     if isinstance(config, GroupsConfig):
         _refuse_search(config.search)
 

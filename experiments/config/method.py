@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 import sdr_jax
-from common.errors import UserError, flagged
+from common.errors import UserError, flagged, suggestion
 from experiments.config.config import BinsConfig, GroupsConfig
 from experiments.config.options import RivalName
 from scene.attributes import SpaceName, names
@@ -43,7 +43,9 @@ def start_of(config: GroupsConfig) -> Proposal:
     if start in NAMES:
         streets = config.streets(start)
     else:
-        streets = hold(read_attributes("--search.start", Path(start), config.space), config.held)
+        expected = f"default, random, or an attributes.json{suggestion(start, NAMES)}"
+        read = read_attributes("--search.start", Path(start), config.space, expected)
+        streets = hold(read, config.held)
     if isinstance(streets, Mixture):
         raise UserError(
             f"--search.start {start} holds {len(streets.shares)} components; a search starts from one"
@@ -51,7 +53,9 @@ def start_of(config: GroupsConfig) -> Proposal:
     return moments(streets)
 
 
-def read_attributes(flag: str, path: Path, space: SpaceName) -> Streets:
+def read_attributes(
+    flag: str, path: Path, space: SpaceName, expected: str = "the attributes.json of a run"
+) -> Streets:
     """Read the streets of an ``attributes.json``.
 
     Raises:
@@ -60,7 +64,7 @@ def read_attributes(flag: str, path: Path, space: SpaceName) -> Streets:
     try:
         streets = streets_in(path)
     except OSError as error:
-        raise UserError(f"{flag} {path}: {error.strerror}") from None
+        raise UserError(f"{flag} {path}: {error.strerror}; expected {expected}") from None
     except ValueError as error:
         raise UserError(f"{flag} {error}") from None
     file_space = space_in(streets)

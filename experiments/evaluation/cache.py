@@ -120,16 +120,21 @@ class Cache:
         return cached._replace(features=self._workers.share(str(folder)))
 
     def streets(
-        self, name: str, recipe: Recipe, units: np.ndarray, seed: int, done: Callable[[int], None]
+        self,
+        name: str,
+        recipe: Recipe,
+        units: np.ndarray,
+        seed: int,
+        done: Callable[[int, bool], None],
     ) -> Cached:
         """Render one shot of each street with its features for a frozen backbone, if it does not exist.
 
         Args:
-            name: hash of everything that decides images and features.
+            name: hash of the attributes, the seed and the size.
             recipe: sizes, assets, backbone, and the classes of the labels.
             units: f32[streets, attributes] of every street, in [0, 1].
             seed: decides, with the street's index, all random choices.
-            done: called with the number of new streets; of all if they exist.
+            done: called with a number of streets, and whether an earlier call has rendered them.
         """
         folder = self._pool(name, recipe)
         pieces = _pieces_of(folder)
@@ -139,7 +144,7 @@ class Cache:
             pieces.mkdir(exist_ok=True)
             files = {start: pieces / f"{start:06d}.npz" for start in starts}
             missing = [start for start in starts if _piece(files[start]) is None]
-            done(sum(len(units[s : s + CHUNK]) for s in starts if s not in missing))
+            done(sum(len(units[s : s + CHUNK]) for s in starts if s not in missing), True)
             worker_recipe = sent(recipe, self._workers)
             tasks = [(worker_recipe, units[s : s + CHUNK], seed, s) for s in missing]
             split = Split(self._parts_of_streets, render_part)
@@ -148,11 +153,11 @@ class Cache:
                 buffer = io.BytesIO()
                 np.savez(buffer, **arrays)
                 write(files[start], buffer.getvalue(), sync=False)
-                done(len(units[start : start + CHUNK]))
+                done(len(units[start : start + CHUNK]), False)
             return {SECONDS: _assemble(part, [files[start] for start in starts], len(units))}
 
         if not self._keep(folder, {"streets": name}, fill):
-            done(len(units))
+            done(len(units), True)
         shutil.rmtree(pieces, ignore_errors=True)
         name_for_tasks = self._workers.share(str(folder))
         maps = name_for_tasks if recipe.fidelity.train.frozen else None

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
-from importlib.metadata import entry_points
 from typing import NamedTuple
 
 from common.errors import UserError
 from common.memory import in_words
-from common.workers.pool import gpus
 from experiments.config import Fidelity
 from experiments.config.limits import training_bytes
 
@@ -29,39 +26,6 @@ def device() -> Device:
     first = jax.devices()[0]
     memory = (first.memory_stats() or {}).get("bytes_limit")
     return Device(jax.default_backend(), first.device_kind, memory)
-
-
-def jax_supports_cuda() -> bool:
-    """Whether JAX is to use NVIDIA GPUs: its plugin is installed, and JAX_PLATFORMS allows it."""
-    platforms = os.environ.get("JAX_PLATFORMS", "")
-    allowed = not platforms or bool({"cuda", "gpu"} & set(platforms.split(",")))
-    return allowed and any("cuda" in plugin.name for plugin in entry_points(group="jax_plugins"))
-
-
-def usable_gpus() -> list[str]:
-    """The GPUs of this machine that JAX is to use, by their CUDA names."""
-    return gpus() if jax_supports_cuda() else []
-
-
-def trainers_of(requested: int | None, names: Sequence[str]) -> int | None:
-    """The number of separate trainers of this machine; None where workers render and train.
-
-    Args:
-        requested: the value of ``--trainers``.
-        names: the GPUs that JAX is to use.
-
-    Raises:
-        UserError: there are more trainers than GPUs.
-    """
-    if not names or requested is None:
-        return requested or len(names) or None
-    if requested > len(names):
-        count = "1 GPU" if len(names) == 1 else f"{len(names)} GPUs"
-        raise UserError(
-            f"--trainers {requested}: this machine has {count} (CUDA device {', '.join(names)}), and each "
-            f"trainer needs its own; use --trainers {len(names)}"
-        )
-    return requested
 
 
 def refuse_unusable(used: Device, names: Sequence[str], trained: Mapping[str, Fidelity]) -> None:

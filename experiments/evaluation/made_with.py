@@ -1,8 +1,8 @@
 """The backend of JAX and the versions of libraries, which also decide networks.
 
 Initial parameters come from a generator that differs between backends and may differ between versions.
-Workers and the main process (`config.cli`) compute with one thread, so that the number of cores decides
-nothing.
+Workers and the main process (`session.set_up_process`) compute with one thread, so that the number of cores
+decides nothing.
 """
 
 from __future__ import annotations

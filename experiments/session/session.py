@@ -1,7 +1,7 @@
 """An open run folder: its configuration, target, workers, store and progress.
 
     with session.open(config) as run:
-        run.begin([Work.at("nets", count, config.final)])
+        run.begin([Work.at("networks", count, config.final)])
         results = run.runner.test(jobs)
 
 A restarted job does the rest, since its folder holds all evaluations so far.
@@ -22,6 +22,7 @@ from common.progress import Progress, Stage, duration
 from common.workers.executors import workers_of
 from common.workers.pool import Workers
 from experiments.config import Config, FewConfig, Fidelity, fidelities
+from experiments.config.trainers import trainers_of, usable_gpus
 from experiments.evaluation import pace as paces
 from experiments.evaluation.cost import (
     COMPILE_COST,
@@ -31,7 +32,7 @@ from experiments.evaluation.cost import (
     prepare_cost,
     training_cost,
 )
-from experiments.evaluation.devices import device, refuse_unusable, trainers_of, usable_gpus
+from experiments.evaluation.devices import device, refuse_unusable
 from experiments.evaluation.in_worker import worker_environment
 from experiments.evaluation.job import Recipe, Source
 from experiments.evaluation.made_with import FIELD, MadeWith, ask_made_with
@@ -57,23 +58,23 @@ AnyConfig = TypeVar("AnyConfig", bound=Config)
 
 
 class Work(NamedTuple):
-    """Nets of one kind that a job trains."""
+    """Networks or streets of one kind that a job makes."""
 
     what: str  # such as "rewards of the search"
-    nets: int
+    number: int
     fidelity: Fidelity
     cost_of_one: Cost
 
     @classmethod
-    def at(cls, what: str, nets: int, fidelity: Fidelity) -> Work:
-        """Nets that are trained on rendered datasets."""
+    def at(cls, what: str, number: int, fidelity: Fidelity) -> Work:
+        """Networks that are trained on rendered datasets."""
         training = training_cost(fidelity)
-        return cls(what, nets, fidelity, Cost(cost_of(fidelity) - training, training))
+        return cls(what, number, fidelity, Cost(cost_of(fidelity) - training, training))
 
     @classmethod
-    def on_images(cls, what: str, nets: int, fidelity: Fidelity) -> Work:
-        """Nets that are trained on images that exist, with their features."""
-        return cls(what, nets, fidelity, Cost(train=head_cost(fidelity)))
+    def on_images(cls, what: str, number: int, fidelity: Fidelity) -> Work:
+        """Networks that are trained on images that exist, with their features."""
+        return cls(what, number, fidelity, Cost(train=head_cost(fidelity)))
 
     @property
     def cost(self) -> float:
@@ -83,7 +84,7 @@ class Work(NamedTuple):
     @property
     def total(self) -> Cost:
         """The total cost of rendering and of training."""
-        return self.cost_of_one.times(self.nets)
+        return self.cost_of_one.times(self.number)
 
 
 def total_of(plan: Sequence[Work]) -> Cost:
@@ -136,7 +137,7 @@ class Session(Generic[AnyConfig]):
         label = "" if self.target.real else f"{self.target.name}, not real | "
         lines = self.evaluations.records + self.finals.records
         elapsed = max((line.get("elapsed", 0.0) for line in lines), default=0.0)
-        stages = [Stage(work.what, work.nets, work.cost) for work in plan]
+        stages = [Stage(work.what, work.number, work.cost) for work in plan]
         cost, (workers, trainers) = total_of(plan), self._crew
         self.progress = Progress(sum(cost), elapsed, label, stages=stages, workers=workers)
         pace, start = paces.read(self._kind), self._prepare_cost()
@@ -147,7 +148,7 @@ class Session(Generic[AnyConfig]):
         self.progress.say(f"Folder: {self.config.out}{shared}")
         if lines:
             self.progress.say(
-                f"Continuing: {len(self.evaluations.records)} rewards and "
+                f"Resuming: {len(self.evaluations.records)} rewards and "
                 f"{len(self.finals.records)} other networks are done, in {duration(elapsed)}"
             )
         self._expect(cost, pace or REFERENCE, start)
@@ -207,11 +208,11 @@ def plan_text(
         trainers: number of separate trainers, if there are any.
     """
     lines = ["Plan, in CPU seconds:"]
-    for what, nets, fidelity, cost_of_one in plan:
+    for what, number, fidelity, cost_of_one in plan:
         train, seconds = fidelity.train, pace.seconds(cost_of_one)
         size = f"{fidelity.size}, {fidelity.images} images, {train.steps} steps"
         decimals = 1 if seconds >= 1 else 2
-        lines.append(f"  {nets:5d} x {seconds:6.{decimals}f}  {what} ({train.net}, {size})")
+        lines.append(f"  {number:5d} x {seconds:6.{decimals}f}  {what} ({train.net}, {size})")
     starts = (described(work.fidelity.train) for work in plan)
     lines += [f"  {start}" for start in dict.fromkeys(starts) if start]
     lines.append(

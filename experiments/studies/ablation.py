@@ -33,9 +33,9 @@ from experiments.tables.form import (
     Column,
     Form,
     Report,
+    error_bars,
     estimate,
     failures,
-    half,
     introduction,
     miou,
     number,
@@ -249,7 +249,7 @@ def picture(report: Report) -> bytes:
     shown = [(k, row) for k, row in enumerate(rows) if row["mean"] is not None]
     left.barh(
         [k for k, _ in shown], [row["mean"] for _, row in shown],
-        xerr=[half(row) for _, row in shown], capsize=3,
+        xerr=error_bars([row for _, row in shown]), capsize=3,
         color=["C0" if row["variant"] == FULL else "0.7" for _, row in shown],
     )  # fmt: skip
     left.set_yticks(range(len(rows)), [TITLES[row["variant"]] for row in rows])
@@ -258,7 +258,7 @@ def picture(report: Report) -> bytes:
     gains = [(k, row["gain"]) for k, row in shown if row["gain"] and row["variant"] != FULL]
     right.errorbar(
         [gain["mean"] for _, gain in gains], [k for k, _ in gains],
-        xerr=[half(gain) for _, gain in gains],
+        xerr=error_bars([gain for _, gain in gains]),
         fmt="o", capsize=3, label="here, paired seeds",
     )  # fmt: skip
     paper = [(row["paper"], k) for k, row in enumerate(rows) if row["paper"] is not None]

@@ -76,7 +76,7 @@ def rungs(config: FidelityConfig) -> list[Rung]:
     sizes = tuple(dict.fromkeys((low, middle(low, high), high)))[: config.rungs]
     ladder = [Rung(f"rung {k}", fidelity, kind) for k, fidelity in enumerate(sizes, 1)]
     if kind != "miou" and config.rungs is None:
-        ladder.append(Rung("final nets", config.final, "miou"))
+        ladder.append(Rung("final networks", config.final, "miou"))
     return ladder
 
 

@@ -7,14 +7,12 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
 os.environ.setdefault("MPLBACKEND", "Agg")  # a notebook has set its own
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.tables.form import Report, half
+from experiments.tables.form import Report, error_bars
 
 __all__ = ["curve", "curves", "plt", "png"]
 
@@ -22,9 +20,9 @@ __all__ = ["curve", "curves", "plt", "png"]
 def curve(axis: Axes, places: Sequence[float], rows: Sequence[Report], label: str) -> None:
     """Plot means of a report's rows against their places, with intervals; skip rows without a mean."""
     pairs = [(x, row) for x, row in zip(places, rows, strict=True) if row["mean"] is not None]
-    points = sorted((x, row["mean"], half(row)) for x, row in pairs)
-    x, y, bars = np.array(points).reshape(-1, 3).T
-    axis.errorbar(x, y, yerr=bars, fmt="o-", ms=4, capsize=3, label=label)
+    pairs.sort(key=lambda pair: pair[0])
+    means, bars = [row["mean"] for _, row in pairs], error_bars([row for _, row in pairs])
+    axis.errorbar([x for x, _ in pairs], means, yerr=bars, fmt="o-", ms=4, capsize=3, label=label)
 
 
 def curves(

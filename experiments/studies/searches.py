@@ -37,9 +37,9 @@ from experiments.tables.form import (
     Column,
     Form,
     Report,
+    error_bars,
     estimate,
     failures,
-    half,
     introduction,
     miou,
     number,
@@ -287,7 +287,7 @@ def picture(report: Report) -> bytes:
     figure, axis = plt.subplots(figsize=(8, 1.2 + 0.45 * len(rows)), layout="constrained")
     for place, row in enumerate(rows):
         color = "0.4" if row["name"] in BASELINES else "C0"
-        bar = half(row)
+        bar = error_bars([row])
         axis.errorbar(row["mean"], place, xerr=bar, fmt="o", capsize=4, color=color, zorder=3)
         searches = [s["learnt"] for s in report["searches"] if s["method"] == row["name"]]
         axis.plot(searches, [place + 0.2] * len(searches), "|", color=color, ms=9, alpha=0.7)

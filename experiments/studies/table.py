@@ -38,9 +38,9 @@ from experiments.tables.form import (
     Form,
     Report,
     class_means,
+    error_bars,
     estimate,
     failures,
-    half,
     introduction,
     markdown,
     miou,
@@ -317,7 +317,7 @@ def picture(report: Report) -> bytes:
             sets.index(row["trained_on"]) + (k - (len(names) - 1) / 2) * thick for row in rows
         ]
         means = [row["mean"] or 0.0 for row in rows]
-        bars = [half(row) for row in rows]
+        bars = error_bars(rows)
         axis.barh(places, means, thick, xerr=bars, capsize=3, color=f"C{k}", label=net)
         panel = panels[k]
         values = np.array([[row["class_iou"][c] for row in rows] for c in classes], float)

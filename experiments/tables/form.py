@@ -70,7 +70,9 @@ def rewrite(form: Form, file: Path, folder: Path) -> Report:
     try:
         scores = read_json(file)
     except OSError as error:
-        raise UserError(f"--rederive {file}: {error.strerror}") from None
+        raise UserError(
+            f"--rederive {file}: {error.strerror}; expected the {form.name}.json of a run"
+        ) from None
     except UserError as error:
         raise UserError(f"--rederive: {error}") from None
     if not isinstance(scores, dict) or scores.get("study", form.name) != form.name:
@@ -167,9 +169,11 @@ def cells(entry: Report | None, form: str = ".1f") -> list[str]:
     return [number(entry["mean"], form), interval(entry["ci95"], form.lstrip("+")) or TOO_FEW]
 
 
-def half(row: Report) -> float:
-    """Return half the interval of a row, for error bars; 0 without one."""
-    return row["mean"] - row["ci95"][0] if row["ci95"] else 0.0
+def error_bars(rows: Sequence[Report]) -> tuple[list[float], list[float]]:
+    """Return how far the intervals of rows reach below and above their means; 0 without an interval."""
+    below = [row["mean"] - row["ci95"][0] if row["ci95"] else 0.0 for row in rows]
+    above = [row["ci95"][1] - row["mean"] if row["ci95"] else 0.0 for row in rows]
+    return below, above
 
 
 def words(name: str) -> str:

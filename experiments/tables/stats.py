@@ -54,13 +54,9 @@ TOO_FEW = "too few networks for an interval"
 
 
 def bounded(entry: dict[str, Any]) -> dict[str, Any]:
-    """Replace the interval of an mIoU in percent by None where it leaves [0, 100].
-
-    Student's t knows no bounds: an interval so wide comes from a few networks that differ much.
-    """
+    """Intersect the interval of an IoU in percent with [0, 100], which keeps its coverage."""
     ci95 = entry["ci95"]
-    outside = ci95 is not None and (ci95[0] < 0 or ci95[1] > 100)
-    return {**entry, "ci95": None} if outside else entry
+    return entry if ci95 is None else {**entry, "ci95": [max(ci95[0], 0.0), min(ci95[1], 100.0)]}
 
 
 def gain(ours: Values, theirs: Values) -> dict[str, Any] | None:
@@ -318,11 +314,7 @@ def over_units(ours: np.ndarray, theirs: np.ndarray) -> Estimate:
 
 
 DRAWS = 10_000
-"""Number of samples of the parametric bootstrap of a signal over its noise.
-
-A reward of proposal p with seed s is modelled as a_p + b_s + e_ps: the value of the proposal, the common
-effect of the seed on all proposals, and the residual. Common random numbers cancel b.
-"""
+"""Number of samples of the parametric bootstrap of a signal over its noise."""
 
 
 class Pairing(NamedTuple):
@@ -373,6 +365,8 @@ def pairing(table: np.ndarray) -> Pairing | None:
 def signal_to_noise(rewards: np.ndarray, table: np.ndarray, seed: int) -> Estimate:
     """Divide the spread of proposals' true values by the noise of one reward.
 
+    A reward of proposal p with seed s is modelled as a_p + b_s + e_ps: the value of the proposal, the common
+    effect of the seed on all proposals, and the residual. Common random numbers cancel b. The ratio is
     sqrt(max(var(rewards) - var(e), 0) / (var(b) + var(e))), where the denominator is the variance of one
     proposal's rewards.
 

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from hashlib import sha256
 from pathlib import Path
 
 from common import folder
@@ -35,7 +36,7 @@ def _run(command: Sequence[str]) -> int:
 
 
 def commit(checkout: Path = Path(__file__).parent) -> str:
-    """Name the last commit that changed the program, and whether it has been changed since.
+    """Name the last commit that changed the program, and the changes since then by their SHA-256.
 
     Pages, which may change while results are made, are not part of the program.
 
@@ -46,14 +47,15 @@ def commit(checkout: Path = Path(__file__).parent) -> str:
         UserError: there is no checkout, so the origin of results would be unknown.
     """
 
-    def git(*words: str) -> str:
+    def git(*words: str) -> bytes:
         program = (":/", ":(top,exclude)docs", ":(top,exclude)*.md", ":(top,exclude)mkdocs.yml")
         command = ["git", "-C", str(checkout), *words, "--", *program]
-        return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
+        return subprocess.run(command, check=True, capture_output=True).stdout.strip()
 
     try:
-        changed = git("status", "--porcelain", "--untracked-files=no")
-        return git("log", "-1", "--format=%h") + (", changed" if changed else "")
+        name = git("log", "-1", "--format=%h").decode()
+        changes = git("diff", "--no-ext-diff", "--full-index", "HEAD")
+        return f"{name}, changed {sha256(changes).hexdigest()[:8]}" if changes else name
     except (OSError, subprocess.CalledProcessError):
         raise UserError("results need a git checkout, since they name their commit") from None
 

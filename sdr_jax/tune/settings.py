@@ -135,7 +135,8 @@ def _load(path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(read_bytes(path, MOST_BYTES).decode("utf-8-sig"))
     except OSError as error:
-        raise UserError(f"{path}: {error.strerror or error}") from None
+        why = error.strerror or error
+        raise UserError(f"{path}: {why}; expected a TOML file with attributes") from None
     except UserError:
         raise
     except (ValueError, RecursionError) as error:

@@ -11,8 +11,8 @@ from unittest.mock import Mock
 import pytest
 
 from common import loopback
-from common.command import BUG, UNREAD, Parser, exit_code, running_command, say, size, suggestion
-from common.errors import Unfinished, UserError, refuse_repeats
+from common.command import BUG, UNREAD, Parser, exit_code, running_command, say, size
+from common.errors import Unfinished, UserError, refuse_repeats, suggestion
 from common.interrupt import INTERRUPTED
 from tests.conftest import ROOT, refused
 

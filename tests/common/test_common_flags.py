@@ -137,6 +137,15 @@ class Options:
     b: Annotated[str | None, ONE_OF] = None
 
 
+def test_a_similar_choice_is_suggested(capsys):
+    for word, end in (("colour", "; did you mean colours?"), ("xyz", "")):
+        words = ["r", "--out", "o", "--as", word]
+        with pytest.raises(SystemExit, match=r"^2$"):
+            command_line("x", Options, "common.flags").parse_args(words)
+        error = f"argument --as: must be one of ids, colours, not '{word}'{end}\n"
+        assert capsys.readouterr().err.endswith(error)
+
+
 @pytest.mark.parametrize(("words", "values"), [
     ("r --out o", {}), ("r f g --out o", {"files": (Path("f"), Path("g"))}),
     ("r --out o --as colours --serve --size 3x4", {"how": "colours", "serve": 80, "size": (3, 4)}),

@@ -153,7 +153,7 @@ def test_a_narrow_terminal_cuts_the_end_off_a_line(clock, terminal):
 
 
 def test_on_a_terminal_every_stage_has_a_bar_and_the_pace_is_shown(clock, terminal):
-    stages = [Stage("rewards", 4, 8.0), Stage("final nets", 2, 2.0)]
+    stages = [Stage("rewards", 4, 8.0), Stage("final networks", 2, 2.0)]
     job = Progress(total=10, stream=terminal, stages=stages, workers=2)
     clock.now += 20
     for _ in range(4):
@@ -164,10 +164,20 @@ def test_on_a_terminal_every_stage_has_a_bar_and_the_pace_is_shown(clock, termin
     job.close()
     whole, rewards, finals, pace = (line.rstrip() for line in terminal.visible()[-4:])
     assert whole.endswith(" 90 % 2 s left | net 5")
-    assert rewards.endswith("100 % rewards, 4 of 4 nets")
-    assert finals.endswith(" 50 % final nets, 1 of 2 nets")
-    # Five nets in 20 s; 10 of 9 units, two cores.
-    assert pace == "15 nets a minute | about 44 s of CPU in total | best mIoU 20.4"
+    assert rewards.endswith("100 % rewards, 4 of 4")
+    assert finals.endswith(" 50 % final networks, 1 of 2")
+    # Five networks in 20 s; 10 of 9 units, two cores.
+    assert pace == "15 networks a minute | about 44 s of CPU in total | best mIoU 20.4"
+
+
+def test_streets_without_networks_are_no_networks(clock, terminal):
+    job = Progress(total=3, stream=terminal, stages=[Stage("streets", 32, 2.0)], workers=1)
+    clock.now += 60
+    job.advance(1, networks=0)
+    job.update("seed 0")
+    job.close()
+    streets, pace = (line.rstrip() for line in terminal.visible()[-2:])
+    assert streets.endswith(" 50 % streets, 16 of 32") and pace == "about 3 min of CPU in total"
 
 
 def test_progress_is_reported_at_once_and_then_at_intervals(clock):

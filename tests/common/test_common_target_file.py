@@ -92,7 +92,7 @@ def test_the_format_follows_from_the_classes():
     ("[1, 7]", "[1, two]", ("line 9: classes.building.ids[1]:", "expected whole number, not text")),
     ("[1, 7]", "[1, 0]", ("line 9: classes.building.ids[1]:", "0 is also in road; keep one")),
     ("    ids: [1, 7]\n", "", ("line 8: classes.building:", "missing ids, its values in labels")),
-    ("wall", "walls", ("line 10: classes.building.renders[1]:", "no class 'walls'", "it has road, side")),
+    ("wall", "walls", ("line 10: classes.building.renders[1]:", "class 'walls'; it has road", "mean wall?")),
     ("wall", "road", ("line 10: classes.building.renders[1]:", "'road' is also in the renders of road")),
     ("    ids: [1, 7]", "    id: [1, 7]", ("line 9: classes.building.id:", "unknown field", "ids, colours")),
     ("lane mark", "void", ("line 11: classes.void: void is the name of ignored pixels",)),

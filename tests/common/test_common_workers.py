@@ -12,7 +12,7 @@ import pytest
 from common.errors import UserError
 from common.workers import pool
 from common.workers.pipeline import Split
-from common.workers.pool import LESS_URGENT, WorkerError, WorkerPool, gpus
+from common.workers.pool import LESS_URGENT, WorkerError, WorkerPool, cores, gpus
 from tests.conftest import refused
 from tests.tasks import (
     die_until,
@@ -111,6 +111,14 @@ def test_workers_have_one_thread_one_gpu_their_environment_and_leaving_early_dro
 def test_the_first_name_of_no_gpu_ends_the_list(visible, names, monkeypatch):
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", visible)
     assert gpus() == names
+
+
+def test_all_cores_count_where_a_system_cannot_bind_a_process_to_some(monkeypatch):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda process: {3, 5}, raising=False)
+    assert cores() == 2
+    monkeypatch.delattr(os, "sched_getaffinity")
+    monkeypatch.setattr(os, "cpu_count", lambda: 12)
+    assert cores() == 12
 
 
 TWICE = Split(lambda most, task: [task[-1:]] * min(most, 2), doubled)

@@ -118,7 +118,7 @@ def test_results_are_those_of_arrays(workers, trainers, tmp_path):
         # The streets of a pool are rendered by some and get their features from others.
         units = draw(streets, 3, 5)
         pooled = [
-            loaded(Cache(workers, tmp_path / name).streets("a" * 64, RECIPE, units, 3, int))
+            loaded(Cache(workers, tmp_path / name).streets("a" * 64, RECIPE, units, 3, max))
             for workers, name in ((pool, "run"), (POOL, "alone"))
         ]
         assert all(same(kept, made) for kept, made in zip(*map(flat, pooled), strict=True))
@@ -182,9 +182,9 @@ def test_features_are_computed_once_for_all_nets_of_a_run(opened, runner, tmp_pa
     expected = plain()
     opened().put(TEST, TRAIN, "test")
     real = loaded(opened().put(REAL, TRAIN, "reward", training=True))
-    assert same(real.features, pyramid.features(view_images(REAL.images, TRAIN)))
+    assert same(real.features, pyramid.features(view_images(REAL.images, TRAIN), TRAIN))
     part = real.take(np.array([3, 17, 24]))
-    assert same(part.features, pyramid.features(view_images(part.images, TRAIN)))
+    assert same(part.features, pyramid.features(view_images(part.images, TRAIN), TRAIN))
     for module in (pyramid, cache):
         monkeypatch.setattr(module, "features", never)
     assert [tuple(result) for _, *result in made(runner())] == expected
@@ -193,7 +193,7 @@ def test_features_are_computed_once_for_all_nets_of_a_run(opened, runner, tmp_pa
 
 
 def test_a_killed_run_leaves_nothing_that_is_trusted(opened, tmp_path, full_disk, monkeypatch):
-    folder, whole = tmp_path / "run" / FOLDER, pyramid.features(REAL.images)
+    folder, whole = tmp_path / "run" / FOLDER, pyramid.features(REAL.images, TRAIN)
     with pytest.raises(OSError, match="No space left") as caught:
         opened().put(REAL, TRAIN, "reward")
     assert Path(caught.value.filename).parent == folder and not list(folder.iterdir())
@@ -219,22 +219,25 @@ def test_streets_are_rendered_once_and_whole_pieces_outlive_a_kill(opened, monke
     monkeypatch.setattr(cache, "CHUNK", 3)
     units, counts = draw(default_proposal(), 0, 7), []
 
+    def count(streets: int, replayed: bool) -> None:
+        counts.append((streets, replayed))
+
     def made(**stubs):
         with monkeypatch.context() as patch:
             for name, stub in stubs.items():
                 patch.setattr(renders if name == "images_and_labels" else cache, name, stub)
-            streets = loaded(opened().streets("a" * 64, RECIPE, units, 3, counts.append))
+            streets = loaded(opened().streets("a" * 64, RECIPE, units, 3, count))
         return flat(streets)
 
     whole = made()
-    assert len(whole[0]) == 7 and counts == [0, 3, 3, 1]
+    assert len(whole[0]) == 7 and counts == [(0, True), (3, False), (3, False), (1, False)]
     assert same(made(images_and_labels=never), whole)
-    assert counts == [0, 3, 3, 1, 7]  # all are there already
+    assert counts[4:] == [(7, True)]  # rendered by an earlier call
     # The same streets with other classes have other labels.
-    other = loaded(opened().streets("a" * 64, RECIPE._replace(table="cityscapes"), units, 3, int))
+    other = loaded(opened().streets("a" * 64, RECIPE._replace(table="cityscapes"), units, 3, max))
     assert same([other.images], whole[:1]) and not same([other.labels], whole[1:2])
     outlined, fresh = RECIPE._replace(table=OUTLINED), draw(default_proposal(), 3, 4)
-    other = loaded(opened().streets("b" * 64, outlined, fresh, 3, int))
+    other = loaded(opened().streets("b" * 64, outlined, fresh, 3, max))
     fidelity = replace(RECIPE.fidelity, streets=4, shots=1)
     exact, again = (
         in_worker.rendered_set(recipe._replace(fidelity=fidelity), default_proposal(), 3)
@@ -258,13 +261,13 @@ def test_a_damaged_piece_of_streets_is_made_anew(opened, monkeypatch, tmp_path):
     units = draw(default_proposal(), 0, 12)
     with monkeypatch.context() as patch, pytest.raises(AssertionError):
         patch.setattr(cache, "_assemble", never)
-        opened().streets("a" * 64, RECIPE, units, 3, int)
+        opened().streets("a" * 64, RECIPE, units, 3, max)
     pieces = sorted((tmp_path / "run" / FOLDER).glob("pool-*.pieces/*.npz"))
     assert [piece.name for piece in pieces] == ["000000.npz", "000005.npz", "000010.npz"]
     pieces[1].write_bytes(pieces[1].read_bytes()[:-100])
     rendered = Counted(renders.images_and_labels)
     monkeypatch.setattr(renders, "images_and_labels", rendered)
-    opened().streets("a" * 64, RECIPE, units, 3, int)
+    opened().streets("a" * 64, RECIPE, units, 3, max)
     assert [index for _, _, _, index, *_ in rendered.calls] == [*range(5, 10)]
 
 
@@ -305,6 +308,6 @@ def test_heads_may_normalise_by_the_images_that_give_the_reward(runner):
     assert names[0] == names[1] and len(set(names)) == 3
     results = made(runner(), by_target)
     by_target = by_target._replace(
-        statistics=pyramid.channel_statistics(pyramid.features(REAL.images))
+        statistics=pyramid.channel_statistics(pyramid.features(REAL.images, TRAIN))
     )
     assert [tuple(result) for _, *result in results] == plain(by_target)

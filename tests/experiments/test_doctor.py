@@ -2,6 +2,7 @@
 
 import json
 import re
+import weakref
 from itertools import product
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from common.labels.listing import list_all, list_split
 from common.labels.target_file import find_target, parse_target
 from common.pictures import label_ids
 from common.workers.pool import WorkerPool
-from experiments.app.doctor import costs, machine, outlines
+from experiments.app.doctor import costs, machine, outlines, pairs
 from experiments.app.doctor.command import PAGE, SHEET, main
 from experiments.app.doctor.installed import EXTRAS
 from experiments.app.doctor.propose import (
@@ -136,7 +137,8 @@ def test_a_folder_of_your_own_becomes_a_target(streets, doctor, tmp_path):
     assert set(data.splits["train"].sequences) == {"monday", "friday"}
     for words in (
         "GPU  none", "! a warning", "6 images of 2 groups in train", "2 of 64x48", "fit: Images of 64x48, ",
-        "images have 3 aspect ratios", "manhole: no 'renders'", "sdr-jax render", f"; wrote {file}\n",
+        "images of another aspect ratio than 64x48 are padded with ignored pixels: 4 of 6",
+        "manhole: no 'renders'", "sdr-jax render", f"; wrote {file}\n",
     ):  # fmt: skip
         assert words in out, words
     page = (tmp_path / "out" / PAGE).read_text()
@@ -793,6 +795,35 @@ def test_a_thin_mask_is_seen(tmp_path):
     assert parse_target(propose(root).text, "x").class_names == ("background", "foreground")
 
 
+def test_a_proposal_keeps_no_labels_and_reads_few_files(tmp_path, monkeypatch):
+    root, kept = masks(tmp_path, [0, 1]), []
+
+    def look(path):
+        form, codes, names = pairs.looked_at(path)
+        kept.append(weakref.ref(codes))
+        return form, codes, names
+
+    monkeypatch.setattr("experiments.app.doctor.propose.looked_at", look)
+    monkeypatch.setattr("experiments.app.doctor.propose.LOOKED_AT", 4)
+    alive = []
+    monkeypatch.setattr(
+        "experiments.app.doctor.propose._has_palette",
+        lambda path: alive.extend(ref for ref in kept if ref() is not None),
+    )
+    propose(root)
+    assert len([*(root / "masks").iterdir()]) == 6 and len(kept) == 4 and len(alive) <= 1
+
+
+def test_nearly_equal_shapes_are_one(tmp_path):
+    root = masks(tmp_path, [0, 1])
+    for folder in ("images", "masks"):
+        for k, path in enumerate(sorted((root / folder).iterdir())):
+            image = Image.open(path)
+            image.resize((1024, 768 + 3 * (k > 1)), Image.Resampling.NEAREST).save(path)
+    findings = survey(parse_target(propose(root).text, "x"), root)
+    assert not [fault for fault in findings.faults if "aspect ratio" in fault.what]
+
+
 def test_a_grey_file_among_colours_is_in_colours(tmp_path):
     root = masks(tmp_path, [0, 1, 2])
     palette = np.array([[0, 0, 0], [255, 255, 255], [200, 0, 0], [0, 0, 200]])
@@ -977,6 +1008,14 @@ def test_outlines_are_proposed_where_annotators_draw_whole_crowns(doctor, trees,
     code, out, _ = doctor(data, "--write", tmp_path / "same.yaml")
     assert code == 0 and "4 %: 0." in out
     assert find_target(tmp_path / "same.yaml").outlines == {"a tree": 0.04}
+
+
+def test_outlines_of_the_file_itself_stay(doctor, trees, tmp_path):
+    data, file = trees(16), tmp_path / "new.yaml"
+    with (data / "target.yaml").open("a") as text:
+        text.write("outlines: {a tree: 0 %}\n")
+    assert doctor(data, "--write", file)[0] == 0
+    assert file.read_text() == (data / "target.yaml").read_text()
 
 
 def test_no_outline_is_proposed_for_labels_that_are_exact_to_the_pixel(doctor, trees, tmp_path):

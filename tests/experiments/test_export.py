@@ -11,7 +11,7 @@ import pytest
 import seg
 from common.errors import UserError
 from experiments.app.export import export, main
-from seg.inference import logits, outline
+from seg.inference import logits, variable_shapes
 from seg.model import Model, label_classes
 from seg.settings import VGG_NETS, TrainSettings
 from tests.conftest import refused
@@ -40,7 +40,7 @@ def model_of(settings: TrainSettings) -> Model:
         )  # what features are divided or multiplied by
         return rng.normal(centre, scale, leaf.shape).astype(np.float32)
 
-    variables = jax.tree_util.tree_map_with_path(draw, outline(settings, 3))
+    variables = jax.tree_util.tree_map_with_path(draw, variable_shapes(settings, 3))
     return Model(settings, variables, SIZE, CLASSES)
 
 

@@ -9,6 +9,7 @@ from contextlib import nullcontext
 from dataclasses import asdict, replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import jax
 import numpy as np
@@ -39,6 +40,7 @@ from experiments.app.report import page as page_of_runs
 from experiments.app.report.command import main as make_report
 from experiments.app.report.fit_table import by_class, derive, text, verdict
 from experiments.config import Fidelity, parsers
+from experiments.config import trainers as training
 from experiments.config.limits import training_bytes
 from experiments.evaluation.cache import Cache
 from experiments.evaluation.job import Recipe, Source
@@ -56,7 +58,7 @@ from scene.held import hold, read_fixed
 from scene.proposal import Streets, describe, draw, streets_named
 from scene.version import ENGINE
 from seg.data import LabelledImages
-from seg.inference import outline
+from seg.inference import variable_shapes
 from seg.mixing import TrainingSet
 from seg.model import Model, label_classes, load_model
 from seg.settings import TrainSettings
@@ -401,9 +403,9 @@ def test_from_a_folder_of_ones_own_to_a_net(folder, tmp_path, capsys, monkeypatc
     monkeypatch.setattr(Workers, "begin", begin)
 
     class Charged(Progress):
-        def advance(self, units: float = 1.0, *, replayed: bool = False) -> None:
+        def advance(self, units: float = 1.0, **options: Any) -> None:
             charges.append(units)
-            super().advance(units, replayed=replayed)
+            super().advance(units, **options)
 
     monkeypatch.setattr(session, "Progress", Charged)
     arguments = [str(folder), "--out", str(tmp_path / "run"), "--preset", "smoke", "--seeds", "1"]
@@ -416,7 +418,7 @@ def test_from_a_folder_of_ones_own_to_a_net(folder, tmp_path, capsys, monkeypatc
     assert begun == [(name, False) for name in in_order]
     # The plan is the sum of what is charged, and the last piece of work completes it.
     config = json.loads((tmp_path / "run" / "config.json").read_bytes())
-    work = planned(config_of(folder, tmp_path, preset="smoke", seeds=1, size=(64, 48)), 2)
+    work = planned(config_of(folder, tmp_path / "plan", preset="smoke", seeds=1, size=(64, 48)), 2)
     assert sum(charges) == pytest.approx(sum(stage.cost for stage in work))
     assert charges[-1] == pytest.approx(work[-1].cost) and min(charges[-7:]) > 0
     assert config["target"] == find_target(None, folder).name != "camvid"
@@ -579,7 +581,9 @@ def test_a_tuned_net_of_another_name_is_fitted_and_its_model_has_all_of_it(folde
         fit(config_of(folder, tmp_path / "next", preset="smoke", init=out / "model"))
 
 
-def test_what_cannot_be_fitted_is_one_line(folder: Path, tmp_path: Path, capsys) -> None:
+def test_what_cannot_be_fitted_is_one_line(
+    folder: Path, tmp_path: Path, capsys, monkeypatch
+) -> None:
     out = ["--out", str(tmp_path / "run"), "--preset", "smoke"]
     (tmp_path / "empty").mkdir()
     bare, bad = tmp_path / "bare.yaml", tmp_path / "model.safetensors"
@@ -611,12 +615,19 @@ def test_what_cannot_be_fitted_is_one_line(folder: Path, tmp_path: Path, capsys)
         assert main(arguments) == 2
         assert message in capsys.readouterr().err.splitlines()[-1]
     assert not (tmp_path / "run").exists()
+    with monkeypatch.context() as patch:
+        patch.setattr("experiments.app.fit.config.pace_here", never)  # it takes seconds
+        assert main([str(folder), "--out", str(folder), "--preset", "quick"]) == 2
+    assert "contains other files and no run" in capsys.readouterr().err
     letter = tmp_path / "run" / "model" / "letter.txt"  # told before hours of training, not after
     letter.parent.mkdir(parents=True)
     write_file(letter, "")
     assert main([str(folder), *out]) == 2
+    assert "contains other files and no run" in capsys.readouterr().err
+    write_json(tmp_path / "run" / "config.json", {})
+    assert main([str(folder), *out]) == 2
     assert "holds other files, such as letter.txt" in capsys.readouterr().err.splitlines()[-1]
-    assert [*(tmp_path / "run").rglob("*.*")] == [letter]
+    assert {path.name for path in (tmp_path / "run").rglob("*.*")} == {"config.json", "letter.txt"}
 
 
 def test_streets_that_a_stopped_run_has_rendered_are_counted_and_removed(tmp_path: Path) -> None:
@@ -631,7 +642,11 @@ def test_streets_that_a_stopped_run_has_rendered_are_counted_and_removed(tmp_pat
     fit_streets.RenderedStreets(run, pools).render()
     [about] = (tmp_path / "shared").glob("*/about.json")
     write_json(about, read_json(about) | {"seconds": 12.5})
+    assert run.progress._worked > 0
+    run.progress = Progress(1.0)
     resumed = fit_streets.RenderedStreets(run, pools)  # all networks are tested: it renders nothing
+    resumed.render()
+    assert run.progress._worked == 0 < run.progress._done  # streets of an earlier call have no pace
     assert resumed.seconds(FORM) == 12.5
     resumed.remove_files()
     assert not [*(tmp_path / "shared").iterdir()] and resumed.seconds(FORM) == 0
@@ -670,7 +685,9 @@ def test_init_takes_the_width_of_the_model_and_names_what_differs(
         ({"trunk": "tuned", "heads": 1}, "a model with --trunk tuned, not frozen"),
     ):
         settings = replace(train, **changes)
-        shapes = jax.tree.map(lambda leaf: np.zeros(leaf.shape, leaf.dtype), outline(settings, 5))
+        shapes = jax.tree.map(
+            lambda leaf: np.zeros(leaf.shape, leaf.dtype), variable_shapes(settings, 5)
+        )
         Model(settings, shapes, (48, 64), classes).save(tmp_path / "model")
         config = config_of(folder, tmp_path / "run", preset="smoke", init=tmp_path / "model")
         if message is None:
@@ -678,7 +695,7 @@ def test_init_takes_the_width_of_the_model_and_names_what_differs(
             continue
         with pytest.raises(UserError, match=message):
             fit(config)
-    Model(train, jax.tree.map(lambda leaf: np.zeros(leaf.shape, leaf.dtype), outline(train, 5)),
+    Model(train, jax.tree.map(lambda leaf: np.zeros(leaf.shape, leaf.dtype), variable_shapes(train, 5)),
           (48, 64), classes).save(tmp_path / "model")  # fmt: skip
     config = config_of(folder, tmp_path / "run", preset="smoke", init=tmp_path / "model")
     monkeypatch.setattr(fit_job, "trunk_of", lambda settings: SimpleNamespace(source=id(settings)))
@@ -709,7 +726,8 @@ def test_memory_counts_the_processes_that_train(folder, monkeypatch, tmp_path, t
     config = config_of(folder, tmp_path / "run", workers=4, trainers=trainers)
     each = training_bytes(config.final, 5)
     assert fit_config._memory(config, 5) // each == (trainers or 4)
-    monkeypatch.setattr(fit_config, "usable_gpus", lambda: ["0", "1"])
+    for module in (fit_config, training):
+        monkeypatch.setattr(module, "usable_gpus", lambda: ["0", "1"])
     assert fit_config._memory(config, 5) // each == (trainers or 2)
     with pytest.raises(UserError, match="--trainers 3: this machine has 2 GPUs"):
         config_of(folder, tmp_path / "run", trainers=3)

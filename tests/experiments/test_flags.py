@@ -12,6 +12,7 @@ import pytest
 from common.errors import UserError
 from common.files import write_json
 from common.folder import as_json
+from common.workers.pool import cores
 from experiments.app.main_job import MAIN
 from experiments.attribute_search.plans import plan_of
 from experiments.config import (
@@ -22,6 +23,7 @@ from experiments.config import (
     fidelities,
     make_space,
     start_of,
+    trainers,
 )
 from experiments.config.cli import command
 from experiments.config.jobs import STUDIES, TableConfig, defaults_of, methods_of
@@ -39,6 +41,7 @@ from experiments.studies import table
 from experiments.tables.skeleton import check as refuse_wrong
 from experiments.tables.skeleton import do
 from experiments.targets.twin import FIRST_ASSET
+from scene import parsers
 from scene.attributes import NAMES, names
 from scene.proposal import Histogram, describe, mixture, moments, random_proposal
 from scene.version import ENGINE
@@ -197,6 +200,8 @@ def test_a_search_starts_from_the_moments_of_probabilities_and_not_from_a_mixtur
     write_json(file, describe(mixture((0.5, 0.5), (random_proposal(), histogram))))
     with pytest.raises(UserError, match=f"--search.start {file} holds 2 components"):
         start_of(config)
+    with pytest.raises(UserError, match=r"or an attributes\.json; did you mean default"):
+        start_of(parse("--start", "defalt"))
 
 
 def test_every_field_is_a_flag():
@@ -291,6 +296,11 @@ def test_memory_is_counted_for_all_workers(monkeypatch):
         UserError, match=r"--workers 5 .*for training sets of --final.* 4 is the most"
     ):
         check(replace(config, workers=5))
+    # Processes that only render hold no training set.
+    monkeypatch.setattr(trainers, "usable_gpus", lambda: ["0", "1", "2", "3", "4"])
+    check(replace(config, workers=6, trainers=4))
+    with pytest.raises(UserError, match=r"--trainers 5 would take .* 4 is the most"):
+        check(replace(config, workers=1))
 
 
 FIDELITIES = [*fidelities(defaults_of("table", "camvid", "smoke"))]
@@ -475,3 +485,7 @@ def test_the_net_decides_how_it_is_trained(arguments, recipe, steps):
     same = {"net": train.net, "weights": train.weights, "average_mirror": mirror}
     assert train == replace(with_steps(expected, steps), **same)
     assert configs[0].reward.train.net == ("compact" if "smoke" in arguments else "lite0")
+
+
+def test_workers_are_one_per_core_unless_set():
+    assert cores() == MainConfig.workers == parsers.render().parse_args(["--out", "x"]).workers

@@ -120,7 +120,7 @@ def test_stopped_and_killed_it_ends_as_an_unbroken_run(unbroken, start_job, tmp_
 
     code, stdout, stderr = start_job(out, *TINY).finish()
     assert (code, stderr) == (0, "")
-    continuing = next(line for line in stdout.splitlines() if line.startswith("Continuing"))
+    continuing = next(line for line in stdout.splitlines() if line.startswith("Resuming"))
     assert "12 rewards" in continuing and "0 other networks" not in continuing
 
     whole, _ = unbroken

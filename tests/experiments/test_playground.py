@@ -33,6 +33,7 @@ from experiments.app.playground.state import (
     enlarged,
     moved,
     opened,
+    restocked,
     restored,
     shown,
 )
@@ -224,6 +225,12 @@ def test_what_is_wrong_is_one_line_and_code_2(arguments, complaint, tmp_path, ca
         assert command.main([values.get(word, word) for word in arguments]) == 2
     message = capsys.readouterr().err
     assert complaint in message and message.count("\n") == 1
+
+
+def test_an_empty_box_changes_no_first_index():
+    pool = AssetPool(first=3, size=5)
+    assert restocked(pool, "first", None) == pool and restocked(pool, "size", None).size is None
+    assert restocked(pool, "first", 7.0) == AssetPool(first=7, size=5)
 
 
 @pytest.fixture

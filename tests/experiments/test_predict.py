@@ -206,6 +206,19 @@ def test_a_video_without_frames_and_files_that_are_no_images(folder, tmp_path, c
     assert not pictures(tmp_path / "out") and not (tmp_path / "none").exists()
 
 
+@pytest.mark.parametrize("rank", [[], ["--rank"]])
+def test_broken_files_are_named_once_all_others_have_labels(rank, folder, images, tmp_path, capsys):
+    out, names = tmp_path / "out", [images / f"a/{name}.jpg" for name in ("w", "z")]
+    for name in names:
+        name.write_bytes(b"junk")
+    for _ in range(2):  # the same command finds the same
+        assert main([folder, str(images), "--out", str(out), *rank]) == 1
+        expected = f"error: {out}: labels of 4 images; 2 broken files: {names[0]}, {names[1]}"
+        assert one_line(capsys) == expected and pictures(out).keys() == SHAPES.keys()
+    if rank:
+        assert len((out / "ranking.csv").read_text().splitlines()) == 1 + 4
+
+
 def test_folders_that_cannot_be_read_or_written(model, folder, images, tmp_path, capsys):
     refused(DataError, "no such file or folder", list_sources, tmp_path / "nothing")
     (tmp_path / "empty").mkdir()
@@ -241,4 +254,6 @@ def test_folders_that_cannot_be_read_or_written(model, folder, images, tmp_path,
     assert "contains other files" in one_line(capsys)
     assert main([str(tmp_path / "other"), str(images), "--out", str(tmp_path / "new")]) == 2
     assert "other is not a model: pass a folder with config.json" in one_line(capsys)
+    assert main(["rendres19", str(images), "--out", str(tmp_path / "new")]) == 2
+    assert one_line(capsys).endswith("or renders19; did you mean renders19?")
     assert not (tmp_path / "new").exists()

@@ -233,7 +233,7 @@ def test_what_each_share_has_learnt_is_planned_as_a_start_of_its_own():
             rows=("scratch", "random", "learnt"), fractions=(0.5, 1.0), learn_on=learn_on,
         )  # fmt: skip
         return [
-            w.nets / config.seeds for w in pretrain.plan(config, None) if "pre-training" in w.what
+            w.number / config.seeds for w in pretrain.plan(config, None) if "pre-training" in w.what
         ]
 
     assert (starts("all"), starts("share")) == ([2], [3])  # random, and learnt once or twice

@@ -19,16 +19,16 @@ from common.folder import as_json
 from common.workers.pool import WorkerPool
 from experiments.app.main_job import RUN
 from experiments.app.stores import main as merge_stores
-from experiments.config import MainConfig
+from experiments.config import MainConfig, trainers
 from experiments.config.cli import command as command_line
 from experiments.config.presets import defaults
-from experiments.evaluation import compiling, devices
+from experiments.config.trainers import trainers_of
+from experiments.evaluation import compiling
 from experiments.evaluation.devices import (
     Device,
     device,
     out_of_memory,
     refuse_unusable,
-    trainers_of,
 )
 from experiments.evaluation.in_worker import trained, worker_environment
 from experiments.evaluation.job import Recipe
@@ -92,13 +92,13 @@ def test_a_run_goes_on_with_other_workers_and_another_store(tiny_camvid, scored_
 
     scored_by(formula)
     first = score(tiny_camvid)
-    assert "Continuing" not in capsys.readouterr().out
+    assert "Resuming" not in capsys.readouterr().out
     scored_by(never)
     store = tiny_camvid.out.with_name("store.jsonl")
     assert score(replace(tiny_camvid, workers=1, store=store)) == first
     text = capsys.readouterr().out
     assert (
-        "Continuing: 0 rewards and 2 other networks are done" in text and f"{store} holds 0" in text
+        "Resuming: 0 rewards and 2 other networks are done" in text and f"{store} holds 0" in text
     )
 
 
@@ -261,10 +261,10 @@ def test_memory_that_runs_out_is_the_users_error(monkeypatch):
 ])  # fmt: skip
 def test_gpus_count_if_jax_is_to_use_them(platforms, plugins, expected, monkeypatch):
     installed = [EntryPoint(name, "", "jax_plugins") for name in plugins]
-    monkeypatch.setattr(devices, "entry_points", lambda group: installed)
-    monkeypatch.setattr(devices, "gpus", lambda: ["0"])
+    monkeypatch.setattr(trainers, "entry_points", lambda group: installed)
+    monkeypatch.setattr(trainers, "gpus", lambda: ["0"])
     monkeypatch.setenv("JAX_PLATFORMS", platforms)
-    assert devices.usable_gpus() == expected
+    assert trainers.usable_gpus() == expected
 
 
 def test_one_process_compiles_for_a_gpu_and_others_wait(tmp_path, monkeypatch):
@@ -316,7 +316,8 @@ def test_one_process_compiles_for_a_gpu_and_others_wait(tmp_path, monkeypatch):
      "--trainers is for --executor processes; on a cluster start trainers with"),
 ])  # fmt: skip
 def test_trainers_that_cannot_be_are_one_line(flags, complaint, out, error_line, monkeypatch):
-    monkeypatch.setattr(session, "usable_gpus", lambda: ["7"])
+    for module in (session, trainers):
+        monkeypatch.setattr(module, "usable_gpus", lambda: ["7"])
     words = ("--preset", "smoke", "--out", str(out), *flags)
     assert command_line("cityscapes", words) == 2
     assert complaint in error_line() and not out.exists()

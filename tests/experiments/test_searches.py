@@ -72,7 +72,7 @@ def test_searches_at_equal_core_minutes():
     assert list(plans) == [f"{m}-{k}" for k in (0, 1) for m in config.methods]
     seconds = [plan.evaluations * cost_of(config.reward) for plan in plans.values()]
     assert all(0.75 * 15 * 60 < spent <= 15 * 60 for spent in seconds)
-    counts = {kind.what: kind.nets for kind in work(config)}
+    counts = {kind.what: kind.number for kind in work(config)}
     assert list(counts) == ["rewards of the search, 6 searches"]
     names = [row.name for row in rows(config, SimpleNamespace(few_names=()))]
     assert [name for name in names if "sdr" in name] == ["sdr-0", "sdr-1"]

@@ -245,7 +245,7 @@ def test_learnt_attributes_are_made_once(config, counted, tmp_path):
         plan = learnt_work(shared)
         run.begin(plan)
         learnt = learnt_attributes(run)
-        assert len(counted.calls) == sum(work.nets for work in plan) == 12
+        assert len(counted.calls) == sum(work.number for work in plan) == 12
     again = replace(shared, out=tmp_path / "again")
     with session.open(again) as run:
         streets = learnt_attributes(run)
@@ -388,17 +388,22 @@ def test_statistics_leave_failed_nets_out_and_figures_in_tables_by_hand():
     assert form.miou(form.nets([together])) == [50.0]
     assert form.failures([{"nets": scored[:2]}]) == []
     row = {"mean": 12.34, "ci95": [11.0, 13.68]}
-    assert form.cells(row) == ["12.3", "11.0 to 13.7"] and form.half(row) == pytest.approx(1.34)
+    assert form.cells(row) == ["12.3", "11.0 to 13.7"] and form.error_bars([row]) == (
+        pytest.approx([1.34]),
+        pytest.approx([1.34]),
+    )
     assert form.cells(row, "+.2f") == ["+12.34", "11.00 to 13.68"]
     none = "too few networks for an interval"
     assert form.cells({"mean": 12.0, "ci95": None}) == ["12.0", none]  # one net
-    # 3 and 6: 4.5 +- 12.706 x 1.5, below 0; as a gain it may be.
-    assert form.cells(statistics([3.0, 6.0])) == ["4.5", none]
+    # 3 and 6: 4.5 +- 12.706 x 1.5, cut at 0; a gain may be below.
+    wide = statistics([3.0, 6.0])
+    assert form.cells(wide) == ["4.5", "0.0 to 23.6"]
+    assert form.error_bars([wide]) == ([4.5], pytest.approx([19.06], abs=0.01))
     assert form.cells(statistics([3.0, 6.0], [0.0, 0.0])["gain"]) == ["4.5", "-14.6 to 23.6"]
-    assert (
-        form.cells(statistics([97.0, 94.0]))[1] == none and form.cells(statistics([None]))[1] == ""
-    )
-    assert form.cells(None) == ["", ""] and form.half({"mean": 1.0, "ci95": None}) == 0
+    assert form.cells(statistics([97.0, 94.0]))[1] == "76.4 to 100.0"
+    assert form.cells(statistics([0.2, 0, 1.1, 0.4, 0.1])) == ["0.4", "0.0 to 0.9"]
+    assert form.cells(statistics([None]))[1] == "" and form.cells(None) == ["", ""]
+    assert form.error_bars([{"mean": 1.0, "ci95": None}]) == ([0.0], [0.0])
     assert form.markdown(["a", "b"], [["1", "2"]]) == ["| a | b |", "| --- | --- |", "| 1 | 2 |"]
 
 
@@ -416,7 +421,8 @@ def test_a_report_is_derived_anew_from_its_scores(config, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(("content", "attributes", "report"), [
-    (None, "No such file", "No such file"), ("{", "is not a JSON file", "is not a JSON file"),
+    (None, "No such file .*expected the attributes.json of a run", "; expected the some.json of a run"),
+    ("{", "is not a JSON file", "is not a JSON file"),
     ('{"fog": 0.5}', "unknown attribute 'fog'", "the study some"),
     ('{"study": "other"}', "unknown attribute 'study'", "is not a report of the study some"),
     ('{"study": "some"}', "unknown", "is not a complete report of the study some"),

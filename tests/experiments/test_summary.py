@@ -75,7 +75,7 @@ def test_figures_by_hand():
     summary = made()
     random, gain = summary["random"], summary["gain"]
     assert [*random["miou"], random["mean"]] == pytest.approx([10, 20, 15])
-    assert random["ci95"] is None  # 15 +- 63.53 is below 0: two nets are too few
+    assert random["ci95"] == pytest.approx([0, 15 + 63.53], abs=0.01)  # cut at 0
     # Differences by seed: 20 and 30; t(0.975, 1) = 12.706.
     assert [gain["mean"], *gain["ci95"]] == pytest.approx([25, 25 - 63.53, 25 + 63.53], abs=0.01)
     assert summary["learnt"]["per_class"]["road"] == pytest.approx(40)
@@ -172,6 +172,6 @@ def test_the_function_search_returns_scores_and_attributes(tmp_path, monkeypatch
     assert config.search.datasets_per_update == 4 and config.out == tmp_path
     means = {row: score.mean for row, score in found.miou.items()}
     assert means == pytest.approx({row: 100 * np.mean(own) for row, own in ROW_MIOU.items()})
-    assert found.miou["random"].ci95 is None
+    assert found.miou["random"].ci95 == pytest.approx((0, 78.53), abs=0.01)
     assert np.array_equal(found.attributes.centre, default_proposal().centre)
     assert found.verdict in str(found) and found.verdict in found._repr_html_()

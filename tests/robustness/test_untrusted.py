@@ -80,7 +80,7 @@ def header(shape: tuple[int, ...], descr: str = "<f4") -> bytes:
 def test_arrays_are_no_larger_than_their_file_and_no_objects(
     content, message, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr("seg.weights.read._LARGEST", 2000)
+    monkeypatch.setattr("seg.weights.read.LARGEST", 2000)
     path = tmp_path / "w.npz"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         archive.writestr("a.npy", content)

@@ -311,7 +311,8 @@ def test_the_command_line_holds_what_is_known(tmp_path, printed):
     ("--split test", "train, val, not 'test'"),
     ("--asset-fraction 0", "asset fraction must lie in (0, 1], not 0.0"),
     ("--assets nowhere", "nowhere does not exist; expected the folder of your own assets"),
-    ("--attributes defualt", "defualt: no such file; expected default, random, mixed, or a JSON file"),
+    ("--attributes defualt", "defualt: no such file; expected default, random, mixed, or a JSON file such as "
+     "a run's attributes.json; did you mean default?"),
     ("--attributes .", ".: not a file; expected default, random, mixed, or a JSON file"),
     ("--attributes garbled.json", "garbled.json is not a JSON file"),
     ("--attributes list.json", "list.json: expected a JSON object"),

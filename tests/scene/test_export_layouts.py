@@ -349,6 +349,7 @@ def test_damage_to_masks_and_polygons_is_found(exported, tmp_path):
 
 @pytest.mark.parametrize(("flags", "message"), [
     ("--target nowhere", "--target nowhere: no such file; expected a file, or one of camvid"),
+    ("--target camvd", "synthia; did you mean camvid?"),
     ("--target own.yaml", "target own: none of its classes is rendered"),
     ("--target flat.yaml --format yolo-seg", "format yolo-seg stores things only, but target flat has none"),
 ])  # fmt: skip

@@ -437,7 +437,7 @@ def test_a_bad_file_is_one_error_and_nothing_is_written(runs: Runs, text, compla
     (["--timeout", "-1", *TRUE], "--timeout is -1, but must be above 0"),
     (["--seed", "x", *TRUE], "argument --seed: invalid int value: 'x'"),
     (["--sed", "1", *TRUE], "no option --sed; did you mean --seed?"),
-    (["absent.toml", *TRUE], "absent.toml: No such file"),
+    (["absent.toml", *TRUE], "absent.toml: No such file or directory; expected a TOML file with"),
 ])  # fmt: skip
 def test_a_bad_command_line_is_one_error(runs: Runs, monkeypatch, arguments, complaint) -> None:
     monkeypatch.chdir(runs.folder)

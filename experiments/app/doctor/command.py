@@ -91,6 +91,8 @@ def diagnose(
 
 
 def _folder(data: Path, target: str | None, write_to: Path | None, out: Path) -> int:
+    import yaml
+
     from common.labels.target_file import find_target, parse_target
     from experiments.app.doctor.outlines import line
     from experiments.app.doctor.propose import Proposal, propose
@@ -104,7 +106,9 @@ def _folder(data: Path, target: str | None, write_to: Path | None, out: Path) ->
         target_file = parse_target(proposal.text, str(data / "target.yaml"))
     findings = survey(target_file, data)
     boundaries, examples = _outlines(target_file, findings)
-    if proposal.text and (outlines := line(boundaries)) and not target_file.outlines:
+    # Outlines of 0 %, too, are the file's own: they say that annotators draw holes.
+    has_outlines = "outlines" in (yaml.safe_load(proposal.text) or {})
+    if proposal.text and (outlines := line(boundaries)) and not has_outlines:
         proposal = Proposal(f"{proposal.text.rstrip()}\n{outlines}", proposal.notes)
     if write_to is not None:
         write(write_to, proposal.text)
@@ -199,24 +203,25 @@ class Costs(NamedTuple):
 
 def _costs(target: Any, data: Path, findings: Any) -> Costs:
     """Measure the pace of this machine, and estimate the run times of commands for a folder."""
-    from experiments.app.doctor import costs, machine
-    from experiments.evaluation.devices import trainers_of, usable_gpus
+    from common.workers.pool import cores
+    from experiments.app.doctor import costs
+    from experiments.config.trainers import trainers_of, usable_gpus
     from experiments.evaluation.pace import SECONDS
     from experiments.session import session
 
-    cores = machine.cores()
+    workers = cores()
     try:
-        pace = session.measured_here(cores)
+        pace = session.measured_here(workers)
     except RuntimeError:  # a RendererError, or JAX finds no device
         return Costs()
     choice = costs.choice(target, data, findings.photographs, pace)
     size = findings.size if choice is None else choice.size
     rows, trainers = [], trainers_of(None, usable_gpus())
     for command, cost in costs.commands(target, data, size, OF_COMMANDS).items():
-        minutes = pace.seconds_of(cost, cores, trainers) / 60
+        minutes = pace.seconds_of(cost, workers, trainers) / 60
         rows.append((command, f"{minutes:.1f}" if minutes < 10 else f"{minutes:.0f}"))
-    fit = "" if choice is None else choice.text(cores)
-    return Costs(rows, fit, cores, round(2 * SECONDS))
+    fit = "" if choice is None else choice.text(workers)
+    return Costs(rows, fit, workers, round(2 * SECONDS))
 
 
 def _write_page(

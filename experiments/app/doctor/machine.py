@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import platform
 from importlib.util import find_spec
 from typing import NamedTuple
 
 from common.files import versions
 from common.memory import in_words, memory
+from common.workers.pool import cores
 from experiments.app.doctor.installed import DRIVER, EXTRAS
 from scene.render import RENDERERS, RendererError, renderer
 
@@ -24,11 +24,6 @@ class Machine(NamedTuple):
     facts: Facts
     extras: Facts
     problems: list[str]
-
-
-def cores() -> int:
-    """The number of cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def look() -> Machine:

@@ -26,13 +26,14 @@ from experiments.app.doctor.pairs import (
     no_pairs,
     quoted,
 )
+from experiments.app.doctor.survey import spread
 from seg.data.coco import draw_regions
 from seg.data.labels import FORMATS, LabelReader
 
 TRAINING_SETS = ("gta5", "synthia")
 """Targets in the package whose layouts are also those of many other folders."""
 LOOKED_AT = 60
-"""Number of images whose labels are read for a proposal."""
+"""The most images whose labels are read for a proposal."""
 GROUPS = (r"^(.*)__", r"^(.*?)[_-]*\d+\D*$", r"^[^_-]+")
 """Expressions for groups of names, in the order of trial."""
 VOID_NAMES = {
@@ -87,6 +88,15 @@ class _Content(NamedTuple):
     values: Counter[int]  # pixels of each id or colour
     names: Counter[str]  # pixels of each name; "" for those without a polygon
     palette: bool  # whether ids are indices of a palette
+
+
+class _File(NamedTuple):
+    """What one label file holds."""
+
+    path: Path
+    format: Format
+    pixels: dict[int, int]  # of each value
+    names: tuple[str, ...]
 
 
 def propose(root: Path) -> Proposal:
@@ -234,32 +244,52 @@ def _content(labelled: Sequence[tuple[Path, Path | None]]) -> _Content:
         UserError: none of the labels can be read.
     """
     content = _Content("ids", Counter(), Counter(), False)
-    sample = labelled[:: max(len(labelled) // LOOKED_AT, 1)]
-    looks: list[tuple[Path, Format, np.ndarray, tuple[str, ...]]] = []
-    errors: list[UserError] = []  # the survey reports them if other labels are readable
-    for path, image in sample:
-        try:
-            look = looked_at(path) if image is None else ("coco-json", *draw_regions(path, image))
-            looks.append((path, *look))
-        except UserError as error:
-            errors.append(error)
-    if not looks:
-        raise errors[0]
-    formats = {look[1] for look in looks}
+    sample, step = spread(labelled, LOOKED_AT), 2
+    files = _read(sample, step)
     # Every other pixel will do where there are several values: the survey reads whole files.
-    distinct = {value for _, _, codes, _ in looks for value in np.unique(codes[::2, ::2])}
-    step = 2 if len(distinct) > 1 else 1
-    for path, form, codes, names in looks:
+    if len({value for file in files for value in file.pixels}) == 1:
+        step = 1
+        files = _read(sample, step)
+    formats = {file.format for file in files}
+    for path, form, pixels, names in files:
         if form == "ids" and "colours" in formats:
             form, (codes, names) = "colours", FORMATS["colours"](path)
+            pixels = _counted(codes, step)
         content = content._replace(format=form)
-        values, counts = np.unique(codes[::step, ::step], return_counts=True)
-        for value, count in zip(values.tolist(), counts.tolist(), strict=True):
+        for value, count in pixels.items():
             if form not in POLYGONS:
                 content.values[value] += count
             elif value >= 0:  # others are ignored
                 content.names[names[value - 1] if value else ""] += count
-    return content._replace(palette=content.format == "ids" and _has_palette(looks[-1][0]))
+    return content._replace(palette=content.format == "ids" and _has_palette(files[-1].path))
+
+
+def _read(labelled: Sequence[tuple[Path, Path | None]], step: int) -> list[_File]:
+    """Read label files, and count their values on every ``step``-th row and column.
+
+    Raises:
+        UserError: none of them can be read.
+    """
+    files = []
+    errors: list[UserError] = []  # the survey reports them if other labels are readable
+    for path, image in labelled:
+        try:
+            form, codes, names = (
+                looked_at(path) if image is None else ("coco-json", *draw_regions(path, image))
+            )
+        except UserError as error:
+            errors.append(error)
+        else:
+            files.append(_File(path, form, _counted(codes, step), names))
+    if not files:
+        raise errors[0]
+    return files
+
+
+def _counted(codes: np.ndarray, step: int) -> dict[int, int]:
+    """Count the pixels of each value on every ``step``-th row and column."""
+    values, counts = np.unique(codes[::step, ::step], return_counts=True)
+    return dict(zip(values.tolist(), counts.tolist(), strict=True))
 
 
 def _has_palette(path: Path) -> bool:

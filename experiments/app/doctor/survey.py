@@ -6,7 +6,7 @@ import hashlib
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import cv2
 import numpy as np
@@ -22,6 +22,7 @@ from seg.classes import IGNORE_LABEL
 from seg.data import LabelReader, load
 from seg.data.images import check_end, decode, is_deep, read_file, read_header
 
+Item = TypeVar("Item")
 READ = 100
 """The most label files that are read whole."""
 HEAD = 65536
@@ -91,13 +92,16 @@ def survey(target: TargetFile, root: Path) -> Survey:
     usable = _find_copies(splits, faults) and usable
     if entries:
         _find_engine_faults(target, faults)
-    shapes = {round(np.log(w / h) / ALIKE) for (w, h), _ in sizes}
-    if len(shapes) > 1:
+    photographs = sizes[0][0] if sizes else (480, 360)
+    width, height = photographs
+    reshaped = sum(count for (w, h), count in sizes if abs(np.log(w / h * height / width)) > ALIKE)
+    if reshaped:
         other = "cut" if target.fit == "pad" else "pad"
         what = {"pad": "padded with ignored pixels", "cut": "cropped around the centre"}
         faults.append(
             Fault(
-                f"images have {len(shapes)} aspect ratios; all but the most frequent are {what[target.fit]}",
+                f"images of another aspect ratio than {width}x{height} are {what[target.fit]}: "
+                f"{reshaped} of {len(entries)}",
                 f"if they should be {what[other]}, write 'fit: {other}' in the file",
             )
         )
@@ -107,7 +111,6 @@ def survey(target: TargetFile, root: Path) -> Survey:
         if split.lower() not in HELD_OUT
         for entry in split_entries
     ]
-    photographs = sizes[0][0] if sizes else (480, 360)
     return Survey(
         {split: len(split_entries) for split, split_entries in splits.items()},
         {
@@ -120,8 +123,8 @@ def survey(target: TargetFile, root: Path) -> Survey:
         read,
         photographs,
         suitable_size(*photographs),
-        _spread(training or entries, LOADED),
-        _spread(entries, SHOWN),
+        spread(training or entries, LOADED),
+        spread(entries, SHOWN),
         merged(faults),
         usable,
     )
@@ -133,10 +136,10 @@ def _fault(message: str, fix: str) -> Fault:
     return Fault(what, expected or fix)
 
 
-def _spread(entries: Sequence[Entry], count: int) -> list[Entry]:
-    """Choose a number of entries, spread over all."""
-    indices = np.linspace(0, len(entries) - 1, min(count, len(entries))).round().astype(int)
-    return [entries[k] for k in indices]
+def spread(items: Sequence[Item], count: int) -> list[Item]:
+    """Choose a number of items, or all if they are fewer, evenly spread over all."""
+    indices = np.linspace(0, len(items) - 1, min(count, len(items))).round().astype(int)
+    return [items[k] for k in indices]
 
 
 def _sizes(entries: Sequence[Entry], faults: list[Fault]) -> list[tuple[tuple[int, int], int]]:
@@ -189,7 +192,7 @@ def _classes(
     row_sums = np.zeros(count)
     unknown: list[tuple[Path, Counter[str]]] = []
     read, right = 0, True
-    for entry in _spread(entries, READ):
+    for entry in spread(entries, READ):
         try:
             label, unknown_values = reader.read(entry.label_path, entry.image_path)
             header = read_header(entry.image_path)

@@ -11,7 +11,7 @@ from typing import Annotated
 
 from common.bounds import POSITIVE, at_least, at_most, check_bounds
 from common.errors import UserError, counted, flagged
-from common.folder import read_config, refuse_unwritable
+from common.folder import read_config, refuse_other_files
 from common.labels.classes import NAMES
 from common.labels.listing import list_all
 from common.labels.target_file import Fit, find_target
@@ -22,8 +22,8 @@ from experiments.config import FewConfig, Fidelity, parsers
 from experiments.config.config import NETS, FitPreset
 from experiments.config.limits import PIXEL, training_bytes
 from experiments.config.presets import defaults, in_space
+from experiments.config.trainers import trainers_of, training_processes, usable_gpus
 from experiments.evaluation.cost import Cost, prepare_cost, street_cost
-from experiments.evaluation.devices import trainers_of, usable_gpus
 from experiments.evaluation.pace import Pace
 from experiments.session.session import Work, pace_here, total_of
 from experiments.targets.few import share_of
@@ -108,7 +108,7 @@ def config_of(
     flags = replace(flags, fix=tuple(flags.fix))  # functions may give a list
     check_bounds(flags, "--")
     data, out, size = flags.data, flags.out, flags.size
-    refuse_unwritable(out)
+    refuse_other_files(out)
     read_fixed(flags.fix, SPACE)
     target_file = find_target(flags.target, data)
     if not any(target_file.rendered):
@@ -256,13 +256,13 @@ def _memory(config: FitConfig, labelled: int) -> int:
     """
     final = config.final
     images = 2 * labelled * final.width * final.height * PIXEL
-    training = config.separate_trainers or config.processes
-    return training * training_bytes(final, labelled) + images
+    _, processes = training_processes(config)
+    return processes * training_bytes(final, labelled) + images
 
 
 def _refuse_large(config: FitConfig, labelled: int) -> None:
     """Raise UserError with the flags of `fit` for a size whose arrays do not fit into memory."""
-    final, workers = config.final, config.processes
+    final, (flag, processes) = config.final, training_processes(config)
     if final.width * final.height > MAX_PIXELS:
         raise UserError(f"--size {final.size} has more than {MAX_PIXELS:,} pixels, the most")
     need = _memory(config, labelled)
@@ -270,11 +270,11 @@ def _refuse_large(config: FitConfig, labelled: int) -> None:
         scale = math.sqrt(memory() / need)
         width, height = (int(scale * side / UNIT) * UNIT for side in (final.width, final.height))
         ways = [f"--size {width}x{height} or less"] if min(width, height) >= SMALLEST else []
-        ways += ["fewer --workers"] if workers > 1 else []
+        ways += [f"fewer {flag}"] if processes > 1 else []
         way = " or ".join(ways)
         raise UserError(
             f"--size {final.size} would take {in_words(need)} of memory to train networks in "
-            f"{counted(workers, 'worker')}, and there are {in_words(memory())}{way and f': use {way}'}"
+            f"{counted(processes, flag[2:-1])}, and there are {in_words(memory())}{way and f': use {way}'}"
         )
 
 

@@ -53,8 +53,8 @@ class RenderedStreets:
         progress, cost = self._run.progress, street_cost(self._run.config.final)
         for units, seed, pool in self._pools:
 
-            def report_progress(count: int, seed: int = seed) -> None:
-                progress.advance(count * cost)
+            def report_progress(count: int, replayed: bool, seed: int = seed) -> None:
+                progress.advance(count * cost, networks=0, replayed=replayed)
                 progress.update(f"streets of seed {seed}")
 
             if pool.name not in self._rendered:

@@ -221,7 +221,7 @@ class Page:
                     ("assets per family", "size", pool.size),
                 ):
                     box = ui.number(label, value=value, min=0, precision=0)
-                    box.on_value_change(lambda e, name=name: self._stock(**{name: _whole(e.value)}))
+                    box.on_value_change(lambda e, name=name: self._restock(name, e.value))
             without = ui.select(
                 list(FAMILIES), multiple=True, value=[], label="families to leave out"
             )
@@ -333,6 +333,9 @@ class Page:
     async def _stock(self, **changes: object) -> None:
         await self._look(pool=self._state.view.pool._replace(**changes))  # type: ignore[arg-type]
 
+    async def _restock(self, name: str, value: float | None) -> None:
+        await self._look(pool=states.restocked(self._state.view.pool, name, value))
+
     async def _resize(self, text: str) -> None:
         try:
             width, height = size(text)
@@ -405,7 +408,3 @@ def _legend(shares: Sequence[tuple[int, float]]) -> str:
         swatch = f'<i style="background:rgb({red},{green},{blue})"></i>'
         parts.append(f"<span>{swatch}{name} {share} %</span>")
     return "".join(parts)
-
-
-def _whole(value: float | None) -> int | None:
-    return None if value is None else int(value)

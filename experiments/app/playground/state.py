@@ -227,6 +227,13 @@ def rows(space: SpaceName) -> dict[str, tuple[str, ...]]:
     return {title: names for title, names in groups.items() if names}
 
 
+def restocked(pool: AssetPool, name: str, value: float | None) -> AssetPool:
+    """Set a pool's ``first`` or ``size`` to the number in its box; None, of an empty box, is no first."""
+    if value is None:
+        return pool if name == "first" else pool._replace(size=None)
+    return pool._replace(**{name: int(value)})  # type: ignore[arg-type]
+
+
 def check_view(view: View) -> View:
     """Check a view, and return it.
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from experiments.app.report.folder import RunFolder
 from experiments.evaluation.store import first_of_each
-from experiments.tables.form import Report, interval, number, words
+from experiments.tables.form import Report, error_bars, interval, number, words
 from experiments.tables.row_names import SHORT
 from experiments.tables.stats import TOO_FEW, statistics
 from scene.attributes import BY_NAME, Attribute
@@ -377,8 +377,11 @@ def _bars(x: list, y: list, hover: str, name: str, hue: str) -> Figure:
 
 def _around(entries: Sequence[Report], hue: str, thick: float) -> Figure:
     """Intervals as error bars, where there are any."""
-    half = [0.0 if e["ci95"] is None else e["ci95"][1] - e["mean"] for e in entries]
-    return {"type": "data", "array": half, "color": hue, "thickness": thick, "width": 0}
+    below, above = error_bars(entries)
+    return {
+        "type": "data", "symmetric": False, "array": above, "arrayminus": below, "color": hue,
+        "thickness": thick, "width": 0,
+    }  # fmt: skip
 
 
 def by_class(nets: Sequence[Report | None], names: Sequence[str]) -> list[Report]:
