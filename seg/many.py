@@ -62,11 +62,6 @@ class TrainedNetworks:
             raise TrainingError(error)
         return jax.tree.map(lambda leaf: leaf[network], self.stacked)
 
-    @property
-    def confusions(self) -> Int64[np.ndarray, "networks classes classes"] | None:
-        """The confusion matrix of each network on all test images; None without test images."""
-        return None if self.by_image is None else self.by_image.sum(axis=1)
-
 
 def train_many(
     seeds: Sequence[int],

@@ -36,6 +36,7 @@ from seg.nets.trunks import trunk_of
 from seg.settings import TrainSettings
 from seg.step import Params
 from seg.uncertainty import Uncertainty, uncertainty
+from seg.weights.tensors import LARGEST
 
 FORMAT = 1
 """The version of the folder's format; a newer one is refused."""
@@ -49,7 +50,6 @@ SHIPPED = Path(__file__).parent / "models"
 """The folder of the models that come with the package; a subfolder's name is its model's."""
 PACKAGES = ("sdr-jax", "jax", "flax", "numpy", "opencv-python-headless", "safetensors")
 """The packages whose versions a saved model names."""
-_LARGEST = 2**31  # bytes of weights: VGG16 has 553 MB
 
 Written = Literal["ids", "colours"]
 """How label files name classes."""
@@ -432,7 +432,7 @@ def _check_classes(classes: Sequence[LabelClass], written: str) -> None:
 
 def _variables(path: Path, expected: str, settings: TrainSettings, classes: int) -> Params:
     """Read the network's variables from a file, and check each one."""
-    data = read_bytes(path, _LARGEST)
+    data = read_bytes(path, LARGEST)
     sha256 = hashlib.sha256(data).hexdigest()
     if sha256 != expected:
         raise ModelError(

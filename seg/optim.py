@@ -10,6 +10,7 @@ from typing import get_args
 import jax
 import numpy as np
 import optax
+from flax.traverse_util import path_aware_map
 from jaxtyping import Float32
 
 from seg.settings import Multipliers, OptimizerName
@@ -53,16 +54,10 @@ def trunk_multiplier(path: Path) -> float:
     return 0.1 if "trunk" in path else 1.0
 
 
-def _map_paths(function: Callable[[Path, jax.Array], object], tree: optax.Params) -> optax.Params:
-    return jax.tree_util.tree_map_with_path(
-        lambda keys, leaf: function(tuple(key.key for key in keys), leaf), tree
-    )
-
-
 def scale_by_path(multiplier: Callable[[Path], float]) -> optax.GradientTransformation:
     """Scale each parameter's update by a factor that depends on its path in a tree of dictionaries."""
     return optax.stateless(
-        lambda updates, _: _map_paths(lambda path, u: u * multiplier(path), updates)
+        lambda updates, _: path_aware_map(lambda path, u: u * multiplier(path), updates)
     )
 
 
@@ -98,7 +93,7 @@ def optimizer(
     if lr_multipliers == "deeplab":
         decay = optax.add_decayed_weights(
             weight_decay,
-            mask=lambda params: _map_paths(lambda path, _: path[-1] != "bias", params),
+            mask=lambda params: path_aware_map(lambda path, _: path[-1] != "bias", params),
         )
         scale = [scale_by_path(deeplab_multiplier)]
     elif lr_multipliers == "trunk":

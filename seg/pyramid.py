@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -12,11 +11,8 @@ from jaxtyping import Array, Float32, UInt8
 
 from seg.batches import in_batches, usual_batch
 from seg.nets.head import Maps, statistics
-from seg.nets.trunks import trunk, trunk_of
+from seg.nets.trunks import Params, trunk, trunk_of
 from seg.settings import BackboneSpec, TrainSettings
-
-LITE0 = TrainSettings(net="lite0")
-Params = Any  # a pytree
 
 
 def check_size(images: UInt8[np.ndarray, "n h w 3"], settings: TrainSettings) -> None:
@@ -29,7 +25,7 @@ def check_size(images: UInt8[np.ndarray, "n h w 3"], settings: TrainSettings) ->
         )
 
 
-def trunk_params(settings: TrainSettings = LITE0) -> Params:
+def trunk_params(settings: TrainSettings) -> Params:
     """The backbone's weights on the device; WeightsError if there are none."""
     return _params(settings.net, settings.weights)
 
@@ -67,7 +63,7 @@ def _extractor(spec: BackboneSpec) -> Callable[[Params, ArrayLike], Maps]:
 
 def features(
     images: UInt8[np.ndarray, "n h w 3"],
-    settings: TrainSettings = LITE0,
+    settings: TrainSettings,
     batch: int | None = None,
 ) -> Maps:
     """Compute the backbone's maps of images, as float16 in NumPy.

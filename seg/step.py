@@ -18,10 +18,10 @@ from seg.losses import cross_entropy, cross_entropy_sums, soft_jaccard
 from seg.mixing import batch_indices
 from seg.nets import net_of
 from seg.nets.ops.resize import strided
+from seg.nets.trunks import Params
 from seg.optim import descend, optimizer, poly_schedule
 from seg.settings import StepSpec, TrainSettings
 
-Params = Any  # the pytree of a network's parameters
 Variables = Any  # a network's parameters and other collections, by name
 
 

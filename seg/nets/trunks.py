@@ -20,7 +20,7 @@ from seg.settings import WHOLE_NETS, TrainSettings
 from seg.weights import dinov2, lite
 from seg.weights.read import read
 
-Params = Any  # a pytree
+Params = Any  # the pytree of a network's parameters
 
 
 class Trunk(NamedTuple):
@@ -45,7 +45,7 @@ class Trunk(NamedTuple):
 def _lite(net: str, weights: str | None) -> Trunk:
     blocks = blocks_of(SIZES[net])
     source = {"package": lite.package(net), "version": lite.VERSION, "sha256": lite.SHA256[net]}
-    return Trunk(Lite(blocks), STRIDES, channels_of(blocks), lambda: lite.load(net).trunk, source)
+    return Trunk(Lite(blocks), STRIDES, channels_of(blocks), lambda: lite.load(net), source)
 
 
 def _dinov2(weights: str | None) -> Trunk:

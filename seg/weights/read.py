@@ -10,11 +10,11 @@ import numpy as np
 
 from seg.errors import WeightsError
 from seg.weights.safetensors_file import read_safetensors
+from seg.weights.tensors import LARGEST
 from seg.weights.torch_file import read_legacy, read_zip
 
 _KINDS = "a .pth of torch.save, .safetensors or .npz"
 _HDF5 = b"\x89HDF\r\n\x1a\n"
-_LARGEST = 2**31  # bytes of all arrays: VGG16 has 553 MB, twice that in double precision
 
 
 def read(path: Path) -> dict[str, np.ndarray]:
@@ -91,7 +91,7 @@ def _refuse_bomb(archive: zipfile.ZipFile, names: list[str], path: Path) -> None
         total += max(size, info.file_size)
         if size > info.file_size:
             raise WeightsError(f"{path}: {name} says {list(shape)}, and is cut short")
-        if total > _LARGEST:
+        if total > LARGEST:
             raise WeightsError(f"{path}: {total:,} bytes of arrays; VGG16 has 553,433,888")
 
 

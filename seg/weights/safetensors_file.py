@@ -7,10 +7,9 @@ from safetensors import SafetensorError, deserialize, safe_open
 
 from common.files import read_bytes
 from seg.errors import WeightsError
-from seg.weights.tensors import from_bytes
+from seg.weights.tensors import LARGEST, from_bytes
 
 _DTYPES = {"F64": "<f8", "F32": "<f4", "F16": "<f2", "BF16": "bfloat16", "I64": "<i8"}
-_LARGEST = 2**31  # bytes of the file: VGG16 in double precision has 1.1 GB
 
 
 def read_safetensors(path: Path) -> dict[str, np.ndarray]:
@@ -21,7 +20,7 @@ def read_safetensors(path: Path) -> dict[str, np.ndarray]:
         OSError: the file cannot be read.
     """
     try:
-        tensors = dict(deserialize(read_bytes(path, _LARGEST)))
+        tensors = dict(deserialize(read_bytes(path, LARGEST)))
     except SafetensorError as error:
         raise WeightsError(f"{path}: damaged, or no safetensors file ({error})") from None
     for name, tensor in tensors.items():

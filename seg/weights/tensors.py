@@ -21,6 +21,9 @@ DTYPES = {
 }
 """Element types by PyTorch's names of storages; NumPy has no bfloat16."""
 
+LARGEST = 2**31
+"""The most bytes of a file of weights, or of its arrays: VGG16 has 553 MB, twice that in double precision."""
+
 
 def item_size(dtype: str) -> int:
     """Bytes of one element."""

@@ -62,7 +62,7 @@ def test_a_set_with_none_beside_it_is_drawn_as_ever():
 
 
 def test_parts_that_count_by_their_size_are_the_whole():
-    maps = features(IMAGES)
+    maps = features(IMAGES, FROZEN)
     parts = [tuple(m[where] for m in maps) for where in (slice(0, 4), slice(4, 6))]
     statistics = mixed([4 / 6, 2 / 6], [channel_statistics(part) for part in parts])
     assert_close(statistics, channel_statistics(maps), rtol=2e-3, atol=2e-5)
@@ -88,7 +88,7 @@ def test_features_beside_are_those_computed_and_set_the_head_s_statistics():
     fit = partial(train, 0, IMAGES[:4], LABELS[:4], FROZEN, 3)
     few = LabelledImages(IMAGES[4:], LABELS[4:])
     computed, alone = fit(extra=few), fit()
-    views = [features(view_images(part, FROZEN)) for part in (IMAGES[:4], IMAGES[4:])]
+    views = [features(view_images(part, FROZEN), FROZEN) for part in (IMAGES[:4], IMAGES[4:])]
     assert_same(computed, fit(features=views[0], extra=few._replace(features=views[1])))
     mean, _ = mixed([0.5, 0.5], [channel_statistics(view) for view in views])
     np.testing.assert_array_equal(computed["statistics"]["head"]["mean"], mean)

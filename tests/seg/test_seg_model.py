@@ -8,6 +8,7 @@ import jax
 import numpy as np
 import pytest
 from safetensors.numpy import load_file
+from safetensors.numpy import save as tensor_bytes
 
 import seg
 from common.labels.target_file import parse_target, shipped
@@ -90,6 +91,15 @@ def test_what_is_loaded_is_what_was_saved(kind, tmp_path, narrow_lite):
     assert not without_mirror.settings.average_mirror
     assert (without_mirror.digest == model.digest) == (kind != "heads")
     assert ("mirror image" in (tmp_path / "model" / "README.md").read_text()) == (kind == "heads")
+
+
+def test_weights_are_serialised_once(compact, tmp_path, monkeypatch):
+    calls = []
+    monkeypatch.setattr(
+        "seg.model.tensor_bytes", lambda arrays: calls.append(arrays) or tensor_bytes(arrays)
+    )
+    compact.save(tmp_path / "model")
+    assert len(calls) == 1
 
 
 def test_images_of_any_size_give_labels_of_their_own(compact):
@@ -177,7 +187,9 @@ def test_classes_of_a_target_have_the_values_of_its_files():
     ({"classes": []}, f"{CONFIG}: a model has 1 to 255 classes, not 0"),
     ({"classes": [{"name": "a", "id": 1, "color": [0, 0, 0]}]}, f"{WEIGHTS}: .*: .*with 1 classes has"),
     ({"classes": [{"name": "a", "id": 1, "color": [0, 0]}]}, r"classes\[0\].color is \[0, 0\]"),
-    ({"size": {"width": 4}}, f"{CONFIG}: size.height is missing"),
+    ({"classes": [{"id": 1, "color": [0, 0, 0]}]}, rf"{CONFIG}: classes\[0\]\.name is missing"),
+    ({"weights": {"file": WEIGHTS}}, rf"{CONFIG}: weights\.sha256 is missing"),
+    ({"size": {"width": 4}}, rf"{CONFIG}: size\.height is missing"),
     ({"written": "words"}, f"{CONFIG}: written is 'words'; expected ids or colours"),
     ({"recipe": {"net": "compact", "stride": 2}}, r"recipe\.stride: there is no such setting"),
     ({"recipe": {"net": "compact", "lr": "high"}}, r"recipe\.lr must be a number, not 'high'"),

@@ -149,6 +149,13 @@ def test_our_group_norm_and_its_gradients_are_flax_s(dtype, wide):
     same_function(*(kind.apply for kind in kinds), params, x, **same)
 
 
+def test_vgg16_has_our_group_norm(monkeypatch):
+    monkeypatch.setattr(nn, "GroupNorm", None)
+    images = jax.ShapeDtypeStruct((1, 32, 32, 3), jnp.float32)
+    params = jax.eval_shape(VGG16(norm=True).init, jax.random.key(0), images)["params"]
+    assert params["norm1_1"].keys() == {"scale", "bias"}
+
+
 @pytest.mark.parametrize("channels", [4, 40])  # scores of classes, and features
 @pytest.mark.parametrize(
     ("times", "stride"), [(4, 1), (2, 1), (3, 1), (8, 2), (8, 4), (4, 3), (3, 5)]
