@@ -109,7 +109,9 @@ def test_images_of_all_sizes_come_sorted_and_jpegs_with_bytes_after_their_end(tm
 def test_bad_folders_are_named(tmp_path):
     refuses_file("nowhere: no such folder", list_unlabelled, tmp_path / "nowhere")
     refuses_file("no images; expected .png", list_unlabelled, tmp_path)
-    frames = tuple(tmp_path / sequence / "1.png" for sequence in "ab")  # every sequence has a first frame
+    frames = tuple(
+        tmp_path / sequence / "1.png" for sequence in "ab"
+    )  # every sequence has a first frame
     for frame in frames:
         write_image(frame)
     assert list_unlabelled(tmp_path) == frames
