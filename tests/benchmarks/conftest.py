@@ -9,9 +9,10 @@ from tests.experiments.conftest import write_pair
 
 @pytest.fixture
 def camvid(tmp_path):
-    """Four images in CamVid's layout, of three drives."""
-    root = tmp_path / "camvid"
-    for split, names in (("train", ("0001TP_1", "0006R0_1")), ("val", ("0016E5_0", "0016E5_1"))):
+    """Five images in CamVid's layout, of three sequences, one of them in the test split."""
+    root, val = tmp_path / "camvid", ("0016E5_0", "0016E5_1")
+    splits = {"train": ("0001TP_1", "0006R0_1"), "val": val, "test": ("0001TP_0",)}
+    for split, names in splits.items():
         for name in names:
             paths = (root / folder / f"{name}.png" for folder in (split, f"{split}annot"))
             write_pair(*paths, seed=crc32(name.encode()), highest=10)

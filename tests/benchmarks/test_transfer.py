@@ -30,13 +30,14 @@ def write_image(root, split, name):
 
 @pytest.fixture
 def camvid(tmp_path):
-    """Both splits; of the drive that steers nothing there are only broken files."""
+    """All splits; of the sequence and the split that decide nothing there are only broken files."""
     root = tmp_path / "camvid"
     for name in ("0001TP_1", "0001TP_2", "0016E5_1", "0006R0_1"):
         write_image(root, "train", name)
     write_image(root, "val", "0016E5_0")
-    for folder in ("train", "trainannot"):
-        (root / folder / "0006R0_1.png").write_bytes(b"not an image")
+    write_image(root, "test", "0001TP_3")
+    for name in ("train/0006R0_1", "trainannot/0006R0_1", "test/0001TP_3", "testannot/0001TP_3"):
+        (root / f"{name}.png").write_bytes(b"not an image")
     return root
 
 
