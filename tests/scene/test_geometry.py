@@ -144,8 +144,8 @@ def test_greenery_beside_a_camera_is_seen_from_near():
     assert kinds == {"", "near", "far"}
     # A camera of the user's own may stand where no tree was to be near.
     far = next(p for p in sampled.placements if p.far and p.train_id == TrainId.VEGETATION)
-    beside = sampled.cameras[0]._replace(position=(*(far.pose[:2, 3] + 4), 1.5), further=())
-    g = build(sampled._replace(cameras=(beside,)))
+    close = sampled.cameras[0]._replace(position=(*(far.pose[:2, 3] + 4), 1.5), further=())
+    g = build(sampled._replace(cameras=(close,)))
     assert g.assets[g.shape[far.instance] - 3][2] == "near"
 
 
