@@ -107,7 +107,7 @@ def mapping(model: Model, data: Labelled) -> tuple[list[int], np.ndarray]:
     """
     table = np.full(256, IGNORE_LABEL, np.uint8)
     indices = {name: k for k, name in enumerate(data.classes)}
-    if not set(model.names) == set(data.classes) and set(model.names) <= set(CITYSCAPES_19.classes):
+    if set(model.names) <= set(CITYSCAPES_19.classes):
         indices = dict(zip(CITYSCAPES_19.classes, data.of_engine, strict=True)) | indices
     table[: len(model.names)] = [indices.get(name, IGNORE_LABEL) for name in model.names]
     among = np.flatnonzero(table != IGNORE_LABEL).tolist()

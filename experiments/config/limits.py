@@ -21,11 +21,12 @@ single precision."""
 
 def refuse_too_large(config: Config) -> None:
     """Raise UserError for a size that does not fit into memory; it names flag, memory and bound."""
+    training = training_processes(config) if config.executor == "processes" else None
     for name, fidelity in fidelities(config).items():
         _refuse_fidelity(f"--{name}", fidelity)
-        if config.executor == "processes" and fidelity.width * fidelity.height <= MAX_PIXELS:
+        if training is not None and fidelity.width * fidelity.height <= MAX_PIXELS:
             sets = _times(training_bytes(fidelity))
-            refuse_larger(*training_processes(config), sets, f"training sets of --{name}")
+            refuse_larger(*training, sets, f"training sets of --{name}")
     if isinstance(config, GroupsConfig):
         _refuse_search(config.search)
 
