@@ -29,17 +29,12 @@ from seg.data import LabelledImages
 
 def plan(config: MainConfig, _: Any = None) -> list[Work]:
     """Plan rewards, and the networks of every row."""
-    real = config.unlabelled is None
-    few = config.few is not None
-    rendered = 3 * (1 + few) * config.seeds
-    work = [
+    labelled = (1 + (config.few is not None)) * config.seeds
+    return [
         work_of(config, [plan_of(config)]),
-        Work.at("networks on rendered images", rendered, config.final),
+        Work.at("networks on rendered images", 3 * labelled, config.final),
+        Work.on_images("networks on labelled images alone", labelled, config.final),
     ]
-    if real:
-        labelled = (1 + few) * config.seeds
-        work.append(Work.on_images("networks on labelled images alone", labelled, config.final))
-    return work
 
 
 def scores(run: Session[MainConfig], _: Any) -> Report:
@@ -61,8 +56,7 @@ def scores(run: Session[MainConfig], _: Any) -> Report:
     dataset = read_dataset(folder / "dataset", recipe.classes.outlines)
     labels = recipe.classes.from_train_id[dataset.labels]
     shown["learnt"] = LabelledImages(dataset.images, labels)
-    if target.labelled:
-        shown["real"] = run.images(recipe.fidelity, "labelled")
+    shown["real"] = run.images(recipe.fidelity, "labelled")
     rows = by_row(final, run.runner.test(final))
     pictures.write_images(run, test, shown)
     write_json(

@@ -20,8 +20,7 @@ import numpy as np
 from common.command import Arguments, exit_code, say
 from common.errors import UserError, counted
 from common.files import check_file
-from experiments.config import RewardKind, parsers
-from experiments.evaluation.job import REWARD_NAMES, in_words
+from experiments.config import parsers
 from experiments.evaluation.made_with import makers_in_words
 from experiments.evaluation.store import kinds_of, merged, read, write_store
 
@@ -56,11 +55,11 @@ def table(path: Path) -> str:
         about = [str(first.get(name, "?")) for name in ("target", "side", "size", "images")]
         kind = f"{' '.join(about)} images"
         rewards = [line["reward"] for line in evaluations if line["reward"] is not None]
-        score: RewardKind = first.get("kind", "miou")
         best_and_mean = ""
         if rewards:
-            best, mean = (in_words(score, v) for v in (max(rewards), float(np.mean(rewards))))
-            best_and_mean = f" | {REWARD_NAMES[score]} best {best}, mean {mean}"
+            best_and_mean = (
+                f" | mIoU best {100 * max(rewards):.1f}, mean {100 * np.mean(rewards):.1f}"
+            )
         count, failed = len(evaluations), len(evaluations) - len(rewards)
         made = f"{count:6d} evaluation{'s' * (count != 1)}"
         lines.append(f"  {config}  {kind:36s} {made}, {failed} failed{best_and_mean}")

@@ -12,8 +12,8 @@ import sdr_jax
 from common.files import write_json
 from experiments.attribute_search.plans import SearchPlan, plan_of
 from experiments.attribute_search.rewards import Rewards, embed
-from experiments.config import RewardKind, SearchConfig
-from experiments.evaluation.job import REWARD_NAMES, Result, in_words
+from experiments.config import SearchConfig
+from experiments.evaluation.job import Result
 from experiments.session.session import Session
 from scene.proposal import Proposal, describe
 from sdr_jax.method import clipping_message
@@ -53,7 +53,7 @@ def learn(
         UserError: more than a tenth of the evaluations failed.
     """
     config = config or run.config
-    answer = search(run, plan or plan_of(config, name or "search"), config.reward_kind)
+    answer = search(run, plan or plan_of(config, name or "search"))
     file = config.out / (f"attributes/{name}.json" if name else "attributes.json")
     file.parent.mkdir(exist_ok=True)
     write_json(file, describe(answer.solution))
@@ -61,7 +61,7 @@ def learn(
 
 
 @on_cpu()
-def search(run: Session[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
+def search(run: Session[Any], plan: SearchPlan) -> Found:
     """Run a whole search, or the rest of it.
 
     The loop replays the rewards of the run folder: the same keys give the same actions, and a logged reward
@@ -71,12 +71,11 @@ def search(run: Session[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Fo
     Args:
         run: its reward's fidelity is the search's.
         plan: the plan of the search.
-        kind: kind of the rewards.
 
     Raises:
         UserError: more than a tenth of the evaluations failed, or the log is from another run.
     """
-    method, rewards = plan.search, Rewards(run, plan, kind)
+    method, rewards = plan.search, Rewards(run, plan)
     diagnostics = method.diagnostics
     assert diagnostics is not None  # every method by name has them
     common, key = plan.config.search.common_random_numbers, jax.random.key(plan.config.seed)
@@ -98,8 +97,8 @@ def search(run: Session[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Fo
             clipped = True
             count = sum(len(rewards) for rewards, *_ in history)
             run.progress.say(f"{plan.name}: {clipping_message(int(info.clipped), count)}")
-        run.progress.standing = standing(kind, [rewards for rewards, *_ in history])
-        run.progress.update(_progress_line(plan, kind, update, history))
+        run.progress.standing = standing([rewards for rewards, *_ in history])
+        run.progress.update(_progress_line(plan, update, history))
     solution = embed(plan, jax.device_get(method.solution(state)))
     by_update, baselines, groups, distributions = zip(*history, strict=True)
     return Found(
@@ -124,15 +123,13 @@ def _expectations(
     return [np.stack(method.diagnostics.predict(previous, record.actions), axis=-1)]
 
 
-def standing(kind: RewardKind, rewards: Sequence[np.ndarray]) -> str:
+def standing(rewards: Sequence[np.ndarray]) -> str:
     """The best reward of all updates in words."""
     best_rewards = [float(np.nanmax(update)) for update in rewards if not np.isnan(update).all()]
-    return f"best {REWARD_NAMES[kind]} {in_words(kind, max(best_rewards))}" if best_rewards else ""
+    return f"best mIoU {100 * max(best_rewards):.1f}" if best_rewards else ""
 
 
-def _progress_line(
-    plan: SearchPlan, kind: RewardKind, update: int, history: Sequence[tuple]
-) -> str:
+def _progress_line(plan: SearchPlan, update: int, history: Sequence[tuple]) -> str:
     """The progress line of an update."""
     latest, baseline, group, _ = history[-1]
     where = f"{plan.name}: update {update + 1}/{plan.updates}"
@@ -141,9 +138,9 @@ def _progress_line(
     if np.isnan(latest).all():
         return f"{where} | all failed"
     best = max(float(np.nanmax(r)) for r, *_ in history if not np.isnan(r).all())
-    line = f"{REWARD_NAMES[kind]} {in_words(kind, float(np.nanmean(latest)))}, best {in_words(kind, best)}"
+    line = f"mIoU {100 * np.nanmean(latest):.1f}, best {100 * best:.1f}"
     if np.isfinite(baseline):
         if plan.config.search.squared_reward:
             baseline = np.sign(baseline) * np.sqrt(abs(baseline)) / 100
-        line += f", baseline {in_words(kind, baseline)}"
+        line += f", baseline {100 * baseline:.1f}"
     return f"{where} | {line}"

@@ -10,7 +10,6 @@ import numpy as np
 import sdr_jax
 from common.errors import UserError
 from experiments.attribute_search.plans import SearchPlan
-from experiments.config import RewardKind
 from experiments.evaluation.job import Job, Result
 from experiments.evaluation.runner import refuse_failed
 from experiments.session.session import Session
@@ -44,17 +43,16 @@ class Rewards:
     Args:
         run: the run, whose reward's fidelity is used.
         plan: the search.
-        kind: kind of the rewards.
     """
 
-    def __init__(self, run: Session[Any], plan: SearchPlan, kind: RewardKind) -> None:
+    def __init__(self, run: Session[Any], plan: SearchPlan) -> None:
         self._run, self._plan = run, plan
         self._known = {
             tuple(line.get(name) for name in PLACE): line["key"] for line in run.evaluations.records
         }
         checkpoints = plan.config.search.checkpoints
         recipe = run.recipe(run.config.reward)._replace(checkpoints=checkpoints)
-        self._job = Job(recipe, random_proposal(plan.config.space), 0, {}, "reward", kind)
+        self._job = Job(recipe, random_proposal(plan.config.space), 0, {}, "reward")
         run.runner.about(self._job)  # here, since it needs JAX
         self._update = 0
         self.results: list[Result] = []

@@ -11,8 +11,6 @@ from experiments.config.config import (
     Config,
     FewConfig,
     GroupsConfig,
-    MainConfig,
-    RewardConfig,
     SearchConfig,
     fidelities,
 )
@@ -117,27 +115,12 @@ def _check_search(config: GroupsConfig) -> None:
         )
 
 
-def _check_reward(config: RewardConfig) -> None:
-    if config.reward_kind == "mmd" and min(config.reward.images, config.final.images) < 2:
-        raise UserError("--reward-kind mmd needs fidelities of at least 2 images")
-
-
 def _check_answer(config: SearchConfig) -> None:
-    if isinstance(config, MainConfig) and config.unlabelled and config.reward_kind != "mmd":
-        raise UserError("--unlabelled needs --reward-kind mmd: mIoU needs labels")
-    if config.reward_kind == "mmd" and config.search.squared_reward:
-        raise UserError("--search.squared-reward needs --reward-kind miou: squares have no sign")
-    if config.reward_kind == "mmd" and config.search.checkpoints > 1:
-        raise UserError(
-            "--search.checkpoints needs --reward-kind miou: no network is trained for -MMD^2"
-        )
     make_method(config, config.search.method, make_space(config), 1)
 
 
 def _check_few(config: FewConfig) -> None:
     refuse_share(config, config.few_share)
-    if config.few is not None and config.reward_kind == "mmd":
-        raise UserError("--few needs rewards of labelled images: --reward-kind miou")
 
 
 def refuse_share(config: Config, share: float) -> None:
@@ -158,7 +141,6 @@ _RELATIONS: tuple[tuple[type, Callable[[Any], None]], ...] = (
     (Config, _check_weights),
     (Config, _check_target),
     (GroupsConfig, _check_search),
-    (RewardConfig, _check_reward),
     (FewConfig, _check_few),
     (SearchConfig, _check_answer),
 )

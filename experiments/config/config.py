@@ -23,7 +23,6 @@ FitPreset = Literal["smoke", "quick", "full"]
 """The presets of `sdr-jax fit`."""
 TargetName = Literal["twin", "camvid", "cityscapes", "labelmefacade"]
 TwinName = Literal["near", "far"]
-RewardKind = Literal["miou", "mmd"]
 
 Group = Annotated[
     tuple[str, ...], Word("NAME,NAME,...", lambda word: tuple(word.split(",")), ",".join)
@@ -183,13 +182,10 @@ class GroupsConfig(NetsConfig, BinsConfig):
 
 @dataclass(frozen=True, kw_only=True)
 class RewardConfig(FinalConfig):
-    """More fields of a job with rewards of either kind."""
+    """More fields of a job with rewards."""
 
     default_width: Annotated[float, within(0, 1)] = RELAXATION
     """Width of the default street's intervals, as a share of each range."""
-    reward_kind: RewardKind = "miou"
-    """miou of a network trained on the dataset; or mmd, for images without labels: minus the distance between
-    rendered and real images in the features of a network."""
 
     def streets(self, name: str) -> Streets:
         """Make the streets ``random``, ``default`` or ``mixed`` with the fixed attributes."""
@@ -220,9 +216,6 @@ class MainConfig(FewConfig):
     """One run of the main job."""
 
     target: Annotated[TargetName, UNUSED] = "twin"
-    unlabelled: Path | None = None
-    """Folder of validation images of the search without labels, instead of the labelled training images; only
-    with --reward-kind mmd. Networks are still tested on --data."""
 
 
 @dataclass(frozen=True, kw_only=True)

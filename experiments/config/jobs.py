@@ -21,7 +21,6 @@ from experiments.config.config import (
     Preset,
     Rederived,
     RewardConfig,
-    RewardKind,
     TargetName,
 )
 from experiments.config.options import Fidelity, MethodOptions, RivalName, Search
@@ -196,9 +195,6 @@ class SensitivityConfig(BinsConfig, Rederived):
 class FidelityConfig(RewardConfig, BinsConfig, Rederived):
     """Flags of `sdr-jax study fidelity`."""
 
-    reward_kind: RewardKind = "miou"
-    """miou of a network trained on the dataset; or mmd, a distance between images without labels, which is
-    also compared with mIoU at the final size."""
     proposals: Annotated[int, at_least(2), NETS] = 24
     """Proposals with random bins for all attributes; the default street and random streets are added."""
     repeated: Annotated[int, at_least(2), NETS] = 6

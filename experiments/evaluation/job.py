@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Literal, NamedTuple
 
-from experiments.config import Fidelity, RewardKind
+from experiments.config import Fidelity
 from experiments.evaluation.cached import Cached
 from experiments.evaluation.made_with import MadeWith
 from experiments.evaluation.predictions import Predictions
@@ -15,9 +15,6 @@ from seg.classes import ClassTable, class_table
 from seg.data import LabelledImages
 from seg.mixing import TrainingSet
 from seg.pyramid import Statistics
-
-REWARD_NAMES: dict[RewardKind, str] = {"miou": "mIoU", "mmd": "-MMD^2"}
-"""Names of the kinds of ``--reward-kind``."""
 
 
 class Recipe(NamedTuple):
@@ -89,7 +86,6 @@ class Job(NamedTuple):
     seed: int  # of the streets and of the network
     notes: dict[str, Any]  # more fields of its record in the run's store
     side: Side = "test"
-    kind: RewardKind = "miou"
     keeps: Keeps | None = None  # what to keep in the run folder
     start: Start | None = None  # the training before that by the recipe
 
@@ -97,7 +93,7 @@ class Job(NamedTuple):
 class Result(NamedTuple):
     """The reward of one training set, or why it is not known."""
 
-    reward: float  # mIoU in [0, 1], or -MMD^2; NaN if it failed
+    reward: float  # mIoU in [0, 1]; NaN if it failed
     class_iou: list[float | None]  # in [0, 1]; None for classes that do not occur in the labels
     render_seconds: float
     train_seconds: float  # training and testing
@@ -115,16 +111,9 @@ class Result(NamedTuple):
 def progress_line(job: Job, result: Result) -> str:
     """The progress line of a network outside a search."""
     notes = job.notes
-    return f"{notes['nets']}: {notes['row']}, seed {notes['seed']} | {verdict(result, job.kind)}"
+    return f"{notes['nets']}: {notes['row']}, seed {notes['seed']} | {verdict(result)}"
 
 
-def verdict(result: Result, kind: RewardKind = "miou") -> str:
+def verdict(result: Result) -> str:
     """A result in progress lines."""
-    if result.failed:
-        return "failed"
-    return f"{REWARD_NAMES[kind]} {in_words(kind, result.reward)}"
-
-
-def in_words(kind: RewardKind, reward: float) -> str:
-    """A reward in words: mIoU in percent, or -MMD^2 as it is."""
-    return f"{100 * reward:.1f}" if kind == "miou" else f"{reward:.4f}"
+    return "failed" if result.failed else f"mIoU {100 * result.reward:.1f}"

@@ -26,7 +26,6 @@ from common.lines import Record
 from common.progress import Progress
 from common.workers.pipeline import Split
 from common.workers.pool import Workers
-from experiments.config import RewardKind
 from experiments.evaluation.cache import Cache, by_target, sent
 from experiments.evaluation.cached import Cached
 from experiments.evaluation.compiling import announcement
@@ -53,7 +52,6 @@ from experiments.evaluation.job import (
     rendered_of,
 )
 from experiments.evaluation.made_with import FIELD
-from experiments.evaluation.mmd import FeatureNet, Reference, evaluate_mmd, feature_net
 from experiments.evaluation.predictions import file_of, save
 from experiments.evaluation.renders import Part, render_part
 from experiments.evaluation.store import (
@@ -94,7 +92,6 @@ class Runner:
         finals: the store of evaluations that are no rewards of a search.
         store: a store that many runs share, if there is one.
         progress: gives the run's progress.
-        features: recipe of the network in whose features -MMD^2 compares images.
 
     Attributes:
         cache: files in which workers find images.
@@ -108,17 +105,13 @@ class Runner:
         finals: Store,
         store: Store | None,
         progress: Callable[[], Progress],
-        features: Recipe,
     ) -> None:
         self._target, self._workers, self._folder = target, workers, folder
         self._finals, self._store, self._progress = finals, store, progress
         workers.watch = lambda units: progress().under_way(units)
         self.cache = Cache(workers, folder, lambda text: progress().update(text, minor=True))
-        self._features = features
-        self._net: FeatureNet | None = None
-        self._references: dict[tuple[int, int, Side], Reference] = {}
-        self._about: dict[tuple[Recipe, Side, RewardKind], Record] = {}
-        self._shared: dict[tuple[Recipe, Side, RewardKind], tuple[Recipe, Cached | Reference]] = {}
+        self._about: dict[tuple[Recipe, Side], Record] = {}
+        self._shared: dict[tuple[Recipe, Side], tuple[Recipe, Cached]] = {}
         self._split = Split(
             lambda most, task: _parts(most, task, self.cache.renders),
             render_part,
@@ -135,10 +128,10 @@ class Runner:
 
     def about(self, job: Job) -> Record:
         """A job's record without source and result; ``config`` names all other things that decide it."""
-        kind = (job.recipe, job.side, job.kind)
-        if kind not in self._about:
-            self._about[kind] = about(job.recipe, self._target, job.side, self._real(job))
-        fields, start, source = self._about[kind], job.start, job.source
+        tested = (job.recipe, job.side)
+        if tested not in self._about:
+            self._about[tested] = about(job.recipe, self._target, job.side, self._real(job))
+        fields, start, source = self._about[tested], job.start, job.source
         if isinstance(source, TrainingSet):
             (_, few), (_, share) = source.parts, source.shares
             decides = [fields["config"], digest_of_images(few), share]
@@ -363,20 +356,10 @@ class Runner:
         if self._store is not None:
             self._store.refresh()
 
-    def _real(self, job: Job) -> LabelledImages | Reference:
-        """The images on which a job's network is tested, or for rewards without labels their features."""
-        size = (job.recipe.fidelity.height, job.recipe.fidelity.width)
-        images = self._target.at(*size)[job.side]
-        if job.kind == "miou":
-            return images
-        if self._net is None:
-            self._progress().say(
-                "The reward is -MMD^2 in the features of one network, which uses no labels"
-            )
-            self._net = feature_net(self._features, self._folder, self._workers)
-        if (*size, job.side) not in self._references:
-            self._references[*size, job.side] = self._net.reference(images.images)
-        return self._references[*size, job.side]
+    def _real(self, job: Job) -> LabelledImages:
+        """The images on which a job's network is tested."""
+        fidelity = job.recipe.fidelity
+        return self._target.at(fidelity.height, fidelity.width)[job.side]
 
     def _task(self, jobs: Sequence[Job]) -> tuple:
         """Arguments of `attempt`; jobs that are fine-tuned from one network are one task."""
@@ -391,24 +374,19 @@ class Runner:
             chosen = [np.array(subset.indices) for subset in subsets]
             arguments = (start._replace(recipe=before), recipe, int(job.seed), images, chosen, real)
             return (transfer, *arguments)
-        evaluate: Callable[..., Result] = evaluate_miou if job.kind == "miou" else evaluate_mmd
+        evaluate: Callable[..., Result] = evaluate_miou
         if job.keeps is not None:
             evaluate = partial(evaluate, keeps=job.keeps)
         return (evaluate, recipe, self._source(job.source, job.recipe), int(job.seed), real)
 
-    def _for_tasks(self, job: Job) -> tuple[Recipe, Cached | Reference]:
+    def _for_tasks(self, job: Job) -> tuple[Recipe, Cached]:
         """A job's recipe and tested images in the form for workers."""
-        kind = (job.recipe, job.side, job.kind)
-        if kind not in self._shared:
-            recipe, real = job.recipe, self._real(job)
-            if isinstance(real, Reference):
-                net = self._workers.share(real.net)
-                self._shared[kind] = sent(recipe, self._workers), real._replace(net=net)
-            else:
-                recipe = self.cache.normalised(recipe, self._target)
-                cached = self.cache.put(real, recipe.fidelity.train, job.side)
-                self._shared[kind] = sent(recipe, self._workers), cached
-        return self._shared[kind]
+        tested = (job.recipe, job.side)
+        if tested not in self._shared:
+            recipe = self.cache.normalised(job.recipe, self._target)
+            cached = self.cache.put(self._real(job), recipe.fidelity.train, job.side)
+            self._shared[tested] = sent(recipe, self._workers), cached
+        return self._shared[tested]
 
     def _source(self, source: Source, recipe: Recipe) -> Any:
         """A source in the form for workers."""
@@ -428,7 +406,7 @@ class Runner:
     def _rendered_by_all(self, task: tuple) -> tuple[tuple, float]:
         """A task with its training set, rendered street by street by all workers, and their core seconds."""
         evaluate, recipe, source, seed, real, *more = task
-        if more or isinstance(real, Reference) or not isinstance(source, Streets):
+        if more or not isinstance(source, Streets):
             return task, 0.0
         started = time.perf_counter()
         images = rendered_set(recipe, source, seed, self._workers)
@@ -478,13 +456,9 @@ def refuse_failed(results: Sequence[Result], total: int) -> None:
         refuse_failures(len(reasons), total, reasons[-1])
 
 
-def about(recipe: Recipe, target: Target, side: Side, real: LabelledImages | Reference) -> Record:
+def about(recipe: Recipe, target: Target, side: Side, real: LabelledImages) -> Record:
     """The common fields of a recipe's evaluations: a hash of what decides them, and words for people."""
     names = target.reward_names if side == "reward" else target.test_names
-    if isinstance(real, Reference):
-        kind, source = "mmd", real.source
-    else:
-        kind, source = "miou", digest_of_images(real)
     fidelity, pool = recipe.fidelity, recipe.pool.identity
     size = asdict(fidelity)
     # The content of files counts, not their path.
@@ -495,13 +469,13 @@ def about(recipe: Recipe, target: Target, side: Side, real: LabelledImages | Ref
     if fidelity.train.weights is not None:
         size["train"]["weights"] = file_digest(Path(fidelity.train.weights))
     decides = {
-        "kind": kind,
+        "kind": "miou",
         "fidelity": size,
         "table": recipe.table,
         "renderer": recipe.renderer,
         "pool": pool,
         # Names alone do not distinguish twins.
-        "truth": [target.name, side, digest(list(names)), source],
+        "truth": [target.name, side, digest(list(names)), digest_of_images(real)],
         "engine": ENGINE,
         FIELD: dict(recipe.made_with),
     }
@@ -510,14 +484,14 @@ def about(recipe: Recipe, target: Target, side: Side, real: LabelledImages | Ref
         decides["outlines"] = recipe.classes.outlines
     if recipe.checkpoints > 1:
         decides["checkpoints"] = recipe.checkpoints
-    if kind == "miou" and by_target(fidelity.train):
+    if by_target(fidelity.train):
         reward_images = target.at(fidelity.height, fidelity.width)["reward"]
         decides["statistics"] = digest_of(reward_images.images)
     return {
         "config": digest(decides)[:16],
         "target": target.name,
         "side": side,
-        "kind": kind,  # of the reward; the kind of networks is "nets"
+        "kind": "miou",  # of the reward; the kind of networks is "nets"
         "size": fidelity.size,
         "images": fidelity.images,
         "steps": fidelity.train.steps,

@@ -22,7 +22,6 @@ from common.errors import UserError
 from common.files import digest, naming, write
 from common.lines import CURE, JsonLines, Record
 from experiments.evaluation.job import (
-    REWARD_NAMES,
     LabelledSource,
     LabelledSubset,
     Result,
@@ -208,7 +207,9 @@ class Store:
     @property
     def records(self) -> list[Record]:
         """The lines in order; of a shared file the first line of each evaluation."""
-        return first_of_each(self._lines.lines[1:]) if self._shared else self._lines.lines
+        lines = self._lines.lines[1:] if self._shared else self._lines.lines
+        records = [line for line in lines if _is_miou(line)]
+        return first_of_each(records) if self._shared else records
 
     def refresh(self) -> None:
         """Read the records that other runs have added."""
@@ -253,6 +254,8 @@ class Store:
             if self._shared and number == 0:
                 _check_header(self.path, record)
                 continue
+            if not _is_miou(record):
+                continue
             check_fields(self._lines.where(number), record)
             self._remember(record, number)
 
@@ -261,6 +264,11 @@ class Store:
         if self._shared and lines:
             refuse_conflict(*lines[0], record, where)
         lines.append((record, where))
+
+
+def _is_miou(record: Record) -> bool:
+    """Whether a reward is mIoU; earlier versions also had rewards without labels, which are skipped."""
+    return bool(record.get("kind", "miou") == "miou")
 
 
 def _refuse_other_file(path: Path) -> None:
@@ -306,8 +314,6 @@ def check_fields(where: str, record: Record) -> None:
     heads = record.get("heads") or []
     if not isinstance(heads, list) or not all(map(_is_iou, (record["class_iou"], *heads))):
         raise UserError(f"{where}: class_iou and heads must hold numbers or null")
-    if record.get("kind", "miou") not in [*REWARD_NAMES]:
-        raise UserError(f"{where}: kind must be {' or '.join(REWARD_NAMES)}")
     made_with = record.get(FIELD) or {}
     if not isinstance(made_with, dict) or not all(isinstance(v, str) for v in made_with.values()):
         raise UserError(f"{where}: {FIELD} must be a table of versions by name")

@@ -114,7 +114,7 @@ class Session(Generic[AnyConfig]):
     def __post_init__(self) -> None:
         self.runner = Runner(
             self.target, self.workers, self.config.out, self.finals, self.store,
-            lambda: self.progress, self.recipe(self.config.reward),
+            lambda: self.progress,
         )  # fmt: skip
 
     def recipe(self, fidelity: Fidelity, **pool: Any) -> Recipe:

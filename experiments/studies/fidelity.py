@@ -2,7 +2,6 @@
 
     sdr-jax study fidelity --target camvid --data DIR --holdout 0006R0
     sdr-jax study fidelity --target twin --preset smoke                  # about a minute
-    sdr-jax study fidelity --target twin --reward-kind mmd               # without labels
     sdr-jax study fidelity --rungs 1 --require-signal 2 --reward.train.net fcn8s && ...  # then search
 
 Proposals with random bins, the default street and random streets are evaluated at three sizes (rungs), from
@@ -20,10 +19,9 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from common.errors import UserError
-from experiments.config import Fidelity, RewardKind
+from experiments.config import Fidelity
 from experiments.config.cli import Unmet, command
 from experiments.config.jobs import MOST_REPEATS, FidelityConfig
-from experiments.evaluation.job import REWARD_NAMES
 from experiments.session.session import Session, Work
 from experiments.studies.figure import plt, png
 from experiments.tables.bins import random_bins
@@ -66,18 +64,13 @@ class Rung(NamedTuple):
 
     name: str
     fidelity: Fidelity
-    kind: RewardKind
 
 
 def rungs(config: FidelityConfig) -> list[Rung]:
-    """List the rungs from the reward's size to the final one; -MMD^2 is compared with mIoU there."""
-    kind = config.reward_kind
+    """List the rungs from the reward's size to the final one."""
     low, high = config.reward, config.final
     sizes = tuple(dict.fromkeys((low, middle(low, high), high)))[: config.rungs]
-    ladder = [Rung(f"rung {k}", fidelity, kind) for k, fidelity in enumerate(sizes, 1)]
-    if kind != "miou" and config.rungs is None:
-        ladder.append(Rung("final networks", config.final, "miou"))
-    return ladder
+    return [Rung(f"rung {k}", fidelity) for k, fidelity in enumerate(sizes, 1)]
 
 
 def middle(low: Fidelity, high: Fidelity) -> Fidelity:
@@ -128,23 +121,21 @@ def _score(
     run: Session[FidelityConfig], number: int, rung: Rung, sources: dict[str, Streets]
 ) -> Report:
     """Score every proposal on one rung, in the order of the seeds, which all proposals share."""
-    (name, fidelity, kind), config = rung, run.config
+    (name, fidelity), config = rung, run.config
     # Each rung has its own seeds: shared noise would look like agreement.
     first = FIDELITY_SEED + MOST_REPEATS * number + config.seed
     seeds = range(first, first + config.repeats)
     once = list(sources)[config.repeated :]
     recipe = run.recipe(fidelity)
-    jobs = jobs_of(name, sources, recipe, seeds, side="reward", kind=kind, once=once)
+    jobs = jobs_of(name, sources, recipe, seeds, side="reward", once=once)
     results = by_row(jobs, run.runner.test(jobs))
-    unit = 100 if kind == "miou" else 1
     return {
         "rung": name,
-        "reward": REWARD_NAMES[kind],
         "size": fidelity.size,
         "images": fidelity.images,
-        "steps": fidelity.train.steps if kind == "miou" else None,
+        "steps": fidelity.train.steps,
         "rewards": {
-            name: [None if result.failed else unit * result.reward for result in row]
+            name: [None if result.failed else 100 * result.reward for result in row]
             for name, row in results.items()
         },
         "core_seconds": float(np.median([r.seconds for row in results.values() for r in row])),
@@ -155,7 +146,7 @@ def derive(report: Report) -> Report:
     """Add statistics of every rung's rewards, and a verdict on the first one's signal, to the report.
 
     The others are compared with the last rung; the signal is measured among proposals with random bins.
-    Rewards are mIoU in percent, or -MMD^2 as it is.
+    Rewards are mIoU in percent.
     """
     rungs = [_derived(report, rung) for rung in report["rungs"]]
     signal, required = rungs[0]["signal_to_noise"]["value"], report.get("required_signal")
@@ -215,7 +206,6 @@ COLUMNS: list[Column] = [
     ("size", lambda rung: rung["size"]),
     ("images", lambda rung: str(rung["images"])),
     ("steps", lambda rung: number(rung["steps"], "d")),
-    ("reward", lambda rung: rung["reward"]),
     ("core s", lambda rung: number(rung["core_seconds"])),
     ("rank correlation with the top", lambda rung: _value(rung, "rank_correlation")),
     ("95 % interval", lambda rung: _interval(rung, "rank_correlation")),
@@ -300,16 +290,12 @@ def _panel(axis: Axes, rung: Report, top: Report) -> None:
         f"rank correlation {_with_interval(rank)}\nsignal / noise {_with_interval(signal)}",
         fontsize=9,
     )
-    axis.set(xlabel=f"{_unit(top)} on {top['rung']}", ylabel=f"{_unit(rung)} on {name}")
+    axis.set(xlabel=f"mIoU, % on {top['rung']}", ylabel=f"mIoU, % on {name}")
 
 
 def _with_interval(estimate: Report) -> str:
     ci95 = interval(estimate["ci95"], ".2f")
     return f"{number(estimate['value'], '.2f') or 'unknown'}{ci95 and f' ({ci95})'}"
-
-
-def _unit(rung: Report) -> str:
-    return f"{rung['reward']}, %" if rung["reward"] == "mIoU" else rung["reward"]
 
 
 FORM = Form("fidelity", derive, text, {"fidelity.png": picture})

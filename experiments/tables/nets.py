@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from experiments.config import Fidelity, RewardKind, SearchConfig
+from experiments.config import Fidelity, SearchConfig
 from experiments.evaluation.job import Job, Recipe, Result, Source
 from experiments.session.session import Session
 from experiments.tables import few_rows
@@ -23,7 +23,6 @@ def jobs_of(
     seeds: Sequence[int],
     *,
     side: Side = "test",
-    kind: RewardKind = "miou",
     once: Sequence[str] = (),
     keeps: bool = False,
 ) -> list[Job]:
@@ -35,7 +34,6 @@ def jobs_of(
         recipe: sizes, network, training and assets.
         seeds: seeds of streets and networks; the k-th networks of all sets share one.
         side: the target's images to test on.
-        kind: kind of the reward.
         once: names of sets that only need the first seed.
         keeps: whether to keep confusion matrices, and predictions for the first seed.
     """
@@ -46,7 +44,6 @@ def jobs_of(
             seed,
             {"nets": what, "row": name, "seed": seed},
             side,
-            kind,
             ("predictions" if seed == seeds[0] else "confusion") if keeps else None,
         )
         for seed in seeds
@@ -86,7 +83,7 @@ def training_sets(run: Session[Any], learnt: Streets | None) -> dict[str, Source
     if learnt is not None:
         sets["learnt"] = learnt
     sets |= few_rows.rows(run, sets, config.final)
-    return sets | ({"real": run.images(config.final, "labelled")} if run.target.labelled else {})
+    return sets | {"real": run.images(config.final, "labelled")}
 
 
 def with_net(fidelity: Fidelity, name: NetName, weights: str | None = None) -> Fidelity:

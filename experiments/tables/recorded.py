@@ -85,7 +85,7 @@ def choose(
         UserError: there are none.
     """
     kinds = store.kinds_of(records)
-    needed = {"target": target, "side": "reward", "kind": "miou"}
+    needed = {"target": target, "side": "reward"}
     fitting = {
         # Records of real images have no proposal.
         kind: [record for record in lines if len(record["centre"] or ()) == len(SPACES[space])]

@@ -36,7 +36,6 @@ class Target(NamedTuple):
     test_names: tuple[str, ...]
     at: Callable[[int, int], Sides]  # (height, width) -> images and labels
     twin: TwinWorld | None = None
-    labelled: bool = True  # whether the reward images have labels
     few_names: tuple[str, ...] = ()  # images mixed with every training set
 
 
@@ -67,26 +66,23 @@ def refuse_overlap(reward_names: Sequence[str], test_names: Sequence[str]) -> No
         )
 
 
-def two_sides(reward: LabelledImages, test: LabelledImages, origin: str, labelled: bool) -> Sides:
+def two_sides(reward: LabelledImages, test: LabelledImages, origin: str) -> Sides:
     """Make the sides of a target without a labelled subset.
 
     Args:
         reward: validation images of the search.
         test: test images.
         origin: where they come from, for the error.
-        labelled: whether the labels of the validation images are needed.
 
     Raises:
-        UserError: a side whose labels are needed has no labelled pixel.
+        UserError: a side has no labelled pixel.
     """
-    sides: Sides = {"reward": reward, "test": test, "labelled": reward}
-    for side in ("reward", "test") if labelled else ("test",):
-        if np.all(sides[side].labels == IGNORE_LABEL):  # type: ignore[index]
-            names = sides[side].names  # type: ignore[index]
+    for kind, images in (("training", reward), ("test", test)):
+        if np.all(images.labels == IGNORE_LABEL):
+            names = images.names
             shown = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
-            kind = "test" if side == "test" else "training"
             raise UserError(
                 f"{origin}: no pixel of the {kind} images has a class ({shown}); label a pixel of one, or "
                 "leave them out"
             )
-    return sides
+    return {"reward": reward, "test": test, "labelled": reward}

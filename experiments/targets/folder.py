@@ -230,7 +230,7 @@ def fold_targets(parts: Parts, data: Path, read: Read) -> list[Target]:
         def at(height: int, width: int) -> Sides:
             images = read(height, width)
             origin = str(data) if len(parts.folds) == 1 else f"{data}, fold {number}"
-            return two_sides(images.take(train), images.take(test), origin, True)
+            return two_sides(images.take(train), images.take(test), origin)
 
         return Target(
             name=parts.target.name,
@@ -253,7 +253,7 @@ def all_labelled(parts: Parts, fold: Target, data: Path, read: Read) -> Target:
     @lru_cache(maxsize=SIZES)
     def at(height: int, width: int) -> Sides:
         images = read(height, width).between(0, len(entries))  # held-out images come after these
-        return two_sides(images, images, str(data), True)
+        return two_sides(images, images, str(data))
 
     names, sequences = zip(*((e.name, e.sequence) for e in entries), strict=True)
     return fold._replace(reward_names=names, reward_sequences=sequences, at=at)

@@ -6,7 +6,7 @@ from functools import lru_cache
 
 from common.errors import UserError
 from common.workers.pool import Workers
-from experiments.config import Config, MainConfig
+from experiments.config import Config
 from experiments.config.presets import VARIABLES
 from experiments.targets.base import SIZES, Sides, Target, two_sides
 from experiments.targets.few import with_few
@@ -38,8 +38,6 @@ def _twin(config: Config, workers: Workers) -> Target:
     """Make the stand-in for real data; see ``twin``."""
     if config.holdout or config.test_split:
         raise UserError("--holdout and --test-split need --data: the twin has no such names")
-    if isinstance(config, MainConfig) and config.unlabelled is not None:
-        raise UserError("--unlabelled needs --data: no real images look like the twin")
     if config.asset_count is not None and config.asset_count >= FIRST_ASSET:
         raise UserError(
             f"--asset-count must be less than {FIRST_ASSET}, the twin's first asset, "
@@ -66,7 +64,7 @@ def _twin(config: Config, workers: Workers) -> Target:
             )
             for split, count in counts.items()
         )
-        return two_sides(reward, test, f"the {name}", True)
+        return two_sides(reward, test, f"the {name}")
 
     return Target(
         name=name,

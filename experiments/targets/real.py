@@ -2,28 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from functools import lru_cache
 from pathlib import Path
-
-import numpy as np
 
 from common.errors import UserError
 from common.labels.listing import HELD_OUT
 from common.labels.target_file import TargetFile, shipped
-from experiments.config import Config, MainConfig, RewardConfig
+from experiments.config import Config
 from experiments.targets.base import SIZES, Sides, Target, refuse_overlap, two_sides
-from seg.classes import IGNORE_LABEL
-from seg.data import (
-    Entry,
-    LabelledImages,
-    list_split,
-    list_unlabelled,
-    load,
-    load_unlabelled,
-    refuse_shared,
-    subset,
-)
+from seg.data import Entry, list_split, load, refuse_shared, subset
 
 REPORTED = {"camvid": "test", "cityscapes": "val", "labelmefacade": "test"}
 """The default test split."""
@@ -49,23 +37,13 @@ def real_target(name: str, config: Config, data: Path) -> Target:
     reward, test, tested_on = _sides(files, data, config.test_split or REPORTED[name], config)
     # The same for every --seed, so that a study's searches share their target with the main job's.
     test = subset(test, config.test_images)
-    unlabelled = config.unlabelled if isinstance(config, MainConfig) else None
-    if unlabelled is not None:
-        # No label is read, so the paths of labels are never opened.
-        reward = tuple(
-            Entry(path.relative_to(unlabelled).with_suffix("").as_posix(), "", path, path)
-            for path in list_unlabelled(unlabelled)
-        )
     reward = subset(reward, config.reward_images)
     refuse_overlap([e.name for e in reward], [e.name for e in test])
-    # -MMD^2 needs no labels, even where the images have them.
-    needs_labels = not isinstance(config, RewardConfig) or config.reward_kind == "miou"
 
     @lru_cache(maxsize=SIZES)
     def at(height: int, width: int) -> Sides:
         size = (height, width)
-        images = load(reward, files, size) if unlabelled is None else _ignored(reward, size)
-        sides = two_sides(images, load(test, files, size), str(data), needs_labels)
+        sides = two_sides(load(reward, files, size), load(test, files, size), str(data))
         refuse_shared(
             {
                 "the training images": sides["reward"],
@@ -79,16 +57,14 @@ def real_target(name: str, config: Config, data: Path) -> Target:
     if len(shared) > MOST_NAMED:
         listed = f"{len(shared)} sequences"
     note = f" ({listed} are on both sides)" if shared else ""
-    kind = "images" if unlabelled is None else "images without labels"
     return Target(
         name=name,
         real=True,
         table=name,
-        title=f"{name}, {len(reward)} {kind} for the search, {tested_on}, {len(test)} images{note}",
+        title=f"{name}, {len(reward)} images for the search, {tested_on}, {len(test)} images{note}",
         reward_names=tuple(e.name for e in reward),
         test_names=tuple(e.name for e in test),
         at=at,
-        labelled=unlabelled is None,
         reward_sequences=tuple(e.sequence for e in reward),
     )
 
@@ -116,11 +92,3 @@ def _sides(
             f"have the sequences {', '.join(sorted({e.sequence for e in reward}))}"
         )
     return rest, held_out, f"tested on sequence {config.holdout}"
-
-
-def _ignored(entries: Sequence[Entry], size: tuple[int, int]) -> LabelledImages:
-    """Read images without labels as a set whose pixels are all ignored."""
-    images = load_unlabelled([e.image_path for e in entries], size)
-    labels = np.full(images.shape[:3], IGNORE_LABEL, np.uint8)
-    names, sequences = zip(*((e.name, e.sequence) for e in entries), strict=True)
-    return LabelledImages(images, labels, names, sequences)

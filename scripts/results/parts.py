@@ -150,7 +150,6 @@ def parts(data: Data, out: Path, preset: Size) -> list[Part]:
             flags, few = (*real.flags, *wide, *ours, *one), "14" if quick else "2"
             failed = "failed", "searches", real.target
             yield study(f"few-{few}-{real.name}", *failed, *flags, "--few", few)
-            yield study(f"mmd-{real.name}", *failed, *flags, "--reward-kind", "mmd")
         real = REAL[0]
         nets = ("--nets", "lite0", *if_quick("lite2"), *if_quick("--seeds", "3"))
         optimised = ("--learnt", str(out / real.name / "attributes" / "intervals-0.json"))

@@ -12,7 +12,6 @@ from seg.data.labelled import (
     subset,
 )
 from seg.data.labels import LabelReader
-from seg.data.unlabelled import list_unlabelled, load_unlabelled
 from seg.errors import DataError
 
 __all__ = [
@@ -23,9 +22,7 @@ __all__ = [
     "TargetData",
     "fitted",
     "list_split",
-    "list_unlabelled",
     "load",
-    "load_unlabelled",
     "read_split",
     "read_target",
     "refuse_shared",

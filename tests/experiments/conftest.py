@@ -36,7 +36,6 @@ from experiments.evaluation.store import LOGS, Store
 from experiments.session import session
 from experiments.tables.nets import by_row, jobs_of
 from experiments.targets.base import Target
-from scene.assets.catalogue import AssetPool
 from scene.attributes import NAMES
 from scene.dataset.render import COMPILING
 from scene.proposal import describe, slide
@@ -168,9 +167,7 @@ def runner_of(target: Target, folder: Path, pool: Any = POOL, told: Any = None) 
     progress = Progress(1.0)
     if told is not None:
         progress.update = lambda text, **how: told(text)  # type: ignore[method-assign]
-    fidelity = defaults(MainConfig, "camvid", "smoke").reward
-    features = Recipe(fidelity, target.table, "embree", AssetPool())
-    return Runner(target, pool, folder, Store(folder / LOGS[1]), None, lambda: progress, features)
+    return Runner(target, pool, folder, Store(folder / LOGS[1]), None, lambda: progress)
 
 
 def results_of(run: Any, *arguments: Any, **options: Any) -> dict[str, list[Result]]:

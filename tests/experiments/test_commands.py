@@ -44,7 +44,6 @@ def test_a_key_that_went_or_came_is_named(tmp_path, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.parametrize(("target", "flags"), [
     ("camvid", ("--few", "2")),
-    ("camvid", ("--reward-kind", "mmd")),
     ("cityscapes", ()),
     ("labelmefacade", ("--holdout", "a_p")),
 ])  # fmt: skip
@@ -61,14 +60,13 @@ def test_the_main_job_on_files(target, flags, request, out):
 @pytest.mark.parametrize("name", (*NETS, "sensitivity", "fidelity"))
 def test_the_studies_on_the_twin(name, start_job, out):
     flags = ["--preset", "smoke", "--workers", "1"]
-    flags += ["--reward-kind", "mmd"] * (name == "fidelity")  # without labels, too
     code, stdout, stderr = start_job(out, *flags, experiment=name).finish()
     assert (code, stderr) == (0, "") and "NOT real data" in stdout
     as_recorded(name, out)
     report = read_json(out / f"{name}.json")
     assert report["real"] is False
     if name == "fidelity":
-        assert [rung["reward"] for rung in report["rungs"]] == ["-MMD^2"] * 3 + ["mIoU"]
+        assert len(report["rungs"]) == 3
         return
     assert name != "sensitivity" or report["records"]["rewards"] == 12
     nets = [row.get("final") or row for row in report.get("rows", ())]

@@ -24,7 +24,7 @@ from experiments.attribute_search.plans import plan_of
 from experiments.attribute_search.rewards import Rewards
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
-from experiments.evaluation import job, mmd, runner, store
+from experiments.evaluation import job, runner, store
 from experiments.evaluation.cost import cost_of, head_cost
 from experiments.evaluation.in_worker import attempt, worker_environment
 from experiments.evaluation.job import Job, Result
@@ -94,7 +94,7 @@ def test_a_search_asks_for_its_checkpoints(a_run):
     for checkpoints in (1, 3):
         config = searching(CONFIG, checkpoints=checkpoints)
         run = a_run(search=config.search)
-        job = Rewards(run, plan_of(config), "miou")._job
+        job = Rewards(run, plan_of(config))._job
         assert job.recipe == run.recipe(CONFIG.reward)._replace(checkpoints=checkpoints)
 
 
@@ -214,7 +214,6 @@ def test_a_configuration_is_all_that_decides_a_reward(a_run, tmp_path, monkeypat
         name(table="cityscapes"), name(checkpoints=2),
         name(target=TARGET._replace(name="twin")), name(target=other_names),
         name(side="test"), name(truth=TRUTH._replace(labels=TRUTH.labels + 1)),
-        name(truth=mmd.Reference(np.zeros((2, 3)), "net", "images")),
     ]  # fmt: skip
     for corner in ("v 0 0 0", "v 0 0 1"):
         (tmp_path / "own" / "car" / "a.obj").write_text(corner)
@@ -481,11 +480,17 @@ def test_show_counts_by_configuration(tmp_path, capsys):
     assert run.endswith(f"{log.parent}: 1 evaluation") and "best 10.0" in own
 
 
-def test_show_tells_rewards_without_labels_as_they_are(tmp_path, capsys):
-    records = [record(key, reward, kind="mmd") for key, reward in (("a", -0.5), ("b", -0.25))]
-    assert main(["show", str(written(tmp_path / "s.jsonl", *records))]) == 0
-    output = capsys.readouterr().out
-    assert "-MMD^2 best -0.2500, mean -0.3750" in output and "mIoU" not in output
+@pytest.mark.parametrize("make", [SHARED, Store])
+def test_rewards_that_are_not_miou_are_skipped(make, tmp_path, capsys):
+    path = tmp_path / ("s.jsonl" if make is SHARED else LOGS[0])
+    written(path, record("a", 0.5), record("b", -0.25, kind="mmd"), make=make)
+    assert main(["show", str(path if make is SHARED else tmp_path)]) == 0
+    assert "1 evaluation, 0 failed | mIoU best 50.0, mean 50.0" in capsys.readouterr().out
+    assert (
+        main(["merge", str(path if make is SHARED else tmp_path), "--out", str(tmp_path / "c")])
+        == 0
+    )
+    assert [r["key"] for r in Store(tmp_path / "c", shared=True).records] == ["a"]
 
 
 def test_merge_folds_duplicates(tmp_path, capsys, refused):
@@ -535,8 +540,6 @@ def test_merge_refuses_two_values_for_one_key_and_names_both(make, tmp_path, ref
     ([HEADER, record(width=None)], "both a centre and a width, or neither"),
     ([HEADER, record(class_iou=["a"])], "class_iou and heads must hold numbers or null"),
     ([HEADER, record(heads=[0.5])], "class_iou and heads must hold numbers or null"),
-    ([HEADER, record(kind="loss")], "line 2: kind must be miou or mmd"),
-    ([HEADER, record(kind=[])], "line 2: kind must be miou or mmd"),
     ([HEADER, record(made_with="jax")], "made_with must be a table of versions by name"),
     ([HEADER, record(made_with={"jax": [1]})], "made_with must be a table of versions by name"),
     ([HEADER, record(), record(reward=0.5)], "line 3 hold the same evaluation with different"),

@@ -71,7 +71,6 @@ def test_the_few_give_no_reward(tiny_camvid):
     (("--few", "0"), "--few must be a number of images, 1 or more, or a share in (0, 1], not 0"),
     (("--few", "1.5"), "--few must be a number of images, 1 or more, or a share in (0, 1], not 1.5"),
     (("--few", "nan"), "a share in (0, 1], not nan"),
-    (("--few", "2", "--reward-kind", "mmd"), "--few needs rewards of labelled images"),
     (("--few", "2", "--few-share", "0"), "--few-share must lie in (0, 1), not 0"),
     (("--few", "2", "--few-share", "0.01"), "0.01 takes none of the 48 images of --reward.train.steps 12"),
     (("--few", "2", "--few-share", "0.995"), "takes all of the 48 images"),

@@ -6,7 +6,6 @@ import re
 import threading
 import time
 from dataclasses import asdict, replace
-from functools import partial
 from importlib.metadata import EntryPoint
 from unittest.mock import Mock
 
@@ -33,7 +32,6 @@ from experiments.evaluation.devices import (
 from experiments.evaluation.in_worker import trained, worker_environment
 from experiments.evaluation.job import Recipe
 from experiments.evaluation.made_with import made_with
-from experiments.evaluation.mmd import train_features
 from experiments.evaluation.store import read, write_store
 from experiments.session import session
 from scene.assets.catalogue import AssetPool
@@ -201,11 +199,8 @@ def test_a_worker_of_another_backend_is_refused(elsewhere):
     recipe = Recipe(FINAL, "camvid", "embree", AssetPool(), made_with=made_with())
     elsewhere()
     real = LabelledImages(np.zeros((2, 8, 8, 3), np.uint8), np.zeros((2, 8, 8), np.uint8))
-    for work in (partial(trained, recipe, real, 0), partial(train_features, recipe)):
-        with pytest.raises(
-            UserError, match="a worker has backend gpu, the run began with cpu: give"
-        ):
-            work()
+    with pytest.raises(UserError, match="a worker has backend gpu, the run began with cpu: give"):
+        trained(recipe, real, 0)
 
 
 def test_a_worker_in_which_jax_cannot_start_says_what_helps():

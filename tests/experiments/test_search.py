@@ -156,4 +156,4 @@ def test_the_baseline_of_squared_rewards_is_shown_as_a_reward():
         name="run", updates=9, method="sdr", config=SimpleNamespace(search=search)
     )
     history = [(np.array([0.5]), 2500.0, 0, None)]
-    assert _progress_line(plan, "miou", 0, history).endswith("mIoU 50.0, best 50.0, baseline 50.0")
+    assert _progress_line(plan, 0, history).endswith("mIoU 50.0, best 50.0, baseline 50.0")

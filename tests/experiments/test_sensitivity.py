@@ -149,7 +149,7 @@ def test_one_configuration_is_taken_and_the_others_told(tmp_path):
     a = [evaluation(k) for k in range(9)]
     a[0] |= {"reward": None, "failed": "the loss is nan"}
     real = [evaluation(k, centre=None, width=None) for k in range(20, 30)]
-    aside = {"bb": {}, "cc": {"side": "test"}, "dd": {"kind": "mmd"}, "ee": {"target": "twin"}}
+    aside = {"bb": {}, "cc": {"side": "test"}, "ee": {"target": "twin"}}
     others = [evaluation(k, name, **fields) for k in range(8) for name, fields in aside.items()]
     (tmp_path / "run").mkdir()
     write_lines(tmp_path / "run" / "evaluations.jsonl", a[:3])

@@ -225,11 +225,10 @@ def test_bad_input_is_one_line(name, flags, complaint, command, out, error_line,
 
 @pytest.mark.parametrize(("name", "flags"), [
     ("table", ("--nets", "resnet")),
-    ("table", ("--unlabelled", ".")),  # rows need labels
     ("pretrain", ("--rows", "imagenet")), ("pretrain", ("--default-width", "0.5")),
     ("assets", ("--asset-fraction", "0.5")),
     ("ablation", ("--variants", "no_fog")), ("ablation", ("--learnt", "x.json")),
-    ("ablation", ("--reward-kind", "mmd")), ("ablation", ("--default-width", "0.5")),
+    ("ablation", ("--default-width", "0.5")),
     ("searches", ("--methods", "descent")), ("searches", ("--search.method", "sdr")),
     ("searches", ("--method", "sdr")), ("ablation", ("--search.updates-per-group", "3")),
 ])  # fmt: skip

@@ -240,7 +240,7 @@ def test_the_page_has_parts_that_are_made_later(tmp_path):
     folder = tmp_path / "results"
     shutil.copytree(ROOT / "docs" / "results", folder, ignore=shutil.ignore_patterns("*.png"))
     records = read_json(folder / "parts.json")
-    stands_for = {"paper": "rivals-labelmefacade", "mmd": "minutes-5"}
+    stands_for = {"paper": "rivals-labelmefacade"}
     replaced = {
         "fit-camvid": "fit-labelmefacade",
         "kinds-camvid-0006R0": "labels-camvid-0006R0",

@@ -5,11 +5,11 @@ import pytest
 from PIL import Image
 
 from common.labels.target_file import shipped
-from seg.data import LabelReader, list_unlabelled, load_unlabelled
+from seg.data import LabelReader
 from seg.data.images import read_header, read_image
 from tests.conftest import packed_png
 
-from .conftest import pixels, refuses_file, write_image, write_label
+from .conftest import pixels, refuses_file, write_label
 
 read_camvid_label = LabelReader(shipped("camvid"))
 
@@ -90,30 +90,8 @@ def test_files_that_are_no_images_and_labels_in_colours(tmp_path, mode):
         refuses_file(r"gone\.png: cannot be read \(No such file", read, tmp_path / "gone.png")
 
 
-def test_images_of_all_sizes_come_sorted_and_jpegs_with_bytes_after_their_end(tmp_path):
-    write_image(tmp_path / "b" / "1.png", 0, (6, 8))
-    write_image(tmp_path / "a" / "2.jpg", 1, (12, 16))
-    (tmp_path / "notes.txt").write_text("no image")
-    paths = list_unlabelled(tmp_path)
-    assert [p.name for p in paths] == ["2.jpg", "1.png"]
-    images = load_unlabelled(paths, (3, 4))
-    assert images.shape == (2, 3, 4, 3) and images.dtype == np.uint8
-    whole = read_image(paths[1]).reshape(3, 2, 4, 2, 3)
-    assert np.abs(images[1] - whole.mean(axis=(1, 3))).max() <= 0.5  # the mean of each area
+def test_jpegs_may_have_bytes_after_their_end(tmp_path):
     path = tmp_path / "image.jpg"
     Image.new("RGB", (9, 7), (40, 50, 60)).save(path)
     path.write_bytes(path.read_bytes() + b"camera notes")
     assert read_image(path).shape == (7, 9, 3)
-
-
-def test_bad_folders_are_named(tmp_path):
-    refuses_file("nowhere: no such folder", list_unlabelled, tmp_path / "nowhere")
-    refuses_file("no images; expected .png", list_unlabelled, tmp_path)
-    frames = tuple(
-        tmp_path / sequence / "1.png" for sequence in "ab"
-    )  # every sequence has a first frame
-    for frame in frames:
-        write_image(frame)
-    assert list_unlabelled(tmp_path) == frames
-    frames[0].write_text("no image")
-    refuses_file("broken", load_unlabelled, list_unlabelled(tmp_path), (3, 4))

@@ -179,29 +179,31 @@ def curve(run: RunFolder) -> Figure:
     rewards = run.rewards
     succeeded = np.flatnonzero(np.isfinite(rewards))
     place, values = (succeeded + 1).tolist(), rewards[succeeded]
-    form = ":.1f} %" if run.percent else ":.4f}"
     best = np.maximum.accumulate(values).tolist()
     data = [
-        *_predicted(run, form),
+        *_predicted(run),
         _points(
-            place, values.tolist(), "evaluation %{x}: %{y" + form,
+            place, values.tolist(), "evaluation %{x}: %{y:.1f} %",
             {"color": "@soft/0.75", "size": 5.5}, name="reward",
         ),
         _points(
-            place, best, "best so far: %{y" + form, {}, name="best so far",
+            place, best, "best so far: %{y:.1f} %", {}, name="best so far",
             mode="lines", line={"color": "@real", "width": 2, "shape": "hv"},
         ),
     ]  # fmt: skip
-    unit = "mIoU on the validation images, %" if run.percent else "reward, -MMD² to the real images"
-    layout = {"showlegend": True, "xaxis": {"title": "evaluation"}, "yaxis": {"title": unit}}
+    layout = {
+        "showlegend": True,
+        "xaxis": {"title": "evaluation"},
+        "yaxis": {"title": "mIoU on the validation images, %"},
+    }
     return {"data": data, "layout": layout}
 
 
-def _predicted(run: RunFolder, form: str) -> list[Figure]:
+def _predicted(run: RunFolder) -> list[Figure]:
     """The model's prediction of each reward before it was known, with one standard deviation."""
     if run.expected is None or not np.isfinite(run.expected).any():
         return []
-    mean, std = run.expected.reshape(-1, 2).T * (100 if run.percent else 1)
+    mean, std = run.expected.reshape(-1, 2).T * 100
     x = np.flatnonzero(np.isfinite(mean) & np.isfinite(std))
     mean, std, place = mean[x], std[x], (x + 1).tolist()
     edge = {"mode": "lines", "line": {"width": 0}, "hoverinfo": "skip", "showlegend": False}
@@ -211,7 +213,7 @@ def _predicted(run: RunFolder, form: str) -> list[Figure]:
     return [
         _points(place, (mean - std).tolist(), "", {}, **edge),
         _points(place, (mean + std).tolist(), "", {}, **edge, **band),
-        _points(place, mean.tolist(), "predicted: %{y" + form, {}, name=name, **line),
+        _points(place, mean.tolist(), "predicted: %{y:.1f} %", {}, name=name, **line),
     ]
 
 

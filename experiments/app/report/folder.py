@@ -56,16 +56,10 @@ class RunFolder(NamedTuple):
         return read_fixed(self.config.get("fix", ()), self.config.get("space", "scenex"))
 
     @property
-    def percent(self) -> bool:
-        """Whether rewards are mIoU, which is shown in percent."""
-        return bool(self.config.get("reward_kind", "miou") == "miou")
-
-    @property
     def rewards(self) -> np.ndarray:
-        """The rewards of the search, f64[n] in order, in percent if they are mIoU; NaN if one failed."""
+        """The rewards of the search, f64[n] in order, in percent; NaN if one failed."""
         rewards = [line["reward"] for line in self.evaluations]
-        values = np.array([np.nan if reward is None else reward for reward in rewards], float)
-        return values * (100 if self.percent else 1)
+        return 100 * np.array([np.nan if reward is None else reward for reward in rewards], float)
 
 
 def read(path: Path, report: Report | None = None) -> RunFolder:

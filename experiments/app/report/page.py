@@ -196,15 +196,14 @@ def following(run: RunFolder) -> list[tuple[str, str]]:
 
 
 def so_far(run: RunFolder) -> list[list[str]]:
-    """The finished networks that give no reward: their kind, number, and mean mIoU or reward."""
+    """The finished networks that give no reward: their kind, number, and mean mIoU in percent."""
     scores: dict[tuple[str, str], list[float | None]] = {}
     for line in first_of_each(run.finals):
         scores.setdefault((line.get("nets", ""), line.get("row", "")), []).append(line["reward"])
     rows = []
     for (nets, row), values in scores.items():
-        percent = run.percent or nets == "final"
-        trained = [value * (100 if percent else 1) for value in values if value is not None]
-        mean = number(sum(trained) / len(trained), ".1f" if percent else ".4f") if trained else ""
+        trained = [100 * value for value in values if value is not None]
+        mean = number(sum(trained) / len(trained)) if trained else ""
         rows.append([f"{STAGES.get(nets, nets)}: {SHORT.get(row, row)}", str(len(values)), mean])
     return rows
 

@@ -18,7 +18,7 @@ from scene.attributes import names
 from scene.proposal import Proposal, describe
 
 ROWS = ("random", "default", "learnt", "real")
-"""Rows of a target with labelled reward images (otherwise without ``real``); ``--few`` adds others."""
+"""Rows of every target; ``--few`` adds others."""
 
 
 def scores(run: Session[Any], rows: dict[str, list[Result]], learnt: Proposal) -> Report:
