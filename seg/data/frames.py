@@ -24,7 +24,7 @@ class Source(NamedTuple):
 
     name: str  # path within the listed folder, without its suffix
     path: Path
-    frames: int  # approximate for a video, 1 for an image
+    frames: int  # approximate for a video, 1 for an image or a broken video
 
     @property
     def video(self) -> bool:
@@ -46,8 +46,8 @@ def list_sources(path: str | Path) -> tuple[Source, ...]:
         path: folder, image or video.
 
     Raises:
-        DataError: there is no such file, no image or video, a video without frames, or two files whose
-            results would have the same name.
+        DataError: there is no such file, no image or video, or two files whose results would have the same
+            name.
     """
     path = Path(path)
     if not path.exists():
@@ -90,8 +90,11 @@ def unreadable_note(path: Path) -> str:
 def _frames(path: Path) -> int:
     if path.suffix.lower() not in VIDEOS:
         return 1
-    with _opened(path) as video:
-        return max(int(video.get(cv2.CAP_PROP_FRAME_COUNT)), 1)
+    try:
+        with _opened(path) as video:
+            return max(int(video.get(cv2.CAP_PROP_FRAME_COUNT)), 1)
+    except DataError:
+        return 1  # `frames` says what is wrong with it
 
 
 @contextmanager

@@ -195,7 +195,7 @@ def test_a_video_without_frames_and_files_that_are_no_images(folder, tmp_path, c
     assert main([folder, str(tmp_path / "drive.mp4"), "--out", str(tmp_path / "out")]) == 2
     assert "drive.mp4: OpenCV cannot read this video, or it has no frames" in one_line(capsys)
     (tmp_path / "photo.jpg").write_bytes(b"nothing")
-    assert main([folder, str(tmp_path / "photo.jpg"), "--out", str(tmp_path / "out")]) == 2
+    assert main([folder, str(tmp_path / "photo.jpg"), "--out", str(tmp_path / "other")]) == 2
     assert "photo.jpg: not a readable image" in one_line(capsys)
     (tmp_path / "notes.txt").write_bytes(b"nothing")
     assert main([folder, str(tmp_path / "notes.txt"), "--out", str(tmp_path / "none")]) == 2
@@ -208,7 +208,8 @@ def test_a_video_without_frames_and_files_that_are_no_images(folder, tmp_path, c
 
 @pytest.mark.parametrize("rank", [[], ["--rank"]])
 def test_broken_files_are_named_once_all_others_have_labels(rank, folder, images, tmp_path, capsys):
-    out, names = tmp_path / "out", [images / f"a/{name}.jpg" for name in ("w", "z")]
+    files = ["a/w.jpg", "a/z.jpg"] if rank else ["a/w.mp4", "a/z.jpg"]
+    out, names = tmp_path / "out", [images / file for file in files]
     for name in names:
         name.write_bytes(b"junk")
     for _ in range(2):  # the same command finds the same
