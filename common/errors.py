@@ -37,8 +37,7 @@ def counted(count: int, noun: str) -> str:
 def hint(word: object, names: Iterable[str]) -> str:
     """Write "did you mean car?" for a word that resembles a name, otherwise list the names."""
     names = list(names)
-    similar = get_close_matches(str(word), names, 1, SIMILAR)
-    return f"did you mean {similar[0]}?" if similar else f"known: {', '.join(names)}"
+    return suggestion(str(word), names).removeprefix("; ") or f"known: {', '.join(names)}"
 
 
 def suggestion(word: str, names: Iterable[str]) -> str:

@@ -91,17 +91,21 @@ def sync_folder(folder: Path) -> None:
 def whole_folder(path: Path) -> Iterator[Path]:
     """Write a folder at ``path`` whole or not at all.
 
-    It replaces the old content of ``path``.
+    It replaces the old content of ``path``, also after a kill at any moment.
 
     Yields:
-        The folder to write into: ``path`` and ``.part``.
+        The folder to write into, a hidden neighbour of ``path``.
 
     Raises:
         OSError: with the folder's name.
     """
-    part, old = (path.with_name(path.name + ending) for ending in (".part", ".old"))
+    path = path.absolute()
+    # Names that no user gives to a copy of the folder.
+    part, old = (path.with_name(f".{path.name}.sdr-jax-{role}") for role in ("part", "old"))
     shutil.rmtree(part, ignore_errors=True)
     with naming(path):
+        if old.exists() and not path.exists():  # a kill came between the two renames below
+            os.replace(old, path)
         try:
             part.mkdir(parents=True)
             yield part

@@ -59,7 +59,7 @@ class AskTell:
         method: the search method.
         n: data sets per update.
         seed: seed of the whole search.
-        path: the history, JSONL; resumed if it exists, None keeps it in memory.
+        path: the history, JSONL; resumed if it exists, None keeps it in memory. Its folder is made.
 
     Attributes:
         state: the method's state after the last complete update.
@@ -68,7 +68,7 @@ class AskTell:
         history: one record per reward, in the order in which they were told.
 
     Raises:
-        ValueError: n below 1.
+        ValueError: n below 1, or a seed that is not in 0..2^32 - 1.
         UserError: the history has other actions or seeds than this search, as with other numbers of
             attributes or bins, another method, n or seed. Names and widths are not in it: keep them.
     """
@@ -84,6 +84,10 @@ class AskTell:
     ) -> None:
         if n < 1:
             raise ValueError(f"n is {n}, but must be at least 1")
+        if not 0 <= seed < 2**32:  # JAX drops higher bits, so two seeds would give the same search
+            raise ValueError(f"seed is {seed}, but must lie in 0..{2**32 - 1}")
+        if path is not None:
+            Path(path).absolute().parent.mkdir(parents=True, exist_ok=True)
         self.space, self.method, self.n = space, method, n
         rng_key = jax.random.key(seed)
         self._steps_key = jax.random.split(rng_key)[1]
@@ -124,8 +128,9 @@ class AskTell:
 
         Args:
             id: id of a trial from `ask`.
-            reward: higher is better, from -1e15 to 1e15; `sdr` learns nothing from differences far below
-                1e-6, where Adam's epsilon is larger than its gradients. None, NaN or an infinite value means
+            reward: higher is better, from -1e15 to 1e15. `sdr` learns nothing from differences far below
+                1e-6, where Adam's epsilon is larger than its gradients, and no method from differences below
+                1e-18, which single precision loses. None, NaN or an infinite value means
                 that the evaluation failed; it is recorded as failed, not as a low reward.
             notes: JSON values that the trial's record keeps.
 

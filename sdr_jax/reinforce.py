@@ -14,6 +14,9 @@ from sdr_jax.method import Info
 from sdr_jax.rewards import mean_without_nan
 from sdr_jax.variance_reduction import normalised
 
+HIGHEST_RATE = 1e3
+"""The highest learning rate of Adam; far higher ones overflow in single precision."""
+
 
 def reinforce_loss(log_probs: Float[Array, "n"], advantages: Float[Array, "n"]) -> Float[Array, ""]:
     """The loss whose descent direction is the REINFORCE estimate.
@@ -55,9 +58,15 @@ class Learner(NamedTuple):
 
 
 def adam(learning_rate: float | optax.GradientTransformation) -> optax.GradientTransformation:
-    """Make Adam with a learning rate, or return the transformation that stands in its place."""
+    """Make Adam with a learning rate, or return the transformation that stands in its place.
+
+    Raises:
+        ValueError: a learning rate out of range.
+    """
     if isinstance(learning_rate, optax.GradientTransformation):
         return learning_rate
+    if not 0 < learning_rate <= HIGHEST_RATE:
+        raise ValueError(f"learning_rate is {learning_rate}, but must lie in (0, {HIGHEST_RATE:g}]")
     return optax.adam(learning_rate)
 
 

@@ -25,7 +25,12 @@ def make_step(method: Method, reward_fn: RewardFn, n: int = 1, *, jit: bool = Tr
 
     Returns:
         `step(rng_key, state) -> (state, record)`.
+
+    Raises:
+        ValueError: n below 1.
     """
+    if n < 1:
+        raise ValueError(f"n is {n}, but must be at least 1")
 
     def step(rng_key: RngKey, state: State) -> tuple[State, Record]:
         sample_key, reward_key = jax.random.split(rng_key)
@@ -60,7 +65,8 @@ def run(
         The final state, and the records of all updates, stacked on a leading axis.
 
     Raises:
-        ValueError: neither the argument nor the method gives the number of updates.
+        ValueError: neither the argument nor the method gives the number of updates, it is below 0, or n is
+            below 1.
         FloatingPointError: the method's numbers are no longer finite; not raised inside jit.
     """
     updates = updates_of(method, updates)
@@ -101,18 +107,19 @@ def drive(
         After each update, the state and the update's record.
 
     Raises:
-        ValueError: neither the argument nor the method gives the number of updates.
+        ValueError: neither the argument nor the method gives the number of updates, it is below 0, or n is
+            below 1.
         FloatingPointError: the method's numbers are no longer finite.
     """
-    updates = updates_of(method, updates)  # before the first step is asked for
-    return _steps(rng_key, method, reward_fn, updates, n)
+    # These raise before the first step is asked for.
+    updates = updates_of(method, updates)
+    step = make_step(method, reward_fn, n, jit=isinstance(reward_fn, HostReward))
+    return _steps(rng_key, method, reward_fn, updates, step)
 
 
 def _steps(
-    rng_key: RngKey, method: Method, reward_fn: RewardFn, updates: int, n: int
+    rng_key: RngKey, method: Method, reward_fn: RewardFn, updates: int, step: StepFn
 ) -> Iterator[tuple[State, Record]]:
-    on_host = isinstance(reward_fn, HostReward)
-    step = make_step(method, reward_fn, n, jit=on_host)
     steps_key = jax.random.split(rng_key)[1]
     state = first_state(rng_key, method)
     for t in range(updates):
@@ -129,10 +136,16 @@ def first_state(rng_key: RngKey, method: Method) -> State:
 
 
 def updates_of(method: Method, updates: int | None) -> int:
-    """The number of updates: the argument, or as many as the method takes; ValueError without either."""
+    """The number of updates: the argument, or as many as the method takes.
+
+    Raises:
+        ValueError: neither is given, or the number is below 0.
+    """
     updates = method.updates if updates is None else updates
     if updates is None:
         raise ValueError("this method takes any number of updates: say how many")
+    if updates < 0:
+        raise ValueError(f"updates is {updates}, but must be at least 0")
     return updates
 
 

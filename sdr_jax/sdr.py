@@ -93,6 +93,8 @@ def sdr(
     """
     if updates_per_group < 1:
         raise ValueError(f"updates_per_group is {updates_per_group}, but must be at least 1")
+    if hidden < 1:
+        raise ValueError(f"hidden is {hidden}, but must be at least 1")
     check_relaxation(space, width, unoptimised)
     groups = lay_out(space, updates_per_group)
     rule = Rule(adam(learning_rate), baseline_of(baseline), normalise)

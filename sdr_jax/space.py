@@ -91,11 +91,13 @@ def space(
         The space.
 
     Raises:
-        ValueError: a name that is unknown, repeated or in no group, fewer than two bins, or an
-            empty group.
+        ValueError: names that are one string, a name that is unknown, repeated or in no group, fewer than two
+            bins, or an empty group.
 
     Source: section "Scalable Discretization-and-Relaxation", "Method scalability"; section "SDR in Groups".
     """
+    if isinstance(names, str):
+        raise ValueError(f"names is the string {names!r}, but must be a list of names")
     names = tuple(names)
     per_attribute = (bins,) * len(names) if isinstance(bins, int) else tuple(bins)
     groups = (names,) if groups is None else groups

@@ -6,6 +6,9 @@ from jaxtyping import Array, Float
 from sdr_jax.baseline import Baseline, BaselineState, ema
 from sdr_jax.rewards import mean_without_nan
 
+EPSILON = 1e-6
+"""Added to the root mean square of advantages, which may all be 0."""
+
 
 def leave_one_out() -> Baseline:
     """Compare each data set with the others of its update, `b_k = mean of r_j over j != k`.
@@ -32,12 +35,12 @@ def leave_one_out() -> Baseline:
     return Baseline(advantage, min_rewards=2)
 
 
-def normalised(advantages: Float[Array, "n"], eps: float = 1e-6) -> Float[Array, "n"]:
-    """Divide advantages by their root mean square, `a / (sqrt(mean(a^2)) + eps)`.
+def normalised(advantages: Float[Array, "n"]) -> Float[Array, "n"]:
+    """Divide advantages by their root mean square, `a / (sqrt(mean(a^2)) + 1e-6)`.
 
     The standard deviation would not do: it is 0 with one data set, and where all rewards are equal.
     """
-    return advantages / (jnp.sqrt(mean_without_nan(advantages**2)) + eps)
+    return advantages / (jnp.sqrt(mean_without_nan(advantages**2)) + EPSILON)
 
 
 BASELINES = {

@@ -14,18 +14,16 @@ def boundary_counts(
     labels: UInt8[np.ndarray, "h w"],
     predictions: UInt8[np.ndarray, "h w"],
     classes: int,
-    share: float = SHARE,
 ) -> Int64[np.ndarray, "2 classes"]:
     """Count the pixels of the strips along the outlines of classes. Counts of several images add up.
 
     The strip of a class is its pixels within a distance d of its outline or of the image's border, with
-    d = max(1, round(share * diagonal)); a distance is the larger of its rows and columns.
+    d = max(1, round(SHARE * diagonal)); a distance is the larger of its rows and columns.
 
     Args:
         labels: true class ids; ignored pixels count for no class, in predictions either.
         predictions: predicted class ids.
         classes: the number of classes.
-        share: the strip's width as a share of the diagonal.
 
     Returns:
         Pixels of each class in both the true and the predicted strip, and pixels in either of them.
@@ -33,7 +31,7 @@ def boundary_counts(
     Source: Cheng et al., "Boundary IoU: improving object-centric image segmentation evaluation" (2021);
     for semantic classes, with counts added up over images as for IoU, and ignored pixels left out.
     """
-    distance = max(1, round(share * float(np.hypot(*labels.shape))))
+    distance = max(1, round(SHARE * float(np.hypot(*labels.shape))))
     predictions = np.where(labels == IGNORE_LABEL, IGNORE_LABEL, predictions)
     counts = np.zeros((2, classes), np.int64)
     present = np.union1d(labels, predictions)

@@ -148,8 +148,9 @@ class Model:
     @property
     def digest(self) -> str:
         """SHA-256 of everything that decides predictions and how they are written."""
-        not_hashed = ("versions", "notes")
-        return digest({key: value for key, value in self.config().items() if key not in not_hashed})
+        decides = {k: v for k, v in self.config().items() if k not in ("versions", "notes")}
+        # The content of a frozen backbone's file is in `trunk`; its path decides nothing.
+        return digest({**decides, "recipe": {**decides["recipe"], "weights": None}})
 
     def predict(
         self,
@@ -169,10 +170,15 @@ class Model:
             Indices of `classes`, u8[n, h, w], or a list of u8[h, w] for a list.
 
         Raises:
-            ValueError: an image is not RGB bytes, or has no pixel, or the array has no images.
+            ValueError: an image is not RGB bytes, or has no pixel, or the array has no images, or `among` has
+                no class or unknown ones.
             WeightsError: the frozen backbone's weights cannot be used.
         """
         places = range(len(self.classes)) if among is None else among
+        if not len(places) or not all(0 <= place < len(self.classes) for place in places):
+            raise ValueError(
+                f"among must be indices of classes, 0..{len(self.classes) - 1}; got {list(places)}"
+            )
         predictions = [_highest(scores, size, places) for scores, size in self._scores(images)]
         return np.stack(predictions) if isinstance(images, np.ndarray) else predictions
 
@@ -213,6 +219,11 @@ class Model:
         for start in range(0, len(images), batch_size):
             batch = [fitted(image, self.size) for image in images[start : start + batch_size]]
             canvases = np.stack([canvas for canvas, _ in batch])
+            if (
+                start
+            ):  # the last batch has the shape of the others, for which the network is compiled
+                missing = batch_size - len(batch)
+                canvases = np.pad(canvases, ((0, missing), (0, 0), (0, 0), (0, 0)))
             scores = logits(self.variables, canvases, self.settings, len(self.classes))
             for k, (_, (rows, cols)) in enumerate(batch):
                 yield scores[k, :rows, :cols], images[start + k].shape[:2]
@@ -253,6 +264,7 @@ class Model:
 
         Raises:
             ModelError: the folder holds other files.
+            ValueError: weights are not finite.
             OSError: a file cannot be written; the error names it.
         """
         folder = Path(folder)
@@ -265,7 +277,11 @@ class Model:
             write_json(part / CONFIG, config)
 
     def _weights(self) -> bytes:
-        return tensor_bytes({name: np.ascontiguousarray(a) for name, a in _named(self.variables)})
+        named = {name: np.ascontiguousarray(a) for name, a in _named(self.variables)}
+        for name, values in named.items():
+            if not np.isfinite(values).all():
+                raise ValueError(f"the weights {name} have values that are not finite")
+        return tensor_bytes(named)
 
     def config(self) -> dict[str, Any]:
         """The content of ``config.json``."""
@@ -273,6 +289,7 @@ class Model:
 
     def _config(self, weights: bytes) -> dict[str, Any]:
         height, width = self.size
+        recipe = asdict(self.settings)
         return {
             "format": FORMAT,
             "net": self.settings.net,
@@ -284,7 +301,8 @@ class Model:
             ],
             "trunk": dict(trunk_of(self.settings).source) if self.settings.frozen else None,
             "weights": {"file": WEIGHTS, "sha256": hashlib.sha256(weights).hexdigest()},
-            "recipe": asdict(self.settings),
+            # NumPy's numbers, which settings may hold, are none of JSON.
+            "recipe": {k: v.item() if isinstance(v, np.generic) else v for k, v in recipe.items()},
             "notes": dict(self.notes),
             "versions": dict(self.versions),
         }
@@ -428,6 +446,11 @@ def _check_classes(classes: Sequence[LabelClass], written: str) -> None:
                 raise ValueError(f"two classes have the {field_name} {value!r}")
     if any(not 0 <= label_class.id < 2**16 for label_class in classes):
         raise ValueError("ids of classes must be in 0..65535")
+    for label_class in classes:
+        if not all(0 <= value <= 255 for value in label_class.color):
+            raise ValueError(
+                f"the color of {label_class.name} is {label_class.color}, not in 0..255"
+            )
 
 
 def _variables(path: Path, expected: str, settings: TrainSettings, classes: int) -> Params:

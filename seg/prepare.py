@@ -2,6 +2,7 @@
 
 from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
@@ -194,6 +195,15 @@ def first_variables(
         params = {**params, "trunk": pyramid.trunk_params(settings)}
     mean, deviation = statistics
     return {"params": params, STATISTICS: {"head": {"mean": mean, "deviation": deviation}}}
+
+
+def refuse_not_finite(variables: Any, settings: TrainSettings) -> None:
+    """Raise TrainingError if a trained network has a value that is not finite, as after a last bad step."""
+    if not all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(variables)):
+        raise TrainingError(
+            f"weights are not finite after {settings.steps} steps; a lower learning rate than "
+            f"{settings.lr} may help"
+        )
 
 
 def error_of(loss: float, step: int, settings: TrainSettings) -> str | None:

@@ -28,6 +28,7 @@ from seg.prepare import (
     first_variables,
     head_seeds,
     prepare,
+    refuse_not_finite,
 )
 from seg.pyramid import Statistics
 from seg.settings import TrainSettings
@@ -148,6 +149,7 @@ def train(
             if at_checkpoint is not None and stop in checkpoint_steps:
                 averages = rows.weight[stop - 1] > 0
                 at_checkpoint(state.trained if averages else state._replace(mean=None).trained)
+        refuse_not_finite(state.trained, settings)
         nets.append(state.trained)
     return stacked(nets)
 
@@ -192,4 +194,5 @@ def _heads_at_once(
     networks, (error,) = train_at_once([rng_seed], [prepared], settings, classes, report, start)
     if error is not None:
         raise TrainingError(error)
+    refuse_not_finite(networks, settings)
     return jax.tree.map(lambda leaf: leaf[0], networks)

@@ -31,6 +31,7 @@ class History(NamedTuple):
     rewards: Float[Array, "capacity"]  # NaN where there is none
     floor: Float[Array, ""]  # lower rewards count as this; minus infinity for none
     clipped: Int[Array, ""]  # number of rewards below the floor
+    evaluations: Int[Array, ""]  # number of all evaluations, failed ones included
 
 
 def empty(attributes: int) -> History:
@@ -39,6 +40,7 @@ def empty(attributes: int) -> History:
         jnp.zeros((CAPACITY, attributes), jnp.int32),
         jnp.full(CAPACITY, jnp.nan, jnp.float32),
         jnp.asarray(-jnp.inf, jnp.float32),
+        jnp.zeros((), jnp.int32),
         jnp.zeros((), jnp.int32),
     )
 
@@ -82,7 +84,7 @@ def learn(
     actions: Int[Array, "n attributes"],
     rewards: Float[Array, "n"],
 ) -> tuple[History, Statistics, Float[Array, ""]]:
-    """Add evaluations, except failed ones, and clip rewards far below the others.
+    """Add evaluations, and clip rewards far below the others; failed ones are only counted.
 
     If the floor of earlier rewards changes, the statistics are computed again.
 
@@ -120,4 +122,5 @@ def learn(
     all_equal = jnp.nanmin(all_rewards) == jnp.nanmax(all_rewards)
     statistics = trees.where(all_equal, regression.flat(statistics), statistics)
     clipped = jnp.sum(all_rewards < floor, dtype=jnp.int32)
-    return History(all_actions, all_rewards, floor, clipped), statistics, ratio
+    count = history.evaluations + len(rewards)
+    return History(all_actions, all_rewards, floor, clipped, count), statistics, ratio

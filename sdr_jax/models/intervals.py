@@ -76,13 +76,14 @@ def intervals(
     the evidence (`effects.py`).
 
     The first eight data sets are the start and random attributes in turn. The search then begins at its
-    base: the start, or random attributes if they had the higher mean reward. Without a start the base is
-    random attributes; the first data sets are these, and these with any choice for half of the attributes.
-    Each later data set is the answer so far with some attributes changed to the best choice under a draw of
-    the posterior (Thompson sampling); half of these choose among the intervals of a drawn width, so that wide
-    ones are tried, too. More attributes are changed while changed data sets often do better than the answer,
-    fewer while they seldom do; all of them where random attributes did better than the start. Rewards far
-    below the others, such as the penalty for a crash, are clipped (`history.py`).
+    base: the start, or random attributes if they had the higher mean reward, or if every evaluation of the
+    start failed. Without a start the base is random attributes; the first data sets are these, and these
+    with any choice for half of the attributes. Each later data set is the answer so far with some attributes
+    changed to the best choice under a draw of the posterior (Thompson sampling); half of these choose among
+    the intervals of a drawn width, so that wide ones are tried, too. More attributes are changed while
+    changed data sets often do better than the answer, fewer while they seldom do; all of them where random
+    attributes did better than the start. Rewards far below the others, such as the penalty for a crash, are
+    clipped (`history.py`).
 
     The answer is the base, except for attributes where the lower confidence bound of a choice's gain over
     the base (the mean less `caution` standard deviations) is above 0. `spread` subtracts two.
@@ -126,8 +127,10 @@ def intervals(
         actions, rewards = (part[:opening] for part in evidence.history[:2])
         is_start = (actions == start_choices[None, :]).all(axis=1)
         start_mean = jnp.nanmean(jnp.where(is_start, rewards, jnp.nan))
-        random_mean = jnp.nanmean(jnp.where(~is_start, rewards, jnp.nan))
-        base = jnp.where(random_mean > start_mean, random, start_choices)
+        is_random = ((actions == random[None, :]) | ~whole[None, :]).all(axis=1) & ~is_start
+        random_mean = jnp.nanmean(jnp.where(is_random, rewards, jnp.nan))
+        only_random = jnp.isnan(start_mean) & jnp.isfinite(random_mean)  # the start always failed
+        base = jnp.where((random_mean > start_mean) | only_random, random, start_choices)
         moved = best_by_lower_bound(model, belief, base, caution)
         answer = jnp.where(evidence.noise > 0, moved, base)
         return IntervalsState(evidence, belief, base, answer, reach)
@@ -157,8 +160,8 @@ def intervals(
         of_answer = jnp.arange(scale_of.shape[1])[None, None, :] == state.answer[None, :, None]
         allowed = jnp.where(changes[..., None], of_scale, of_answer)
         changed = maximise_each(start_key, chosen.space, model.layout, weights, allowed)
-        count = state.evidence.statistics.evaluations
-        turn = count.astype(jnp.int32) + jnp.arange(n)[:, None]
+        count = state.evidence.history.evaluations
+        turn = count + jnp.arange(n)[:, None]
         anywhere = random_bins(open_key, chosen.space, n)
         as_random = whole[None, :] if has_start else chance >= 0.5
         other = jnp.where(as_random, random[None, :], anywhere)
@@ -177,7 +180,7 @@ def intervals(
         step = jnp.where(state.evidence.noise > 0, PACE * signs.sum(), 0.0)
         reach = jnp.clip(state.reach * jnp.exp(step), 1 / space.attributes, 1.0)
         info = basic_info(rewards, jnp.asarray(jnp.nan, jnp.float32))
-        reach = jnp.where(state.evidence.statistics.evaluations < opening, first_reach, reach)
+        reach = jnp.where(state.evidence.history.evaluations < opening, first_reach, reach)
         state = with_answer(evidence, reach)
         is_start = (state.base == start_choices).all()
         state = state._replace(reach=jnp.where(is_start, reach, 1.0))

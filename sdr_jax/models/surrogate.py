@@ -98,8 +98,9 @@ def surrogate(
         actions = stratified(policy_key, space, jax.nn.softmax(state.logits), n)
         weights = effects.draw_weights(draw_key, model, state.belief, n)
         thompson = maximise_each(start_key, space, model.layout, weights)
-        count = state.evidence.statistics.evaluations
-        is_second = ((count.astype(jnp.int32) + jnp.arange(n)) % 2 == 1) & (count > 1)
+        evidence = state.evidence
+        turn = evidence.history.evaluations + jnp.arange(n)
+        is_second = (turn % 2 == 1) & (evidence.statistics.evaluations > 1)
         actions = jnp.where(is_second[:, None], thompson, actions)
         return actions, relax(space, actions, width)
 

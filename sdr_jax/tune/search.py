@@ -37,13 +37,16 @@ HISTORY, EVALUATIONS = "evaluations.jsonl", "evaluations"
 ANSWER, RETRIED = "answer.json", "retried.jsonl"
 """The file of the answer, and the file of lines that --retry-failed has removed."""
 
+FIRST = 3
+"""If all of so many first evaluations fail, and the whole first update, the simulator has never worked."""
+
 OUTAGE = 20
 """After so many failures in a row, at least two updates of them, the simulator counts as broken. Fewer, or
 failures between successes, are data: these attributes are infeasible."""
 
 
 class _NeverWorked(UserError):
-    """The first update has no score, so the simulator is broken."""
+    """None of the first evaluations has a score, so the simulator is broken."""
 
 
 def tune(
@@ -161,10 +164,10 @@ def _search(
         progress.say(f"resuming {out}: {done} of {total} evaluations are done")
     pool = ThreadPoolExecutor(settings.workers)
     try:
-        _refuse_outage(search, done, command, out)
+        _refuse_outage(search, done, total, command, out)
         while search.updates * n < total:
             _one_update(search, simulator, pool, progress, settings)
-            _refuse_outage(search, done, command, out)
+            _refuse_outage(search, done, total, command, out)
         return _answer(search, settings)
     finally:
         # After Ctrl-C, too, no simulator keeps running and the threads end.
@@ -217,7 +220,9 @@ def _scores(search: AskTell, update: int, minimize: bool) -> str:
     return f"{mean}best {best:.4g}" + (f", {failed} failed" if failed else "")
 
 
-def _refuse_outage(search: AskTell, earlier: int, command: Sequence[str], out: Path) -> None:
+def _refuse_outage(
+    search: AskTell, earlier: int, total: int, command: Sequence[str], out: Path
+) -> None:
     """Raise an error if the simulator has never worked, or seems to have stopped working.
 
     Failures among the `earlier` lines of the history, those before this session, do not count, so that the
@@ -228,11 +233,10 @@ def _refuse_outage(search: AskTell, earlier: int, command: Sequence[str], out: P
         return
     reason = (failed[-1].get("failures") or ["unknown reason"])[-1]
     where = f"(its output is in {out / EVALUATIONS})"
-    first = [line for line in search.history if line["update"] == 0]
-    if search.updates == 1 and all(line["reward"] is None for line in first):
+    done = len(search.history)
+    if len(failed) == done >= max(search.n, min(FIRST, total)):
         raise _NeverWorked(
-            f"all {search.n} evaluations of the first update failed; the simulator "
-            f"{' '.join(command)}: {reason} {where}"
+            f"all of the first {done} evaluations failed; the simulator {' '.join(command)}: {reason} {where}"
         )
     latest = reversed(search.history[earlier:])
     in_a_row = sum(1 for _ in takewhile(lambda line: line["reward"] is None, latest))

@@ -196,6 +196,8 @@ def _of_values(reader: _Reader, name: str, entry: dict[str, Any]) -> Attribute:
         raise reader.fail(f"{where} has values, which have no order, so {extra[0]} has no meaning")
     if not all(isinstance(value, str) for value in values) or len(values) < 2:
         raise reader.fail(f"{where}: values is {values!r}, but must be two or more strings")
+    if len(values) > MOST_BINS:
+        raise reader.fail(f"{where} has {len(values)} values, but at most {MOST_BINS} are possible")
     if len(set(values)) < len(values):
         raise reader.fail(f"{where}: values has a string twice")
     return Attribute(name, len(values), values=tuple(values))

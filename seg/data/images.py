@@ -67,7 +67,9 @@ def read_header(path: Path) -> Header:
     try:
         with Image.open(path) as picture:
             orientation = picture.getexif().get(_ORIENTATION, 1)
-            return Header(picture.size, orientation if isinstance(orientation, int) else 1)
+            header = Header(picture.size, orientation if isinstance(orientation, int) else 1)
+            # Pillow gives the size of a TIFF as rotated.
+            return header._replace(stored=header.size) if picture.format == "TIFF" else header
     except Exception as error:  # Pillow has many errors
         if isinstance(error, OSError) and error.strerror:  # the disk's, not Pillow's
             raise DataError(f"{path}: cannot be read ({error.strerror})") from None

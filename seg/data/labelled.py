@@ -41,7 +41,7 @@ class LabelledImages(NamedTuple):
     def between(self, first: int, end: int) -> LabelledImages:
         """The images first .. end - 1 with the features of all their views; no copy if there is one view."""
         if self.features is not None and len(self.features[0]) > len(self.images):
-            return self.take(range(first, end))
+            return self.take(range(first, min(end, len(self.images))))
         maps = self.features and tuple(level[first:end] for level in self.features)
         names, sequences = self.names[first:end], self.sequences[first:end]
         return LabelledImages(
@@ -49,8 +49,9 @@ class LabelledImages(NamedTuple):
         )
 
     def take(self, indices: Sequence[int] | np.ndarray) -> LabelledImages:
-        """A copy of some of the images, with the features of all their views."""
-        rows, count = np.asarray(indices, np.int64), len(self.images)
+        """A copy of some images, by indices or a mask as in NumPy, with the features of all their views."""
+        count, chosen = len(self.images), np.asarray(indices)
+        rows = np.arange(count)[chosen if chosen.size else chosen.astype(np.int64)]
         names, sequences = (
             tuple(column[k] for k in rows) if column else ()
             for column in (self.names, self.sequences)

@@ -6,6 +6,7 @@ from typing import Any
 import jax.numpy as jnp
 from flax import linen as nn
 
+from seg.classes import IGNORE_LABEL
 from seg.nets.compact import Compact
 from seg.nets.deeplabv2 import DeepLabV2
 from seg.nets.fcn8s import FCN8s
@@ -47,14 +48,14 @@ def net(
         `FeatureMaps` in place of images.
 
     Raises:
-        ValueError: no network has that name (the message lists the known ones), or classes < 1.
+        ValueError: no network has that name (the message lists the known ones), or classes are not 1 to 255.
         WeightsError: the backbone's file of weights cannot be used.
     """
     if name not in _NETS and name not in TRUNKS:
         names = ", ".join(sorted((*_NETS, *TRUNKS)))
         raise ValueError(f"unknown network {name!r}; known networks: {names}")
-    if classes < 1:
-        raise ValueError(f"a network needs at least one class; got {classes}")
+    if not 1 <= classes <= IGNORE_LABEL:  # predictions are bytes
+        raise ValueError(f"a network has 1 to {IGNORE_LABEL} classes; got {classes}")
     computed = _DTYPES[dtype]
     if name in TRUNKS:
         module, strides, *_ = trunk(name, weights)

@@ -63,17 +63,28 @@ def test_whole_folders_or_the_old_ones(tmp_path, monkeypatch):
             write(part / "file", text)
 
     def breaks(old, new, replace=os.replace):
-        if Path(old).suffix == ".part":
+        if Path(old).name.endswith("-part"):
             raise OSError(5, "Input/output error")
         replace(old, new)
 
     made("one")
+    copies = [tmp_path / f"model{ending}" for ending in (".old", ".part")]
+    for copy in copies:  # a user's own
+        copy.mkdir()
     with monkeypatch.context() as patch:
         patch.setattr("common.files.os.replace", breaks)
         refused(OSError, "Input/output error", made, "two")
-    assert (folder / "file").read_text() == "one" and list(tmp_path.iterdir()) == [folder]
+    assert (folder / "file").read_text() == "one" and {*tmp_path.iterdir()} == {folder, *copies}
+    folder.rename(tmp_path / ".model.sdr-jax-old")  # as a kill leaves it
+    with pytest.raises(KeyError), whole_folder(folder):
+        raise KeyError
+    assert (folder / "file").read_text() == "one" and {*tmp_path.iterdir()} == {folder, *copies}
     made("two")
-    assert (folder / "file").read_text() == "two" and list(tmp_path.iterdir()) == [folder]
+    assert (folder / "file").read_text() == "two" and {*tmp_path.iterdir()} == {folder, *copies}
+    monkeypatch.chdir(folder)
+    with whole_folder(Path(".")) as part:
+        write(part / "file", "three")
+    assert (folder / "file").read_text() == "three"
 
 
 def test_files_and_folders_are_synced_with_the_folder_that_names_them(tmp_path, monkeypatch):
@@ -92,7 +103,7 @@ def test_files_and_folders_are_synced_with_the_folder_that_names_them(tmp_path, 
     with whole_folder(tmp_path / "model") as part:
         (part / "inner").mkdir()
         (part / "inner" / "file").write_text("1")
-    assert synced[2:] == ["file", "inner", "model.part", tmp_path.name]
+    assert synced[2:] == ["file", "inner", ".model.sdr-jax-part", tmp_path.name]
     assert (tmp_path / "model" / "inner" / "file").read_text() == "1"
     synced.clear()
     lines = JsonLines(tmp_path / "lines")

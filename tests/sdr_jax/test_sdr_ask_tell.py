@@ -40,6 +40,16 @@ def drive(search: AskTell, trials: int = 5 * N, order: int = 1) -> AskTell:
     return search
 
 
+def test_seeds_that_would_be_another_and_folders_that_do_not_exist(tmp_path) -> None:
+    for seed in (-1, 2**32):
+        refuses(
+            f"seed is {seed}, but must lie in 0..4294967295", AskTell, SPACE, GAUSSIAN, seed=seed
+        )
+    path = tmp_path / "new" / "history.jsonl"
+    drive(AskTell(SPACE, GAUSSIAN, n=N, path=path), 1)
+    assert len(path.read_text().splitlines()) == 1
+
+
 def answers(search: AskTell) -> tuple:
     probabilities = search.method.diagnostics.probabilities(search.state)
     return search.solution(), search.spread(), probabilities, search.updates

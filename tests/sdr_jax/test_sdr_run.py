@@ -124,6 +124,8 @@ def test_updates_must_be_known_none_leaves_the_first_state_and_a_tenth_may_fail(
     endless = KEY, random_search(FIVE), bandit
     for loop, updates, message in (
         (run, (), "how many"), (drive, (), "how many"),
+        (run, (-3,), "updates is -3"), (drive, (-3,), "updates is -3"),
+        (run, (2, 0), "n is 0"), (drive, (2, 0), "n is 0"),
     ):  # fmt: skip
         refuses(message, loop, *endless, *updates)
     for most, total in ((1, 1), (1, 8), (3, 30), (7, 70)):  # a tenth of them may fail

@@ -30,6 +30,7 @@ def test_a_space_is_built_from_names() -> None:
     (dict(names=NAMES, bins=1), "'car' has 1 bins"),
     (dict(names=NAMES, bins=[10, 10, 1]), "'fence' has 1 bins"),
     (dict(names=NAMES, bins=[10, 10]), "3 attributes, but 2"),
+    (dict(names="car"), "names is the string 'car'"),
     (dict(names=NAMES, groups=[["car", "bus"], ["tree", "fence"]]), "'bus'"),
     (dict(names=NAMES, groups=[["car", "tree"], ["tree", "fence"]]), "'tree'"),
     (dict(names=NAMES, groups=[["car", "tree"]]), "'fence'"),

@@ -341,7 +341,7 @@ def test_a_folder_can_be_used_after_a_retry_without_a_score(runs: Runs, monkeypa
     )
     down.write_text("0")
     again = runs.arguments("--retry-failed", "--evaluations", "30", code=code)
-    assert "all 3 evaluations of the first update failed" in runs.refused(*again)
+    assert "all of the first 3 evaluations failed" in runs.refused(*again)
     assert len((runs.out / "retried.jsonl").read_bytes().splitlines()) == 9
     down.unlink()
     runs.done("--evaluations", "6", code=code)
@@ -355,7 +355,7 @@ def test_a_simulator_that_never_works_is_one_error(runs, code, timeout, reason) 
     options = ["--retries", "0", "--workers", "3", "--timeout"]
     arguments = runs.arguments(*options, timeout, code=code)
     error = runs.refused(*arguments)
-    assert "all 3 evaluations of the first update failed" in error
+    assert "all of the first 3 evaluations failed" in error
     assert reason in error and arguments[-2] in error
     assert not {path.name for path in runs.out.iterdir()} & {LOG, "answer.json"}
     runs.done(*options, "60")  # once the simulator works, so does the same command
@@ -397,6 +397,7 @@ def test_a_file_may_begin_with_a_byte_order_mark(tmp_path) -> None:
     (A + "low = nan\nhigh = 3", "low is nan, but must be a number"),
     (A + "low = 0\nhigh = 3\nlog = true", "low is 0, but must be above"),
     (A + 'values = ["dry"]', "'a': values is ['dry'], but must be two or more strings"),
+    (A + f"values = {[str(k) for k in range(1001)]}", "has 1001 values, but at most 1000"),
     (A + "values = [1, 2]", "values is [1, 2], but must be two or more strings"),
     (A + "values = 3", "values is 3, but must be a list"),
     (A + 'values = ["x", "x"]', "'a': values has a string twice"),

@@ -36,11 +36,12 @@ def test_sides_of_a_square_and_of_a_comb():
     assert sides.tolist() == [16 + 16, 2 * 10 + 16] and areas.tolist()[1] == 8 + 16
 
 
-def test_wide_strips_are_the_classes_themselves():
+def test_wide_strips_are_the_classes_themselves(monkeypatch):
+    monkeypatch.setattr("seg.boundary.SHARE", 1.0)
     rng = np.random.default_rng(0)
     labels, predictions = rng.integers(0, 3, (2, 12, 16)).astype(np.uint8)
     counts, confusion = (
-        boundary_counts(labels, predictions, 3, share=1.0),
+        boundary_counts(labels, predictions, 3),
         confusion_matrix(labels, predictions, 3),
     )
     np.testing.assert_allclose(boundary_iou(counts, confusion), iou(confusion))

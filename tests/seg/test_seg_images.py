@@ -24,8 +24,9 @@ def test_images_become_rgb(tmp_path, mode, colour):
     assert image.shape == (2, 3, 3) and image.dtype == np.uint8 and (image == colour).all()
 
 
-def test_photographs_are_turned_as_their_orientation_says(tmp_path):
-    path, lying = tmp_path / "image.png", pixels(4, 6, 3)
+@pytest.mark.parametrize("kind", ["png", "tif"])
+def test_photographs_are_turned_as_their_orientation_says(kind, tmp_path):
+    path, lying = tmp_path / f"image.{kind}", pixels(4, 6, 3)
     exif = Image.Exif()
     exif[0x112] = 6  # the top is at the right
     Image.fromarray(lying.astype(np.uint8)).save(path, exif=exif)

@@ -144,6 +144,24 @@ def test_labels_can_be_kept_to_some_classes(compact):
     scores = logits(compact.variables, images, COMPACT, 3)
     expected = np.where(scores[..., 2] > scores[..., 0], 2, 0)
     np.testing.assert_array_equal(compact.predict(images, among=(0, 2)), expected)
+    for among in ([], [-1], [3]):
+        refused(
+            ValueError, r"among must be indices of classes, 0\.\.2", compact.predict, images, among
+        )
+
+
+def test_the_last_batch_has_the_shape_of_the_others(compact, monkeypatch):
+    shapes = []
+
+    def recorded(variables, images, *rest):
+        shapes.append(images.shape)
+        return logits(variables, images, *rest)
+
+    monkeypatch.setattr("seg.model.logits", recorded)
+    images = pixels(5, *SIZE, 3)
+    model = replace(compact, settings=replace(COMPACT, predict_batch=4))
+    np.testing.assert_array_equal(model.predict(images)[4], compact.predict(images)[4])
+    assert shapes[:2] == [(4, *SIZE, 3)] * 2
 
 
 def test_labels_are_painted_as_label_files_have_them(compact):
@@ -289,11 +307,32 @@ def test_a_folder_of_other_files_is_left_alone(compact, tmp_path):
     ({"classes": label_classes("abc", ids=[1, 2, 1])}, "two classes have the id 1"),
     ({"classes": label_classes("abc", ids=[1, 2, 2**16])}, "ids of classes must be in"),
     ({"classes": label_classes("ab", colors=[(0, 0, 0)] * 2), "written": "colours"}, "the color"),
+    ({"classes": label_classes("ab", colors=[(0, 0, 300)] * 2)}, r"color of a is \(0, 0, 300\)"),
     ({"size": (0, 8)}, r"size must be .* of 1 or more; got \(0, 8\)"),
     ({"settings": LITE0, "size": (31, 80)}, "of 32 or more"),
 ])  # fmt: skip
 def test_models_that_make_no_sense(changes, message, compact):
     refused(ValueError, message, replace, compact, **changes)
+
+
+def test_what_cannot_be_loaded_is_not_saved(compact, tmp_path):
+    broken = jax.tree.map(lambda leaf: np.full_like(leaf, np.nan), compact.variables)
+    model = replace(compact, variables=broken)
+    refused(ValueError, "have values that are not finite", model.save, tmp_path / "model")
+    numpy_numbers = replace(COMPACT)
+    object.__setattr__(numpy_numbers, "lr", np.float32(0.5))  # tests refuse it as an argument
+    replace(compact, settings=numpy_numbers).save(tmp_path / "numpy")
+    assert load_model(tmp_path / "numpy").settings == replace(COMPACT, lr=0.5)
+
+
+def test_the_digest_does_not_depend_on_the_path_of_weights(compact, monkeypatch):
+    config = compact.config()
+    digests = []
+    for path in (None, "a/file", "b/file"):
+        written = {**config, "recipe": {**config["recipe"], "weights": path}}
+        monkeypatch.setattr(Model, "config", lambda _, written=written: written)
+        digests.append(compact.digest)
+    assert len({*digests}) == 1
 
 
 @pytest.mark.parametrize("image", [

@@ -27,7 +27,7 @@ from seg.batches import in_batches
 from seg.data import LabelledImages, list_split, load, read_split
 from seg.inference import apply, heads_of, logits, predict_heads, variable_shapes
 from seg.losses import class_shares, weights_of_shares
-from seg.prepare import check_arrays
+from seg.prepare import check_arrays, refuse_not_finite
 from seg.pyramid import features
 from seg.step import Data, functions, plan
 from seg.train import train
@@ -152,6 +152,25 @@ def test_few_images_are_predicted_in_a_small_batch(fitted, monkeypatch):
         whole.append(logits(fitted, images[:count], settings, 11))
     assert sizes == [1, 6, 16]
     assert_close(whole[0][0], whole[2][0], atol=1e-4)
+
+
+def test_weights_that_are_not_finite_are_an_error():
+    for value in (np.inf, np.nan):
+        with pytest.raises(TrainingError, match="weights are not finite after 150 steps"):
+            refuse_not_finite({"params": {"a": np.zeros(2), "b": np.array([1, value])}}, SETTINGS)
+
+
+def test_parts_of_a_set_keep_the_features_of_their_views():
+    """Features of three images in two views are the numbers of their rows."""
+    images = np.arange(3, dtype=np.uint8)[:, None, None, None]
+    maps = (np.array([0, 1, 2, 10, 11, 12])[:, None],)
+    test_set = LabelledImages(images, images[..., 0], tuple("abc"), features=maps)
+    for part, rows in (
+        (test_set.take([-1]), [2]), (test_set.take(np.array([False, True, True])), [1, 2]),
+        (test_set.take([]), []), (test_set.between(1, 9), [1, 2]),
+    ):  # fmt: skip
+        assert part.images.ravel().tolist() == rows and part.names == tuple("abc"[k] for k in rows)
+        assert part.features[0].ravel().tolist() == rows + [10 + k for k in rows]
 
 
 @pytest.mark.parametrize("kind", ["net", "head"])
