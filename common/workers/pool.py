@@ -85,6 +85,11 @@ class Workers:
     def close(self) -> None:
         """Stop at once; unfinished work is dropped."""
 
+    @property
+    def processes(self) -> int:
+        """The number of processes that work at once, this one if there are no others."""
+        return max(self.workers, 1) + (self.trainers or 0)
+
     def cpu_share(self) -> float | None:
         """Stop; returns the share of their cores that was used since they opened, or None if unknown."""
         return None
@@ -330,7 +335,7 @@ class WorkerPool(Workers):
         """Stop; returns the share of their cores, with this process, that was used since they opened."""
         self.close()  # the time of children is known when they have ended
         opened, used_before = self._opened
-        core_seconds = (time.perf_counter() - opened) * max(self.workers, 1)
+        core_seconds = (time.perf_counter() - opened) * self.processes
         return (_cpu_seconds() - used_before) / core_seconds
 
     def close(self) -> None:

@@ -68,7 +68,6 @@ class Cache:
         self._workers, self._say = workers, say
         self._root = (run / FOLDER).absolute()
         self._checked: set[Path] = set()
-        self.remove_renders()  # of a killed run
 
     @property
     def renders(self) -> str | None:

@@ -219,9 +219,10 @@ class Store:
         """The evaluation of a key, if it is known."""
         return self._known[key][0][0] if key in self._known else None
 
-    def where(self, key: str) -> str:
-        """File and line of a key."""
-        return self._known[key][0][1]
+    @property
+    def placed(self) -> list[tuple[Record, str]]:
+        """All lines of evaluations, each with its file and line."""
+        return [line for lines in self._known.values() for line in lines]
 
     def notes(self, key: str, notes: Record) -> bool:
         """Whether a line of an evaluation has these notes."""
@@ -350,16 +351,10 @@ def read(path: Path) -> dict[str, tuple[Record, str]]:
         files = [path / name for name in LOGS if (path / name).exists()]
         if not files:
             raise UserError(f"{path} is not a run folder: it has neither {' nor '.join(LOGS)}")
-        logs = [(file, Store(file).records) for file in files]
-        return merged(
-            (record, f"{file}: line {number}")
-            for file, records in logs
-            for number, record in enumerate(records, 1)
-        )
+        return merged(line for file in files for line in Store(file).placed)
     if not path.exists():
         raise UserError(f"{path} does not exist; pass a store or a run folder")
-    store = Store(path, shared=True)
-    return {record["key"]: (record, store.where(record["key"])) for record in store.records}
+    return merged(Store(path, shared=True).placed)
 
 
 def merged(records: Iterable[tuple[Record, str]]) -> dict[str, tuple[Record, str]]:

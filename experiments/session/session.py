@@ -148,8 +148,8 @@ class Session(Generic[AnyConfig]):
         self.progress.say(f"Folder: {self.config.out}{shared}")
         if lines:
             self.progress.say(
-                f"Resuming: {len(self.evaluations.records)} rewards and "
-                f"{len(self.finals.records)} other networks are done, in {duration(elapsed)}"
+                f"Resuming: {counted(len(self.evaluations), 'reward')} and "
+                f"{counted(len(self.finals), 'other network')} are done, in {duration(elapsed)}"
             )
         self._expect(cost, pace or REFERENCE, start)
         compile_first(self.workers, self.config.renderer)
@@ -339,6 +339,7 @@ def open(
             run = Session(
                 config, target, workers, evaluations, finals, store, Progress(1.0), made_with
             )
+            run.runner.cache.remove_renders()  # of a killed run
             try:
                 yield run
             finally:

@@ -125,7 +125,9 @@ def others(config: TableConfig, target: Target, fidelity: Fidelity) -> dict[str,
             listed = [entry for split in list_all(files, root).values() for entry in split]
             entries = subset(sorted(listed), limit, config.seed)
             what = f"images of {fidelity.size} (--no-all-images takes {fidelity.images})"
-            refuse_larger(f"--{layout}", len(entries), lambda n: 4 * n * size[0] * size[1], what)
+            refuse_larger(
+                f"images of --{layout}:", len(entries), lambda n: 4 * n * size[0] * size[1], what
+            )
             data = load(entries, files, size)
             labels = class_table(target.table).from_train_id[data.labels]
             if np.all(labels == IGNORE_LABEL):

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 from common.errors import UserError
 from common.files import naming, read_json, write, write_json
+from common.folder import CONFIG
 from experiments.config import Fidelity, NetsConfig
 from experiments.evaluation.job import Result
 from experiments.session.session import Session
@@ -65,8 +66,12 @@ def rewrite(form: Form, file: Path, folder: Path) -> Report:
     """Derive the report from the scores in an earlier one, and write its files.
 
     Raises:
-        UserError: the file is missing, or is another report.
+        UserError: the file is missing, or is another report, or the folder holds another run.
     """
+    if (folder / CONFIG).exists() and folder.resolve() != file.resolve().parent:
+        raise UserError(
+            f"--out {folder} holds another run, whose report --rederive would replace; name another folder"
+        )
     try:
         scores = read_json(file)
     except OSError as error:

@@ -482,8 +482,13 @@ def test_a_suitable_size_has_the_shape_and_no_more_pixels(size, expected):
 
 def test_costs_scale_with_the_pace_of_both_parts(tmp_path):
     data = write("camvid", tmp_path)
-    command_costs = costs.commands(find_target("camvid"), data, (480, 360), {"camvid": "camvid"})
+    command_costs = costs.commands(find_target("camvid"), data, (480, 360))
     assert [name.split()[1] for name in command_costs] == ["render", "fit", "camvid", "camvid"]
+    assert [*command_costs][1] == f"sdr-jax fit {data} --target camvid --out DIR"
+    copy = msgspec.structs.replace(find_target("camvid"), source=str(data / "target.yaml"))
+    of_copy = [*costs.commands(copy, data, (480, 360))]
+    assert of_copy[1] == f"sdr-jax fit {data} --out DIR"
+    assert of_copy[2:] == [*command_costs][2:]
     renders, fit, smoke, quick = command_costs.values()
     assert renders.train == 0  # 400 x (0.035 + 0.014 + 2.5e-7 x 480 x 360)
     assert renders.render == pytest.approx(36.88, abs=0.01)
@@ -499,13 +504,13 @@ def test_costs_scale_with_the_pace_of_both_parts(tmp_path):
         assert cost.render > 0 < cost.train
         assert Pace(3.0, 2.0).seconds(cost) == pytest.approx(2 * expected + cost.render)
     (tmp_path / "none").mkdir()  # nothing to fit
-    spaces = costs.commands(find_target("camvid"), Path("my data"), (64, 48), {"camvid": "camvid"})
+    spaces = costs.commands(find_target("camvid"), Path("my data"), (64, 48))
     assert "sdr-jax camvid --data 'my data' --preset quick" in spaces
-    mine = costs.commands(find_target("kitti"), tmp_path / "none", (64, 48), {"camvid": "camvid"})
+    mine = costs.commands(find_target("kitti"), tmp_path / "none", (64, 48))
     assert list(mine) == ["sdr-jax render --images 400 --shots 1 --size 64x48 --out DIR"]
     # A user's own file, named for a folder that happens to be called camvid, has no command of its own.
     namesake = msgspec.structs.replace(find_target("kitti"), name="camvid")
-    others = costs.commands(namesake, tmp_path / "none", (64, 48), {"camvid": "camvid"})
+    others = costs.commands(namesake, tmp_path / "none", (64, 48))
     assert list(others) == list(mine)
 
 
@@ -1014,7 +1019,8 @@ def test_outlines_of_the_file_itself_stay(doctor, trees, tmp_path):
     data, file = trees(16), tmp_path / "new.yaml"
     with (data / "target.yaml").open("a") as text:
         text.write("outlines: {a tree: 0 %}\n")
-    assert doctor(data, "--write", file)[0] == 0
+    code, out, _ = doctor(data, "--write", file)
+    assert code == 0 and re.search(r"a tree +0\.16 +2\.02  -", out), out
     assert file.read_text() == (data / "target.yaml").read_text()
 
 

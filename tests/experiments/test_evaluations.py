@@ -255,7 +255,7 @@ def test_lines_come_back_behind_a_header(tmp_path):
     other.refresh()
     again = Store(path, shared=True)
     assert again.records == store.records == other.records
-    assert again.get("other") is None and again.where("failed") == f"{path}: line 3"
+    assert again.get("other") is None and again.placed[1][1] == f"{path}: line 3"
 
 
 def test_two_runs_may_write_at_once(tmp_path):

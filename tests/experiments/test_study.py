@@ -37,6 +37,7 @@ from experiments.tables.skeleton import (
 )
 from experiments.tables.stats import over_units, statistics
 from scene.proposal import random_proposal
+from tests.conftest import refused
 
 from .conftest import (
     ROOT,
@@ -415,6 +416,14 @@ def test_a_report_is_derived_anew_from_its_scores(config, tmp_path, capsys):
     file.write_text(file.read_text().replace("1.5", "99"))  # only scores count
     out = tmp_path / "b" / "c"
     assert do(SOME, replace(config, rederive=file, out=out, data=None)) == report
+    other = out.parent / "other"
+    other.mkdir()
+    (other / "config.json").write_text("{}")
+    refused(
+        UserError, "other holds another run, whose report --rederive would replace",
+        do, SOME, replace(config, rederive=file, out=other, data=None),
+    )  # fmt: skip
+    assert [path.name for path in other.iterdir()] == ["config.json"]
     assert (out / "some.png").read_bytes() == b"picture"
     assert capsys.readouterr().out.endswith("1.5\n")
 

@@ -17,7 +17,7 @@ import io
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from common.command import Arguments, exit_code, say
 from common.errors import UserError, counted
@@ -25,17 +25,8 @@ from common.files import check_file, check_folder, write
 from common.folder import refuse_unwritable
 from experiments.config import parsers
 
-if TYPE_CHECKING:
-    from experiments.config import TargetName
-
 OUT = Path("runs/doctor")
 PAGE, SHEET = "doctor.html", "doctor.png"
-OF_COMMANDS: dict[str, TargetName] = {
-    "camvid": "camvid",
-    "cityscapes": "cityscapes",
-    "labelmefacade": "labelmefacade",
-}
-"""Targets with their own command."""
 WIDE = 640
 """The largest width of an image on the page."""
 
@@ -105,9 +96,9 @@ def _folder(data: Path, target: str | None, write_to: Path | None, out: Path) ->
         proposal = propose(data)
         target_file = parse_target(proposal.text, str(data / "target.yaml"))
     findings = survey(target_file, data)
-    boundaries, examples = _outlines(target_file, findings)
     # Outlines of 0 %, too, are the file's own: they say that annotators draw holes.
-    has_outlines = "outlines" in (yaml.safe_load(proposal.text) or {})
+    has_outlines = target_file.outlines or "outlines" in (yaml.safe_load(proposal.text) or {})
+    boundaries, examples = _outlines(target_file, findings, propose=not has_outlines)
     if proposal.text and (outlines := line(boundaries)) and not has_outlines:
         proposal = Proposal(f"{proposal.text.rstrip()}\n{outlines}", proposal.notes)
     if write_to is not None:
@@ -174,7 +165,7 @@ def _counts(findings: Any) -> str:
     ) or "no images"  # fmt: skip
 
 
-def _outlines(target: Any, findings: Any) -> tuple[list[Any], list[tuple[str, Any]]]:
+def _outlines(target: Any, findings: Any, propose: bool) -> tuple[list[Any], list[tuple[str, Any]]]:
     """The boundaries of labels and renders, and images of both; none where nothing can be compared."""
     from experiments.app.doctor import outlines
     from scene.render import RendererError
@@ -188,7 +179,7 @@ def _outlines(target: Any, findings: Any) -> tuple[list[Any], list[tuple[str, An
         renders = outlines.renders(findings.size)
     except RendererError:  # the machine's own lines say so
         return [], []
-    rows = outlines.compare(target, labels, renders)
+    rows = outlines.compare(target, labels, renders, propose)
     return rows, outlines.pictures(target, labels, renders, rows)
 
 
@@ -217,7 +208,7 @@ def _costs(target: Any, data: Path, findings: Any) -> Costs:
     choice = costs.choice(target, data, findings.photographs, pace)
     size = findings.size if choice is None else choice.size
     rows, trainers = [], trainers_of(None, usable_gpus())
-    for command, cost in costs.commands(target, data, size, OF_COMMANDS).items():
+    for command, cost in costs.commands(target, data, size).items():
         minutes = pace.seconds_of(cost, workers, trainers) / 60
         rows.append((command, f"{minutes:.1f}" if minutes < 10 else f"{minutes:.0f}"))
     fit = "" if choice is None else choice.text(workers)

@@ -74,8 +74,10 @@ def renders(size: tuple[int, int], streets: int = STREETS) -> RenderedLabels:
     return RenderedLabels(np.stack([f.label for f in frames]), np.stack([f.depth for f in frames]))
 
 
-def compare(target: TargetFile, labels: np.ndarray, rendered: RenderedLabels) -> list[Compared]:
-    """Compare labels u8[n, h, w] with renders, with the target's outlines or with proposed ones.
+def compare(
+    target: TargetFile, labels: np.ndarray, rendered: RenderedLabels, propose: bool = True
+) -> list[Compared]:
+    """Compare labels u8[n, h, w] with renders, with the target's outlines or, on request, with proposed ones.
 
     Annotators draw a class without holes if its boundary is longer in renders than in labels, and if closing
     holes shortens it in renders but hardly in labels, whatever streets they show. Such a class gets the
@@ -94,7 +96,7 @@ def compare(target: TargetFile, labels: np.ndarray, rendered: RenderedLabels) ->
 
     current = outlined(shares) if shares else exact
     excess = np.divide(exact, real, out=np.full(len(names), np.inf), where=real > 0)
-    for k in [] if shares else np.argsort(-excess, kind="stable"):
+    for k in np.argsort(-excess, kind="stable") if propose else []:
         ragged = current[k] > max(RAGGED, CLEAR * real[k])
         if not (target.rendered[k] and k != sky and ragged):
             continue

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from plotly.offline import get_plotlyjs
 
+from common.errors import counted
 from common.files import read_bytes
 from common.interrupt import PROGRAM
 from common.progress import duration
@@ -389,11 +390,12 @@ def cost(run: RunFolder) -> dict[str, Any] | None:
         per_network = (spent["render"] + spent["train"]) / max(spent["nets"], 1)
         minutes = [f"{spent[key] / 60:.1f}" for key in keys[1:]]
         rows.append([stage, f"{spent['nets']:.0f}", *minutes, f"{per_network:.1f}"])
-    workers, cpu_time = run.config.get("workers", "?"), duration(total["render"] + total["train"])
+    cpu_time = duration(total["render"] + total["train"])
+    workers = max(run.config.get("workers", 1), 1)  # with 0, one process does it all
     elapsed = run.summary.get("seconds", {}).get("total")
     by_clock = "" if elapsed is None else f", {duration(elapsed)} by the clock"
     return {
         "stages": stages,
         "rows": rows,
-        "note": f"{cpu_time} of one core{by_clock} with {workers} worker{'' if workers == 1 else 's'}.",
+        "note": f"{cpu_time} of one core{by_clock} with {counted(workers, 'worker')}.",
     }
