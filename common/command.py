@@ -130,7 +130,10 @@ class Parser(argparse.ArgumentParser):
             if everything or group not in self._rare:
                 formatter.start_section(group.title)
                 formatter.add_text(group.description)
-                formatter.add_arguments(group._group_actions)
+                actions = [
+                    a for a in group._group_actions if not (everything and a.dest == "help_all")
+                ]
+                formatter.add_arguments(actions)
                 formatter.end_section()
         return formatter.format_help()
 

@@ -27,9 +27,9 @@ sdr-jax predict FOLDER photographs --out labels
 ```python
 from seg import load_model
 
-labels = load_model("FOLDER").predict([image])  # RGB u8[h, w, 3] to places in the table
+labels = load_model("FOLDER").predict([image])  # RGB u8[h, w, 3] to rows of the table
 ```
-FOLDER is the one of this file, with `config.json` and `weights.safetensors`.
+FOLDER is this folder, with `config.json` and `weights.safetensors`.
 """
 
 
@@ -51,7 +51,7 @@ def card(config: Mapping[str, Any]) -> str:
     version = plain_text(config["versions"].get("sdr-jax", "?"))
     lines = [
         f"# {plain_text(title)}",
-        f"Tells {len(classes)} classes apart in images of streets. Trained at {size['width']}x"
+        f"Segments images of streets into {len(classes)} classes. Trained at {size['width']}x"
         f"{size['height']} pixels on {trained}, by sdr-jax {version}.",
     ]
     if config["trunk"] is not None:

@@ -15,6 +15,7 @@ and label_studio.json have predicted labels of the first ones, to correct in the
 from __future__ import annotations
 
 import io
+import shutil
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, nullcontext
 from itertools import islice
@@ -93,7 +94,7 @@ def predict(
     total = sum(source.frames for source in sources)
     progress_bar = closing(Progress(total)) if progress else nullcontext()
     unread = unreadable_note(images)
-    done, broken = 0, list[tuple[Source, DataError]]()
+    is_new, done, broken = not out.exists(), 0, list[tuple[Source, DataError]]()
     with opened(out, job, packages=PACKAGES), progress_bar as bar:
         if bar is not None and unread:
             bar.say(f"{images}: {unread}")
@@ -112,14 +113,16 @@ def predict(
                 bar.advance(len(new))
                 if 100 * before // total < 100 * done // total:
                     bar.update(f"{done} of {total} images")
-        if broken and not done:
-            raise broken[0][1]
-        if scores is not None:
+        if scores is not None and done:
             assert rank is not None
             faulty = [source for source, _ in broken]
             sources = tuple(source for source in sources if source not in faulty)
             rows = ranked(sources, scores, images, lambda name: _label(out, name), rank)
             write_files(out, rows, rank, model)
+    if broken and not done:
+        if is_new:
+            shutil.rmtree(out)
+        raise broken[0][1]
     if broken:
         names = ", ".join(str(source.path) for source, _ in broken[:MOST_NAMED])
         names += ", ..." if len(broken) > MOST_NAMED else ""

@@ -59,8 +59,8 @@ class Config:
     fix: Annotated[tuple[str, ...], REPEATED] = ()
     """Hold an attribute at a value in all streets, in its unit, such as field_of_view=90; may be repeated."""
     data: Path | None = None
-    """Folder of real images; by default the environment variable CAMVID_DIR for camvid, LABELMEFACADE_DIR for
-    labelmefacade; without it, cityscapes takes the twin."""
+    """Folder of real images. By default camvid takes $CAMVID_DIR, labelmefacade $LABELMEFACADE_DIR, and
+    cityscapes the twin."""
     out: Path = Path("runs/run")
     """The run folder. The same command resumes a stopped run."""
     weights: Path | None = None

@@ -54,8 +54,8 @@ class Fit:
     search: Annotated[bool, SWITCH] = False
     """also optimise the streets, for each fold; prints the cost first"""
     preset: FitPreset | None = None
-    """smoke: a minute; quick: minutes on a CPU; full: also trains the backbone, at up to 480x360 (the default
-    on a GPU; hours on a CPU)"""
+    """smoke: one to three minutes; quick: minutes on a CPU; full: also trains the backbone, at up to 480x360
+    (the default on a GPU; hours on a CPU)"""
     size: Size | None = None
     """size of the images for networks; by default that of your images up to about 480x360, or the largest
     that takes ten minutes"""

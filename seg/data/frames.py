@@ -1,5 +1,6 @@
 """Images to segment: single files, folders of files, and the frames of videos."""
 
+import os
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -100,6 +101,8 @@ def _frames(path: Path) -> int:
 @contextmanager
 def _opened(path: Path) -> Iterator[cv2.VideoCapture]:
     """Open a video at its first frame, and close it. Raises DataError if it has none."""
+    # FFmpeg's own lines would stand before the one that names the file.
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     video = cv2.VideoCapture(str(path))
     try:
         _check(video, path)

@@ -203,7 +203,15 @@ def test_a_video_without_frames_and_files_that_are_no_images(folder, tmp_path, c
     with pytest.raises(SystemExit, match="2"):
         main([folder, str(tmp_path), "--out", str(tmp_path / "none"), "--as", "x"])
     assert "--as: must be one of ids, colours, overlay, not 'x'" in capsys.readouterr().err
-    assert not pictures(tmp_path / "out") and not (tmp_path / "none").exists()
+    assert not any((tmp_path / name).exists() for name in ("out", "other", "none"))
+
+
+def test_a_broken_video_is_one_line_of_the_whole_process(tmp_path):
+    """FFmpeg writes its lines past Python, once a process has opened a video."""
+    (tmp_path / "drive.mp4").write_bytes(b"nothing")
+    words = f"from seg.data.frames import list_sources; list_sources({str(tmp_path)!r})"
+    done = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
+    assert done.stdout + done.stderr == ""
 
 
 @pytest.mark.parametrize("rank", [[], ["--rank"]])

@@ -2,7 +2,7 @@
 
     sdr-jax doctor                              # versions, GPU, renderers, extras
     sdr-jax doctor DATA                         # and the folder: a page in runs/doctor
-    sdr-jax doctor DATA --write target.yaml     # writes the proposed target.yaml
+    sdr-jax doctor DATA --write DATA/target.yaml     # writes the proposed target.yaml
     sdr-jax doctor DATA --target camvid         # reads the folder by an existing target
 
 The folder is read by its own target.yaml or by that of a known data set with the same layout and label

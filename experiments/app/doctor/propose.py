@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import textwrap
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path, PurePosixPath
@@ -362,6 +363,8 @@ def _classes(
         comment = "name it, and add renders: [...]" if unnamed else "trained on labels alone"
         lines.append(_line(line, "" if renders else comment))
     if not taken:
+        known = f"the engine's classes, for 'renders': {', '.join(engine.NAMES)}"
+        lines += [f"# {line}" for line in textwrap.wrap(known, 96)]
         notes.append(
             "the labels do not name their classes: look at the overlays, name them, and add 'renders' where "
             f"the engine has the class: {', '.join(engine.NAMES)}"

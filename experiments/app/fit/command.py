@@ -2,7 +2,7 @@
 
     sdr-jax fit photographs --out runs/fit                       # photographs/target.yaml describes the files
     sdr-jax fit CamVid --target camvid --few 14 --holdout 0006R0 --out runs/fit14
-    sdr-jax fit photographs --preset smoke --out runs/try        # a minute or two
+    sdr-jax fit photographs --preset smoke --out runs/try        # one to three minutes
 
 It saves a model in OUT/model (see `sdr-jax predict`) and a report in OUT/report.html. The report compares
 networks trained on your labels alone, on labels plus renders, and on renders alone, all tested on images that
