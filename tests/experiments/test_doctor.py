@@ -926,6 +926,8 @@ def test_without_a_rendered_class_no_minutes_are_promised(tmp_path, doctor):
     code, out, _ = doctor(masks(tmp_path / "data", [0, 1, 2]))
     assert code == 0 and "no class has 'renders', which fit needs" in out
     assert "Estimated minutes" not in out
+    page = (tmp_path / "out" / PAGE).read_text()
+    assert "fit needs</td>" in page and "the labels do not name their classes" in page
 
 
 def test_a_blank_line_loses_no_names(tmp_path):

@@ -87,7 +87,7 @@ def _folder(data: Path, target: str | None, write_to: Path | None, out: Path) ->
     from common.labels.target_file import find_target, parse_target
     from experiments.app.doctor.outlines import line
     from experiments.app.doctor.propose import Proposal, propose
-    from experiments.app.doctor.survey import survey
+    from experiments.app.doctor.survey import Fault, survey
 
     if target is not None:
         target_file = find_target(target, data)
@@ -108,16 +108,16 @@ def _folder(data: Path, target: str | None, write_to: Path | None, out: Path) ->
         say(f"  {note}")
     if findings.sizes:
         _print_tables(findings, boundaries)
+    has_renders = any(target_file.rendered)
+    if not has_renders:
+        cure = "name the engine's classes in the file, and run doctor again to see run times"
+        lacking = Fault("no class has 'renders', which fit needs", cure)
+        findings = findings._replace(faults=[*findings.faults, lacking])
     for fault in findings.faults:
         say(f"! {fault.what}\n    {fault.fix}")
-    has_renders = any(target_file.rendered)
     can_train = has_renders and bool(findings.sizes)
     costs = _costs(target_file, data, findings) if can_train else Costs()
-    if not has_renders:
-        say(
-            "! no class has 'renders', which fit needs: edit the file, and run doctor again to see run times"
-        )
-    elif costs.minutes:
+    if costs.minutes:
         if costs.fit:
             say(f"fit: {costs.fit}")
         say(
@@ -127,7 +127,7 @@ def _folder(data: Path, target: str | None, write_to: Path | None, out: Path) ->
         say("! run times unknown: this machine cannot train or render, see above")
     for command, minutes in costs.minutes:
         say(f"  {minutes:>6s}  {command}")
-    _write_page(target_file, findings, out, data, proposal.text, costs, boundaries, examples)
+    _write_page(target_file, findings, out, data, proposal, costs, boundaries, examples)
     ending = f"; wrote {write_to}" if write_to is not None else ""
     say(f"{out / PAGE} and {out / SHEET} show images with their labels{ending}")
     if write_to is None and target is None and not (data / "target.yaml").exists():
@@ -220,7 +220,7 @@ def _write_page(
     findings: Any,
     out: Path,
     root: Path,
-    text: str,
+    proposal: Any,
     costs: Costs,
     boundaries: Any,
     examples: Any,
@@ -244,7 +244,8 @@ def _write_page(
         root=root,
         counts=_counts(findings),
         costs=costs,
-        text=text,
+        text=proposal.text,
+        notes=proposal.notes,
         boundaries=boundaries,
         examples=_embedded(examples),
         overlays=_embedded(overlaid),
