@@ -18,7 +18,6 @@ from .registry import METHODS as METHODS
 from .reinforce import reinforce_loss as reinforce_loss
 from .relaxation import relax as relax
 from .relaxation import slide as slide
-from .rewards import refuse_failures as refuse_failures
 from .rivals.attribute_descent import attribute_descent as attribute_descent
 from .rivals.gaussian import gaussian as gaussian
 from .rivals.random_attributes import random_attributes as random_attributes

@@ -1,15 +1,10 @@
-"""Rewards: NaN where an evaluation failed, how many may fail, and the authors' transform of them."""
+"""Rewards: NaN where an evaluation failed, and the authors' transform of them."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from common.errors import Unfinished
-
 LARGEST = 1e15
 """The largest reward; sums of squares of larger ones do not fit into single precision."""
-
-MOST_FAILED = 0.1
-"""Share of a search's evaluations that may fail; one failure is always allowed."""
 
 
 def squared_percent(rewards: Float[Array, "n"]) -> Float[Array, "n"]:
@@ -33,20 +28,3 @@ def mean_without_nan(rewards: Float[Array, "n"]) -> Float[Array, ""]:
     If no reward is NaN, the result equals `rewards.mean()` to the bit, unlike a division by a count.
     """
     return jnp.where(jnp.isnan(rewards).any(), jnp.nanmean(rewards), rewards.mean())
-
-
-def refuse_failures(failed: int, total: int, reason: str) -> None:
-    """Raise an error if too many evaluations have failed for a useful answer.
-
-    Args:
-        failed: evaluations that have failed so far.
-        total: evaluations of the whole search.
-        reason: the message of the last failure.
-
-    Raises:
-        Unfinished: more than a tenth of the evaluations, and more than one, have failed.
-    """
-    if failed > max(1, int(MOST_FAILED * total)):
-        raise Unfinished(
-            f"{failed} of {total} evaluations failed, more than a tenth of them; the last one: {reason}"
-        )

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from common.errors import UserError
+from common.errors import Unfinished, UserError
 from common.files import digest, file_digest, folder_digest
 from common.lines import Record
 from common.progress import Progress
@@ -66,7 +66,6 @@ from experiments.evaluation.transfer import transfer
 from experiments.targets.base import Side, Target
 from scene.proposal import Streets, draw
 from scene.version import ENGINE
-from sdr_jax import refuse_failures
 from seg.data import LabelledImages
 from seg.mixing import TrainingSet
 from seg.step import Params
@@ -450,10 +449,13 @@ def _grouped(jobs: Sequence[Job], missing: Sequence[int]) -> list[list[int]]:
 
 
 def refuse_failed(results: Sequence[Result], total: int) -> None:
-    """Raise UserError if more than a tenth of all evaluations have failed."""
+    """Raise Unfinished if more than a tenth of all evaluations have failed, and more than one."""
     reasons = [result.failed for result in results if result.failed is not None]
-    if reasons:
-        refuse_failures(len(reasons), total, reasons[-1])
+    if len(reasons) > max(1, total // 10):
+        raise Unfinished(
+            f"{len(reasons)} of {total} evaluations failed, more than a tenth of them; the last one: "
+            f"{reasons[-1]}"
+        )
 
 
 def about(recipe: Recipe, target: Target, side: Side, real: LabelledImages) -> Record:

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from common.errors import UserError
+from common.errors import Unfinished, UserError
 from common.labels.classes import Outline
 from common.progress import Progress
 from common.workers.pool import WorkerPool
@@ -478,6 +478,14 @@ def test_show_counts_by_configuration(tmp_path, capsys):
     assert "3 evaluations, 1 failed" in one and "mIoU best 30.0, mean 20.0" in one
     assert "1 evaluation, 0 failed" in other and "best 50.0" in other
     assert run.endswith(f"{log.parent}: 1 evaluation") and "best 10.0" in own
+
+
+@pytest.mark.parametrize(("most", "total"), [(1, 1), (1, 8), (3, 30), (7, 70)])
+def test_a_tenth_of_the_evaluations_may_fail(most, total):
+    failed = [Result(math.nan, [], 0.0, 0.0, "why")] * most
+    runner.refuse_failed(failed, total)
+    with pytest.raises(Unfinished, match=f"{most + 1} of {total} evaluations failed.*: why"):
+        runner.refuse_failed([*failed, failed[0]], total)
 
 
 @pytest.mark.parametrize("make", [SHARED, Store])
