@@ -300,6 +300,8 @@ def test_readme_states_what_the_reports_say():
         assert "{} over random streets and {} over default ones".format(*gains) in text
     far = RECORDED.estimate("far", field="gain_over_default")
     assert "gained {:+.1f} points ({})".format(far["mean"], interval(far["ci95"])) in text
+    over_random = RECORDED.estimate("far", field="gain_over_random")["mean"]
+    assert f"and {over_random:+.1f} over random ones" in text
     limits = (ROOT / "docs" / "limits.md").read_text(encoding="utf-8")
     verdict = RECORDED.verdict("camvid-0006R0", "intervals").removesuffix(" of")
     assert f"On a held-out sequence of CamVid they are {verdict} of random and of default" in limits
