@@ -120,7 +120,7 @@ class Searched(FinishedRun):
     @property
     def verdict(self) -> str:
         """Whether optimised streets are better than default ones, in one sentence."""
-        return summary.advice(self.summary)
+        return summary.verdict(self.summary)
 
     def __str__(self) -> str:
         return summary.text(self.summary)

@@ -9,7 +9,6 @@ from experiments.config import Fidelity
 from experiments.evaluation.job import Source
 from experiments.session.session import Session
 from experiments.tables.form import Report
-from experiments.tables.stats import statistics
 
 FEW = "few"
 """The row of networks trained on the labelled subset alone; ``few+ROW`` adds the images of ROW."""
@@ -33,13 +32,3 @@ def about(run: Session[Any]) -> Report:
     """Describe the labelled subset, in fields of the report."""
     names = run.target.few_names
     return {"few_images": list(names), "few_share": run.config.few_share} if names else {}
-
-
-def gains(rows: Mapping[str, Report]) -> Report:
-    """Compute the gains of labels plus optimised streets over labels alone, and over labels plus others."""
-    if FEW not in rows:
-        return {}
-    optimised = rows[f"{FEW}+learnt"]["miou"]
-    others = (FEW, f"{FEW}+random", f"{FEW}+default")
-    gains = {other: statistics(optimised, rows[other]["miou"])["gain"] for other in others}
-    return {"gain_beside_few": {k: v or {"mean": None, "ci95": None} for k, v in gains.items()}}

@@ -173,10 +173,11 @@ def test_a_job_searches_beside_the_few_and_tells_their_worth(camvid, out, counte
     assert list(report["rows"]) == ["random", "default", "learnt", *ROWS, "real"]
     assert len(report["few_images"]) == 2 and report["few_share"] == 0.4
     optimised, labels_alone = (report["rows"][row]["miou"] for row in ("few+learnt", "few"))
-    gain = report["gain_beside_few"]["few"]["mean"]
+    gain = report["gains"]["few+learnt"]["few"]["mean"]
     assert gain == pytest.approx(np.subtract(optimised, labels_alone).mean()) and gain != 0
     printed = summary.text(report)
-    assert "Points gained by 2 labelled images + optimised streets:" in printed
+    gained = f"| 2 labelled images + optimised streets over 2 labelled images alone | {gain:+.1f} |"
+    assert gained in printed
     assert (
         "all 4 labelled images" in printed and "all 4 labelled" in (out / "report.html").read_text()
     )

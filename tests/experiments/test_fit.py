@@ -38,7 +38,7 @@ from experiments.app.fit.job import FORM, best_median_worst, fit, with_labels
 from experiments.app.report import live
 from experiments.app.report import page as page_of_runs
 from experiments.app.report.command import main as make_report
-from experiments.app.report.fit_table import by_class, derive, text, verdict
+from experiments.app.report.fit_table import derive, text, verdict
 from experiments.config import Fidelity, parsers
 from experiments.config import trainers as training
 from experiments.config.limits import training_bytes
@@ -48,6 +48,7 @@ from experiments.evaluation.made_with import made_with
 from experiments.evaluation.pace import Pace
 from experiments.evaluation.runner import Runner
 from experiments.session import session
+from experiments.tables.compared import by_class
 from experiments.tables.form import Report
 from experiments.tables.stats import TOO_FEW
 from experiments.targets.few import share_of

@@ -23,7 +23,7 @@ from tests.guard_files import as_recorded
 
 from .conftest import TINY, lines, main_job
 
-SCORES = ("rows", "random", "default", "learnt", "gain")
+SCORES = ("rows", "gains")
 
 
 def children(pid: int) -> list[int]:
@@ -71,8 +71,8 @@ def test_the_run_folder_is_complete(unbroken):
         low, high = entry["ci95"] or (0, 100)  # two nets may be too few for an interval
         assert low <= entry["mean"] <= high
         assert all(0 <= miou <= 100 for miou in entry["miou"])
-    differences = np.subtract(summary["learnt"]["miou"], summary["random"]["miou"])
-    assert summary["gain"]["mean"] == pytest.approx(differences.mean())
+    differences = np.subtract(summary["rows"]["learnt"]["miou"], summary["rows"]["random"]["miou"])
+    assert summary["gains"]["learnt"]["random"]["mean"] == pytest.approx(differences.mean())
     assert set(summary["recovery"]["by_attribute"]) == set(NAMES)
     rows = read_json(out / "attributes.json")["components"]
     assert sum(row["share"] for row in rows) == 1

@@ -20,7 +20,8 @@ from common.files import read_json, write_json
 from experiments.app.report import page
 from experiments.app.report.command import main
 from experiments.app.report.folder import RunFolder, read
-from experiments.app.report.summary import ROWS, advice
+from experiments.app.report.result import on_page
+from experiments.app.report.summary import KIND, ROWS, verdict
 from experiments.evaluation.predictions import file_of, load
 from experiments.tables.form import interval
 from experiments.tables.row_names import SHORT
@@ -80,7 +81,11 @@ def test_the_figures_are_those_of_the_summary(run):
         assert any(cells[1:] == cells_shown for cells in page.rows)
         means = [t["x"] for t in page.plots[0]["data"] if t["y"] == [SHORT[row]]]
         assert means == [[entry["mean"]]]
-    assert advice(summary) in page.text
+    for gain in summary["gains"]["learnt"].values():
+        cells_shown = [f"{gain['mean']:+.1f}", interval(gain["ci95"]) or TOO_FEW]
+        assert any(cells[1:] == cells_shown for cells in page.rows)
+    assert verdict(summary) in page.texts
+    assert "small marks single networks" in page.text
     traces = (trace for plot in page.plots for trace in plot.get("data", ()))
     (rewards,) = (trace["y"] for trace in traces if trace.get("name") == "reward")
     logged = [100 * line["reward"] for line in lines(run / "evaluations.jsonl")]
@@ -121,10 +126,17 @@ def test_a_page_is_made_anew_from_the_folder_and_of_an_older_run_without_what_it
         "chosen_candidate": "seen",
         "candidates": {"seen": [20.0, 30.0]},
     }  # by model selection
-    write_json(run / "summary.json", summary | chosen)
+    rows, gains = summary["rows"], summary.pop("gains")
+    earlier_keys = {  # of versions before `gains`
+        **{row: rows[row] for row in ("random", "default", "learnt")},
+        "gain": gains["learnt"]["random"],
+        "gain_over_default": gains["learnt"]["default"],
+        "searches": [{"seed": 0, "learnt": rows["learnt"]["mean"]}],
+    }
+    write_json(run / "summary.json", summary | chosen | earlier_keys)
     assert main([str(run), "--out", str(run / "old.html")]) == 0
     old = Page(run / "old.html")
-    assert "Confusion:" not in old.text
+    assert "Confusion:" not in old.text and verdict({**summary, "gains": gains}) in old.texts
     assert "Centre of each proposed interval" in old.text
     titles = [a["id"] for t, a in old.tags if t == "section"]
     sections = ["result", "search", "attributes", "classes", "cost", "made"]  # none is empty
@@ -143,7 +155,12 @@ def test_a_few_labels_come_first_and_what_it_is_told_is_escaped(run):
     assert main([str(run)]) == 0
     page = Page(run / "report.html")
     assert page.plots[0]["data"][-1]["y"] == ["labels"]  # the last is drawn at the top
-    assert "networks trained on 2 labelled images + optimised streets reach" in page.text
+    assert any(text.startswith("With 2 labelled images, optimised ") for text in page.texts)
+    names = [cells[0] for cells in page.rows]
+    assert names[1] == "2 labelled images alone" and "random streets" in names[5:9]
+    for other in ("alone", "+ default streets", "+ random streets"):
+        gain = f"2 labelled images + optimised streets over 2 labelled images {other}"
+        assert gain in names and gain in page.texts
     assert "<script>alert" not in (run / "report.html").read_text()
 
 
@@ -177,23 +194,29 @@ def gain(mean, *ci95):
     return {"mean": mean, "ci95": [*ci95] or None}
 
 
-@pytest.mark.parametrize(("changes", "wanted"), [
-    ({}, "Networks trained on optimised streets reach 30.0 % mIoU: 3.0 points above default streets and "
-     "within noise of random streets"),
-    ({"real": False, "gain": gain(-2.0)}, "On the twin, which is not real data, networks trained on "
-     "optimised streets reach 30.0 % mIoU: 3.0 points above default streets and 2.0 points below random "
-     f"streets ({TOO_FEW})"),
-    ({"few_images": ["a"] * 14, "gain_beside_few": {"few": gain(1.0, 0.5, 1.5), "few+default": gain(None)}},
-     "Networks trained on 14 labelled images + optimised streets reach 40.0 % mIoU: 1.0 points above "
-     "14 labelled images alone and not compared with 14 labelled images + default streets"),
-    ({"rows": {"learnt": {"mean": None}}}, "Training failed for all networks on optimised streets"),
+def row(mean):
+    return {"mean": mean, "ci95": None}
+
+
+@pytest.mark.parametrize(("changes", "cards"), [
+    ({}, [("30.0", "% mIoU", "optimised streets"), ("60.0", "% mIoU", "labelled target images"),
+          ("+3.0", "points", "optimised streets over default streets"),
+          ("+0.4", "points", "optimised streets over random streets")]),
+    ({"few_images": ["a"] * 14, "reward_images": 86,
+      "rows": {"learnt": row(30.0), "few+learnt": row(40.0)},
+      "gains": {"few+learnt": {"few": gain(1.0, 0.5, 1.5), "few+default": gain(None)}}},
+     [("40.0", "% mIoU", "14 labelled images + optimised streets"),
+      ("+1.0", "points", "14 labelled images + optimised streets over 14 labelled images alone"),
+      ("", "points", "14 labelled images + optimised streets over 14 labelled images + default streets")]),
+    ({"rows": {"learnt": row(None)}, "gains": {}}, [("", "% mIoU", "optimised streets")]),
 ])  # fmt: skip
-def test_the_page_begins_with_what_came_out_in_a_sentence(changes, wanted):
+def test_the_page_shows_the_main_scores_and_gains_first(changes, cards):
     report = {
-        "real": True, "gain_over_default": gain(3.0, 1.0, 5.0),
-        "gain": gain(0.4, -1.0, 1.8), "rows": {"learnt": {"mean": 30.0}, "few+learnt": {"mean": 40.0}},
+        "nets": {}, "classes": [], "rows": {"learnt": row(30.0), "real": row(60.0)},
+        "gains": {"learnt": {"default": gain(3.0, 1.0, 5.0), "random": gain(0.4, -1.0, 1.8)}},
     }  # fmt: skip
-    assert page.verdict(report | changes) == wanted
+    kind = KIND._replace(verdict=lambda report: "", note=lambda report: "")
+    assert [card[:3] for card in on_page(kind, report | changes, [])["cards"]] == cards
 
 
 def test_the_next_commands_are_ones_that_there_are(run, capsys):

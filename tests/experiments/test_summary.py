@@ -8,7 +8,7 @@ import pytest
 import experiments
 from common.files import read_json, write_json
 from experiments.app import main_job
-from experiments.app.report.summary import advice, derive, scores, text
+from experiments.app.report.summary import derive, scores, text, verdict
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
 from experiments.evaluation.job import Result
@@ -62,29 +62,31 @@ def test_keys_are_those_that_scripts_rely_on(tmp_path):
     counts = [summary[name] for name in ("reward_images", "test_images", "evaluations")]
     assert (counts, set(summary["rows"])) == ([3, 1, 3], set(ROW_MIOU))
     assert summary["seconds"] == {"render": 14.0, "train": 21.0, "total": 99.2}
-    for row in ("random", "default", "learnt"):
-        assert summary[row] == summary["rows"][row]
     for entry in summary["rows"].values():
-        assert set(entry) == {"miou", "mean", "ci95", "per_class"}
+        assert set(entry) == {"miou", "mean", "ci95", "folds", "per_class"}
         assert len(entry["miou"]) == 2
         assert set(entry["per_class"]) == set(CLASSES)
-    assert set(summary["gain"]) == {"mean", "ci95"}
+    assert set(summary["gains"]) == {"learnt"}
+    assert set(summary["gains"]["learnt"]) == {"random", "default"}
+    for gain in summary["gains"]["learnt"].values():
+        assert set(gain) == {"mean", "ci95", "folds"}
 
 
 def test_figures_by_hand():
     summary = made()
-    random, gain = summary["random"], summary["gain"]
+    random, gain = summary["rows"]["random"], summary["gains"]["learnt"]["random"]
     assert [*random["miou"], random["mean"]] == pytest.approx([10, 20, 15])
     assert random["ci95"] == pytest.approx([0, 15 + 63.53], abs=0.01)  # cut at 0
     # Differences by seed: 20 and 30; t(0.975, 1) = 12.706.
     assert [gain["mean"], *gain["ci95"]] == pytest.approx([25, 25 - 63.53, 25 + 63.53], abs=0.01)
-    assert summary["learnt"]["per_class"]["road"] == pytest.approx(40)
-    assert summary["learnt"]["per_class"]["bicycle"] is None
+    assert summary["rows"]["learnt"]["per_class"]["road"] == pytest.approx(40)
+    assert summary["rows"]["learnt"]["per_class"]["bicycle"] is None
     assert summary["classes_absent_from_truth"] == ["bicycle"]
     assert [row["share"] for row in summary["components"]] == [1.0]
     assert summary["recovery"]["learnt_error"] == summary["recovery"]["centre_error"]
     one = made(seeds=1)
-    assert one["random"]["ci95"] is None and one["gain"]["ci95"] is None
+    assert one["rows"]["random"]["ci95"] is None
+    assert one["gains"]["learnt"]["random"]["ci95"] is None
     assert TOO_FEW in text(one)
 
 
@@ -103,20 +105,21 @@ def gain(mean, *ci95):
      "streets."),
     ((35.0, 30.0, 33.0), gain(3.0),
      f"minus default streets: +3.0 points ({TOO_FEW}): use random streets."),
-    ((20.0, 30.0, None), gain(None), "and default streets cannot be compared: use default streets."),
+    ((20.0, 30.0, None), gain(None),
+     "and default streets cannot be compared, because training failed: use default streets."),
 ])  # fmt: skip
 def test_a_line_says_which_streets_to_use(means, over_default, line):
     rows = {
         row: {"mean": mean}
         for row, mean in zip(("random", "default", "learnt"), means, strict=True)
     }
-    assert advice({"rows": rows, "gain_over_default": over_default}) == f"Optimised {line}"
-    # Beside a few labels, the rows beside them count.
-    beside = {f"few+{row}": entry for row, entry in rows.items()} | {"learnt": {"mean": 99.0}}
-    assert (
-        advice({"rows": beside, "gain_beside_few": {"few+default": over_default}})
-        == f"Optimised {line}"
-    )
+    gains = {"learnt": {"default": over_default}}
+    assert verdict({"rows": rows, "gains": gains}) == f"Optimised {line}"
+    # With a labelled subset, the rows with its labels count.
+    with_few = {f"few+{row}": entry for row, entry in rows.items()} | {"learnt": {"mean": 99.0}}
+    gains = {"few+learnt": {"few+default": over_default}, "learnt": {"default": gain(-50.0)}}
+    report = {"rows": with_few, "gains": gains, "few_images": ["a"] * 14}
+    assert verdict(report) == f"With 14 labelled images, optimised {line}"
 
 
 @pytest.mark.parametrize("learnt", [23, 40])
@@ -138,21 +141,24 @@ def test_recovery_is_about_the_attributes_that_twin_and_search_share(twin, hidde
 def test_the_table_says_whether_data_are_real():
     summary = made(real=True)
     assert summary["real"] is True and "recovery" not in summary
-    assert "(real images)" in text(summary).splitlines()[0]
+    assert "(real images)" in text(summary).split("\n\n")[1]
     table = text(made())
-    assert "the twin, NOT real data" in table.splitlines()[0]
+    first, note, *_ = table.split("\n\n")
+    assert "the twin, NOT real data" in note and note.endswith("no mean includes them: bicycle.")
     for row, mean in zip(ROW_MIOU, ("15.0", "25.0", "40.0", "60.0"), strict=True):
-        words = [*TRAINED_ON[row].split(), mean]
-        assert any(line.split()[: len(words)] == words for line in table.splitlines())
-    assert "+25.0" in table and "bicycle" in table.splitlines()[-1]
-    assert "Optimised streets are within noise of default streets, +15.0 points (-48.5 to" in table
+        assert f"| {TRAINED_ON[row]} | {mean} | " in table
+    assert "| optimised streets over random streets | +25.0 | -38.5 to 88.5 |" in table
+    assert "| optimised streets over default streets | +15.0 | -48.5 to 78.5 |" in table
+    assert first.startswith(
+        "Optimised streets are within noise of default streets, +15.0 points (-48.5 to"
+    )
 
 
 def test_a_net_that_failed_is_left_out_and_told():
     summary = made(failed=True)
-    random = summary["random"]
+    random, gain = summary["rows"]["random"], summary["gains"]["learnt"]["random"]
     assert [*random["miou"], random["mean"]] == [None, pytest.approx(20), pytest.approx(20)]
-    assert summary["failed"] == 1 and summary["gain"] == {"mean": pytest.approx(30), "ci95": None}
+    assert summary["failed"] == 1 and gain["mean"] == pytest.approx(30) and gain["ci95"] is None
     assert "1 evaluation failed in training and is left out" in text(summary)
 
 

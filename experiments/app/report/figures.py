@@ -12,7 +12,7 @@ from experiments.app.report.folder import RunFolder
 from experiments.evaluation.store import first_of_each
 from experiments.tables.form import Report, error_bars, interval, number, words
 from experiments.tables.row_names import SHORT
-from experiments.tables.stats import TOO_FEW, statistics
+from experiments.tables.stats import TOO_FEW
 from scene.attributes import BY_NAME, Attribute
 
 Figure = dict[str, Any]
@@ -30,12 +30,6 @@ NARROW = 1 / 3
 """The width up to which an interval is drawn as strongly as a single value."""
 NAME_AXIS = {"showgrid": False, "ticksuffix": "  "}
 """An axis of names."""
-
-
-def ordered(report: Report) -> list[str]:
-    """The rows in the order of the page: rows with the labelled subset first, if there is one."""
-    rows = [row for row in SHORT if row in report["rows"]]
-    return sorted(rows, key=lambda row: not row.startswith("few"))
 
 
 def interval_text(entry: Report) -> str:
@@ -384,12 +378,6 @@ def _around(entries: Sequence[Report], hue: str, thick: float) -> Figure:
         "type": "data", "symmetric": False, "array": above, "arrayminus": below, "color": hue,
         "thickness": thick, "width": 0,
     }  # fmt: skip
-
-
-def by_class(nets: Sequence[Report | None], names: Sequence[str]) -> list[Report]:
-    """Mean and interval of each class over networks; those that failed are left out."""
-    trained = [net for net in nets if net is not None]
-    return [statistics([net["class_iou"][k] for net in trained]) for k in range(len(names))]
 
 
 def _colour(row: str) -> str:

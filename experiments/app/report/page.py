@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import mimetypes
-import shlex
 from base64 import b64encode
 from collections import defaultdict
 from pathlib import Path
@@ -18,26 +17,22 @@ from plotly.offline import get_plotlyjs
 
 from common.errors import counted
 from common.files import read_bytes
-from common.interrupt import PROGRAM
 from common.progress import duration
-from experiments.app.report import figures, fit_table
+from experiments.app.report import figures, fit_table, summary
 from experiments.app.report.figures import STAGES
 from experiments.app.report.folder import RunFolder, read
 from experiments.app.report.matters import matters
 from experiments.app.report.pictures import PICTURES
-from experiments.app.report.summary import advice
+from experiments.app.report.result import on_page, ordered
 from experiments.evaluation.store import first_of_each
-from experiments.tables.form import Report, cells, number, starts, words
-from experiments.tables.row_names import SHORT, TRAINED_ON, trained_on
-from experiments.tables.stats import TOO_FEW
+from experiments.tables.form import Report, number, starts, words
+from experiments.tables.row_names import SHORT
 from scene.held import hold
 from scene.proposal import default_proposal, describe
 
 HERE = Path(__file__).parent
 FIRST = 15
 """The number of attributes whose importance is drawn."""
-IMAGES = 1000
-"""The number of images in the command that renders more of the optimised streets."""
 EVERY = 15
 """Seconds after which the page of an unfinished run reloads."""
 
@@ -62,7 +57,7 @@ def under_way(run: RunFolder, status: Status) -> str:
 def _page(run: RunFolder, status: Status | None) -> str:
     """The page; sections with nothing to show are left out."""
     report, finished = run.summary, status is None
-    order = figures.ordered(report) if finished else []
+    order = ordered(report) if finished else []
     trained = [row for row in order if report["rows"][row]["mean"] is not None]
 
     def inline(name: str, folder: Path = run.path / PICTURES) -> str | None:
@@ -89,30 +84,31 @@ def _page(run: RunFolder, status: Status | None) -> str:
     config = dict(run.config)
     versions = {"engine of scenes": config.get("engine", "?")}
     versions |= config.pop("made_with", {}) | config.pop("versions", {})
-    if fit_table.is_fit(report):
-        content = fit_table.content(report, run.path, run.config, finished)
-    else:
-        content = _content(run, order, trained, finished)
+    fit = fit_table.is_fit(report)
+    kind = fit_table.KIND if fit else summary.KIND
+    settings = kind.settings(run)
+    if "rows" in report and "seconds" in report:
+        settings.append(("Time", duration(report["seconds"]["total"])))
+    content = on_page(kind, report, trained) if finished else {}
     parts = {
         "so_far": so_far(run) if status else None,
         "search": search_note(run),
+        "result": finished,
         "classes": class_table(report, trained) if trained else None,
         "cost": cost(run),
         "made": True,
-        **content.pop("parts"),
+        **(_of_fit(run) if fit else _of_search(run, finished)),
     }
+    optimised_first = sorted(trained, key=lambda row: row != "learnt")
     title = report["note"][0].upper() + report["note"][1:]
-    defaults: dict[str, Any] = {
-        "verdict": "This run is not finished yet",
-        "following": [],
-        "cards": [],
-        "notes": [],
-        "confusion": None,
-    }
+    defaults = {"verdict": "This run is not finished yet", "cards": []}
     page = environment.get_template("page.html").render(
         run=run, report=report, index=run.images, order=order, trained=trained, figures=figures,
         parts=defaultdict(lambda: None, parts), SHORT=SHORT, FIRST=FIRST, EVERY=EVERY, status=status,
         title=title, starts=starts(report), policy=figures.policy(run),
+        settings_in_words=[*settings, ("Preset", report["preset"])], notes=report.get("notes", ()),
+        following=kind.following(run) if finished else (),
+        confusion=run.images and figures.confusion(run.images, optimised_first),
         versions=versions.items(), settings=json.dumps(config, indent=2),
         style=(HERE / "page.css").read_text(encoding="utf-8"),
         code=(HERE / "page.js").read_text(encoding="utf-8"), plotly=get_plotlyjs(),
@@ -121,79 +117,25 @@ def _page(run: RunFolder, status: Status | None) -> str:
     return page + "\n"
 
 
-def _content(
-    run: RunFolder, order: list[str], trained: list[str], finished: bool
-) -> dict[str, Any]:
-    """The parts of the page that only the main job has."""
-    report, index = run.summary, run.images
-    shown: dict[str, Any] = {
-        "settings_in_words": settings_in_words(run),
-        "parts": {
-            "streets": index and index["streets"],
-            "worst": index and index["worst"] and index["worst"]["images"] and index["worst"],
-        },
+def _of_search(run: RunFolder, finished: bool) -> dict[str, Any]:
+    """The sections of the page that only a search has."""
+    index = run.images
+    shown = {
+        "streets": index and index["streets"],
+        "worst": index and index["worst"] and index["worst"]["images"] and index["worst"],
     }
     if not finished:
         return shown
-    optimised_first = sorted(trained, key=lambda row: row != "learnt")
-    return {
-        **shown,
-        "verdict": verdict(report),
-        "following": following(run),
-        "cards": cards(report),
-        "result_note": result_note(report),
-        "class_note": "Mean IoU of each class with 95 % intervals over seeds.",
-        "by_class": {
-            row: figures.by_class(report["nets"][row], report["classes"]) for row in trained
-        },
-        "confusion": None if index is None else figures.confusion(index, optimised_first),
-        "parts": {
-            **shown["parts"],
-            "result": results(report, order),
-            "attributes": attributes(run),
-            "importance": importance(run),
-        },
-    }
+    return {**shown, "attributes": attributes(run), "importance": importance(run)}
 
 
-def verdict(report: Report) -> str:
-    """The result in one sentence."""
-    with_few = report.get("gain_beside_few")
-    row = "few+learnt" if with_few else "learnt"
-    streets, miou = trained_on(report, row), report["rows"][row]["mean"]
-    where = "" if report["real"] else "On the twin, which is not real data, "
-    if miou is None:
-        sentence = f"{where}training failed for all networks on {streets}"
-        return sentence[0].upper() + sentence[1:]
-    gains = with_few or {"default": report["gain_over_default"], "random": report["gain"]}
-    shown = [other for other in ("few", "few+default", "default", "random") if other in gains]
-    compared = [_compared(gains[other], trained_on(report, other)) for other in shown]
-    sentence = (
-        f"{where}networks trained on {streets} reach {miou:.1f} % mIoU: {' and '.join(compared)}"
-    )
-    return sentence[0].upper() + sentence[1:]
-
-
-def _compared(gain: Report, other: str) -> str:
-    """A gain in words; if its interval contains zero, it is not called a gain."""
-    mean, ci95 = gain["mean"], gain["ci95"]
-    if mean is None:
-        return f"not compared with {other}"
-    difference = f"{abs(mean):.1f} points {'above' if mean >= 0 else 'below'} {other}"
-    if ci95 is None:
-        return f"{difference} ({TOO_FEW})"
-    return difference if ci95[0] * ci95[1] > 0 else f"within noise of {other}"
-
-
-def following(run: RunFolder) -> list[tuple[str, str]]:
-    """The next commands, each with what it does."""
-    out = Path(str(run.config.get("out", run.path)))
-    words = [PROGRAM, "render", "--attributes", str(out / "attributes.json")]
-    words += ["--images", str(IMAGES), "--out", str(out / "streets")]
-    more = (f"Next: render {IMAGES:,} images of these streets", shlex.join(words))
-    if run.summary["real"]:
-        return [more]
-    return [more, ("Or check your own labelled images", f"{PROGRAM} doctor DATA")]
+def _of_fit(run: RunFolder) -> dict[str, Any]:
+    """The sections of the page that only `sdr-jax fit` has."""
+    strip = "colors" in run.summary and (run.path / fit_table.STRIP).exists()
+    rows = fit_table.rows_of(run.config["learnt"])
+    examples = {"examples": {"file": fit_table.STRIP, "rows": rows} if strip else None}
+    # Rewards of several folds are of different images: not one curve.
+    return examples | ({"search": None} if run.summary.get("folds", 1) > 1 else {})
 
 
 def so_far(run: RunFolder) -> list[list[str]]:
@@ -207,76 +149,6 @@ def so_far(run: RunFolder) -> list[list[str]]:
         mean = number(sum(trained) / len(trained)) if trained else ""
         rows.append([f"{STAGES.get(nets, nets)}: {SHORT.get(row, row)}", str(len(values)), mean])
     return rows
-
-
-def settings_in_words(run: RunFolder) -> list[tuple[str, str]]:
-    """The main settings and the data of the run."""
-    report, config = run.summary, run.config
-    train, options = config.get("final", {}).get("train", {}), config.get("search", {})
-    count = len(report.get("few_images", ()))
-    few = f"{count} images, {100 * report['few_share']:.0f} % of every batch" if count else "none"
-    net, steps = train.get("net", "?"), train.get("steps", "?")
-    settings = [
-        ("Rewards", f"{len(run.evaluations)}, measured on {report['reward_images']} images"),
-        ("Tested on", f"{report['test_images']} other images at {report['scored_at']}"),
-        ("Labels mixed with renders", few),
-        ("Search", f"{options.get('method', '?')}, space {config.get('space', 'scenex')}"),
-        ("Networks", f"{net}, {steps} steps, {report['seeds']} seeds"),
-    ]
-    if "rows" in report:
-        settings.append(("Time", duration(report["seconds"]["total"])))
-    return [*settings, ("Preset", report["preset"])]
-
-
-def _seeds(report: Report) -> int:
-    """The number of networks of every row."""
-    return len(report["rows"]["random"]["miou"])
-
-
-def cards(report: Report) -> list[tuple[str, str, str, Report]]:
-    """The main numbers: each with its unit, its meaning and its interval."""
-    rows, with_few = report["rows"], report.get("gain_beside_few")
-    if with_few:
-        answer, gains = "few+learnt", {row: with_few[row] for row in ("few", "few+default")}
-    else:
-        answer, gains = (
-            "learnt",
-            {"default": report["gain_over_default"], "random": report["gain"]},
-        )
-    scores = [
-        (number(rows[row]["mean"]), "% mIoU", trained_on(report, row), rows[row])
-        for row in (answer, "real")
-        if row in rows
-    ]
-    scores[1:1] = [
-        (number(gain["mean"], "+.1f"), "points", f"over {trained_on(report, row)}", gain)
-        for row, gain in gains.items()
-    ]
-    return scores
-
-
-def results(report: Report, order: list[str]) -> list[list[str]]:
-    """The rows with their intervals, and the gains."""
-    gains = {
-        f"{trained_on(report, 'few+learnt')}, gain over {trained_on(report, other)}": gain
-        for other, gain in report.get("gain_beside_few", {}).items()
-    }
-    for other, gain in (("random", report["gain"]), ("default", report["gain_over_default"])):
-        gains[f"{TRAINED_ON['learnt']}, gain over {TRAINED_ON[other]}"] = gain
-    lines = [[trained_on(report, row), *cells(report["rows"][row])] for row in order]
-    return lines + [[name, *cells(gain, "+.1f")] for name, gain in gains.items()]
-
-
-def result_note(report: Report) -> str:
-    """Sentences on the rows."""
-    absent = ", ".join(report["classes_absent_from_truth"])
-    also = (
-        f" No test image has these classes, so no mean includes them: {absent}." if absent else ""
-    )
-    return (
-        f"{advice(report)} Mean IoU in percent on {report['test_images']} test images, {_seeds(report)} "
-        f"paired seeds. Thick lines are 95 % intervals over seeds, small marks single networks.{also}"
-    )
 
 
 def search_note(run: RunFolder) -> str:

@@ -2,23 +2,40 @@
 
 from __future__ import annotations
 
-from typing import Any
+import shlex
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from common.command import running_command
+from common.errors import counted
+from common.interrupt import PROGRAM
+from experiments.app.report import result
+from experiments.app.report.result import Kind
 from experiments.evaluation.job import Result
 from experiments.evaluation.store import first_of_each
 from experiments.session.session import Session
-from experiments.tables import few_rows
-from experiments.tables.form import Report, about, class_means, interval, miou, nets, starts
+from experiments.tables import compared, few_rows
+from experiments.tables.form import Report, about, interval, nets
 from experiments.tables.row_names import TRAINED_ON, trained_on
-from experiments.tables.stats import TOO_FEW, statistics
+from experiments.tables.stats import TOO_FEW
 from scene.attributes import names
 from scene.proposal import Proposal, describe
 
+if TYPE_CHECKING:
+    from experiments.app.report.folder import RunFolder
+
 ROWS = ("random", "default", "learnt", "real")
 """Rows of every target; ``--few`` adds others."""
+OVER = {
+    "few+learnt": ("few", "few+default", "few+random"),
+    "learnt": ("default", "random"),
+}
+"""Rows of optimised streets, each with those over which its gain is measured."""
+IMAGES = 1000
+"""The number of images in the command that renders more of the optimised streets."""
 
 
 def scores(run: Session[Any], rows: dict[str, list[Result]], learnt: Proposal) -> Report:
@@ -44,43 +61,27 @@ def scores(run: Session[Any], rows: dict[str, list[Result]], learnt: Proposal) -
 
 
 def derive(report: Report) -> Report:
-    """Add means, intervals, gains, and the recovery of the twin's attributes to the report.
-
-    ``random``, ``default`` and ``learnt`` are also at the top level, but ``real`` there says whether the
-    target is real data.
-    """
-    rows = {row: _row(scored, report["classes"]) for row, scored in report["nets"].items()}
-    gains = {
-        f"gain{over}": statistics(rows["learnt"]["miou"], rows[row]["miou"])["gain"]
-        or {"mean": None, "ci95": None}
-        for over, row in (("", "random"), ("_over_default", "default"))
-    }
-    absent = [name for name, value in rows["random"]["per_class"].items() if value is None]
+    """Add means, intervals, gains, and the recovery of the twin's attributes to the report."""
+    folds = folds_of(report)
+    rows = {row: compared.row(nets, report["classes"]) for row, nets in folds.items()}
     return {
         **report,
         "rows": rows,
-        **{row: rows[row] for row in rows if row != "real"},
-        **gains,
-        **few_rows.gains(rows),
-        "searches": [{"seed": report["seed"], "learnt": rows["learnt"]["mean"]}],
-        "classes_absent_from_truth": absent,
+        "gains": {
+            ours: {other: compared.gain(folds[ours], folds[other]) for other in others}
+            for ours, others in OVER.items()
+            if ours in rows
+        },
+        "classes_absent_from_truth": [
+            name for name, value in rows["random"]["per_class"].items() if value is None
+        ],
         **({} if report["hidden_centres"] is None else {"recovery": _recovery(report)}),
     }
 
 
-def _row(scored: list[Report | None], classes: list[str]) -> Report:
-    values = miou(scored)
-    estimate = statistics(values)
-    per_class = {
-        name: None if value is None else round(value, 3)
-        for name, value in class_means(scored, classes).items()
-    }
-    return {
-        "miou": values,
-        "mean": estimate["mean"],
-        "ci95": estimate["ci95"],
-        "per_class": per_class,
-    }
+def folds_of(report: Report) -> dict[str, compared.Folds]:
+    """The networks of each row, all of which are tested on the same images."""
+    return {row: [nets] for row, nets in report["nets"].items()}
 
 
 def _recovery(report: Report) -> Report:
@@ -99,63 +100,82 @@ def _recovery(report: Report) -> Report:
     }
 
 
-def text(report: Report) -> str:
-    """The result as a small table for people."""
-    kind = "real images" if report["real"] else f"the {report['target']}, NOT real data"
-    gains = {"learnt": {"random": report["gain"], "default": report["gain_over_default"]}}
-    if few := report.get("gain_beside_few"):
-        gains["few+learnt"] = few
-    names = {row: trained_on(report, row) for row in report["rows"]}
-    width = max(map(len, names.values())) + len("over ")
-    lines = [
-        f"mIoU in percent on {report['test_images']} test images ({kind}), "
-        f"{len(report['random']['miou'])} paired seeds, at {report['scored_at']}:"
-    ]
-    for row, entry in report["rows"].items():
-        lines.append(f"  {names[row]:{width}s}  {_with_interval(entry, '5.1f')}")
-    for row, gain_over in gains.items():
-        lines.append(f"Points gained by {names[row]}:")
-        for other, gain in gain_over.items():
-            lines.append(f"  {f'over {names[other]}':{width}s}  {_with_interval(gain, '+5.1f')}")
-    lines.append(advice(report))
-    if absent := report["classes_absent_from_truth"]:
-        lines.append(
-            f"No test image has these classes, so no mean includes them: {', '.join(absent)}"
-        )
-    if start := starts(report).strip():
-        lines.append(start)
-    if failed := report["failed"]:
-        noun, verb = ("evaluations", "are") if failed > 1 else ("evaluation", "is")
-        lines.append(f"{failed} {noun} failed in training and {verb} left out")
-    return "\n".join(lines)
-
-
-def advice(report: Report) -> str:
-    """Say in one line whether optimised streets are better than the default ones, and which to use."""
-    with_few = report.get("gain_beside_few")
-    gain = with_few["few+default"] if with_few else report["gain_over_default"]
-    means = {
-        row: report["rows"][f"few+{row}" if with_few else row]["mean"]
-        for row in ("learnt", "default", "random")
-    }
+def verdict(report: Report) -> str:
+    """Say whether optimised streets are better than the default ones, and which to use."""
+    few = "few+" if "few+learnt" in report["rows"] else ""
+    gain = report["gains"][f"{few}learnt"][f"{few}default"]
+    means = {row: report["rows"][few + row]["mean"] for row in ("learnt", "default", "random")}
     scored = {row: mean for row, mean in means.items() if mean is not None}
-    best = max(scored, key=scored.__getitem__, default="default")
-    use = f"use {TRAINED_ON[best]}."
+    use = f"use {TRAINED_ON[max(scored, key=scored.__getitem__, default='default')]}."
+    images = len(report.get("few_images", ()))
+    optimised = f"With {counted(images, 'labelled image')}, optimised" if images else "Optimised"
     if gain["mean"] is None:
-        return f"Optimised and default streets cannot be compared: {use}"
+        return f"{optimised} and default streets cannot be compared, because training failed: {use}"
     points, ci95 = f"{gain['mean']:+.1f} points", gain["ci95"]
     if ci95 is None:
-        return f"Optimised minus default streets: {points} ({TOO_FEW}): {use}"
-    significant = ci95[0] * ci95[1] > 0
+        return f"{optimised} minus default streets: {points} ({TOO_FEW}): {use}"
     better = "better" if gain["mean"] > 0 else "worse"
-    how = f"significantly {better} than" if significant else "within noise of"
-    return f"Optimised streets are {how} default streets, {points} ({interval(ci95)}): {use}"
+    how = f"significantly {better} than" if ci95[0] * ci95[1] > 0 else "within noise of"
+    return f"{optimised} streets are {how} default streets, {points} ({interval(ci95)}): {use}"
 
 
-def _with_interval(entry: Report, form: str) -> str:
-    """A mean and its interval, in columns."""
-    mean = "    -" if entry["mean"] is None else format(entry["mean"], form)
-    ci95 = entry["ci95"]
-    if entry["mean"] is not None and ci95 is None:
-        return f"{mean}  {TOO_FEW}"
-    return mean if ci95 is None else f"{mean}  [{ci95[0]:6.1f}, {ci95[1]:6.1f}]"
+def gains(report: Report) -> dict[str, Report]:
+    """The gains of optimised streets by their name."""
+    return {
+        f"{trained_on(report, ours)} over {trained_on(report, other)}": gain
+        for ours, over in report["gains"].items()
+        for other, gain in over.items()
+    }
+
+
+def note(report: Report) -> str:
+    """Sentences on the rows."""
+    kind = "real images" if report["real"] else f"the {report['target']}, NOT real data"
+    absent = ", ".join(report["classes_absent_from_truth"])
+    also = (
+        f" No test image has these classes, so no mean includes them: {absent}." if absent else ""
+    )
+    return (
+        f"Mean IoU in percent on {report['test_images']} test images ({kind}) at {report['scored_at']}, "
+        f"{counted(report['seeds'], 'paired seed')}; 95 % intervals over seeds.{also}"
+    )
+
+
+def settings(run: RunFolder) -> list[tuple[str, str]]:
+    """The main settings and the data of the run."""
+    report, config = run.summary, run.config
+    train, options = config.get("final", {}).get("train", {}), config.get("search", {})
+    count = len(report.get("few_images", ()))
+    few = f"{count} images, {100 * report['few_share']:.0f} % of every batch" if count else "none"
+    net, steps = train.get("net", "?"), train.get("steps", "?")
+    return [
+        ("Rewards", f"{len(run.evaluations)}, measured on {report['reward_images']} images"),
+        ("Tested on", f"{report['test_images']} other images at {report['scored_at']}"),
+        ("Labels mixed with renders", few),
+        ("Search", f"{options.get('method', '?')}, space {config.get('space', 'scenex')}"),
+        ("Networks", f"{net}, {steps} steps, {report['seeds']} seeds"),
+    ]
+
+
+def following(run: RunFolder) -> list[tuple[str, str]]:
+    """The next commands, each with what it does."""
+    out = Path(str(run.config.get("out", run.path)))
+    words = [PROGRAM, "render", "--attributes", str(out / "attributes.json")]
+    words += ["--images", str(IMAGES), "--out", str(out / "streets")]
+    more = (f"Next: render {IMAGES:,} images of these streets", shlex.join(words))
+    if run.summary["real"]:
+        return [more]
+    return [more, ("Or check your own labelled images", f"{PROGRAM} doctor DATA")]
+
+
+KIND = Kind(
+    verdict=verdict,
+    main_rows=lambda report: ("few+learnt" if "few+learnt" in report["rows"] else "learnt", "real"),
+    gains=gains,
+    folds=folds_of,
+    note=note,
+    class_note=lambda report: "",
+    settings=settings,
+    following=following,
+)
+text = partial(result.text, KIND)
