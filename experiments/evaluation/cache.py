@@ -158,9 +158,12 @@ class Cache:
         if not self._keep(folder, {"streets": name}, fill):
             done(len(units), True)
         shutil.rmtree(pieces, ignore_errors=True)
-        name_for_tasks = self._workers.share(str(folder))
-        maps = name_for_tasks if recipe.fidelity.train.frozen else None
-        return Cached(name_for_tasks, maps)
+        return self.pool(name, recipe)
+
+    def pool(self, name: str, recipe: Recipe) -> Cached:
+        """The streets of a name, once `streets` has rendered them."""
+        folder = self._workers.share(str(self._pool(name, recipe)))
+        return Cached(folder, folder if recipe.fidelity.train.frozen else None)
 
     def _parts_of_streets(self, most: int, task: tuple) -> list[tuple[Part]]:
         recipe, units, seed, start = task

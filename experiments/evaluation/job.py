@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any, Literal, NamedTuple
 
 from experiments.config import Fidelity
-from experiments.evaluation.cached import Cached
 from experiments.evaluation.made_with import MadeWith
 from experiments.evaluation.predictions import Predictions
 from experiments.targets.base import Side
@@ -37,8 +36,7 @@ class Recipe(NamedTuple):
 class StreetPool(NamedTuple):
     """Streets of one shot with their features."""
 
-    name: str  # hash of their attributes and seed
-    cached: Cached  # with features
+    name: str  # hash of their attributes, seed and size; `Cache.streets` renders them
 
 
 class LabelledSubset(NamedTuple):

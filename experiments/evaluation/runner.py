@@ -392,7 +392,7 @@ class Runner:
         if isinstance(source, TrainingSet):
             return source._replace(parts=tuple(self._source(part, recipe) for part in source.parts))
         if isinstance(source, StreetPool):
-            return source.cached
+            return self.cache.pool(source.name, recipe)
         train = recipe.fidelity.train
         if isinstance(source, LabelledSubset):
             return self.cache.put(source.images, train, "labelled", training=True).take(

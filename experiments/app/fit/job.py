@@ -131,11 +131,11 @@ def scores(run: Session[FitConfig], data: Prepared) -> Report:
         for fold, fold_jobs in zip(folds, jobs, strict=True):
             if fold is folds[-1]:  # begun last, it would keep one core busy and the others idle
                 model.begin("labels+renders")
-            fold.runner.prefetch([streets.fill(job) for job in fold_jobs], behind=False)
+            fold.runner.prefetch(fold_jobs, behind=False)
     networks: dict[Row, list[Any]] = {row: [] for row in rows_of(config.learnt)}
     averaged: dict[Row, list[float | None]] = {row: [] for row in networks}
     for number, fold in enumerate(folds):
-        results = fold.runner.test([streets.fill(job) for job in jobs[number]])
+        results = fold.runner.test(jobs[number])
         for row, by_fold in networks.items():
             of_row = [
                 result
@@ -283,7 +283,7 @@ class _SavedModel:
         source: Source = self._labels
         if row != "labels":
             source = with_labels(config, self._rendered[row], self._labels)
-        return self._streets.fill(Job(self._run.recipe(config.final), source, config.seed, {}))
+        return Job(self._run.recipe(config.final), source, config.seed, {})
 
     def begin(self, row: Row) -> None:
         """Begin to train it in the way of the row that is most likely the best."""

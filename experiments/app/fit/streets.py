@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from common.files import digest, read_json
 from experiments.app.fit.config import FitConfig
-from experiments.evaluation.cached import Cached
 from experiments.evaluation.cost import street_cost
-from experiments.evaluation.job import Job, StreetPool
+from experiments.evaluation.job import StreetPool
 from experiments.session.session import Session
 from experiments.tables.form import Form
 from scene.proposal import Streets, draw
-from seg.mixing import TrainingSet
 
 
 class Pool(NamedTuple):
-    """A pool whose streets may not be rendered yet."""
+    """The streets of a pool, which may not be rendered yet."""
 
     units: np.ndarray  # f32[streets, attributes]
     seed: int
@@ -31,7 +29,7 @@ def pool_of(run: Session[FitConfig], streets: Streets, seed: int) -> Pool:
     config = run.config
     units = draw(streets, seed, config.final.streets)
     name = digest([digest(units.tolist()), seed, config.final.size])
-    return Pool(units, seed, StreetPool(name, Cached("")))
+    return Pool(units, seed, StreetPool(name))
 
 
 class RenderedStreets:
@@ -46,10 +44,12 @@ class RenderedStreets:
         self._run, self._pools = run, pools
         self._names = list(dict.fromkeys(pool.pool.name for pool in pools))
         self._recipe = run.recipe(run.config.final)
-        self._rendered: dict[str, Cached] = {}
+        self._rendered = False
 
     def render(self) -> None:
         """Render all streets, with their features."""
+        if self._rendered:
+            return
         progress, cost = self._run.progress, street_cost(self._run.config.final)
         for units, seed, pool in self._pools:
 
@@ -57,11 +57,9 @@ class RenderedStreets:
                 progress.advance(count * cost, networks=0, replayed=replayed)
                 progress.update(f"streets of seed {seed}")
 
-            if pool.name not in self._rendered:
-                cache = self._run.runner.cache
-                self._rendered[pool.name] = cache.streets(
-                    pool.name, self._recipe, units, seed, report_progress
-                )
+            cache = self._run.runner.cache
+            cache.streets(pool.name, self._recipe, units, seed, report_progress)
+        self._rendered = True
 
     def skip(self) -> None:
         """Count streets as done that no network needs."""
@@ -69,17 +67,6 @@ class RenderedStreets:
             count = sum(len(pool.units) for pool in self._pools)
             cost = count * street_cost(self._run.config.final)
             self._run.progress.advance(cost, replayed=True)
-
-    def fill(self, job: Job) -> Job:
-        """A job with the rendered streets of its pool, if they are rendered."""
-        return job._replace(source=self._filled(job.source))
-
-    def _filled(self, source: Any) -> Any:
-        if isinstance(source, TrainingSet):
-            return source._replace(parts=tuple(map(self._filled, source.parts)))
-        if isinstance(source, StreetPool) and source.name in self._rendered:
-            return source._replace(cached=self._rendered[source.name])
-        return source
 
     def seconds(self, form: Form) -> float:
         """The core seconds of rendering, also of an earlier call that rendered the streets."""
