@@ -25,9 +25,6 @@ class Found(NamedTuple):
 
     solution: Proposal  # the method's answer, f32[attributes of the space] each
     results: list[Result]  # in the order of the requests
-    rewards: np.ndarray  # f32[updates, datasets]; NaN for failed ones
-    baselines: np.ndarray  # f32[updates]
-    groups: np.ndarray  # i32[updates]
     probabilities: np.ndarray  # f32[updates, attributes of the subset, bins], after each update
     expected: np.ndarray | None = None
     """f32[updates, datasets, 2]: the model's prior mean and standard deviation of each reward, NaN before the
@@ -81,7 +78,7 @@ def search(run: Session[Any], plan: SearchPlan) -> Found:
     common, key = plan.config.search.common_random_numbers, jax.random.key(plan.config.seed)
     reward_fn = sdr_jax.host_reward(rewards, common=common)
     steps = sdr_jax.drive(key, method, reward_fn, plan.updates, plan.datasets)
-    history: list[tuple] = []
+    distributions: list[np.ndarray] = []
     expectations: list[np.ndarray] = []
     state: Any = None  # there are no expectations before the first update
     clipped = False
@@ -89,26 +86,22 @@ def search(run: Session[Any], plan: SearchPlan) -> Found:
         previous = state
         state, record = next(steps)
         expectations += _expectations(method, previous, record)
-        info = jax.device_get(record.info)
-        probabilities = np.asarray(diagnostics.probabilities(state))
-        latest = np.asarray(record.rewards)
-        history.append((latest, float(info.baseline), int(info.group), probabilities))
+        distributions.append(np.asarray(diagnostics.probabilities(state)))
+        info, results = jax.device_get(record.info), rewards.results
         if info.clipped and not clipped:
             clipped = True
-            count = sum(len(rewards) for rewards, *_ in history)
-            run.progress.say(f"{plan.name}: {clipping_message(int(info.clipped), count)}")
-        run.progress.standing = standing([rewards for rewards, *_ in history])
-        run.progress.update(_progress_line(plan, update, history))
-    solution = embed(plan, jax.device_get(method.solution(state)))
-    by_update, baselines, groups, distributions = zip(*history, strict=True)
+            message = clipping_message(int(info.clipped), len(results))
+            run.progress.say(f"{plan.name}: {message}")
+        line = _progress_line(plan, update, results[-plan.datasets :], info)
+        if scored := _scored(results):
+            run.progress.standing = f"best mIoU {max(scored):.1f}"
+            line += f", {run.progress.standing}"
+        run.progress.update(line)
     return Found(
-        solution,
-        results=rewards.results,
-        rewards=np.stack(by_update),
-        baselines=np.array(baselines, np.float32),
-        groups=np.array(groups, np.int32),
-        probabilities=np.stack(distributions),
-        expected=np.stack(expectations) if expectations else None,
+        embed(plan, jax.device_get(method.solution(state))),
+        rewards.results,
+        np.stack(distributions),
+        np.stack(expectations) if expectations else None,
     )
 
 
@@ -123,22 +116,18 @@ def _expectations(
     return [np.stack(method.diagnostics.predict(previous, record.actions), axis=-1)]
 
 
-def standing(rewards: Sequence[np.ndarray]) -> str:
-    """The best reward of all updates in words."""
-    best_rewards = [float(np.nanmax(update)) for update in rewards if not np.isnan(update).all()]
-    return f"best mIoU {100 * max(best_rewards):.1f}" if best_rewards else ""
+def _scored(results: Sequence[Result]) -> list[float]:
+    """The rewards in percent of the evaluations that succeeded."""
+    return [100 * result.reward for result in results if result.failed is None]
 
 
-def _progress_line(plan: SearchPlan, update: int, history: Sequence[tuple]) -> str:
-    """The progress line of an update."""
-    latest, baseline, group, _ = history[-1]
+def _progress_line(plan: SearchPlan, update: int, latest: Sequence[Result], info: Any) -> str:
+    """The progress line of an update, whose results are the latest ones."""
     where = f"{plan.name}: update {update + 1}/{plan.updates}"
     if plan.method == "sdr":
-        where += f", group {group + 1}"
-    if np.isnan(latest).all():
-        return f"{where} | all failed"
-    best = max(float(np.nanmax(r)) for r, *_ in history if not np.isnan(r).all())
-    line = f"mIoU {100 * np.nanmean(latest):.1f}, best {100 * best:.1f}"
+        where += f", group {int(info.group) + 1}"
+    scored, baseline = _scored(latest), float(info.baseline)
+    line = f"mIoU {np.mean(scored):.1f}" if scored else "all failed"
     if np.isfinite(baseline):
         if plan.config.search.squared_reward:
             baseline = np.sign(baseline) * np.sqrt(abs(baseline)) / 100
