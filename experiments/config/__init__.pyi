@@ -14,7 +14,6 @@ from .config import MainConfig as MainConfig
 from .config import NetsConfig as NetsConfig
 from .config import Preset as Preset
 from .config import Rederived as Rederived
-from .config import RewardConfig as RewardConfig
 from .config import SearchConfig as SearchConfig
 from .config import TargetName as TargetName
 from .config import TwinName as TwinName

@@ -47,7 +47,7 @@ TOPICS = {
         "asset_count",
     ),
     "where it runs": ("renderer", "trainers", "executor", "scheduler"),
-    "the search": ("groups", "default_width", "search"),
+    "the search": ("groups", "search"),
     "size of rewards": ("reward",),
     "size of final networks": ("final",),
     "size of other networks": ("compact", "vgg"),

@@ -13,7 +13,7 @@ from common.workers.pool import ExecutorName, cores, refuse_many_workers
 from experiments.config.options import Bins, Fidelity, Search, SearchOptions
 from scene.attributes import SpaceName, names
 from scene.held import hold, read_fixed
-from scene.proposal import RELAXATION, Streets, streets_named
+from scene.proposal import Streets, streets_named
 
 if TYPE_CHECKING:
     from scene.assets.catalogue import AssetPool
@@ -181,19 +181,7 @@ class GroupsConfig(NetsConfig, BinsConfig):
 
 
 @dataclass(frozen=True, kw_only=True)
-class RewardConfig(FinalConfig):
-    """More fields of a job with rewards."""
-
-    default_width: Annotated[float, within(0, 1)] = RELAXATION
-    """Width of the default street's intervals, as a share of each range."""
-
-    def streets(self, name: str) -> Streets:
-        """Make the streets ``random``, ``default`` or ``mixed`` with the fixed attributes."""
-        return hold(streets_named(name, self.space, self.default_width), self.held)
-
-
-@dataclass(frozen=True, kw_only=True)
-class SearchConfig(GroupsConfig, RewardConfig):
+class SearchConfig(GroupsConfig):
     """More fields of a job that optimises attributes."""
 
     search: Search

@@ -15,12 +15,12 @@ from experiments.config.config import (
     BinsConfig,
     Config,
     FewConfig,
+    FinalConfig,
     GroupsConfig,
     LearntConfig,
     MainConfig,
     Preset,
     Rederived,
-    RewardConfig,
     TargetName,
 )
 from experiments.config.options import Fidelity, MethodOptions, RivalName, Search
@@ -97,7 +97,6 @@ class LabelsConfig(LearntConfig):
 class PretrainConfig(LearntConfig):
     """Flags of `sdr-jax study pretrain`."""
 
-    default_width: Annotated[float, UNUSED] = 0.0
     rows: Annotated[tuple[PretrainRow, ...], DISTINCT] = ("scratch", "random", "learnt")
     """How networks start: scratch (nothing, or ImageNet weights), random or learnt (pre-trained on random or
     optimised streets), longer (from scratch, but first trained for as many steps on the real subset, which
@@ -192,7 +191,7 @@ class SensitivityConfig(BinsConfig, Rederived):
 
 
 @dataclass(frozen=True, kw_only=True)
-class FidelityConfig(RewardConfig, BinsConfig, Rederived):
+class FidelityConfig(FinalConfig, BinsConfig, Rederived):
     """Flags of `sdr-jax study fidelity`."""
 
     proposals: Annotated[int, at_least(2), NETS] = 24

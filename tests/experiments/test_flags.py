@@ -272,7 +272,6 @@ SIZES = ("--reward.streets", "--reward.shots", "--final.samples", "--final.train
     *(([flag, str(10**12)], [flag, " of memory for ", "is the most"]) for flag in SIZES),
     (["--seeds", str(10**400)], ["--seeds", "more than 4,000 PB"]),
     (["--reward.train.warmup", str(10**12)], ["--reward.train.warmup", "2147483647 or less"]),
-    (["--default-width", "1.5"], ["--default-width", "[0, 1]"]),
     (["--holdout", "ulm"], ["--holdout", "--data", "twin"]),
     (["--test-split", "val"], ["--test-split", "--data", "twin"]),
     (["--data", "/no/such"], ["/no/such", "no such folder", "leftImg8bit"]),

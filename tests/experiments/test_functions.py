@@ -9,7 +9,7 @@ from common.files import write_json
 from experiments.app import functions
 from experiments.evaluation.job import Result
 from scene.attributes import names
-from scene.proposal import default_proposal, describe
+from scene.proposal import RELAXATION, default_proposal, describe
 
 TINY = {"streets": 2, "width": 64, "height": 32, "train": {"steps": 2}}
 
@@ -58,8 +58,8 @@ def test_a_reward_is_that_of_a_search_with_its_labels_checkpoints_and_statistics
     small = {"reward_images": 2, "test_images": 2, "asset_count": 2}
     experiments.reward(preset="smoke", reward=TINY | {"train": train}, **small)
     mean, deviation = evaluated[1][0].statistics
-    reward(default_width=0.3)
-    assert evaluated[2][1].width.max() == np.float32(0.3)
+    reward()
+    assert evaluated[2][1].width.max() == np.float32(RELAXATION)
     assert mean.shape == deviation.shape and np.isfinite(mean).all() and (deviation > 0).all()
 
 

@@ -213,7 +213,6 @@ def test_a_recorded_report_is_derived_anew(report, out):
     ("fidelity", ("--require-signal", "0"), "--require-signal must be positive"),
     ("fidelity", ("--require-signal", "nan"), "--require-signal must be positive"),
     ("fidelity", ("--search.relaxation", "2"), "--search.relaxation must lie in [0, 1]"),
-    ("fidelity", ("--default-width", "2"), "--default-width must lie in [0, 1]"),
     ("fidelity", ("--target", "cityscapes", "--data", "None"), "Cityscapes needs its folder"),
     ("fidelity", ("--target", "twin"), "--data has no effect with --target twin"),
     ("fidelity", ("--rederive", "none.json"), "--rederive none.json: No such file"),
@@ -226,10 +225,9 @@ def test_bad_input_is_one_line(name, flags, complaint, command, out, error_line,
 
 @pytest.mark.parametrize(("name", "flags"), [
     ("table", ("--nets", "resnet")),
-    ("pretrain", ("--rows", "imagenet")), ("pretrain", ("--default-width", "0.5")),
+    ("pretrain", ("--rows", "imagenet")),
     ("assets", ("--asset-fraction", "0.5")),
     ("ablation", ("--variants", "no_fog")), ("ablation", ("--learnt", "x.json")),
-    ("ablation", ("--default-width", "0.5")),
     ("searches", ("--methods", "descent")), ("searches", ("--search.method", "sdr")),
     ("searches", ("--method", "sdr")), ("ablation", ("--search.updates-per-group", "3")),
 ])  # fmt: skip

@@ -28,7 +28,7 @@ from experiments.evaluation.store import first_of_each
 from experiments.tables.form import Report, number, starts, words
 from experiments.tables.row_names import SHORT
 from scene.held import hold
-from scene.proposal import default_proposal, describe
+from scene.proposal import RELAXATION, default_proposal, describe
 
 HERE = Path(__file__).parent
 FIRST = 15
@@ -172,7 +172,8 @@ def attributes(run: RunFolder) -> Report:
     """The optimised and the default interval of each attribute, as CSS styles within its range."""
     report, config = run.summary, run.config
     hidden = report["hidden_centres"]
-    usual = default_proposal(config.get("default_width", 0.15), config.get("space", "scenex"))
+    # Only runs of earlier versions have another width.
+    usual = default_proposal(config.get("default_width", RELAXATION), config.get("space", "scenex"))
     defaults = describe(hold(usual, run.held))["components"][0]["attributes"]
     rows = []
     for k, (name, optimised) in enumerate(report["components"][0]["attributes"].items()):
