@@ -37,12 +37,12 @@ def main() -> None:
 
 
 def report(window: Browser, run: Path, out: Path) -> None:
-    """Write the top of a run's report, and its worst images in dark mode."""
+    """Write the top of a run's report, and its test images in dark mode."""
     with TemporaryDirectory() as folder:
         address = make(run, Path(folder) / "report.html").as_uri()
         for name, theme, width, height, section in (
             ("report.png", "light", 1400, 1600, ""),
-            ("report_dark.png", "dark", 1240, 1060, "#worst"),
+            ("report_dark.png", "dark", 1240, 1060, "#tested"),
         ):
             tab = window.new_page(
                 viewport={"width": width, "height": height},

@@ -58,7 +58,7 @@ def scores(run: Session[MainConfig], _: Any) -> Report:
     shown["learnt"] = LabelledImages(dataset.images, labels)
     shown["real"] = run.images(recipe.fidelity, "labelled")
     rows = by_row(final, run.runner.test(final))
-    pictures.write_images(run, test, shown)
+    pictures.write_images(run, test, shown, ["final"], ("few+learnt", "learnt"))
     write_json(
         folder / pictures.PICTURES / FILE,
         matters(run.evaluations.records, target.name, config.space),

@@ -34,7 +34,7 @@ from experiments.app.fit import job as fit_job
 from experiments.app.fit import streets as fit_streets
 from experiments.app.fit.command import main
 from experiments.app.fit.config import FitConfig, configured, planned
-from experiments.app.fit.job import FORM, best_median_worst, fit, with_labels
+from experiments.app.fit.job import FORM, fit, with_labels
 from experiments.app.report import live
 from experiments.app.report import page as page_of_runs
 from experiments.app.report.command import main as make_report
@@ -436,19 +436,34 @@ def test_from_a_folder_of_ones_own_to_a_net(folder, tmp_path, capsys, monkeypatc
     assert list(summary["rows"]) == ["labels", "labels+renders", "renders"]
     assert [len(fold) for fold in summary["nets"]["labels"]] == [1, 1]
     file = tmp_path / "run" / "report.html"
-    page, data = Page(file), b64encode((tmp_path / "run" / "predictions.png").read_bytes()).decode()
+    page, seen = Page(file), read_json(tmp_path / "run" / "pictures" / "seen.json")
+    assert seen["tested"]["by"] == "labels+renders" and list(seen["streets"]) == ["labels"]
+    mious = [image["predictions"]["labels+renders"]["miou"] for image in seen["tested"]["images"]]
+    assert mious == sorted(mious, reverse=True)
+    # The networks of both folds, each tested on its own images.
+    pixels = {row: np.array(of_row["pixels"]) for row, of_row in seen["confusion"].items()}
+    assert {of_row["nets"] for of_row in seen["confusion"].values()} == {2}
+    assert len({total.sum() for total in pixels.values()}) == 1
+    names = [*(own[kind] for own in seen["streets"]["labels"] for kind in ("image", "labels"))]
+    for image in seen["tested"]["images"]:
+        names += [image["image"], image["labels"]]
+        names += [image["predictions"][row]["image"] for row in summary["rows"]]
+    kinds = {".jpg": "jpeg", ".png": "png"}
+    data = [
+        f"data:image/{kinds[name[-4:]]};base64,"
+        + b64encode((tmp_path / "run" / "pictures" / name).read_bytes()).decode()
+        for name in names
+    ]
     assert summary["seconds"]["streets"] > 0
     assert "streets, shared by networks" in [row[0] for row in page.rows]
     assert summary["verdict"] in page.texts and held in page.text
-    assert held in said and [a["src"] for t, a in page.tags if t == "img"] == [
-        f"data:image/png;base64,{data}"
-    ]
+    assert held in said and [a["src"] for t, a in page.tags if t == "img"] == data
     predict, test, command = (text for text in page.texts if text.startswith("sdr-jax "))
     assert command == summary["command"] == shlex.join(["sdr-jax", "fit", *arguments])
     assert parsers.predict().parse_args(shlex.split(predict)[2:]).model == f"{tmp_path}/run/model"
     assert parsers.evaluate().parse_args(shlex.split(test)[2:]).json == Path("FILE")
     titles = [a["id"] for t, a in page.tags if t == "section"]
-    assert titles == ["result", "examples", "classes", "cost", "made"]
+    assert titles == ["result", "streets", "tested", "classes", "cost", "made"]
     gained = f"{summary['labels_add']['mean']:+.1f}"
     assert ["your labels add to renders", gained, TOO_FEW] in page.rows
     assert "so trained on labels alone: bench." in page.text and "by fold" in page.text.lower()
@@ -709,16 +724,6 @@ def test_smoke_nets_end_their_warm_up_before_they_end() -> None:
         config = configured((64, 48), "smoke", net)
         for fidelity in (config.reward, config.final):
             assert fidelity.train.warmup <= fidelity.train.steps / 4
-
-
-@pytest.mark.parametrize(("miou", "places"), [
-    ([0.2, 0.9, 0.5, 0.4, 0.3], [1, 3, 0]),
-    ([0.2, np.nan, 0.9], [2, 0]),
-    ([0.4], [0]),
-    ([np.nan, np.nan], [0]),
-])  # fmt: skip
-def test_the_report_shows_the_best_the_median_and_the_worst_image(miou, places):
-    assert best_median_worst(np.array(miou, np.float32)) == places
 
 
 @pytest.mark.parametrize("trainers", [None, 1])

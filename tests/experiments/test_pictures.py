@@ -41,3 +41,14 @@ def test_what_a_net_saw_is_left_whole_or_not_at_all(tmp_path):
     assert picked(5).tolist() == [0, 1, 2, 3, 4]
     many = picked(3 * MOST)
     assert len(many) == MOST and many[0] == 0 and many[-1] == 3 * MOST - 1
+
+
+@pytest.mark.parametrize(("miou", "places"), [
+    ([0.2, 0.9, 0.5, 0.4, 0.3], [1, 2, 3, 4, 0]),
+    ([0.2, np.nan, 0.9], [2, 0]),
+    ([0.4], [0]),
+    ([np.nan, np.nan], []),
+    (np.linspace(1, 0, 11), [0, 2, 4, 6, 8, 10]),
+])  # fmt: skip
+def test_images_are_shown_from_the_best_to_the_worst(miou, places):
+    assert pictures.best_to_worst(np.array(miou, np.float32)) == places

@@ -48,7 +48,7 @@ def test_the_page_is_one_file_that_loads_nothing_and_its_pictures_decode(run):
     assert all(name.startswith(("data:image/", "#")) for name in named)
     assert not [t for t, _ in page.tags if t in ("link", "iframe", "object", "embed", "base")]
     shown = [b64decode(name.partition(",")[2]) for name in named if name.startswith("data:")]
-    assert len(shown) == 4 * 6 * 2 + 6 * (2 + 4)  # streets with labels; worst images, predictions
+    assert len(shown) == 4 * 6 * 2 + 6 * (2 + 4)  # streets with labels; test images, predictions
     assert {Image.open(io.BytesIO(data)).size for data in shown} == {(64, 32)}
     style = (run / "report.html").read_text().split("<style>")[1].split("</style>")[0]
     assert "url(" not in style and "@import" not in style
@@ -108,9 +108,10 @@ def test_confusions_and_predictions_are_those_of_the_nets_that_were_scored(run):
         total = sum(predictions[line["key"]].confusion for line in finals if line["row"] == row)
         assert index["confusion"][row] == {"nets": 2, "pixels": total.tolist()}
     first = predictions[next(f["key"] for f in finals if (f["row"], f["seed"]) == ("learnt", 0))]
-    shown = [image["predictions"]["learnt"]["miou"] for image in index["worst"]["images"]]
-    assert shown == pytest.approx(sorted(100 * first.miou)[:6], abs=0.01)
-    assert index["worst"]["of"] == summary["test_images"] == 8
+    shown = [image["predictions"]["learnt"]["miou"] for image in index["tested"]["images"]]
+    ranked = sorted(100 * first.miou, reverse=True)
+    assert shown == pytest.approx([ranked[k] for k in (0, 1, 2, 4, 5, 7)], abs=0.01)
+    assert index["tested"]["of"] == summary["test_images"] == 8
 
 
 def test_a_page_is_made_anew_from_the_folder_and_of_an_older_run_without_what_it_lacks(run, capsys):
@@ -175,7 +176,7 @@ def test_answers_of_a_method_that_is_gone_are_refused(run, error_line):
 
 @pytest.mark.parametrize(("file", "changes"), [
     ("summary.json", {"note": None}), ("summary.json", {"starts": 3}),
-    ("config.json", {"space": "x"}), ("pictures/seen.json", {"worst": [3]}),
+    ("config.json", {"space": "x"}), ("pictures/seen.json", {"tested": [3]}),
 ])  # fmt: skip
 def test_a_changed_file_of_a_run_is_refused_and_the_page_stays(file, changes, run, error_line):
     before = (run / "report.html").read_bytes()

@@ -11,13 +11,13 @@ import numpy as np
 
 from common.command import running_command
 from common.errors import UserError
-from common.files import file_digest, write
+from common.files import file_digest
 from common.folder import as_json
 from common.labels.target_file import find_target
 from experiments.app.fit.config import FitConfig, planned
 from experiments.app.fit.streets import Pool, RenderedStreets, pool_of
-from experiments.app.report import live, page
-from experiments.app.report.fit_table import MODEL, STRIP, Row, derive, rows_of, text
+from experiments.app.report import live, page, pictures
+from experiments.app.report.fit_table import MODEL, Row, derive, rows_of, text
 from experiments.app.report.folder import NAME
 from experiments.attribute_search.loop import learn
 from experiments.evaluation.cost import job_cost
@@ -29,8 +29,7 @@ from experiments.tables.skeleton import Study, attributes, do
 from experiments.tables.stats import UNITS, over_units
 from experiments.targets.base import Target
 from experiments.targets.folder import Parts, Read, all_labelled, fold_targets, parts_of, reader
-from scene.dataset.formats.png import encode
-from seg.classes import class_table, colorize
+from seg.classes import class_table
 from seg.data import LabelledImages
 from seg.errors import ModelError
 from seg.inference import heads_of, stacked
@@ -40,7 +39,7 @@ from seg.nets.trunks import trunk_of
 from seg.step import Params
 
 RANKED_BY: Row = "labels+renders"
-"""The report shows the best, the median and the worst image of this row's first network."""
+"""The report ranks the test images by this row's first network."""
 RENDERED = "mixed"
 """The streets to render, half of them random and half default: better than random ones on real images, and as
 good as those on targets far from the default street (`docs/results.md`)."""
@@ -144,8 +143,11 @@ def scores(run: Session[FitConfig], data: Prepared) -> Report:
             ]
             by_fold.append(nets(of_row, config.final.train.heads))
             averaged[row] += miou(nets(of_row))
-        if number == 0:
-            _write_examples(run, fold, [job for job in jobs[0] if job.keeps == "predictions"])
+    fold = folds[0]
+    labels = {"labels": fold.images(config.final, "labelled")}
+    kinds_of_nets = [f"fold {number}" for number in range(1, len(folds) + 1)]
+    test = fold.images(config.final, "test")
+    pictures.write_images(fold, test, labels, kinds_of_nets, (RANKED_BY,))
     report = {**facts, "nets": networks}
     if config.final.train.heads > 1:
         report["averaged"] = averaged
@@ -339,38 +341,6 @@ def _is_saved(config: FitConfig, notes: Mapping[str, Any]) -> bool:
         return load_model(config.out / MODEL).notes == as_json(notes)
     except ModelError:
         return False  # there is none, or it is damaged
-
-
-def _write_examples(run: Session[FitConfig], fold: Session[FitConfig], jobs: Sequence[Job]) -> None:
-    """Write the best, the median and the worst test image, with its label and each row's prediction."""
-    colors = class_table(fold.target.table).colors
-    images = fold.images(run.config.final, "test")
-    stored = [load(file_of(run.config.out, fold.runner.key(job))) for job in jobs]
-    by_row = [
-        predictions for predictions in stored if predictions and predictions.picked is not None
-    ]
-    if len(by_row) < len(jobs):
-        return  # some came from the store, which has no predictions
-    rows = [job.notes["row"] for job in jobs]
-    ranked = by_row[rows.index(RANKED_BY)]
-    lines = []
-    for place in best_median_worst(cast(np.ndarray, ranked.miou)):
-        index = cast(np.ndarray, ranked.picked)[place]
-        predicted = [colorize(cast(np.ndarray, row.predictions)[place], colors) for row in by_row]
-        label = colorize(images.labels[index], colors)
-        lines.append(np.hstack([images.images[index], label, *predicted]))
-    write(run.config.out / STRIP, encode(np.vstack(lines)))
-
-
-def best_median_worst(miou: np.ndarray) -> list[int]:
-    """The places of the best, the median and the worst image, fewer if there are fewer.
-
-    Args:
-        miou: f32[images] of each image; NaN, if all of its pixels are ignored, comes last.
-    """
-    ranked = np.argsort(-np.nan_to_num(miou, nan=-1.0), kind="stable")
-    last = max(int(np.isfinite(miou).sum()) - 1, 0)
-    return ranked[list(dict.fromkeys((0, last // 2, last)))].tolist()
 
 
 FORM = Form("summary", derive, text, {}, {NAME: page.html})

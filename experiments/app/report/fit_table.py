@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 Row = Literal["labels", "labels+renders", "renders", "labels+learnt"]
 MIXED = f" ({TRAINED_ON['mixed']})"
 """The streets of the renders; those of earlier versions were all random."""
-MODEL, STRIP = "model", "predictions.png"
-"""Files of the run folder: the model; images with their labels and predictions."""
+MODEL = "model"
+"""The folder of the model in the run folder."""
 
 
 def derive(report: Report) -> Report:

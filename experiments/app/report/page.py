@@ -84,58 +84,42 @@ def _page(run: RunFolder, status: Status | None) -> str:
     config = dict(run.config)
     versions = {"engine of scenes": config.get("engine", "?")}
     versions |= config.pop("made_with", {}) | config.pop("versions", {})
-    fit = fit_table.is_fit(report)
-    kind = fit_table.KIND if fit else summary.KIND
+    kind = fit_table.KIND if fit_table.is_fit(report) else summary.KIND
     settings = kind.settings(run)
     if "rows" in report and "seconds" in report:
         settings.append(("Time", duration(report["seconds"]["total"])))
     content = on_page(kind, report, trained) if finished else {}
+    index = run.images
+    tested = index and index.get("tested")  # earlier versions showed other images
     parts = {
         "so_far": so_far(run) if status else None,
-        "search": search_note(run),
+        # Rewards of several folds are of different images: not one curve.
+        "search": search_note(run) if report.get("folds", 1) == 1 else None,
         "result": finished,
         "classes": class_table(report, trained) if trained else None,
         "cost": cost(run),
         "made": True,
-        **(_of_fit(run) if fit else _of_search(run, finished)),
+        "streets": index and index["streets"],
+        "tested": tested and tested["images"] and tested,
     }
+    if finished and kind is summary.KIND:
+        parts |= {"attributes": attributes(run), "importance": importance(run)}
     optimised_first = sorted(trained, key=lambda row: row != "learnt")
     title = report["note"][0].upper() + report["note"][1:]
     defaults = {"verdict": "This run is not finished yet", "cards": []}
     page = environment.get_template("page.html").render(
-        run=run, report=report, index=run.images, order=order, trained=trained, figures=figures,
+        run=run, report=report, index=index, order=order, trained=trained, figures=figures,
         parts=defaultdict(lambda: None, parts), SHORT=SHORT, FIRST=FIRST, EVERY=EVERY, status=status,
         title=title, starts=starts(report), policy=figures.policy(run),
         settings_in_words=[*settings, ("Preset", report["preset"])], notes=report.get("notes", ()),
         following=kind.following(run) if finished else (),
-        confusion=run.images and figures.confusion(run.images, optimised_first),
+        confusion=index and figures.confusion(index, optimised_first),
         versions=versions.items(), settings=json.dumps(config, indent=2),
         style=(HERE / "page.css").read_text(encoding="utf-8"),
         code=(HERE / "page.js").read_text(encoding="utf-8"), plotly=get_plotlyjs(),
         **defaults | content,
     )  # fmt: skip
     return page + "\n"
-
-
-def _of_search(run: RunFolder, finished: bool) -> dict[str, Any]:
-    """The sections of the page that only a search has."""
-    index = run.images
-    shown = {
-        "streets": index and index["streets"],
-        "worst": index and index["worst"] and index["worst"]["images"] and index["worst"],
-    }
-    if not finished:
-        return shown
-    return {**shown, "attributes": attributes(run), "importance": importance(run)}
-
-
-def _of_fit(run: RunFolder) -> dict[str, Any]:
-    """The sections of the page that only `sdr-jax fit` has."""
-    strip = "colors" in run.summary and (run.path / fit_table.STRIP).exists()
-    rows = fit_table.rows_of(run.config["learnt"])
-    examples = {"examples": {"file": fit_table.STRIP, "rows": rows} if strip else None}
-    # Rewards of several folds are of different images: not one curve.
-    return examples | ({"search": None} if run.summary.get("folds", 1) > 1 else {})
 
 
 def so_far(run: RunFolder) -> list[list[str]]:

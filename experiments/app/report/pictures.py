@@ -1,4 +1,4 @@
-"""Images of a run's report: streets, the test images with the worst results, confusion matrices.
+"""Images of a run's report: streets, test images with predictions, confusion matrices.
 
 ``pictures/`` holds images as JPEG and labels as PNG in the colours of their classes. ``seen.json``, written
 last, describes them.
@@ -79,24 +79,31 @@ def write_policy(folder: Path, result: Found) -> None:
 
 
 def write_images(
-    run: Session[Any], test: LabelledImages, sets: Mapping[str, LabelledImages]
+    run: Session[Any],
+    test: LabelledImages,
+    sets: Mapping[str, LabelledImages],
+    nets: Sequence[str],
+    ranked_by: Sequence[str],
 ) -> None:
     """Write all images, and the file that describes them.
 
     Args:
-        run: the run, whose final networks are trained.
+        run: the run, whose networks are tested.
         test: the test images.
         sets: training sets by row, with labels in the target's classes.
+        nets: the kinds of networks in the run's log; those of the first kind predict the test images.
+        ranked_by: rows in order of preference; the first network of the first one with predictions ranks the
+            test images.
     """
     folder, table = run.config.out / PICTURES, class_table(run.target.table)
-    predictions = _predictions(run.config.out, run.finals.records)
+    predictions = _predictions(run.config.out, run.finals.records, nets)
     index = {
         "classes": list(table.classes),
         "colors": table.colors.tolist(),
         "streets": {row: _streets(folder, row, images, table) for row, images in sets.items()},
         "shares": {row: shares(images.labels, len(table.classes)) for row, images in sets.items()},
         "confusion": {row: _confusion(of_seeds) for row, of_seeds in predictions.items()},
-        "worst": _worst(folder, test, predictions, table),
+        "tested": _tested(folder, test, predictions, table, ranked_by),
     }
     write_json(folder / INDEX, index)
 
@@ -127,16 +134,16 @@ def shares(labels: np.ndarray, classes: int) -> dict[str, Any]:
     }
 
 
-def _predictions(folder: Path, records: Sequence[Record]) -> dict[str, list[Predictions]]:
-    """The saved predictions of each row's final networks, in the order of the seeds."""
-    by_seed: dict[str, dict[int, Predictions]] = {}
+def _predictions(
+    folder: Path, records: Sequence[Record], nets: Sequence[str]
+) -> dict[str, list[Predictions]]:
+    """The saved predictions of each row's networks, in the order of their kinds and seeds."""
+    by_place: dict[str, dict[tuple[int, int], Predictions]] = {}
     for line in records:
-        if (
-            line.get("nets") == "final"
-            and (saved := load(file_of(folder, line["key"]))) is not None
-        ):
-            by_seed.setdefault(line["row"], {})[line["seed"]] = saved
-    return {row: [seeds[seed] for seed in sorted(seeds)] for row, seeds in by_seed.items()}
+        kind = line.get("nets")
+        if kind in nets and (saved := load(file_of(folder, line["key"]))) is not None:
+            by_place.setdefault(line["row"], {})[nets.index(kind), line["seed"]] = saved
+    return {row: [saved[place] for place in sorted(saved)] for row, saved in by_place.items()}
 
 
 def _confusion(predictions: Sequence[Predictions]) -> dict[str, Any]:
@@ -159,35 +166,35 @@ def _streets(
     ]
 
 
-def _worst(
+def _tested(
     folder: Path,
     test: LabelledImages,
     predictions: Mapping[str, Sequence[Predictions]],
     table: ClassTable,
+    ranked_by: Sequence[str],
 ) -> dict[str, Any] | None:
-    """Write the worst test images of the first network on optimised streets, and all rows' predictions."""
+    """Write some test images from the best to the worst of a network, and all rows' predictions."""
     first = {
         row: networks[0]
         for row, networks in predictions.items()
         if networks[0].predictions is not None
     }
-    best = next((row for row in ("few+learnt", "learnt", *first) if row in first), None)
+    best = next((row for row in (*ranked_by, *first) if row in first), None)
     if best is None:
         return None
     chosen, miou = first[best].picked, first[best].miou
     assert chosen is not None and miou is not None
-    order = [k for k in np.argsort(miou, kind="stable")[:SHOWN] if np.isfinite(miou[k])]
     images = [
         {
             "name": test.names[chosen[k]],
-            "image": _jpeg(folder, f"worst-{n}", test.images[chosen[k]]),
+            "image": _jpeg(folder, f"tested-{n}", test.images[chosen[k]]),
             "labels": _png(
-                folder, f"worst-{n}-labels", colorize(test.labels[chosen[k]], table.colors)
+                folder, f"tested-{n}-labels", colorize(test.labels[chosen[k]], table.colors)
             ),
             "predictions": {
                 row: {
                     "image": _png(
-                        folder, f"worst-{n}-{row}", colorize(network.predictions[k], table.colors)
+                        folder, f"tested-{n}-{row}", colorize(network.predictions[k], table.colors)
                     ),
                     "miou": round(100 * float(network.miou[k]), 2),
                 }
@@ -195,9 +202,19 @@ def _worst(
                 if network.predictions is not None and network.miou is not None
             },
         }
-        for n, k in enumerate(order)
+        for n, k in enumerate(best_to_worst(miou))
     ]
     return {"by": best, "of": len(chosen), "images": images}
+
+
+def best_to_worst(miou: np.ndarray) -> list[int]:
+    """Some images spread evenly from the best to the worst, without those of which all pixels are ignored.
+
+    Args:
+        miou: f32[images] of each image; NaN, if all of its pixels are ignored.
+    """
+    ranked = np.argsort(-miou, kind="stable")[: np.isfinite(miou).sum()]  # NaN comes last
+    return ranked[_evenly(len(ranked), SHOWN)].tolist()
 
 
 def _jpeg(folder: Path, name: str, image: np.ndarray) -> str:
