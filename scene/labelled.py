@@ -128,7 +128,8 @@ class LabelledStreet:
             camera: the number of one of the street's cameras, a `Camera`, or a pair of intrinsics [3, 3] in
                 pixels (the centre of the first pixel is (0, 0)) and pose [4, 4] from camera to world (x
                 right, y down, z forward). Pixels are square; the principal point may be anywhere in the
-                image. The intrinsics and pose of camera 0 give the same arrays as camera 0.
+                image. The intrinsics and pose of camera 0 give the arrays of camera 0, normals up to
+                rounding.
             size: width and height in pixels.
             passes: any of ``image``, ``classes``, ``instances``, ``depth``, ``normals``.
             samples: rays per pixel along each axis.
@@ -154,6 +155,10 @@ class LabelledStreet:
         else:
             if not isinstance(camera, Camera):
                 camera = _camera(camera, settings, cameras[0])
+            try:
+                seen_through(camera, settings)
+            except (TypeError, ValueError) as error:
+                raise UserError(f"camera: {error}") from None
             # The other cameras stay: greenery near any of them has leaves in all images.
             street = street._replace(cameras=(camera, *cameras))
         [frame] = renderer(renderer_name).render(street, settings, shots=(shot,))

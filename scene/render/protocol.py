@@ -82,6 +82,10 @@ MOST_SAMPLES = 8
 
 def check_settings(settings: RenderSettings) -> RenderSettings:
     """Return the settings; raises ValueError that names a field out of range."""
+    for name in ("width", "height", "samples"):
+        value = getattr(settings, name)
+        if not isinstance(value, int | np.integer):
+            raise ValueError(f"{name} must be a whole number, not {value!r}")
     if settings.width < 8 or settings.height < 8:
         raise ValueError(
             f"image size {settings.width}x{settings.height} is too small; 8x8 is the least"
@@ -115,11 +119,26 @@ def refuse_many_shots(flag: str, shots: int, settings: RenderSettings) -> None:
     refuse_larger(flag, shots, lambda count: count * frame, f"the frames of a street at {size}")
 
 
+SHAPES = {
+    "position": (3,), "yaw": (), "pitch": (), "roll": (), "exposure": (), "warmth": (), "offset": (2,)
+}  # fmt: skip
+"""Shapes of a camera's numbers, without its field of view."""
+
+
 def seen_through(camera: Camera, settings: RenderSettings) -> RenderSettings:
-    """The settings with the camera's own field of view, if it has one."""
+    """The settings with the camera's own field of view, if it has one.
+
+    Raises:
+        ValueError: the camera has a number that is not finite, or a field is out of range.
+    """
+    for name, shape in SHAPES.items():
+        value = np.asarray(getattr(camera, name))
+        if value.shape != shape or value.dtype.kind not in "fiu" or not np.isfinite(value).all():
+            number = f"{shape[0]} finite numbers" if shape else "a finite number"
+            raise ValueError(f"{name} must be {number}, not {getattr(camera, name)!r}")
     if camera.field_of_view is None:
-        return settings
-    return settings._replace(fov=math.degrees(camera.field_of_view))
+        return check_settings(settings)
+    return check_settings(settings._replace(fov=math.degrees(camera.field_of_view)))
 
 
 def pixel_rays(

@@ -12,6 +12,7 @@ from scene import RENDERERS, AssetPool, CameraResponse, RenderSettings, render_s
 from scene.labelled import PASSES
 from scene.mesh.file import from_trimesh
 from scene.mesh.mesh import Mesh
+from scene.street.camera import Camera
 from tests.scene.conftest import chosen
 
 SIZE, SEED, SHOTS = (96, 64), 7, 2
@@ -157,6 +158,10 @@ def broken(faces):
     (lambda s: s.render(9, SIZE), "the street has 0 to 1"),
     (lambda s: s.render("front", SIZE), "camera must be a number"),
     (lambda s: s.render((K, np.eye(3)), SIZE), r"pose must be finite numbers of shape \(4, 4\), not shape"),
+    (lambda s: s.render(Camera((np.nan, 0, 1.5), 0, 0), SIZE), "camera: position must be 3 finite numbers"),
+    (lambda s: s.render(Camera((0, 0, 1.5), 0, 0, 0, 3.0), SIZE), "camera: fov must lie in 5..150 degrees, not 171"),
+    (lambda s: s.render(Camera("abc", 0, 0), SIZE), "position must be 3 finite numbers, not 'abc'"),
+    (lambda s: s.render(0, (64.5, 48)), "size .*: width must be a whole number, not 64.5"),
     (lambda s: s.render((K * np.nan, EYE), SIZE), r"numbers of shape \(3, 3\), not NaN or infinite"),
     (lambda s: s.render((K, 2 * EYE), SIZE), "camera pose must be a rotation"),
     (lambda s: s.render((K * [[1], [2], [1]], EYE), SIZE), "one focal length above 0, not fx 60 and fy 120"),

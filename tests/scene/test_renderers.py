@@ -111,6 +111,8 @@ def test_every_camera_has_its_own_lens(name):
 @pytest.mark.parametrize(("change", "message"), [
     ({"width": 4}, "4x320 is too small"), ({"height": 0}, "640x0 is too small"),
     ({"width": 100_000, "height": 100_000}, "has more than 50,000,000 pixels"),
+    ({"width": 64.0}, "width must be a whole number, not 64.0"),
+    ({"samples": "2"}, "samples must be a whole number, not '2'"),
     *(({"samples": samples}, f"samples must lie in 1..8, not {samples}") for samples in (0, 9)),
     *(({"fov": fov}, f"fov must lie in 5..150 degrees, not {fov}") for fov in (0.0, math.nan)),
 ])  # fmt: skip
@@ -120,6 +122,10 @@ def test_settings_out_of_range_are_refused_by_name(change, message):
 
 def test_renderers_check_their_settings_and_an_unknown_one_is_refused(draw):
     refused(ValueError, "samples", draw, bare_street(), SMALL._replace(samples=0))
+    blind = LEVEL._replace(yaw=math.nan), LEVEL._replace(field_of_view=0.01)
+    for camera, words in zip(blind, ("yaw must be a finite number, not nan", "fov"), strict=True):
+        cameras = LEVEL, camera
+        refused(ValueError, words, draw, bare_street()._replace(cameras=cameras), SMALL)
     refused(ValueError, "unknown renderer 'vulkan'; known: embree, opengl", renderer, "vulkan")
 
 

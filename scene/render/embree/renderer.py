@@ -23,7 +23,6 @@ from scene.render.protocol import (
     Frame,
     Lap,
     RenderSettings,
-    check_settings,
     no_lap,
     seen_through,
     through_middles,
@@ -64,7 +63,7 @@ class EmbreeRenderer:
         shots: Sequence[int] | None = None,
     ) -> list[Frame]:
         """Render one frame per camera of the street; see ``protocol.Renderer``."""
-        settings = check_settings(seen_through(street.cameras[0], settings))
+        settings = [seen_through(camera, settings) for camera in street.cameras][0]
         geometry = build(street)
         around = surroundings(street, geometry, settings)
         lap("build")

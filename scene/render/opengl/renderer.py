@@ -27,7 +27,6 @@ from scene.render.protocol import (
     Lap,
     RendererError,
     RenderSettings,
-    check_settings,
     no_lap,
     seen_through,
     through_middles,
@@ -82,7 +81,7 @@ class OpenGLRenderer:
             ValueError: settings are out of range.
             RendererError: OpenGL failed; its resources are freed.
         """
-        settings = check_settings(seen_through(street.cameras[0], settings))
+        settings = [seen_through(camera, settings) for camera in street.cameras][0]
         return _on_gl_thread(lambda: _render(street, settings, lap, shots))
 
 
