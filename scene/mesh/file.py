@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
 
 import numpy as np
@@ -25,6 +25,7 @@ from scene.mesh.mtl import Look, looks
 
 if TYPE_CHECKING:
     import trimesh
+    from PIL.Image import Image
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 """Supported formats."""
@@ -90,11 +91,7 @@ def read_mesh(
         raise MeshError(f"broken: {error}") from error
     merged = _joined(pieces)
     vertices = merged.mesh.vertices @ (scale * _axes(path, up, forward)).T
-    mesh = trimesh.Trimesh(vertices, merged.mesh.faces, process=False)
-    mesh.remove_unreferenced_vertices()
-    return check_asset(
-        merged._replace(mesh=Mesh(np.asarray(mesh.vertices), np.asarray(mesh.faces)))
-    )
+    return check_asset(merged._replace(mesh=Mesh(vertices, merged.mesh.faces)))
 
 
 def from_trimesh(mesh: trimesh.Trimesh | trimesh.Scene) -> Asset:
@@ -117,28 +114,56 @@ def from_trimesh(mesh: trimesh.Trimesh | trimesh.Scene) -> Asset:
 
 
 def check_asset(asset: Asset) -> Asset:
-    """Return an asset after checks of its arrays, which compiled code follows without any.
+    """Return an asset as compiled code needs it, which follows its arrays without any checks.
+
+    Its arrays have the types of `Asset`, and vertices without a face are removed.
 
     Raises:
         MeshError: it has no faces, too many, one with a missing vertex or an unknown material, numbers that
-            are not finite, or arrays of other lengths.
+            are not finite, or arrays of other types, shapes or lengths.
     """
-    vertices, faces, count = asset.mesh.vertices, asset.mesh.faces, len(asset.mesh.faces)
+    count = len(asset.mesh.faces)
     if not count:
         raise MeshError("has no faces")
     if count > MOST_FACES:
         raise MeshError(f"has more than {MOST_FACES:,} faces, which is the limit")
-    of_faces = (asset.color, asset.material, *([] if asset.ignored is None else [asset.ignored]))
+    vertices = _array("vertices", asset.mesh.vertices, "fiu", (3,)).astype(np.float64)
+    faces = _array("faces", asset.mesh.faces, "iu", (3,))
+    color = _array("colours", asset.color, "fiu", (3,)).astype(np.float32)
+    material = _array("materials", asset.material, "iu", ())
+    ignored = None
+    if asset.ignored is not None:
+        ignored = _array("labels", asset.ignored, "biu", ()).astype(bool)
+    of_faces = (color, material, *([] if ignored is None else [ignored]))
     if any(len(array) != count for array in of_faces):
         lengths = ", ".join(str(len(array)) for array in of_faces)
         raise MeshError(f"has {count} faces, but colours, materials and labels of {lengths}")
     _check_faces(faces, vertices)
-    for what, numbers in (("vertices", vertices), ("colours", asset.color)):
+    for what, numbers in (("vertices", vertices), ("colours", color)):
         if not np.isfinite(numbers).all():
             raise MeshError(f"has {what} that are not finite numbers")
-    if asset.material.max() >= len(MATERIALS):
-        raise MeshError(f"has material {asset.material.max()}; the last is {len(MATERIALS) - 1}")
-    return asset
+    for number in (material.min(), material.max()):
+        if not 0 <= number < len(MATERIALS):
+            raise MeshError(f"has material {number}; the last is {len(MATERIALS) - 1}")
+    used, index = np.unique(faces, return_inverse=True)
+    mesh = Mesh(vertices[used], index.reshape(faces.shape).astype(np.int64))
+    return Asset(mesh, color, material.astype(np.uint8), ignored)
+
+
+def _array(what: str, values: Any, kinds: str, shape: tuple[int, ...]) -> np.ndarray:
+    """The values as an array [n, *shape] with a type of one of these kinds; MeshError if they are none."""
+    try:
+        array = np.asarray(values)
+    except ValueError:
+        raise MeshError(f"has {what} that are no array") from None
+    if array.dtype.kind not in kinds or array.shape[1:] != shape or not array.ndim:
+        number = "numbers" if "f" in kinds else "whole numbers"
+        needed = "n, 3" if shape else "n"
+        raise MeshError(
+            f"has {what} of type {array.dtype} and shape {array.shape}; they must be {number} of shape "
+            f"[{needed}]"
+        )
+    return array
 
 
 def _check_faces(faces: np.ndarray, vertices: np.ndarray) -> None:
@@ -231,7 +256,8 @@ def _piece(
         placements[int(loaded_material.name)] if gltf and loaded_material is not None else None
     )
     rgba, textured = _colors(mesh, gltf, look, placement)
-    mode = getattr(loaded_material, "alphaMode", None) or ("OPAQUE" if gltf else "BLEND")
+    of_gltf = gltf or hasattr(loaded_material, "alphaMode")
+    mode = getattr(loaded_material, "alphaMode", None) or ("OPAQUE" if of_gltf else "BLEND")
     if mode == "OPAQUE":
         rgba[..., 3] = 1
     if mode == "MASK":
@@ -290,11 +316,14 @@ def _of_material(
     tint = (
         np.ones(4) if factor is None else _linear(np.asarray(factor, float)[None] / 255, linear)[0]
     )
+    wanted = look.texture or (placement is not None and placement.textured)
+    if texture_image is None and visual.uv is not None and wanted:
+        raise MeshError("has a texture that cannot be read; save it as PNG or JPEG")
     if texture_image is None or visual.uv is None:
         return (np.tile(tint, (count, 1, 1)) if factor is not None else grey), False
     if texture_image.width * texture_image.height > MOST_PIXELS:
         raise MeshError(f"has a texture of more than {MOST_PIXELS:,} pixels")
-    pixels = np.asarray(texture_image.convert("RGBA"))
+    pixels = _pixels(texture_image)
     uv = np.asarray(visual.uv)[:, :2] * look.scale + look.offset
     uv = uv if placement is None else placement.of(uv)
     uv = np.einsum("sk,fkc->fsc", SAMPLES, uv[np.asarray(mesh.faces)])
@@ -304,6 +333,14 @@ def _of_material(
     columns = np.floor((uv[..., 0] % 1) * width).astype(int) % width
     rows = np.floor(((1 - uv[..., 1]) % 1) * height).astype(int) % height
     return _linear(pixels[rows, columns] / 255, False) * tint, True
+
+
+def _pixels(image: Image) -> np.ndarray:
+    """A texture as u8[h, w, 4]; Pillow clips grey of 16 bits at 255, so its low bits are removed first."""
+    if not image.mode.startswith("I"):
+        return np.asarray(image.convert("RGBA"))
+    grey = (np.asarray(image).clip(0, 65535) >> 8).astype(np.uint8)
+    return np.dstack([grey, grey, grey, np.full_like(grey, 255)])
 
 
 def _linear(rgba: np.ndarray, linear: bool) -> np.ndarray:

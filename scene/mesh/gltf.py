@@ -13,6 +13,7 @@ import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
+from urllib.parse import unquote
 
 import numpy as np
 
@@ -31,6 +32,7 @@ class TexturePlacement(NamedTuple):
     offset: tuple[float, float] = (0.0, 0.0)
     rotation: float = 0.0  # radians, counter-clockwise
     scale: tuple[float, float] = (1.0, 1.0)
+    textured: bool = False  # whether the material has a texture in a form that the loader reads
 
     def of(self, uv: np.ndarray) -> np.ndarray:
         """Transform coordinates f64[n, 2] of a mesh to those of the texture, with v up as in the loader."""
@@ -86,7 +88,13 @@ def _primitives(content: dict[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 def _rewrite(content: dict[str, Any]) -> list[TexturePlacement]:
-    """Number the materials, give one to every primitive, and put the coordinates in use first."""
+    """Number the materials, give one to every primitive, and put the coordinates in use first.
+
+    Names of files are decoded, since the loader takes them as they are.
+    """
+    for row in (*content.get("buffers", []), *content.get("images", [])):
+        if "uri" in row and not row["uri"].startswith("data:"):
+            row["uri"] = unquote(row["uri"])
     materials = content.setdefault("materials", [])
     if any("material" not in primitive for primitive in _primitives(content)):
         for primitive in _primitives(content):
@@ -113,6 +121,7 @@ def _rewrite(content: dict[str, Any]) -> list[TexturePlacement]:
                 (float(offset[0]), float(offset[1])),
                 float(lay.get("rotation", 0.0)),
                 (float(scale[0]), float(scale[1])),
+                specular is None and "index" in info,
             )
         )
     for primitive in _primitives(content):

@@ -10,7 +10,7 @@ import scene
 from common.errors import UserError
 from scene import RENDERERS, AssetPool, CameraResponse, RenderSettings, render_street, sample
 from scene.labelled import PASSES
-from scene.mesh.file import from_trimesh
+from scene.mesh.file import check_asset, from_trimesh
 from scene.mesh.mesh import Mesh
 from scene.street.camera import Camera
 from tests.scene.conftest import chosen
@@ -147,6 +147,14 @@ def broken(faces):
     (lambda s: s.add(broken(faces=[[0, 1, 99]]), "car", (3, 0)), "has a face with a vertex index outside"),
     (lambda s: s.add(broken(faces=[[0, 1, -1]]), "car", (3, 0)), "has a face with a vertex index outside"),
     (lambda s: s.add(ASSET._replace(material=ASSET.material + 200), "car", (3, 0)), "mesh has material 200"),
+    *((lambda s, v=v: s.add(ASSET._replace(**v), "car", (3, 0)), f"mesh has {words}; they must be") for v, words in (
+        ({"mesh": Mesh(BOX.vertices, np.zeros((12, 4), int))}, r"faces of type int64 and shape \(12, 4\)"),
+        ({"mesh": Mesh(BOX.vertices, BOX.faces.astype(float))}, "faces of type float64 and shape .*"),
+        ({"color": np.ones((12, 4))}, r"colours of type float64 and shape \(12, 4\)"),
+        ({"material": np.ones(12)}, r"materials of type float64 and shape \(12,\)"),
+        ({"ignored": np.ones(12)}, r"labels of type float64 and shape \(12,\)"),
+    )),
+    (lambda s: s.add(ASSET._replace(material=ASSET.material - 1.0), "car", (3, 0)), "mesh has materials of type"),
     (lambda s: s.add(ASSET._replace(color=ASSET.color[1:]), "car", (3, 0)), "has 12 faces, but colours"),
     (lambda s: s.add(ASSET._replace(color=ASSET.color * np.nan), "car", (3, 0)), "has colours that are not"),
     (lambda s: s.add(ASSET._replace(mesh=Mesh(ASSET.mesh.vertices, ASSET.mesh.faces - 9)), "car", (3, 0)),
@@ -159,7 +167,7 @@ def broken(faces):
     (lambda s: s.render("front", SIZE), "camera must be a number"),
     (lambda s: s.render((K, np.eye(3)), SIZE), r"pose must be finite numbers of shape \(4, 4\), not shape"),
     (lambda s: s.render(Camera((np.nan, 0, 1.5), 0, 0), SIZE), "camera: position must be 3 finite numbers"),
-    (lambda s: s.render(Camera((0, 0, 1.5), 0, 0, 0, 3.0), SIZE), "camera: fov must lie in 5..150 degrees, not 171"),
+    (lambda s: s.render(Camera((0, 0, 1.5), 0, 0, 0, 3.0), SIZE), "camera: fov must lie in 5..150"),
     (lambda s: s.render(Camera("abc", 0, 0), SIZE), "position must be 3 finite numbers, not 'abc'"),
     (lambda s: s.render(0, (64.5, 48)), "size .*: width must be a whole number, not 64.5"),
     (lambda s: s.render((K * np.nan, EYE), SIZE), r"numbers of shape \(3, 3\), not NaN or infinite"),
@@ -172,6 +180,13 @@ def test_what_cannot_be_is_one_line(work, words, street):
     with pytest.raises(UserError, match=words) as refused:
         work(street)
     assert "\n" not in str(refused.value)
+
+
+def test_an_asset_may_have_lists_and_whole_numbers_for_flags():
+    rows = {"color": [[1, 0, 0]] * 12, "material": [0] * 12, "ignored": [1] + [0] * 11}
+    asset = check_asset(ASSET._replace(**rows))
+    assert asset.color.dtype == np.float32 and asset.material.dtype == np.uint8
+    assert asset.ignored.dtype == bool and asset.ignored.sum() == asset.ignored[0] == 1
 
 
 @pytest.mark.parametrize("workers", [0, 1])

@@ -6,6 +6,7 @@ import re
 import struct
 from pathlib import Path
 from unicodedata import normalize
+from urllib.parse import unquote
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from trimesh.visual.material import PBRMaterial, SimpleMaterial
 from scene.assets import catalogue, library
 from scene.assets.library import FOLDERS, LibraryError, check, load, manifest, scan
 from scene.look.materials import material_id
-from scene.mesh.file import MeshError, read_mesh
+from scene.mesh.file import MeshError, from_trimesh, read_mesh
 from scene.mesh.gltf import TexturePlacement
 from tests.scene.conftest import refused, solid
 
@@ -187,6 +188,7 @@ def changed(change, material=None, alpha=None):
     (lambda c: c["accessors"][0].update(sparse={"count": 1}), "sparse"),
     (lambda c: c["accessors"][1].update(componentType=5121, normalized=True), "TEXCOORD_0"),
     (lambda c: c["images"][0].update(mimeType="image/ktx2"), "KTX2"),
+    (lambda c: c["images"][0].update(bufferView=0), "has a texture that cannot be read"),
 ])  # fmt: skip
 def test_unsupported_features_of_gltf_are_refused_by_name(tmp_path, change, complaint):
     (path := tmp_path / "two.glb").write_bytes(changed(change, alpha=255))
@@ -211,6 +213,31 @@ def test_a_texture_of_gltf_is_moved_and_turned_by_its_transform():
     assert moved == pytest.approx(np.array([[0.1, 0.8], [1.1, -0.2]]))
     turned = TexturePlacement(rotation=np.pi / 2).of(uv)
     assert turned == pytest.approx(np.array([[0.0, 1.0], [0.25, 1.5]]))
+
+
+@pytest.mark.parametrize("name", ["my%20paint.png", "gr%C3%BCn.png", "grün.png"])
+def test_a_texture_of_gltf_may_have_a_name_in_percent_code(tmp_path, name):
+    data = glb({}, 255)
+    end = 20 + struct.unpack_from("<I", data, 12)[0]
+    content = json.loads(data[20:end])
+    (tmp_path / "my mesh.bin").write_bytes(data[end + 8 :])
+    Image.new("RGB", (1, 1), (0, 0, 255)).save(tmp_path / unquote(name))
+    content["images"], content["buffers"][0]["uri"] = [{"uri": name}], "my%20mesh.bin"
+    (path := tmp_path / "two.gltf").write_text(json.dumps(content))
+    assert (read_mesh(path).color[0] == BLUE).all()
+
+
+def test_grey_of_16_bits_is_grey():
+    picture = Image.fromarray(np.full((2, 2), 128 * 256, np.uint16))
+    mesh = textured(block(CAR), np.full((8, 2), 0.3), baseColorTexture=picture)
+    assert from_trimesh(mesh).color == pytest.approx(0.2158, abs=1e-3)
+
+
+def test_meshes_in_memory_have_no_glass_by_default_as_in_gltf_and_no_vertices_without_a_face():
+    mesh = textured(block(CAR), np.zeros((8, 2)), baseColorFactor=[255, 0, 0, 128])
+    assert set(from_trimesh(mesh).material) == {material_id("plain")}
+    far = trimesh.Trimesh([*block(CAR).vertices, (0, 0, 90)], block(CAR).faces, process=False)
+    assert np.ptp(from_trimesh(far).mesh.vertices, axis=0) == pytest.approx(CAR)
 
 
 def obj(folder, library, picture="my paint.png"):
@@ -250,6 +277,7 @@ def test_a_material_of_obj_that_is_clear_is_glass(tmp_path, library, expected):
 
 @pytest.mark.parametrize(("library", "complaint"), [
     ("d clear", "broken: could not convert string to float: 'clear'"),
+    ("map_Kd all of it.mtl", "has a texture that cannot be read"),
     ("map_Kd -bm 1 ../my paint.png", r"refers to \.\./my paint\.png, which leads out of"),
 ])  # fmt: skip
 def test_a_bad_material_of_obj_is_refused(tmp_path, library, complaint):

@@ -63,7 +63,7 @@ class EmbreeRenderer:
         shots: Sequence[int] | None = None,
     ) -> list[Frame]:
         """Render one frame per camera of the street; see ``protocol.Renderer``."""
-        settings = [seen_through(camera, settings) for camera in street.cameras][0]
+        settings, *_ = [seen_through(camera, settings) for camera in street.cameras]
         geometry = build(street)
         around = surroundings(street, geometry, settings)
         lap("build")

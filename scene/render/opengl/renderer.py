@@ -81,7 +81,7 @@ class OpenGLRenderer:
             ValueError: settings are out of range.
             RendererError: OpenGL failed; its resources are freed.
         """
-        settings = [seen_through(camera, settings) for camera in street.cameras][0]
+        settings, *_ = [seen_through(camera, settings) for camera in street.cameras]
         return _on_gl_thread(lambda: _render(street, settings, lap, shots))
 
 
