@@ -14,8 +14,6 @@ from scene.mesh.asset import Asset, Color, Parts, merge, repaint, reshaped, soli
 from scene.mesh.mesh import Mesh, cross, frozen
 from scene.mesh.solids import ellipsoid
 
-HAIRDOS: tuple[str, ...] = ("bald", "short", "thick", "curly", "bob", "long", "ponytail", "bun")
-"""Names of hairdos."""
 SIZE = np.array([0.055, 0.045, 0.066])
 """Half length, width and height of an adult's head, as shares of the standing height."""
 SIDES = 16
@@ -59,8 +57,6 @@ _SHELLS: dict[str, Shell] = {
     "cycle helmet": Shell(((0, 0.45), (180, 0.15)), 1.25, 0.20, "paint"),
     "open helmet": Shell(((0, 0.50), (45, 0.45), (65, 0.0), (75, -0.7)), 1.30, 0.05, "paint"),
 }
-HATS: tuple[str, ...] = (*_SHELLS, "full helmet")
-"""Names of hats; "" stands for none."""
 _EARS_COVERED = ("hood", "headscarf", "open helmet")
 _NAPE = {"short": -0.45, "bob": -0.9, "long": -0.9, "thick": -0.6, "curly": -0.7}
 _FULL = {"short": (1.05, 0.02), "thick": (1.10, 0.08), "curly": (1.24, 0.10), "bob": (1.12, 0.05)}
