@@ -129,15 +129,19 @@ class Preview(Assets):
     """streets with more of one feature, such as bends, or 'all' themes"""
     asset: Annotated[str | None, ONE_OF, Option("CLASS")] = None
     """assets of a class or family, or of 'all'"""
+    overlap: Annotated[str, Option(choices=OVERLAPS, excludes=("--asset",))] = ""
+    """whether objects may overlap; by default only in space scenex"""
+    weather: Annotated[str, Option(choices=WEATHERS, excludes=("--asset",))] = ""
+    """weather of all streets; by default it varies"""
     attributes: Annotated[str, Option(choices=NAMES, excludes=MODES)] = "default"
     """attributes of the streets"""
-    streets: Annotated[int, Option("N")] = 3
+    streets: Annotated[int, Option("N", excludes=("--sweep", "--asset"))] = 3
     """number of streets"""
-    shots: Annotated[int, Option("N")] = 4
+    shots: Annotated[int, Option("N", excludes=MODES)] = 4
     """images per street"""
     size: Size | None = None
     """image size in pixels; by default it suits the page"""
-    seed: Annotated[int, Option("N")] = 0
+    seed: Annotated[int, Option("N", excludes=("--asset",))] = 0
     """random seed"""
     space: Annotated[SpaceName, Option(excludes=MODES)] = "scenex"
     """attributes of the streets"""

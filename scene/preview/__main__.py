@@ -23,7 +23,7 @@ from common import files
 from common.command import Arguments, exit_code
 from common.workers.pool import WorkerPool
 from scene.assets.catalogue import AssetPool, check_pool, missing_families
-from scene.dataset.render import compile_first
+from scene.dataset.render import check_seed, compile_first
 from scene.parsers import preview as parser
 from scene.preview.closeup import all_classes, class_page
 from scene.preview.layout import Studio, save
@@ -55,8 +55,7 @@ def page(options: argparse.Namespace) -> np.ndarray:
             raise ValueError(f"--{name} must lie in 1..{MOST}, not {value}")
     if not 2 <= options.steps <= MOST:
         raise ValueError(f"--steps must lie in 2..{MOST}, not {options.steps}")
-    if options.seed < 0:
-        raise ValueError(f"--seed must be 0 or more, not {options.seed}")
+    check_seed(options.seed, "--seed")
     pool = check_pool(
         AssetPool(
             fraction=options.asset_fraction,

@@ -184,14 +184,17 @@ def all_classes(columns: int, studio: Studio) -> np.ndarray:
 
 
 def _refs(name: str, count: int, pool: AssetPool) -> list[tuple[str, int | str]]:
-    """The first assets of a class, the user's own first, evenly from its families."""
-    families = families_of(name)
-    assets: list[tuple[str, int | str]] = []
-    for k, family in enumerate(families):
-        share = (count + len(families) - 1 - k) // len(families)
+    """The first assets of a class, the user's own first, evenly from its families that have any."""
+    present: dict[str, list[int | str]] = {}
+    for family in families_of(name):
         refs: list[int | str] = list(own_assets(pool, family))
         if pool.use != "own":
-            refs += range(pool.first, pool.first + share)
+            refs += range(pool.first, pool.first + count)
+        if refs:
+            present[family] = refs
+    assets: list[tuple[str, int | str]] = []
+    for k, (family, refs) in enumerate(present.items()):
+        share = (count + len(present) - 1 - k) // len(present)
         assets += [(family, ref) for ref in refs[:share]]
     return assets
 

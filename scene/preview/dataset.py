@@ -18,6 +18,8 @@ IMAGES = 8
 COLUMNS = 4
 WIDTH = 320
 """Width of each image in pixels; a smaller dataset keeps its own."""
+HIGHEST = 8
+"""Largest height of an image, as a multiple of ``WIDTH``."""
 
 
 def write_sheet(folder: Path) -> Path:
@@ -53,7 +55,8 @@ def _column(dataset: Described, stem: str) -> np.ndarray:
 
 def _small(image: np.ndarray, interpolation: int) -> np.ndarray:
     height, width = image.shape[:2]
-    if width <= WIDTH:
+    scale = min(WIDTH / width, HIGHEST * WIDTH / height, 1)
+    if scale == 1:
         return image
-    size = WIDTH, max(round(height * WIDTH / width), 1)
+    size = max(round(width * scale), 1), max(round(height * scale), 1)
     return np.asarray(cv2.resize(image, size, interpolation=interpolation))

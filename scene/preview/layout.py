@@ -82,8 +82,10 @@ def save(image: np.ndarray, path: Path) -> None:
     """
     suffix = path.suffix.lower()
     try:
-        _, data = cv2.imencode(suffix, image[..., ::-1], () if suffix == ".png" else JPEG)
-    except cv2.error:
+        done, data = cv2.imencode(suffix, image[..., ::-1], () if suffix == ".png" else JPEG)
+    except cv2.error:  # OpenCV 4; version 5 returns False
+        done = False
+    if not done:
         height, width = image.shape[:2]
-        raise ValueError(f"{path}: {width}x{height} pixels are too many for {suffix}") from None
+        raise ValueError(f"{path}: {width}x{height} pixels are too many for {suffix}")
     files.write(path, data.tobytes())

@@ -8,13 +8,14 @@ import pytest
 import trimesh
 
 from scene import CLASS_NAMES, RenderSettings, TrainId, colorize, renderer
-from scene.assets.catalogue import asset, bounds, surfaces
+from scene.assets.catalogue import AssetPool, asset, bounds, surfaces
 from scene.assets.families import FAMILIES
 from scene.assets.library import scan
 from scene.attributes import BY_NAME, NAMES
 from scene.preview.__main__ import main
-from scene.preview.closeup import SKIES, asset_street, fit, named_sky, surface_street
-from scene.preview.layout import CAPTION, Studio, captioned, grid, stack, tile
+from scene.preview.closeup import SKIES, _refs, asset_street, fit, named_sky, surface_street
+from scene.preview.dataset import _small
+from scene.preview.layout import CAPTION, Studio, captioned, grid, save, stack, tile
 from scene.preview.streets import sweep
 from scene.preview.themes import THEMES, VIEW, themed
 from scene.street.camera import camera_axes
@@ -135,6 +136,33 @@ def test_own_assets_are_shown_and_what_is_left_out_is_said(folder, tmp_path, pri
     assert (frame.label == TrainId.BUS).mean() > 0.1 and len(asset("bus", ref).mesh.faces) == 12
 
 
+def test_own_assets_of_the_second_family_of_a_class_are_shown(shelf):
+    folder = shelf("bush/box.stl", trimesh.creation.box((1, 1, 1)))
+    own = AssetPool(own=folder, use="own")
+    refs = [("bush", ref) for ref in scan(folder)["bush"]]
+    assert _refs("vegetation", 1, own) == _refs("vegetation", 5, own) == refs
+    assert _refs("vegetation", 3, AssetPool()) == [("tree", 0), ("tree", 1), ("bush", 0)]
+
+
+@pytest.mark.parametrize("version", [4, 5])
+def test_a_page_that_is_too_large_is_refused_with_any_opencv(version, tmp_path, monkeypatch):
+    def encode(*_):
+        if version == 4:
+            raise cv2.error("too large")
+        return False, ()
+
+    monkeypatch.setattr(cv2, "imencode", encode)
+    message = r"page\.jpg: 6x4 pixels are too many for \.jpg"
+    refused(ValueError, message, save, np.zeros((4, 6, 3), np.uint8), tmp_path / "page.jpg")
+
+
+@pytest.mark.parametrize(("size", "small"), [
+    ((640, 320), (320, 160)), ((64, 48), (64, 48)), ((64, 60_000), (3, 2560)), ((5000, 8), (320, 1)),
+])  # fmt: skip
+def test_images_of_a_contact_sheet_are_bounded_in_width_and_height(size, small):
+    assert _small(np.zeros((*size[::-1], 3), np.uint8), cv2.INTER_AREA).shape[1::-1] == small
+
+
 @pytest.mark.parametrize(("flags", "message"), [
     ("--sweep hats", "unknown attribute 'hats'; known: illumination_intensity"),
     ("--theme hats", "unknown theme 'hats'; known: islands, bends"),
@@ -149,9 +177,13 @@ def test_own_assets_are_shown_and_what_is_left_out_is_said(folder, tmp_path, pri
     ("--sweep all --steps 1", "--steps must lie in 2..400, not 1"),
     ("--sweep all --attributes random", "--attributes has no effect with --sweep"),
     ("--asset car --space=extended", "--space has no effect with --asset"),
+    ("--asset car --weather fog", "--weather has no effect with --asset"),
+    ("--asset car --seed 3", "--seed has no effect with --asset"),
+    ("--theme bends --shots 3", "--shots has no effect with --theme"),
+    ("--sweep all --streets 2", "--streets has no effect with --sweep"),
     ("--steps 3", "--steps needs --sweep"), ("--columns 3", "--columns needs --asset"),
     ("--asset all --count 9999", "--count must lie in 1..400, not 9999"),
-    ("--seed -1", "--seed must be 0 or more, not -1"),
+    ("--seed 4294967296", "--seed must lie in 0..4294967295, not 4294967296"),
     ("--asset-fraction 0", "asset fraction must lie in (0, 1], not 0"),
     ("--asset-use own", "needs a folder of own assets"),
     ("--weather hail", "'hail'"),
