@@ -29,6 +29,16 @@ def opengl():
     return chosen("opengl")
 
 
+def test_more_triangles_than_labels_can_hold_are_refused(opengl):
+    from scene.render.opengl.raster import MOST_FACES, Rasterizer
+
+    faces = np.broadcast_to(np.int32(0), (MOST_FACES + 1, 3))
+    with pytest.raises(
+        RendererError, match="16,777,217 triangles, but opengl draws at most 16,777,216"
+    ):
+        Rasterizer.load(None, np.zeros((1, 3), np.float32), faces)
+
+
 def both(opengl, sampled, settings):
     """The first frame of each renderer, with images as floats."""
     frames = [by.render(sampled, settings)[0] for by in (renderer("embree"), opengl)]

@@ -46,7 +46,9 @@ void main() {
 }
 """
 NOTHING = -1.0
-"""Face index of pixels without a face. Floats represent face indices exactly up to 2^24."""
+"""Face index of pixels without a face."""
+MOST_FACES = 2**24
+"""Floats represent face indices exactly up to this one."""
 
 
 class Rasterizer:
@@ -59,7 +61,12 @@ class Rasterizer:
         self._scene: pyrender.Scene | None = None
 
     def load(self, vertices: np.ndarray, faces: np.ndarray) -> None:
-        """Replace the mesh: vertices f32[v, 3], faces i32[f, 3]."""
+        """Replace the mesh: vertices f32[v, 3], faces i32[f, 3]; RendererError if it has too many."""
+        if len(faces) > MOST_FACES:
+            raise RendererError(
+                f"the street has {len(faces):,} triangles, but opengl draws at most {MOST_FACES:,}; use "
+                "--renderer embree or simpler assets"
+            )
         self._scene = pyrender.Scene()
         self._camera = self._scene.add(_Camera())
         self._mesh = self._scene.add(
