@@ -22,8 +22,9 @@ from scene.attributes import SPACES, SpaceName, default_unit, names, unit_value
 from scene.classes import CLASS_NAMES
 from scene.dataset.formats.planes import focal_length, principal_point
 from scene.dataset.formats.segments import segments
-from scene.dataset.render import street_of
+from scene.dataset.render import check_seed, street_of
 from scene.ground.build import GROUND_INSTANCES
+from scene.ground.path import FROM, TO
 from scene.mesh.asset import Asset
 from scene.mesh.bombs import MeshError
 from scene.mesh.file import from_trimesh
@@ -101,12 +102,18 @@ class LabelledStreet:
             UserError: the class or asset is unknown, or the mesh, position or yaw is invalid.
         """
         train_id = self._train_id(class_name)
-        place = np.asarray(position, float)
+        try:
+            place = np.asarray(position, float)
+        except (TypeError, ValueError):
+            place = np.empty(0)
         if place.shape not in ((2,), (3,)) or not np.isfinite(place).all():
             raise UserError(f"position must be 2 or 3 finite numbers in metres, not {position!r}")
-        if not math.isfinite(yaw):
-            raise UserError(f"yaw must be a finite number of degrees, not {yaw}")
+        is_number = isinstance(yaw, int | float | np.integer | np.floating)
+        if not is_number or not math.isfinite(yaw):
+            raise UserError(f"yaw must be a finite number of degrees, not {yaw!r}")
         x, y, lift = [*place.tolist(), 0.0][:3]
+        if not FROM <= x <= TO:
+            raise UserError(f"position {x:g} along the road must lie in {FROM:g}..{TO:g} metres")
         stand = Stand(*_reference(mesh), x, y, math.radians(yaw), lift)
         [placement] = placed(self.street.ground, [stand])
         number = FIRST_INSTANCE + len(self.street.placements)
@@ -204,7 +211,7 @@ def sample(
     """Sample a street: the first one of a dataset with this seed.
 
     Args:
-        seed: random seed.
+        seed: random seed, below 2**32.
         space: ``scenex``, or ``extended`` for more attributes.
         assets: the assets to use, or a folder of your own.
         weather: ``clear``, ``fog``, ``rain``, ``snow`` or ``night``; by default random.
@@ -214,8 +221,7 @@ def sample(
     Raises:
         UserError: an attribute is unknown, or a value is out of range.
     """
-    if seed < 0:
-        raise UserError(f"seed must be 0 or more, not {seed}")
+    check_seed(seed)
     if shots < 1:
         raise UserError(f"shots must be 1 or more, not {shots}")
     if space not in SPACES:
@@ -243,12 +249,13 @@ def _reference(mesh: Any) -> tuple[str, int | str]:
         own_class.load(ref)
         return own_class.FAMILY, ref
     if isinstance(mesh, tuple) and not isinstance(mesh, Asset):
-        if len(mesh) != 2 or mesh[0] not in FAMILIES or not isinstance(mesh[1], int) or mesh[1] < 0:
+        is_index = len(mesh) == 2 and isinstance(mesh[1], int | np.integer) and mesh[1] >= 0
+        if not is_index or mesh[0] not in FAMILIES:
             raise UserError(
                 f"mesh {mesh!r}: an asset is a family and a number from 0, such as ('car', 3); families: "
                 f"{', '.join(FAMILIES)}"
             )
-        return mesh
+        return mesh[0], int(mesh[1])
     try:
         asset = mesh if isinstance(mesh, Asset) else from_trimesh(mesh)
         return own_class.FAMILY, own_class.in_memory(asset)

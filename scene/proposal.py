@@ -88,6 +88,7 @@ def mixture(shares: Sequence[float], proposals: Sequence[Component]) -> Streets:
     Raises:
         ValueError: shares are out of range, or proposals have different spaces.
     """
+    shares = [float(share) for share in shares]
     if not shares or len(shares) != len(proposals):
         raise ValueError(f"a mixture needs one share for each of its components, not {len(shares)}")
     if any(not 0 < share <= 1 for share in shares) or abs(math.fsum(shares) - 1) > 1e-6:

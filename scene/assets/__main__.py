@@ -13,7 +13,7 @@ from collections.abc import Iterator
 
 from common.command import Arguments, exit_code
 from scene import parsers
-from scene.assets.catalogue import asset, families_of, kind, surfaces
+from scene.assets.catalogue import asset, families_of, kind, surfaces, train_id
 from scene.assets.families import FAMILIES
 from scene.assets.likeness import closest, describe
 from scene.classes import CLASS_NAMES, TrainId
@@ -22,22 +22,23 @@ from scene.classes import CLASS_NAMES, TrainId
 def counts() -> dict[str, int]:
     """Count the assets of the full catalogue by class, in the order of the train ids."""
     total = {name: len(rows) for name, rows in surfaces().items()}
-    for row in FAMILIES.values():
-        name = CLASS_NAMES[row.train_id]
-        total[name] = total.get(name, 0) + row.count
+    for family, row in FAMILIES.items():
+        for index in range(row.count):
+            name = CLASS_NAMES[train_id(family, index)]
+            total[name] = total.get(name, 0) + 1
     return {name: total[name] for name in CLASS_NAMES}
 
 
 def table() -> Iterator[str]:
     """Yield the lines of the printed catalogue."""
     yield f"{'class':14s} {'family':14s} {'count':>5s}  kinds"
-    for train_id in TrainId:
-        name = CLASS_NAMES[train_id]
+    for number in TrainId:
+        name = CLASS_NAMES[number]
         if name in surfaces():
             rows = surfaces()[name]
             yield f"{name:14s} {'-':14s} {len(rows):5d}  {', '.join(rows)}"
         for family, row in FAMILIES.items():
-            if row.train_id == train_id:
+            if row.train_id == number:
                 yield f"{name:14s} {family:14s} {row.count:5d}  {', '.join(row.kinds)}"
     yield f"{'all':14s} {'':14s} {sum(counts().values()):5d}"
 

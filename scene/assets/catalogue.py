@@ -7,6 +7,7 @@ user's own assets extend it, named by the content and path of their files (``lib
 
 from __future__ import annotations
 
+import os
 import zlib
 from collections.abc import Callable
 from functools import lru_cache
@@ -54,7 +55,9 @@ class AssetPool(NamedTuple):
 
     def with_paths(self, rename: Callable[[str], str]) -> AssetPool:
         """Replace the folder of own assets and the file of the own class by ``rename`` of them."""
-        own_class = self.own_class and self.own_class.with_path(rename)
+        own_class = self.own_class
+        if own_class is not None:
+            own_class = own_class._replace(file=rename(own_class.file))
         return self._replace(own=rename(self.own), own_class=own_class)
 
     def overlap_of(self, params: StreetParams) -> str:
@@ -99,6 +102,11 @@ def check_pool(pool: AssetPool, prefix: str = "asset ") -> AssetPool:
         LibraryError: the folder of own assets is missing, or it or the file of the own class cannot be used;
             see ``library``.
     """
+    without: Any = pool.without
+    if isinstance(without, str):
+        raise ValueError(f"{prefix}without must be a list of families, not {without!r}")
+    # Python code may pass paths and lists, but pools are keys of caches.
+    pool = pool._replace(without=tuple(without)).with_paths(os.fspath)
     refuse_unknown(pool, prefix)
     if pool.use == "own" and not pool.own:
         raise library.LibraryError(f"{prefix}use 'own' needs a folder of own assets")

@@ -194,7 +194,9 @@ def _mesh_files(root: Path) -> list[str]:
                 f"{folder} is not named after a class or family of assets; known: {', '.join(FOLDERS)}"
             )
         files += [
-            p.relative_to(root).as_posix() for p in folder.iterdir() if p.suffix.lower() in SUFFIXES
+            p.relative_to(root).as_posix()
+            for p in folder.iterdir()
+            if p.suffix.lower() in SUFFIXES and not p.name.startswith(".")
         ]
     return sorted(files)
 

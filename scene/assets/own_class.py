@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -32,10 +31,6 @@ class OwnClass(NamedTuple):
     name: str
     file: str  # path of its GLB, or the snapshot of it (``library.snapshot``)
     place: str = "sidewalk"  # or "carriageway"
-
-    def with_path(self, rename: Callable[[str], str]) -> OwnClass:
-        """Replace the file by ``rename`` of it."""
-        return self._replace(file=rename(self.file))
 
 
 def check(own_class: OwnClass) -> None:

@@ -7,6 +7,7 @@ call resumes an interrupted export; summary files and ``dataset.json`` are writt
 from __future__ import annotations
 
 import json
+import operator
 import shutil
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -32,7 +33,7 @@ from scene.dataset.formats.labels import refuse_with_target, target_entry
 from scene.dataset.formats.layout import SPLITS, layout
 from scene.dataset.formats.shot import shot_files
 from scene.dataset.read import DESCRIPTION, WORK, describe, images_and_classes
-from scene.dataset.render import Dataset, check_request, compile_first, street_of
+from scene.dataset.render import Dataset, check_request, check_seed, compile_first, street_of
 from scene.outline import outlined
 from scene.proposal import Streets
 from scene.render import RenderSettings, renderer
@@ -106,7 +107,12 @@ def export_dataset(
         WorkerError: worker processes keep dying.
     """
     units = check_request(units, shots, settings, renderer_name)
-    images = len(units) * shots if images is None else images
+    # JSON has no numbers of NumPy.
+    seed, shots = operator.index(check_seed(seed)), operator.index(shots)
+    images = len(units) * shots if images is None else operator.index(images)
+    settings = settings._replace(
+        width=int(settings.width), height=int(settings.height), samples=int(settings.samples)
+    )
     if not (len(units) - 1) * shots < images <= len(units) * shots:
         raise ValueError(f"{images} images do not fit {len(units)} streets with {shots} shots")
     if split not in SPLITS:
@@ -145,7 +151,7 @@ def export_dataset(
     return description
 
 
-def read_dataset(folder: Path, outlines: Sequence[Outline] = ()) -> Dataset:
+def read_dataset(folder: str | Path, outlines: Sequence[Outline] = ()) -> Dataset:
     """Read all images and labels of an exported dataset, as ``render_dataset`` returns them.
 
     Args:
@@ -156,7 +162,7 @@ def read_dataset(folder: Path, outlines: Sequence[Outline] = ()) -> Dataset:
     Raises:
         ValueError, OSError: it is not a dataset, or a file is damaged or missing; the message names it.
     """
-    images, labels = zip(*images_and_classes(describe(folder), outlines), strict=True)
+    images, labels = zip(*images_and_classes(describe(Path(folder)), outlines), strict=True)
     return Dataset(np.stack(images), np.stack(labels))
 
 
@@ -291,7 +297,7 @@ def _complete(folder: Path, expected: dict[str, Any]) -> bool:
     described, started = folder / DESCRIPTION, folder / WORK / "settings.json"
     stored = described if described.exists() else started
     if not stored.exists():
-        if folder.exists() and any(p.name != WORK for p in folder.iterdir()):
+        if folder.exists() and any(not p.name.startswith(".") for p in folder.iterdir()):
             raise ExportError(f"{folder} holds other files, not an export; choose another folder")
         return False
     recorded = read_json(stored)

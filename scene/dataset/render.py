@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from common.errors import UserError
 from common.labels.classes import Outline
 from common.workers.pool import WorkerPool, Workers, opened
 from scene.assets.catalogue import AssetPool, check_pool
@@ -36,8 +37,19 @@ def street_of(unit: np.ndarray, seed: int, index: int, shots: int, pool: AssetPo
     return sample_street(street_params(unit), street_seed(seed, index), shots, pool)
 
 
+def check_seed(seed: int, name: str = "seed") -> int:
+    """Return a dataset's seed; UserError by name if it is negative or has more than 32 bits.
+
+    A larger one would have the streets of a smaller one.
+    """
+    if not 0 <= seed < 2**32:
+        raise UserError(f"{name} must lie in 0..{2**32 - 1}, not {seed}")
+    return seed
+
+
 def street_seed(seed: int, index: int) -> int:
-    """The seed of the ``index``-th street of the dataset with ``seed``."""
+    """The seed of the ``index``-th street of the dataset with ``seed``; UserError as `check_seed`."""
+    check_seed(seed)
     return int(np.random.SeedSequence([seed, index]).generate_state(1)[0])
 
 
@@ -137,6 +149,7 @@ def render_dataset(
         WorkerError: worker processes keep dying.
     """
     units = check_request(units, shots, settings, renderer_name)
+    check_seed(seed)
     pool = check_pool(pool or AssetPool())
     n, h, w = len(units) * shots, settings.height, settings.width
     images, labels = np.empty((n, h, w, 3), np.uint8), np.empty((n, h, w), np.uint8)

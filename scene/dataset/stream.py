@@ -21,7 +21,7 @@ from scene.dataset.formats.labels import (
     target_entry,
     target_labels,
 )
-from scene.dataset.render import check_request, compile_first, render_street
+from scene.dataset.render import check_request, check_seed, compile_first, render_street
 from scene.outline import outlined
 from scene.proposal import Streets, draw, read_streets
 from scene.render import RenderSettings
@@ -102,9 +102,10 @@ def stream(
     """
     distribution = read_streets(str(streets), space) if isinstance(streets, str | Path) else streets
     settings = settings or RenderSettings(*size)
-    for name, value in (("start", start), ("images", images or 0), ("seed", seed)):
+    for name, value in (("start", start), ("images", images or 0)):
         if value < 0:
             raise ValueError(f"{name} must be 0 or more, not {value}")
+    check_seed(seed)
     for name in passes:
         if name not in EXTRA:
             raise UserError(f"passes: {name!r} is unknown; {hint(name, EXTRA)}")

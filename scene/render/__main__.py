@@ -22,6 +22,7 @@ from scene.assets.catalogue import AssetPool
 from scene.assets.own_class import OwnClass
 from scene.dataset.export import export_dataset
 from scene.dataset.read import DESCRIPTION, MOST_IMAGES
+from scene.dataset.render import check_seed
 from scene.held import hold, in_words, read_fixed
 from scene.names import PLACES
 from scene.parsers import render as parser
@@ -77,9 +78,10 @@ def export(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """
     if not 1 <= options.images <= MOST_IMAGES:
         raise ValueError(f"--images must lie in 1..{MOST_IMAGES:,}, not {options.images}")
-    for name, least in (("shots", 1), ("seed", 0), ("workers", 0)):
+    for name, least in (("shots", 1), ("workers", 0)):
         if getattr(options, name) < least:
             raise ValueError(f"--{name} must be {least} or more, not {getattr(options, name)}")
+    check_seed(options.seed, "--seed")
     own_class = own_class_of(options)
     width, height = options.size
     settings = check_settings(RenderSettings(width, height, samples=options.samples))

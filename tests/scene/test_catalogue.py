@@ -3,6 +3,7 @@
 import json
 import zlib
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from scene.assets.catalogue import AssetPool, asset, bounds, check_pool, draw_as
 from scene.assets.families import FAMILIES
 from scene.assets.library import LibraryError
 from scene.assets.likeness import closest, describe
+from scene.assets.own_class import OwnClass
 from scene.attributes import default_unit, street_params
 from scene.classes import CLASS_NAMES
 from scene.mesh.solids import box
@@ -132,6 +134,14 @@ def test_own_assets_are_drawn_with_the_built_in_ones_or_alone(folder):
     assert catalogue.missing_families(AssetPool(own=folder)) == ()
 
 
+def test_a_pool_may_have_paths_and_lists(folder, tmp_path):
+    trimesh.creation.box((1, 1, 1)).export(tmp_path / "bin.glb")
+    own_class = OwnClass("bin", tmp_path / "bin.glb")
+    checked = check_pool(AssetPool(own=Path(folder), without=["bus"], own_class=own_class))
+    assert (checked.own, checked.without) == (folder, ("bus",))
+    assert checked.own_class.file == str(tmp_path / "bin.glb")
+
+
 @pytest.mark.parametrize("pool", [AssetPool(), AssetPool(size=1), AssetPool(use="own")])
 def test_a_draw_takes_one_number_even_from_an_empty_pool(pool, folder):
     rng = np.random.default_rng(7)
@@ -147,6 +157,7 @@ def test_a_draw_takes_one_number_even_from_an_empty_pool(pool, folder):
     (lambda: check_pool(AssetPool(size=0)), "asset count must be 1 or more, not 0"),
     (lambda: check_pool(AssetPool(use="own")), "needs a folder"),
     (lambda: sample_street(DEFAULT_STREET, 0, 1, AssetPool(overlap="avoids")), "overlap 'avoids'"),
+    (lambda: check_pool(AssetPool(without="car")), "without must be a list of families, not 'car'"),
     (lambda: asset("boat", 0), "unknown asset family 'boat'; known: "),
     (lambda: asset("car", -1), "asset index of car must be 0 or more, not -1"),
 ])  # fmt: skip
@@ -158,7 +169,9 @@ def test_the_catalogue_and_the_closest_pairs_are_printed(printed, refusal):
     text, counts = printed(main), json.loads(printed(main, "--json"))
     assert all(name in text for name in (*CLASS_NAMES, *FAMILIES, "saloon"))
     assert list(counts) == list(CLASS_NAMES) and min(counts.values()) >= 8
-    assert counts["car"] == 195 and counts["vegetation"] == 24 + 16
+    assert counts["car"] + counts["truck"] == 195 + FAMILIES["truck"].count
+    assert counts["car"] == sum(catalogue.train_id("car", k) == 13 for k in range(195))
+    assert counts["car"] < 195 and counts["vegetation"] == 24 + 16
     lines = printed(main, "--closest", "train", "--pairs", 2).splitlines()
     assert lines[0].startswith("train: 8 assets; ") and len(lines) == 3
     assert "no assets of class 'boat'; known: building" in refusal(main, "--closest", "boat")

@@ -17,7 +17,8 @@ from tests.scene.conftest import DEFAULT, POOL, TINY, chosen, refused, units
 
 def render(workers=0, **changes):
     options = {"shots": 2, "settings": TINY, "pool": POOL, "workers": workers}
-    return render_dataset(changes.pop("units", units(3)), 7, **{**options, **changes})
+    seed = changes.pop("seed", 7)
+    return render_dataset(changes.pop("units", units(3)), seed, **{**options, **changes})
 
 
 @pytest.fixture(scope="module")
@@ -61,6 +62,7 @@ def test_streets_of_neighbouring_seeds_are_not_the_same_and_the_pool_of_assets_i
     ({"units": np.zeros(23)}, r"shape \[streets, attributes\]"),
     ({"units": np.zeros((0, 23))}, r"shape \[streets, attributes\]"),
     ({"units": np.full((2, 23), np.nan)}, "illumination_intensity is nan"),
+    ({"seed": 2**32}, "seed must lie in 0..4294967295, not 4294967296"),
     ({"shots": 0}, "shots per street must be 1 or more, not 0"),
     ({"settings": TINY._replace(width=2)}, "2x32 is too small"),
     ({"settings": TINY._replace(samples=0)}, "samples must lie in 1..8"),
@@ -70,7 +72,7 @@ def test_streets_of_neighbouring_seeds_are_not_the_same_and_the_pool_of_assets_i
 ])  # fmt: skip
 def test_bad_arguments_are_refused_by_name(changes, message):
     refused(ValueError, message, render, **changes)
-    if not changes.keys() & {"units", "workers"}:  # those can be told before the call
+    if not changes.keys() & {"units", "workers", "seed"}:  # those can be told before the call
         refused(ValueError, message, render_fn, **{"settings": TINY, **changes})
 
 

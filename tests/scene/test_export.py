@@ -34,7 +34,7 @@ FLAGS = ["--images", "2", "--size", "64x48", "--workers", "0", "--out"]
 
 def run(folder, **changes):
     options = {**OPTIONS, **changes}
-    return export_dataset(options.pop("units"), 7, folder, **options)
+    return export_dataset(options.pop("units"), options.pop("seed", 7), folder, **options)
 
 
 def tree(folder):
@@ -184,6 +184,15 @@ def test_what_makes_no_picture_may_have_another_version(tmp_path, monkeypatch):
     assert run(tmp_path) == first
 
 
+def test_numbers_of_numpy_and_hidden_files_change_nothing(tmp_path):
+    (tmp_path / ".DS_Store").write_bytes(b"of the system")
+    numbers = {k: np.int64(OPTIONS[k]) for k in ("shots", "images")}
+    size = TINY._replace(width=np.int64(64), height=np.int32(48), samples=np.int8(1))
+    first = run(tmp_path, seed=np.int64(7), settings=size, **numbers)
+    assert run(tmp_path) == first == described(tmp_path)
+    assert len(read_dataset(str(tmp_path)).images) == 5
+
+
 def test_other_folders_are_kept_and_a_second_process_is_kept_out(tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
     refused(ExportError, "holds other files, not an export", run, tmp_path)
@@ -302,7 +311,7 @@ def test_the_command_line_holds_what_is_known(tmp_path, printed):
     ("--images 0", "--images must lie in 1..10,000,000, not 0"),
     ("--size 0x48", "image size 0x48 is too small"),
     ("--size 64", "argument --size: must look like 640x320, not '64'"),
-    ("--seed -1", "--seed must be 0 or more, not -1"),
+    ("--seed -1", "--seed must lie in 0..4294967295, not -1"),
     ("--shots 0", "--shots must be 1 or more, not 0"),
     ("--images 9000000 --shots 1000000000", "--shots 1000000000 would take 67.6 TB of memory for the"),
     ("--workers 1000000", "--workers 1000000 would take 100 TB of memory for processes"),

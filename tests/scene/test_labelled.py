@@ -70,7 +70,7 @@ def test_an_added_mesh_is_labelled_and_nothing_else_moves():
     assert (after.depth[mask] <= before.depth[mask]).sum() + (
         before.depth[mask] == 0
     ).sum() == mask.sum()
-    assert street.add(("car", 3), "truck", (camera[0] + 12, camera[1])) == number + 1
+    assert street.add(("car", np.int64(3)), "truck", (camera[0] + 12, camera[1])) == number + 1
 
 
 def test_intrinsics_and_pose_are_those_of_the_image(street):
@@ -139,7 +139,8 @@ def broken(faces):
     (lambda _: sample(tree_interval="dense"), "to 40 \\(m\\), not 'dense'"),
     (lambda _: sample(bend=1), "space scenex has no attribute bend; space extended does"),
     (lambda _: sample(weather="hail"), "hail"),
-    (lambda _: sample(-1), "seed must be 0 or more"),
+    (lambda _: sample(-1), "seed must lie in 0..4294967295, not -1"),
+    (lambda _: sample(2**32 + 5), "seed must lie in 0..4294967295, not 4294967301"),
     (lambda s: s.add(BOX, "lorry", (3, 0)), "class_name 'lorry' is unknown"),
     (lambda s: s.add(3, "car", (3, 0)), "mesh must be a trimesh mesh, a file or an asset, not int"),
     (lambda s: s.add("no.glb", "car", (3, 0)), "no.glb is not a file"),
@@ -147,18 +148,21 @@ def broken(faces):
     (lambda s: s.add(broken(faces=[[0, 1, 99]]), "car", (3, 0)), "has a face with a vertex index outside"),
     (lambda s: s.add(broken(faces=[[0, 1, -1]]), "car", (3, 0)), "has a face with a vertex index outside"),
     (lambda s: s.add(ASSET._replace(material=ASSET.material + 200), "car", (3, 0)), "mesh has material 200"),
-    *((lambda s, v=v: s.add(ASSET._replace(**v), "car", (3, 0)), f"mesh has {words}; they must be") for v, words in (
+    *((lambda s, v=v: s.add(ASSET._replace(**v), "car", (3, 0)), f"mesh has {words}; they") for v, words in (
         ({"mesh": Mesh(BOX.vertices, np.zeros((12, 4), int))}, r"faces of type int64 and shape \(12, 4\)"),
         ({"mesh": Mesh(BOX.vertices, BOX.faces.astype(float))}, "faces of type float64 and shape .*"),
         ({"color": np.ones((12, 4))}, r"colours of type float64 and shape \(12, 4\)"),
         ({"material": np.ones(12)}, r"materials of type float64 and shape \(12,\)"),
         ({"ignored": np.ones(12)}, r"labels of type float64 and shape \(12,\)"),
     )),
-    (lambda s: s.add(ASSET._replace(material=ASSET.material - 1.0), "car", (3, 0)), "mesh has materials of type"),
+    (lambda s: s.add(ASSET._replace(material=[-1] * 12), "car", (3, 0)), "mesh has material -1"),
     (lambda s: s.add(ASSET._replace(color=ASSET.color[1:]), "car", (3, 0)), "has 12 faces, but colours"),
     (lambda s: s.add(ASSET._replace(color=ASSET.color * np.nan), "car", (3, 0)), "has colours that are not"),
     (lambda s: s.add(ASSET._replace(mesh=Mesh(ASSET.mesh.vertices, ASSET.mesh.faces - 9)), "car", (3, 0)),
      "has a face with a vertex index outside"),
+    (lambda s: s.add(BOX, "car", "abc"), "position must be 2 or 3 finite numbers in metres, not 'abc'"),
+    (lambda s: s.add(BOX, "car", (3, 0), yaw="90"), "yaw must be a finite number of degrees, not '90'"),
+    (lambda s: s.add(BOX, "car", (900, 0)), "position 900 along the road must lie in -80..700 metres"),
     (lambda s: s.add(BOX, "car", (3,)), "position must be 2 or 3 finite numbers"),
     (lambda s: s.add(BOX, "car", (3, 0), yaw=np.inf), "yaw must be a finite number"),
     (lambda s: s.render(0, SIZE, passes=("flow",)), "passes: 'flow' is unknown"),

@@ -290,6 +290,7 @@ def test_a_class_folder_may_be_written_with_an_underscore_or_be_a_family(shelf):
     folder = shelf("bush/box.stl", block((1, 1, 1)))
     counts = {family: len(paths) for family, paths in scan(folder).items()}
     assert counts == {"traffic sign": 1, "tree": 1, "bush": 1}
+    Path(folder, "bush/._box.stl").write_bytes(b"of the system")
     assert check(folder) == 3
     assert set(catalogue.FAMILIES) == set(FOLDERS.values())
 

@@ -223,6 +223,7 @@ def test_components_that_are_equal_are_one():
     by_eye, other = default_proposal(), random_proposal()
     assert module.mixture((0.5, 0.5), (by_eye, by_eye)) is by_eye
     assert module.mixture((0.25, 0.5, 0.25), (by_eye, other, by_eye)).shares == (0.5, 0.5)
+    assert module.mixture(np.array([0.25, 0.75]), (by_eye, other)).shares == (0.25, 0.75)
     np.testing.assert_array_equal(draw(module.mixture((1,), (other,)), 3, 2), draw(other, 3, 2))
 
 

@@ -55,7 +55,7 @@ def test_without_a_target_labels_are_train_ids_and_a_number_of_images_is_the_end
 @pytest.mark.parametrize(("changes", "message"), [
     ({"start": -1}, "start must be 0 or more, not -1"), ({"shots": 0}, "shots per street must be 1"),
     ({"streets": "nowhere.json"}, "nowhere.json"), ({"target": "nowhere"}, "no such file"),
-    ({"settings": SETTINGS._replace(width=0)}, "too small"), ({"seed": -3}, "seed must be 0"),
+    ({"settings": SETTINGS._replace(width=0)}, "too small"), ({"seed": -3}, "seed must lie in 0"),
 ])  # fmt: skip
 def test_bad_arguments_are_refused_before_the_first_image(changes, message):
     refused((ValueError, OSError), message, stream, **{"streets": "random", **OPTIONS, **changes})
