@@ -15,7 +15,7 @@ from experiments.app.report.result import Kind
 from experiments.tables import compared
 from experiments.tables.form import Report, number
 from experiments.tables.row_names import TRAINED_ON
-from experiments.tables.stats import mean
+from experiments.tables.stats import TOO_FEW, mean
 
 if TYPE_CHECKING:
     from experiments.app.report.folder import RunFolder
@@ -59,8 +59,8 @@ def verdict(gain: Mapping[str, Any], labels: int) -> str:
         return "Training failed for some networks, so the gain from renders is unknown."
     if ci95 is None:
         return (
-            f"Renders add {mean:.1f} points to {your_labels}, measured with one network each; use --seeds 3 "
-            "for an interval."
+            f"Renders change the mIoU of {your_labels} by {mean:+.1f} points, measured with {TOO_FEW}; "
+            "use --seeds 3."
         )
     low, high = ci95
     between = f"({low:.1f} to {high:.1f})"
