@@ -72,6 +72,15 @@ class Claims:
         """Write the gain of streets that a search method has optimised over others."""
         return signed(self.estimate(target, method, f"gain_over_{over}"))
 
+    def above_default(self, *targets: str) -> str:
+        """Write how many searches of some targets train better networks than default streets."""
+        above = [
+            search["learnt"] > self.row(target, name="default")["mean"]
+            for target in targets
+            for search in self.reports[target]["searches"]
+        ]
+        return f"{sum(above)} of {len(above)}"
+
     def verdict(self, report: str, method: str) -> str:
         """Say whether streets of a search method are better than random ones."""
         low, high = self.row(report, name=method)["gain_over_random"]["ci95"]

@@ -334,6 +334,8 @@ def test_sentences_of_the_page_that_no_number_carries_are_true():
             assert better["ci95"][0] > 0
     far = {row: RECORDED.estimate("far", row)["mean"] for row in ("default", "random")}
     assert far["default"] < far["random"]
+    assert RECORDED.above_default("labelmefacade", "camvid") == "10 of 10"
+    assert RECORDED.above_default("camvid-0006R0") == "2 of 5"  # does not carry over
     rows = (RECORDED.fit_row("camvid-0006R0", name) for name in ("both", "all"))
     low, high = gain(*(miou(row["nets"]) for row in rows))["ci95"]
     assert low < 0 < high  # as good as
@@ -408,6 +410,9 @@ def test_claims_by_hand(claims):
     assert claims.gain("camvid") == "+6.0 (5.0 to 7.0)"
     assert claims.gain("camvid-0006R0", over="default") == "-3.5 (-4.5 to -2.5)"
     assert claims.gain("far") == "+3.0 (-9.7 to 15.7)"  # Student's t of 2 and 4
+    for target in ("camvid", "labelmefacade"):
+        claims.reports[target]["searches"] = [{"learnt": 100.0}, {"learnt": 1.0}]
+    assert claims.above_default("camvid", "labelmefacade") == "2 of 4"
     assert claims.miou("camvid", name="default") == "21.0"
     verdicts = [claims.verdict(name, "intervals") for name in page.SEARCHED]
     assert verdicts == ["better than", "within noise of", "worse than"]
