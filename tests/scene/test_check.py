@@ -187,7 +187,7 @@ def test_label_pictures_that_disagree_are_found(dataset, kind):
 
 def test_a_class_that_is_in_no_image_is_no_fault(tmp_path):
     down = {"camera_rotation_x": BY_NAME["camera_rotation_x"].to_unit(20.0)}
-    units = draw(hold(default_proposal("extended"), down), 0, 20)
+    units = draw(hold(default_proposal(), down), 0, 20)
     options = {"settings": RenderSettings(48, 32, samples=1), "pool": AssetPool(0, 1)}
     export_dataset(units, 0, tmp_path, shots=1, format="folders", **options)
     described = json.loads((tmp_path / "dataset.json").read_text())
