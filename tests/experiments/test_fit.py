@@ -444,7 +444,7 @@ def test_from_a_folder_of_ones_own_to_a_net(folder, tmp_path, capsys, monkeypatc
     pixels = {row: np.array(of_row["pixels"]) for row, of_row in seen["confusion"].items()}
     assert {of_row["nets"] for of_row in seen["confusion"].values()} == {2}
     assert len({total.sum() for total in pixels.values()}) == 1
-    names = [*(own[kind] for own in seen["streets"]["labels"] for kind in ("image", "labels"))]
+    names = [shown[kind] for kind in ("image", "labels") for shown in seen["streets"]["labels"]]
     for image in seen["tested"]["images"]:
         names += [image["image"], image["labels"]]
         names += [image["predictions"][row]["image"] for row in summary["rows"]]

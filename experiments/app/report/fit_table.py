@@ -166,7 +166,7 @@ def settings(run: RunFolder) -> list[tuple[str, str]]:
         ("Your images", f"{report['labels']} labelled, {len(report['classes'])} classes"),
         ("Tested on", f"{report['tested']} images at {report['scored_at']}, {report['where']}"),
         ("Renders mixed with labels", renders),
-        ("Networks", f"{report['net']}, {steps} steps, {report['seeds']} seeds"),
+        ("Networks", f"{report['net']}, {steps} steps, {counted(report['seeds'], 'seed')}"),
     ]
 
 

@@ -153,7 +153,7 @@ def settings(run: RunFolder) -> list[tuple[str, str]]:
         ("Tested on", f"{report['test_images']} other images at {report['scored_at']}"),
         ("Labels mixed with renders", few),
         ("Search", f"{options.get('method', '?')}, space {config.get('space', 'scenex')}"),
-        ("Networks", f"{net}, {steps} steps, {report['seeds']} seeds"),
+        ("Networks", f"{net}, {steps} steps, {counted(report['seeds'], 'seed')}"),
     ]
 
 
