@@ -72,6 +72,11 @@ class Claims:
         """Write the gain of streets that a search method has optimised over others."""
         return signed(self.estimate(target, method, f"gain_over_{over}"))
 
+    def engines(self, *parts: str) -> str:
+        """Write the engines of some parts: "engine 9", or "engines 9 and 7" in the order of the parts."""
+        numbers = dict.fromkeys(str(self.parts[part]["engine"]) for part in parts)
+        return f"engine{'s' * (len(numbers) > 1)} {' and '.join(numbers)}"
+
     def above_default(self, *targets: str) -> str:
         """Write how many searches of some targets train better networks than default streets."""
         above = [

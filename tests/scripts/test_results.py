@@ -413,6 +413,9 @@ def test_claims_by_hand(claims):
     for target in ("camvid", "labelmefacade"):
         claims.reports[target]["searches"] = [{"learnt": 100.0}, {"learnt": 1.0}]
     assert claims.above_default("camvid", "labelmefacade") == "2 of 4"
+    claims.parts = {name: {"engine": 9 - (name == "far-1")} for name in claims.parts}
+    assert claims.engines("far-0", "camvid") == "engine 9"
+    assert claims.engines("far-0", "far-1") == "engines 9 and 8"
     assert claims.miou("camvid", name="default") == "21.0"
     verdicts = [claims.verdict(name, "intervals") for name in page.SEARCHED]
     assert verdicts == ["better than", "within noise of", "worse than"]
