@@ -206,7 +206,8 @@ def test_a_killed_run_leaves_nothing_that_is_trusted(opened, tmp_path, full_disk
     first = opened().put(REAL, TRAIN, "reward")
     assert first.images == str(images) and same(first.load().features, whole)
     # Half of a folder after a kill that nothing catches; files that a user has removed.
-    shutil.copytree(first.features, first.features + ".part")
+    features = Path(first.features)
+    shutil.copytree(features, features.with_name(f".{features.name}.sdr-jax-part"))
     for name in ("images.npy", ABOUT):
         (images / name).unlink()
         assert opened().put(REAL, TRAIN, "reward") == first and (images / name).exists()

@@ -273,6 +273,7 @@ def test_the_page_of_a_run_under_way_has_what_is_known_and_is_read_anew(run):
 def test_the_page_is_served_to_this_machine_alone_as_it_is_at_the_moment(tmp_path):
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
+    (tmp_path / "config.json").write_text("{}")
     command = [sys.executable, "-m", "experiments", "report", str(tmp_path), "--serve", str(port)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
         try:
@@ -296,6 +297,7 @@ def test_the_page_is_served_to_this_machine_alone_as_it_is_at_the_moment(tmp_pat
 
 @pytest.mark.parametrize(("flags", "complaint"), [
     (["RUN", "--serve", "0"], "--serve must lie in 1..65535, not 0"),
+    (["RUN", "--serve"], "is not the folder of a run: it has no config.json"),
     (["RUN/none", "--serve"], "does not exist; pass the --out of a run"),
     (["/dev/null", "--serve"], "/dev/null is a file; pass the --out of a run"),
     (["RUN", "--serve", "--out", "page.html"], "cannot be used with --out page.html"),

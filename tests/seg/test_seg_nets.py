@@ -64,7 +64,8 @@ def test_vgg16_strides_and_factory_errors():
     assert [p.shape[1:] for p in strided] == expected
     assert [p.shape[1] for p in atrous] == [160, 80, 40, 40, 40]
     refuses(r"unknown network 'unet'; .*: compact, deeplabv2, dinov2, fcn8s", net, "unet", 11)
-    refuses("at least one class", net, "compact", 0)
+    for classes in (0, 256):
+        refuses(f"a network has 1 to 255 classes; got {classes}", net, "compact", classes)
 
 
 @pytest.mark.parametrize("kind", [FCN8s, DeepLabV2])

@@ -17,7 +17,6 @@ from jinja2 import TemplateError
 from common.command import Arguments, exit_code
 from common.errors import UserError
 from common.files import check_file, write
-from common.folder import CONFIG
 from experiments.app.report import live, page
 from experiments.app.report.folder import NAME, SUMMARY, read
 from experiments.config import parsers
@@ -66,10 +65,6 @@ def main(arguments: Arguments = None) -> int:
         if not run.is_dir():
             what = "is a file" if run.exists() else "does not exist"
             raise UserError(f"{run} {what}; pass the --out of a run")
-        if not (run / CONFIG).is_file():
-            raise UserError(
-                f"{run} is not the folder of a run: it has no {CONFIG}; pass the --out of one"
-            )
         if (run / SUMMARY).is_file() and not (run / NAME).is_file():
             make(run, None)
         live.serve(run, options.serve)

@@ -6,7 +6,7 @@ import shlex
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from common.errors import counted
 from common.interrupt import PROGRAM
@@ -16,9 +16,6 @@ from experiments.tables import compared
 from experiments.tables.form import Report, number
 from experiments.tables.row_names import TRAINED_ON
 from experiments.tables.stats import TOO_FEW, mean
-
-if TYPE_CHECKING:
-    from experiments.app.report.folder import RunFolder
 
 Row = Literal["labels", "labels+renders", "renders", "labels+learnt"]
 MIXED = f" ({TRAINED_ON['mixed']})"
@@ -158,8 +155,8 @@ def is_fit(report: Report) -> bool:
     return "where" in report
 
 
-def settings(run: RunFolder) -> list[tuple[str, str]]:
-    """The main settings and the data of the run."""
+def settings(run: Any) -> list[tuple[str, str]]:
+    """The main settings and the data of a `RunFolder`."""
     report, steps = run.summary, run.config["final"]["train"]["steps"]
     renders = f"{report['rendered_images']}, {_rendered_share(report)}"
     return [
@@ -170,8 +167,8 @@ def settings(run: RunFolder) -> list[tuple[str, str]]:
     ]
 
 
-def following(run: RunFolder) -> list[tuple[str, str]]:
-    """The next commands, each with what it does."""
+def following(run: Any) -> list[tuple[str, str]]:
+    """The next commands after the run of a `RunFolder`, each with what it does."""
     model = shlex.quote(str(Path(str(run.config["out"])) / MODEL))
     return [
         (

@@ -7,8 +7,9 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
+from common.errors import UserError
 from common.files import write
-from common.folder import read_config
+from common.folder import CONFIG, read_config
 from common.interrupt import PROGRAM
 from common.loopback import HOST, check_port, refusal
 from experiments.app.report import page
@@ -45,9 +46,13 @@ def serve(folder: Path, port: int) -> None:
         port: the port on 127.0.0.1.
 
     Raises:
-        UserError: the port cannot be used.
+        UserError: the port cannot be used, or the folder is none of a run.
     """
     check_port(port, "--serve")
+    if not (folder / CONFIG).is_file():
+        raise UserError(
+            f"{folder} is not the folder of a run: it has no {CONFIG}; pass the --out of one"
+        )
 
     class Answer(BaseHTTPRequestHandler):
         def do_GET(self) -> None:

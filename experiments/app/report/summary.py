@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -23,9 +23,6 @@ from experiments.tables.row_names import TRAINED_ON, trained_on
 from experiments.tables.stats import TOO_FEW
 from scene.attributes import names
 from scene.proposal import Proposal, describe
-
-if TYPE_CHECKING:
-    from experiments.app.report.folder import RunFolder
 
 ROWS = ("random", "default", "learnt", "real")
 """Rows of every target; ``--few`` adds others."""
@@ -141,8 +138,8 @@ def note(report: Report) -> str:
     )
 
 
-def settings(run: RunFolder) -> list[tuple[str, str]]:
-    """The main settings and the data of the run."""
+def settings(run: Any) -> list[tuple[str, str]]:
+    """The main settings and the data of a `RunFolder`."""
     report, config = run.summary, run.config
     train, options = config.get("final", {}).get("train", {}), config.get("search", {})
     count = len(report.get("few_images", ()))
@@ -157,8 +154,8 @@ def settings(run: RunFolder) -> list[tuple[str, str]]:
     ]
 
 
-def following(run: RunFolder) -> list[tuple[str, str]]:
-    """The next commands, each with what it does."""
+def following(run: Any) -> list[tuple[str, str]]:
+    """The next commands after the run of a `RunFolder`, each with what it does."""
     out = Path(str(run.config.get("out", run.path)))
     words = [PROGRAM, "render", "--attributes", str(out / "attributes.json")]
     words += ["--images", str(IMAGES), "--out", str(out / "streets")]
