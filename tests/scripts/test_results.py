@@ -316,9 +316,9 @@ def test_the_page_on_few_labels_states_what_the_reports_say():
     camvid, facades = (RECORDED.share(name, "both") for name in ("camvid-0006R0", "labelmefacade"))
     assert f"reach {camvid} % of the mIoU of all 266 labels" in text
     assert f"they reach {facades} % of that of all 100" in text
-    for name in ("few-14-camvid-0006R0", "few-14-labelmefacade"):
-        low, high = RECORDED.estimate(name, field="gain_over_default")["ci95"]
-        assert low < 0 < high  # none better than default ones
+    few = ("few-14-camvid-0006R0", "few-14-labelmefacade")
+    most = max(RECORDED.estimate(name, field="gain_over_default")["mean"] for name in few)
+    assert f"they are [at most {most:.1f} points]" in text and "better than default ones" in text
     optimised = RECORDED.row("labels-labelmefacade", labels=14, renders="learnt")["of_all"]
     assert "(engine 7, 240x176)" in text and RECORDED.parts["labels-labelmefacade"]["engine"] == 7
     assert f"all 100 labels bring 14 labels to {optimised:.0f} %" in text
