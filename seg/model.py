@@ -269,6 +269,9 @@ class Model:
         """
         folder = Path(folder)
         refuse_others(folder)
+        for name, values in _named(self.variables):
+            if not np.isfinite(values).all():
+                raise ValueError(f"the weights {name} have values that are not finite")
         weights = self._weights()
         config = self._config(weights)
         with whole_folder(folder) as part:
@@ -277,11 +280,7 @@ class Model:
             write_json(part / CONFIG, config)
 
     def _weights(self) -> bytes:
-        named = {name: np.ascontiguousarray(a) for name, a in _named(self.variables)}
-        for name, values in named.items():
-            if not np.isfinite(values).all():
-                raise ValueError(f"the weights {name} have values that are not finite")
-        return tensor_bytes(named)
+        return tensor_bytes({name: np.ascontiguousarray(a) for name, a in _named(self.variables)})
 
     def config(self) -> dict[str, Any]:
         """The content of ``config.json``."""
