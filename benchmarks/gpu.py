@@ -30,9 +30,9 @@ from common.lines import JsonLines
 from seg import step
 from seg.data import LabelledImages
 from seg.many import train_many
+from seg.nets.backbones import BACKBONES, Backbone, backbone_of
 from seg.nets.lite import STRIDES, Block, Lite, channels_of
 from seg.nets.ops.depthwise import ON_ACCELERATORS
-from seg.nets.trunks import TRUNKS, Trunk, trunk_of
 from seg.prepare import first_variables
 from seg.pyramid import features
 from seg.recipes import RECIPES
@@ -88,7 +88,9 @@ def narrow() -> None:
     """Add the narrow Lite, with random weights, to the known backbones."""
     module = Lite(NARROW)
     params = jax.jit(module.init)(jax.random.key(0), jnp.zeros((1, 32, 32, 3)))["params"]
-    TRUNKS["narrow"] = lambda _: Trunk(module, STRIDES, channels_of(NARROW), lambda: params, {})
+    BACKBONES["narrow"] = lambda _: Backbone(
+        module, STRIDES, channels_of(NARROW), lambda: params, {}
+    )
 
 
 def noise(count: int, size: tuple[int, int], seed: int = 0) -> LabelledImages:
@@ -100,7 +102,7 @@ def noise(count: int, size: tuple[int, int], seed: int = 0) -> LabelledImages:
 
 def with_features(images: LabelledImages, settings: TrainSettings, views: int) -> LabelledImages:
     """Add features of noise, since their values do not matter for time."""
-    rng, backbone = np.random.default_rng(0), trunk_of(settings)
+    rng, backbone = np.random.default_rng(0), backbone_of(settings)
     rows, h, w = views * len(images.images), *images.images.shape[1:3]
     maps = tuple(
         rng.random((rows, -(-h // stride), -(-w // stride), c), np.float32).astype(np.float16)
@@ -165,7 +167,7 @@ def steps(
             nonlocal state
             if state is None:
                 params = compiled.init(np.uint32(0), data.images).params
-                width = sum(trunk_of(settings).channels) if settings.has_trunk else 0
+                width = sum(backbone_of(settings).channels) if settings.has_backbone else 0
                 identity = (np.zeros(width, np.float32), np.ones(width, np.float32))
                 start = first_variables(params, settings, identity)
                 state = compiled.resume(jax.tree.map(jnp.array, start))

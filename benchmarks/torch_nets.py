@@ -183,7 +183,7 @@ class _Block(nn.Module):
         return x + y if self.residual else y
 
 
-class Trunk(nn.Module):
+class Backbone(nn.Module):
     """An EfficientNet-Lite on RGB in [0, 1] with folded batch normalisation: strides 4, 8, 16, 32."""
 
     def __init__(self, net: str) -> None:
@@ -228,18 +228,18 @@ class Head(nn.Module):
 
 
 class Lite(nn.Module):
-    """Trunk and head on normalised RGB, like the other nets."""
+    """Backbone and head on normalised RGB, like the other nets."""
 
     def __init__(self, classes: int, net: str = "lite0", width: int = 64) -> None:
         super().__init__()
-        self.trunk = Trunk(net)
-        taps = taps_of(self.trunk.blocks)
-        self.head = Head(classes, sum(self.trunk.blocks[k].features for k in taps), width)
+        self.backbone = Backbone(net)
+        taps = taps_of(self.backbone.blocks)
+        self.head = Head(classes, sum(self.backbone.blocks[k].features for k in taps), width)
         self.register_buffer("shift", torch.tensor(MEAN)[None, :, None, None])
         self.register_buffer("scale", torch.tensor(STD)[None, :, None, None])
 
     def forward(self, images: Tensor) -> Tensor:
-        maps = self.trunk(images * self.scale + self.shift)
+        maps = self.backbone(images * self.scale + self.shift)
         return self.head(maps, (images.shape[2], images.shape[3]))
 
 

@@ -52,7 +52,7 @@ from seg.nets import FeatureMaps, net_of
 from seg.nets.ops.normalise import MEAN, STD
 from seg.pyramid import features
 from seg.recipes import RECIPES, with_net, with_steps
-from seg.settings import VGG_NETS, NetName, TrainSettings, Trunk
+from seg.settings import VGG_NETS, BackboneTraining, NetName, TrainSettings
 from seg.step import Data, Functions, TrainState, functions, plan
 from seg.train import train
 from seg.views import view_images
@@ -80,7 +80,7 @@ class Job(NamedTuple):
         """The recipe of the network without augmentation, which PyTorch lacks."""
         tuned = RECIPES["lite0-tuned"]
         whole = RECIPES["paper"] if self.net in VGG_NETS else TrainSettings()
-        recipe = tuned if replace(tuned, net=self.net).has_trunk else whole
+        recipe = tuned if replace(tuned, net=self.net).has_backbone else whole
         return replace(
             recipe,
             net=self.net,
@@ -132,9 +132,9 @@ def jax_runs(job: Job) -> Runs:
 
         return step
 
-    if settings.has_trunk:
+    if settings.has_backbone:
         yield "features", lambda: features(images, settings)
-        frozen = functions(replace(settings, trunk="frozen"), CLASSES)
+        frozen = functions(replace(settings, backbone="frozen"), CLASSES)
         maps = FeatureMaps(features(images, settings), (job.height, job.width))
         kept = jax.device_put(Data(maps, labels, ones, seed))
         yield "head", stepping(frozen, frozen.init(seed, kept.images), kept)
@@ -186,11 +186,11 @@ def torch_runs(job: Job, channels_last: bool, threads: int) -> Runs:
 
         return step
 
-    if settings.has_trunk:
+    if settings.has_backbone:
 
         def maps() -> list[Any]:
             with torch.no_grad():
-                return module.trunk((bytes_.float() / 255).contiguous(memory_format=layout))
+                return module.backbone((bytes_.float() / 255).contiguous(memory_format=layout))
 
         yield "features", maps
         kept, whole = maps(), (job.height, job.width)
@@ -327,7 +327,7 @@ def learning_row(sides: Sides, settings: TrainSettings, classes: int, seeds: Seq
     mean, ci95 = mean_ci95(mious)
     return {
         "net": settings.net,
-        "trunk": settings.trunk,
+        "backbone": settings.backbone,
         "steps": settings.steps,
         "batch": settings.batch,
         "miou": round(mean, 1),
@@ -351,7 +351,7 @@ def learning_rows(options: argparse.Namespace) -> list[Row]:
     target, rows = real_target(options.learn, base, data), []
     classes = len(class_table(target.table).classes)
     for name in options.nets:
-        settings = with_net(RECIPES["lite0-frozen"], net=name, trunk=options.trunk)
+        settings = with_net(RECIPES["lite0-frozen"], net=name, backbone=options.backbone)
         settings = with_steps(settings, options.steps or settings.steps)
         for width, height in options.sizes:
             sides = target.at(height, width)
@@ -389,7 +389,9 @@ def main(arguments: list[str] | None = None) -> int:
     )
     command.add_argument("--data", type=Path, help="for --learn: the folder of its images")
     command.add_argument("--holdout", help="for --learn: the sequence to test on")
-    command.add_argument("--trunk", choices=get_args(Trunk), default="frozen", help="of --learn")
+    command.add_argument(
+        "--backbone", choices=get_args(BackboneTraining), default="frozen", help="of --learn"
+    )
     command.add_argument("--steps", type=positive, help="for --learn; by default the recipe's")
     command.add_argument("--seeds", type=positive, default=3, help="for --learn: seeds (3)")
     options = command.parse_args(arguments)

@@ -36,8 +36,8 @@ from .model import classes_of as classes_of
 from .model import label_classes as label_classes
 from .model import load_model as load_model
 from .nets import net as net
-from .nets.trunks import TRUNKS as TRUNKS
-from .nets.trunks import Trunk as Trunk
+from .nets.backbones import BACKBONES as BACKBONES
+from .nets.backbones import Backbone as Backbone
 from .recipes import RECIPES as RECIPES
 from .settings import TrainSettings as TrainSettings
 from .train import TrainingError as TrainingError

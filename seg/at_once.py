@@ -149,7 +149,7 @@ def _fresh(
         return compiled.init(seed, blank).params
 
     params = jax.vmap(jax.vmap(random))(jnp.array(seeds, jnp.uint32))
-    if not settings.has_trunk and settings.weights is None:
+    if not settings.has_backbone and settings.weights is None:
         return {"params": params}
     params = jax.device_get(params)
 

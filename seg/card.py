@@ -54,7 +54,7 @@ def card(config: Mapping[str, Any]) -> str:
         f"Segments images of streets into {len(classes)} classes. Trained at {size['width']}x"
         f"{size['height']} pixels on {trained}, by sdr-jax {version}.",
     ]
-    if config["trunk"] is not None:
+    if config["backbone"] is not None:
         lines.append(
             "Its backbone is frozen and comes with a package, which `config.json` names; the weights are the "
             "head's."

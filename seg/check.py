@@ -1,7 +1,7 @@
 """Refuses settings that do not allow training; users' backbones are known here, which needs JAX."""
 
 from common.bounds import check_bounds
-from seg.nets.trunks import check_name
+from seg.nets.backbones import check_name
 from seg.settings import FILELESS_NETS, VGG_NETS, TrainSettings
 
 
@@ -32,7 +32,7 @@ def check_net(settings: TrainSettings) -> None:
         ValueError: as `check_settings`.
     """
     check_bounds(settings)
-    if settings.has_trunk:
+    if settings.has_backbone:
         check_name(settings.net)
     if settings.norm and settings.weights is not None:
         raise ValueError(
@@ -41,16 +41,16 @@ def check_net(settings: TrainSettings) -> None:
     if settings.net == "dinov2":
         if settings.weights is None:
             raise ValueError("dinov2 needs weights, the .safetensors file of its backbone")
-        if settings.trunk == "tuned":
-            raise ValueError('trunk is "tuned", but the backbone of dinov2 stays frozen')
+        if settings.backbone == "tuned":
+            raise ValueError('backbone is "tuned", but the backbone of dinov2 stays frozen')
     if settings.weights is not None and settings.net in FILELESS_NETS:
         raise ValueError(
             f"weights are for VGG16 or dinov2, neither of which is in the network {settings.net}"
-            + ("; its own weights come with a package" if settings.has_trunk else "")
+            + ("; its own weights come with a package" if settings.has_backbone else "")
         )
-    if settings.trunk == "tuned" and not settings.has_trunk:
+    if settings.backbone == "tuned" and not settings.has_backbone:
         raise ValueError(
-            f'trunk is "tuned", but the network {settings.net} has no backbone; lite0 to lite2 have one'
+            f'backbone is "tuned", but the network {settings.net} has no backbone; lite0 to lite2 have one'
         )
     if settings.heads > 1 and not settings.frozen:
         raise ValueError(
@@ -60,7 +60,7 @@ def check_net(settings: TrainSettings) -> None:
         raise ValueError(
             f"norm and lr_multipliers are for {' and '.join(VGG_NETS)}, not for {settings.net}"
         )
-    if not settings.has_trunk and (
+    if not settings.has_backbone and (
         settings.loss_stride != 1 or settings.head_statistics != "training"
     ):
         raise ValueError(

@@ -12,9 +12,9 @@ from jaxtyping import Array, Float32, Int32, Int64, UInt8
 from seg import pyramid
 from seg.batches import in_batches, padded
 from seg.metrics import confusion_matrix
-from seg.nets import FeatureMaps, OnTrunk, net_of, variables_of
+from seg.nets import FeatureMaps, OnBackbone, net_of, variables_of
+from seg.nets.backbones import backbone_of
 from seg.nets.head import Maps
-from seg.nets.trunks import trunk_of
 from seg.prepare import check_arrays, check_inputs
 from seg.settings import NetSpec, TrainSettings
 from seg.step import Variables, functions
@@ -30,7 +30,7 @@ def apply(
     if settings.frozen:
         assert backbone is not None
         with jax.ensure_compile_time_eval():  # a backbone may draw its weights
-            params = pyramid.trunk_params(settings)
+            params = pyramid.backbone_params(settings)
         size = (images.shape[1], images.shape[2])
         sides = tuple(FeatureMaps(pyramid.maps_of(params, s, backbone), size) for s in sides)
     return mean_logits(settings.net_spec, heads_of(variables, settings.heads), sides, classes)
@@ -59,9 +59,9 @@ def mean_logits(
         if len(heads) == 1:
             return module.apply(heads[0], inputs)
         # Scores are averaged before they are enlarged: with the same result for less work.
-        scores = [module.apply(head, inputs.maps, method=OnTrunk.scores) for head in heads]
+        scores = [module.apply(head, inputs.maps, method=OnBackbone.scores) for head in heads]
         mean = sum(scores) / len(scores)
-        return module.apply(heads[0], mean, inputs.size, method=OnTrunk.enlarged)
+        return module.apply(heads[0], mean, inputs.size, method=OnBackbone.enlarged)
 
     direct, *mirrored = map(side_logits, sides)
     return (direct + mirrored[0][:, :, ::-1]) / 2 if mirrored else direct
@@ -211,7 +211,7 @@ def variable_shapes(settings: TrainSettings, classes: int) -> Variables:
     compiled = functions(settings, classes)
     images: Any = jax.ShapeDtypeStruct((1, 64, 64, 3), np.uint8)
     if settings.frozen:
-        channels = trunk_of(settings).channels
+        channels = backbone_of(settings).channels
         maps = tuple(jax.ShapeDtypeStruct((1, 1, 1, c), np.float16) for c in channels)
         images = FeatureMaps(maps, (8, 8))
     seed = jax.ShapeDtypeStruct((), np.uint32)

@@ -7,6 +7,7 @@ recipe and the versions. `README.md` is the card for people and Hugging Face; th
 """
 
 import hashlib
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
@@ -32,14 +33,14 @@ from seg.data.labelled import fitted, resize_image
 from seg.errors import ModelError
 from seg.inference import logits, variable_shapes
 from seg.names import As
-from seg.nets.trunks import trunk_of
+from seg.nets.backbones import backbone_of
 from seg.settings import TrainSettings
 from seg.step import Params
 from seg.uncertainty import Uncertainty, uncertainty
 from seg.weights.tensors import LARGEST
 
-FORMAT = 1
-"""The version of the folder's format; a newer one is refused."""
+FORMAT = 2
+"""The version of the folder's format; a newer one is refused. Format 1 has the backbone as "trunk"."""
 CONFIG, WEIGHTS = "config.json", "weights.safetensors"
 OF_RUN = "model"
 """The folder of the model in the folder of `sdr-jax fit`."""
@@ -131,7 +132,7 @@ class Model:
     def __post_init__(self) -> None:
         check_net(self.settings)
         _check_classes(self.classes, self.written)
-        least = max(trunk_of(self.settings).strides) if self.settings.has_trunk else 1
+        least = max(backbone_of(self.settings).strides) if self.settings.has_backbone else 1
         if min(self.size) < least:
             raise ValueError(f"size must be (height, width) of {least} or more; got {self.size}")
         # Of a pixel: its colour, and the scores of all classes.
@@ -149,7 +150,7 @@ class Model:
     def digest(self) -> str:
         """SHA-256 of everything that decides predictions and how they are written."""
         decides = {k: v for k, v in self.config().items() if k not in ("versions", "notes")}
-        # The content of a frozen backbone's file is in `trunk`; its path decides nothing.
+        # The content of a frozen backbone's file is in `backbone`; its path decides nothing.
         return digest({**decides, "recipe": {**decides["recipe"], "weights": None}})
 
     def predict(
@@ -298,7 +299,7 @@ class Model:
                 {**label_class._asdict(), "color": list(label_class.color)}
                 for label_class in self.classes
             ],
-            "trunk": dict(trunk_of(self.settings).source) if self.settings.frozen else None,
+            "backbone": dict(backbone_of(self.settings).source) if self.settings.frozen else None,
             "weights": {"file": WEIGHTS, "sha256": hashlib.sha256(weights).hexdigest()},
             # NumPy's numbers, which settings may hold, are none of JSON.
             "recipe": {k: v.item() if isinstance(v, np.generic) else v for k, v in recipe.items()},
@@ -361,18 +362,21 @@ def shipped() -> tuple[str, ...]:
 
 def _loaded(folder: Path, config: Any) -> Model:
     """Load the model of a folder; ValueError says what is wrong in its config."""
-    newest = _field(config, "format", int)
-    if newest != FORMAT:
-        newer = newest > FORMAT
-        raise ValueError(
-            f"format is {newest}, and this version reads {FORMAT}"
-            + ("; upgrade sdr-jax to the version that wrote it" if newer else "; save it again")
+    version = _field(config, "format", int)
+    if not 1 <= version <= FORMAT:
+        upgrade = "; upgrade sdr-jax to the version that wrote it" if version > FORMAT else ""
+        raise ValueError(f"format is {version}, and this version reads 1 to {FORMAT}{upgrade}")
+    recipe = _field(config, "recipe", dict)
+    if version == 1:
+        config, recipe = (
+            {"backbone" if name == "trunk" else name: value for name, value in section.items()}
+            for section in (config, recipe)
         )
-    settings = _settings(_field(config, "recipe", dict))
-    if settings.has_trunk and settings.weights is not None:
-        settings = replace(settings, weights=str(_trunk_file(folder, Path(settings.weights))))
+    settings = _settings(recipe)
+    if settings.has_backbone and settings.weights is not None:
+        settings = replace(settings, weights=str(_backbone_file(folder, Path(settings.weights))))
     if settings.frozen:
-        expected, available = _field(config, "trunk", dict), dict(trunk_of(settings).source)
+        expected, available = _field(config, "backbone", dict), dict(backbone_of(settings).source)
         if expected != available:
             raise ValueError(
                 f"its head was trained on the backbone {_source_text(expected)}, not on "
@@ -388,6 +392,7 @@ def _loaded(folder: Path, config: Any) -> Model:
         _field(_field(config, "weights", dict), "sha256", str, "weights."),
         settings,
         len(classes),
+        version,
     )
     return Model(
         settings,
@@ -452,7 +457,9 @@ def _check_classes(classes: Sequence[LabelClass], written: str) -> None:
             )
 
 
-def _variables(path: Path, expected: str, settings: TrainSettings, classes: int) -> Params:
+def _variables(
+    path: Path, expected: str, settings: TrainSettings, classes: int, version: int
+) -> Params:
     """Read the network's variables from a file, and check each one."""
     data = read_bytes(path, LARGEST)
     sha256 = hashlib.sha256(data).hexdigest()
@@ -463,6 +470,8 @@ def _variables(path: Path, expected: str, settings: TrainSettings, classes: int)
         )
     try:
         arrays = parse_tensors(data)
+        if version == 1:
+            arrays = {re.sub("^trunk/", "backbone/", name): array for name, array in arrays.items()}
     except (SafetensorError, ValueError, KeyError) as error:
         raise ModelError(f"{path}: a damaged .safetensors ({error})") from None
     net = variable_shapes(settings, classes)
@@ -494,7 +503,7 @@ def _named(tree: Params) -> Iterator[tuple[str, Any]]:
         yield "/".join(str(key.key) for key in path[1:]), leaf
 
 
-def _trunk_file(folder: Path, file: Path) -> Path:
+def _backbone_file(folder: Path, file: Path) -> Path:
     """The file of a backbone's weights: at its old path, or in the folder of a model that was moved.
 
     Raises:

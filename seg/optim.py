@@ -49,9 +49,9 @@ def deeplab_multiplier(path: Path) -> float:
     return (10.0 if layer.startswith("fc8") else 1.0) * (2.0 if part == "bias" else 1.0)
 
 
-def trunk_multiplier(path: Path) -> float:
+def backbone_multiplier(path: Path) -> float:
     """The factor on a parameter's learning rate: 0.1 for the pre-trained backbone, otherwise 1."""
-    return 0.1 if "trunk" in path else 1.0
+    return 0.1 if "backbone" in path else 1.0
 
 
 def scale_by_path(multiplier: Callable[[Path], float]) -> optax.GradientTransformation:
@@ -70,15 +70,15 @@ def optimizer(
     """Make the optimiser, which gives the direction of a step without the factor of minus the learning rate.
 
     SGD: v <- momentum * v + g + weight_decay * p, as in the paper. Adam: decoupled decay (AdamW).
-    With "deeplab" the direction is scaled by `deeplab_multiplier`, and biases do not decay; with "trunk",
-    for networks with a backbone, it is scaled by `trunk_multiplier`.
+    With "deeplab" the direction is scaled by `deeplab_multiplier`, and biases do not decay; with "backbone",
+    for networks with a backbone, it is scaled by `backbone_multiplier`.
     Caffe includes the rate in v, which gives slightly other steps under a falling rate.
 
     Args:
         name: "sgd" or "adam".
         momentum: momentum of SGD.
         weight_decay: 1e-4 in the paper.
-        lr_multipliers: "none", "deeplab" or "trunk".
+        lr_multipliers: "none", "deeplab" or "backbone".
 
     Returns:
         An optax transform; apply its updates with `descend`.
@@ -96,8 +96,8 @@ def optimizer(
             mask=lambda params: path_aware_map(lambda path, _: path[-1] != "bias", params),
         )
         scale = [scale_by_path(deeplab_multiplier)]
-    elif lr_multipliers == "trunk":
-        scale = [scale_by_path(trunk_multiplier)]
+    elif lr_multipliers == "backbone":
+        scale = [scale_by_path(backbone_multiplier)]
     if name == "sgd":
         return optax.chain(decay, optax.trace(momentum), *scale)
     return optax.chain(optax.scale_by_adam(), decay, *scale)

@@ -83,7 +83,7 @@ def prepare(
         raise ValueError('statistics are for head_statistics "target"; the settings say "training"')
     if statistics is None and of_target and not resumes:
         raise ValueError('head_statistics "target" needs statistics, or params that have them')
-    needs_statistics = settings.has_trunk and statistics is None and not resumes
+    needs_statistics = settings.has_backbone and statistics is None and not resumes
     cache = {} if cache is None else cache
     parts = tuple(
         _prepared_part(part, settings, classes, needs_statistics, cache)
@@ -160,11 +160,11 @@ def check_inputs(
     images: np.ndarray, settings: TrainSettings, features: Maps | None, views: int
 ) -> None:
     """Raise ValueError unless the network takes images of this size, and the features are theirs."""
-    if settings.has_trunk:
+    if settings.has_backbone:
         pyramid.check_size(images, settings)
     if features is not None and not settings.frozen:
         raise ValueError(
-            f"features are for a frozen backbone, not for {settings.net}, {settings.trunk}"
+            f"features are for a frozen backbone, not for {settings.net}, {settings.backbone}"
         )
     if features is not None:
         pyramid.check_features(features, images, settings, views)
@@ -188,11 +188,11 @@ def first_variables(
     """The variables at the start: random parameters, but where the settings name weights."""
     if settings.net in VGG_NETS and settings.weights is not None:
         params = load(settings.weights, settings.net, params)
-    if not settings.has_trunk:
+    if not settings.has_backbone:
         return {"params": params}
     assert statistics is not None
     if not settings.frozen:
-        params = {**params, "trunk": pyramid.trunk_params(settings)}
+        params = {**params, "backbone": pyramid.backbone_params(settings)}
     mean, deviation = statistics
     return {"params": params, STATISTICS: {"head": {"mean": mean, "deviation": deviation}}}
 

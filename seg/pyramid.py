@@ -10,14 +10,14 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float32, UInt8
 
 from seg.batches import in_batches, usual_batch
+from seg.nets.backbones import Params, backbone_of, make_backbone
 from seg.nets.head import Maps, statistics
-from seg.nets.trunks import Params, trunk, trunk_of
 from seg.settings import BackboneSpec, TrainSettings
 
 
 def check_size(images: UInt8[np.ndarray, "n h w 3"], settings: TrainSettings) -> None:
     """Raise ValueError for images that are smaller than the backbone's largest stride."""
-    (h, w), coarsest = images.shape[1:3], max(trunk_of(settings).strides)
+    (h, w), coarsest = images.shape[1:3], max(backbone_of(settings).strides)
     if min(h, w) < coarsest:
         raise ValueError(
             f"images of {w}x{h} pixels are too small for {settings.net}: its backbone has a stride of "
@@ -25,19 +25,19 @@ def check_size(images: UInt8[np.ndarray, "n h w 3"], settings: TrainSettings) ->
         )
 
 
-def trunk_params(settings: TrainSettings) -> Params:
+def backbone_params(settings: TrainSettings) -> Params:
     """The backbone's weights on the device; WeightsError if there are none."""
     return _params(settings.net, settings.weights)
 
 
 @lru_cache(maxsize=2)
 def _params(net: str, weights: str | None) -> Params:
-    return jax.device_put(trunk(net, weights).load())
+    return jax.device_put(make_backbone(net, weights).load())
 
 
 def maps_of(params: Params, images: UInt8[Array, "b h w 3"], spec: BackboneSpec) -> Maps:
     """Compute features of images with the backbone's weights, inside a compiled function."""
-    module = trunk(spec.net, spec.weights).module
+    module = make_backbone(spec.net, spec.weights).module
     if spec.dtype == "bfloat16":
         module = module.clone(dtype=jnp.bfloat16)
     maps = module.apply({"params": params}, images.astype(jnp.float32) / 255)
@@ -83,7 +83,7 @@ def features(
     """
     check_size(images, settings)
     extract = _extractor(BackboneSpec(settings.net, settings.weights, settings.dtype))
-    params = trunk_params(settings)
+    params = backbone_params(settings)
     size = usual_batch(len(images)) if batch is None else min(batch, len(images))
     return in_batches(lambda part: extract(params, part), images, size)
 
@@ -93,7 +93,7 @@ def check_features(
 ) -> None:
     """Raise ValueError unless features have the number and sizes of so many views of images."""
     count, h, w, _ = images.shape
-    backbone = trunk_of(settings)
+    backbone = backbone_of(settings)
     cells = zip(backbone.strides, backbone.channels, strict=True)
     expected = [(views * count, -(-h // stride), -(-w // stride), c) for stride, c in cells]
     if [m.shape for m in maps] != expected or any(m.dtype != np.float16 for m in maps):

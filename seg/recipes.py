@@ -29,7 +29,7 @@ _PAPER = TrainSettings(
 
 _FROZEN = TrainSettings(
     net="lite0",
-    trunk="frozen",
+    backbone="frozen",
     lr=1e-2,
     steps=1000,
     batch=4,
@@ -65,7 +65,7 @@ RECIPES = {
     ),
     "lite0-tuned": TrainSettings(
         net="lite0",
-        trunk="tuned",
+        backbone="tuned",
         lr=1e-3,
         steps=300,
         mix=True,
@@ -112,8 +112,8 @@ def recipe_for(settings: TrainSettings) -> str:
     """The name of the recipe that suits the network, backbone and weights of some settings."""
     if settings.net == "compact":
         return "compact"
-    if settings.has_trunk:
-        return "lite0-heads" if settings.heads > 1 else f"lite0-{settings.trunk}"
+    if settings.has_backbone:
+        return "lite0-heads" if settings.heads > 1 else f"lite0-{settings.backbone}"
     if settings.weights is None:
         return "scratch"
     return "paper" if settings.optimizer == "sgd" else "vgg-adam"
@@ -127,12 +127,12 @@ def with_net(settings: TrainSettings, **changes: Any) -> TrainSettings:
 
     Args:
         settings: settings of the old network.
-        changes: new `net`, `trunk` or `weights`. A network without a backbone loses `trunk`, a network that
-            starts from no file loses `weights`.
+        changes: new `net`, `backbone` or `weights`. A network without a backbone loses `backbone`, a network
+            that starts from no file loses `weights`.
     """
     changed = replace(settings, **changes)
-    if not changed.has_trunk:
-        changed = replace(changed, trunk="frozen")
+    if not changed.has_backbone:
+        changed = replace(changed, backbone="frozen")
     if changed.net in FILELESS_NETS:
         changed = replace(changed, weights=None)
     if not changed.frozen:
@@ -156,7 +156,7 @@ def _by_recipe(before: TrainSettings, changed: TrainSettings, recipe: str) -> Tr
     """Take a recipe for the network of changed settings; a number of steps of the user's own stays."""
     new = RECIPES[recipe]
     steps_changed = before.steps != RECIPES[recipe_for(before)].steps
-    names = ("net", "trunk", "weights", "dtype", "average_mirror")
+    names = ("net", "backbone", "weights", "dtype", "average_mirror")
     kept = {name: getattr(changed, name) for name in names}
     return with_steps(replace(new, **kept), before.steps if steps_changed else new.steps)
 

@@ -5,20 +5,20 @@ from typing import Annotated, Literal, NamedTuple
 
 from common.bounds import POSITIVE, at_least, at_most, must, within
 
-TrunkName = Literal["lite0", "lite1", "lite2", "dinov2"]
+BackboneName = Literal["lite0", "lite1", "lite2", "dinov2"]
 """Networks that are a head on a backbone."""
-NetName = Literal["compact", "deeplabv2", "fcn8s", TrunkName]
+NetName = Literal["compact", "deeplabv2", "fcn8s", BackboneName]
 VGG_NETS: tuple[NetName, ...] = ("fcn8s", "deeplabv2")
 """Networks that may start from a file of VGG16's weights."""
 FILELESS_NETS: tuple[NetName, ...] = ("compact", "lite0", "lite1", "lite2")
 """Networks that start from no file: at random, or from the weights of a package."""
 WHOLE_NETS: tuple[NetName, ...] = ("compact", *VGG_NETS)
-"""Networks without a backbone; all other networks have one, those of users, too (`seg.nets.trunks`)."""
-Trunk = Literal["frozen", "tuned"]
+"""Networks without a backbone; all other networks have one, those of users, too (`seg.nets.backbones`)."""
+BackboneTraining = Literal["frozen", "tuned"]
 HeadStatistics = Literal["training", "target"]
 OptimizerName = Literal["adam", "sgd"]
 LrMultipliers = Literal["none", "deeplab"]
-Multipliers = LrMultipliers | Literal["trunk"]
+Multipliers = LrMultipliers | Literal["backbone"]
 Dtype = Literal["float32", "bfloat16"]
 STRIDES = (1, 2, 4, 8)
 """Allowed distances of the pixels in the loss."""
@@ -109,9 +109,9 @@ class TrainSettings:
         accumulate: parts into which the images of an update are cut, to need less memory; the
             gradient is that of the whole.
         dtype: the networks' type of computation; parameters and logits stay float32.
-        trunk: for networks with a backbone. "frozen": its weights stay as they are, features of an image are
-            computed once, and only the head trains. "tuned": everything trains, the backbone at a tenth of
-            the rate. Networks without a backbone ignore "frozen".
+        backbone: for networks with a backbone. "frozen": its weights stay as they are, features of an image
+            are computed once, and only the head trains. "tuned": everything trains, the backbone at a tenth
+            of the rate. Networks without a backbone ignore "frozen".
         views: number of views of each training image for a frozen backbone: the image itself, then augmented
             ones (`seg.views`). Features of lite0 cost 10 to 15 ms of a core and 150 kB each at 240x176.
             Networks without a frozen backbone augment in every step.
@@ -153,7 +153,7 @@ class TrainSettings:
     lr_multipliers: LrMultipliers = "none"
     accumulate: Annotated[int, at_least(1)] = 1
     dtype: Dtype = "float32"
-    trunk: Trunk = "frozen"
+    backbone: BackboneTraining = "frozen"
     views: Annotated[int, at_least(1)] = 2
     head_statistics: HeadStatistics = "training"
     loss_stride: Annotated[int, _STRIDE] = 1
@@ -166,19 +166,19 @@ class TrainSettings:
     average_mirror: bool = False
 
     @property
-    def has_trunk(self) -> bool:
+    def has_backbone(self) -> bool:
         """Whether the network is a head on a backbone."""
         return self.net not in WHOLE_NETS
 
     @property
     def frozen(self) -> bool:
         """Whether the network has a backbone that does not train."""
-        return self.has_trunk and self.trunk == "frozen"
+        return self.has_backbone and self.backbone == "frozen"
 
     @property
     def net_spec(self) -> NetSpec:
         """What decides the network."""
-        backbone = BackboneSpec(self.net, self.weights, self.dtype) if self.has_trunk else None
+        backbone = BackboneSpec(self.net, self.weights, self.dtype) if self.has_backbone else None
         head = (self.head_width, self.head_dropout)
         return NetSpec(self.net, self.dtype, self.norm, backbone, *head)
 
@@ -190,7 +190,7 @@ class TrainSettings:
     @property
     def optim_spec(self) -> OptimSpec:
         """The optimiser with its rates by layer."""
-        multipliers: Multipliers = "trunk" if self.has_trunk else self.lr_multipliers
+        multipliers: Multipliers = "backbone" if self.has_backbone else self.lr_multipliers
         return OptimSpec(self.optimizer, self.momentum, self.weight_decay, multipliers)
 
     @property

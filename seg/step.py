@@ -17,8 +17,8 @@ from seg.augment import augment, draw
 from seg.losses import cross_entropy, cross_entropy_sums, soft_jaccard
 from seg.mixing import batch_indices
 from seg.nets import net_of
+from seg.nets.backbones import Params
 from seg.nets.ops.resize import strided
-from seg.nets.trunks import Params
 from seg.optim import descend, optimizer, poly_schedule
 from seg.settings import StepSpec, TrainSettings
 

@@ -132,7 +132,7 @@ def train(
     stops = sorted(checked | checkpoint_steps)
     nets = []
     for head, (seed, start) in enumerate(zip(seeds, starts, strict=True)):
-        if start is None and (settings.weights is not None or settings.has_trunk):
+        if start is None and (settings.weights is not None or settings.has_backbone):
             random = compiled.init(np.uint32(seed), data.images).params
             start = first_variables(random, settings, statistics)
         if start is None:

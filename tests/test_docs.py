@@ -21,7 +21,7 @@ import pytest
 
 from common.labels.target_file import parse_target
 from experiments.__main__ import main as sdr_jax
-from seg.nets.trunks import TRUNKS
+from seg.nets.backbones import BACKBONES
 from tests.conftest import ROOT
 
 FILES = (ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md"))
@@ -61,7 +61,7 @@ WITH_PYTHON = [page for page in PAGES if blocks(page, python=True) and page != S
 ])  # fmt: skip
 def test_python_runs(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    with patch.dict(TRUNKS):  # a page adds one
+    with patch.dict(BACKBONES):  # a page adds one
         assert ran(page)
 
 

@@ -21,7 +21,7 @@ from scene.assets.catalogue import check_pool
 from scene.render import check_settings
 from seg.check import check_settings as check_train_settings
 from seg.mixing import extra_count
-from seg.nets.trunks import trunk_of
+from seg.nets.backbones import backbone_of
 from seg.settings import FILELESS_NETS, VGG_NETS, TrainSettings
 from seg.weights import check as check_weights
 
@@ -93,7 +93,7 @@ def check_net(flag: str, train_flag: str, fidelity: Fidelity) -> None:
     train = fidelity.train
     with flagged(train_flag):
         check_train_settings(train)
-    coarsest = max(trunk_of(train).strides) if train.has_trunk else 1
+    coarsest = max(backbone_of(train).strides) if train.has_backbone else 1
     if min(fidelity.width, fidelity.height) < coarsest:
         raise UserError(
             f"{flag}: images of {fidelity.size} are too small for {train.net}, which needs "

@@ -219,7 +219,7 @@ def load(place: str) -> Any:
 def _with_nets(default: AnyConfig, values: Mapping[str, Any]) -> AnyConfig:
     """Return defaults with the recipes of the chosen networks, their weights, and a warm-up that fits."""
     for name, fidelity in fidelities(default).items():
-        flags = {key: values.get(f"{name}.train.{key}") for key in ("net", "trunk", "weights")}
+        flags = {key: values.get(f"{name}.train.{key}") for key in ("net", "backbone", "weights")}
         changes = {key: value for key, value in flags.items() if value is not None}
         weights, train = values.get("weights"), fidelity.train
         if weights is not None and changes.get("net", train.net) in STARTED_NETS:

@@ -12,7 +12,7 @@ from experiments.config.options import Fidelity, Search, SearchOptions
 from experiments.config.trainers import training_processes
 from scene.render.protocol import MAX_PIXELS, refuse_large_images, refuse_many_shots
 from seg.augment import DRAWS
-from seg.nets.trunks import trunk_of
+from seg.nets.backbones import backbone_of
 
 PIXEL, SCORES = 4, 4 * (3 + 11)
 """Bytes of a pixel: its colour and label; in training, its colour and the scores of the fewest classes, in
@@ -44,7 +44,7 @@ def training_bytes(fidelity: Fidelity, labelled: int = 0) -> int:
     train, pixels = fidelity.train, fidelity.width * fidelity.height
     count = (fidelity.images + labelled) * (train.views if train.frozen else 1)
     # Labels, and features or colours.
-    pixel_bytes = 1 + (trunk_of(train).pixel_bytes if train.frozen else 3)
+    pixel_bytes = 1 + (backbone_of(train).pixel_bytes if train.frozen else 3)
     copies = 2 if labelled else 1
     return math.ceil(copies * count * pixels * pixel_bytes + train.batch * pixels * SCORES)
 
@@ -66,10 +66,10 @@ def _refuse_fidelity(flag: str, fidelity: Fidelity) -> None:
     refuse_larger(f"{flag}.train.steps", train.steps, _times(step), "random numbers")
     if train.frozen:
         with flagged(f"{flag}.train.net"):
-            trunk = trunk_of(train)
-        views = _times(fidelity.images * pixels * trunk.pixel_bytes)
+            backbone = backbone_of(train)
+        views = _times(fidelity.images * pixels * backbone.pixel_bytes)
         refuse_larger(f"{flag}.train.views", train.views, views, f"features of {dataset}")
-    if train.has_trunk:
+    if train.has_backbone:
         head = _times(train.batch * pixels / 64 * 4)
         refuse_larger(f"{flag}.train.head-width", train.head_width, head, "features of a batch")
 

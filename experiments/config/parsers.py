@@ -14,7 +14,7 @@ from experiments.config.config import FitPreset
 from scene.attributes import SpaceName
 from scene.names import HELD
 from seg.names import As
-from seg.settings import Trunk, TrunkName
+from seg.settings import BackboneName, BackboneTraining
 
 TARGET = f"{', '.join(SHIPPED)}, or a target file; by default DATA/target.yaml"
 PORT, REPORT_PORT = 8420, 8421
@@ -74,9 +74,9 @@ class Fit:
     """start the saved model from this one; the tested networks start from scratch"""
     store: Annotated[Path | None, Option("FILE")] = None
     """file of evaluations to share between runs"""
-    net: TrunkName = "lite0"
+    net: BackboneName = "lite0"
     """backbone under the segmentation head; see docs/howto/net.md"""
-    trunk: Trunk | None = None
+    backbone: BackboneTraining | None = None
     """tuned: also train the backbone, which takes hours of one core; default: frozen, or tuned with --preset
     full"""
     weights: Annotated[Path | None, Option("FILE")] = None
@@ -197,7 +197,7 @@ fit = partial(
     "fit",
     Fit,
     "experiments.app.fit.command",
-    {"network": ("net", "trunk", "weights")},
+    {"network": ("net", "backbone", "weights")},
 )
 predict = partial(command_line, "predict", Predict, "experiments.app.predict")
 evaluate = partial(command_line, "evaluate", Evaluate, "experiments.app.evaluate")

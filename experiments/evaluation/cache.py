@@ -37,8 +37,8 @@ from experiments.evaluation.renders import Part, Rendered, Written, joined, rend
 from experiments.evaluation.store import digest_of
 from experiments.targets.base import Target
 from seg.data import LabelledImages
+from seg.nets.backbones import backbone_of
 from seg.nets.head import Maps
-from seg.nets.trunks import trunk_of
 from seg.pyramid import Statistics, channel_statistics, features
 from seg.settings import TrainSettings
 from seg.views import LOOKS, view_images, with_mirror
@@ -194,8 +194,8 @@ class Cache:
         if not by_target(fidelity.train):
             return recipe
         real = target.at(fidelity.height, fidelity.width)["reward"]
-        trunk = replace(fidelity.train, trunk="frozen")  # a tuned one starts like this
-        cached = self.put(real, trunk, "reward")
+        backbone = replace(fidelity.train, backbone="frozen")  # a tuned one starts like this
+        cached = self.put(real, backbone, "reward")
         ((_, statistics),) = self._workers.map(_statistics_of_cached, [(cached,)], net=True)
         return recipe._replace(statistics=statistics)
 
@@ -246,7 +246,7 @@ def _sent(train: TrainSettings, workers: Workers) -> TrainSettings:
 
 def by_target(train: TrainSettings) -> bool:
     """Whether a network's head normalises features by statistics of the target's images."""
-    return train.has_trunk and train.head_statistics == "target"
+    return train.has_backbone and train.head_statistics == "target"
 
 
 def _views(train: TrainSettings, training: bool) -> dict[str, Any]:
@@ -256,7 +256,7 @@ def _views(train: TrainSettings, training: bool) -> dict[str, Any]:
         looks = {name: getattr(train, name) for name in LOOKS}
     elif train.average_mirror:
         looks["average_mirror"] = True
-    return {"trunk": dict(trunk_of(train).source), "dtype": train.dtype, **looks}
+    return {"backbone": dict(backbone_of(train).source), "dtype": train.dtype, **looks}
 
 
 def _features(images: np.ndarray, train: TrainSettings, training: bool) -> Maps:
@@ -283,7 +283,7 @@ def _statistics_of_cached(cached: Cached) -> Statistics:
 
 def statistics_of(images: np.ndarray, train: TrainSettings) -> Statistics:
     """Compute in this process what `Cache.normalised` adds to a recipe, from the reward images."""
-    return channel_statistics(_features(images, replace(train, trunk="frozen"), False))
+    return channel_statistics(_features(images, replace(train, backbone="frozen"), False))
 
 
 def _pool_parts(

@@ -76,7 +76,7 @@ def head_cost(fidelity: Fidelity) -> float:
     step = STEP_COST[recipe]
     if recipe == "lite0-frozen" and pixels * train.batch > CACHE:
         step *= SPILL
-    if train.has_trunk and not train.frozen:
+    if train.has_backbone and not train.frozen:
         step *= _view_cost(train) / VIEW_COST["lite0"]
     return pixels * step * train.steps * train.batch * train.heads
 

@@ -463,6 +463,7 @@ def about(recipe: Recipe, target: Target, side: Side, real: LabelledImages) -> R
     names = target.reward_names if side == "reward" else target.test_names
     fidelity, pool = recipe.fidelity, recipe.pool.identity
     size = asdict(fidelity)
+    size["train"]["trunk"] = size["train"].pop("backbone")  # its name when stores began
     # The content of files counts, not their path.
     if pool["own"]:
         pool["own"] = folder_digest(Path(pool["own"]))

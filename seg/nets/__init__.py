@@ -7,12 +7,12 @@ import jax.numpy as jnp
 from flax import linen as nn
 
 from seg.classes import IGNORE_LABEL
+from seg.nets.backbones import BACKBONES, make_backbone
 from seg.nets.compact import Compact
 from seg.nets.deeplabv2 import DeepLabV2
 from seg.nets.fcn8s import FCN8s
-from seg.nets.head import STATISTICS, FeatureMaps, OnTrunk
+from seg.nets.head import STATISTICS, FeatureMaps, OnBackbone
 from seg.nets.ops.normalise import normalise
-from seg.nets.trunks import TRUNKS, trunk
 from seg.nets.vgg16 import VGG16
 from seg.settings import VGG_NETS, Dtype, NetSpec
 
@@ -35,7 +35,7 @@ def net(
     """Make a network by name.
 
     Args:
-        name: a known network: one without a backbone, or a backbone of `seg.nets.trunks` with a head.
+        name: a known network: one without a backbone, or a backbone of `seg.nets.backbones` with a head.
         classes: its number of classes.
         dtype: its type of computation; parameters and logits are float32.
         norm: GroupNorm after the convolutions of VGG16; the compact network has it in any case.
@@ -51,16 +51,16 @@ def net(
         ValueError: no network has that name (the message lists the known ones), or classes are not 1 to 255.
         WeightsError: the backbone's file of weights cannot be used.
     """
-    if name not in _NETS and name not in TRUNKS:
-        names = ", ".join(sorted((*_NETS, *TRUNKS)))
+    if name not in _NETS and name not in BACKBONES:
+        names = ", ".join(sorted((*_NETS, *BACKBONES)))
         raise ValueError(f"unknown network {name!r}; known networks: {names}")
     if not 1 <= classes <= IGNORE_LABEL:  # predictions are bytes
         raise ValueError(f"a network has 1 to {IGNORE_LABEL} classes; got {classes}")
     computed = _DTYPES[dtype]
-    if name in TRUNKS:
-        module, strides, *_ = trunk(name, weights)
+    if name in BACKBONES:
+        module, strides, *_ = make_backbone(name, weights)
         module = module if computed is None else module.clone(dtype=computed)
-        return OnTrunk(classes, module, strides, dtype=computed, **options)
+        return OnBackbone(classes, module, strides, dtype=computed, **options)
     if name in VGG_NETS:
         options["norm"] = norm
     return _NETS[name](classes=classes, dtype=computed, **options)
@@ -104,7 +104,7 @@ __all__ = [
     "DeepLabV2",
     "FCN8s",
     "FeatureMaps",
-    "OnTrunk",
+    "OnBackbone",
     "net",
     "net_of",
     "normalise",

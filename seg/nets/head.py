@@ -102,12 +102,12 @@ class Head(nn.Module):
         return Pointwise(self.classes, dtype=self.dtype, name="score")(x).astype(jnp.float32)
 
 
-class OnTrunk(nn.Module):
+class OnBackbone(nn.Module):
     """Backbone and head: logits at full resolution from images, or from feature maps computed before.
 
     Attributes:
         classes: the number of classes.
-        trunk: maps RGB in [0, 1] to feature maps, see `seg.nets.trunks.Trunk`.
+        backbone: maps RGB in [0, 1] to feature maps, see `seg.nets.backbones.Backbone`.
         strides: strides of the maps in pixels.
         width: width of the head.
         dropout: dropout of the head.
@@ -115,7 +115,7 @@ class OnTrunk(nn.Module):
     """
 
     classes: int
-    trunk: nn.Module
+    backbone: nn.Module
     strides: tuple[int, ...]
     width: int = 64
     dropout: float = 0.0
@@ -137,7 +137,7 @@ class OnTrunk(nn.Module):
         """
         if not isinstance(inputs, FeatureMaps):
             size = (inputs.shape[1], inputs.shape[2])
-            inputs = FeatureMaps(self.trunk(inputs), size)
+            inputs = FeatureMaps(self.backbone(inputs), size)
         return self.enlarged(self.scores(inputs.maps, train), inputs.size, stride)
 
     def scores(self, maps: Maps, train: bool = False) -> Float[Array, "b rows cols classes"]:

@@ -171,21 +171,21 @@ class _Fine(nn.Module):
         return _fine(self, x)
 
 
-def _fine_blocks(trunk: Lite | _Fine) -> int:
+def _fine_blocks(backbone: Lite | _Fine) -> int:
     """The number of blocks up to stride 8."""
-    return taps_of(trunk.blocks)[1] + 1
+    return taps_of(backbone.blocks)[1] + 1
 
 
-def _blocks(trunk: Lite | _Fine, x: Array, numbers: range) -> tuple[Array, ...]:
+def _blocks(backbone: Lite | _Fine, x: Array, numbers: range) -> tuple[Array, ...]:
     maps = []
     for number in numbers:
-        x = _Block(trunk.blocks[number], trunk.dtype, name=f"block{number}")(x)
-        if number in taps_of(trunk.blocks):
+        x = _Block(backbone.blocks[number], backbone.dtype, name=f"block{number}")(x)
+        if number in taps_of(backbone.blocks):
             maps.append(x)
     return tuple(maps)
 
 
-def _fine(trunk: Lite | _Fine, x: Array) -> tuple[Array, ...]:
+def _fine(backbone: Lite | _Fine, x: Array) -> tuple[Array, ...]:
     """The features at strides 4 and 8."""
-    x = relu6(Spatial(3, 2, STEM, trunk.dtype, name="stem")(x))
-    return _blocks(trunk, x, range(_fine_blocks(trunk)))
+    x = relu6(Spatial(3, 2, STEM, backbone.dtype, name="stem")(x))
+    return _blocks(backbone, x, range(_fine_blocks(backbone)))

@@ -103,7 +103,7 @@ def described(settings: TrainSettings) -> str | None:
     if settings.weights is None:
         return None
     path = Path(settings.weights)
-    if settings.has_trunk:
+    if settings.has_backbone:
         return f"{settings.net} uses the backbone weights of {path}"
     contents = _contents(read_npz(path, (_MARK, _SOURCE, "fc7/bias")), path)
     contents = contents._replace(whole=contents.whole and "fc6" in _OF_NET[settings.net])
@@ -153,10 +153,10 @@ def check(settings: TrainSettings, classes: int) -> None:
         WeightsError: they do not.
     """
     from seg.nets import net_of  # networks import their backbones' weights
-    from seg.nets.trunks import trunk_of
+    from seg.nets.backbones import backbone_of
 
-    if settings.has_trunk:
-        trunk_of(settings).load()
+    if settings.has_backbone:
+        backbone_of(settings).load()
     elif settings.weights is not None:
         module = net_of(settings.net_spec, classes)
         blank = jax.ShapeDtypeStruct((1, 64, 64, 3), np.float32)

@@ -7,12 +7,12 @@ import pytest
 
 from benchmarks import gpu
 from benchmarks.gpu import FULL, figures
-from seg.nets.trunks import TRUNKS
+from seg.nets.backbones import BACKBONES
 
 
 @pytest.fixture(autouse=True)
 def other_tests_have_their_cache_and_backbones(monkeypatch):
-    monkeypatch.setitem(TRUNKS, "narrow", None)  # the key goes at the end
+    monkeypatch.setitem(BACKBONES, "narrow", None)  # the key goes at the end
     yield
     jax.config.update("jax_enable_compilation_cache", True)
 

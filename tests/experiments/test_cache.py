@@ -273,7 +273,7 @@ def test_a_damaged_piece_of_streets_is_made_anew(opened, monkeypatch, tmp_path):
 
 
 @pytest.mark.parametrize(("part", "name", "change", "complaint"), [
-    ("features", ABOUT, {"trunk": "0" * 64}, "is of other trunk, '000"),
+    ("features", ABOUT, {"backbone": "0" * 64}, "is of other backbone, '000"),
     ("features", ABOUT, {"images": "ff"}, "is of other images, 'ff' and not"),
     ("images", ABOUT, {"files": 1}, "is damaged"),
     ("features", "map1.npy", b"\x01", "is damaged"),
@@ -296,9 +296,9 @@ def test_a_command_ends_with_exit_code_2(command, learnt_file, tmp_path, error_l
     arguments = ("table", run, "--learnt", str(learnt_file), "--nets", "lite0")
     assert command(*arguments) == 0
     for path in (run / FOLDER).glob(f"*-*/{ABOUT}"):
-        write_json(path, read_json(path) | {"trunk": "0"})
+        write_json(path, read_json(path) | {"backbone": "0"})
     (run / "finals.jsonl").unlink()
-    assert command(*arguments) == 2 and "is of other trunk" in error_line(begun=True)
+    assert command(*arguments) == 2 and "is of other backbone" in error_line(begun=True)
 
 
 def test_heads_may_normalise_by_the_images_that_give_the_reward(runner):

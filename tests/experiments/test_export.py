@@ -23,7 +23,7 @@ NETS = {
     "compact": TrainSettings(steps=1, warmup=0, batch=1),
     "frozen": LITE0,
     "heads": replace(LITE0, heads=2, average_mirror=True),
-    "tuned": replace(LITE0, trunk="tuned", average=0.0),
+    "tuned": replace(LITE0, backbone="tuned", average=0.0),
     "fcn8s": replace(seg.RECIPES["scratch"], net="fcn8s", steps=1, warmup=0),
     "deeplabv2": replace(seg.RECIPES["scratch"], norm=False, steps=1, warmup=0),
 }

@@ -557,10 +557,10 @@ def test_a_gpu_takes_the_full_preset_and_a_cpu_takes_it_on_request(folder, tmp_p
     asked = config_of(folder, tmp_path / "run", preset="full", say=lines.append)
     monkeypatch.setattr(fit_config, "usable_gpus", lambda: ["0"])
     on_gpu = config_of(folder, tmp_path / "run")
-    assert (usual.preset, usual.final.train.trunk) == ("quick", "frozen")
+    assert (usual.preset, usual.final.train.backbone) == ("quick", "frozen")
     assert (asked.preset, on_gpu.preset) == ("full", "full")
     train = asked.final.train
-    assert (train.trunk, train.steps, train.batch, train.dtype) == ("tuned", 2000, 16, "float32")
+    assert (train.backbone, train.steps, train.batch, train.dtype) == ("tuned", 2000, 16, "float32")
     assert on_gpu.final.train == replace(train, dtype="bfloat16")
     assert (asked.final.streets, asked.few_share, len(asked.trainings)) == (800, 0.25, 3)
     assert asked.final.size == "64x48"  # the images' own
@@ -568,9 +568,9 @@ def test_a_gpu_takes_the_full_preset_and_a_cpu_takes_it_on_request(folder, tmp_p
     assert configured((960, 720), "full").reward.size == "960x720"
     assert share_of(100, "full") == 0.25 and share_of(100) == 0.5
     dinov2 = configured((64, 48), "full", "dinov2").final
-    assert (dinov2.train.trunk, dinov2.streets) == ("frozen", 800)
-    again = config_of(folder, tmp_path / "run", preset="full", trunk="frozen")
-    assert (again.final.train.trunk, again.final.train.heads) == ("frozen", 3)
+    assert (dinov2.train.backbone, dinov2.streets) == ("frozen", 800)
+    again = config_of(folder, tmp_path / "run", preset="full", backbone="frozen")
+    assert (again.final.train.backbone, again.final.train.heads) == ("frozen", 3)
 
 
 @pytest.mark.slow
@@ -580,7 +580,7 @@ def test_the_full_preset_trains_the_backbone_and_saves_a_model(folder, tmp_path)
     result = experiments.fit(folder, out, **steps)
     assert set(result.miou) == {"labels", "labels+renders", "renders"}
     settings = result.model.settings
-    assert (settings.trunk, settings.steps, settings.average_mirror) == ("tuned", 3, True)
+    assert (settings.backbone, settings.steps, settings.average_mirror) == ("tuned", 3, True)
     predicted = result.model.predict(np.zeros((1, 48, 64, 3), np.uint8))
     assert predicted.shape == (1, 48, 64)
 
@@ -589,10 +589,12 @@ def test_the_full_preset_trains_the_backbone_and_saves_a_model(folder, tmp_path)
 def test_a_tuned_net_of_another_name_is_fitted_and_its_model_has_all_of_it(folder, tmp_path):
     own = ["--preset", "smoke", "--seeds", "1", "--size", "64x48", "--workers", "1"]
     out = tmp_path / "run"
-    assert main([str(folder), "--out", str(out), *own, "--net", "lite2", "--trunk", "tuned"]) == 0
+    assert (
+        main([str(folder), "--out", str(out), *own, "--net", "lite2", "--backbone", "tuned"]) == 0
+    )
     model = load_model(out / "model")
-    assert (model.settings.net, model.settings.trunk) == ("lite2", "tuned")
-    assert "block20" in model.variables["params"]["trunk"]
+    assert (model.settings.net, model.settings.backbone) == ("lite2", "tuned")
+    assert "block20" in model.variables["params"]["backbone"]
     with pytest.raises(UserError, match="a model with --net lite2, not lite0"):
         fit(config_of(folder, tmp_path / "next", preset="smoke", init=out / "model"))
 
@@ -620,7 +622,7 @@ def test_what_cannot_be_fitted_is_one_line(
             "--net: dinov2 needs weights, the .safetensors file of its backbone",
         ),
         ([str(folder), *out, "--weights", "x"], "--weights x is for --net dinov2; those of lite0"),
-        ([*dinov2, "--trunk", "tuned"], '"tuned", but the backbone of dinov2 stays frozen'),
+        ([*dinov2, "--backbone", "tuned"], '"tuned", but the backbone of dinov2 stays frozen'),
         (
             [*dinov2],
             f"{bad}: embeddings.position_embeddings is missing; expected all of DINOv2 ViT-S",
@@ -698,7 +700,7 @@ def test_init_takes_the_width_of_the_model_and_names_what_differs(
     train = configured((64, 48), "smoke").final.train
     for changes, message in (
         ({"head_width": 8}, None),
-        ({"trunk": "tuned", "heads": 1}, "a model with --trunk tuned, not frozen"),
+        ({"backbone": "tuned", "heads": 1}, "a model with --backbone tuned, not frozen"),
     ):
         settings = replace(train, **changes)
         shapes = jax.tree.map(
@@ -714,7 +716,9 @@ def test_init_takes_the_width_of_the_model_and_names_what_differs(
     Model(train, jax.tree.map(lambda leaf: np.zeros(leaf.shape, leaf.dtype), variable_shapes(train, 5)),
           (48, 64), classes).save(tmp_path / "model")  # fmt: skip
     config = config_of(folder, tmp_path / "run", preset="smoke", init=tmp_path / "model")
-    monkeypatch.setattr(fit_job, "trunk_of", lambda settings: SimpleNamespace(source=id(settings)))
+    monkeypatch.setattr(
+        fit_job, "backbone_of", lambda settings: SimpleNamespace(source=id(settings))
+    )
     with pytest.raises(UserError, match="its head was trained on other weights of the backbone"):
         fit(config)
 

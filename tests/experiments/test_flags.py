@@ -471,7 +471,7 @@ def test_a_training_has_as_many_steps_as_checkpoints(error_line, out):
     (["--final.train.net", "compact"], "compact", 1000),
     (["--final.train.net=fcn8s"], "scratch", 1000),
     (["--final.train.net", "fcn8s", "--final.train.weights", "w.npz"], "vgg-adam", 1000),
-    (["--final.train.trunk", "tuned", "--final.train.steps", "7"], "lite0-tuned", 7),
+    (["--final.train.backbone", "tuned", "--final.train.steps", "7"], "lite0-tuned", 7),
     (["--final.train.steps", "7"], "lite0-frozen", 7),
     (["--preset", "smoke", "--final.train.net", "lite0"], "lite0-frozen", 20),
     (["--final.train.heads", "3", "--final.width", "64"], "lite0-heads", 1000),

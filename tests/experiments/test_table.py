@@ -151,7 +151,7 @@ def test_every_net_gets_a_recipe_and_a_size_of_its_own():
     assert final == replace(quick.final, train=final.train)
     assert fidelity_of(replace(quick, final=final), "compact") == final
     assert with_net(with_net(final, "fcn8s", "vgg16.npz"), "lite0") == lite0
-    half = replace(final, train=replace(final.train, steps=500, trunk="frozen"))
+    half = replace(final, train=replace(final.train, steps=500, backbone="frozen"))
     assert with_net(half, "lite0").train.steps == 500  # it was not its recipe's number
     paper = defaults("camvid", "paper")
     assert paper.nets == ("fcn8s", "deeplabv2")

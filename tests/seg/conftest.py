@@ -14,8 +14,8 @@ from PIL import Image
 
 from seg.data import DataError
 from seg.errors import WeightsError
+from seg.nets.backbones import BACKBONES, Backbone
 from seg.nets.lite import STRIDES, Block, Lite, channels_of
-from seg.nets.trunks import TRUNKS, Trunk
 from seg.weights import convert, vgg16
 from seg.weights.__main__ import main
 from seg.weights.normalisation import from_bgr
@@ -87,8 +87,8 @@ def narrow_lite(monkeypatch):
     blocks = (Block(3, 1, 1, 8), *(Block(3, 2, 1, width) for width in (8, 56, 112, 320)))
     module = Lite(blocks)
     weights = filled(module, jnp.zeros((1, 32, 32, 3)))
-    made = Trunk(module, STRIDES, channels_of(blocks), lambda: weights, {"package": "none"})
-    monkeypatch.setitem(TRUNKS, "narrow_lite", lambda _: made)
+    made = Backbone(module, STRIDES, channels_of(blocks), lambda: weights, {"package": "none"})
+    monkeypatch.setitem(BACKBONES, "narrow_lite", lambda _: made)
     return "narrow_lite"
 
 

@@ -12,9 +12,9 @@ from experiments.app.export import export
 from seg import RECIPES, mean_iou, predict, score
 from seg.inference import logits
 from seg.model import Model, label_classes, load_model
+from seg.nets.backbones import make_backbone
 from seg.nets.dinov2 import VARIANTS, DinoV2, Variant, bicubic
 from seg.nets.ops.normalise import normalise
-from seg.nets.trunks import trunk
 from seg.pyramid import features
 from seg.recipes import with_net
 from seg.train import train
@@ -95,7 +95,7 @@ def test_tokens_are_those_of_transformers(channels, depth, size, tmp_path):
     pixel_values = torch.from_numpy(np.array(normalise(images)).transpose(0, 3, 1, 2).copy())
     with torch.no_grad():
         expected = reference(pixel_values=pixel_values).last_hidden_state[:, 1:].numpy()
-    backbone = trunk("dinov2", str(tmp_path / "model.safetensors"))
+    backbone = make_backbone("dinov2", str(tmp_path / "model.safetensors"))
     (tokens,) = jax.jit(backbone.module.apply)({"params": backbone.load()}, images)
     rows, cols = (side // 14 for side in size)
     assert tokens.shape == (2, rows, cols, channels) and expected.std() > 0.5
@@ -114,7 +114,7 @@ def test_bicubic_is_the_identity_at_its_own_size_and_exact_for_lines():
 
 
 def test_images_are_filled_up_to_whole_patches(file):
-    backbone = trunk("dinov2", str(file))
+    backbone = make_backbone("dinov2", str(file))
     assert (backbone.strides, backbone.channels, backbone.source["name"]) == (
         (14,),
         (C,),
@@ -162,7 +162,7 @@ def test_a_head_on_its_tokens_learns_and_its_model_is_loaded_where_the_file_is(f
     file.rename(moved / file.name)
     assert_same(load_model(moved).predict(images), expected)
     save_file(tensors(seed=1), moved / file.name)
-    trunk.cache_clear()
+    make_backbone.cache_clear()
     refuses(r"config\.json: its head was trained on the backbone DINOv2 ViT-tiny/14 .*, not on",
             load_model, moved, error=Exception)  # fmt: skip
     (moved / file.name).unlink()

@@ -22,7 +22,7 @@ from seg import (
 )
 from seg.data import LabelledImages
 from seg.mixing import TrainingSet
-from seg.nets import FeatureMaps, OnTrunk, net, variables_of
+from seg.nets import FeatureMaps, OnBackbone, net, variables_of
 from seg.nets.head import Head, statistics
 from seg.nets.lite import SIZES, STRIDES, Block, Lite, _Block, blocks_of, channels_of, taps_of
 from seg.nets.ops.conv import xla_conv
@@ -37,9 +37,9 @@ from seg.nets.ops.depthwise import (
 )
 from seg.nets.ops.dropout import dropout
 from seg.nets.ops.resize import strided
-from seg.optim import trunk_multiplier
+from seg.optim import backbone_multiplier
 from seg.prepare import first_variables, prepare
-from seg.pyramid import channel_statistics, features, trunk_params
+from seg.pyramid import backbone_params, channel_statistics, features
 from seg.step import Data, accumulated, functions, plan
 from seg.train import train
 from seg.views import view_images
@@ -112,7 +112,7 @@ FAMILY = {
 """Blocks, channels of the maps, parameters."""
 
 
-def test_shapes_of_trunk_and_head():
+def test_shapes_of_backbone_and_head():
     x = jnp.zeros((1, 45, 61, 3))
     for name, (count, channels, parameters) in FAMILY.items():
         blocks = blocks_of(SIZES[name])
@@ -122,15 +122,15 @@ def test_shapes_of_trunk_and_head():
         sizes = [(6, 8), (3, 4), (2, 2)]
         assert [m.shape for m in maps] == [(1, *s, c) for s, c in zip(sizes, channels, strict=True)]
         assert sum(leaf.size for leaf in jax.tree.leaves(variables["params"])) == parameters
-        trunk = lite.load(name)
-        assert_same(*(jax.tree.map(np.shape, p) for p in (trunk, variables["params"])))
-        assert {str(leaf.dtype) for leaf in jax.tree.leaves(trunk)} == {"float32"}
+        backbone = lite.load(name)
+        assert_same(*(jax.tree.map(np.shape, p) for p in (backbone, variables["params"])))
+        assert {str(leaf.dtype) for leaf in jax.tree.leaves(backbone)} == {"float32"}
     logits, variables = jax.eval_shape(net("lite0", 5).init_with_output, jax.random.key(0), x)
-    assert logits.shape == (1, 45, 61, 5) and set(variables["params"]) == {"trunk", "head"}
+    assert logits.shape == (1, 45, 61, 5) and set(variables["params"]) == {"backbone", "head"}
     assert jax.tree.map(np.shape, variables["statistics"]) == {
         "head": {"mean": (496,), "deviation": (496,)}
     }
-    expected = OnTrunk(5, Lite(blocks_of(SIZES["lite0"])), STRIDES, width=16)
+    expected = OnBackbone(5, Lite(blocks_of(SIZES["lite0"])), STRIDES, width=16)
     assert net("lite0", 5, width=16) == expected
 
 
@@ -202,7 +202,7 @@ def test_dropout_leaves_out_its_share_and_the_mean_stays(rate, share):
 def test_a_loss_with_a_stride_sees_a_part_of_the_pixels(stride):
     shapes = ((2, 6, 8, 64), (2, 3, 4, 112), (2, 2, 2, 320))
     maps = FeatureMaps(tuple(normal(*shape) for shape in shapes), (45, 61))
-    module = OnTrunk(3, Lite(blocks_of(SIZES["lite0"])), STRIDES, width=8)
+    module = OnBackbone(3, Lite(blocks_of(SIZES["lite0"])), STRIDES, width=8)
     variables = module.init(jax.random.key(0), maps)
     assert set(variables["params"]) == {"head"}  # the backbone is not needed
     whole = module.apply(variables, maps)
@@ -213,7 +213,7 @@ def test_a_loss_with_a_stride_sees_a_part_of_the_pixels(stride):
 
 @pytest.mark.parametrize("name", SIZES)
 def test_imagenets_classes_are_right_on_photographs(name):
-    """Trunk, weights, input scale and classifier are the network's: 5 photographs that scikit-image brings.
+    """Backbone, weights, scale and classifier are the network's: 5 photographs that scikit-image brings.
 
     A right class is among the three most likely of 1000; to lite2 the rocket is a drilling platform first.
     """
@@ -274,15 +274,15 @@ def fitted():
     return train(0, *TOY, SETTINGS, 2)
 
 
-def test_two_classes_are_learnt_and_the_trunk_stays(fitted):
-    before = jax.tree.map(np.array, trunk_params(SETTINGS))
+def test_two_classes_are_learnt_and_the_backbone_stays(fitted):
+    before = jax.tree.map(np.array, backbone_params(SETTINGS))
     assert set(fitted["params"]) == set(fitted["statistics"]) == {"head"}
     assert mean_iou(score(fitted, *TOY, SETTINGS, 2)) > 0.9
     first, again, other = (train(k, *TOY, BRIEF, 2) for k in (0, 0, 1))
     assert_same(first, again)
     kernels = (net["params"]["head"]["mix"]["kernel"] for net in (first, other))
     assert not np.array_equal(*kernels)
-    assert_same(before, trunk_params(SETTINGS))
+    assert_same(before, backbone_params(SETTINGS))
 
 
 def assert_statistics(net, expected):
@@ -359,9 +359,9 @@ compiles.
 """
 
 
-@pytest.mark.parametrize("trunk", ["frozen", "tuned"])
-def test_heads_start_as_they_did_when_statistics_were_among_them(trunk, narrow_lite):
-    settings = replace(RECIPES[f"lite0-{trunk}"], net=narrow_lite)
+@pytest.mark.parametrize("backbone", ["frozen", "tuned"])
+def test_heads_start_as_they_did_when_statistics_were_among_them(backbone, narrow_lite):
+    settings = replace(RECIPES[f"lite0-{backbone}"], net=narrow_lite)
     maps = tuple(np.zeros((1, n, n, c), np.float16) for n, c in ((8, 64), (4, 112), (2, 320)))
     zeros = np.zeros((1, 64, 64, 3), np.uint8)
     images = FeatureMaps(maps, (64, 64)) if settings.frozen else zeros
@@ -384,7 +384,7 @@ MAPS = cache(lambda: features(TOY[0], SETTINGS))
 
 
 @pytest.mark.parametrize(("use", "arguments"), [
-    (train, (0, *SMALL, SETTINGS, 2)), (train, (0, *SMALL, replace(SETTINGS, trunk="tuned"), 2)),
+    (train, (0, *SMALL, SETTINGS, 2)), (train, (0, *SMALL, replace(SETTINGS, backbone="tuned"), 2)),
     (predict, ({}, SMALL[0], SETTINGS, 2)), (features, (SMALL[0], SETTINGS)),
 ])  # fmt: skip
 def test_small_images_are_refused(use, arguments):
@@ -454,20 +454,20 @@ def test_prediction_is_that_of_the_whole_net(narrow_lite):
     assert predicted.shape == (3, 45, 61) and 0 < predicted.mean() < 1
     x = jnp.asarray(images / np.float32(255))
     whole = {
-        **variables, "params": {**variables["params"], "trunk": trunk_params(settings)}
+        **variables, "params": {**variables["params"], "backbone": backbone_params(settings)}
     }  # fmt: skip
     logits = jax.jit(net(narrow_lite, 2).apply)(whole, x)
     assert (predicted == np.argmax(logits, -1)).mean() > 0.99
 
 
 @pytest.mark.slow
-def test_a_tuned_trunk_trains_at_a_tenth_of_the_rate():
+def test_a_tuned_backbone_trains_at_a_tenth_of_the_rate():
     images, labels = toy(2, (48, 64))
-    settings = replace(SETTINGS, trunk="tuned", steps=2, warmup=0, lr=1e-3, power=0.0)
+    settings = replace(SETTINGS, backbone="tuned", steps=2, warmup=0, lr=1e-3, power=0.0)
     params, again = (train(0, images, labels, settings, 2) for _ in range(2))
     assert_same(params, again)
-    trunks = (trunk_params(SETTINGS), params["params"]["trunk"])
-    before, after = (trunk["block0"]["project"]["kernel"] for trunk in trunks)
+    backbones = (backbone_params(SETTINGS), params["params"]["backbone"])
+    before, after = (backbone["block0"]["project"]["kernel"] for backbone in backbones)
     # Adam moves what has a gradient by about its rate in each of the two steps.
     assert 0.5e-4 < jnp.abs(after - before).max() < 2.1e-4
     assert_statistics(params, channel_statistics(features(images, SETTINGS)))
@@ -477,7 +477,7 @@ def test_a_tuned_trunk_trains_at_a_tenth_of_the_rate():
 def test_a_tuned_lite_learns_in_bfloat16(narrow_lite):
     images, labels = toy(2, (48, 64))
     settings = replace(
-        SETTINGS, net=narrow_lite, trunk="tuned", dtype="bfloat16", steps=12, warmup=0
+        SETTINGS, net=narrow_lite, backbone="tuned", dtype="bfloat16", steps=12, warmup=0
     )
     prepared = prepare(TrainingSet((LabelledImages(images, labels),)), settings, 2)
     compiled, rows = functions(settings, 2), plan(0, 2, settings)
@@ -490,17 +490,17 @@ def test_a_tuned_lite_learns_in_bfloat16(narrow_lite):
         losses.append(float(loss))
     assert np.mean(losses[-4:]) < 0.8 * np.mean(losses[:2])
     assert {leaf.dtype for leaf in jax.tree.leaves(state.params)} == {np.dtype("float32")}
-    before = trunk_params(settings)["stem"]["kernel"]
-    assert np.abs(state.params["trunk"]["stem"]["kernel"] - before).max() > 0
+    before = backbone_params(settings)["stem"]["kernel"]
+    assert np.abs(state.params["backbone"]["stem"]["kernel"] - before).max() > 0
 
 
 def test_rates_by_path_and_recipes():
-    assert trunk_multiplier(("trunk", "block3", "expand", "kernel")) == 0.1
-    assert trunk_multiplier(("head", "mix", "bias")) == 1.0
-    for trunk, steps in (("frozen", 1000), ("tuned", 300)):
-        recipe = RECIPES[f"lite0-{trunk}"]
+    assert backbone_multiplier(("backbone", "block3", "expand", "kernel")) == 0.1
+    assert backbone_multiplier(("head", "mix", "bias")) == 1.0
+    for backbone, steps in (("frozen", 1000), ("tuned", 300)):
+        recipe = RECIPES[f"lite0-{backbone}"]
         check_settings(recipe)
-        assert (recipe.net, recipe.trunk, recipe.optimizer) == ("lite0", trunk, "adam")
+        assert (recipe.net, recipe.backbone, recipe.optimizer) == ("lite0", backbone, "adam")
         assert (recipe.steps, recipe.loss_stride) == (steps, 2)
 
 
@@ -530,11 +530,14 @@ def test_features_are_taken_image_by_image_on_a_cpu_alone(platform, monkeypatch)
 
 
 @pytest.mark.parametrize("platform", ["cpu", "cuda"])
-def test_a_tuned_trunk_goes_image_by_image_on_a_cpu_alone(platform):
-    trunk = Lite((Block(3, 1, 1, 8), *(Block(3, 2, 2, 8) for _ in range(4))))
+def test_a_tuned_backbone_goes_image_by_image_on_a_cpu_alone(platform):
+    backbone = Lite((Block(3, 1, 1, 8), *(Block(3, 2, 2, 8) for _ in range(4))))
     images = jnp.zeros((3, 32, 32, 3))
-    weights = jax.eval_shape(trunk.init, jax.random.key(0), images)
+    weights = jax.eval_shape(backbone.init, jax.random.key(0), images)
     text = (
-        jax.jit(trunk.apply).trace(weights, images).lower(lowering_platforms=(platform,)).as_text()
+        jax.jit(backbone.apply)
+        .trace(weights, images)
+        .lower(lowering_platforms=(platform,))
+        .as_text()
     )
     assert text.count("stablehlo.while") == (platform == "cpu")

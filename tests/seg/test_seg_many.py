@@ -13,7 +13,7 @@ from seg.at_once import padded
 from seg.data import LabelledImages
 from seg.metrics import confusion_matrix
 from seg.mixing import TrainingSet, training_set
-from seg.nets.trunks import trunk_of
+from seg.nets.backbones import backbone_of
 
 from .conftest import SEEDS, assert_close, assert_same, pixels, refuses
 
@@ -40,7 +40,7 @@ def images_of(count: int, config: TrainSettings, seed: int = 0, views: int | Non
     labels[:, :3] = 255
     maps = None
     if config.frozen:
-        rng, backbone = np.random.default_rng(seed), trunk_of(config)
+        rng, backbone = np.random.default_rng(seed), backbone_of(config)
         rows = count * (config.views if views is None else views)
         maps = tuple(
             rng.normal(size=(rows, side // stride, side // stride, c)).astype(np.float16)

@@ -1,13 +1,15 @@
 """Models: saved and loaded bit by bit, used on images of any size, and refused where they are damaged."""
 
+import hashlib
 import json
 import os
+import re
 from dataclasses import replace
 
 import jax
 import numpy as np
 import pytest
-from safetensors.numpy import load_file
+from safetensors.numpy import load_file, save_file
 from safetensors.numpy import save as tensor_bytes
 
 import seg
@@ -32,7 +34,7 @@ SETTINGS = {
     "compact": COMPACT,
     "frozen": LITE0,
     "heads": replace(LITE0, heads=2, average_mirror=True),
-    "tuned": replace(LITE0, trunk="tuned", average=0.0),
+    "tuned": replace(LITE0, backbone="tuned", average=0.0),
 }
 CLASSES = label_classes(["road", "sky", "car"], ids=[7, 300, 0])
 
@@ -83,7 +85,7 @@ def test_what_is_loaded_is_what_was_saved(kind, tmp_path, narrow_lite):
     assert predictions.dtype == np.uint8 and len(np.unique(predictions)) > 1
     names = load_file(tmp_path / "model" / WEIGHTS).keys()
     assert ("head/mean" in names) == (kind != "compact") and not any("params/" in n for n in names)
-    assert any(n.startswith("trunk/") for n in names) == (kind == "tuned")
+    assert any(n.startswith("backbone/") for n in names) == (kind == "tuned")
     before = (tmp_path / "model" / WEIGHTS).read_bytes()
     again.save(tmp_path / "model")  # over the older one
     assert (tmp_path / "model" / WEIGHTS).read_bytes() == before
@@ -91,6 +93,20 @@ def test_what_is_loaded_is_what_was_saved(kind, tmp_path, narrow_lite):
     assert not without_mirror.settings.average_mirror
     assert (without_mirror.digest == model.digest) == (kind != "heads")
     assert ("mirror image" in (tmp_path / "model" / "README.md").read_text()) == (kind == "heads")
+
+
+@pytest.mark.parametrize("kind", ["frozen", "tuned"])
+def test_a_model_of_format_1_is_read(kind, tmp_path, narrow_lite):
+    model, folder = model_of(kind, narrow_lite), tmp_path / "model"
+    model.save(folder)
+    arrays = {re.sub("^backbone/", "trunk/", n): a for n, a in load_file(folder / WEIGHTS).items()}
+    save_file(arrays, folder / WEIGHTS)
+    text = (folder / CONFIG).read_text().replace('"backbone":', '"trunk":')
+    sha256 = hashlib.sha256((folder / WEIGHTS).read_bytes()).hexdigest()
+    config = json.loads(text)
+    config |= {"format": 1, "weights": {"file": WEIGHTS, "sha256": sha256}}
+    (folder / CONFIG).write_text(json.dumps(config))
+    assert_same(load_model(folder).variables, model.variables)
 
 
 def test_weights_are_serialised_once(compact, tmp_path, monkeypatch):
@@ -200,7 +216,8 @@ def test_classes_of_a_target_have_the_values_of_its_files():
 
 
 @pytest.mark.parametrize(("changes", "message"), [
-    ({"format": 2}, f"{CONFIG}: format is 2, and this version reads 1; upgrade sdr-jax"),
+    ({"format": 3}, f"{CONFIG}: format is 3, and this version reads 1 to 2; upgrade sdr-jax"),
+    ({"format": 0}, f"{CONFIG}: format is 0, and this version reads 1 to 2$"),
     ({"format": None}, f"{CONFIG}: format is None; expected int"),
     ({"classes": []}, f"{CONFIG}: a model has 1 to 255 classes, not 0"),
     ({"classes": [{"name": "a", "id": 1, "color": [0, 0, 0]}]}, f"{WEIGHTS}: .*: .*with 1 classes has"),
@@ -219,7 +236,7 @@ def test_classes_of_a_target_have_the_values_of_its_files():
     ({"recipe": {"net": "lite0", "head_width": 2**63}}, r"recipe\.head_width must be 65536 or less"),
     ({"recipe": {"net": "compact", "predict_batch": 2**63}}, f"{CONFIG}: predict_batch .* of memory"),
     ({"recipe": {"net": "compact", "dtype": "\x1b[31m"}}, r"bfloat16, not \\x1b\[31m"),
-    ({"recipe": {"net": "lite0"}, "trunk": {"sha256": None}}, r"trained on the backbone None\.\.\."),
+    ({"recipe": {"net": "lite0"}, "backbone": {"sha256": None}}, r"trained on the backbone None\.\.\."),
     ({"size": {"width": 2**31, "height": 2**31}}, f"{CONFIG}: size, in pixels, .* of memory"),
 ])  # fmt: skip
 def test_a_model_that_is_not_right_is_refused_by_name(changes, message, saved):

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seg.optim import deeplab_multiplier, descend, optimizer, poly_schedule, trunk_multiplier
+from seg.optim import backbone_multiplier, deeplab_multiplier, descend, optimizer, poly_schedule
 
 from .conftest import SEEDS, assert_close, refuses
 
@@ -72,8 +72,8 @@ def test_multipliers_as_published_adam_takes_them_and_lion_is_unknown():
     layers = {"conv1_1/kernel": 1, "conv1_1/bias": 2, "fc6_2/kernel": 1, "norm1_1/scale": 1}
     for path, factor in (layers | {"fc8_4/kernel": 10, "fc8_4/bias": 20}).items():
         assert deeplab_multiplier(tuple(path.split("/"))) == factor
-    for path, factor in {"trunk/block1/expand/kernel": 0.1, "head/score/kernel": 1}.items():
-        assert trunk_multiplier(tuple(path.split("/"))) == factor
+    for path, factor in {"backbone/block1/expand/kernel": 0.1, "head/score/kernel": 1}.items():
+        assert backbone_multiplier(tuple(path.split("/"))) == factor
     transform = optimizer("adam", lr_multipliers="deeplab")
     params = {"fc8_1": {"kernel": jnp.array([1.0]), "bias": jnp.array([1.0])}}
     direction, _ = transform.update(params, transform.init(params), params)

@@ -8,8 +8,8 @@ torch = pytest.importorskip("torch", reason="PyTorch is not installed: pip insta
 
 from benchmarks import torch_nets  # noqa: E402
 from seg.nets import VGG16, Compact, DeepLabV2, FCN8s, net, normalise  # noqa: E402
+from seg.nets.backbones import make_backbone  # noqa: E402
 from seg.nets.head import statistics  # noqa: E402
-from seg.nets.trunks import trunk  # noqa: E402
 from seg.weights.read import read  # noqa: E402
 
 from .conftest import assert_close, filled, normal  # noqa: E402
@@ -55,8 +55,8 @@ def test_logits_of_a_lite_are_those_of_pytorch(name, size):
     coarse = rng.random((2, size[0] // 8 + 2, size[1] // 8 + 2, 3)).astype(np.float32)
     pictures = jax.image.resize(coarse, (2, *size, 3), "linear")
     module = net(name, CLASSES, width=16)
-    params = filled(module, pictures) | {"trunk": trunk(name).load()}
-    maps = jax.jit(trunk(name).module.apply)({"params": params["trunk"]}, pictures)
+    params = filled(module, pictures) | {"backbone": make_backbone(name).load()}
+    maps = jax.jit(make_backbone(name).module.apply)({"params": params["backbone"]}, pictures)
     head_statistics = dict(zip(("mean", "deviation"), statistics(maps), strict=True))
     torch_module = torch_nets.Lite(CLASSES, name, width=16)
     assert_as_in_pytorch(

@@ -189,7 +189,7 @@ def test_logits_are_the_mean_over_an_image_and_its_mirror_image(kind, narrow_lit
     whole = predict(net, images, averaged, 11)
     assert (whole == expected.argmax(-1)).mean() > 0.999
     np.testing.assert_array_equal(whole[:, :, ::-1], predict(net, images[:, :, ::-1], averaged, 11))
-    if settings.frozen and settings.has_trunk:
+    if settings.frozen and settings.has_backbone:
         maps = features(with_mirror(images, averaged), averaged)
         np.testing.assert_array_equal(predict(net, images, averaged, 11, features=maps), whole)
         test_set = LabelledImages(images, labels, features=maps)
@@ -329,8 +329,8 @@ def test_arrays_that_do_not_fit(images, labels, message):
     ({"batch": 4, "accumulate": 3}, "accumulate must divide the batch of 4 evenly, not 3"),
     ({"weights": "vgg16.npz"}, "neither of which is in the network compact"),
     ({"net": "fcn8s", "weights": "vgg16.npz", "norm": True}, "norm is for training from scratch"),
-    ({"trunk": "tuned"}, '"tuned", but the network compact has no backbone; lite0'),
-    ({"net": "fcn8s", "trunk": "tuned"}, "the network fcn8s has no backbone"),
+    ({"backbone": "tuned"}, '"tuned", but the network compact has no backbone; lite0'),
+    ({"net": "fcn8s", "backbone": "tuned"}, "the network fcn8s has no backbone"),
     (LITE0 | {"weights": "vgg16.npz"}, "in the network lite0; its own weights come with a package"),
     (LITE0 | {"norm": True}, "are for fcn8s and deeplabv2, not for lite0"),
     (LITE0 | {"lr_multipliers": "deeplab"}, "are for fcn8s and deeplabv2, not for lite0"),
@@ -343,7 +343,7 @@ def test_arrays_that_do_not_fit(images, labels, message):
     ({"dtype": "float16"}, "dtype must be one of float32, bfloat16, not float16"),
     ({"optimizer": "lion"}, "optimizer must be one of adam, sgd, not lion"),
     ({"net": "fcn8"}, "unknown network 'fcn8'; known networks: compact, deeplabv2, dinov2, fcn8s, lite0"),
-    (LITE0 | {"trunk": "Tuned"}, "trunk must be one of frozen, tuned, not Tuned"),
+    (LITE0 | {"backbone": "Tuned"}, "backbone must be one of frozen, tuned, not Tuned"),
     (LITE0 | {"head_statistics": "both"}, "head_statistics must be one of training, target, not both"),
     ({"net": "compact", "norm": True}, "are for fcn8s and deeplabv2, not for compact"),
     ({"net": "compact", "lr_multipliers": "deeplab"}, "are for fcn8s and deeplabv2, not for compact"),
@@ -353,7 +353,7 @@ def test_arrays_that_do_not_fit(images, labels, message):
     ({"steps": 100.5}, "steps must be a whole number, not 100.5"),
     ({"steps": 100, "warmup": 100}, "warmup must be less than the 100 steps, not 100"),
     ({"heads": 2}, "heads must be 1, not 2, for the network compact without a frozen backbone"),
-    (LITE0 | {"trunk": "tuned", "heads": 2}, "for the network lite0 without a frozen backbone"),
+    (LITE0 | {"backbone": "tuned", "heads": 2}, "for the network lite0 without a frozen backbone"),
     ({"accumulate": 2, "jaccard": 1.0}, "jaccard is of a whole batch, and accumulate cuts it"),
     ({"last_share": 1.5}, r"last_share must lie in \[0, 1\], not 1\.5"),
     ({"jaccard": -1.0}, "jaccard must be 0 or more, not -1.0"),

@@ -35,7 +35,7 @@ from scene.render.protocol import MAX_PIXELS
 from seg.check import check_settings
 from seg.model import load_model
 from seg.recipes import RECIPES, with_heads, with_net, with_steps
-from seg.settings import FILELESS_NETS, Trunk, TrunkName
+from seg.settings import FILELESS_NETS, BackboneName, BackboneTraining
 from seg.weights import check as check_weights
 
 SPACE: SpaceName = "extended"
@@ -137,14 +137,14 @@ def config_of(
 
     def at(size: Size) -> FitConfig:
         base = configured(
-            size, preset, flags.net, flags.trunk, weights, search=flags.search, seeds=flags.seeds
+            size, preset, flags.net, flags.backbone, weights, search=flags.search, seeds=flags.seeds
         )
         final = base.final if streets is None else replace(base.final, streets=streets)
         train = final.train if steps is None else with_steps(final.train, steps)
         train = replace(train, average_mirror=not flags.no_mirror)
         if not usable_gpus():
             train = replace(train, dtype="float32")  # CPUs emulate bfloat16
-        if head_width is not None and train.has_trunk:
+        if head_width is not None and train.has_backbone:
             train = replace(train, head_width=head_width)
         same = ("data", "out", "shape", "few", "holdout", "minutes", "init", "store", "trainers")
         return replace(
@@ -281,8 +281,8 @@ def _refuse_large(config: FitConfig, labelled: int) -> None:
 def configured(
     size: Size,
     preset: FitPreset = "quick",
-    net: TrunkName = "lite0",
-    trunk: Trunk | None = None,
+    net: BackboneName = "lite0",
+    backbone: BackboneTraining | None = None,
     weights: str | None = None,
     *,
     search: bool = False,
@@ -295,19 +295,19 @@ def configured(
     """
     full = preset == "full"
     others = "quick" if preset == "full" else preset  # decides what is not changed below
-    trunk = trunk or ("tuned" if full and net != "dinov2" else "frozen")
+    backbone = backbone or ("tuned" if full and net != "dinov2" else "frozen")
     base = in_space(defaults(FitConfig, "camvid", others), SPACE)
     reward_size = suitable_size(*size, AREAS[others][0]) if search else size
 
-    def fidelity(usual: Fidelity, trunk: Trunk, size: Size) -> Fidelity:
-        train = with_net(usual.train, net=net, trunk=trunk, weights=weights)
+    def fidelity(usual: Fidelity, backbone: BackboneTraining, size: Size) -> Fidelity:
+        train = with_net(usual.train, net=net, backbone=backbone, weights=weights)
         return replace(usual, width=size[0], height=size[1], train=train)
 
-    final = fidelity(base.final, trunk, size)
+    final = fidelity(base.final, backbone, size)
     train = with_heads(final.train, max(seeds, 1))
     if full:
         final = replace(final, streets=FULL_STREETS)
-        if trunk == "tuned":
+        if backbone == "tuned":
             train = replace(RECIPES["lite0-full"], net=net, weights=weights)
     return replace(
         base,

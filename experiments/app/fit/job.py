@@ -35,7 +35,7 @@ from seg.errors import ModelError
 from seg.inference import heads_of, stacked
 from seg.mixing import TrainingSet
 from seg.model import SEEN, Model, classes_of, load_model, refuse_others
-from seg.nets.trunks import trunk_of
+from seg.nets.backbones import backbone_of
 from seg.step import Params
 
 RANKED_BY: Row = "labels+renders"
@@ -89,11 +89,11 @@ def _initial_variables(config: FitConfig, model: Model, target: Target) -> Param
         )
     for flag, expected, actual in (
         ("--net", train.net, model.settings.net),
-        ("--trunk", train.trunk, model.settings.trunk),
+        ("--backbone", train.backbone, model.settings.backbone),
     ):
         if expected != actual:
             raise UserError(f"--init {config.init}: a model with {flag} {actual}, not {expected}")
-    if train.frozen and trunk_of(train).source != trunk_of(model.settings).source:
+    if train.frozen and backbone_of(train).source != backbone_of(model.settings).source:
         raise UserError(
             f"--init {config.init}: its head was trained on other weights of the backbone; give its --weights"
         )

@@ -1,7 +1,7 @@
 """Backbones: functions from an image to feature maps of a few strides.
 
-A head is trained on the maps (`seg.nets.head`). To add a backbone, write a function that returns a `Trunk`,
-and a row of `TRUNKS`.
+A head is trained on the maps (`seg.nets.head`). To add a backbone, write a function that returns a
+`Backbone`, and a row of `BACKBONES`.
 """
 
 from collections.abc import Callable, Mapping
@@ -23,7 +23,7 @@ from seg.weights.read import read
 Params = Any  # the pytree of a network's parameters
 
 
-class Trunk(NamedTuple):
+class Backbone(NamedTuple):
     """A network that turns images into feature maps, and its weights."""
 
     module: nn.Module
@@ -42,25 +42,25 @@ class Trunk(NamedTuple):
         return sum(2 * channels / stride**2 for channels, stride in maps)
 
 
-def _lite(net: str, weights: str | None) -> Trunk:
+def _lite(net: str, weights: str | None) -> Backbone:
     blocks = blocks_of(SIZES[net])
     source = {"package": lite.package(net), "version": lite.VERSION, "sha256": lite.SHA256[net]}
-    return Trunk(Lite(blocks), STRIDES, channels_of(blocks), lambda: lite.load(net), source)
+    return Backbone(Lite(blocks), STRIDES, channels_of(blocks), lambda: lite.load(net), source)
 
 
-def _dinov2(weights: str | None) -> Trunk:
+def _dinov2(weights: str | None) -> Backbone:
     if weights is None:
         raise WeightsError("the network dinov2 needs a file of its weights: docs/howto/net.md")
     file = here(weights)
     contents = dinov2.weights_of(read(file), str(file))
     name = f"DINOv2 {VARIANTS[contents.channels].name}"
     source = {"name": name, "sha256": file_digest(file)}
-    return Trunk(
+    return Backbone(
         DinoV2(contents.channels), (PATCH,), (contents.channels,), lambda: contents.params, source
     )
 
 
-TRUNKS: dict[str, Callable[[str | None], Trunk]] = {
+BACKBONES: dict[str, Callable[[str | None], Backbone]] = {
     **{net: partial(_lite, net) for net in SIZES},
     "dinov2": _dinov2,
 }
@@ -68,31 +68,31 @@ TRUNKS: dict[str, Callable[[str | None], Trunk]] = {
 settings, or None; a function that needs no file ignores it."""
 
 
-def trunk_of(settings: TrainSettings) -> Trunk:
+def backbone_of(settings: TrainSettings) -> Backbone:
     """The backbone of the settings' network.
 
     Raises:
         UserError: the network has no backbone.
         WeightsError: the backbone's file of weights cannot be used.
     """
-    return trunk(settings.net, settings.weights)
+    return make_backbone(settings.net, settings.weights)
 
 
 def check_name(net: str) -> None:
     """Raise UserError unless a backbone has the name of its network."""
-    if net not in TRUNKS:
+    if net not in BACKBONES:
         if net in WHOLE_NETS:
-            raise UserError(f"there is no backbone {net}; known backbones: {', '.join(TRUNKS)}")
-        names = ", ".join(sorted((*WHOLE_NETS, *TRUNKS)))
+            raise UserError(f"there is no backbone {net}; known backbones: {', '.join(BACKBONES)}")
+        names = ", ".join(sorted((*WHOLE_NETS, *BACKBONES)))
         raise UserError(f"unknown network {net!r}; known networks: {names}")
 
 
 @lru_cache(maxsize=4)
-def trunk(net: str, weights: str | None = None) -> Trunk:
+def make_backbone(net: str, weights: str | None = None) -> Backbone:
     """Make a backbone by the name of its network, once for each file.
 
     Args:
-        net: one of `TRUNKS`.
+        net: one of `BACKBONES`.
         weights: the file of its weights, if it needs one.
 
     Raises:
@@ -100,7 +100,7 @@ def trunk(net: str, weights: str | None = None) -> Trunk:
         WeightsError: the file cannot be used.
     """
     check_name(net)
-    backbone = TRUNKS[net](weights)
+    backbone = BACKBONES[net](weights)
     if any(stride % backbone.strides[0] for stride in backbone.strides):
         raise ValueError(
             f"strides of {net} are {backbone.strides}; the first must divide the others"

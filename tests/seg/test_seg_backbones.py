@@ -13,7 +13,7 @@ from experiments.app.export import export
 from seg import RECIPES, ModelError, check_settings, mean_iou, predict, score
 from seg.inference import logits
 from seg.model import Model, label_classes, load_model
-from seg.nets.trunks import TRUNKS, Trunk, trunk
+from seg.nets.backbones import BACKBONES, Backbone, make_backbone
 from seg.pyramid import features
 from seg.recipes import with_net
 from seg.train import train
@@ -36,40 +36,40 @@ class Patches(nn.Module):
         return fine, nn.Conv(5, (2, 2), strides=2, dtype=self.dtype, name="coarse")(fine)
 
 
-def patches(weights: str | None) -> Trunk:
+def patches(weights: str | None) -> Backbone:
     module = Patches()
 
     def load():
         return module.init(jax.random.key(3), jnp.zeros((1, 12, 12, 3)))["params"]
 
-    return Trunk(module, (6, 12), (5, 5), load, {"name": "patches", "version": "1"})
+    return Backbone(module, (6, 12), (5, 5), load, {"name": "patches", "version": "1"})
 
 
 @pytest.fixture(autouse=True)
 def added(monkeypatch):
-    monkeypatch.setitem(TRUNKS, "patches", patches)
+    monkeypatch.setitem(BACKBONES, "patches", patches)
     yield
-    trunk.cache_clear()
+    make_backbone.cache_clear()
 
 
 def settings_of(tuning="frozen", **changes):
-    settings = with_net(RECIPES["lite0-frozen"], net="patches", trunk=tuning)
+    settings = with_net(RECIPES["lite0-frozen"], net="patches", backbone=tuning)
     return replace(settings, steps=60, batch=2, predict_batch=2, **changes)
 
 
 @pytest.mark.parametrize("tuning", ["frozen", "tuned"])
-def test_a_trunk_of_ones_own_is_all_that_a_trunk_is(tuning, tmp_path):
+def test_a_backbone_of_ones_own_is_all_that_a_backbone_is(tuning, tmp_path):
     settings = settings_of(tuning, lr=1e-2)
     check_settings(settings)
     check(settings, 2)
     images, labels = TOY
     net = train(0, images, labels, settings, 2)
     assert net["params"]["head"]["project"]["kernel"].shape == (1, 1, 10, 64)
-    assert ("trunk" in net["params"]) == (tuning == "tuned")
+    assert ("backbone" in net["params"]) == (tuning == "tuned")
     assert mean_iou(score(net, images, labels, settings, 2)) > 0.6
     if tuning == "tuned":
         kernel, before = (
-            params["fine"]["kernel"] for params in (net["params"]["trunk"], patches(None).load())
+            params["fine"]["kernel"] for params in (net["params"]["backbone"], patches(None).load())
         )
         assert 0 < np.abs(kernel - before).max() < 60 * 1.1e-3  # at a tenth of the rate
     model = Model(settings, net, SIZE, label_classes(["road", "sky"]))
@@ -97,7 +97,7 @@ def test_maps_of_any_size_are_counted_by_strides():
     exact = features(images, settings_of())
     assert not np.array_equal(maps[0], exact[0])
     np.testing.assert_allclose(maps[0], exact[0], atol=0.05)
-    assert trunk("patches").pixel_bytes == 2 * 5 * (1 / 36 + 1 / 144)
+    assert make_backbone("patches").pixel_bytes == 2 * 5 * (1 / 36 + 1 / 144)
     cell = images[0, :6, :6].astype(np.float32) / 255
     kernel = patches(None).load()["fine"]["kernel"]
     expected = np.maximum((cell[..., None] * kernel).sum((0, 1, 2)), 0)
@@ -105,22 +105,24 @@ def test_maps_of_any_size_are_counted_by_strides():
     np.testing.assert_allclose(whole[0, 0, 0], expected, atol=2e-3)
 
 
-def test_what_a_trunk_cannot_be_is_refused(monkeypatch, tmp_path):
+def test_what_a_backbone_cannot_be_is_refused(monkeypatch, tmp_path):
     settings = settings_of()
     refuses("11x40 pixels are too small for patches: .* stride of 12", train, 0,
             pixels(1, 40, 11, 3), np.zeros((1, 40, 11), np.uint8), settings, 2)  # fmt: skip
     maps = features(TOY[0], settings)[:1]
     refuses(r"features are float16\[4, 8, 11, 5\]; expected .* those of patches", predict, {}, TOY[0],
             settings, 2, features=maps)  # fmt: skip
-    refuses("there is no backbone compact; known backbones: lite0, lite1", trunk, "compact")
-    monkeypatch.setitem(TRUNKS, "odd", lambda weights: patches(weights)._replace(strides=(8, 12)))
-    refuses(r"strides of odd are \(8, 12\); the first must divide", trunk, "odd")
+    refuses("there is no backbone compact; known backbones: lite0, lite1", make_backbone, "compact")
+    monkeypatch.setitem(
+        BACKBONES, "odd", lambda weights: patches(weights)._replace(strides=(8, 12))
+    )
+    refuses(r"strides of odd are \(8, 12\); the first must divide", make_backbone, "odd")
     # The head is for the features of these weights, and of no others.
     net = train(0, *TOY, replace(settings, steps=1, warmup=0), 2)
     Model(settings, net, SIZE, label_classes(["road", "sky"])).save(tmp_path / "model")
     monkeypatch.setitem(
-        TRUNKS, "patches", lambda weights: patches(weights)._replace(source={"name": "other"})
+        BACKBONES, "patches", lambda weights: patches(weights)._replace(source={"name": "other"})
     )
-    trunk.cache_clear()
+    make_backbone.cache_clear()
     refuses("its head was trained on the backbone patches 1, not on other", load_model,
             tmp_path / "model", error=ModelError)  # fmt: skip
