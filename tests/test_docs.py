@@ -19,8 +19,11 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
+from common.command import Parser
 from common.labels.target_file import parse_target
 from experiments.__main__ import main as sdr_jax
+from experiments.config.cli import configured
+from experiments.config.jobs import JOBS
 from seg.nets.backbones import BACKBONES
 from tests.conftest import ROOT
 
@@ -105,14 +108,23 @@ def test_examples_import_from_the_top_of_our_packages():
 
 @pytest.fixture
 def only_parsed(monkeypatch):
-    """Commands end, with code 0, when their arguments are parsed."""
-    parse = argparse.ArgumentParser.parse_args
+    """Commands end, with code 0, when their arguments are parsed and go together."""
+    plain, ours = argparse.ArgumentParser.parse_args, Parser.parse_args
 
     def parse_only(self, *arguments, **options):
-        parse(self, *arguments, **options)
+        if not isinstance(self, Parser):
+            plain(self, *arguments, **options)
+            sys.exit(0)
+        return plain(self, *arguments, **options)  # it checks which options go together
+
+    def parse_ours(self, *arguments, **options):
+        values = vars(ours(self, *arguments, **options))
+        if (name := self.prog.split()[-1]) in JOBS:
+            configured(name, {key: value for key, value in values.items() if key != "debug"})
         sys.exit(0)
 
     monkeypatch.setattr(argparse.ArgumentParser, "parse_args", parse_only)
+    monkeypatch.setattr(Parser, "parse_args", parse_ours)
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if commands(page)])
