@@ -52,6 +52,6 @@ def refuse_larger(flag: str, value: int, need: Callable[[int], int], what: str) 
         return
     most = bisect_right(range(min(value, MOST)), memory(), key=need) - 1
     raise UserError(
-        f"{flag} {value} would take {in_words(need(value))} of memory for {what}, and there are "
-        f"{in_words(memory())}: {max(most, 0)} is the most"
+        f"{flag} {value} would take {in_words(need(value))} of memory for {what}, but only "
+        f"{in_words(memory())} are available: use at most {max(most, 0)}"
     )

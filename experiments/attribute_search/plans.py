@@ -51,7 +51,7 @@ def work_of(config: GroupsConfig, plans: Sequence[SearchPlan]) -> Work:
 def within(
     config: GroupsConfig, name: str, method: str, subset: tuple[str, ...], minutes: float
 ) -> SearchPlan:
-    """Plan a search of as many rewards as take about so many minutes of a core; the rest as `plan`."""
+    """Plan a search of as many rewards as take about `minutes` of a core; the rest as `plan`."""
     datasets = config.search.datasets_per_update
     count = int(60 * minutes / (datasets * cost_of(config.reward))) * datasets
     if not count:

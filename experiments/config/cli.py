@@ -84,8 +84,8 @@ def command(
     if JOBS[name].target and any(word.partition("=")[0] == "--target" for word in words):
         commands = ", ".join(other for other, job in JOBS.items() if job.target is not None)
         flags.error(
-            f"no option --target: the command names the target; there are {commands}, and cityscapes "
-            "without --data is the twin"
+            f"no option --target: the command chooses the target: use {commands}; cityscapes without "
+            "--data uses the twin"
         )
     values = vars(flags.parse_args([word for word in words if word not in help_words]))
     if help_words:

@@ -72,7 +72,7 @@ class Config:
     renderer: Literal["embree", "opengl"] = "embree"
     """The renderer."""
     workers: Annotated[int, at_least(0), Bound(refuse_many_workers)] = cores()
-    """Processes that render and train, one core each; 0 also starts one. With trainers they only render."""
+    """Processes that render and train, one core each; 0 means 1. With --trainers they only render."""
     trainers: Annotated[int | None, at_least(1)] = None
     """Separate processes that train networks; by default one for each NVIDIA GPU, and none without a GPU."""
     executor: ExecutorName = "processes"

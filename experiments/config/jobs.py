@@ -77,7 +77,7 @@ class LabelsConfig(LearntConfig):
     """Flags of `sdr-jax study labels`."""
 
     few_share: Annotated[float | None, within(0, 1, "()")] = None
-    """Share of the labelled images in all batches with renders; by default as `fit` takes it: a quarter with
+    """Share of the labelled images in all batches with renders; by default that of `fit`: a quarter with
     fewer than 20 of them, otherwise half."""
     counts: Annotated[tuple[int, ...] | None, at_least(0), DISTINCT] = None
     """Numbers of labelled training images; by default 0, 7, 14, and 10, 25, 50 and 100 % of all."""
@@ -165,7 +165,7 @@ class ManyConfig(FewConfig, Rederived):
     )
     """The search methods. Those of other libraries (cma_es, tpe, gaussian_process) need a checkout."""
     core_minutes: Annotated[float | None, POSITIVE] = None
-    """Give each search as many rewards as take about so many minutes of a core; by default as many as the
+    """Give each search as many rewards as take about N minutes of a core; by default as many as the
     preset has."""
     subset: Annotated[tuple[str, ...] | None, DISTINCT, Option(needs=("--core-minutes",))] = None
     """With --core-minutes: the attributes to optimise; the others stay random. By default all."""
@@ -203,7 +203,7 @@ class FidelityConfig(FinalConfig, BinsConfig, Rederived):
     rungs: Annotated[int | None, at_least(1)] = None
     """The number of sizes to measure, the cheapest first; by default all, up to the final one."""
     require_signal: Annotated[float | None, POSITIVE] = None
-    """Exit with code 1 if the signal of the cheapest reward, which a search would use, is less than so many
+    """Exit with code 1 if the signal of the cheapest reward, which a search would use, is less than N
     times its noise. Require 2 before a search with a network that may learn nothing."""
 
 

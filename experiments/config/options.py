@@ -103,4 +103,4 @@ class Search(MethodOptions):
     """All options of a search."""
 
     updates_per_group: Annotated[int, at_least(1)] = 8
-    """Updates for each group; methods that ignore the order of groups make as many in all."""
+    """Updates for each group; methods that optimise all groups at once make the same number in total."""

@@ -82,7 +82,7 @@ class Fit:
     weights: Annotated[Path | None, Option("FILE")] = None
     """for dinov2: model.safetensors in Hugging Face's layout"""
     no_mirror: Annotated[bool, SWITCH] = False
-    """do not also predict the mirrored image: twice as fast, about half a point less"""
+    """do not average with the mirrored image: twice as fast, about half a point lower"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +105,7 @@ class Predict:
     first: Annotated[int, Option("N", needs=("--rank",))] = 100
     """with --rank: number of images with pre-labels"""
     no_mirror: Annotated[bool, SWITCH] = False
-    """do not also predict the mirrored image: twice as fast, about half a point less"""
+    """do not average with the mirrored image: twice as fast, about half a point lower"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,7 +126,7 @@ class Evaluate:
     pictures: Annotated[Path | None, Option("DIR")] = None
     """folder for the 6 worst images with labels and predictions"""
     no_mirror: Annotated[bool, SWITCH] = False
-    """do not also predict the mirrored image: twice as fast, about half a point less"""
+    """do not average with the mirrored image: twice as fast, about half a point lower"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,7 +138,7 @@ class Export:
     onnx: Annotated[Path, Option("FILE")]
     """the file to write"""
     no_mirror: Annotated[bool, SWITCH] = False
-    """do not also predict the mirrored image: twice as fast, about half a point less"""
+    """do not average with the mirrored image: twice as fast, about half a point lower"""
 
 
 @dataclass(frozen=True, kw_only=True)

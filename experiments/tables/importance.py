@@ -186,7 +186,7 @@ def verdict(r2: Report) -> str:
     """Say what the cross-validated R^2 means for the other numbers."""
     if r2["value"] is None or r2["value"] < NO_PREDICTION:
         return (
-            "**The model predicts none of the rewards that it has not seen (R² near zero): these records "
+            "**The model cannot predict rewards that it has not seen (R² near zero): these records "
             "say nothing about any attribute, and the ranking below is noise.**"
         )
     if r2["ci95"] is not None and r2["ci95"][0] < 0:

@@ -83,7 +83,7 @@ def do(study: Study[AnyConfig], config: AnyConfig) -> Report:
         run.progress.say(study.form.text(report))
         if share is not None:
             run.progress.say(
-                f"Busy: {100 * share:.0f} % of {counted(run.workers.processes, 'core')}"
+                f"CPU use: {100 * share:.0f} % of {counted(run.workers.processes, 'core')}"
             )
         note = "" if run.target.real else f" (the {run.target.name}, not real data)"
         file = config.out / f"{study.form.name}.json"

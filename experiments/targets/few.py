@@ -26,7 +26,7 @@ FEW = 20
 
 
 def share_of(labels: int, preset: FitPreset = "quick") -> float:
-    """Return the share of so many labelled images in the first batch with renders, as `fit` takes it."""
+    """Return the share of labelled images in the first batch with renders, as in `fit`."""
     return 0.25 if labels < FEW or preset == "full" else 0.5
 
 

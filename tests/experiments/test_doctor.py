@@ -879,7 +879,7 @@ def test_images_that_are_cut_off_dark_or_turned_are_counted(tmp_path, doctor):
     assert f"{images[0]}: not a readable image, broken or truncated" in out
     assert f"{images[5]}: more than 50,000,000 pixels" in out
     assert (
-        f"16-bit images too dark for a network: 2, such as {images[1]}, whose largest value is 409"
+        f"16-bit images that are too dark for a network: 2, such as {images[1]}, whose largest value is 409"
         in out
     )
     assert f"images rotated by their EXIF orientation: 1, such as {images[3]}; sizes" in out

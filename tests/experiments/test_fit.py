@@ -281,7 +281,7 @@ def test_sizes_that_need_too_much_memory_are_not_chosen(large, tmp_path, monkeyp
     monkeypatch.setattr(fit_config, "memory", lambda: 4_000_000_000)
     sizes = [config_of(large, tmp_path / "run", workers=n).final.width for n in (1, 2)]
     assert sizes[0] == 480 > sizes[1] > 240
-    with pytest.raises(UserError, match=r"^--size 240x176 would take .* in 16 worker.*are 4 GB"):
+    with pytest.raises(UserError, match=r"^--size 240x176 would take .* in 16 worker.* only 4 GB"):
         config_of(large, tmp_path / "run", workers=16)
 
 

@@ -269,7 +269,7 @@ SIZES = ("--reward.streets", "--reward.shots", "--final.samples", "--final.train
     (["--seed", str(2**31)], ["--seed", "2147483647 or less"]),
     (["--asset-count", "2000000"], ["--asset-count", "1,000,000 or less"]),
     (["--search.bins", "1001"], ["--search.bins", "1000 or less"]),
-    *(([flag, str(10**12)], [flag, " of memory for ", "is the most"]) for flag in SIZES),
+    *(([flag, str(10**12)], [flag, " of memory for ", "use at most"]) for flag in SIZES),
     (["--seeds", str(10**400)], ["--seeds", "more than 4,000 PB"]),
     (["--reward.train.warmup", str(10**12)], ["--reward.train.warmup", "2147483647 or less"]),
     (["--holdout", "ulm"], ["--holdout", "--data", "twin"]),
@@ -292,13 +292,13 @@ def test_memory_is_counted_for_all_workers(monkeypatch):
     monkeypatch.setattr("common.memory.memory", lambda: 4 * need)
     check(replace(config, workers=4))
     with pytest.raises(
-        UserError, match=r"--workers 5 .*for training sets of --final.* 4 is the most"
+        UserError, match=r"--workers 5 .*for training sets of --final.* use at most 4"
     ):
         check(replace(config, workers=5))
     # Processes that only render hold no training set.
     monkeypatch.setattr(trainers, "usable_gpus", lambda: ["0", "1", "2", "3", "4"])
     check(replace(config, workers=6, trainers=4))
-    with pytest.raises(UserError, match=r"--trainers 5 would take .* 4 is the most"):
+    with pytest.raises(UserError, match=r"--trainers 5 would take .* use at most 4"):
         check(replace(config, workers=1))
 
 
@@ -350,7 +350,7 @@ def test_a_net_of_the_table_needs_images_that_are_large_enough(error_line, out):
     (["--twin", "other"], ["--twin", "near", "far"]),
     (["--colour", "red"], ["--colour; did you mean --reward.train.colour"]),
     (["--sede", "1"], ["--sede; did you mean --seed?"]),
-    (["--target", "camvid"], ["no option --target: the command names the target; there are", "camvid",
+    (["--target", "camvid"], ["no option --target: the command chooses the target: use", "camvid",
                               "cityscapes without --data is the twin"]),
     (["--stat", "random"], ["no option --stat; did you mean --start?"]),
 ])  # fmt: skip

@@ -298,8 +298,8 @@ def test_the_page_is_served_to_this_machine_alone_as_it_is_at_the_moment(tmp_pat
 @pytest.mark.parametrize(("flags", "complaint"), [
     (["RUN", "--serve", "0"], "--serve must lie in 1..65535, not 0"),
     (["RUN", "--serve"], "is not the folder of a run: it has no config.json"),
-    (["RUN/none", "--serve"], "does not exist; pass the --out of a run"),
-    (["/dev/null", "--serve"], "/dev/null is a file; pass the --out of a run"),
+    (["RUN/none", "--serve"], "does not exist; pass the --out folder of a run"),
+    (["/dev/null", "--serve"], "/dev/null is a file; pass the --out folder of a run"),
     (["RUN", "--serve", "--out", "page.html"], "cannot be used with --out page.html"),
 ])  # fmt: skip
 def test_what_cannot_be_served_is_refused(flags, complaint, tmp_path, error_line):
@@ -308,7 +308,7 @@ def test_what_cannot_be_served_is_refused(flags, complaint, tmp_path, error_line
 
 
 @pytest.mark.parametrize(("files", "complaint"), [
-    (None, "does not exist; pass the --out of a run"),
+    (None, "does not exist; pass the --out folder of a run"),
     ({}, "is not the folder of a run: it has no config.json"),
     ({"config.json": {}}, "the run is not finished; run its command again"),
     ({"config.json": {}, "labels.json": {"study": "labels"}}, "a run of the study labels; read its report"),

@@ -172,7 +172,8 @@ def test_data_of_others_that_no_memory_holds_are_refused_before_they_are_read(
     # 7 images of 64 x 48 pixels with 4 bytes are 86 kB, and 4 of them 49 kB.
     line = error_line()
     assert (
-        "images of --gta5: 7 would take 86 kB" in line and "there are 50 kB: 4 is the most" in line
+        "images of --gta5: 7 would take 86 kB" in line
+        and "only 50 kB are available: use at most 4" in line
     )
     assert "(--no-all-images takes 6)" in line and not out.exists()
 

@@ -321,7 +321,7 @@ def test_the_page_on_few_labels_states_what_the_reports_say():
     assert f"they are [at most {most:.1f} points]" in text and "better than default ones" in text
     optimised = RECORDED.row("labels-labelmefacade", labels=14, renders="learnt")["of_all"]
     assert "(engine 7, 240x176)" in text and RECORDED.parts["labels-labelmefacade"]["engine"] == 7
-    assert f"all 100 labels bring 14 labels to {optimised:.0f} %" in text
+    assert f"all 100 labels raise 14 labels to {optimised:.0f} %" in text
 
 
 def test_sentences_of_the_page_that_no_number_carries_are_true():

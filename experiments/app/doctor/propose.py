@@ -176,7 +176,7 @@ def _guess(root: Path) -> Proposal:
             lines.append(_line(f"group: {quoted(group)}", "images of one sequence"))
         else:
             notes.append(
-                "names do not show which images are of one sequence: each is a group of its own"
+                "file names do not show which images are of one sequence: each is a group of its own"
             )
     return Proposal("\n".join([*lines, *classes]) + "\n", notes)
 
@@ -329,7 +329,7 @@ def _classes(
             only = f"only the value {', '.join(shown)}" if shown else "no values"
             raise UserError(f"{root}: the labels have {only}; expected at least two classes")
         notes += [
-            f"{key} has {share[key]}, and is a class, since there is only one other; if it means "
+            f"{key} has {share[key]}, and became a class because only one other was found; if it means "
             "unlabelled, move it to 'void' and name more classes"
             for key in void
         ]

@@ -167,8 +167,8 @@ def _sizes(entries: Sequence[Entry], faults: list[Fault]) -> list[tuple[tuple[in
         path, largest = dark[0]
         faults.append(
             Fault(
-                f"16-bit images too dark for a network: {len(dark)}, such as {path}, whose largest value is "
-                f"{largest}",
+                f"16-bit images that are too dark for a network: {len(dark)}, such as {path}, whose largest "
+                f"value is {largest}",
                 "scale the values to 0..65535, or save 8 bits",
             )
         )
@@ -239,7 +239,7 @@ def _classes(
     if absent:
         faults.append(
             Fault(
-                f"{', '.join(absent)}: in none of {read} labels",
+                f"{', '.join(absent)}: not found in any of the {read} labels read",
                 "expected for rare classes; otherwise check their values",
             )
         )

@@ -274,7 +274,8 @@ def _refuse_large(config: FitConfig, labelled: int) -> None:
         way = " or ".join(ways)
         raise UserError(
             f"--size {final.size} would take {in_words(need)} of memory to train networks in "
-            f"{counted(processes, flag[2:-1])}, and there are {in_words(memory())}{way and f': use {way}'}"
+            f"{counted(processes, flag[2:-1])}, but only {in_words(memory())} are available"
+            f"{way and f': use {way}'}"
         )
 
 

@@ -64,7 +64,7 @@ def main(arguments: Arguments = None) -> int:
             raise UserError(f"--serve shows RUN/{NAME} and cannot be used with --out {options.out}")
         if not run.is_dir():
             what = "is a file" if run.exists() else "does not exist"
-            raise UserError(f"{run} {what}; pass the --out of a run")
+            raise UserError(f"{run} {what}; pass the --out folder of a run")
         if (run / SUMMARY).is_file() and not (run / NAME).is_file():
             make(run, None)
         live.serve(run, options.serve)

@@ -74,7 +74,7 @@ def read(path: Path, report: Report | None = None) -> RunFolder:
     """
     config = read_config(path) if (path / CONFIG).is_file() else None
     if config is None:
-        raise UserError(f"{path} {_not_a_run(path)}; pass the --out of a run")
+        raise UserError(f"{path} {_not_a_run(path)}; pass the --out folder of a run")
     if report is None:
         report = _summary(path, config)
     _check_answer(path, report)

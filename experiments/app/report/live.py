@@ -51,7 +51,7 @@ def serve(folder: Path, port: int) -> None:
     check_port(port, "--serve")
     if not (folder / CONFIG).is_file():
         raise UserError(
-            f"{folder} is not the folder of a run: it has no {CONFIG}; pass the --out of one"
+            f"{folder} is not the folder of a run: it has no {CONFIG}; pass the --out folder of a run"
         )
 
     class Answer(BaseHTTPRequestHandler):

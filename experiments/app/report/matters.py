@@ -26,7 +26,7 @@ def matters(records: Sequence[Record], target: str, space: SpaceName) -> Report:
     try:
         chosen = enough(choose(records, target, space, None, "the search"), "the search")
     except UserError as error:
-        return {"said": f"Not known: {error}.", "rewards": 0, "attributes": []}
+        return {"said": f"Unknown: {error}.", "rewards": 0, "attributes": []}
     sensitivity = summarize(chosen)
     r2 = sensitivity["r2"]
     significant = r2["value"] is not None and r2["value"] >= NO_PREDICTION
