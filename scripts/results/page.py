@@ -158,14 +158,19 @@ def fit_table(claims: Claims) -> list[str]:
 
 
 def labels_table(claims: Claims) -> list[str]:
-    """Tabulate numbers of labels and kinds of streets."""
-    names = {name: f"labels-{name}" for name in TARGETS if f"labels-{name}" in claims.reports}
+    """Tabulate numbers of labels and kinds of streets, each target by its reports of the newest engine."""
+    reports_of = {}
+    for target in TARGETS:
+        made = [n for n in (f"kinds-{target}", f"labels-{target}") if n in claims.reports]
+        newest = max((claims.parts[name]["engine"] for name in made), default=None)
+        if names := [name for name in made if claims.parts[name]["engine"] == newest]:
+            reports_of[target] = names
     lines = []
-    for target, title in titles(claims, names).items():
+    for target, title in titles(claims, {t: names[0] for t, names in reports_of.items()}).items():
         rows = {
             (row["labels"], row["renders"]): row
-            for report in (names[target], f"kinds-{target}")
-            for row in claims.reports.get(report, {"rows": []})["rows"]
+            for report in reports_of[target]
+            for row in claims.reports[report]["rows"]
         }
         for count in sorted({labels for labels, _ in rows}):
             means = [number(rows.get((count, kind), {}).get("mean")) for kind in RENDERS]
@@ -178,18 +183,18 @@ def labels_table(claims: Claims) -> list[str]:
             ]
             lines.append([title, str(count), *means, *over])
     head = ["tested on", "labels", "alone", "+ random", "+ default", "+ half of each"]
+    names = [name for reports in reports_of.values() for name in reports]
     seeds, size = (
-        distinct(claims.reports[report][name] for report in names.values())
+        distinct(claims.reports[report][name] for report in names)
         for name in ("seeds", "scored_at")
     )
-    kinds = [f"kinds-{name}" for name in names if f"kinds-{name}" in claims.reports]
     basis = (
         f"One search for the optimised streets; {seeds} networks a row, at {size}, each with its own "
         "labels, streets and first weights."
     )
     return [
         *markdown([*head, "+ optimised", "optimised over random", "over default"], lines),
-        *origin(claims, [*names.values(), *kinds], basis),
+        *origin(claims, names, basis),
     ]
 
 
