@@ -15,7 +15,7 @@ import numpy as np
 
 from common.errors import UserError, hint
 from scene.assets import catalogue, own_class
-from scene.assets.catalogue import AssetPool, check_pool
+from scene.assets.catalogue import AssetPool, check_pool, parts_of
 from scene.assets.families import FAMILIES
 from scene.assets.library import snapshot
 from scene.attributes import SPACES, SpaceName, default_unit, names, unit_value
@@ -87,12 +87,17 @@ class LabelledStreet:
     ) -> int:
         """Place an object on the ground; no other object moves.
 
+        A mesh is moved so that its bounding box is centred on ``position`` and stands on the ground; it leans
+        with the slope of the road. A built-in rider comes with a machine, a built-in sign or light with a
+        post; these have their own classes and the next ids.
+
         Args:
             mesh: a trimesh mesh or an `Asset` (metres, z up, front along x), a mesh file, or the family and
                 number of a built-in asset, such as ``("car", 3)``.
-            class_name: its class in the labels, such as ``car``, or your own class if ``assets`` has one.
-            position: metres along the road and to the left of its centre line, and optionally above the
-                ground.
+            class_name: its class in the labels, such as ``car``, or your own class if ``assets`` has one; not
+                ``sky``.
+            position: metres along the road and to the left of its centre line, and optionally the height of
+                its lowest point above the ground.
             yaw: degrees to the left of the road's direction.
 
         Returns:
@@ -114,11 +119,17 @@ class LabelledStreet:
         x, y, lift = [*place.tolist(), 0.0][:3]
         if not FROM <= x <= TO:
             raise UserError(f"position {x:g} along the road must lie in {FROM:g}..{TO:g} metres")
-        stand = Stand(*_reference(mesh), x, y, math.radians(yaw), lift)
-        [placement] = placed(self.street.ground, [stand])
+        parts = parts_of(*_reference(mesh), 0.0, AssetPool())
+        stands = [
+            Stand(*part, x, y, math.radians(yaw), lift, part=k > 0) for k, part in enumerate(parts)
+        ]
         number = FIRST_INSTANCE + len(self.street.placements)
-        placement = placement._replace(train_id=train_id, instance=number, far=False)
-        self.street = self.street._replace(placements=(*self.street.placements, placement))
+        placements = [
+            placement._replace(instance=number + k, far=False)
+            for k, placement in enumerate(placed(self.street.ground, stands))
+        ]
+        placements[0] = placements[0]._replace(train_id=train_id)
+        self.street = self.street._replace(placements=(*self.street.placements, *placements))
         return number
 
     def render(
@@ -145,6 +156,7 @@ class LabelledStreet:
         Raises:
             UserError: a pass is unknown, or the size or camera is invalid.
         """
+        passes = (passes,) if isinstance(passes, str) else tuple(passes)
         for name in passes:
             if name not in PASSES:
                 raise UserError(f"passes: {name!r} is unknown; {hint(name, PASSES)}")
@@ -180,6 +192,10 @@ class LabelledStreet:
     def _train_id(self, class_name: str) -> int:
         own_class = self.pool.own_class
         class_names = (*CLASS_NAMES, *([own_class.name] if own_class else []))
+        if class_name == "sky":
+            raise UserError(
+                "class_name 'sky' is what no object covers; choose the class of an object"
+            )
         if class_name not in class_names:
             raise UserError(
                 f"class_name {class_name!r} is unknown; {hint(class_name, class_names)}"

@@ -54,6 +54,12 @@ class Sample(_Sample):
     normals: np.ndarray | None = None
     camera: Camera | None = None
 
+    def _replace(self, **fields: Any) -> Sample:
+        """A copy with other fields; it keeps the passes."""
+        changed = super()._replace(**{k: fields.pop(k) for k in self._fields if k in fields})
+        vars(changed).update(vars(self) | fields)
+        return changed
+
 
 def stream(
     streets: Streets | str | Path = "default",

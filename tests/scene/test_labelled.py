@@ -9,6 +9,7 @@ import trimesh
 import scene
 from common.errors import UserError
 from scene import RENDERERS, AssetPool, CameraResponse, RenderSettings, render_street, sample
+from scene.assets.catalogue import bounds
 from scene.labelled import PASSES
 from scene.mesh.file import check_asset, from_trimesh
 from scene.mesh.mesh import Mesh
@@ -71,6 +72,25 @@ def test_an_added_mesh_is_labelled_and_nothing_else_moves():
         before.depth[mask] == 0
     ).sum() == mask.sum()
     assert street.add(("car", np.int64(3)), "truck", (camera[0] + 12, camera[1])) == number + 1
+
+
+def test_an_added_rider_has_a_machine_and_an_added_light_a_post():
+    street = sample(SEED, assets=POOL, **FLAT)
+    before = len(street.street.placements)
+    for family in ("rider", "traffic light", "traffic sign", "car"):
+        street.add((family, 1), family, (10, 2))
+    added = street.street.placements[before:]
+    families, numbers = [p.family for p in added], [p.instance for p in added]
+    assert families[0] == "rider" and families[1] in ("bicycle", "motorcycle")
+    assert families[2::2] == ["traffic light", "traffic sign", "car"] and families[3] == families[5]
+    assert len(set(numbers)) == len(numbers) == 7
+    low = [bounds(p.family, p.asset)[0, 2] for p in added]
+    assert all(min(low[k], low[k + 1]) < 0.1 for k in (0, 2, 4))  # something stands on the ground
+
+
+def test_one_pass_may_be_a_word(street):
+    rendered = street.render(0, SIZE, passes="depth")
+    assert rendered.depth is not None and rendered.image is None
 
 
 def test_intrinsics_and_pose_are_those_of_the_image(street):
@@ -142,6 +162,7 @@ def broken(faces):
     (lambda _: sample(-1), "seed must lie in 0..4294967295, not -1"),
     (lambda _: sample(2**32 + 5), "seed must lie in 0..4294967295, not 4294967301"),
     (lambda s: s.add(BOX, "lorry", (3, 0)), "class_name 'lorry' is unknown"),
+    (lambda s: s.add(BOX, "sky", (3, 0)), "class_name 'sky' is what no object covers"),
     (lambda s: s.add(3, "car", (3, 0)), "mesh must be a trimesh mesh, a file or an asset, not int"),
     (lambda s: s.add("no.glb", "car", (3, 0)), "no.glb is not a file"),
     (lambda s: s.add(("carr", 1), "car", (3, 0)), "families: "),
@@ -210,6 +231,9 @@ def test_samples_of_a_stream_hold_the_passes_that_were_asked_for(workers):
         np.testing.assert_array_equal(stream_sample.depth, frame.depth)
         np.testing.assert_array_equal(stream_sample.instances, frame.instance)
         assert stream_sample.camera == frame.camera and stream_sample.normals is None
+        relabelled = stream_sample._replace(label=label + 1, normals=frame.normal)
+        assert relabelled.depth is stream_sample.depth and relabelled.normals is frame.normal
+        np.testing.assert_array_equal(relabelled.label, label + 1)
     assert number == 1
     with pytest.raises(UserError, match="passes: 'flow' is unknown"):
         next(scene.stream(passes=("flow",)))
