@@ -68,7 +68,7 @@ class AskTell:
         history: one record per reward, in the order in which they were told.
 
     Raises:
-        ValueError: n below 1, or a seed that is not in 0..2^32 - 1.
+        ValueError: n below 1, a seed that is not in 0..2^32 - 1, or one of both no integer.
         UserError: the history has other actions or seeds than this search, as with other numbers of
             attributes or bins, another method, n or seed. Names and widths are not in it: keep them.
     """
@@ -82,6 +82,9 @@ class AskTell:
         seed: int = 0,
         path: str | os.PathLike[str] | None = None,
     ) -> None:
+        for name, value in (("n", n), ("seed", seed)):
+            if not isinstance(value, int | np.integer):
+                raise ValueError(f"{name} is {value!r}, but must be an integer")
         if n < 1:
             raise ValueError(f"n is {n}, but must be at least 1")
         if not 0 <= seed < 2**32:  # JAX drops higher bits, so two seeds would give the same search
@@ -137,6 +140,7 @@ class AskTell:
         Raises:
             ValueError: an id that waits for no reward, a reward out of range, or a note with the name of
                 a field.
+            TypeError: a note is no JSON value.
             OSError: the history cannot be written; the trial then still waits for its reward.
             RuntimeError: another process has written to it.
             FloatingPointError: the method's numbers are no longer finite.

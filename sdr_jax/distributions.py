@@ -26,8 +26,8 @@ def moments(
 
         centre = sum_k p_k c_k,   width = sqrt(12 sum_k p_k (c_k - centre)^2 + w^2)
 
-    with c_k the bins' centres and w their (relaxed) width, slid into [0, 1]. Uniform distributions
-    give all of [0, 1], certain ones their relaxed bin. Bins without an order have no moments: the
+    with c_k the bins' centres and w their (relaxed) width, slid into [0, 1]. With the default width, uniform
+    distributions give all of [0, 1], certain ones their bin. Bins without an order have no moments: the
     interval is the likeliest bin if it is likelier than all others together, otherwise all of [0, 1].
 
     Args:

@@ -84,7 +84,7 @@ def _init_policy(
     rng_key: Key[Array, ""], attributes: int, bins: int, hidden: int
 ) -> tuple[PyTree[Array], Float[Array, "attributes"]]:
     theta_key, phi_key = jax.random.split(rng_key)
-    theta = jax.random.uniform(theta_key, (attributes,))
+    theta = jax.random.uniform(theta_key, (attributes,), jnp.float32)
     return Policy(attributes, bins, hidden).init(phi_key, theta), theta
 
 

@@ -1,6 +1,7 @@
 """What every search method is, a tuple of pure functions, and the rewards that it learns from."""
 
 from collections.abc import Callable
+from functools import wraps
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import jax
@@ -134,6 +135,20 @@ class Record(NamedTuple):
     info: Info  # of the update
 
 
+def _single(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Make a function return float32 and int32 instead of float64 and int64."""
+    shorter = {"float64": jnp.float32, "int64": jnp.int32}
+
+    def single(leaf: Array) -> Array:
+        return leaf.astype(shorter.get(str(leaf.dtype), leaf.dtype))
+
+    @wraps(function)
+    def of_single(*arguments: Any, **options: Any) -> Any:
+        return jax.tree.map(single, function(*arguments, **options))
+
+    return of_single
+
+
 def jit_method(
     init: InitFn,
     sample: SampleFn,
@@ -148,7 +163,8 @@ def jit_method(
 ) -> Method:
     """Make a method of these functions, each of them jitted; by default `spread` is the solution.
 
-    `update` gets NaN in place of infinite rewards.
+    `update` gets NaN in place of infinite rewards. Results are in single precision, also where JAX's default
+    is double precision (`jax_enable_x64`).
     """
 
     def update_without_infinity(
@@ -156,16 +172,16 @@ def jit_method(
     ) -> tuple[State, Info]:
         return update(state, actions, nan_if_infinite(rewards))
 
-    answer = jax.jit(solution)
+    answer = jax.jit(_single(solution))
     diagnostics = Diagnostics(
-        spread=answer if spread is None else jax.jit(spread),
-        probabilities=jax.jit(probabilities),
-        predict=None if predict is None else jax.jit(predict),
+        spread=answer if spread is None else jax.jit(_single(spread)),
+        probabilities=jax.jit(_single(probabilities)),
+        predict=None if predict is None else jax.jit(_single(predict)),
     )
     return Method(
-        init=jax.jit(init),
-        sample=jax.jit(sample, static_argnames="n"),
-        update=jax.jit(update_without_infinity),
+        init=jax.jit(_single(init)),
+        sample=jax.jit(_single(sample), static_argnames="n"),
+        update=jax.jit(_single(update_without_infinity)),
         solution=answer,
         diagnostics=diagnostics,
         updates=updates,

@@ -31,7 +31,7 @@ def relax(
         width: another width, for all attributes or one for each, in [0, 1]. Wider intervals slide
             back inside at the borders; 0 means no relaxation.
         unoptimised: the meaning of -1: "random" (the paper: centre 0.5, width 1) or "half" (the
-            authors' code: 0.5, relaxed like any decided value).
+            authors' code: 0.5, relaxed like any decided value; without an order, the bin in the middle).
 
     Returns:
         The proposal, f32[*batch attributes] each.
@@ -45,9 +45,10 @@ def relax(
     bins = jnp.broadcast_to(jnp.asarray(space.bins, jnp.float32), actions.shape)
     widths = jnp.broadcast_to(bin_widths(space, width), actions.shape)
     decided = actions >= 0
-    centre = jnp.where(decided, (actions.astype(jnp.float32) + 0.5) / bins, 0.5)
+    middle = jnp.where(jnp.asarray(ordered(space)), 0.5, (jnp.floor(bins / 2) + 0.5) / bins)
+    centre = jnp.where(decided, (actions.astype(jnp.float32) + 0.5) / bins, middle)
     if unoptimised == "random":
-        widths = jnp.where(decided, widths, 1.0)
+        centre, widths = jnp.where(decided, centre, 0.5), jnp.where(decided, widths, 1.0)
     return slide(centre, widths)
 
 

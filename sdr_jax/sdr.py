@@ -57,7 +57,8 @@ def sdr(
 
     The actions of `sample` are sampled bins for the active group, fixed ones for finished groups,
     and -1 for later groups. `solution` is the arg max of every group that has started; `spread` has the
-    moments of the policy: a uniform policy gives all of [0, 1], a certain one its relaxed bin.
+    moments of the policy: with the default width, a uniform policy gives all of [0, 1], a certain one its
+    bin.
 
     An update without a reward, or with only one under `leave_one_out()`, changes no policy; it still
     counts, so that the descent moves on.

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
 from jaxtyping import Array, Float
 
 Width = float | tuple[float, ...] | None
@@ -42,8 +43,10 @@ class Space:
         if len(self.bins) != len(self.names):
             raise ValueError(f"{len(self.names)} attributes, but {len(self.bins)} numbers of bins")
         for name, bins in zip(self.names, self.bins, strict=True):
-            if bins < 2:
-                raise ValueError(f"attribute {name!r} has {bins} bins, at least 2 are needed")
+            if not isinstance(bins, int) or bins < 2:
+                raise ValueError(
+                    f"attribute {name!r} has {bins!r} bins; the number must be an integer, at least 2"
+                )
         if outside:
             raise ValueError(f"there is no attribute {outside[0]}, but only {len(self.names)}")
         if not all(self.groups):
@@ -74,7 +77,7 @@ class Proposal(NamedTuple):
 
 def space(
     names: Sequence[str],
-    bins: int | Sequence[int] = 10,
+    bins: int | np.integer | Sequence[int] | np.ndarray = 10,
     groups: Sequence[Sequence[str]] | None = None,
     unordered: Sequence[str] = (),
 ) -> Space:
@@ -99,7 +102,8 @@ def space(
     if isinstance(names, str):
         raise ValueError(f"names is the string {names!r}, but must be a list of names")
     names = tuple(names)
-    per_attribute = (bins,) * len(names) if isinstance(bins, int) else tuple(bins)
+    counts = np.asarray(bins).tolist()  # NumPy's integers become Python's
+    per_attribute = tuple(counts) if isinstance(counts, list) else (counts,) * len(names)
     groups = (names,) if groups is None else groups
     grouped = [name for group in groups for name in group]
     for where, members in (("the groups", grouped), ("unordered", unordered)):

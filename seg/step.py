@@ -106,6 +106,11 @@ def functions(settings: TrainSettings, classes: int) -> Functions:
     return _compiled(settings.step_spec, classes)
 
 
+def _single(parameter: Array) -> Array:
+    """Parameters are float32, also where JAX's default is double precision (`jax_enable_x64`)."""
+    return parameter.astype(jnp.float32) if parameter.dtype == jnp.float64 else parameter
+
+
 @lru_cache(maxsize=32)
 def _compiled(spec: StepSpec, classes: int) -> Functions:
     module = net_of(spec.net, classes)
@@ -123,7 +128,7 @@ def _compiled(spec: StepSpec, classes: int) -> Functions:
         blank = jax.tree.map(lambda a: jnp.zeros((1, *a.shape[1:])), images)
         # The default generator takes four times as long to compile (unrolled, once per kernel).
         key = jax.random.key(seed, impl="rbg")
-        return resume(module.init(key, blank))
+        return resume(jax.tree.map(_single, module.init(key, blank)))
 
     def logits_of(variables: Variables, x: Any, dropout: PRNGKeyArray) -> Array:
         stride = {} if spec.net.backbone is None else {"stride": spec.loss_stride}

@@ -147,13 +147,17 @@ def intervals(
         keys = jax.random.split(rng_key, 7)
         draw_key, start_key, share_key, which_key, width_key, scale_key, open_key = keys
         weights = effects.draw_weights(draw_key, model, state.belief, n)
-        share = state.reach * jax.random.choice(share_key, jnp.asarray(REACHES), (n, 1))
-        chance = jax.random.uniform(which_key, (n, space.attributes))
+        share = state.reach * jax.random.choice(
+            share_key, jnp.asarray(REACHES, jnp.float32), (n, 1)
+        )
+        chance = jax.random.uniform(which_key, (n, space.attributes), jnp.float32)
         # At least the one with the smallest random number.
         changes = (chance < share) | (chance == chance.min(axis=1, keepdims=True))
-        scale = jnp.floor(jax.random.uniform(scale_key, chance.shape) * scales[None, :])
+        scale = jnp.floor(
+            jax.random.uniform(scale_key, chance.shape, jnp.float32) * scales[None, :]
+        )
         of_scale = jnp.where(
-            jax.random.uniform(width_key, chance.shape)[..., None] < ONE_WIDTH,
+            jax.random.uniform(width_key, chance.shape, jnp.float32)[..., None] < ONE_WIDTH,
             scale_of[None] == scale[..., None],
             scale_of[None] >= 0,
         )

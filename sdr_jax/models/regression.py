@@ -132,7 +132,7 @@ def posterior(
     ratio = std / noise
     precision = ratio[:, None] * data.gram * ratio[None, :]
     ridge = jnp.maximum(1.0, JITTER * jnp.trace(precision))
-    factor = jnp.linalg.cholesky(precision + ridge * jnp.eye(std.shape[0]))
+    factor = jnp.linalg.cholesky(precision + ridge * jnp.eye(std.shape[0], dtype=std.dtype))
     whitened = cho_solve((factor, True), ratio * data.moment) / noise
     return Posterior(std * whitened, factor, std)
 
@@ -156,12 +156,14 @@ def predict(
 
 def covariance(belief: Posterior) -> Float[Array, "features features"]:
     """The covariance of the weights."""
-    inverse = solve_triangular(belief.factor, jnp.eye(len(belief.scale)), lower=True)
+    inverse = solve_triangular(
+        belief.factor, jnp.eye(len(belief.scale), dtype=belief.scale.dtype), lower=True
+    )
     return belief.scale[:, None] * _product(inverse.T, inverse) * belief.scale[None, :]
 
 
 def draw(rng_key: Key[Array, ""], belief: Posterior, n: int) -> Float[Array, "n features"]:
     """Draw weights from the posterior; the key is consumed."""
-    noise = jax.random.normal(rng_key, (belief.mean.shape[0], n))
+    noise = jax.random.normal(rng_key, (belief.mean.shape[0], n), jnp.float32)
     whitened = solve_triangular(belief.factor, noise, lower=True, trans=1)
     return belief.mean[None, :] + belief.scale[None, :] * whitened.T

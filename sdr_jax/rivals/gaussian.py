@@ -66,7 +66,9 @@ def gaussian(
         raise ValueError(f"std is {std}, but must be above 0")
     check_relaxation(space, width, "random")
     widths = bin_widths(space, width)
-    quantiles = np.asarray(ndtri((jnp.arange(64) + 0.5) / 64))  # of the standard normal
+    quantiles = np.asarray(
+        ndtri((jnp.arange(64, dtype=jnp.float32) + 0.5) / 64)
+    )  # of the standard normal
     rule = Rule(adam(learning_rate), baseline_of(baseline), normalise)
 
     def init(rng_key: RngKey) -> Learner:
@@ -77,7 +79,7 @@ def gaussian(
 
     def sample(rng_key: RngKey, state: Learner, n: int) -> tuple[Values, Proposal]:
         mean, log_std = state.params
-        noise = jax.random.normal(rng_key, (n, space.attributes))
+        noise = jax.random.normal(rng_key, (n, space.attributes), jnp.float32)
         actions = mean[None, :] + jnp.exp(log_std)[None, :] * noise
         relaxed = slide(jax.nn.sigmoid(actions), jnp.broadcast_to(widths, actions.shape))
         return actions, _snap(space, relaxed)

@@ -109,3 +109,15 @@ def test_moments_are_those_of_the_distribution_and_stay_inside(seed: int) -> Non
 def test_intervals_slide_into_the_unit_range() -> None:
     slid = slide(np.float32([0, 0.5, 1]), np.full(3, 0.5, np.float32))
     np.testing.assert_allclose(slid.centre, [0.25, 0.5, 0.75])
+
+
+def test_numpys_numbers_of_bins_are_integers():
+    for bins in (np.int64(5), np.array([5, 5, 5])):
+        assert space(NAMES, bins=bins).bins == (5, 5, 5)
+
+
+def test_half_of_an_attribute_without_order_is_one_bin():
+    streets = space(["weather", "height"], bins=[4, 4], unordered=["weather"])
+    centre, width = relax(streets, np.array([-1, -1]), None, "half")
+    np.testing.assert_allclose(centre, [2.5 / 4, 0.5])
+    np.testing.assert_allclose(width, [0.25, 0.25])

@@ -144,7 +144,9 @@ def _to_kernel(x: Array, grad: Array, side: int, stride: int) -> Array:
         image, row = number // rows, number % rows
         at = (image, row * stride, 0, 0)
         window = jax.lax.dynamic_slice(x, at, (1, side, x.shape[2], c))[0].astype(jnp.float32)
-        grad_row = jax.lax.dynamic_slice(grad, (image, row, 0, 0), (1, 1, cols, c))[0]
+        grad_row = jax.lax.dynamic_slice(grad, (image, row, 0, 0), (1, 1, cols, c))[0].astype(
+            jnp.float32
+        )
         parts = (window[:, j : j + right : stride] * grad_row for j in range(side))
         return tuple(total + part for total, part in zip(sums, parts, strict=True)), None
 
