@@ -28,7 +28,6 @@ import yaml
 from msgspec import Meta
 
 from common.errors import UserError, suggestion
-from common.expression import expression_fault
 from common.files import check_folder, composed, plain_path, read_bytes
 from common.interrupt import PROGRAM
 from common.labels import classes as engine
@@ -444,8 +443,10 @@ def _check(target: TargetFile, lines: _Lines) -> None:
                     "expected the same as for the images: a pattern, or a list of the same length",
                 )
     if target.group is not None:
-        if fault := expression_fault(target.group):
-            lines.refuse("group", f"{target.group!r} {fault}")
+        try:
+            re.compile(target.group)
+        except (re.error, OverflowError, RecursionError) as error:
+            lines.refuse("group", f"{target.group!r} is not a regular expression: {error}")
 
 
 def _check_classes(target: TargetFile, lines: _Lines) -> None:
