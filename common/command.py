@@ -17,10 +17,11 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from common.errors import Unfinished, UserError, printable, printable_lines, suggestion
-from common.interrupt import INTERRUPTED, PROGRAM, while_working
 
-USAGE, BUG, UNREAD = 2, 70, 141
-"""Exit codes: an error of the user; a bug; the reader of the output is gone (``| head``)."""
+PROGRAM = "sdr-jax"
+"""The first word of all commands."""
+USAGE, BUG, INTERRUPTED, UNREAD = 2, 70, 130, 141
+"""Exit codes: an error of the user; a bug; Ctrl-C; the reader of the output is gone (``| head``)."""
 DEBUG = "--debug"
 """Flag of every command: show where an error comes from."""
 HELP = ("-h", "--help", "--help-all")
@@ -253,10 +254,9 @@ def exit_code(
     outer, _running, _parsed = _running, _parsed, None
     hint = "; once this is fixed, the same command resumes" if resumes else ""
     try:
-        with while_working():
-            code = work()
-            sys.stdout.flush()  # at exit an error would have another code
-            return code or 0
+        code = work()
+        sys.stdout.flush()  # at exit an error would have another code
+        return code or 0
     except Unfinished as error:
         return _fail(error, str(error), 1, debug)
     except users as error:

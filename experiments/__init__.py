@@ -12,7 +12,4 @@ Names are imported on first use; ``__init__.pyi`` lists them.
 
 from lazy_loader import attach_stub
 
-from common.interrupt import while_loading
-
-while_loading(__name__)  # before all else
 __getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -10,9 +10,8 @@ from importlib.metadata import packages_distributions, version
 from runpy import run_module
 from textwrap import wrap
 
-from common.command import HELP, USAGE, Parser, docstring, path_of
+from common.command import HELP, PROGRAM, USAGE, Parser, docstring, path_of
 from common.errors import suggestion
-from common.interrupt import PROGRAM
 
 DISTRIBUTION = "sdr-jax"
 PACKAGES = ("sdr_jax", "scene", "seg", "experiments", "common")

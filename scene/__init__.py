@@ -13,7 +13,4 @@ them.
 
 from lazy_loader import attach_stub
 
-from common.interrupt import while_loading
-
-while_loading(__name__)  # before all else
 __getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

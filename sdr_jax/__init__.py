@@ -26,7 +26,4 @@ update, is n here.
 
 from lazy_loader import attach_stub
 
-from common.interrupt import while_loading
-
-while_loading(__name__)  # before JAX
 __getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -6,7 +6,4 @@ the function; its module is `seg.train`, as in `from seg.train import TrainingEr
 
 from lazy_loader import attach_stub
 
-from common.interrupt import while_loading
-
-while_loading(__name__)  # before all else
 __getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

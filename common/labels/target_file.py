@@ -27,9 +27,9 @@ import msgspec
 import yaml
 from msgspec import Meta
 
+from common.command import PROGRAM
 from common.errors import UserError, suggestion
 from common.files import check_folder, composed, plain_path, read_bytes
-from common.interrupt import PROGRAM
 from common.labels import classes as engine
 
 FILE = "target.yaml"

@@ -13,7 +13,6 @@ import pytest
 from common import loopback
 from common.command import BUG, UNREAD, Parser, exit_code, running_command, say, size
 from common.errors import Unfinished, UserError, refuse_repeats, suggestion
-from common.interrupt import INTERRUPTED
 from tests.conftest import ROOT, refused
 
 FULL = OSError(errno.ENOSPC, "No space left on device", "x.json")
@@ -58,34 +57,6 @@ def test_a_job_knows_its_command_line_and_that_it_has_none_in_python():
     assert exit_code(work) == 0 and exit_code(work) == 0
     work()  # called from Python or a notebook, whatever started this process
     assert commands == ["sdr-jax fit 'my photos'", None, None]
-
-
-COMMANDS = ("experiments.cityscapes", "experiments.studies.table", "scene.render", "scene.check",
-            "sdr_jax.tune", "seg.weights", "benchmarks.search")  # fmt: skip
-ARGUMENTS = {"sdr_jax.tune": ["space.toml"], "seg.weights": ["convert", "a.npz", "--out", "b.npz"],
-         "experiments.__main__": ["render"]}  # fmt: skip
-"""Arguments without which some commands end before they load anything."""
-
-
-@pytest.mark.parametrize(("module", "words"), [
-    *((module, ["-m", module]) for module in COMMANDS),
-    ("experiments.__main__", ["/usr/bin/sdr-jax"]),
-])  # fmt: skip
-def test_ctrl_c_while_libraries_are_loaded_is_one_line(module, words):
-    """The import of NumPy sends the signal."""
-    code = (
-        "import sys, os, signal, runpy\n"
-        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-        "class Sends:\n"
-        "    def find_spec(self, name, *_):\n"
-        "        if name == 'numpy': os.kill(os.getpid(), signal.SIGINT)\n"
-        "sys.meta_path.insert(0, Sends())\n"
-        f"sys.orig_argv = ['python', *{words}]\n"
-        f"sys.argv[1:] = {ARGUMENTS.get(module, [])}\n"
-        f"runpy.run_module('{module}', run_name='__main__')"
-    )
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
-    assert (done.returncode, done.stderr) == (INTERRUPTED, "\nstopped\n")
 
 
 @pytest.mark.parametrize("command", [

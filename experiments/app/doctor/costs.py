@@ -9,8 +9,8 @@ from pathlib import Path
 
 import msgspec
 
+from common.command import PROGRAM
 from common.errors import UserError
-from common.interrupt import PROGRAM
 from common.labels.target_file import FILE, SHIPPED, TargetFile, shipped
 from experiments.app.fit.config import choose_size, configured, cost_of_fit, default_preset
 from experiments.app.main_job import plan

@@ -6,8 +6,8 @@ import platform
 from importlib.util import find_spec
 from pathlib import Path
 
+from common.command import PROGRAM
 from common.files import versions
-from common.interrupt import PROGRAM
 
 EXTRAS = {
     "cuda": ("jax_cuda12_plugin", "training on an NVIDIA GPU"),

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from common.command import PROGRAM
 from common.errors import UserError, counted
 from common.files import IMAGES
-from common.interrupt import PROGRAM
 from common.labels.listing import HELD_OUT, matches
 from common.labels.target_file import FILE, TRAIN, Format
 from seg.data.frames import unreadable_note

@@ -14,9 +14,8 @@ from __future__ import annotations
 
 import shlex
 
-from common.command import Arguments, exit_code, say
+from common.command import PROGRAM, Arguments, exit_code, say
 from common.errors import UserError
-from common.interrupt import PROGRAM
 from common.workers.pool import WorkerError
 from experiments.app.fit.config import config_of
 from experiments.app.fit.job import fit

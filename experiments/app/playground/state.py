@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from common.interrupt import PROGRAM
+from common.command import PROGRAM
 from scene.assets.catalogue import AssetPool, check_pool
 from scene.attributes import BY_NAME, SPACES, SpaceName, space_of
 from scene.proposal import (

@@ -8,8 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
+from common.command import PROGRAM
 from common.errors import counted
-from common.interrupt import PROGRAM
 from experiments.app.report import result
 from experiments.app.report.result import Kind
 from experiments.tables import compared

@@ -7,10 +7,10 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
+from common.command import PROGRAM
 from common.errors import UserError
 from common.files import write
 from common.folder import CONFIG, read_config
-from common.interrupt import PROGRAM
 from common.loopback import HOST, check_port, refusal
 from experiments.app.report import page
 from experiments.app.report.folder import NAME, RunFolder

@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from common.command import running_command
+from common.command import PROGRAM, running_command
 from common.errors import counted
-from common.interrupt import PROGRAM
 from experiments.app.report import result
 from experiments.app.report.result import Kind
 from experiments.evaluation.job import Result
