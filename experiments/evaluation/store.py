@@ -207,9 +207,8 @@ class Store:
     @property
     def records(self) -> list[Record]:
         """The lines in order; of a shared file the first line of each evaluation."""
-        lines = self._lines.lines[1:] if self._shared else self._lines.lines
-        records = [line for line in lines if _is_miou(line)]
-        return first_of_each(records) if self._shared else records
+        lines = self._lines.lines
+        return first_of_each(lines[1:]) if self._shared else list(lines)
 
     def refresh(self) -> None:
         """Read the records that other runs have added."""
@@ -255,8 +254,6 @@ class Store:
             if self._shared and number == 0:
                 _check_header(self.path, record)
                 continue
-            if not _is_miou(record):
-                continue
             check_fields(self._lines.where(number), record)
             self._remember(record, number)
 
@@ -265,11 +262,6 @@ class Store:
         if self._shared and lines:
             refuse_conflict(*lines[0], record, where)
         lines.append((record, where))
-
-
-def _is_miou(record: Record) -> bool:
-    """Whether a reward is mIoU; earlier versions also had rewards without labels, which are skipped."""
-    return bool(record.get("kind", "miou") == "miou")
 
 
 def _refuse_other_file(path: Path) -> None:

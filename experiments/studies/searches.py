@@ -163,10 +163,7 @@ def report(run: Session[ManyConfig], answers: Answers, rows: list[Report]) -> Re
 
 
 def derive(report: Report) -> Report:
-    """Add a row for each method, over its searches and networks, and each search's gain to the report.
-
-    Earlier versions chose a search's streets by model selection; of their reports the method's own are shown.
-    """
+    """Add a row for each method, over its searches and networks, and each search's gain to the report."""
     baselines = {name: miou(nets) for name, nets in report["baselines"].items()}
     real = mean(baselines["real"])
 
@@ -184,20 +181,14 @@ def derive(report: Report) -> Report:
     rows = [row(name, [values], 0) for name, values in baselines.items() if name != "real"]
     searches = []
     for search in report["searches"]:
-        values = miou(_nets(search))
+        values = miou(search["nets"])
         gains = {f"over_{base}": gain(values, baselines[base]) for base in OVER}
         searches.append({**search, "learnt": mean(values), **gains})
     for method in dict.fromkeys(search["method"] for search in searches):
-        nets = [miou(_nets(search)) for search in searches if search["method"] == method]
+        nets = [miou(search["nets"]) for search in searches if search["method"] == method]
         rows.append(row(method, nets, len(nets)))
     rows.append(row("real", [baselines["real"]], 0))
     return {**report, "rows": rows, "searches": searches}
-
-
-def _nets(search: Report) -> list[Report | None]:
-    """Return scores of the networks of a search's own streets; earlier reports may have chosen others."""
-    scored: list[Report | None] = search["own_nets" if "own_nets" in search else "nets"]
-    return scored
 
 
 def _title(row: Report) -> str:
@@ -233,7 +224,7 @@ EACH: list[Column] = [
 def text(report: Report) -> str:
     """Write the tables in Markdown."""
     searches, labels = report["searches"], len(report.get("few_images", ()))
-    nets = [*report["baselines"].values(), *map(_nets, searches)]
+    nets = [*report["baselines"].values(), *(search["nets"] for search in searches)]
     lines = [
         introduction(report),
         "",

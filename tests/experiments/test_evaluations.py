@@ -489,19 +489,6 @@ def test_a_tenth_of_the_evaluations_may_fail(most, total):
         runner.refuse_failed([*failed, failed[0]], total)
 
 
-@pytest.mark.parametrize("make", [SHARED, Store])
-def test_rewards_that_are_not_miou_are_skipped(make, tmp_path, capsys):
-    path = tmp_path / ("s.jsonl" if make is SHARED else LOGS[0])
-    written(path, record("a", 0.5), record("b", -0.25, kind="mmd"), make=make)
-    assert main(["show", str(path if make is SHARED else tmp_path)]) == 0
-    assert "1 evaluation, 0 failed | mIoU best 50.0, mean 50.0" in capsys.readouterr().out
-    assert (
-        main(["merge", str(path if make is SHARED else tmp_path), "--out", str(tmp_path / "c")])
-        == 0
-    )
-    assert [r["key"] for r in Store(tmp_path / "c", shared=True).records] == ["a"]
-
-
 def test_merge_folds_duplicates(tmp_path, capsys, refused):
     a = written(tmp_path / "a.jsonl", record("x"), record("y"))
     run = tmp_path / "run"

@@ -27,8 +27,6 @@ from experiments.tables.form import interval
 from experiments.tables.row_names import SHORT
 from experiments.tables.stats import TOO_FEW
 from scene import parsers
-from scene.attributes import NAMES as ATTRIBUTES
-from scene.proposal import Histogram, describe, mixture, random_proposal
 from seg.metrics import iou
 
 from .conftest import Page, lines
@@ -163,15 +161,6 @@ def test_a_few_labels_come_first_and_what_it_is_told_is_escaped(run):
         gain = f"2 labelled images + optimised streets over 2 labelled images {other}"
         assert gain in names and gain in page.texts
     assert "<script>alert" not in (run / "report.html").read_text()
-
-
-def test_answers_of_a_method_that_is_gone_are_refused(run, error_line):
-    summary = read_json(run / "summary.json")
-    histogram = Histogram(np.full((len(ATTRIBUTES), 4), 0.25, np.float32))
-    for answer in (histogram, mixture((0.5, 0.5), (histogram, random_proposal()))):
-        write_json(run / "summary.json", summary | describe(answer))
-        assert main([str(run)]) == 2
-        assert "is not one interval for each attribute" in error_line(begun=True)
 
 
 @pytest.mark.parametrize(("file", "changes"), [

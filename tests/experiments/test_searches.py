@@ -45,13 +45,6 @@ def test_a_method_has_a_row_over_its_searches_and_nets():
     assert "optimised by sdr | 2 | 36.0" in text(derived)
 
 
-def test_of_reports_with_model_selection_the_methods_own_answers_are_shown():
-    old_fields = {"chosen_candidate": "default", "own_nets": nets(31.0, 33.0)}
-    derived = report(search(0, nets(34.0, 36.0), **old_fields))
-    assert [search["learnt"] for search in derived["searches"]] == [32.0]
-    assert "optimised by sdr | 1 | 32.0" in text(derived)
-
-
 def test_methods_of_other_libraries_need_a_checkout(monkeypatch):
     config = replace(defaults_of("searches", "twin", "smoke"), methods=("tpe", "sdr"))
     check(config)

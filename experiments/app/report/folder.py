@@ -77,7 +77,6 @@ def read(path: Path, report: Report | None = None) -> RunFolder:
         raise UserError(f"{path} {_not_a_run(path)}; pass the --out folder of a run")
     if report is None:
         report = _summary(path, config)
-    _check_answer(path, report)
     index_file, matters_file = path / PICTURES / INDEX, path / PICTURES / FILE
     evaluations, finals = (JsonLines(path / name).lines for name in LOGS)
     run = RunFolder(
@@ -101,22 +100,6 @@ def _not_a_run(path: Path) -> str:
     if path.is_dir():
         return f"is not the folder of a run: it has no {CONFIG}"
     return "is a file" if path.exists() else "does not exist"
-
-
-def _check_answer(path: Path, report: Report) -> None:
-    """Raise UserError for the result of a method that is gone: bins, or several kinds of streets."""
-    components = report.get("components", [])
-    bins = [
-        row
-        for component in components
-        for row in component["attributes"].values()
-        if "probabilities" in row["unit"]
-    ]
-    if len(components) > 1 or bins:
-        raise UserError(
-            f"{path}: the result of this run is not one interval for each attribute; use the version of "
-            "sdr-jax that made it"
-        )
 
 
 def _summary(path: Path, config: dict[str, Any]) -> Report:

@@ -156,8 +156,7 @@ def attributes(run: RunFolder) -> Report:
     """The optimised and the default interval of each attribute, as CSS styles within its range."""
     report, config = run.summary, run.config
     hidden = report["hidden_centres"]
-    # Only runs of earlier versions have another width.
-    usual = default_proposal(config.get("default_width", RELAXATION), config.get("space", "scenex"))
+    usual = default_proposal(RELAXATION, config.get("space", "scenex"))
     defaults = describe(hold(usual, run.held))["components"][0]["attributes"]
     rows = []
     for k, (name, optimised) in enumerate(report["components"][0]["attributes"].items()):
