@@ -176,7 +176,7 @@ class SensitivityConfig(BinsConfig, Rederived):
     """Flags of `sdr-jax study sensitivity`."""
 
     records: tuple[Path, ...] = ()
-    """Stores of evaluations, run folders, or files of bins and rewards to analyse; nothing is rendered."""
+    """Stores of evaluations and run folders to analyse; nothing is rendered."""
     records_config: Annotated[str | None, Option(needs=("--records",))] = None
     """The configuration in them to analyse, by its name in sdr-jax store show; by default the one with the
     most rewards."""

@@ -1,6 +1,6 @@
 """Find which attributes matter, alone and together, from recorded rewards.
 
-    sdr-jax study sensitivity --target camvid --records benchmarks/data/camvid.jsonl
+    sdr-jax study sensitivity --target camvid --records docs/results/store.jsonl
     sdr-jax study sensitivity --target camvid --data DIR --holdout 0006R0 --store FILE
     sdr-jax study sensitivity --target twin --preset smoke                # a minute or two
 

@@ -1,29 +1,19 @@
-"""Recorded rewards as arrays: from stores and run folders, or from lines of bins and rewards.
-
-A line of bins is ``{"bins": [23 integers], "reward": mIoU in percent}``, as in
-``benchmarks/data/camvid.jsonl``; ``--search.bins`` and ``--search.relaxation`` give the bins' meaning.
-"""
+"""Recorded rewards of stores and run folders as arrays."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from common.errors import UserError
-from common.files import naming, parse_json
 from common.lines import Record
 from experiments.config import Config
 from experiments.evaluation import store
-from experiments.tables.bins import relaxed
 from scene.attributes import SPACES, SpaceName, names
 from scene.proposal import shortest
-
-BINS = "bins"
-"""The name of the configuration of lines of bins, which have none."""
 
 
 class Records(NamedTuple):
@@ -38,24 +28,21 @@ class Records(NamedTuple):
     aside: tuple[str, ...]  # descriptions of other configurations
 
 
-def read(paths: Sequence[Path], config: Any, target: str, name: str | None = None) -> Records:
+def read(paths: Sequence[Path], config: Config, target: str, name: str | None = None) -> Records:
     """Read the rewards of one configuration from files.
 
     Args:
-        paths: stores, run folders, or files of bins; they may overlap.
-        config: the configuration of the bins.
+        paths: stores and run folders; they may overlap.
+        config: the space of the proposals, and the held attributes.
         target: name of the target of the rewards.
         name: name of the configuration; by default the one with the most rewards.
 
     Raises:
         UserError: a file cannot be read, or no reward fits.
     """
-    bins = [path for path in paths if path.is_file() and BINS in _first_line(path)]
-    stores = [store.read(path) for path in paths if path not in bins]
+    stores = map(store.read, paths)
     merged = store.merged(entry for entries in stores for entry in entries.values())
-    records = [record for record, _ in merged.values()]
-    records += [record for path in bins for record in _read_bins(path, config)]
-    held = [record for record in records if holds(record, config)]
+    held = [record for record, _ in merged.values() if holds(record, config)]
     return choose(held, target, config.space, name, ", ".join(map(str, paths)))
 
 
@@ -117,48 +104,9 @@ def choose(
 
 def _words(name: str, records: Sequence[Record]) -> str:
     """Describe a configuration in words."""
-    if name == BINS:
-        return f"{len(records)} rewards of bins"
     fields = ("target", "side", "size", "images", "steps", "engine")
     target, side, size, images, steps, engine = (records[0].get(field, "?") for field in fields)
     return (
         f"{name} ({len(records)} of {target}, {side} images, {size}, {images} rendered, {steps} steps, "
         f"engine {engine})"
     )
-
-
-def _first_line(path: Path) -> Any:
-    with naming(path), open(path, "rb") as file:
-        line = file.readline()
-    try:
-        record = parse_json(line)
-    except ValueError:
-        return {}
-    return record if isinstance(record, dict) else {}
-
-
-def _read_bins(path: Path, config: Any) -> list[Record]:
-    """Read a file of bins as lines of a store."""
-    bins, rewards, count = [], [], len(SPACES[config.space])
-    with naming(path):
-        lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
-    for number, line in enumerate(lines, 1):
-        try:
-            record = parse_json(line)
-            row, reward = record["bins"], float(record["reward"])
-            in_range = all(type(k) is int and 0 <= k < config.search.bins for k in row)
-            if not (in_range and len(row) == count and math.isfinite(reward)):
-                raise ValueError
-        except (ValueError, KeyError, TypeError, OverflowError):
-            raise UserError(
-                f"{path}: line {number} must hold a reward and {count} bins from 0 to "
-                f"{config.search.bins - 1} (--search.bins)"
-            ) from None
-        bins.append(row)
-        rewards.append(reward / 100)
-    return [
-        {"config": BINS, "centre": centre.tolist(), "width": width.tolist(), "reward": reward}
-        for (centre, width), reward in zip(
-            relaxed(config, np.asarray(bins, np.int32)), rewards, strict=True
-        )
-    ]
