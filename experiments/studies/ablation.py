@@ -28,7 +28,12 @@ from experiments.config.jobs import AblationConfig, Variant
 from experiments.config.presets import DENSITIES, ENVIRONMENT, POSITIONS
 from experiments.session.session import Session, Work
 from experiments.studies.figure import plt, png
-from experiments.studies.search_columns import REWARDS, core_seconds, failed_evaluations, rewards
+from experiments.studies.search_columns import (
+    core_seconds,
+    failed_evaluations,
+    reward_columns,
+    rewards,
+)
 from experiments.tables.form import (
     Column,
     Form,
@@ -217,7 +222,7 @@ COLUMNS: list[Column] = [
         "+.1f",
     ),
     ("the paper's own", lambda row: number(row["paper"], "+.1f")),
-    *REWARDS,
+    *reward_columns(lambda row: row["search"]["rewards"] if row["search"] else []),
 ]
 
 

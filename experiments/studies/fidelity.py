@@ -30,6 +30,7 @@ from experiments.tables.form import (
     Form,
     Report,
     about,
+    estimate,
     interval,
     number,
     starts,
@@ -188,14 +189,6 @@ def _firsts(rung: Report) -> np.ndarray:
     return np.array([values[0] for values in rung["rewards"].values()], float)
 
 
-def _value(row: Report, estimate: str) -> str:
-    return number(row[estimate]["value"], ".2f")
-
-
-def _interval(row: Report, estimate: str) -> str:
-    return interval(row[estimate]["ci95"], ".2f")
-
-
 def _ratio(row: Report) -> str:
     pairs = row["common_seeds"]
     return "" if pairs is None else number(pairs["ratio"], ".2f")
@@ -207,11 +200,11 @@ COLUMNS: list[Column] = [
     ("images", lambda rung: str(rung["images"])),
     ("steps", lambda rung: number(rung["steps"], "d")),
     ("core s", lambda rung: number(rung["core_seconds"])),
-    ("rank correlation with the top", lambda rung: _value(rung, "rank_correlation")),
-    ("95 % interval", lambda rung: _interval(rung, "rank_correlation")),
+    *estimate(
+        "rank correlation with the top", lambda rung: rung["rank_correlation"], ".2f", "value"
+    ),
     ("noise (s.d.)", lambda rung: number(rung["noise"], ".3g")),
-    ("signal / noise", lambda rung: _value(rung, "signal_to_noise")),
-    ("95 % interval", lambda rung: _interval(rung, "signal_to_noise")),
+    *estimate("signal / noise", lambda rung: rung["signal_to_noise"], ".2f", "value"),
     ("var independent / common seeds", _ratio),
 ]
 
@@ -293,9 +286,9 @@ def _panel(axis: Axes, rung: Report, top: Report) -> None:
     axis.set(xlabel=f"mIoU, % on {top['rung']}", ylabel=f"mIoU, % on {name}")
 
 
-def _with_interval(estimate: Report) -> str:
-    ci95 = interval(estimate["ci95"], ".2f")
-    return f"{number(estimate['value'], '.2f') or 'unknown'}{ci95 and f' ({ci95})'}"
+def _with_interval(measured: Report) -> str:
+    ci95 = interval(measured["ci95"], ".2f")
+    return f"{number(measured['value'], '.2f') or 'unknown'}{ci95 and f' ({ci95})'}"
 
 
 FORM = Form("fidelity", derive, text, {"fidelity.png": picture})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 from experiments.attribute_search.loop import Found
 from experiments.tables.form import Column, Report, number
@@ -28,17 +28,14 @@ def thirds(values: Sequence[float | None]) -> tuple[float | None, float | None]:
     return mean(values[:third]), mean(values[-third:])
 
 
-def _rewards(row: Report) -> Rewards:
-    return row["search"]["rewards"] if row["search"] else []
-
-
-REWARDS: list[Column] = [
-    ("evaluations", lambda row: str(len(_rewards(row)))),
-    ("reward, first third", lambda row: number(thirds(_rewards(row))[0])),
-    ("last third", lambda row: number(thirds(_rewards(row))[1])),
-    ("best", lambda row: number(max((r for r in _rewards(row) if r is not None), default=None))),
-]
-"""Columns of a table whose rows may have a ``search``."""
+def reward_columns(rewards: Callable[[Report], Rewards]) -> list[Column]:
+    """Make columns of the number of rewards of a row's search, the means of two thirds, and the best one."""
+    return [
+        ("rewards", lambda row: str(len(rewards(row)))),
+        ("reward, first third", lambda row: number(thirds(rewards(row))[0])),
+        ("last third", lambda row: number(thirds(rewards(row))[1])),
+        ("best", lambda row: number(max((r for r in rewards(row) if r is not None), default=None))),
+    ]
 
 
 def failed_evaluations(searches: Iterable[Rewards]) -> list[str]:

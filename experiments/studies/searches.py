@@ -30,7 +30,12 @@ from experiments.config.jobs import ManyConfig
 from experiments.evaluation.job import Source
 from experiments.session.session import Session, Work
 from experiments.studies.figure import plt, png
-from experiments.studies.search_columns import core_seconds, failed_evaluations, rewards, thirds
+from experiments.studies.search_columns import (
+    core_seconds,
+    failed_evaluations,
+    reward_columns,
+    rewards,
+)
 from experiments.tables import few_rows
 from experiments.tables.form import (
     ONE_SEARCH,
@@ -196,10 +201,6 @@ def _title(row: Report) -> str:
     return BASELINES.get(row["name"], f"optimised by {words(row['name'])}")
 
 
-def _best(search: Report) -> float | None:
-    return max((reward for reward in search["rewards"] if reward is not None), default=None)
-
-
 COLUMNS: list[Column] = [
     ("trained on", _title),
     ("searches", lambda row: str(row["searches"] or "")),
@@ -214,10 +215,7 @@ EACH: list[Column] = [
     ("mIoU", lambda search: number(search["learnt"])),
     estimate("over random", lambda search: search["over_random"], "+.1f")[0],
     estimate("over default", lambda search: search["over_default"], "+.1f")[0],
-    ("rewards", lambda search: str(len(search["rewards"]))),
-    ("reward, first third", lambda search: number(thirds(search["rewards"])[0])),
-    ("last third", lambda search: number(thirds(search["rewards"])[1])),
-    ("best", lambda search: number(_best(search))),
+    *reward_columns(lambda search: search["rewards"]),
 ]
 
 

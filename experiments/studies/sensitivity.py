@@ -32,6 +32,8 @@ from experiments.tables.form import (
     Column,
     Form,
     Report,
+    cells,
+    estimate,
     interval,
     number,
     starts,
@@ -125,29 +127,18 @@ def _records(run: Session[SensitivityConfig]) -> dict[str, dict[str, Any]]:
     return {line["key"]: line for line in lines if holds(line, run.config)}
 
 
-def _value(share: Report) -> str:
-    return number(share["value"])
-
-
-def _interval(share: Report) -> str:
-    return interval(share["ci95"])
-
-
 COLUMNS: list[Column] = [
     ("rank", lambda row: str(row["rank"])),
     ("attribute", lambda row: words(row["name"])),
-    ("share alone, %", lambda row: _value(row["share"])),
-    ("95 % interval", lambda row: _interval(row["share"])),
-    ("with interactions, %", lambda row: _value(row["total"])),
-    ("95 % interval", lambda row: _interval(row["total"])),
+    *estimate("share alone, %", lambda row: row["share"], key="value"),
+    *estimate("with interactions, %", lambda row: row["total"], key="value"),
     ("best value", lambda row: f"{row['best']:.3g} {row['unit']}"),
     ("90 % range", lambda row: "{:.3g} to {:.3g}".format(*row["range90"])),
     ("gain, mIoU points", lambda row: f"{row['worth']:.1f}"),
 ]
 PAIRS: list[Column] = [
     ("attributes", lambda row: " × ".join(map(words, row["names"]))),
-    ("share, %", lambda row: _value(row["share"])),
-    ("95 % interval", lambda row: _interval(row["share"])),
+    *estimate("share, %", lambda row: row["share"], key="value"),
 ]
 
 
@@ -163,7 +154,8 @@ def text(report: Report) -> str:
             f"{noise['repeats']:.2f} from proposals evaluated more than once ({noise['degrees']} degrees "
             "of freedom)"
         )
-    signal, interactions = report["signal"], report["interactions"]
+    signal, signal_range = cells(report["signal"], key="value")
+    interactions, interactions_range = cells(report["interactions"], key="value")
     ranked = [{"rank": k, **row} for k, row in enumerate(report["attributes"], 1)]
     lines = [
         f"Target: {report['note']}. {records['rewards']} rewards of {records['proposals']} proposals"
@@ -176,8 +168,8 @@ def text(report: Report) -> str:
         f"Noise of one reward (standard deviation, mIoU points): {noise['model']:.2f} from the model, whose "
         f"error is {r2['error']:.2f} on rewards that it has not seen; {repeats}.",
         "If all attributes were uniform over their ranges, the signal would be "
-        f"{_value(signal)} % of the rewards' variance ({_interval(signal)}), and interactions "
-        f"{_value(interactions)} % of the signal ({_interval(interactions)}).",
+        f"{signal} % of the rewards' variance ({signal_range}), and interactions {interactions} % of the "
+        f"signal ({interactions_range}).",
         "",
         "Shares are Sobol indices of the expected model with intervals of its posterior: an attribute whose "
         "interval starts at 0.0 may have no effect. Best value and gain (from the worst to the best value) "

@@ -167,11 +167,11 @@ def interval(ci95: Sequence[float] | None, form: str = ".1f") -> str:
     return "" if ci95 is None else f"{ci95[0]:{form}} to {ci95[1]:{form}}"
 
 
-def cells(entry: Report | None, form: str = ".1f") -> list[str]:
-    """Format mean and interval of a row or a gain as two cells; only the mean has a sign."""
-    if entry is None or entry["mean"] is None:
+def cells(entry: Report | None, form: str = ".1f", key: str = "mean") -> list[str]:
+    """Format an estimate, such as a mean, and its interval as two cells; only the estimate has a sign."""
+    if entry is None or entry[key] is None:
         return ["", ""]
-    return [number(entry["mean"], form), interval(entry["ci95"], form.lstrip("+")) or TOO_FEW]
+    return [number(entry[key], form), interval(entry["ci95"], form.lstrip("+")) or TOO_FEW]
 
 
 def error_bars(rows: Sequence[Report]) -> tuple[list[float], list[float]]:
@@ -197,12 +197,15 @@ Column = tuple[str, Callable[[Report], str]]
 
 
 def estimate(
-    head: str, part: Callable[[Report], Report | None] = lambda row: row, form: str = ".1f"
+    head: str,
+    part: Callable[[Report], Report | None] = lambda row: row,
+    form: str = ".1f",
+    key: str = "mean",
 ) -> list[Column]:
-    """Make two columns: the mean and interval of a row or of a part of it."""
+    """Make two columns: the estimate and interval of a row or of a part of it."""
     return [
-        (head, lambda row: cells(part(row), form)[0]),
-        ("95 % interval", lambda row: cells(part(row), form)[1]),
+        (head, lambda row: cells(part(row), form, key)[0]),
+        ("95 % interval", lambda row: cells(part(row), form, key)[1]),
     ]
 
 
