@@ -17,7 +17,6 @@ from experiments.config import MainConfig
 from experiments.evaluation.in_worker import rendered_set
 from experiments.evaluation.job import Recipe
 from experiments.session.session import Session, Work
-from experiments.tables import few_rows
 from experiments.tables.form import Form, Report, about
 from experiments.tables.nets import by_row, jobs_of, paired_seeds, training_sets
 from experiments.tables.skeleton import Study, do
@@ -45,7 +44,7 @@ def scores(run: Session[MainConfig], _: Any) -> Report:
     shown = {name: _some_streets(run, recipe, name) for name in ("random", "default")}
     path = pictures.write_start(folder, target.title, test, shown)
     run.progress.say(f"{path}: images of the target, and the streets that the search starts from")
-    live.watch(run, {**about(run, config.final), **few_rows.about(run)})
+    live.watch(run, about(run, config.final))
     # Networks that need no optimised streets fill gaps of the search, the others gaps of the export.
     run.runner.prefetch(jobs_of("final", training_sets(run, None), recipe, seeds, keeps=True))
     search_result = learn(run)

@@ -36,7 +36,6 @@ from experiments.studies.search_columns import (
     reward_columns,
     rewards,
 )
-from experiments.tables import few_rows
 from experiments.tables.form import (
     ONE_SEARCH,
     Column,
@@ -52,7 +51,7 @@ from experiments.tables.form import (
     target_of,
     words,
 )
-from experiments.tables.row_names import TRAINED_ON
+from experiments.tables.row_names import FEW, TRAINED_ON
 from experiments.tables.skeleton import Answers, Row, Search, of_rows
 from experiments.tables.stats import Table, bounded, gain, less, mean, over_both
 from experiments.targets.base import Target
@@ -61,7 +60,7 @@ from scene.proposal import describe
 
 OVER = ("random", "default")
 """Rendered rows without a search, over which gains are measured."""
-BASELINES = {row: TRAINED_ON[row] for row in (*OVER, few_rows.FEW, "real")}
+BASELINES = {row: TRAINED_ON[row] for row in (*OVER, FEW, "real")}
 """Rows without a search."""
 
 
@@ -134,7 +133,7 @@ def rows(config: ManyConfig, target: Target) -> list[Row]:
         return Row({"name": name}, source, config.final, "searches", name, after, real)
 
     return [
-        *([row(few_rows.FEW, partial(images, "few"), real=True)] if target.few_names else []),
+        *([row(FEW, partial(images, "few"), real=True)] if target.few_names else []),
         *(row(name, partial(streets, name)) for name in OVER),
         *(row(name, partial(optimised, name), name) for name in configure_all(config)),
         row("real", partial(images, "labelled"), real=True),
@@ -146,7 +145,6 @@ def report(run: Session[ManyConfig], answers: Answers, rows: list[Report]) -> Re
     config = run.config
     scored = {row["name"]: row["nets"] for row in rows}
     return {
-        **few_rows.about(run),
         "rewards_at": config.reward.size,
         "core_minutes": config.core_minutes,
         "subset": config.subset,

@@ -32,7 +32,7 @@ from experiments.config.jobs import TableConfig
 from experiments.evaluation.job import Source
 from experiments.session.session import Session
 from experiments.studies.figure import plt, png
-from experiments.tables import few_rows, row_names
+from experiments.tables import row_names
 from experiments.tables.form import (
     Column,
     Form,
@@ -64,7 +64,7 @@ RENDERED = (BASELINE, DEFAULT, LEARNT)
 OTHERS = ("gta5", "synthia", "kitti")
 """Rows of other data sets, which are also the names of flags and layouts."""
 TRAINED_ON = {
-    **{row: row_names.TRAINED_ON[row] for row in (*RENDERED, *few_rows.ROWS)},
+    **{row: row_names.TRAINED_ON[row] for row in (*RENDERED, *row_names.FEW_ROWS)},
     **{row: row.upper() for row in OTHERS},
     "real": row_names.TRAINED_ON["real"],
 }
@@ -146,10 +146,10 @@ def rows(config: TableConfig, target: Target) -> list[Row]:
         if shape not in by_shape:
             by_shape[shape] = others(config, target, at)
         few = len(target.few_names)
-        real = {few_rows.FEW: few} if few else {}
+        real = {row_names.FEW: few} if few else {}
         real |= {name: len(data.images) for name, data in by_shape[shape].items()}
         real["real"] = len(target.reward_names) + few
-        mixed = [f"{few_rows.FEW}+{name}" for name in RENDERED] if few else []
+        mixed = [f"{row_names.FEW}+{name}" for name in RENDERED] if few else []
         for name in sorted([*RENDERED, *mixed, *real], key=[*TRAINED_ON].index):
             images = real.get(name, at.images + few * (name in mixed))
             place = {"net": net, "trained_on": name, "images": images}
@@ -177,9 +177,9 @@ def _source(
     """Make the training set of a row's network."""
     if name in data_sets:
         return data_sets[name]
-    if name in (few_rows.FEW, "real"):
-        return run.images(at, "few" if name == few_rows.FEW else "labelled")
-    rendered = attributes(run, answers, name.removeprefix(f"{few_rows.FEW}+"))
+    if name in (row_names.FEW, "real"):
+        return run.images(at, "few" if name == row_names.FEW else "labelled")
+    rendered = attributes(run, answers, name.removeprefix(f"{row_names.FEW}+"))
     return rendered if name in RENDERED else run.with_few(at, rendered)
 
 
@@ -190,7 +190,6 @@ def report(run: Session[TableConfig], _: Answers, rows: list[Report]) -> Report:
     return {
         "starts": [start for start in starts if start],
         "learnt_from": learnt_from(config),
-        **few_rows.about(run),
         "rows": rows,
     }
 

@@ -101,6 +101,7 @@ def about(run: Session[Any], fidelity: Fidelity) -> Report:
         fidelity: the fidelity of its tested networks.
     """
     config, target = run.config, run.target
+    few_images = list(target.few_names)
     return {
         "target": target.name,
         "real": target.real,
@@ -113,6 +114,7 @@ def about(run: Session[Any], fidelity: Fidelity) -> Report:
         "starts": [start] if (start := described(fidelity.train)) else [],
         "held": in_words(config.held),
         "classes": list(class_table(target.table).classes),
+        **({"few_images": few_images, "few_share": config.few_share} if few_images else {}),
     }
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from experiments.config import Fidelity, SearchConfig
 from experiments.evaluation.job import Job, Recipe, Result, Source
 from experiments.session.session import Session
-from experiments.tables import few_rows
+from experiments.tables.row_names import FEW
 from experiments.targets.base import Side
 from scene.proposal import Streets
 from seg import recipes
@@ -82,7 +82,9 @@ def training_sets(run: Session[Any], learnt: Streets | None) -> dict[str, Source
     }
     if learnt is not None:
         sets["learnt"] = learnt
-    sets |= few_rows.rows(run, sets, config.final)
+    if run.target.few_names:
+        mixed = {f"{FEW}+{name}": run.with_few(config.final, set_) for name, set_ in sets.items()}
+        sets |= {FEW: run.images(config.final, "few"), **mixed}
     return sets | {"real": run.images(config.final, "labelled")}
 
 

@@ -6,6 +6,10 @@ from typing import Any
 
 SUBSET = "the labelled subset"
 """The few labelled images; with their number in place of these words, see `trained_on`."""
+FEW = "few"
+"""The row of networks trained on the labelled subset alone; ``few+ROW`` adds the images of ROW."""
+FEW_ROWS = (FEW, f"{FEW}+random", f"{FEW}+default", f"{FEW}+learnt")
+"""All rows with the labelled subset."""
 TRAINED_ON = {
     "random": "random streets",
     "default": "default streets",

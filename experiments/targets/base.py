@@ -13,10 +13,8 @@ from experiments.targets.twin import TwinWorld
 from seg.classes import IGNORE_LABEL
 from seg.data import LabelledImages
 
-SIZES = 2
-"""Number of sizes at which images are kept: those of rewards and of final networks, which alternate."""
-
-
+keep_two_sizes = lru_cache(maxsize=2)
+"""Keep the images at two sizes: those of rewards and of final networks, which alternate."""
 Side = Literal["reward", "test", "few", "labelled"]
 """Sides of a target: validation images of the search (reward), test images, the labelled subset mixed with
 every training set (few), and all images whose labels may be used before the test."""
@@ -42,7 +40,7 @@ class Target(NamedTuple):
 def with_reward(target: Target, indices: np.ndarray) -> Target:
     """Keep only some of a target's validation images, by index."""
 
-    @lru_cache(maxsize=SIZES)
+    @keep_two_sizes
     def at(height: int, width: int) -> Sides:
         sides = target.at(height, width)
         reward = sides["reward"].take(indices)

@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from functools import lru_cache
 
 import numpy as np
 
 from common.errors import UserError
 from experiments.config import Config, FewConfig
 from experiments.config.config import FitPreset
-from experiments.targets.base import SIZES, Sides, Target
+from experiments.targets.base import Sides, Target, keep_two_sizes
 from seg.classes import IGNORE_LABEL, class_table
 from seg.data import LabelledImages
 
@@ -43,7 +42,7 @@ def with_few(target: Target, config: Config) -> Target:
     subset = spread(names, sequences, count_of(few, len(names), target.name), CHOICE)
     others = np.setdiff1d(np.arange(len(names)), subset)
 
-    @lru_cache(maxsize=SIZES)
+    @keep_two_sizes
     def at(height: int, width: int) -> Sides:
         sides = target.at(height, width)
         labelled = sides["reward"]

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,7 +17,7 @@ from common.errors import UserError
 from common.files import file_digest
 from common.labels.listing import list_all, shared_groups
 from common.labels.target_file import Fit, TargetFile
-from experiments.targets.base import SIZES, Sides, Target, two_sides
+from experiments.targets.base import Sides, Target, keep_two_sizes, two_sides
 from experiments.targets.few import CHOICE, spread
 from experiments.targets.real import reported_split
 from seg.classes import table_text
@@ -204,7 +203,7 @@ def cut(
 def reader(parts: Parts, fit: Fit | None = None) -> Read:
     """Make a function that reads all images, once for each size."""
 
-    @lru_cache(maxsize=SIZES)
+    @keep_two_sizes
     def read(height: int, width: int) -> LabelledImages:
         images = load(parts.every, parts.target, (height, width), fit)
         count = len(parts.entries)
@@ -226,7 +225,7 @@ def fold_targets(parts: Parts, data: Path, read: Read) -> list[Target]:
     """
 
     def target_of(train: tuple[int, ...], test: tuple[int, ...], number: int) -> Target:
-        @lru_cache(maxsize=SIZES)
+        @keep_two_sizes
         def at(height: int, width: int) -> Sides:
             images = read(height, width)
             origin = str(data) if len(parts.folds) == 1 else f"{data}, fold {number}"
@@ -250,7 +249,7 @@ def all_labelled(parts: Parts, fold: Target, data: Path, read: Read) -> Target:
     """Make the target whose labelled images are all training images of the saved network."""
     entries = parts.model_entries
 
-    @lru_cache(maxsize=SIZES)
+    @keep_two_sizes
     def at(height: int, width: int) -> Sides:
         images = read(height, width).between(0, len(entries))  # held-out images come after these
         return two_sides(images, images, str(data))

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 from common.errors import UserError
 from common.workers.pool import Workers
 from experiments.config import Config
 from experiments.config.presets import VARIABLES
-from experiments.targets.base import SIZES, Sides, Target, two_sides
+from experiments.targets.base import Sides, Target, keep_two_sizes, two_sides
 from experiments.targets.few import with_few
 from experiments.targets.real import real_target
 from experiments.targets.twin import ASSETS, FIRST_ASSET, TABLE, twin_names, twin_split, twin_world
@@ -50,7 +48,7 @@ def _twin(config: Config, workers: Workers) -> Target:
         {split: tuple(row[k] for row in rows) for split, rows in pairs.items()} for k in (0, 1)
     )
 
-    @lru_cache(maxsize=SIZES)
+    @keep_two_sizes
     def at(height: int, width: int) -> Sides:
         reward, test = (
             twin_split(

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from functools import lru_cache
 from pathlib import Path
 
 from common.errors import UserError
 from common.labels.listing import HELD_OUT
 from common.labels.target_file import TargetFile, shipped
 from experiments.config import Config
-from experiments.targets.base import SIZES, Sides, Target, refuse_overlap, two_sides
+from experiments.targets.base import Sides, Target, keep_two_sizes, refuse_overlap, two_sides
 from seg.data import Entry, list_split, load, refuse_shared, subset
 
 REPORTED = {"camvid": "test", "cityscapes": "val", "labelmefacade": "test"}
@@ -40,7 +39,7 @@ def real_target(name: str, config: Config, data: Path) -> Target:
     reward = subset(reward, config.reward_images)
     refuse_overlap([e.name for e in reward], [e.name for e in test])
 
-    @lru_cache(maxsize=SIZES)
+    @keep_two_sizes
     def at(height: int, width: int) -> Sides:
         size = (height, width)
         sides = two_sides(load(reward, files, size), load(test, files, size), str(data))

@@ -14,7 +14,7 @@ from experiments.app.report import summary
 from experiments.evaluation import in_worker
 from experiments.evaluation.cache import FOLDER
 from experiments.evaluation.job import Job, LabelledSubset
-from experiments.tables.few_rows import ROWS
+from experiments.tables.row_names import FEW_ROWS
 from experiments.targets.few import spread
 from experiments.targets.named import named_target
 from scene.proposal import default_proposal, random_proposal
@@ -170,7 +170,7 @@ def test_a_job_searches_beside_the_few_and_tells_their_worth(camvid, out, counte
     assert sizes == [*[False, False, False, True, True, True] * 2, 2, 4, 2, 4]
     assert [len(task[3].images) for task in counted.calls[:12]] == [2] * 12
     report = read_json(out / "summary.json")
-    assert list(report["rows"]) == ["random", "default", "learnt", *ROWS, "real"]
+    assert list(report["rows"]) == ["random", "default", "learnt", *FEW_ROWS, "real"]
     assert len(report["few_images"]) == 2 and report["few_share"] == 0.4
     optimised, labels_alone = (report["rows"][row]["miou"] for row in ("few+learnt", "few"))
     gain = report["gains"]["few+learnt"]["few"]["mean"]

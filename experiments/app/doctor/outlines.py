@@ -16,6 +16,7 @@ from PIL import Image
 from common.labels.classes import Outline
 from common.labels.target_file import WIDEST, TargetFile
 from common.workers.pool import WorkerPool
+from experiments.app.doctor.pairs import quoted
 from scene.assets.catalogue import AssetPool
 from scene.classes import TrainId
 from scene.dataset.render import compile_first, render_street
@@ -138,13 +139,9 @@ def _boundaries(labels: np.ndarray, classes: int, sky: int) -> np.ndarray:
 
 def line(rows: Sequence[Compared]) -> str:
     """The line of a target's file with the outlines; empty without any."""
-    shares = [f"{_quoted(row.name)}: {100 * row.outline:g} %" for row in rows if row.outline]
+    shares = [f"{quoted(row.name)}: {100 * row.outline:g} %" for row in rows if row.outline]
     comment = "  # classes that your annotators draw without holes"
     return f"outlines: {{{', '.join(shares)}}}{comment}\n" if shares else ""
-
-
-def _quoted(text: str) -> str:
-    return text if text.isidentifier() else "'" + text.replace("'", "''") + "'"
 
 
 def pictures(

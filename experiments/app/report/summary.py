@@ -16,7 +16,7 @@ from experiments.app.report.result import Kind
 from experiments.evaluation.job import Result
 from experiments.evaluation.store import first_of_each
 from experiments.session.session import Session
-from experiments.tables import compared, few_rows
+from experiments.tables import compared
 from experiments.tables.form import Report, about, interval, nets
 from experiments.tables.row_names import TRAINED_ON, trained_on
 from experiments.tables.stats import TOO_FEW
@@ -40,7 +40,6 @@ def scores(run: Session[Any], rows: dict[str, list[Result]], learnt: Proposal) -
     lines = first_of_each(run.evaluations.records + run.finals.records)
     return {
         **about(run, config.final),
-        **few_rows.about(run),
         "seed": config.seed,
         "command": running_command(),
         "evaluations": len(run.evaluations.records),
