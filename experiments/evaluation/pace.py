@@ -48,31 +48,32 @@ class Pace(NamedTuple):
         """Seconds of work on one core of this machine."""
         return cost.render * self.render + cost.train * self.train
 
-    def wall(self, cost: Cost, workers: int, trainers: int | None = None) -> float:
-        """Seconds of work after its start.
 
-        Args:
-            cost: of the work.
-            workers: number of workers, each on a core of this machine.
-            trainers: number of separate trainers, which train while the workers render; by default workers
-                render and train.
-        """
-        if trainers is None:
-            return self.seconds(cost) / max(workers, 1)
-        rendering, training = cost.render * self.render, cost.train * self.train
-        return max(rendering / max(workers, 1), training / trainers)
+class Crew(NamedTuple):
+    """The processes of a job on this machine."""
 
-    def seconds_of(self, cost: Cost, workers: int, trainers: int | None = None) -> float:
-        """Seconds of a whole command with its start, where the renderer has been compiled."""
-        return self.start(Cost(), workers, trainers) + self.wall(cost, workers, trainers)
+    pace: Pace  # of each
+    workers: int  # each on a core
+    trainers: int | None = (
+        None  # separate ones, which train while the workers render; None: workers do both
+    )
 
-    def start(self, prepared: Cost, workers: int, trainers: int | None = None) -> float:
+    def wall(self, cost: Cost) -> float:
+        """Seconds of work after its start."""
+        workers = max(self.workers, 1)
+        if self.trainers is None:
+            return self.pace.seconds(cost) / workers
+        rendering, training = cost.render * self.pace.render, cost.train * self.pace.train
+        return max(rendering / workers, training / self.trainers)
+
+    def start(self, prepared: Cost) -> float:
         """Seconds until the first results: workers start, one compiles the renderer, all prepare images."""
-        return (
-            START_COST * self.train
-            + prepared.render * self.render
-            + self.wall(Cost(train=prepared.train), workers, trainers)
-        )
+        first = START_COST * self.pace.train + prepared.render * self.pace.render
+        return first + self.wall(Cost(train=prepared.train))
+
+    def seconds_of(self, cost: Cost) -> float:
+        """Seconds of a whole command with its start, where the renderer has been compiled."""
+        return self.start(Cost()) + self.wall(cost)
 
 
 REFERENCE = Pace(1.0, 1.0)

@@ -36,7 +36,7 @@ from experiments.evaluation.devices import device, refuse_unusable
 from experiments.evaluation.in_worker import worker_environment
 from experiments.evaluation.job import Recipe, Source
 from experiments.evaluation.made_with import FIELD, MadeWith, ask_made_with
-from experiments.evaluation.pace import REFERENCE, WORTH, Pace
+from experiments.evaluation.pace import REFERENCE, WORTH, Crew, Pace
 from experiments.evaluation.runner import Runner
 from experiments.evaluation.store import LOGS, Store
 from experiments.targets.base import Side, Target
@@ -138,10 +138,10 @@ class Session(Generic[AnyConfig]):
         lines = self.evaluations.records + self.finals.records
         elapsed = max((line.get("elapsed", 0.0) for line in lines), default=0.0)
         stages = [Stage(work.what, work.number, work.cost) for work in plan]
-        cost, (workers, trainers) = total_of(plan), self._crew
-        self.progress = Progress(sum(cost), elapsed, label, stages=stages, workers=workers)
-        pace, start = paces.read(self._kind), self._prepare_cost()
-        self.progress.say(plan_text(plan, workers, pace or REFERENCE, start, trainers))
+        cost, start, pace = total_of(plan), self._prepare_cost(), paces.read(self._kind)
+        crew = Crew(pace or REFERENCE, max(self.workers.workers, 1), self.workers.trainers)
+        self.progress = Progress(sum(cost), elapsed, label, stages=stages, workers=crew.workers)
+        self.progress.say(plan_text(plan, crew, start))
         if self.workers.dashboard is not None:
             self.progress.say(f"Dashboard: {self.workers.dashboard}")
         shared = "" if self.store is None else f" | {self._held(self.store)}"
@@ -151,21 +151,14 @@ class Session(Generic[AnyConfig]):
                 f"Resuming: {counted(len(self.evaluations), 'reward')} and "
                 f"{counted(len(self.finals), 'other network')} are done, in {duration(elapsed)}"
             )
-        self._expect(cost, pace or REFERENCE, start)
+        self.progress.expect(crew.wall(cost), crew.start(start))
         compile_first(self.workers, self.config.renderer)
         start = start._replace(render=0.0)
         if pace is None and sum(cost) > WORTH:
             pace = _measured(self.workers, self._kind, self.progress.say)
-            self.progress.say(time_text(cost, workers, pace, start, trainers))
-        self._expect(cost, pace or REFERENCE, start)
-
-    def _expect(self, cost: Cost, pace: Pace, start: Cost) -> None:
-        self.progress.expect(pace.wall(cost, *self._crew), pace.start(start, *self._crew))
-
-    @property
-    def _crew(self) -> tuple[int, int | None]:
-        """The numbers of workers and of separate trainers, as `Pace` takes them."""
-        return max(self.workers.workers, 1), self.workers.trainers
+            crew = crew._replace(pace=pace)
+            self.progress.say(time_text(cost, crew, start))
+        self.progress.expect(crew.wall(cost), crew.start(start))
 
     @property
     def _kind(self) -> str:
@@ -195,42 +188,34 @@ def with_few(config: Config, target: Target, fidelity: Fidelity, rendered: Sourc
     return TrainingSet((rendered, few), (1 - share, share))
 
 
-def plan_text(
-    plan: Sequence[Work], workers: int, pace: Pace, start: Cost, trainers: int | None = None
-) -> str:
+def plan_text(plan: Sequence[Work], crew: Crew, start: Cost) -> str:
     """The plan in words: one line per kind of network, the weights, and the approximate time.
 
     Args:
         plan: the networks.
-        workers: number of workers.
-        pace: the pace of each.
+        crew: the processes.
         start: the cost of what precedes the networks.
-        trainers: number of separate trainers, if there are any.
     """
     lines = ["Plan, in CPU seconds:"]
     for what, number, fidelity, cost_of_one in plan:
-        train, seconds = fidelity.train, pace.seconds(cost_of_one)
+        train, seconds = fidelity.train, crew.pace.seconds(cost_of_one)
         size = f"{fidelity.size}, {fidelity.images} images, {train.steps} steps"
         decimals = 1 if seconds >= 1 else 2
         lines.append(f"  {number:5d} x {seconds:6.{decimals}f}  {what} ({train.net}, {size})")
     starts = (described(work.fidelity.train) for work in plan)
     lines += [f"  {start}" for start in dict.fromkeys(starts) if start]
-    lines.append(
-        f"{time_text(total_of(plan), workers, pace, start, trainers)}; known evaluations take no time"
-    )
+    lines.append(f"{time_text(total_of(plan), crew, start)}; known evaluations take no time")
     return "\n".join(lines)
 
 
-def time_text(
-    cost: Cost, workers: int, pace: Pace, start: Cost, trainers: int | None = None
-) -> str:
+def time_text(cost: Cost, crew: Crew, start: Cost) -> str:
     """The approximate time of a plan in words; arguments as of `plan_text`."""
-    first = pace.start(start, workers, trainers)
-    whole = duration(first + pace.wall(cost, workers, trainers))
+    first = crew.start(start)
+    whole = duration(first + crew.wall(cost))
     processes = (
-        counted(workers, "worker")
-        if trainers is None
-        else f"{counted(workers, 'renderer')} and {counted(trainers, 'trainer')}"
+        counted(crew.workers, "worker")
+        if crew.trainers is None
+        else f"{counted(crew.workers, 'renderer')} and {counted(crew.trainers, 'trainer')}"
     )
     return f"About {whole} on {processes}, {duration(first)} of it to start and compile"
 

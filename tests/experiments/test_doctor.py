@@ -38,7 +38,7 @@ from experiments.app.main_job import plan
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
 from experiments.evaluation import pace
-from experiments.evaluation.pace import Pace
+from experiments.evaluation.pace import Crew, Pace
 from experiments.session import session
 from experiments.targets.folder import parts_of
 from experiments.targets.sizes import suitable_size
@@ -958,9 +958,8 @@ def test_doctor_says_what_fit_says(tmp_path, doctor):
     assert f"fit: {lines[0]}\n" in out and config.final.size in lines[0]
     assert f"--size {config.final.size} --out DIR" in out
     (minutes,) = re.findall(r"(\S+)  sdr-jax fit", out)
-    seconds = Pace(1.0, 2.0).seconds_of(
-        cost_of_fit(config, parts_of(find_target(None, root), root)), config.workers
-    )
+    cost = cost_of_fit(config, parts_of(find_target(None, root), root))
+    seconds = Crew(Pace(1.0, 2.0), config.workers).seconds_of(cost)
     assert float(minutes) == pytest.approx(seconds / 60, abs=0.5)
 
 

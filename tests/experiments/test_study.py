@@ -20,7 +20,7 @@ from experiments.evaluation import pace as paces
 from experiments.evaluation import renders
 from experiments.evaluation.cost import Cost, cost_of, training_cost
 from experiments.evaluation.job import Result
-from experiments.evaluation.pace import REFERENCE, Pace
+from experiments.evaluation.pace import REFERENCE, Crew, Pace
 from experiments.evaluation.store import LOGS, Store
 from experiments.session.session import Work, plan_text
 from experiments.tables import form
@@ -334,12 +334,12 @@ def test_what_cannot_be_done_shows_before_the_folder_is_made(config):
 def test_the_plan_tells_nets_seconds_and_time_and_what_nets_start_from(tmp_path):
     final = defaults(LearntConfig, "camvid", "quick").final
     plan = [Work.at("nets, 3 sets x 5 seeds", 15, final), Work("b", 10, final, Cost(2.0, 4.0))]
-    text = plan_text(plan, 2, REFERENCE, Cost())
+    text = plan_text(plan, Crew(REFERENCE, 2), Cost())
     # 400 x (0.035 + 0.025) s of rendering, 42240 pixels x (800 views x 2.5e-7 s + 4000 in updates x 4.5e-8 s)
     assert "15 x   39.9  nets, 3 sets x 5 seeds (lite0, 240x176, 400 images, 1000 steps)" in text
     # (15 x 39.9 + 10 x 6) / 2 + 12 = 341 s, then (15 x (23.8 + 2 x 16.1) + 10 x 10) / 2 + 31 = 501 s
     assert "About 6 min on 2 workers, 12 s of it to start and compile" in text
-    text = plan_text(plan, 2, Pace(1.0, 2.0), Cost(5.0, 2.0))
+    text = plan_text(plan, Crew(Pace(1.0, 2.0), 2), Cost(5.0, 2.0))
     assert "About 8 min on 2 workers, 31 s of it to start and compile" in text
     assert "10 x   10.0  b" in text
     path = tmp_path / "hed.npz"
@@ -349,7 +349,7 @@ def test_the_plan_tells_nets_seconds_and_time_and_what_nets_start_from(tmp_path)
     sentence = f"fcn8s starts from {path}: VGG16, fine-tuned; {alone}"
     assert (
         plan_text(
-            [Work("a", 1, f, Cost()) for f in (final, other, other)], 2, REFERENCE, Cost()
+            [Work("a", 1, f, Cost()) for f in (final, other, other)], Crew(REFERENCE, 2), Cost()
         ).count(sentence)
         == 1
     )
@@ -460,10 +460,9 @@ def test_a_report_of_other_types_is_refused_before_a_file_is_written(out, part):
 def test_separate_trainers_train_while_renderers_render(tmp_path):
     final = defaults(LearntConfig, "camvid", "quick").final
     pace, cost = Pace(2.0, 3.0), Cost(160.0, 70.0)
-    assert [pace.wall(cost, 16), pace.wall(cost, 16, 1), pace.wall(cost, 2, 2)] == [
-        (320 + 210) / 16, 210, 160
-    ]  # fmt: skip
-    text = plan_text([Work("nets", 1, final, cost)], 2, pace, Cost(), 2)
+    crews = Crew(pace, 16), Crew(pace, 16, 1), Crew(pace, 2, 2)
+    assert [crew.wall(cost) for crew in crews] == [(320 + 210) / 16, 210, 160]
+    text = plan_text([Work("nets", 1, final, cost)], crews[-1], Cost())
     # max(320 / 2, 210 / 2) + 3 x 12 s of start
     assert "About 3 min on 2 renderers and 2 trainers, 36 s of it to start" in text
 

@@ -197,7 +197,7 @@ def _costs(target: Any, data: Path, findings: Any) -> Costs:
     from common.workers.pool import cores
     from experiments.app.doctor import costs
     from experiments.config.trainers import trainers_of, usable_gpus
-    from experiments.evaluation.pace import SECONDS
+    from experiments.evaluation.pace import SECONDS, Crew
     from experiments.session import session
 
     workers = cores()
@@ -207,9 +207,9 @@ def _costs(target: Any, data: Path, findings: Any) -> Costs:
         return Costs()
     choice = costs.choice(target, data, findings.photographs, pace)
     size = findings.size if choice is None else choice.size
-    rows, trainers = [], trainers_of(None, usable_gpus())
+    rows, crew = [], Crew(pace, workers, trainers_of(None, usable_gpus()))
     for command, cost in costs.commands(target, data, size).items():
-        minutes = pace.seconds_of(cost, workers, trainers) / 60
+        minutes = crew.seconds_of(cost) / 60
         rows.append((command, f"{minutes:.1f}" if minutes < 10 else f"{minutes:.0f}"))
     fit = "" if choice is None else choice.text(workers)
     return Costs(rows, fit, workers, round(2 * SECONDS))

@@ -24,7 +24,7 @@ from experiments.config.limits import PIXEL, training_bytes
 from experiments.config.presets import defaults, in_space
 from experiments.config.trainers import trainers_of, training_processes, usable_gpus
 from experiments.evaluation.cost import Cost, prepare_cost, street_cost
-from experiments.evaluation.pace import Pace
+from experiments.evaluation.pace import Crew, Pace
 from experiments.session.session import Work, pace_here, total_of
 from experiments.targets.few import share_of
 from experiments.targets.folder import Parts, common_size, parts_of
@@ -204,7 +204,7 @@ def choose_size(
     def seconds(size: Size) -> float:
         config = at(size)
         cost = cost_of_fit(config, parts)
-        return pace.seconds_of(cost, config.processes, config.separate_trainers)
+        return Crew(pace, config.processes, config.separate_trainers).seconds_of(cost)
 
     def fits(size: Size) -> bool:
         return MEMORY_FACTOR * _memory(at(size), len(parts.every)) <= memory()
