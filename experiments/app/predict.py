@@ -20,6 +20,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, nullcontext
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -81,20 +82,11 @@ def predict(
         raise UserError(
             f"--out {out} is inside {images}, whose images are read; choose another folder"
         )
-    job = {
-        "command": "predict",
-        "model": model.digest,
-        "images": str(images.resolve()),
-        "as": how,
-        "probabilities": probabilities,
-        "classes": [label._asdict() for label in model.classes],
-    }
-    if rank is not None:
-        job["rank"] = True
+    job = _job(model, images, how, probabilities, rank is not None)
+    unread, is_new = unreadable_note(images), not out.exists()
+    broken: list[tuple[Source, DataError]] = []
     total = sum(source.frames for source in sources)
     progress_bar = closing(Progress(total)) if progress else nullcontext()
-    unread = unreadable_note(images)
-    is_new, done, broken = not out.exists(), 0, list[tuple[Source, DataError]]()
     with opened(out, job, packages=PACKAGES), progress_bar as bar:
         if bar is not None and unread:
             bar.say(f"{images}: {unread}")
@@ -103,6 +95,7 @@ def predict(
         def is_done(name: str) -> bool:
             return _label(out, name).exists() and (scores is None or name in scores.by_name)
 
+        done = 0
         all_frames = _frames(sources, is_done, broken)
         for batch in _batches(all_frames, model.settings.predict_batch):
             new = [frame for frame in batch if frame is not None]
@@ -119,17 +112,35 @@ def predict(
             sources = tuple(source for source in sources if source not in faulty)
             rows = ranked(sources, scores, images, lambda name: _label(out, name), rank)
             write_files(out, rows, rank, model)
-    if broken and not done:
-        if is_new:
-            shutil.rmtree(out)
-        raise broken[0][1]
+    if broken and is_new and not done:
+        shutil.rmtree(out)
     if broken:
-        names = ", ".join(str(source.path) for source, _ in broken[:MOST_NAMED])
-        names += ", ..." if len(broken) > MOST_NAMED else ""
-        raise Unfinished(
-            f"{out}: labels of {counted(done, 'image')}; {counted(len(broken), 'broken file')}: {names}"
-        )
+        raise _error_of(broken, out, done)
     return done
+
+
+def _job(model: Model, images: Path, how: As, probabilities: bool, ranks: bool) -> dict[str, Any]:
+    """What a call must share with the stopped one that it resumes."""
+    return {
+        "command": "predict",
+        "model": model.digest,
+        "images": str(images.resolve()),
+        "as": how,
+        "probabilities": probabilities,
+        "classes": [label._asdict() for label in model.classes],
+        **({"rank": True} if ranks else {}),
+    }
+
+
+def _error_of(broken: Sequence[tuple[Source, DataError]], out: Path, done: int) -> Exception:
+    """The error of the first broken file if no image has labels, otherwise one that names these files."""
+    if not done:
+        return broken[0][1]
+    names = ", ".join(str(source.path) for source, _ in broken[:MOST_NAMED])
+    names += ", ..." if len(broken) > MOST_NAMED else ""
+    return Unfinished(
+        f"{out}: labels of {counted(done, 'image')}; {counted(len(broken), 'broken file')}: {names}"
+    )
 
 
 def _frames(

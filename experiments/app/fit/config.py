@@ -14,7 +14,7 @@ from common.errors import UserError, counted, flagged
 from common.folder import read_config, refuse_other_files
 from common.labels.classes import NAMES
 from common.labels.listing import list_all
-from common.labels.target_file import Fit, find_target
+from common.labels.target_file import Fit, TargetFile, find_target
 from common.memory import in_words, memory
 from experiments.app.report.fit_table import rows_of
 from experiments.attribute_search.plans import plan_of, work_of
@@ -106,30 +106,14 @@ def config_of(
             memory or time.
     """
     flags = replace(flags, fix=tuple(flags.fix))  # functions may give a list
-    check_bounds(flags, "--")
-    data, out, size = flags.data, flags.out, flags.size
-    refuse_other_files(out)
-    read_fixed(flags.fix, SPACE)
-    target_file = find_target(flags.target, data)
-    if not any(target_file.rendered):
-        raise UserError(
-            f"{target_file.source}: no class has 'renders', so renders would show none of them; say which "
-            f"of the engine's classes each one is: {', '.join(NAMES)}"
-        )
-    parts = parts_of(target_file, data, flags.holdout, flags.few)
-    if size is not None and (min(size) < SMALLEST or any(side % UNIT for side in size)):
-        raise UserError(
-            f"--size must be two multiples of {UNIT}, {SMALLEST} or more, not {size[0]}x{size[1]}"
-        )
-    if flags.weights is not None and flags.net in FILELESS_NETS:
-        raise UserError(
-            f"--weights {flags.weights} is for --net dinov2; those of {flags.net} come with a package"
-        )
+    _check_flags(flags)
+    target_file = _rendered_target(flags)
+    parts = parts_of(target_file, flags.data, flags.holdout, flags.few)
     preset = flags.preset or default_preset()
     weights = None if flags.weights is None else str(flags.weights.absolute())
-    decided = _size_of(out) if size is None else size
+    decided = flags.size or _size_of(flags.out)
     if decided is None:
-        entries = [entry for split in list_all(target_file, data).values() for entry in split]
+        entries = [entry for split in list_all(target_file, flags.data).values() for entry in split]
         photographs = common_size(entries)
     else:
         photographs = decided
@@ -171,6 +155,33 @@ def config_of(
     _refuse_large(config, len(parts.every))
     say(choice.text(config.processes))
     return config
+
+
+def _check_flags(flags: parsers.Fit) -> None:
+    """Raise UserError for flags that are wrong whatever the images are."""
+    check_bounds(flags, "--")
+    refuse_other_files(flags.out)
+    read_fixed(flags.fix, SPACE)
+    size = flags.size
+    if size is not None and (min(size) < SMALLEST or any(side % UNIT for side in size)):
+        raise UserError(
+            f"--size must be two multiples of {UNIT}, {SMALLEST} or more, not {size[0]}x{size[1]}"
+        )
+    if flags.weights is not None and flags.net in FILELESS_NETS:
+        raise UserError(
+            f"--weights {flags.weights} is for --net dinov2; those of {flags.net} come with a package"
+        )
+
+
+def _rendered_target(flags: parsers.Fit) -> TargetFile:
+    """Find the target of the images; raise UserError if renders show none of its classes."""
+    target_file = find_target(flags.target, flags.data)
+    if not any(target_file.rendered):
+        raise UserError(
+            f"{target_file.source}: no class has 'renders', so renders would show none of them; say which "
+            f"of the engine's classes each one is: {', '.join(NAMES)}"
+        )
+    return target_file
 
 
 def default_preset() -> FitPreset:
