@@ -18,8 +18,6 @@ from experiments.tables.row_names import TRAINED_ON
 from experiments.tables.stats import TOO_FEW, mean
 
 Row = Literal["labels", "labels+renders", "renders", "labels+learnt"]
-MIXED = f" ({TRAINED_ON['mixed']})"
-"""The streets of the renders; those of earlier versions were all random."""
 MODEL = "model"
 """The folder of the model in the run folder."""
 
@@ -91,8 +89,8 @@ def _tested_on(report: Report) -> str:
     return (
         f"mIoU in percent at {report['scored_at']} on {report['tested']} images not used for training "
         f"({report['where']}), {seeds} network{'s' if seeds != 1 else ''} each; 95 % intervals over {over}. "
-        f"{_averaged(report)}In labels + renders, {report['rendered_images']} renders"
-        f"{MIXED if report.get('streets') == 'mixed' else ''} are {_rendered_share(report)}."
+        f"{_averaged(report)}In labels + renders, {report['rendered_images']} renders "
+        f"({TRAINED_ON[report['streets']]}) are {_rendered_share(report)}."
     )
 
 

@@ -25,7 +25,7 @@ SUMMARY, NAME = "summary.json", "report.html"
 
 
 class RunFolder(NamedTuple):
-    """The files of a run; files that an older run did not write are None."""
+    """The files of a run; those that it did not write are None."""
 
     path: Path
     summary: Report  # derived
@@ -76,7 +76,7 @@ def read(path: Path, report: Report | None = None) -> RunFolder:
     if config is None:
         raise UserError(f"{path} {_not_a_run(path)}; pass the --out folder of a run")
     if report is None:
-        report = _summary(path, config)
+        report = _summary(path)
     index_file, matters_file = path / PICTURES / INDEX, path / PICTURES / FILE
     evaluations, finals = (JsonLines(path / name).lines for name in LOGS)
     run = RunFolder(
@@ -102,8 +102,8 @@ def _not_a_run(path: Path) -> str:
     return "is a file" if path.exists() else "does not exist"
 
 
-def _summary(path: Path, config: dict[str, Any]) -> Report:
-    """The derived report of a run; older runs have their seed in the configuration."""
+def _summary(path: Path) -> Report:
+    """The derived report of a run."""
     file = path / SUMMARY
     if not file.exists():
         for other in sorted(path.glob("*.json")):
@@ -116,7 +116,7 @@ def _summary(path: Path, config: dict[str, Any]) -> Report:
             f"{path} has no {SUMMARY}: the run is not finished; run its command again to resume it"
         )
     try:
-        report = {"seed": config.get("seed"), **_object(file)}
+        report = _object(file)
         return (fit_table if fit_table.is_fit(report) else summary).derive(report)
     except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
         raise UserError(f"{file} is not the result of a run ({error!r})") from None

@@ -90,7 +90,7 @@ def _page(run: RunFolder, status: Status | None) -> str:
         settings.append(("Time", duration(report["seconds"]["total"])))
     content = on_page(kind, report, trained) if finished else {}
     index = run.images
-    tested = index and index.get("tested")  # earlier versions showed other images
+    tested = index and index["tested"]
     parts = {
         "so_far": so_far(run) if status else None,
         # Rewards of several folds are of different images: not one curve.
