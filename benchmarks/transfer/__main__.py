@@ -4,10 +4,9 @@
     python -m benchmarks.transfer --target labelmefacade --data DIR --only transfer --seeds 5
     python -m benchmarks.transfer --data DIR --only transfer --seeds 5 --against runs/before/nets.jsonl
 
-Networks trained on renders of random and of default streets, tested on labelled images of a target; the
-same on default streets without one ingredient, paired by seed; networks trained on real images, tested on
-others and on renders; and how light each class is in both. The split that is reported on, and what
-``--holdout`` names, are never read.
+Networks trained on renders of random and of default streets, tested on labelled images of a target;
+networks trained on real images, tested on others and on renders; and how light each class is in both. The
+split that is reported on, and what ``--holdout`` names, are never read.
 ``--out`` stores finished networks: the same command resumes, and starts again if the engine has changed.
 ``--against`` is such a memory of another engine's: what has been gained since, class by class.
 """
@@ -25,7 +24,7 @@ import numpy as np
 
 from benchmarks.report import Row, table, target_parser, write
 from benchmarks.transfer import tables
-from benchmarks.transfer.nets import ATTRIBUTES, PARTS, REAL, WITHOUT, Net, nets
+from benchmarks.transfer.nets import ATTRIBUTES, PARTS, REAL, Net, nets
 from benchmarks.transfer.recipe import Recipe, call, real_images, rendered
 from common import files
 from common.command import exit_code
@@ -148,11 +147,6 @@ def summary(
     rows_of = {}
     if ATTRIBUTES[0] in real:
         rows_of["transfer"] = tables.transfer_rows({n: real[n] for n in ATTRIBUTES}, classes)
-    without = {
-        name.removeprefix(WITHOUT): c for name, c in real.items() if name.startswith(WITHOUT)
-    }
-    if without:
-        rows_of["ingredients"] = tables.ingredient_rows(real["default"], without, classes)
     if REAL in real:
         renders = [np.array(result["renders"]) for result in scores[REAL]]
         rows_of["recognition"] = tables.recognition_rows(real[REAL], renders, classes)

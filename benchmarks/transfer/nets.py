@@ -9,13 +9,11 @@ from typing import Any, NamedTuple
 
 import scene
 import seg
-from benchmarks.transfer.ingredients import INGREDIENTS
 from benchmarks.transfer.recipe import Recipe, real_net, rendered_net
 
 ATTRIBUTES = ("random", "default")
-PARTS = ("transfer", "ingredients", "recognition", "tones")
+PARTS = ("transfer", "recognition", "tones")
 REAL = "real"
-WITHOUT = "without "
 REAL_COST = 2.0
 """What a net trained on real images costs, against one trained on renders."""
 
@@ -45,14 +43,7 @@ def nets(recipe: Recipe, parts: Sequence[str], seeds: Sequence[int]) -> list[Net
 
     for seed in seeds if "recognition" in parts else ():
         add(REAL, seed, REAL_COST, real_net, recipe, seed)
-    for seed in seeds:
-        rows: list[tuple[str, str, str | None]] = []
-        if "transfer" in parts:
-            rows.append(("random", "random", None))
-        if "transfer" in parts or "ingredients" in parts:
-            rows.append(("default", "default", None))
-        if "ingredients" in parts:
-            rows += [(WITHOUT + name, "default", name) for name in INGREDIENTS]
-        for name, attributes, without in rows:
-            add(name, seed, 1.0, rendered_net, recipe, attributes, without, seed)
+    for seed in seeds if "transfer" in parts else ():
+        for attributes in ATTRIBUTES:
+            add(attributes, seed, 1.0, rendered_net, recipe, attributes, seed)
     return all_nets

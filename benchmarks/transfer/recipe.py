@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.transfer.ingredients import INGREDIENTS, World, render_world
 from common.labels.target_file import find_target
 from experiments.targets.folder import parts_of
 from scene.attributes import SpaceName
+from scene.dataset.render import render_dataset
 from scene.proposal import draw, streets_named
 from scene.render import RenderSettings
 from seg.classes import ClassTable, table_of
@@ -111,28 +111,19 @@ def held_out(sequences: tuple[str, ...], block: int) -> np.ndarray:
     return chosen
 
 
-def world(recipe: Recipe, without: str | None = None) -> World:
-    """Make the world of the engine, or one without an ingredient."""
-    whole = World(RenderSettings(recipe.width, recipe.height, recipe.samples))
-    return whole if without is None else INGREDIENTS[without](whole)
-
-
-def rendered(
-    recipe: Recipe, attributes: str, seed: int, without: str | None = None
-) -> LabelledImages:
-    """Render ``random`` or ``default`` streets, whole or without one ingredient."""
+def rendered(recipe: Recipe, attributes: str, seed: int) -> LabelledImages:
+    """Render ``random`` or ``default`` streets."""
     units = draw(streets_named(attributes, recipe.space), seed, recipe.streets)
-    whole = world(recipe, without)
-    return LabelledImages(*render_world(whole, units, seed, recipe.shots, recipe.classes))
-
-
-def rendered_net(recipe: Recipe, attributes: str, without: str | None, seed: int) -> Result:
-    """Train a network on renders and test it on real images."""
-    renders, real, settings = (
-        rendered(recipe, attributes, seed, without),
-        real_images(recipe),
-        recipe.train,
+    settings, table = RenderSettings(recipe.width, recipe.height, recipe.samples), recipe.classes
+    renders = render_dataset(
+        units, seed, shots=recipe.shots, settings=settings, outlines=table.outlines
     )
+    return LabelledImages(renders.images, table.from_train_id[renders.labels])
+
+
+def rendered_net(recipe: Recipe, attributes: str, seed: int) -> Result:
+    """Train a network on renders and test it on real images."""
+    renders, real, settings = rendered(recipe, attributes, seed), real_images(recipe), recipe.train
     count, maps = len(recipe.classes.classes), _features(recipe, False)
     params = train(seed, renders.images, renders.labels, settings, count)
     confusion = score(params, real.images, real.labels, settings, count, features=maps)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -58,14 +57,6 @@ def _by_class(confusions: Confusions, classes: Sequence[str]) -> dict[str, float
     return dict(zip(classes, map(float, means), strict=True))
 
 
-def _worth(better: Confusions, worse: Confusions) -> Row:
-    """Compute the mean difference in mIoU, paired by seed, and its standard error."""
-    gains = _mious(better) - _mious(worse)
-    spread = _spread(gains)
-    error = None if spread is None else spread / math.sqrt(len(gains))
-    return {"worth": float(gains.mean()), "error": error}
-
-
 def tone_rows(
     sets: Mapping[str, tuple[np.ndarray, np.ndarray]], classes: Sequence[str]
 ) -> list[Row]:
@@ -99,30 +90,6 @@ def _tones(images: np.ndarray, labels: np.ndarray, classes: int) -> np.ndarray:
         if medians:
             tones[k] = np.mean(medians)
     return tones
-
-
-def ingredient_rows(
-    whole: Confusions, without: Mapping[str, Confusions], classes: Sequence[str]
-) -> list[Row]:
-    """Tabulate the gain of each ingredient: mIoU with everything minus mIoU without it, paired by seed.
-
-    ``gains`` and ``loses`` name the classes whose IoU the ingredient changes most.
-    """
-    rows = []
-    for name, confusions in without.items():
-        pairs = zip(whole, confusions, strict=True)
-        by_class = 100 * np.nanmean([iou(a) - iou(b) for a, b in pairs], axis=0)
-        best, worst = int(np.nanargmax(by_class)), int(np.nanargmin(by_class))
-        rows.append(
-            {
-                "without": name,
-                "mIoU": float(_mious(confusions).mean()),
-                **_worth(whole, confusions),
-                "gains": f"{classes[best]} {by_class[best]:+.1f}",
-                "loses": f"{classes[worst]} {by_class[worst]:+.1f}",
-            }
-        )
-    return rows
 
 
 def recognition_rows(real: Confusions, renders: Confusions, classes: Sequence[str]) -> list[Row]:
