@@ -14,8 +14,8 @@ from tempfile import TemporaryDirectory
 
 from playwright.sync_api import Browser, sync_playwright
 
-from benchmarks.playground import browser, served
 from experiments.app.report.command import make
+from scripts.browser import browser, served
 
 PLAYGROUND_SIZE = "640x360"
 """Size of the playground's image."""

@@ -11,7 +11,6 @@ import pytest
 from playwright.sync_api import sync_playwright
 from starlette.responses import PlainTextResponse
 
-from benchmarks.playground import browser, served
 from common.loopback import MOST_BYTES
 from experiments.app.playground import command, guard
 from experiments.app.playground.rendering import (
@@ -54,6 +53,7 @@ from scene.proposal import (
     random_proposal,
 )
 from scene.render.__main__ import main as render
+from scripts.browser import browser, served
 
 VIEW = View(seed=3, street=2, shot=1, shots=2, width=64, height=32, samples=1)
 MIXED = opened(mixture((0.25, 0.75), (default_proposal(), random_proposal())), VIEW)
