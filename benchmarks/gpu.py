@@ -18,6 +18,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,6 +26,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from benchmarks.noise import CLASSES, noise
 from benchmarks.report import Row, count, machine, parser, table, timed, write
 from common.lines import JsonLines
 from seg import step
@@ -40,7 +42,6 @@ from seg.settings import TrainSettings
 from seg.step import Data, functions, plan
 from seg.train import train
 
-CLASSES = 11
 REPEATS = 5
 SECONDS = 480
 """No row is begun after these, so that one call of ten minutes is enough."""
@@ -91,13 +92,6 @@ def narrow() -> None:
     BACKBONES["narrow"] = lambda _: Backbone(
         module, STRIDES, channels_of(NARROW), lambda: params, {}
     )
-
-
-def noise(count: int, size: tuple[int, int], seed: int = 0) -> LabelledImages:
-    """Images and labels of noise."""
-    rng = np.random.default_rng(seed)
-    images = rng.integers(0, 256, (count, *size, 3), np.uint8)
-    return LabelledImages(images, rng.integers(0, CLASSES, (count, *size), np.uint8))
 
 
 def with_features(images: LabelledImages, settings: TrainSettings, views: int) -> LabelledImages:
@@ -177,17 +171,8 @@ def steps(
         return call
 
     yield Figure(name + (f", {depthwise} depthwise" if depthwise else ""), ours, chunk)
-    if has_torch() and depthwise != "shifts" and settings.net != "narrow":
+    if find_spec("torch") and depthwise != "shifts" and settings.net != "narrow":
         yield Figure(f"{name}, PyTorch", partial(torch_steps, settings, images, chunk), chunk)
-
-
-def has_torch() -> bool:
-    """Whether PyTorch is installed."""
-    try:
-        import torch  # noqa: F401
-    except ImportError:
-        return False
-    return True
 
 
 def torch_steps(settings: TrainSettings, images: LabelledImages, chunk: int) -> Callable[[], Any]:

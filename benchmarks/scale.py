@@ -24,8 +24,8 @@ import jax
 import numpy as np
 
 import sdr_jax
+from benchmarks.noise import noise
 from benchmarks.report import Row, count, parser, table, timed, write
-from benchmarks.train import random_truth
 from common.errors import UserError
 from common.workers.executors import workers_of
 from common.workers.pool import WorkerPool, Workers
@@ -76,7 +76,7 @@ def export(workers: Workers, streets: int, width: int, height: int) -> tuple[flo
 
 def rewards(workers: Workers, number: int, fidelity: Fidelity) -> tuple[float, float]:
     """Measure wall seconds per reward, and worker seconds, without compilation and loading."""
-    truth = random_truth(fidelity, 8, 19)
+    truth = noise(8, (fidelity.height, fidelity.width), 19)
     recipe = Recipe(fidelity, "cityscapes", "embree", AssetPool())
     spent = 0.0
     for first in (0, 1000):  # seeds; the first round is not counted

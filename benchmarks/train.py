@@ -26,6 +26,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple, get_args
 
@@ -33,10 +34,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from benchmarks.noise import CLASSES, noise
 from benchmarks.report import Row, count, parser, table, timed, write
 from common.command import size
 from common.errors import UserError
-from experiments.config import Fidelity, MainConfig
+from experiments.config import MainConfig
 from experiments.config.presets import defaults
 from experiments.evaluation.in_worker import rendered_set, tested, trained
 from experiments.evaluation.job import Recipe
@@ -57,7 +59,6 @@ from seg.step import Data, Functions, TrainState, functions, plan
 from seg.train import train
 from seg.views import view_images
 
-CLASSES = 11
 BATCHES: dict[NetName, int] = {"compact": 8, "deeplabv2": 4, "fcn8s": 4}
 BATCHES |= dict.fromkeys(("lite0", "lite1", "lite2"), 8)
 SIZES = ("128x96", "240x176", "480x360", "640x320")
@@ -94,13 +95,9 @@ class Job(NamedTuple):
             blur=False,
         )
 
-    def data(self) -> tuple[np.ndarray, np.ndarray]:
+    def data(self) -> LabelledImages:
         """Make random images and labels."""
-        rng = np.random.default_rng(0)
-        shape = (self.batch, self.height, self.width)
-        return rng.integers(0, 256, (*shape, 3), np.uint8), rng.integers(
-            0, CLASSES, shape, np.uint8
-        )
+        return noise(self.batch, (self.height, self.width))
 
 
 Runs = Iterator[tuple[str, Callable[[], Any]]]
@@ -110,7 +107,7 @@ Runs = Iterator[tuple[str, Callable[[], Any]]]
 def jax_runs(job: Job) -> Runs:
     """The passes of ``seg.train``."""
     settings = job.settings
-    images, labels = job.data()
+    images, labels = job.data()[:2]
     compiled = functions(settings, CLASSES)
     module = net_of(settings.net_spec, CLASSES)
     ones, seed = np.ones(CLASSES, np.float32), np.uint32(0)
@@ -152,7 +149,7 @@ def torch_runs(job: Job, channels_last: bool, threads: int) -> Runs:
     layout = torch.channels_last if channels_last else torch.contiguous_format
     settings = job.settings
     module = NETS[job.net](CLASSES).to(memory_format=layout)
-    images, labels = job.data()
+    images, labels = job.data()[:2]
     bytes_ = images_of(images)
     target = torch.from_numpy(labels).long()
     weights = torch.ones(CLASSES)
@@ -211,16 +208,6 @@ def medians(runs: Runs, repeats: int) -> dict[str, float]:
     return ms_of
 
 
-def has_torch() -> bool:
-    """Whether PyTorch is installed; prints a note if not."""
-    try:
-        import torch  # noqa: F401
-    except ImportError:
-        print("PyTorch is not installed (pip install torch): its columns stay empty\n")
-        return False
-    return True
-
-
 def net_rows(job: Job, repeats: int, threads: int, compare: bool) -> list[Row]:
     """Measure the passes of one network at one size."""
     jax_ms = medians(jax_runs(job), repeats)
@@ -249,14 +236,6 @@ def net_rows(job: Job, repeats: int, threads: int, compare: bool) -> list[Row]:
     return rows
 
 
-def random_truth(fidelity: Fidelity, number: int, classes: int = CLASSES) -> LabelledImages:
-    """Make images and labels of noise, for timing."""
-    rng = np.random.default_rng(0)
-    shape = (number, fidelity.height, fidelity.width)
-    images = rng.integers(0, 256, (*shape, 3), np.uint8)
-    return LabelledImages(images, rng.integers(0, classes, shape, np.uint8))
-
-
 def reward_row(number: int = REAL, steps: int | None = None, images: int | None = None) -> Row:
     """Measure the seconds of each part of one quick reward of `sdr-jax camvid` in this process.
 
@@ -274,7 +253,7 @@ def reward_row(number: int = REAL, steps: int | None = None, images: int | None 
     settings = with_steps(stage.train, steps or stage.train.steps)
     stage = replace(stage, streets=(images or stage.images) // stage.shots, train=settings)
     recipe = Recipe(stage, "camvid", config.renderer, config.pool)
-    truth = random_truth(stage, number)
+    truth = noise(number, (stage.height, stage.width))
     if settings.frozen:
         truth = truth._replace(features=features(truth.images, settings))
     brief = recipe._replace(fidelity=replace(stage, train=with_steps(settings, 1)))
@@ -403,7 +382,9 @@ def main(arguments: list[str] | None = None) -> int:
         print(table(learning))
         write(options.json, rows=learning)
         return 0
-    compare = has_torch()
+    compare = find_spec("torch") is not None
+    if not compare:
+        print("PyTorch is not installed (pip install torch): its columns stay empty\n")
     rows: list[Row] = []
     for name in options.nets:
         for width, height in options.sizes:

@@ -12,7 +12,7 @@ from seg.train import train
 
 
 def test_rows_are_those_that_scripts_rely_on(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(benchmark, "has_torch", lambda: False)
+    monkeypatch.setattr(benchmark, "find_spec", lambda name: None)
     path = tmp_path / "train.json"
     arguments = ["--nets", "compact", "--sizes", "16x8", "--repeats", "1", "--batch", "2"]
     assert benchmark.main([*arguments, "--no-reward", "--json", str(path)]) == 0
