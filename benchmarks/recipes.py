@@ -27,25 +27,33 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks import outlines
-from benchmarks.outlines import DEVELOPMENT, NETWORKS, REPORTED, Real, real_images
+from benchmarks.networks import (
+    DEVELOPMENT,
+    NETWORKS,
+    REPORTED,
+    Real,
+    Recipe,
+    finished,
+    prepare,
+    real_images,
+    renders,
+    run_benchmark,
+    store,
+)
 from benchmarks.report import Row, table, target_parser, write
-from common.command import exit_code
 from common.errors import UserError
-from common.lines import JsonLines
-from common.workers.pool import WorkerError
 from experiments.app.doctor.outlines import RenderedLabels
 from experiments.tables.stats import paired_gain
 from experiments.targets.few import share_of
 from seg.check import check_settings
 from seg.classes import table_of
-from seg.data import DataError, LabelledImages
+from seg.data import LabelledImages
 from seg.inference import predict_heads
 from seg.metrics import confusion_matrix, mean_iou
 from seg.pyramid import features
 from seg.recipes import RECIPES
 from seg.settings import TrainSettings
-from seg.train import TrainingError, train
+from seg.train import train
 from seg.views import LOOKS, view_images, with_mirror
 
 ON = ("labels", "labels+renders", "renders", "all")
@@ -80,9 +88,7 @@ def settings_of(recipe: str) -> TrainSettings:
     return settings
 
 
-def key(
-    recipe: outlines.Recipe, settings: TrainSettings, on: str, seed: int, tested: int
-) -> dict[str, Any]:
+def key(recipe: Recipe, settings: TrainSettings, on: str, seed: int, tested: int) -> dict[str, Any]:
     """Everything that a network depends on."""
     defaults = TrainSettings()
     values = {
@@ -95,7 +101,7 @@ def key(
 
 
 @lru_cache(maxsize=2)
-def _real(recipe: outlines.Recipe, tested: int) -> Real:
+def _real(recipe: Recipe, tested: int) -> Real:
     """Read the labelled images; those for tests have features of images and mirror images."""
     real = real_images(recipe, False)
 
@@ -114,13 +120,13 @@ def _real(recipe: outlines.Recipe, tested: int) -> Real:
 
 
 def networks(
-    recipe: outlines.Recipe, seed: int, work: Sequence[tuple[str, str]], tested: int, folder: Path
+    recipe: Recipe, seed: int, work: Sequence[tuple[str, str]], tested: int, folder: Path
 ) -> list[dict[str, Any]]:
     """Train and test a network per recipe and training set of a seed; runs in a worker.
 
     Each line is written at once.
     """
-    real, rendered = _real(recipe, tested), outlines.renders(recipe, seed, folder)
+    real, rendered = _real(recipe, tested), renders(recipe, seed, folder)
     classes = len(table_of(recipe.file).classes)
     whole = real_images(recipe, False)
     labels = RenderedLabels(rendered.labels, rendered.depths).classes(
@@ -184,9 +190,7 @@ def networks(
             "scores": confusions,
             "heads": of_heads,
         }
-        log = JsonLines(folder / NETWORKS)
-        with log.shared():
-            log.append(line)
+        store(folder / NETWORKS, line)
         lines.append(line)
     return lines
 
@@ -232,13 +236,11 @@ def gain_rows(
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
-    options = _options(arguments)
-    users = (UserError, DataError, TrainingError)
-    return exit_code(lambda: _run(options), (WorkerError,), users=users)
+    return run_benchmark(_run, _options(arguments))
 
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
-    defaults = {**outlines.Recipe._field_defaults, "few": 14, "tested": 120}
+    defaults = {**Recipe._field_defaults, "few": 14, "tested": 120}
     defaults |= {"width": 480, "height": 360, "streets": 400}
     counts = [
         ("few", 1, "labelled images in training sets"),
@@ -256,19 +258,19 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
 
 def _run(options: argparse.Namespace) -> None:
     values = vars(options)
-    values = {name: values[name] for name in outlines.Recipe._fields if name in values}
-    recipe = outlines.Recipe(**{**values, "attributes": "mixed", "steps": 1})
+    values = {name: values[name] for name in Recipe._fields if name in values}
+    recipe = Recipe(**{**values, "attributes": "mixed", "steps": 1})
     names = list(dict.fromkeys(options.recipes))
     for name in names:
         settings_of(name)
-    outlines.prepare(recipe, options.out)
+    prepare(recipe, options.out)
     seeds, pairs = range(options.seeds), [(on, name) for on in options.on for name in names]
 
     def key_of(pair: tuple[str, str], seed: int) -> dict[str, Any]:
         on, name = pair
         return key(recipe, settings_of(name), on, seed, options.tested)
 
-    done = outlines.finished(networks, recipe, pairs, key_of, options, options.tested)
+    done = finished(networks, recipe, pairs, key_of, options, options.tested)
     lines = {(*pair, seed): line for (pair, seed), line in done.items()}
     tables = {}
     for on in options.on:

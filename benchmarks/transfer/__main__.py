@@ -14,39 +14,40 @@ split that is reported on, and what ``--holdout`` names, are never read.
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 
 import numpy as np
 
+from benchmarks.networks import finished, name_of, run_benchmark, stored
 from benchmarks.report import Row, table, target_parser, write
 from benchmarks.transfer import tables
-from benchmarks.transfer.nets import ATTRIBUTES, PARTS, REAL, Net, nets
-from benchmarks.transfer.recipe import Recipe, call, real_images, rendered
+from benchmarks.transfer.recipe import (
+    ATTRIBUTES,
+    NETS,
+    REAL,
+    Recipe,
+    Scores,
+    engine,
+    key,
+    networks,
+    real_images,
+    rendered,
+)
 from common import files
-from common.command import exit_code
 from common.errors import UserError
-from common.lines import CURE, JsonLines
-from common.progress import Progress
-from common.workers.pool import WorkerError, WorkerPool
-from experiments.evaluation.in_worker import worker_environment
 from scene.attributes import SpaceName
-from seg.data import DataError
 from seg.recipes import RECIPES
-from seg.train import TrainingError
 
-Scores = dict[str, list[dict[str, Any]]]
-"""Row -> results of its nets, in the order of their seeds."""
+PARTS = ("transfer", "recognition", "tones")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line; returns the exit code."""
-    options = _options(arguments)
-    users = (UserError, DataError, TrainingError)
-    return exit_code(lambda: _run(options), (WorkerError,), users=users)
+    return run_benchmark(_run, _options(arguments))
 
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -69,9 +70,12 @@ def _run(options: argparse.Namespace) -> None:
     before = None if options.against is None else _before(options, recipe)
     with files.naming(options.out):
         options.out.mkdir(parents=True, exist_ok=True)
-    scores = _train(
-        nets(recipe, options.only, seeds), JsonLines(options.out / "nets.jsonl"), options
-    )
+    names = [REAL] if "recognition" in options.only else []
+    names += ATTRIBUTES if "transfer" in options.only else ()
+    sources = engine()
+    key_of = partial(key, recipe, sources)
+    lines = finished(networks, recipe, names, key_of, options, sources, file=NETS, at_once=False)
+    scores = {name: [lines[name, seed]["scores"] for seed in seeds] for name in names}
     tables_by_title = summary(scores, classes, before)
     if "tones" in options.only:
         sets = {"real": real, **{name: rendered(recipe, name, 0) for name in ATTRIBUTES}}
@@ -88,13 +92,12 @@ def _before(options: argparse.Namespace, recipe: Recipe) -> dict[str, list[np.nd
         raise UserError("--against needs the table transfer")
     if not options.against.is_file():
         raise UserError(f"--against {options.against}: no such file")
-    done = _done(JsonLines(options.against))
-    engine = next((json.loads(key)["engine"] for key in reversed(done)), "")
-    same = {"engine": engine, "recipe": recipe._asdict()}
+    done = stored(options.against)
+    sources = next((line["key"]["engine"] for line in reversed(done.values())), "")
     try:
         return {
             name: [
-                np.array(done[_name({**same, "net": name, "seed": seed})]["real"])
+                np.array(done[name_of(key(recipe, sources, name, seed))]["scores"]["real"])
                 for seed in range(options.seeds)
             ]
             for name in ATTRIBUTES
@@ -103,42 +106,10 @@ def _before(options: argparse.Namespace, recipe: Recipe) -> dict[str, list[np.nd
         raise UserError(f"--against {options.against}: it lacks the net {error.args[0]}") from None
 
 
-def _train(nets: Sequence[Net], log: JsonLines, options: argparse.Namespace) -> Scores:
-    """Collect the results of every network, trained now or stored; confusion matrices as lists."""
-    done = _done(log)
-    missing = [net for net in nets if _name(net.key) not in done]
-    progress = Progress(sum(net.cost for net in nets))
-    progress.advance(sum(n.cost for n in nets) - sum(n.cost for n in missing), replayed=True)
-    with WorkerPool(options.workers, worker_environment()) as workers:
-        for index, scores in workers.map(call, [net.task for net in missing]):
-            key = missing[index].key
-            log.append({"key": key, "scores": scores})
-            done[_name(key)] = scores
-            progress.advance(missing[index].cost)
-            progress.update(f"{key['net']}, seed {key['seed']}")
-    progress.close()
-    results: Scores = {}
-    for net in nets:
-        results.setdefault(net.key["net"], []).append(done[_name(net.key)])
-    return results
-
-
-def _done(log: JsonLines) -> dict[str, dict[str, Any]]:
-    """Read the scores of every network in a file, by its key."""
-    done: dict[str, dict[str, Any]] = {}
-    for k, line in enumerate(log.lines):
-        if not isinstance(line.get("key"), dict) or not isinstance(line.get("scores"), dict):
-            raise UserError(f"{log.where(k)} has no key and scores; {CURE}")
-        done[_name(line["key"])] = line["scores"]
-    return done
-
-
-def _name(key: dict[str, Any]) -> str:
-    return json.dumps(key, sort_keys=True)
-
-
 def summary(
-    scores: Scores, classes: Sequence[str], before: Mapping[str, tables.Confusions] | None
+    scores: Mapping[str, Sequence[Scores]],
+    classes: Sequence[str],
+    before: Mapping[str, tables.Confusions] | None,
 ) -> dict[str, list[Row]]:
     """Make the tables for which there are networks; gains over another engine, if ``before`` has any."""
     real = {

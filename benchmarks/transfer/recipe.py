@@ -1,17 +1,18 @@
-"""One network of the transfer benchmark: what it is trained on and what it is tested on.
-
-The functions here run in worker processes and are pure in their arguments.
-"""
+"""The networks of the transfer benchmark: what they are trained on and what they are tested on."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import hashlib
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+import scene
+import seg
+from benchmarks.networks import Line, store
 from common.labels.target_file import find_target
 from experiments.targets.folder import parts_of
 from scene.attributes import SpaceName
@@ -24,9 +25,15 @@ from seg.inference import score
 from seg.pyramid import features
 from seg.recipes import RECIPES, with_steps
 from seg.settings import TrainSettings
+from seg.step import Params
 from seg.train import train
 from seg.views import view_images
 
+Scores = dict[str, list]
+"""Confusion matrices i64[classes, classes] as lists, by what the network is tested on."""
+ATTRIBUTES = ("random", "default")
+REAL = "real"
+NETS = "nets.jsonl"
 BLOCKS = 5
 """Each group of images is cut into so many stretches; a network trained on real images is tested on one."""
 
@@ -58,13 +65,16 @@ class Recipe(NamedTuple):
         return table_of(find_target(self.target, Path(self.data)))
 
 
-Result = dict[str, Any]
-"""Confusion matrices i64[classes, classes] as lists."""
+def engine() -> str:
+    """Hash the sources that results depend on: tables are made while the engine is being changed."""
+    folders = (Path(package.__path__[0]) for package in (scene, seg))
+    sources = sorted(path for folder in folders for path in folder.rglob("*.py"))
+    return hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:16]
 
 
-def call(function: Callable[..., Result], *arguments: Any) -> Result:
-    """Call a function, so that one queue of tasks can hold calls of several functions."""
-    return function(*arguments)
+def key(recipe: Recipe, engine: str, name: str, seed: int) -> dict[str, Any]:
+    """Everything that a network depends on."""
+    return {"engine": engine, "recipe": recipe._asdict(), "net": name, "seed": seed}
 
 
 @lru_cache(maxsize=1)
@@ -121,26 +131,41 @@ def rendered(recipe: Recipe, attributes: str, seed: int) -> LabelledImages:
     return LabelledImages(renders.images, table.from_train_id[renders.labels])
 
 
-def rendered_net(recipe: Recipe, attributes: str, seed: int) -> Result:
+def networks(
+    recipe: Recipe, seed: int, names: Sequence[str], engine: str, folder: Path
+) -> list[Line]:
+    """Train and test a network on random or default streets, or on real images; runs in a worker."""
+    lines = []
+    for name in names:
+        scores = _of_real(recipe, seed) if name == REAL else _of_renders(recipe, name, seed)
+        line = {"key": key(recipe, engine, name, seed), "scores": scores}
+        store(folder / NETS, line)
+        lines.append(line)
+    return lines
+
+
+def _of_renders(recipe: Recipe, attributes: str, seed: int) -> Scores:
     """Train a network on renders and test it on real images."""
-    renders, real, settings = rendered(recipe, attributes, seed), real_images(recipe), recipe.train
-    count, maps = len(recipe.classes.classes), _features(recipe, False)
-    params = train(seed, renders.images, renders.labels, settings, count)
-    confusion = score(params, real.images, real.labels, settings, count, features=maps)
-    return {"real": confusion.tolist()}
+    renders, real = rendered(recipe, attributes, seed), real_images(recipe)
+    params = _trained(recipe, renders, seed)
+    return {"real": _score(recipe, params, real._replace(features=_features(recipe, False)))}
 
 
-def real_net(recipe: Recipe, seed: int) -> Result:
+def _of_real(recipe: Recipe, seed: int) -> Scores:
     """Train a network on real images and test it on held-out ones and on default streets."""
-    settings, count = recipe.train, len(recipe.classes.classes)
     training, held_out_images = sides(recipe, seed)
-    params = train(
-        seed, training.images, training.labels, settings, count, features=training.features
-    )
-    scores = {}
-    for name, images in (("real", held_out_images), ("renders", rendered(recipe, "default", seed))):
-        confusion = score(
-            params, images.images, images.labels, settings, count, features=images.features
-        )
-        scores[name] = confusion.tolist()
-    return scores
+    params, renders = _trained(recipe, training, seed), rendered(recipe, "default", seed)
+    return {
+        "real": _score(recipe, params, held_out_images),
+        "renders": _score(recipe, params, renders),
+    }
+
+
+def _trained(recipe: Recipe, images: LabelledImages, seed: int) -> Params:
+    count = len(recipe.classes.classes)
+    return train(seed, *images[:2], recipe.train, count, features=images.features)
+
+
+def _score(recipe: Recipe, params: Params, images: LabelledImages) -> list:
+    count = len(recipe.classes.classes)
+    return score(params, *images[:2], recipe.train, count, features=images.features).tolist()

@@ -6,10 +6,9 @@ import sys
 import numpy as np
 import pytest
 
+from benchmarks.networks import NETWORKS, Renders
 from benchmarks.outlines import (
     EXACT,
-    NETWORKS,
-    Renders,
     gain_rows,
     labels_of,
     main,

@@ -6,8 +6,8 @@ import sys
 import numpy as np
 import pytest
 
-from benchmarks.outlines import Recipe, _digest
-from benchmarks.recipes import NETWORKS, gain_rows, key, main, settings_of
+from benchmarks.networks import NETWORKS, Recipe, _digest
+from benchmarks.recipes import gain_rows, key, main, settings_of
 from seg.recipes import RECIPES
 
 

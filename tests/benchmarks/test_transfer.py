@@ -105,14 +105,14 @@ def test_only_another_engine_trains_again_and_gains_over_the_one_before_are_told
     log, outputs = tmp_path / "out" / "nets.jsonl", []
     # The same engine twice, and another: two nets each, printed alike.
     for engine, count in (("one", 2), ("one", 2), ("another", 4)):
-        monkeypatch.setattr("benchmarks.transfer.nets.engine", lambda engine=engine: engine)
+        monkeypatch.setattr("benchmarks.transfer.__main__.engine", lambda engine=engine: engine)
         assert main([*command, str(tmp_path / "out")]) == 0
         outputs.append(capsys.readouterr().out.splitlines()[-3:])
         assert len(log.read_bytes().splitlines()) == count
     assert outputs[0] == outputs[1]
     rows = json.loads((tmp_path / "t.json").read_text())["transfer"]
     assert [row["attributes"] for row in rows] == ["random", "default"]
-    monkeypatch.setattr("benchmarks.transfer.nets.engine", lambda: "a third")
+    monkeypatch.setattr("benchmarks.transfer.__main__.engine", lambda: "a third")
     again = [*command, str(tmp_path / "again"), "--against", str(log)]
     assert main(again) == 0
     gains = json.loads((tmp_path / "t.json").read_text())["gains"]
