@@ -27,13 +27,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.report import Row, count, parser, table, write
+from benchmarks.report import Row, count, gain_text, parser, table, write
 from benchmarks.transfer.recipe import Recipe, rendered, sides
 from common.command import exit_code
 from common.labels.target_file import find_target
 from experiments.app.fit.config import configured
 from experiments.app.fit.job import RENDERED
-from experiments.tables.stats import mean_ci95, paired_gain
 from experiments.targets.few import share_of, spread
 from experiments.targets.folder import parts_of, reader
 from seg import pyramid
@@ -144,13 +143,10 @@ def summary(rows: Sequence[Row]) -> list[Row]:
     for name in ("none", *RANKINGS):
         line: Row = {"14 more by": name}
         values, base = (
-            np.array([row[HELD_OUT] for row in rows if row["ranking"] == k])
-            for k in (name, "random")
+            [row[HELD_OUT] for row in rows if row["ranking"] == k] for k in (name, "random")
         )
-        gain, ci95 = mean_ci95((values - base).tolist())
-        line[HELD_OUT] = f"{values.mean():.1f}"
-        between = "" if ci95 is None else f" ({ci95[0]:+.1f} to {ci95[1]:+.1f})"
-        line["over random"] = "" if name == "random" else f"{gain:+.1f}{between}"
+        line[HELD_OUT] = f"{np.mean(values):.1f}"
+        line["over random"] = "" if name == "random" else gain_text(values, base)
         lines.append(line)
     return lines
 
@@ -236,12 +232,9 @@ def summary_first(rows: Sequence[Row]) -> list[Row]:
             ]
             for name in CHOICES
         }
-        gain, ci95 = paired_gain(scores["k-centre"], scores["spread"])
-        between = "" if ci95 is None else f" ({ci95[0]:+.1f} to {ci95[1]:+.1f})"
         means = {name: f"{np.mean(values):.1f}" for name, values in scores.items()}
-        lines.append(
-            {"labels": labels, "renders": renders, **means, "gain": f"{gain:+.1f}{between}"}
-        )
+        gain = gain_text(scores["k-centre"], scores["spread"])
+        lines.append({"labels": labels, "renders": renders, **means, "gain": gain})
     return lines
 
 

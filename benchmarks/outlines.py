@@ -41,12 +41,11 @@ from benchmarks.networks import (
     run_benchmark,
     store,
 )
-from benchmarks.report import Row, table, target_parser, write
+from benchmarks.report import Row, gain_text, table, target_parser, write
 from common import files
 from common.errors import UserError
 from common.labels.target_file import WIDEST, TargetFile
 from experiments.app.doctor.outlines import RenderedLabels
-from experiments.tables.stats import paired_gain
 from experiments.targets.few import share_of
 from scene import outline
 from scene.dataset.formats.png import encode
@@ -152,9 +151,8 @@ def gain_rows(scores: dict[str, dict[int, np.ndarray]], classes: Sequence[str]) 
         seeds = sorted(by_seed)
         mious, exact_mious = ([100 * mean_iou(c[s]) for s in seeds] for c in (by_seed, exact))
         row: Row = {"labels": rule, "mIoU": float(np.mean(mious))}
-        row |= {"gain by seed": "", "gain": "", "95 %": "", "classes": ""}
+        row |= {"gain by seed": "", "gain": "", "classes": ""}
         if rule != EXACT:
-            gain, ci95 = paired_gain(mious, exact_mious)
             one, other = (np.mean([iou(c[s]) for s in seeds], axis=0) for c in (by_seed, exact))
             changes = dict(zip(classes, (100 * (one - other)).tolist(), strict=True))
             largest = sorted(changes.items(), key=lambda item: -abs(np.nan_to_num(item[1])))
@@ -162,8 +160,7 @@ def gain_rows(scores: dict[str, dict[int, np.ndarray]], classes: Sequence[str]) 
                 "gain by seed": " ".join(
                     f"{a - b:+.2f}" for a, b in zip(mious, exact_mious, strict=True)
                 ),
-                "gain": f"{gain:+.2f}",
-                "95 %": ci95 and "{:+.2f} to {:+.2f}".format(*ci95),
+                "gain": gain_text(mious, exact_mious),
                 "classes": ", ".join(f"{name} {change:+.1f}" for name, change in largest),
             }
         rows.append(row)

@@ -40,10 +40,9 @@ from benchmarks.networks import (
     run_benchmark,
     store,
 )
-from benchmarks.report import Row, table, target_parser, write
+from benchmarks.report import Row, gain_text, table, target_parser, write
 from common.errors import UserError
 from experiments.app.doctor.outlines import RenderedLabels
-from experiments.tables.stats import paired_gain
 from experiments.targets.few import share_of
 from seg.check import check_settings
 from seg.classes import table_of
@@ -219,14 +218,13 @@ def gain_rows(
     }
     for name in recipes:
         recipe_lines = [lines[on, name, seed] for seed in seeds]
-        gain, ci95 = paired_gain(scores[name], scores[recipes[0]])
+        gain = "" if name == recipes[0] else gain_text(scores[name], scores[recipes[0]])
         rows.append(
             {
                 "recipe": name,
                 "mIoU": f"{np.mean(scores[name]):.1f}",
                 "one head": f"{100 * np.mean([np.mean(line['heads'][side]) for line in recipe_lines]):.1f}",
-                "gain": "" if name == recipes[0] else f"{gain:+.2f}",
-                "95 %": "{:+.2f} to {:+.2f}".format(*ci95) if ci95 and name != recipes[0] else "",
+                "gain": gain,
                 "by seed": " ".join(f"{value:.1f}" for value in scores[name]),
                 "CPU s": f"{np.median([line['seconds'] for line in recipe_lines]):.0f}",
             }

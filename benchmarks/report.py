@@ -15,6 +15,7 @@ from common.files import versions
 from common.files import write as write_file
 from common.labels.target_file import SHIPPED
 from common.workers.pool import cores
+from experiments.tables.stats import paired_gain
 
 Row = dict[str, Any]
 PACKAGES = ("sdr-jax", "jax", "flax", "optax", "numpy", "trimesh", "embreex", "pyrender")
@@ -87,6 +88,12 @@ def count(least: int, text: str) -> int:
             f"must be a whole number of at least {least}, not {text!r}"
         )
     return int(text)
+
+
+def gain_text(ours: Sequence[float], theirs: Sequence[float]) -> str:
+    """Write the mean gain of paired repeats with its 95 % interval, such as ``+1.20 (-0.31 to +2.71)``."""
+    gain, ci95 = paired_gain(ours, theirs)
+    return f"{gain:+.2f}" + ("" if ci95 is None else f" ({ci95[0]:+.2f} to {ci95[1]:+.2f})")
 
 
 def timed(work: Callable[[], Done]) -> tuple[float, Done]:

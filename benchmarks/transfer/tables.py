@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from benchmarks.report import Row
-from experiments.tables.stats import paired_gain
+from benchmarks.report import Row, gain_text
 from seg.metrics import iou, mean_iou
 
 LEAST = 20
@@ -34,9 +33,7 @@ def gain_rows(
         row: Row = {"class": name}
         for attributes, confusions in nets.items():
             new, old = _of(confusions, k), _of(before[attributes], k)
-            gain, ci95 = paired_gain(new, old)
-            row |= {attributes: float(np.mean(new)), f"{attributes}, gain": gain}
-            row[f"{attributes}, 95 %"] = ci95 and "{:.1f} to {:.1f}".format(*ci95)
+            row |= {attributes: float(np.mean(new)), f"{attributes}, gain": gain_text(new, old)}
         rows.append(row)
     return rows
 

@@ -43,8 +43,8 @@ def test_gains_are_in_pairs():
     ]
     none, random, _, margin, *_ = summary(rows)
     assert (none["14 more by"], random[HELD_OUT], random["over random"]) == ("none", "32.0", "")
-    assert (margin[HELD_OUT], margin["over random"]) == ("34.0", "+2.0 (+2.0 to +2.0)")
-    assert none["over random"] == "-1.0 (-1.0 to -1.0)"
+    assert (margin[HELD_OUT], margin["over random"]) == ("34.0", "+2.00 (+2.00 to +2.00)")
+    assert none["over random"] == "-1.00 (-1.00 to -1.00)"
 
 
 def test_k_centre_takes_the_image_that_is_farthest_from_all_before_it():
@@ -81,9 +81,9 @@ def test_choices_of_first_images_are_compared_in_pairs():
     ]
     alone, mixed = summary_first(rows)
     assert alone == {
-        "labels": 7, "renders": 0, "spread": "32.0", "k-centre": "31.0", "gain": "-1.0 (-1.0 to -1.0)",
+        "labels": 7, "renders": 0, "spread": "32.0", "k-centre": "31.0", "gain": "-1.00 (-1.00 to -1.00)",
     }  # fmt: skip
-    assert mixed["renders"] == 300 and mixed["gain"] == "+2.0 (+2.0 to +2.0)"
+    assert mixed["renders"] == 300 and mixed["gain"] == "+2.00 (+2.00 to +2.00)"
 
 
 @pytest.mark.parametrize("first", [[], ["--first", "2"]])

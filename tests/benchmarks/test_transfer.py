@@ -65,9 +65,8 @@ def test_gains_are_paired_by_seed_and_told_of_each_class():
     now, before = {"random": [other, one]}, {"random": [other, other]}
     rows = {row["class"]: row for row in tables.gain_rows(now, before, ("sky", "road"))}
     assert rows["sky"]["random"] == pytest.approx(75)
-    assert rows["sky"]["random, gain"] == pytest.approx(25)
-    assert rows["mIoU"]["random, gain"] == pytest.approx(100 * (1 - 7 / 12) / 2)
-    assert rows["sky"]["random, 95 %"] == "-292.7 to 342.7"  # 25 +- 12.706 * 25
+    assert rows["sky"]["random, gain"] == "+25.00 (-292.66 to +342.66)"  # 25 +- 12.706 * 25
+    assert rows["mIoU"]["random, gain"].startswith("+20.83 (")  # 100 * (1 - 7 / 12) / 2
 
 
 def test_recognition_by_hand():
@@ -117,7 +116,7 @@ def test_only_another_engine_trains_again_and_gains_over_the_one_before_are_told
     assert main(again) == 0
     gains = json.loads((tmp_path / "t.json").read_text())["gains"]
     # The same sources under another name: the same nets.
-    assert {row["default, gain"] for row in gains} == {0.0} and gains[-1]["class"] == "mIoU"
+    assert {row["default, gain"] for row in gains} == {"+0.00"} and gains[-1]["class"] == "mIoU"
     capsys.readouterr()
     assert main([*again, "--seeds", "2"]) == 2
     assert "it lacks the net" in capsys.readouterr().err
