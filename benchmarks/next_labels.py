@@ -40,6 +40,7 @@ from seg.data import LabelledImages
 from seg.inference import logits, score
 from seg.metrics import mean_iou
 from seg.nets.head import Maps
+from seg.settings import TrainSettings
 from seg.step import Params
 from seg.train import train
 from seg.uncertainty import order, uncertainty
@@ -79,15 +80,14 @@ def read_split(data: Path) -> Split:
 def fitted(split: Split, chosen: Sequence[int], seed: int) -> Params:
     """Train a network on some images of the pool."""
     part = split.pool.take(chosen)
-    return train(seed, part.images, part.labels, SETTINGS, split.classes, features=part.features)
+    return train(seed, *part[:2], SETTINGS, split.classes, features=part.features)
 
 
-def tested(split: Split, net: Params) -> float:
-    """Compute the mIoU in percent on the held-out sequence."""
-    test = split.test
-    confusion = score(
-        net, test.images, test.labels, SETTINGS, split.classes, features=test.features
-    )
+def tested(
+    net: Params, test: LabelledImages, classes: int, settings: TrainSettings = SETTINGS
+) -> float:
+    """Compute the mIoU in percent on images with the features of the frozen backbone."""
+    confusion = score(net, *test[:2], settings, classes, features=test.features)
     return 100 * float(mean_iou(confusion))
 
 
@@ -130,10 +130,12 @@ def measured(split: Split, seed: int) -> list[Row]:
     first = rng.choice(len(split.pool.images), FIRST, replace=False).tolist()
     net = fitted(split, first, seed)
     rest = [k for k in range(len(split.pool.images)) if k not in first]
-    rows = [{"seed": seed, "ranking": "none", HELD_OUT: tested(split, net)}]
+    rows = [{"seed": seed, "ranking": "none", HELD_OUT: tested(net, split.test, split.classes)}]
     for name, chosen in ranked(split, net, rng, rest).items():
         grown = fitted(split, [*first, *chosen[:FIRST]], RETRAINED + seed)
-        rows.append({"seed": seed, "ranking": name, HELD_OUT: tested(split, grown)})
+        rows.append(
+            {"seed": seed, "ranking": name, HELD_OUT: tested(grown, split.test, split.classes)}
+        )
     return rows
 
 
@@ -205,18 +207,9 @@ def measured_first(recipe: Recipe, counts: Sequence[int], seed: int) -> list[Row
                     extra=few if renders else None,
                     share=share_of(labels),
                 )
-                confusion = score(
-                    net, test.images, test.labels, settings, classes, features=test.features
-                )
-                rows.append(
-                    {
-                        "seed": seed,
-                        "labels": labels,
-                        "renders": len(renders.images) if renders else 0,
-                        "choice": name,
-                        "mIoU": 100 * float(mean_iou(confusion)),
-                    }
-                )
+                row = {"seed": seed, "labels": labels, "choice": name}
+                row["renders"] = len(renders.images) if renders else 0
+                rows.append({**row, "mIoU": tested(net, test, classes, settings)})
     return rows
 
 
