@@ -1,5 +1,6 @@
-"""A folder of labelled images that benchmarks read."""
+"""A folder of labelled images that benchmarks read, and what they refuse."""
 
+import sys
 from zlib import crc32
 
 import pytest
@@ -17,3 +18,15 @@ def camvid(tmp_path):
             paths = (root / folder / f"{name}.png" for folder in (split, f"{split}annot"))
             write_pair(*paths, seed=crc32(name.encode()), highest=10)
     return root
+
+
+@pytest.fixture
+def refused(capsys):
+    """Asserts that a command ends with code 2 and a complaint on its last line."""
+
+    def refuse(main, command, complaint):
+        with pytest.raises(SystemExit, match=r"^2$"):
+            sys.exit(main(command))
+        assert complaint in capsys.readouterr().err.splitlines()[-1]
+
+    return refuse
