@@ -8,6 +8,7 @@ import shutil
 import sys
 import tomllib
 from importlib.metadata import distributions
+from pathlib import Path
 from subprocess import run
 
 import pytest
@@ -172,60 +173,59 @@ def test_an_image_is_made_of_what_there_is_in_few_lines():
     assert command and parser_of("render").parse_args(command).images == 8
 
 
-@pytest.mark.slow
-def test_a_bare_machine_installs_the_wheel_and_renders(tmp_path):
-    """In an empty environment, from the registry; nothing of ours but the wheel."""
+def done(folder: Path, *words: object, **variables: str) -> str:
+    """What a command prints in a folder, without the variables of this process that name packages."""
     own = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "VIRTUAL_ENV")}
+    options = {"cwd": folder, "env": {**own, **variables}, "capture_output": True, "text": True}
+    ran = run([*map(str, words)], **options)
+    assert ran.returncode == 0, ran.stderr
+    return ran.stdout
 
-    def done(*words: object) -> str:
-        ran = run([*map(str, words)], cwd=tmp_path, env=own, capture_output=True, text=True)
-        assert ran.returncode == 0, ran.stderr
-        return ran.stdout
 
-    tree = tmp_path / "tree"
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory) -> Path:
+    """The wheel, built from nothing but what belongs in it."""
+    folder = tmp_path_factory.mktemp("wheel")
+    tree = folder / "tree"
     for package in PACKAGES:
         shutil.copytree(ROOT / package, tree / package)
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, tree)
-    done(sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", tmp_path, tree)
+    build = ("-m", "build", "--wheel", "--no-isolation", "--outdir", folder, tree)
+    done(folder, sys.executable, *build)
     shutil.rmtree(tree)
-    (wheel,) = tmp_path.glob("*.whl")
-    done(sys.executable, "-m", "venv", "bare")
+    (wheel,) = folder.glob(f"sdr_jax-{PROJECT['version']}-*.whl")
+    return wheel
+
+
+@pytest.mark.slow
+def test_a_bare_machine_installs_the_wheel_and_renders(wheel, tmp_path):
+    """In an empty environment, from the registry; nothing of ours but the wheel."""
+    done(tmp_path, sys.executable, "-m", "venv", "bare")
     bare = tmp_path / "bare" / "bin"
-    done(bare / "pip", "install", "--quiet", "-c", ROOT / "constraints.txt", wheel)
-    assert "extras: none" in done(bare / "sdr-jax", "--version")
-    assert re.search(r"^renderer embree +works$", done(bare / "sdr-jax", "doctor"), re.MULTILINE)
-    done(bare / "sdr-jax", "render", *"--images 1 --size 64x48 --workers 1 --out streets".split())
+    done(tmp_path, bare / "pip", "install", "--quiet", "-c", ROOT / "constraints.txt", wheel)
+    assert "extras: none" in done(tmp_path, bare / "sdr-jax", "--version")
+    checked = done(tmp_path, bare / "sdr-jax", "doctor")
+    assert re.search(r"^renderer embree +works$", checked, re.MULTILINE)
+    flags = "--images 1 --size 64x48 --workers 1 --out streets".split()
+    done(tmp_path, bare / "sdr-jax", "render", *flags)
     assert (tmp_path / "streets" / "dataset.json").is_file()
 
 
 @pytest.mark.slow
-def test_the_wheel_works_outside_the_checkout(tmp_path):
-    tree, site = tmp_path / "tree", tmp_path / "site"
-    for package in PACKAGES:
-        shutil.copytree(ROOT / package, tree / package)
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
-        shutil.copy(ROOT / name, tree)
-
-    def done(*words: object) -> str:
-        environment = {**os.environ, "PYTHONPATH": str(site)}
-        ran = run([*map(str, words)], cwd=tmp_path, env=environment, capture_output=True, text=True)
-        assert ran.returncode == 0, ran.stderr
-        return ran.stdout
-
-    done(sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", tmp_path, tree)
-    (wheel,) = tmp_path.glob(f"sdr_jax-{PROJECT['version']}-*.whl")
-    done(sys.executable, "-m", "pip", "install", "--no-deps", "--target", site, wheel)
+def test_the_wheel_works_outside_the_checkout(wheel, tmp_path):
+    site = tmp_path / "site"
+    done(tmp_path, sys.executable, "-m", "pip", "install", "--no-deps", "--target", site, wheel)
     assert {path.parent.name for path in site.glob("*/py.typed")} == {*PACKAGES}
     data = [p for package in PACKAGES for p in (ROOT / package).rglob("*.*")]
     data = [p.relative_to(ROOT) for p in data if p.suffix in (".css", ".html", ".js", ".pyi")]
     assert len(data) >= 6 and all((site / path).is_file() for path in data)
-    shutil.rmtree(tree)
     where = "import experiments.__main__ as m; print(m.__file__)"
-    assert done(sys.executable, "-c", where).startswith(str(site))
-    assert "  camvid " in done(site / "bin" / "sdr-jax", "--help")
+    own = {"PYTHONPATH": str(site)}
+    assert done(tmp_path, sys.executable, "-c", where, **own).startswith(str(site))
+    program = site / "bin" / "sdr-jax"
+    assert "  camvid " in done(tmp_path, program, "--help", **own)
     flags = "--images 2 --size 64x48 --shots 1 --workers 1 --out streets".split()
-    assert "2 images of 2 streets, one per street, in " in done(
-        site / "bin" / "sdr-jax", "render", *flags
-    )
+    rendered = done(tmp_path, program, "render", *flags, **own)
+    assert "2 images of 2 streets, one per street, in " in rendered
     assert (tmp_path / "streets" / "dataset.json").is_file()
