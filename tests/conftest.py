@@ -60,27 +60,26 @@ def printed(code: str, **environment: str) -> list[str]:
     return done.stdout.splitlines()
 
 
+def png_chunk(kind: bytes, data: bytes) -> bytes:
+    """A part of a PNG, with its length and checksum."""
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+
 def packed_png(ids: Any, bits: int, colour_type: int) -> bytes:
     """A PNG of whole numbers [h, w] of so many bits: grey (0), or places in a palette (3)."""
-
-    def chunk(name: bytes, data: bytes) -> bytes:
-        return (
-            struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
-        )
-
     rows = b""
     for row in ids:
         digits = "".join(f"{value:0{bits}b}" for value in row)
         digits += "0" * (-len(digits) % 8)
         rows += b"\0" + int(digits, 2).to_bytes(len(digits) // 8, "big")
     header = struct.pack(">IIBBBBB", len(ids[0]), len(ids), bits, colour_type, 0, 0, 0)
-    palette = chunk(b"PLTE", bytes((37 * k + 11) % 256 for k in range(3 * 2 ** min(bits, 8))))
+    palette = png_chunk(b"PLTE", bytes((37 * k + 11) % 256 for k in range(3 * 2 ** min(bits, 8))))
     parts = (
-        chunk(b"IHDR", header),
+        png_chunk(b"IHDR", header),
         palette * (colour_type == 3),
-        chunk(b"IDAT", zlib.compress(rows)),
+        png_chunk(b"IDAT", zlib.compress(rows)),
     )
-    return b"\x89PNG\r\n\x1a\n" + b"".join(parts) + chunk(b"IEND", b"")
+    return b"\x89PNG\r\n\x1a\n" + b"".join(parts) + png_chunk(b"IEND", b"")
 
 
 def refused(error: type[Exception], message: str, call: Callable, *arguments, **options) -> Any:

@@ -220,15 +220,6 @@ def test_a_share_of_one_group_leaves_nothing(tmp_path):
     refuses(tmp_path, target, "train", "no images left for train, since every split")
 
 
-def test_published_lists_that_share_groups_are_noted_once(tmp_path):
-    target = msgspec.structs.replace(shipped("camvid"), group="^.")
-    for split, stems in {"train": "a1 a2 b1", "test": "a3 c1"}.items():
-        for stem in stems.split():
-            put(tmp_path, f"{split}/{stem}.png", f"{split}annot/{stem}.png")
-    note = shared_groups(list_all(target, tmp_path))
-    assert "share 1 of 3 groups (a) between train and test" in note
-
-
 def test_what_is_missing_or_not_as_it_should_be(tmp_path):
     target = target_of(
         "images: '{split}/{name}.png'\nlabels: '{split}_l/{name}.png'\nsplits: '{split}.txt'"

@@ -20,18 +20,14 @@ from scene.dataset.real import open_images
 from seg.data import LabelReader, list_split
 from seg.data.images import read_header, read_image
 from seg.weights.read import read
-from tests.conftest import refused
-
-
-def chunk(kind: bytes, data: bytes) -> bytes:
-    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+from tests.conftest import png_chunk, refused
 
 
 def bomb(width: int, height: int) -> bytes:
     """A PNG that says it has so many grey pixels, in some dozen bytes."""
-    header = chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0))
-    rows = chunk(b"IDAT", zlib.compress(b"\0" * 1000))
-    return b"\x89PNG\r\n\x1a\n" + header + rows + chunk(b"IEND", b"")
+    header = png_chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0))
+    rows = png_chunk(b"IDAT", zlib.compress(b"\0" * 1000))
+    return b"\x89PNG\r\n\x1a\n" + header + rows + png_chunk(b"IEND", b"")
 
 
 @pytest.mark.parametrize("size", [(7100, 7100), (100_000, 100_000), (2**31 - 1, 2**31 - 1)])
