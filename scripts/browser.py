@@ -26,9 +26,8 @@ def served(size: str) -> Iterator[str]:
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = str(free.getsockname()[1])
     words = ["-m", "experiments", "playground", "--no-browser", "--size", size, "--port", port]
-    environment = {
-        name: v for name, v in os.environ.items() if "PYTEST" not in name
-    }  # NiceGUI reads it
+    # NiceGUI reads pytest's variables.
+    environment = {name: v for name, v in os.environ.items() if "PYTEST" not in name}
     command = [sys.executable, *words]
     with Popen(command, cwd=ROOT, stdout=PIPE, text=True, env=environment) as server:
         try:
