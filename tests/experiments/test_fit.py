@@ -35,7 +35,7 @@ from experiments.app.fit import streets as fit_streets
 from experiments.app.fit.command import main
 from experiments.app.fit.config import FitConfig, configured, planned
 from experiments.app.fit.job import FORM, fit, with_labels
-from experiments.app.report import live
+from experiments.app.report import fit_table, live
 from experiments.app.report import page as page_of_runs
 from experiments.app.report.command import main as make_report
 from experiments.app.report.fit_table import derive, text, verdict
@@ -317,6 +317,24 @@ def test_figures_come_from_the_published_split_a_group_or_folds(
             parts_of(find_target(None, folder), folder, **more)
 
 
+def test_the_note_names_the_labels_of_folds_and_the_classes_that_a_fold_lacks() -> None:
+    rows = {
+        "labels": [
+            [{"miou": 50.0, "class_iou": [50.0, None]}],
+            [{"miou": 40.0, "class_iou": [30.0, 50.0]}],
+        ]
+    }
+    report = {
+        "nets": {**rows, "labels+renders": rows["labels"], "renders": rows["labels"]},
+        "classes": ["road", "house"], "labels": 8, "fold_labels": [3, 7], "seeds": 1, "tested": 8,
+        "scored_at": "64x48", "where": "2 folds in turn", "rendered_images": 8, "streets": "mixed",
+        "few_share": 0.25, "not_rendered": [],
+    }  # fmt: skip
+    derived = derive(report)
+    assert "Each fold trains on 3 to 7 of your 8 labels." in fit_table.note(derived)
+    assert fit_table.class_note(derived).endswith("so mIoU is not the mean of classes: house.")
+
+
 @pytest.mark.parametrize(("mean", "ci95", "expected"), [
     (4.6, (4.0, 5.3), "Renders add 4.6 points (4.0 to 5.3) to your 14 labels."),
     (0.4, (-0.3, 1.1), "Renders add 0.4 points (-0.3 to 1.1) to your 14 labels, which is within noise."),
@@ -358,6 +376,8 @@ def test_means_are_over_folds_and_seeds_and_a_net_that_failed_drops_its_seed() -
     report["averaged"] = {"labels": [50.0, 52.0], "labels+renders": [55.0, None], "renders": [None]}
     averaged = {row: own["averaged"] for row, own in derive(report)["rows"].items()}
     assert averaged == {"labels": 51.0, "labels+renders": 55.0, "renders": None}
+    report["averaged"] = {"labels": [56.0, 52.0], "labels+renders": [53.0, 53.0]}
+    assert derive(report)["recipe"] == "labels"  # as good as the saved model, which averages
     del report["averaged"]
     report["nets"] |= {"labels+learnt": [[net(60.0)] * 3] * 2, "renders": [[net(70.0)] * 3] * 2}
     assert derive(report)["recipe"] == "labels+learnt"
@@ -523,7 +543,8 @@ def test_from_a_folder_of_ones_own_to_a_net(folder, tmp_path, capsys, monkeypatc
     assert {len(own) for own in report["averaged"].values()} == {2}  # folds
     gained = report["over_images"]["labels+renders"]
     rows = (report["averaged"][row] for row in ("labels+renders", "labels"))
-    assert gained["units"] == "5 images" and gained["ci95"] is None
+    assert gained["units"] == "5 images of 2 groups, too narrow for other groups"
+    assert gained["ci95"] is None
     assert np.isfinite(gained["value"]) and all(0 <= v <= 100 for row in rows for v in row)
     assert other.notes["miou"] == report["rows"][report["recipe"]]["averaged"]
 

@@ -10,14 +10,14 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from common.command import running_command
-from common.errors import UserError
+from common.errors import UserError, counted
 from common.files import file_digest
 from common.folder import as_json
 from common.labels.target_file import find_target
 from experiments.app.fit.config import FitConfig, planned
 from experiments.app.fit.streets import Pool, RenderedStreets, pool_of
 from experiments.app.report import live, page, pictures
-from experiments.app.report.fit_table import MODEL, Row, derive, rows_of, text
+from experiments.app.report.fit_table import MODEL, Row, derive, rows_of, saved_score, text
 from experiments.app.report.folder import NAME
 from experiments.attribute_search.loop import learn
 from experiments.evaluation.cost import job_cost
@@ -144,7 +144,7 @@ def scores(run: Session[FitConfig], data: Prepared) -> Report:
             by_fold.append(nets(of_row, config.final.train.heads))
             averaged[row] += miou(nets(of_row))
     fold = folds[0]
-    labels = {"labels": fold.images(config.final, "labelled")}
+    labels = {"labels": model.labels}
     kinds_of_nets = [f"fold {number}" for number in range(1, len(folds) + 1)]
     test = fold.images(config.final, "test")
     pictures.write_images(fold, test, labels, kinds_of_nets, (RANKED_BY,))
@@ -167,6 +167,7 @@ def _facts(run: Session[FitConfig], data: Prepared) -> Report:
         "colors": class_table(run.target.table).colors.tolist(),
         "labels": len(parts.entries),
         "folds": len(data.folds),
+        "fold_labels": [len(train) for train, _ in parts.folds],
         "where": parts.where,
         "notes": list(parts.notes),
         "tested": sum(len(fold.test_names) for fold in data.folds),
@@ -219,8 +220,9 @@ def _gains_over_images(
 ) -> dict[Row, Report]:
     """The gain of the first network of each row over labels alone, with its interval over test images.
 
-    Images of a group are left out together if there are at least `UNITS` groups, otherwise one by one. The
-    result is empty where some image's confusion matrix is missing, such as if evaluations come from a store.
+    Images of a group are left out together if there are at least `UNITS` groups, otherwise one by one, which
+    ignores that images of a group are alike. The result is empty where some image's confusion matrix is
+    missing, such as if evaluations come from a store.
     """
     seed = folds[0].config.trainings[0]
     by_row: dict[Row, np.ndarray] = {}
@@ -241,6 +243,9 @@ def _gains_over_images(
     grouped = len(names) >= UNITS
     if not grouped:
         units = np.arange(len(groups))
+    of_images = f"{len(groups)} images"
+    if len(names) < len(groups):
+        of_images += f" of {counted(len(names), 'group')}, too narrow for other groups"
     summed = {
         row: np.stack([matrices[units == unit].sum(axis=0) for unit in range(units.max() + 1)])
         for row, matrices in by_row.items()
@@ -248,7 +253,7 @@ def _gains_over_images(
     return {
         row: {
             **over_units(summed[row], summed["labels"])._asdict(),
-            "units": f"{len(names)} groups" if grouped else f"{len(groups)} images",
+            "units": f"{len(names)} groups" if grouped else of_images,
         }
         for row in by_row
         if row.startswith("labels+")
@@ -277,14 +282,14 @@ class _SavedModel:
         target = all_labelled(data.parts, data.folds[0], config.data, data.read_all)
         self._run, self._data, self._rendered = replace(run, target=target), data, rendered
         self._streets = streets
-        self._labels = self._run.images(config.final, "labelled")
+        self.labels = self._run.images(config.final, "labelled")
         self._futures: dict[Row, Future | None] = {}
 
     def _job(self, row: Row) -> Job:
         config = self._run.config
-        source: Source = self._labels
+        source: Source = self.labels
         if row != "labels":
-            source = with_labels(config, self._rendered[row], self._labels)
+            source = with_labels(config, self._rendered[row], self.labels)
         return Job(self._run.recipe(config.final), source, config.seed, {})
 
     def begin(self, row: Row) -> None:
@@ -305,11 +310,11 @@ class _SavedModel:
         best = report["recipe"]
         notes = {
             "target": parts.target.name,
-            "labelled_images": len(self._labels.images),
+            "labelled_images": len(self.labels.images),
             SEEN: sorted(file_digest(entry.image_path) for entry in parts.model_entries),
             "trained_on": best,
             "verdict": report["verdict"],
-            "miou": report["rows"][best].get("averaged") or report["rows"][best]["mean"],
+            "miou": saved_score(report["rows"][best]),
             "reported_on": report["where"],
         }
         if self._data.started_from is not None:

@@ -31,11 +31,9 @@ def derive(report: Report) -> Report:
     gains = {
         row: compared.gain(folds[row], folds["labels"]) for row in rows if row.startswith("labels+")
     }
-    best = max(
-        (row for row in rows if row.startswith("labels") and rows[row]["mean"] is not None),
-        key=lambda row: rows[row]["mean"],
-        default="labels+renders",
-    )
+    with_labels = (row for row in rows if row.startswith("labels"))
+    tested = {row: score for row in with_labels if (score := saved_score(rows[row])) is not None}
+    best = max(tested, key=tested.__getitem__, default="labels+renders")
     return {
         **report,
         "rows": rows,
@@ -44,6 +42,12 @@ def derive(report: Report) -> Report:
         "recipe": best,
         "verdict": verdict(gains["labels+renders"], report["labels"]),
     }
+
+
+def saved_score(row: Report) -> float | None:
+    """The mean mIoU of networks as the saved model is: with averaged heads, if it has several."""
+    averaged = row.get("averaged")
+    return row["mean"] if averaged is None else averaged
 
 
 def verdict(gain: Mapping[str, Any], labels: int) -> str:
@@ -88,10 +92,19 @@ def _tested_on(report: Report) -> str:
     seeds = report["seeds"]
     return (
         f"mIoU in percent at {report['scored_at']} on {report['tested']} images not used for training "
-        f"({report['where']}), {seeds} network{'s' if seeds != 1 else ''} each; 95 % intervals over {over}. "
-        f"{_averaged(report)}In labels + renders, {report['rendered_images']} renders "
+        f"({report['where']}), {counted(seeds, 'network')} each; 95 % intervals over {over}. "
+        f"{_fold_labels(report)}{_averaged(report)}In labels + renders, {report['rendered_images']} renders "
         f"({TRAINED_ON[report['streets']]}) are {_rendered_share(report)}."
     )
+
+
+def _fold_labels(report: Report) -> str:
+    """A sentence on the labels that each fold trains on."""
+    counts = report.get("fold_labels", [])
+    if len(counts) < 2:
+        return ""
+    between = f"{min(counts)} to {max(counts)}" if min(counts) < max(counts) else f"{counts[0]}"
+    return f"Each fold trains on {between} of your {counted(report['labels'], 'label')}. "
 
 
 def _averaged(report: Report) -> str:
@@ -127,15 +140,28 @@ def _over_images(report: Report) -> list[str]:
         return []
     low, high = gain["ci95"]
     return [
-        f"For the averaged network, renders add {gain['value']:.1f} points; 95 % interval over "
-        f"{gain['units']}: {low:.1f} to {high:.1f}."
+        f"Over the pixels of all these images together, renders change the mIoU of the averaged network by "
+        f"{gain['value']:+.1f} points; 95 % interval over {gain['units']}: {low:.1f} to {high:.1f}."
     ]
 
 
 def class_note(report: Report) -> str:
-    """A sentence on the classes that are not rendered, if there are any."""
-    names = ", ".join(report["not_rendered"])
-    return f"Not in the renders, so trained on labels alone: {names}." if names else ""
+    """Sentences on classes that are not rendered, and on those that some folds do not test, if any."""
+    sentences = []
+    if names := ", ".join(report["not_rendered"]):
+        sentences.append(f"Not in the renders, so trained on labels alone: {names}.")
+    if names := ", ".join(_tested_in_some_folds(report)):
+        sentences.append(
+            f"Not in every fold's test images, so mIoU is not the mean of classes: {names}."
+        )
+    return " ".join(sentences)
+
+
+def _tested_in_some_folds(report: Report) -> list[str]:
+    """The classes that the test images of some folds have, and of others lack."""
+    folds, classes = report["nets"]["labels"], report["classes"]
+    tested = [len(entry["folds"]) for entry in compared.by_class(folds, len(classes))]
+    return [name for name, count in zip(classes, tested, strict=True) if 0 < count < len(folds)]
 
 
 def _saved_model(report: Report) -> str:
