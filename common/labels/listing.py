@@ -466,10 +466,14 @@ def _split_up(target: TargetFile, root: Path, entries: Iterable[Entry]) -> dict[
     for entry in entries:
         left.setdefault(entry.sequence, []).append(entry)
     rules = cast(Mapping[str, float | tuple[str, ...]], target.splits)
-    total = sum(map(len, left.values()))
+    total, group_count = sum(map(len, left.values())), len(left)
     splits: dict[str, list[Entry]] = {}
-    for split, rule in rules.items():
-        groups = _share(left, rule * total) if isinstance(rule, float) else rule
+    for k, (split, rule) in enumerate(rules.items()):
+        if isinstance(rule, float):
+            later = len(rules) - k  # splits that need a group each, training included
+            groups = _share(left, rule * total, max(1, len(left) - later))
+        else:
+            groups = [*rule]
         missing = [group for group in groups if group not in left]
         if missing:
             names = ", ".join(sorted(left)[:8]) + (", ..." if len(left) > 8 else "")
@@ -483,21 +487,34 @@ def _split_up(target: TargetFile, root: Path, entries: Iterable[Entry]) -> dict[
     splits.setdefault(
         TRAIN, [entry for group in left if group not in taken for entry in left[group]]
     )
-    if not splits[TRAIN]:
-        raise UserError(
-            f"{target.source}: splits: no images left for {TRAIN}, since every split needs a group of its "
-            f"own, and there are only {len(taken)}"
+    if total and not splits[TRAIN]:
+        why = (
+            f"other splits take all {group_count} groups"
+            if group_count > len(rules)
+            else f"every split needs a group of its own, and there are only {group_count}"
         )
+        raise UserError(f"{target.source}: splits: no images left for {TRAIN}, since {why}")
     return splits
 
 
-def _share(groups: Mapping[str, Sequence[Entry]], images: float) -> list[str]:
-    """Choose groups, one or more, with about so many images, in the order of their names' digests."""
-    taken: list[str] = []
-    count = 0
-    for group in sorted(groups, key=lambda name: hashlib.sha256(name.encode()).hexdigest()):
-        size = len(groups[group])
-        if not taken or abs(count + size - images) < abs(count - images):
-            taken.append(group)
-            count += size
-    return taken
+def _share(groups: Mapping[str, Sequence[Entry]], images: float, most: int) -> list[str]:
+    """Choose one group or more, ``most`` at most, with about so many images.
+
+    The order is that of the names' digests; if it misses by half or more, that of the groups' sizes may be
+    nearer.
+    """
+    by_digest = sorted(groups, key=lambda name: hashlib.sha256(name.encode()).hexdigest())
+    by_size = sorted(by_digest, key=lambda name: abs(len(groups[name]) - images))
+
+    choices: list[tuple[float, list[str]]] = []
+    for order in (by_digest, by_size):
+        taken = order[:1]
+        count = sum(len(groups[name]) for name in taken)
+        for name in order[1:]:
+            size = len(groups[name])
+            if len(taken) < most and abs(count + size - images) < abs(count - images):
+                taken.append(name)
+                count += size
+        choices.append((abs(count - images), taken))
+    error, taken = choices[0]
+    return taken if error < images / 2 else min(choices, key=lambda choice: choice[0])[1]

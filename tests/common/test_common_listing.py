@@ -1,5 +1,7 @@
 """Images and labels as targets' files name them, on folders of a few files; no pixel is read."""
 
+import hashlib
+import json
 import re
 from collections import Counter
 from pathlib import Path
@@ -189,9 +191,7 @@ def test_splits_by_group_leave_the_rest_for_training(tmp_path):
         tmp_path, target_of(text + "splits: {test: [d]}"), "test", "no group 'd'", "has a, b, c"
     )
     target = target_of(text + "splits: {test: [a], val: [b, c]}")
-    refuses(
-        tmp_path, target, "val", "splits: no images left for train, since every split needs a group"
-    )
+    refuses(tmp_path, target, "val", "no images left for train, since other splits take all 3")
     target = target_of(text + "splits: {train: [a], test: [c]}")
     assert names(list_all(target, tmp_path)) == {"train": ["a1", "a2"], "test": ["c1", "c2"]}
     refuses(tmp_path, target, "val", "no split 'val'", "Its splits: train, test")
@@ -212,6 +212,33 @@ def test_shares_never_split_a_group(tmp_path_factory, sizes, share):
     test_groups = Counter(entry.sequence for entry in splits["test"])
     assert len(test_groups) == 1 or abs(count - expected) <= max(sizes)
     assert splits == list_all(target_of(f"{text}splits: {{test: {share}}}"), root)
+
+
+@pytest.mark.parametrize(("sizes", "shares", "expected"), [
+    ((40, 4, 3, 3), {"test": 0.2}, {"train": 40, "test": 10}),
+    ((19, 5, 5, 5, 5, 5, 5), {"test": 0.2}, {"train": 39, "test": 10}),
+    ((30, 30), {"test": 0.1}, {"train": 30, "test": 30}),
+    ((5, 5, 5, 5), {"test": 0.9}, {"train": 5, "test": 15}),
+    ((5, 5, 5, 5), {"val": 0.6, "test": 0.3}, {"train": 5, "val": 10, "test": 5}),
+])  # fmt: skip
+@pytest.mark.parametrize("first", "abcdefgh")
+def test_a_share_is_approached_whatever_the_names(tmp_path, sizes, shares, expected, first):
+    for k, size in enumerate(sizes):
+        put(tmp_path, *(f"{folder}/{first}{k}_{n}.png" for n in range(size) for folder in "il"))
+    text = (
+        f"images: 'i/{{name}}'\nlabels: 'l/{{name}}'\ngroup: '^[^_]+'\nsplits: {json.dumps(shares)}"
+    )
+    splits = list_all(target_of(text), tmp_path)
+    assert {split: len(entries) for split, entries in splits.items()} == expected
+
+
+def test_shares_of_equal_groups_are_those_of_the_names_digests(tmp_path):
+    put(tmp_path, *(f"{folder}/{k}_{n}.png" for k in range(10) for n in "ab" for folder in "il"))
+    text = "images: 'i/{name}'\nlabels: 'l/{name}'\ngroup: '^.'\nsplits: {val: 0.1, test: 0.3}"
+    listed = list_all(target_of(text), tmp_path)
+    digests = sorted("0123456789", key=lambda name: hashlib.sha256(name.encode()).hexdigest())
+    assert {entry.sequence for entry in listed["val"]} == {*digests[:1]}
+    assert {entry.sequence for entry in listed["test"]} == {*digests[1:4]}
 
 
 def test_a_share_of_one_group_leaves_nothing(tmp_path):

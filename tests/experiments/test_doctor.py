@@ -275,6 +275,18 @@ def test_problems_come_with_their_fix(streets, doctor, tmp_path):
     )
 
 
+def test_a_share_that_is_missed_by_half_is_reported(tmp_path):
+    for k in range(8):
+        save(tmp_path / "i" / f"{k % 2}_{k}.png", photograph(k, (48, 64)))
+        save(tmp_path / "l" / f"{k % 2}_{k}.png", blocks(k, (48, 64), 2))
+    text = "images: 'i/{name}'\nlabels: 'l/{name}'\nclasses: {a: {ids: [0]}, b: {ids: [1]}}\n"
+    for share, group, missed in ((0.2, "^.", True), (0.2, ".*", False), (0.4, "^.", False)):
+        target = parse_target(f"{text}group: '{group}'\nsplits: {{test: {share}}}", "t.yaml")
+        found = [fault.what for fault in survey(target, tmp_path).faults]
+        message = "test has 50 % of the images instead of 20 %, since groups stay whole"
+        assert (message in found) == missed
+
+
 def test_names_with_spaces_hidden_files_and_copies_in_lists(tmp_path, doctor):
     root = tmp_path / "own"
     for k in range(4):

@@ -89,6 +89,7 @@ def survey(target: TargetFile, root: Path) -> Survey:
     classes, ignored, read, readable = _classes(target, entries, faults)
     usable = usable and readable and bool(entries)
     _find_group_faults(splits, faults)
+    _find_missed_shares(target, splits, faults)
     usable = _find_copies(splits, faults) and usable
     if entries:
         _find_engine_faults(target, faults)
@@ -265,6 +266,25 @@ def _find_group_faults(splits: Mapping[str, Sequence[Entry]], faults: list[Fault
                 "if images are frames of sequences, set 'group', or {group} in the patterns",
             )
         )
+
+
+def _find_missed_shares(
+    target: TargetFile, splits: Mapping[str, Sequence[Entry]], faults: list[Fault]
+) -> None:
+    """Find splits whose size differs from their share of the images by half of it or more."""
+    rules = target.splits if isinstance(target.splits, dict) else {}
+    total = sum(map(len, splits.values()))
+    for split, share in rules.items():
+        if isinstance(share, float) and split in splits:
+            images = len(splits[split])
+            if abs(images - share * total) >= share * total / 2:
+                faults.append(
+                    Fault(
+                        f"{split} has {100 * images / total:.0f} % of the images instead of "
+                        f"{100 * share:.0f} %, since groups stay whole",
+                        "name the groups of each split, as in 'splits: {test: [GROUP]}'",
+                    )
+                )
 
 
 def _find_copies(splits: Mapping[str, Sequence[Entry]], faults: list[Fault]) -> bool:
