@@ -188,6 +188,8 @@ def _places(target: TargetFile, split: str = "{split}") -> str:
 # ---- patterns
 
 _ENDINGS = "|".join(re.escape(suffix) for suffix in IMAGES)
+_SPELLINGS = tuple(case for s in IMAGES for case in (s, s.upper(), s.title()))
+"""Endings of image files as they are on disk; of other spellings only patterns find files."""
 
 
 def _regex(pattern: str) -> str:
@@ -256,8 +258,7 @@ def _splits_at(pattern: str, root: Path) -> set[str]:
 
 def _on_disk(path: Path, any_suffix: bool) -> Path | None:
     """The path, with the suffix that the image has on disk if any will do; None if there is no file."""
-    suffixes = [case for s in IMAGES for case in (s, s.upper())] if any_suffix else [""]
-    paths = [path.with_name(path.name + suffix) for suffix in suffixes]
+    paths = [path.with_name(path.name + suffix) for suffix in (_SPELLINGS if any_suffix else [""])]
     return next(filter(None, map(spelled, paths)), None)
 
 
@@ -418,13 +419,16 @@ def _at_name(
         image = _on_disk(root / path, not _has_suffix(images))
         if image is not None and not leads_out(root, path):
             return image, {"name": line}
-    # A path below the folder, or a name with the suffix that the pattern leaves out.
-    folder = images.rpartition("/")[0]
-    for path in (line, f"{folder}/{line}"):
-        match = _expression(images).fullmatch(path)
-        image = spelled(root / path) if match else None
-        if match and image is not None:
-            return image, match.groupdict()
+    # A path below the folder, with or without suffix, or a name with the suffix that the pattern leaves out.
+    expression = _expression(images)
+    folder, _, file = images.rpartition("/")
+    endings = [Path(file).suffix] if _has_suffix(images) else _SPELLINGS
+    for ending in ("", *endings):
+        for path in (f"{line}{ending}", f"{folder}/{line}{ending}"):
+            match = expression.fullmatch(path)
+            image = spelled(root / path) if match else None
+            if match and image is not None:
+                return image, match.groupdict()
     return None
 
 
@@ -442,7 +446,7 @@ def _tail(root: Path, path: str, where: str) -> Path:
     """A listed path below the folder.
 
     Published lists have paths of other machines (/SegNet/CamVid/train/...) and suffixes that copies lack, so
-    the longest tail of the path that exists is taken.
+    the longest tail of the path that exists is taken. What follows a dot may also be part of the name.
     """
     path = plain_path(path)
     parts = [part for part in path.split("/") if part]
@@ -451,7 +455,10 @@ def _tail(root: Path, path: str, where: str) -> Path:
         if leads_out(root, tail):
             raise UserError(f"{where}: {tail} is outside {root}")
         whole = root / tail
-        for candidate in (whole, *(whole.with_suffix(suffix) for suffix in IMAGES)):
+        names = [whole.name, *(whole.name + suffix for suffix in _SPELLINGS)]
+        if whole.suffix.lower() in IMAGES:
+            names += [whole.stem + suffix for suffix in _SPELLINGS]
+        for candidate in map(whole.with_name, names):
             if (file := spelled(candidate)) is not None:
                 return file
     return root.joinpath(*tails[:1])

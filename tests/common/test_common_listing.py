@@ -330,6 +330,37 @@ def test_lists_as_people_write_them(tmp_path):
         assert names(list_all(target, tmp_path)) == {"train": [name]}, line
 
 
+def test_a_dot_in_a_name_is_no_suffix(tmp_path):
+    for stem in ("frame_1", "frame_2", "1305.175304"):
+        put(tmp_path, f"i/{stem}.png", f"l/{stem}.png")
+    for ending in ("", ".png"):
+        target = target_of(
+            f"images: 'i/{{name}}{ending}'\nlabels: 'l/{{name}}{ending}'\nsplits: '{{split}}.txt'"
+        )
+        for line in (
+            "1305.175304", "1305.175304.png", "i/1305.175304", "i/1305.175304 l/1305.175304",
+            "/data/i/1305.175304.jpg /data/l/1305.175304.jpg",
+        ):  # fmt: skip
+            put(tmp_path, "train.txt", text=f"{line}\n")
+            [entry] = list_split(target, tmp_path, "train")
+            assert entry.name == "1305.175304" and entry.label_path.name == "1305.175304.png"
+        put(tmp_path, "train.txt", text="i/frame_1.5 l/frame_1.5\n")
+        refuses(
+            tmp_path, target, "train", "line 1: no image", "i/frame_1.5, whatever the extension"
+        )
+
+
+@pytest.mark.parametrize("ending", [".PNG", ".Png", ".Tif"])
+def test_the_case_of_an_extension_does_not_matter(tmp_path, ending):
+    put(tmp_path, f"i/a{ending}", f"l/a{ending}")
+    target = target_of("images: 'i/{name}'\nlabels: 'l/{name}'")
+    assert names(list_all(target, tmp_path)) == {"train": ["a"]}
+    listed = target_of("images: 'i/{name}'\nlabels: 'l/{name}'\nsplits: '{split}.txt'")
+    for line in ("a", f"a{ending}", "i/a", "i/a l/a", "i/a.jpg l/a.jpg"):
+        put(tmp_path, "train.txt", text=line)
+        assert names(list_all(listed, tmp_path)) == {"train": ["a"]}, line
+
+
 @pytest.mark.parametrize("disk", ["NFC", "NFD"])
 @pytest.mark.parametrize("text", ["NFC", "NFD"])
 def test_accents_may_be_composed_or_not(tmp_path, disk, text):
