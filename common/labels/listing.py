@@ -151,7 +151,7 @@ def _entries(target: TargetFile, root: Path, split: str) -> list[Entry]:
     if isinstance(target.splits, str):
         listing = root / target.splits.replace("{split}", split)
         if listing.is_file():
-            return list(_listed(target, root, split, listing, images, labels))
+            return _listed(target, root, split, listing, images, labels)
         if "{split}" not in images:
             _refuse_split(root, split, names, f"expected {listing.name}")
     elif target.splits:
@@ -159,7 +159,7 @@ def _entries(target: TargetFile, root: Path, split: str) -> list[Entry]:
             _refuse_split(root, split, names, f"in {target.source}")
         listing_path = target.splits.get(split)
         if isinstance(listing_path, str):
-            return list(_listed(target, root, split, root / listing_path, images, labels))
+            return _listed(target, root, split, root / listing_path, images, labels)
         return _split_up(target, root, _matched(target, root, TRAIN, images, labels))[split]
     if "{split}" in images:
         first = root / images.replace("{split}", split).partition("{")[0]
@@ -271,36 +271,28 @@ def _filled(pattern: str, split: str, places: Mapping[str, str]) -> str:
 # ---- entries
 
 
-def _entry(
-    target: TargetFile, split: str, image: Path, root: Path, labels: str, places: Mapping[str, str]
-) -> Entry:
-    """An image with its label by the pattern. Raises UserError if it has none."""
-    entry = _labelled(target, split, image, root, labels, places)
-    if entry is None:
-        raise UserError(_without_label(split, image, root, labels, places))
-    return entry
-
-
-def _without_label(
-    split: str, image: Path, root: Path, labels: str, places: Mapping[str, str]
-) -> str:
-    label = root / _filled(labels, split, places)
-    expected = label if _has_suffix(labels) else f"{label}.png"
-    if "{name}" not in labels and label.is_file():
-        expected = f"its name among the images in {label}"
-    return f"{image}: image without label; expected {expected}"
-
-
 def _labelled(
     target: TargetFile, split: str, image: Path, root: Path, labels: str, places: Mapping[str, str]
 ) -> Entry | None:
-    """An image with its label by the pattern, if it has one."""
-    label = _on_disk(root / _filled(labels, split, places), not _has_suffix(labels))
+    """An image with its label by the pattern; None if it has none and is left out."""
+    path = root / _filled(labels, split, places)
+    label = _on_disk(path, not _has_suffix(labels))
     if label is None:
+        _check_left_out(target, image, path if _has_suffix(labels) else f"{path}.png")
         return None
     if target.format == "coco-json" and read_coco_file(label).image_of(image) is None:
+        _check_left_out(target, image, f"its name among the images in {label}")
         return None
     return _named(target, image, label, places["name"], places.get("group"))
+
+
+def _check_left_out(target: TargetFile, image: Path, expected: Path | str) -> None:
+    """Raise UserError for an image without a label, unless the target's file leaves such images out."""
+    if target.unlabelled == "refuse":
+        raise UserError(
+            f"{image}: image without label; expected {expected}; 'unlabelled: skip' in {target.source} "
+            "leaves such images out"
+        )
 
 
 def _named(
@@ -323,9 +315,6 @@ def _matched(
     for image, places in matches(images.replace("{split}", split), root):
         if entry := _labelled(target, split, image, root, labels, places):
             yield entry
-        elif target.unlabelled == "refuse":
-            hint = f"; 'unlabelled: skip' in {target.source} leaves such images out"
-            raise UserError(_without_label(split, image, root, labels, places) + hint)
 
 
 def _tabled(
@@ -335,38 +324,78 @@ def _tabled(
     if isinstance(images, str) and isinstance(labels, str):
         yield from _matched(target, root, split, images, labels)
     elif not isinstance(images, str) and not isinstance(labels, str):
+        listed = []
         for k, pair in enumerate(zip(images, labels, strict=True)):
             where = f"{target.source}, images.{split}[{k}]"
-            yield _pair(target, root, where, pair)
+            if row := _pair(target, root, where, pair):
+                listed.append(row)
+        yield from _distinct(target, root, listed)
     else:
         raise UserError(f"{target.source}: images and labels of {split} must both be lists")
 
 
+class _Listed(NamedTuple):
+    """An entry of a list."""
+
+    where: str  # its place, for errors
+    entry: Entry
+    by_stem: bool = False  # whether its name is that of its file alone
+
+
+def _distinct(target: TargetFile, root: Path, listed: Sequence[_Listed]) -> list[Entry]:
+    """The entries of a list; if files of several folders have one name, paths become the names.
+
+    Raises:
+        UserError: an image is listed twice.
+    """
+    images: set[Path] = set()
+    for where, entry, _ in listed:
+        if entry.image_path in images:
+            raise UserError(f"{where}: {entry.name} is listed twice; remove one")
+        images.add(entry.image_path)
+    if len({row.entry.name for row in listed}) == len(listed):
+        return [row.entry for row in listed]
+    return [
+        _named(target, entry.image_path, entry.label_path, _path_name(root, entry.image_path))
+        if by_stem
+        else entry
+        for _, entry, by_stem in listed
+    ]
+
+
+def _path_name(root: Path, image: Path) -> str:
+    """A name of an image from its path below the folder."""
+    return composed(image.relative_to(root).with_suffix("").as_posix()).replace("/", "_")
+
+
 def _listed(
     target: TargetFile, root: Path, split: str, listing: Path, images: str, labels: str
-) -> Iterator[Entry]:
+) -> list[Entry]:
     """The entries of a list, whose lines are a name, a path, or an image and its label."""
     by_name = _by_name(root, split, images)
-    names: set[str] = set()
+    listed = []
     for number, line in _lines(listing):
         where = f"{listing}, line {number}"
         named = _at_name(root, split, images, line, by_name, where)
-        pair = next((words for words in _split_pairs(line) if len(words) == 2), ())
+        pairs = [*_split_pairs(line)]
+        pair = next((words for words in pairs if len(words) == 2), ())
         if named is not None:
-            entry = _entry(target, split, named[0], root, labels, named[1])
+            entry = _labelled(target, split, named[0], root, labels, named[1])
+            row = _Listed(where, entry) if entry else None
         elif pair:
-            entry = _pair(target, root, where, pair)
+            row = _pair(target, root, where, pair, images.replace("{split}", split))
         elif leads_out(root, _filled(images, split, {"name": line})):
             raise UserError(f"{where}: {line} is outside {root}")
         else:
-            expected = root / _filled(images, split, {"name": line})
+            several = len(pairs[-1]) > 2
+            expected = line if several else root / _filled(images, split, {"name": line})
+            hint = ", with a comma or a tab between them if names have spaces" if several else ""
             raise UserError(
-                f"{where}: no image {expected}; expected a name, a path, or an image and its label"
+                f"{where}: no image {expected}; expected a name, a path, or an image and its label{hint}"
             )
-        if entry.name in names:
-            raise UserError(f"{where}: {entry.name} is listed twice; remove one")
-        names.add(entry.name)
-        yield entry
+        if row is not None:
+            listed.append(row)
+    return _distinct(target, root, listed)
 
 
 def _lines(listing: Path) -> list[tuple[int, str]]:
@@ -432,14 +461,23 @@ def _at_name(
     return None
 
 
-def _pair(target: TargetFile, root: Path, where: str, pair: Sequence[str]) -> Entry:
-    """An image and its label by their paths."""
+def _pair(
+    target: TargetFile, root: Path, where: str, pair: Sequence[str], images: str = ""
+) -> _Listed | None:
+    """An image and its label by their paths; None if it has no label and is left out.
+
+    An image at the pattern ``images`` has the group that is a folder there.
+    """
     image, label = (_tail(root, path, where) for path in pair)
     if not image.is_file():
         raise UserError(f"{where}: no image {image}, whatever the extension ({', '.join(IMAGES)})")
     if not label.is_file():
-        raise UserError(f"{image}: image without label; expected {label}")
-    return _named(target, image, label, composed(image.stem))
+        _check_left_out(target, image, label)
+        return None
+    path = composed(image.relative_to(root).as_posix())
+    match = _expression(images).fullmatch(path) if "{group}" in images else None
+    name, folder = (match["name"], match["group"]) if match else (composed(image.stem), None)
+    return _Listed(where, _named(target, image, label, name, folder), by_stem=match is None)
 
 
 def _tail(root: Path, path: str, where: str) -> Path:

@@ -108,7 +108,7 @@ class TargetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             included, and of engine classes that no class contains; it needs no values, and comes last if
             `classes` does not name it. By default such values are an error, and pixels
             without a polygon are ignored.
-        unlabelled: whether an image at a pattern that has no label is an error, or left out.
+        unlabelled: whether an image that has no label is an error, or left out.
         outlines: classes that annotators draw without the holes through which the sky shows, with the width
             of the widest holes as a share of the image's width; labels of renders are drawn in the same way
             (`scene.outline`). In the file a share is text such as "3 %".

@@ -402,3 +402,58 @@ def test_an_image_without_a_label_names_the_field_that_leaves_it_out(tmp_path):
     refuses(tmp_path, target, "train", *words)
     target = msgspec.structs.replace(target, unlabelled="skip")
     assert names(list_all(target, tmp_path)) == {"train": ["a"]}
+
+
+@pytest.mark.parametrize(
+    "text", ["a\nb", "i/a.png\ni/b.png", "i/a.png l/a.png\ni/b.png l/b.png", ""]
+)
+def test_lists_leave_images_without_a_label_out_if_the_file_says_so(tmp_path, text):
+    put(tmp_path, "i/a.png", "l/a.png", "i/b.png")
+    put(tmp_path, "train.txt", text=text)
+    listed = "images: 'i/{name}.png'\nlabels: 'l/{name}.png'\nsplits: {train: train.txt}"
+    table = "images: {train: [i/a.png, i/b.png]}\nlabels: {train: [l/a.png, l/b.png]}"
+    target = target_of(listed if text else table)
+    words = "b.png: image without label; expected", "'unlabelled: skip' in t.yaml leaves such"
+    refuses(tmp_path, target, "train", *words)
+    target = msgspec.structs.replace(target, unlabelled="skip")
+    assert names(list_all(target, tmp_path)) == {"train": ["a"]}
+
+
+def test_equal_names_in_several_folders(tmp_path):
+    paths = ["s1/rgb/0", "s1/rgb/1", "s2/rgb/0"]
+    pairs = [f"{path}.png {path.replace('rgb', 'gt')}.png" for path in paths]
+    put(tmp_path, *(path for pair in pairs for path in pair.split()))
+    plain = target_of("images: 'rgb/{name}.png'\nlabels: 'gt/{name}.png'\nsplits: '{split}.txt'")
+    grouped = target_of(
+        "images: '{group}/rgb/{name}'\nlabels: '{group}/gt/{name}'\nsplits: '{split}.txt'"
+    )
+    columns = (", ".join(column) for column in zip(*map(str.split, pairs), strict=True))
+    table = target_of("images: {{train: [{}]}}\nlabels: {{train: [{}]}}".format(*columns))
+    by_path = ["s1_rgb_0", "s1_rgb_1", "s2_rgb_0"]
+    for lines in (pairs, pairs[::-1]):
+        put(tmp_path, "train.txt", text="\n".join(lines))
+        for target in (plain, table):
+            assert names(list_all(target, tmp_path)) == {"train": by_path}
+        by_folder = {"s1_0": "s1", "s1_1": "s1", "s2_0": "s2"}
+        assert groups(list_all(grouped, tmp_path)) == by_folder
+    # Names stay short where they differ.
+    put(tmp_path, "train.txt", text="\n".join(pairs[:2]))
+    assert names(list_all(plain, tmp_path)) == {"train": ["0", "1"]}
+    put(tmp_path, "train.txt", text="\n".join([*pairs, pairs[0]]))
+    for target in (plain, grouped):
+        refuses(tmp_path, target, "train", "train.txt, line 4:", "0 is listed twice; remove one")
+    twice = target_of("images: {train: [s1/rgb/0, s1/rgb/0]}\nlabels: {train: [s1/gt/0, s1/gt/1]}")
+    refuses(tmp_path, twice, "train", "t.yaml, images.train[1]: 0 is listed twice; remove one")
+
+
+def test_a_pair_whose_names_have_spaces_needs_a_comma_or_a_tab(tmp_path):
+    put(tmp_path, "i/a b.png", "l/a b.png")
+    target = target_of("images: 'i/{name}.png'\nlabels: 'l/{name}.png'\nsplits: '{split}.txt'")
+    put(tmp_path, "train.txt", text="i/a b.png l/a b.png")
+    refuses(
+        tmp_path,
+        target,
+        "train",
+        "train.txt, line 1: no image i/a b.png l/a b.png; expected a name, a path, or an image and its "
+        "label, with a comma or a tab between them if names have spaces",
+    )

@@ -330,13 +330,12 @@ def test_a_few_labels_beside_many_images_are_enough(streets, doctor, tmp_path):
     assert "111 images without a label, such as photos/friday/f10.jpg: left out" in out
     names = [entry.name for entry in list_all(find_target(file), streets)["train"]]
     assert names == [f"{drive}_f{k}" for drive in ("friday", "monday") for k in range(3)]
-    # Named in a list, an image needs its label.
     (streets / "train.txt").write_text("f0\nf3\n")
     text = file.read_text().replace(
         "unlabelled: skip", "unlabelled: skip\nsplits: {train: train.txt}"
     )
     target = parse_target(text.replace("{group}", "monday"), "t.yaml")
-    refuses("f3.jpg: image without label", list_all, target, streets, error=UserError)
+    assert [entry.name for entry in list_all(target, streets)["train"]] == ["f0"]
 
 
 def test_images_of_several_endings_are_one_set(tmp_path):
