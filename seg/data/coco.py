@@ -46,6 +46,8 @@ def draw_regions(path: Path, image: Path | None) -> tuple[np.ndarray, tuple[str,
     names: dict[str, int] = {}
     regions = []
     for name, shape, crowd, where in file.regions(record):
+        if not isinstance(shape, Runs):  # one or two points, as of a stray click, have no area
+            shape = [polygon for polygon in shape if len(polygon) % 2 or len(polygon) >= 6]
         try:
             code = -1 if crowd else names.setdefault(name, 1 + len(names))
             regions.append(_Region(_checked_area(shape, size), code, shape))
@@ -74,10 +76,8 @@ def _checked_area(shape: Shape, size: tuple[int, int]) -> float:
         return float(sum(counts[1::2]))
     area = 0.0
     for polygon in shape:
-        if len(polygon) < 6 or len(polygon) % 2:
-            raise ValueError(
-                f"a polygon of {len(polygon)} numbers; expected x, y of three or more points"
-            )
+        if len(polygon) % 2:
+            raise ValueError(f"a polygon of {len(polygon)} numbers; expected x, y of each point")
         if max(map(abs, polygon)) > FARTHEST:
             raise ValueError("expected points in or near the image")
         x, y = np.reshape(polygon, (-1, 2)).T

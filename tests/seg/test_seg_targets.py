@@ -483,6 +483,13 @@ def test_regions_of_coco_are_drawn_with_small_ones_above_and_crowds_ignored(tmp_
     assert (LabelReader(rest)(path, tmp_path / "i" / "0.png")[crowd & (expected > 2)] == 255).all()
 
 
+@pytest.mark.parametrize("corners", [[], [5, 5], [5, 5, 5, 5], [0, 0, 9, 9]])
+def test_polygons_of_fewer_than_three_points_are_left_out(tmp_path, corners):
+    path = coco(tmp_path, [(0, "person", [corners], 0), (0, "car", [corners, box(0, 0, 4, 2)], 0)])
+    label = LabelReader(parse_target(COCO, "t.yaml"))(path, tmp_path / "i" / "0.png")
+    assert (label[:2, :4] == 1).all() and (label == 1).sum() == 8
+
+
 @given(st.integers(0, 2**32 - 1), st.booleans())
 def test_masks_and_polygons_of_coco_are_those_of_its_own_tool(tmp_path_factory, seed, text):
     rng, root = np.random.default_rng(seed), tmp_path_factory.mktemp("coco")
@@ -523,7 +530,7 @@ def test_what_is_wrong_in_a_file_of_coco(tmp_path):
     (image,), (annotation,) = right["images"], right["annotations"]
     for change, message in (
         ({"segmentation": []}, r"annotations\[0\] has a box at most; expected a segmentation"),
-        ({"segmentation": [[1, 2, 3, 4]]}, r"annotations\[0\]\.segmentation: a polygon of 4 numbers"),
+        ({"segmentation": [[1, 2, 3]]}, r"annotations\[0\]\.segmentation: a polygon of 3 numbers"),
         ({"segmentation": [[0, 0, 9, 0, 9, 1e7]]}, "expected points in or near the image"),
         ({"segmentation": [[0, 0, 9, "x"]]}, r"segmentation\[0\]\[3\]: expected number, not text"),
         ({"segmentation": {"size": [12, 16], "counts": [5, 5]}}, "add up to the pixels of the image"),
