@@ -19,6 +19,8 @@ from seg.data.coco import FARTHEST, draw_regions
 from seg.data.images import decode, read_file, read_image
 from seg.errors import DataError
 
+WITHOUT_AREA = ("point", "points", "line", "linestrip")
+"""Types of LabelMe's shapes that have no area, so that no pixel gets their label."""
 _UNKNOWN = MOST_CLASSES
 """The id of a value that no class names; no class has this id."""
 
@@ -166,14 +168,19 @@ def read_colours(path: Path) -> Values:
 
 
 def read_labelme(path: Path) -> Values:
-    """Draw polygons and rectangles of LabelMe in order, later ones above; the rest is ignored."""
+    """Draw polygons and rectangles of LabelMe in order, later ones above; the rest is ignored.
+
+    Shapes without an area are left out.
+    """
     content = _table_at(path, _json(path), "")
     polygons = []
     for k, item in enumerate(_list_at(path, content, "shapes")):
         where = f"shapes[{k}]"
         shape = _table_at(path, item, where)
-        points = _points(path, shape.get("points"), f"{where}.points")
         kind = shape.get("shape_type") or "polygon"
+        if kind in WITHOUT_AREA:
+            continue
+        points = _points(path, shape.get("points"), f"{where}.points")
         if kind == "rectangle" and len(points) == 2:
             (left, top), (right, bottom) = points
             points = [(left, top), (right, top), (right, bottom), (left, bottom)]
@@ -185,6 +192,11 @@ def read_labelme(path: Path) -> Values:
         polygons.append((_name(path, shape, where), points))
     size = _size(path, content, "imageHeight", "imageWidth")
     return _draw(size, polygons)
+
+
+def count_without_area(path: Path) -> int:
+    """Count the shapes of LabelMe that `read_labelme` leaves out of a file that it can read."""
+    return sum(shape.get("shape_type") in WITHOUT_AREA for shape in _json(path)["shapes"])
 
 
 def read_cityscapes_polygons(path: Path) -> Values:

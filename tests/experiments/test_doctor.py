@@ -609,6 +609,25 @@ def test_pixels_without_a_polygon_can_be_a_class(tmp_path):
     assert [target.of_engine[k] for k in (0, 1)] == [0, 1]
 
 
+def test_shapes_without_an_area_are_counted(tmp_path):
+    road, sky = ([[0, y], [64, y], [64, y + 24], [0, y + 24]] for y in (24, 0))
+    shapes = [{"label": "road", "points": road}, {"label": "sky", "points": sky},
+              {"label": "mark", "points": [[9, 9]], "shape_type": "point"},
+              {"label": "lane", "points": [[9, 9], [30, 40]], "shape_type": "line"}]  # fmt: skip
+    for k in range(4):
+        save(tmp_path / "a" / f"{k}.jpg", photograph(k, (48, 64)))
+        polygons = {"shapes": shapes, "imageHeight": 48, "imageWidth": 64}
+        (tmp_path / "a" / f"{k}.json").write_text(json.dumps(polygons))
+    target = parse_target(propose(tmp_path).text, "x")
+    assert target.class_names == ("road", "sky")
+    found = survey(target, tmp_path)
+    assert found.usable
+    message = (
+        "shapes without an area (point, points, line, linestrip), left out: 8 in the 4 labels read"
+    )
+    assert message in [fault.what for fault in found.faults]
+
+
 @pytest.mark.parametrize(("change", "reason"), [
     ({"shape_type": "circle"}, "shape_type is 'circle' of 4 points; expected polygon, or rectangle"),
     ({"shape_type": "mask"}, "shape_type is 'mask'"),

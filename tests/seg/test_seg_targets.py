@@ -391,6 +391,13 @@ def test_polygons_and_rectangles_of_labelme(tmp_path):
     empty = tmp_path / "e.json"
     empty.write_text(json.dumps(content | {"shapes": []}))
     assert (LabelReader(target)(empty) == 255).all()
+    dot = {"label": "mark", "points": [[3, 3]]}
+    drops = [
+        *(dot | {"shape_type": kind} for kind in ("point", "points", "line", "linestrip")),
+        dot,
+    ]
+    empty.write_text(json.dumps(content | {"shapes": [drops[0], shapes[0], *drops[1:]]}))
+    np.testing.assert_array_equal(LabelReader(target)(empty), alone)
     for change, message in (
         ({"shapes": [shapes[0] | {"label": "lorry"}]}, r"no class .* name 'lorry' \(24 pixels in 1 image\)"),
         ({"shapes": [shapes[0] | {"shape_type": "circle"}]}, r"shapes\[0\]\.shape_type is 'circle'"),

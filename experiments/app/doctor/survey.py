@@ -21,6 +21,7 @@ from experiments.targets.sizes import suitable_size
 from seg.classes import IGNORE_LABEL
 from seg.data import LabelReader, load
 from seg.data.images import check_end, decode, is_deep, read_file, read_header
+from seg.data.labels import WITHOUT_AREA, count_without_area
 
 Item = TypeVar("Item")
 READ = 100
@@ -192,11 +193,13 @@ def _classes(
     pixels, images_with = np.zeros(256, np.int64), np.zeros(count)
     row_sums = np.zeros(count)
     unknown: list[tuple[Path, Counter[str]]] = []
-    read, right = 0, True
+    read, right, without_area = 0, True, 0
     for entry in spread(entries, READ):
         try:
             label, unknown_values = reader.read(entry.label_path, entry.image_path)
             header = read_header(entry.image_path)
+            if target.format == "labelme-json":
+                without_area += count_without_area(entry.label_path)
         except (UserError, OSError) as error:
             faults.append(_fault(str(error), REPLACE))
             right = False
@@ -227,6 +230,14 @@ def _classes(
     if unknown:
         faults.append(_fault(str(reader.error(unknown)), f"edit {target.source}"))
         right = False
+    if without_area:
+        faults.append(
+            Fault(
+                f"shapes without an area ({', '.join(WITHOUT_AREA)}), left out: {without_area} in the {read} "
+                "labels read",
+                "expected if they mark no class; otherwise draw polygons",
+            )
+        )
     labelled = max(int(pixels[:count].sum()), 1)
     palette = target.palette
     classes = [
