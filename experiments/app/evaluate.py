@@ -279,11 +279,12 @@ def _show(
 def text(scores: dict[str, Any]) -> str:
     """The scores as lines to print."""
     edges = scores["boundary_iou"]
-    lines = [f"{'':16s} {'IoU':>6s} {'boundary':>8s}"]
+    width = max(map(len, (*scores["classes"], "mean")))
+    lines = [f"{'':{width}s} {'IoU':>6s} {'boundary':>8s}"]
     for name, value in {**scores["classes"], "mean": scores["miou"]}.items():
         edge = edges["miou"] if name == "mean" else edges["classes"][name]
         if value is not None:
-            lines.append(f"{name:16s} {value:6.2f} {edge:8.2f}")
+            lines.append(f"{name:{width}s} {value:6.2f} {edge:8.2f}")
     lines += [
         f"{group}: {score['miou']:.2f} on {counted(score['images'], 'image')}"
         for group, score in scores["groups"].items()

@@ -11,7 +11,7 @@ from PIL import Image
 from common.errors import UserError
 from common.files import file_digest
 from common.labels.target_file import shipped
-from experiments.app.evaluate import Labelled, evaluate, labelled, main, mapping
+from experiments.app.evaluate import Labelled, evaluate, labelled, main, mapping, text
 from seg.classes import CAMVID_11, LABELMEFACADE_6
 from seg.data import DataError, Entry
 from seg.model import SEEN, Model, classes_of, label_classes
@@ -84,6 +84,16 @@ def test_two_images_by_hand(red, tmp_path):
     np.testing.assert_array_equal(prediction, DATA.colors[PREDICTED["b"]])
     again = evaluate(red, DATA._replace(entries=DATA.entries[:1]), tmp_path / "worst")
     assert len(again["worst"]) == len(list((tmp_path / "worst").iterdir())) == 1
+
+
+def test_columns_are_aligned_whatever_the_names(red):
+    classes = ("road", "sky of many clouds and birds", "car")
+    lines = text(
+        evaluate(replace(red, classes=label_classes(classes)), DATA._replace(classes=classes))
+    )
+    table = lines.splitlines()[:4]
+    assert [line.split()[0] for line in table] == ["IoU", "road", "sky", "mean"]
+    assert len({*map(len, table)}) == 1
 
 
 def test_classes_in_another_order_are_brought_to_those_of_the_data(red):
