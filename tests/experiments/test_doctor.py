@@ -275,6 +275,19 @@ def test_problems_come_with_their_fix(streets, doctor, tmp_path):
     )
 
 
+def test_files_that_only_begin_alike_are_no_copies(tmp_path):
+    (tmp_path / "i").mkdir()
+    for name, brightness in (("a", 1), ("b", 2), ("c", 1)):
+        image = np.zeros((160, 160, 3), np.uint8)
+        image[0] = brightness  # bitmaps begin with their last row
+        cv2.imwrite(str(tmp_path / "i" / f"{name}.bmp"), image)
+        save(tmp_path / "l" / f"{name}.png", blocks(0, (160, 160), 2))
+    text = "images: 'i/{name}'\nlabels: 'l/{name}'\nclasses: {a: {ids: [0]}, b: {ids: [1]}}"
+    found = [fault.what for fault in survey(parse_target(text, "t.yaml"), tmp_path).faults]
+    first, copy = tmp_path / "i" / "a.bmp", tmp_path / "i" / "c.bmp"
+    assert f"copies of images: 1, such as {copy} (train) of {first} (train)" in found
+
+
 def test_a_share_that_is_missed_by_half_is_reported(tmp_path):
     for k in range(8):
         save(tmp_path / "i" / f"{k % 2}_{k}.png", photograph(k, (48, 64)))
@@ -766,6 +779,7 @@ def test_the_row_of_the_page_is_the_comment_of_the_labels(tmp_path):
     ade = masks(tmp_path / "ade", [0, 1, 2], names="0 unlabelled\n1 road\n2 sky\n")
     assert comment(ade) == UNLABELLED_0
     assert comment(masks(tmp_path / "plain", [3, 7, 9])) is None
+    assert comment(masks(tmp_path / "others", [1, 2, 7, 255])) == "ids; ignored: 255"
     for path in (ade / "masks").iterdir():
         picture = Image.open(path)
         picture.putpalette(PALETTE)

@@ -186,7 +186,7 @@ def _line(text: str, comment: str) -> str:
 
 
 def _row(labels: str, content: _Content, void: Sequence[str]) -> str:
-    """The row of the page's table of labels that some labels are like; empty if there is none."""
+    """The row of the page's table of labels that some labels are like; if none, the ignored ids, if any."""
     if content.format in POLYGONS:
         return POLYGONS[content.format]
     if content.format == "colours":
@@ -195,7 +195,10 @@ def _row(labels: str, content: _Content, void: Sequence[str]) -> str:
         return INDEXED
     if content.values.keys() == {0, 255}:
         return BINARY
-    return IGNORED_255 if void == ["255"] else UNLABELLED_0 if void == ["0"] else ""
+    first = min((value for value in content.values if str(value) not in void), default=0)
+    rows = {("255", 0): IGNORED_255, ("0", 1): UNLABELLED_0}
+    ignored = ", ".join(void)
+    return rows.get((ignored, first), f"ids; ignored: {ignored}" if void else "")
 
 
 def _lists(root: Path, names: Collection[str]) -> dict[str, str]:

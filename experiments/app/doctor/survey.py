@@ -13,6 +13,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from common.errors import UserError
+from common.files import file_digest
 from common.labels import classes as engine
 from common.labels.listing import Entry, list_split, shared_groups, split_names
 from common.labels.target_file import TRAIN, TargetFile
@@ -27,7 +28,7 @@ Item = TypeVar("Item")
 READ = 100
 """The most label files that are read whole."""
 HEAD = 65536
-"""Copies of a file have its size and the same first bytes, so many."""
+"""Only files of one size with the same first bytes, so many, are compared whole."""
 LOADED = 60
 """The most images whose labels are read at the size for training."""
 SHOWN = 4
@@ -299,20 +300,24 @@ def _find_missed_shares(
 
 
 def _find_copies(splits: Mapping[str, Sequence[Entry]], faults: list[Fault]) -> bool:
-    """Find images that are in two splits, or twice in one, by size and first bytes.
+    """Find images that are in two splits, or twice in one, by their bytes.
 
     Returns:
         Whether no file is itself in two splits.
     """
-    first_with: dict[tuple[int, bytes], tuple[str, Path]] = {}
-    copies: list[str] = []
+    alike: dict[tuple[int, bytes], list[tuple[str, Path]]] = {}
     for split, entries in splits.items():
         for entry in entries:
             with entry.image_path.open("rb") as file:
                 key = entry.image_path.stat().st_size, hashlib.sha256(file.read(HEAD)).digest()
-            other, path = first_with.setdefault(key, (split, entry.image_path))
-            if (other, path) != (split, entry.image_path):
-                copies.append(f"{entry.image_path} ({split}) of {path} ({other})")
+            alike.setdefault(key, []).append((split, entry.image_path))
+    first_with: dict[str, tuple[str, Path]] = {}
+    copies: list[str] = []
+    for images in alike.values():
+        for split, path in images if len(images) > 1 else ():
+            first_split, first = first_with.setdefault(file_digest(path), (split, path))
+            if (first_split, first) != (split, path):
+                copies.append(f"{path} ({split}) of {first} ({first_split})")
     if copies:
         faults.append(
             Fault(
