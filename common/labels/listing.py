@@ -489,7 +489,7 @@ def _tail(root: Path, path: str, where: str) -> Path:
     path = plain_path(path)
     parts = [part for part in path.split("/") if part]
     tails = ["/".join(parts[k:]) for k in range(len(parts))] if path.startswith("/") else [path]
-    for tail in tails:
+    for tail in filter(None, tails):
         if leads_out(root, tail):
             raise UserError(f"{where}: {tail} is outside {root}")
         whole = root / tail

@@ -446,6 +446,19 @@ def test_equal_names_in_several_folders(tmp_path):
     refuses(tmp_path, twice, "train", "t.yaml, images.train[1]: 0 is listed twice; remove one")
 
 
+def test_a_pair_with_an_empty_side_is_refused(tmp_path, monkeypatch):
+    put(tmp_path, "i/a.png")
+    monkeypatch.chdir(tmp_path)
+    target = target_of("images: 'i/{name}.png'\nlabels: 'l/{name}.png'\nsplits: '{split}.txt'")
+    for line, words in (
+        ("i/a.png,", "i/a.png: image without label"),
+        (",i/a.png", "train.txt, line 1: no image"),
+    ):
+        put(tmp_path, "train.txt", text=line)
+        for root in (tmp_path, Path(".")):
+            refuses(root, target, "train", words)
+
+
 def test_a_pair_whose_names_have_spaces_needs_a_comma_or_a_tab(tmp_path):
     put(tmp_path, "i/a b.png", "l/a b.png")
     target = target_of("images: 'i/{name}.png'\nlabels: 'l/{name}.png'\nsplits: '{split}.txt'")
