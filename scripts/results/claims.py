@@ -14,8 +14,8 @@ from typing import Any
 
 from common.files import read_json
 from experiments.studies.search_columns import thirds
-from experiments.tables.form import Report, interval, markdown, number, words
-from experiments.tables.stats import estimated, mean, welch
+from experiments.tables.form import Report, interval, markdown, miou, number, words
+from experiments.tables.stats import estimated, gain, mean, welch
 from scripts.results.parts import HOLDOUT
 
 RECORDS = "parts.json"
@@ -130,6 +130,14 @@ class Claims:
             "renders": (0, "mixed"), "all": (every, "none"), "all+renders": (every, "mixed"),
         }[trained_on]  # fmt: skip
         return self.row(name, labels=labels, renders=renders)
+
+    def kind_gain(self, target: str, labels: int, streets: str, over: str) -> Report:
+        """Compare two kinds of streets, rendered for so many labels: a gain with its interval."""
+        nets = [
+            self.row(f"kinds-{target}", labels=labels, renders=kind)["nets"]
+            for kind in (streets, over)
+        ]
+        return gain(*map(miou, nets)) or {}
 
     def share(self, target: str, trained_on: str) -> str:
         """Write the mIoU of such networks in percent of that with all labels."""
