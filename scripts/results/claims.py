@@ -103,13 +103,15 @@ class Claims:
                    for found in (True, False))  # fmt: skip
         return f"on {yes}, not on {no}" if yes and no else f"on {yes}" if yes else "on no target"
 
-    def lead(self, method: str, over: str) -> str:
-        """Write the lead of one of the paper's methods over another, with Welch's test over searches."""
-        ours, theirs = (
-            [search["learnt"] for search in self.reports[f"paper-{name}"]["searches"]
-             if search["method"] == name]
-            for name in (method, over)
-        )  # fmt: skip
+    def lead(self, name: str, over: str) -> str:
+        """Write the lead of one of the paper's methods or variants, with Welch's test over searches."""
+
+        def of(part: str) -> list[float]:
+            searches = self.reports[f"paper-{part}"]["searches"]
+            by_method = [search for search in searches if search["method"] == part]
+            return [search["learnt"] for search in by_method or searches]  # all of a variant
+
+        ours, theirs = of(name), of(over)
         test = welch(ours, theirs)
         return "" if test is None else f"{test.difference:+.1f} (p = {test.p_value:.2f})"
 

@@ -346,6 +346,7 @@ def test_sentences_of_the_page_that_no_number_carries_are_true():
     rows = (RECORDED.fit_row("camvid-0006R0", name) for name in ("both", "all"))
     low, high = gain(*(miou(row["nets"]) for row in rows))["ci95"]
     assert low < 0 < high  # as good as
+    assert RECORDED.lead("sdr", "no-groups") == "+4.9 (p = 0.01)"  # groups carry the method
     best = RECORDED.estimate("rivals-labelmefacade", "intervals")
     for method in ("surrogate", "tpe", "gaussian_process"):
         row = RECORDED.estimate("rivals-labelmefacade", method)
