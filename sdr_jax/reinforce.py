@@ -38,7 +38,7 @@ def reinforce_loss(log_probs: Float[Array, "n"], advantages: Float[Array, "n"]) 
     """
     valid_mask = ~jnp.isnan(advantages)
     weights = jax.lax.stop_gradient(jnp.where(valid_mask, advantages, 0.0))
-    return -jnp.sum(log_probs * weights) / jnp.maximum(valid_mask.sum(dtype=jnp.float32), 1)
+    return -jnp.sum(log_probs * weights) / jnp.maximum(valid_mask.sum(), 1)
 
 
 class Rule(NamedTuple):

@@ -278,7 +278,7 @@ def _maximise_evidence(model: Effects, state: EffectsState) -> EffectsState:
     relative = np.where(has_feature, model.variance, 1)
     squares = jnp.where(has_feature, (belief.mean**2 + jnp.diag(covariance)) / relative, 0.0)
     sums = jax.ops.segment_sum(squares, jnp.asarray(model.effect), len(state.scales))
-    counts = np.bincount(model.effect, has_feature, len(state.scales)).astype(np.float32)
+    counts = np.bincount(model.effect, weights=has_feature, minlength=len(state.scales))
     main, interactions = slice(attributes), slice(attributes, attributes + pairs)
     kinds = jnp.concatenate(
         [

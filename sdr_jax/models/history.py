@@ -72,7 +72,7 @@ def _quartiles(rewards: Float[Array, "n"]) -> tuple[Float[Array, ""], Float[Arra
     """
     ranked = jnp.sort(rewards)  # NaN comes last
     distinct = jnp.append(True, ranked[1:] != ranked[:-1])
-    quartiles = jnp.asarray([0.25, 0.5, 0.75], jnp.float32)
+    quartiles = jnp.asarray([0.25, 0.5, 0.75])
     low, median, high = jnp.nanquantile(jnp.where(distinct, ranked, jnp.nan), quartiles)
     return jnp.minimum(high - low, 4 * (high - median)), median
 

@@ -132,7 +132,7 @@ def posterior(
     ratio = std / noise
     precision = ratio[:, None] * data.gram * ratio[None, :]
     ridge = jnp.maximum(1.0, JITTER * jnp.trace(precision))
-    factor = jnp.linalg.cholesky(precision + ridge * jnp.eye(std.shape[0], dtype=std.dtype))
+    factor = jnp.linalg.cholesky(precision + ridge * jnp.eye(std.shape[0]))
     whitened = cho_solve((factor, True), ratio * data.moment) / noise
     return Posterior(std * whitened, factor, std)
 
@@ -156,9 +156,7 @@ def predict(
 
 def covariance(belief: Posterior) -> Float[Array, "features features"]:
     """The covariance of the weights."""
-    inverse = solve_triangular(
-        belief.factor, jnp.eye(len(belief.scale), dtype=belief.scale.dtype), lower=True
-    )
+    inverse = solve_triangular(belief.factor, jnp.eye(len(belief.scale)), lower=True)
     return belief.scale[:, None] * _product(inverse.T, inverse) * belief.scale[None, :]
 
 

@@ -196,7 +196,7 @@ def stratified(
     shift_key, order_key = jax.random.split(rng_key)
     shift = jax.random.uniform(shift_key, (n, space.attributes), jnp.float32)
     order = jax.random.uniform(order_key, (n, space.attributes), jnp.float32)
-    quantiles = (jnp.argsort(order, axis=0).astype(jnp.float32) + shift) / n
+    quantiles = (jnp.argsort(order, axis=0) + shift) / n
     below = jnp.cumsum(probabilities, axis=1)
     actions = jnp.sum(quantiles[:, :, None] >= below[None], axis=2)  # rounding may end below 1
     return jnp.minimum(actions, jnp.asarray(space.bins)[None, :] - 1).astype(jnp.int32)

@@ -111,7 +111,7 @@ def attribute_descent(
         complete = jnp.all((counts >= repeats) | (jnp.arange(space.max_bins) >= size))
         ends = complete | (tried >= PATIENCE * repeats * size)
 
-        means = jnp.where(counts > 0, sums / jnp.maximum(counts, 1).astype(jnp.float32), -jnp.inf)
+        means = jnp.where(counts > 0, sums / jnp.maximum(counts, 1), -jnp.inf)
         best = jnp.where(jnp.any(counts > 0), jnp.argmax(means), state.current[attribute])
         current = state.current.at[attribute].set(best.astype(jnp.int32))
         next_state = DescentState(

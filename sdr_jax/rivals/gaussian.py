@@ -67,7 +67,7 @@ def gaussian(
     check_relaxation(space, width, "random")
     widths = bin_widths(space, width)
     quantiles = np.asarray(
-        ndtri((jnp.arange(64, dtype=jnp.float32) + 0.5) / 64)
+        ndtri((jnp.arange(64) + 0.5) / 64)
     )  # of the standard normal
     rule = Rule(adam(learning_rate), baseline_of(baseline), normalise)
 
