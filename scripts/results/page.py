@@ -107,7 +107,7 @@ def origin(claims: Claims, names: Sequence[str], basis: str) -> list[str]:
     for part in parts:
         made_by.setdefault(part["engine"], {})[part["commit"]] = None
     engines = "; ".join(
-        f"engine {engine}, commit{'s' * (len(commits) > 1)} {' and '.join(commits)}"
+        f"engine {engine}, commit{'s' * (len(commits) > 1)} {', '.join(commits)}"
         for engine, commits in made_by.items()
     )
     seconds = sum(part["core_seconds"] or 0 for part in parts)
