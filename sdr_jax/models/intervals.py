@@ -147,9 +147,7 @@ def intervals(
         keys = jax.random.split(rng_key, 7)
         draw_key, start_key, share_key, which_key, width_key, scale_key, open_key = keys
         weights = effects.draw_weights(draw_key, model, state.belief, n)
-        share = state.reach * jax.random.choice(
-            share_key, jnp.asarray(REACHES), (n, 1)
-        )
+        share = state.reach * jax.random.choice(share_key, jnp.asarray(REACHES), (n, 1))
         chance = jax.random.uniform(which_key, (n, space.attributes), jnp.float32)
         # At least the one with the smallest random number.
         changes = (chance < share) | (chance == chance.min(axis=1, keepdims=True))

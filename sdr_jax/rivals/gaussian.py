@@ -66,9 +66,7 @@ def gaussian(
         raise ValueError(f"std is {std}, but must be above 0")
     check_relaxation(space, width, "random")
     widths = bin_widths(space, width)
-    quantiles = np.asarray(
-        ndtri((jnp.arange(64) + 0.5) / 64)
-    )  # of the standard normal
+    quantiles = np.asarray(ndtri((jnp.arange(64) + 0.5) / 64))  # of the standard normal
     rule = Rule(adam(learning_rate), baseline_of(baseline), normalise)
 
     def init(rng_key: RngKey) -> Learner:
