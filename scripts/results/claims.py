@@ -145,6 +145,16 @@ class Claims:
         """Write the mIoU of such networks in percent of that with all labels."""
         return number(self.fit_row(target, trained_on)["of_all"], ".0f")
 
+    def worth(self, target: str, labels: int) -> str:
+        """Write how many labels alone reach the mIoU of so many labels plus renders."""
+        for entry in self.reports[f"labels-{target}"]["worth"]:
+            if entry["beside"] == labels:
+                low, high = entry["ci95"]
+                bounds = f"at least {low:.0f}" if high is None else f"{low:.0f} to {high:.0f}"
+                number_of_labels = f"{entry['bound']} {entry['labels']:.0f}".lstrip()
+                return f"{number_of_labels} (interval {bounds})"
+        raise LookupError(f"labels-{target}.json does not say what {labels} labels are worth")
+
     def what_to_expect(self) -> list[str]:
         """Write the rows of README's table."""
         lines = []
@@ -178,12 +188,6 @@ class Claims:
             f"{name} {share['value']:.0f} % ({interval(share['ci95'], '.0f')})"
             for name, share in shares
         ]
-
-    def part(self, variant: str) -> str:
-        """Write what a part of the method adds, from the variant without it."""
-        loss = self.row("ablation", variant=variant)["gain"]
-        low, high = loss["ci95"]
-        return signed({"mean": -loss["mean"], "ci95": [-high, -low]})
 
     def aims(self) -> list[str]:
         """Tabulate the aims of these results on every target, as met or missed."""

@@ -241,11 +241,7 @@ def test_the_page_has_parts_that_are_made_later(tmp_path):
     shutil.copytree(ROOT / "docs" / "results", folder, ignore=shutil.ignore_patterns("*.png"))
     records = read_json(folder / "parts.json")
     stands_for = {"paper": "rivals-labelmefacade"}
-    replaced = {
-        "fit-camvid": "fit-labelmefacade",
-        "kinds-camvid-0006R0": "labels-camvid-0006R0",
-        "kinds-labelmefacade": "labels-labelmefacade",
-    }
+    replaced = {"fit-camvid": "fit-labelmefacade"}
     for part in results.parts(EVERYTHING, tmp_path, "quick"):
         if other := stands_for.get(part.name.partition("-")[0], replaced.get(part.name)):
             records[part.name] = records[other] | {"commit": "abc", "engine": 10}
@@ -253,13 +249,6 @@ def test_the_page_has_parts_that_are_made_later(tmp_path):
     descent = folder / "paper-attribute_descent.json"
     descent.write_text(descent.read_text().replace('"random_search"', '"attribute_descent"'))
     records["labels-labelmefacade"]["engine"] = 10
-    for name, keep in (
-        ("labels", lambda row: row["renders"] in ("none", "mixed")),
-        ("kinds", lambda row: row["labels"] in (0, 14, 100)),
-    ):
-        file = folder / f"{name}-labelmefacade.json"
-        report = read_json(file)
-        write_json(file, report | {"rows": [row for row in report["rows"] if keep(row)]})
     write_json(folder / "parts.json", records)
     text = page.text(tmp_path)
     assert "(50 updates a group), streets by `sdr` are within noise of random" in text
@@ -272,13 +261,9 @@ def test_the_page_has_parts_that_are_made_later(tmp_path):
     assert "One search is one draw" not in text and "are not made yet" not in text
     assert "| CamVid, 300 rewards, no relaxation | 240x176 | sdr | 3 | 54.6 |" in text
     assert "| CamVid (100 labels, its test images) |" in text
-    # Kinds of streets are compared with some numbers of labels, each target by its newest engine.
-    facades = "LabelMeFacade"
-    assert f"| {facades} | 67 | 64.3 |  |  | 65.3 |  |  |  |" in text
-    assert (
-        f"| {facades} | 14 | 59.5 | 62.0 | 62.5 | 62.4 | 64.1 | +2.1 (1.2 to 3.1) | +1.7 (1.3 to 2.0) |"
-        in text
-    )
+    # Each target has the rows of its newest engine.
+    assert "| LabelMeFacade (engine 10, 480x360) | 14 | 66.4 |  |  | 68.1 |  |  |  |" in text
+    assert "| CamVid 0006R0 (engine 9, 480x360) | 14 | 42.5 | 48.6 | 48.6 | 48.8 | 48.6 |" in text
     assert "Engine 10, commit abc" in text
 
 
@@ -346,6 +331,13 @@ def test_sentences_of_the_page_that_no_number_carries_are_true():
     rows = (RECORDED.fit_row("camvid-0006R0", name) for name in ("both", "all"))
     low, high = gain(*(miou(row["nets"]) for row in rows))["ci95"]
     assert low < 0 < high  # as good as
+    for target in ("camvid-0006R0", "labelmefacade"):
+        added = [
+            row["renders_add"]["mean"]
+            for row in RECORDED.reports[f"labels-{target}"]["rows"]
+            if row.get("renders_add")
+        ]
+        assert len(added) == 5 and added == sorted(added, reverse=True)  # the fewer, the larger
     assert RECORDED.lead("sdr", "no-groups") == "+4.9 (p = 0.01)"  # groups carry the method
     best = RECORDED.estimate("rivals-labelmefacade", "intervals")
     for method in ("surrogate", "tpe", "gaussian_process"):
@@ -432,6 +424,16 @@ def test_claims_by_hand(claims):
     line = f"| LabelMeFacade (50 labels, photos by pedestrians) | {cells} |"
     assert claims.what_to_expect() == [line]
     assert claims.example() == "Renders add 6.5 points (3.3 to 9.7) to your 14 labels."
+    claims.reports["labels-camvid"] = {
+        "worth": [
+            {"beside": 0, "labels": 9.4, "bound": "", "ci95": [4.6, 13.1]},
+            {"beside": 14, "labels": 266.0, "bound": "at least", "ci95": [63.5, None]},
+        ]
+    }
+    assert claims.worth("camvid", 0) == "9 (interval 5 to 13)"
+    assert claims.worth("camvid", 14) == "at least 266 (interval at least 64)"
+    with pytest.raises(LookupError, match="what 7 labels are worth"):
+        claims.worth("camvid", 7)
     assert claims.selection() == "+1.0 (-5.4 to 7.4)"
     assert signed(None) == signed({"mean": None, "ci95": None}) == ""
     assert signed({"mean": 1.0, "ci95": None}) == "+1.0"
