@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
@@ -31,8 +32,14 @@ Runner = Callable[[Sequence[str]], int]
 """Runs a command and returns the exit code."""
 
 
-def _run(command: Sequence[str]) -> int:
-    return subprocess.call([sys.executable, *command[1:]])
+def run_part(command: Sequence[str]) -> int:
+    """Run a part's command; a request to end (SIGTERM) ends it, too."""
+    with subprocess.Popen([sys.executable, *command[1:]]) as process:
+        before = signal.signal(signal.SIGTERM, lambda *_: process.terminate())
+        try:
+            return process.wait()
+        finally:
+            signal.signal(signal.SIGTERM, before)
 
 
 def commit(checkout: Path = Path(__file__).parent) -> str:
@@ -92,7 +99,7 @@ def make(
     docs: Path | None = None,
     store: Path | None = None,
     only: Sequence[str] = (),
-    run: Runner = _run,
+    run: Runner = run_part,
     cost: Callable[[Part], float] = core_seconds,
 ) -> list[str]:
     """Make the missing parts one after the other; record each of them, and write the page.

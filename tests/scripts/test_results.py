@@ -1,7 +1,11 @@
 """All results from one commit: every part is a valid command, runs once, and is recorded with its origin."""
 
 import json
+import os
 import shutil
+import signal
+import subprocess
+import sys
 from pathlib import Path
 from subprocess import run
 
@@ -169,6 +173,20 @@ def test_a_run_of_some_parts_leaves_the_records_of_others(tmp_path, monkeypatch)
         making.make(SOME, out, docs, only=[name], run=runs, cost=lambda part: 0)
     assert list(read_json(docs / "results" / "parts.json")) == ["two", "one"]
     assert runs.stores == {docs / "results" / "store.jsonl"}  # committed with the reports
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGTERM")
+def test_a_request_to_end_reaches_the_part_that_runs():
+    part = "import os, time; print(os.getpid(), flush=True); time.sleep(60)"
+    parent = f"from scripts.results.making import run_part; print(run_part(['', '-c', {part!r}]))"
+    command = [sys.executable, "-c", parent]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        child = int(process.stdout.readline())
+        process.terminate()
+        assert process.stdout.read().strip() == str(-signal.SIGTERM)
+    with pytest.raises(ProcessLookupError):
+        os.kill(child, 0)
 
 
 def test_without_pages_the_store_is_with_the_runs(tmp_path, monkeypatch):
