@@ -151,6 +151,17 @@ def parts(data: Data, out: Path, preset: Size) -> list[Part]:
             failed = "failed", "searches", real.target
             yield study(f"few-{few}-{real.name}", *failed, *flags, "--few", few)
         real = REAL[0]
+        flags = (*real.flags, *wide, *five)
+        searches = ("--searches", "5") if quick else one
+        yield study(
+            f"small-{real.name}", "failed", "searches", real.target, *flags, *ours, *searches
+        )
+        at_size = if_quick("--reward.width", "480", "--reward.height", "360", *LARGE)
+        longer = ("--methods", "intervals", "--core-minutes", "60" if quick else "0.1", *one)
+        yield study(
+            f"large-rewards-{real.name}", "failed", "searches", real.target,
+            *flags, *longer, *at_size,
+        )  # fmt: skip
         nets = ("--nets", "lite0", *if_quick("lite2"), *if_quick("--seeds", "3"))
         optimised = ("--learnt", str(out / real.name / "attributes" / "intervals-0.json"))
         yield study(

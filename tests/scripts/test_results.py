@@ -345,7 +345,10 @@ def test_sentences_of_the_page_that_no_number_carries_are_true():
     far = {row: RECORDED.estimate("far", row)["mean"] for row in ("default", "random")}
     assert far["default"] < far["random"]
     assert RECORDED.above_default("labelmefacade", "camvid") == "10 of 10"
-    assert RECORDED.above_default("camvid-0006R0") == "2 of 5"  # does not carry over
+    assert RECORDED.above_default("camvid-0006R0") == "2 of 5"
+    for name in ("camvid-0006R0", "small-camvid-0006R0", "large-rewards-camvid-0006R0"):
+        row = RECORDED.estimate(name, "intervals", "gain_over_default")
+        assert row["ci95"][0] < 0  # does not carry over
     rows = (RECORDED.fit_row("camvid-0006R0", name) for name in ("both", "all"))
     low, high = gain(*(miou(row["nets"]) for row in rows))["ci95"]
     assert low < 0 < high  # as good as
