@@ -331,6 +331,14 @@ def test_the_page_on_few_labels_states_what_the_reports_say():
         f"all 100 labels raise 14 labels to {shares['learnt']} % of the mIoU of all labels" in text
     )
     assert f"other streets to {shares['random']} %" in text
+    gains = [
+        RECORDED.kind_gain(name, 14, "learnt", "random")
+        for name in ("camvid-0006R0", "labelmefacade")
+    ]
+    assert all(entry["ci95"][0] < 0 < entry["ci95"][1] for entry in gains)
+    words = " and ".join(f"{entry['mean']:+.1f}" for entry in gains)
+    guide = (ROOT / "docs" / "howto" / "own_images.md").read_text(encoding="utf-8")
+    assert f"of random ones ({words} points)" in guide
 
 
 def test_sentences_of_the_page_that_no_number_carries_are_true():
