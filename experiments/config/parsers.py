@@ -52,7 +52,7 @@ class Fit:
     holdout: Annotated[str | None, Option("GROUP")] = None
     """test on this group and train on the others"""
     search: Annotated[bool, SWITCH] = False
-    """also optimise the streets, for each fold: seldom helps beside labels; prints the cost first"""
+    """also optimise the streets for each fold, which seldom gains more; prints the cost first"""
     preset: FitPreset | None = None
     """smoke: one to three minutes; quick: minutes on a CPU; full: also trains the backbone, at up to 480x360
     (the default on a GPU; hours on a CPU)"""

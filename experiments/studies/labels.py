@@ -34,6 +34,7 @@ from experiments.tables.form import (
     introduction,
     miou,
     number,
+    open_interval,
     table,
     target_of,
 )
@@ -214,19 +215,12 @@ def _sentence(entry: Report) -> list[str]:
     labels, ci95 = entry["beside"], entry["ci95"]
     mixed = f"{labels} labelled images plus renders" if labels else "Renders alone"
     bound = f"{entry['bound']} " if entry["bound"] else ""
-    range_ = "" if ci95 is None else f" (95 % interval {_ends(*ci95)})"
+    range_ = "" if ci95 is None else f" (95 % interval {open_interval(*ci95)})"
     return [
         f"{mixed} ({RENDERS[entry['renders']]}) are as good as {bound}{entry['labels']:.0f} labelled "
         f"images alone{range_}.",
         "",
     ]
-
-
-def _ends(low: float | None, high: float | None) -> str:
-    """Write an interval; an end that is None is open."""
-    if low is None:
-        return "open at both ends" if high is None else f"at most {high:.0f}"
-    return f"at least {low:.0f}" if high is None else f"{low:.0f} to {high:.0f}"
 
 
 def picture(report: Report) -> bytes:

@@ -169,6 +169,13 @@ def interval(ci95: Sequence[float] | None, form: str = ".1f") -> str:
     return "" if ci95 is None else f"{ci95[0]:{form}} to {ci95[1]:{form}}"
 
 
+def open_interval(low: float | None, high: float | None) -> str:
+    """Write an interval; an end that is None is open."""
+    if low is None:
+        return "open at both ends" if high is None else f"at most {high:.0f}"
+    return f"at least {low:.0f}" if high is None else f"{low:.0f} to {high:.0f}"
+
+
 def cells(entry: Report | None, form: str = ".1f", key: str = "mean") -> list[str]:
     """Format an estimate, such as a mean, and its interval as two cells; only the estimate has a sign."""
     if entry is None or entry[key] is None:

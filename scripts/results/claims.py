@@ -14,7 +14,7 @@ from typing import Any
 
 from common.files import read_json
 from experiments.studies.search_columns import thirds
-from experiments.tables.form import Report, interval, markdown, miou, number, words
+from experiments.tables.form import Report, interval, markdown, miou, number, open_interval, words
 from experiments.tables.stats import estimated, gain, mean, welch
 from scripts.results.parts import HOLDOUT
 
@@ -149,10 +149,8 @@ class Claims:
         """Write how many labels alone reach the mIoU of so many labels plus renders."""
         for entry in self.reports[f"labels-{target}"]["worth"]:
             if entry["beside"] == labels:
-                low, high = entry["ci95"]
-                bounds = f"at least {low:.0f}" if high is None else f"{low:.0f} to {high:.0f}"
-                number_of_labels = f"{entry['bound']} {entry['labels']:.0f}".lstrip()
-                return f"{number_of_labels} (interval {bounds})"
+                count = f"{entry['bound']} {entry['labels']:.0f}".lstrip()
+                return f"{count} (interval {open_interval(*entry['ci95'])})"
         raise LookupError(f"labels-{target}.json does not say what {labels} labels are worth")
 
     def what_to_expect(self) -> list[str]:

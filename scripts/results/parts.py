@@ -105,6 +105,7 @@ def parts(data: Data, out: Path, preset: Size) -> list[Part]:
     as_fit = if_quick("--final.train.heads", "3", *LARGE)
     ours = ("--methods", "intervals", "--core-minutes", MINUTES if quick else "0.1")
     one, three = ("--searches", "1"), ("--searches", "3" if quick else "2")
+    five_searches = ("--searches", "5") if quick else one
 
     def labels(prefix: str, real: Real, counts: tuple[str, ...], *flags: str) -> list[Part]:
         """Labels alone and plus renders, with the networks of `fit`."""
@@ -126,8 +127,7 @@ def parts(data: Data, out: Path, preset: Size) -> list[Part]:
         for real in REAL:
             yield labels("fit", real, ("0", "14"), "--renders", "mixed")
         for real in REAL:
-            searches = ("--searches", "5") if quick else one
-            flags = (*real.flags, *wide, *ours, *searches, *if_quick(*LARGE), *five)
+            flags = (*real.flags, *wide, *ours, *five_searches, *if_quick(*LARGE), *five)
             yield study(real.name, "streets", "searches", real.target, *flags)
         for seed in map(str, range(FAR_TWINS)):
             flags = ("--twin", "far", "--twin-seed", seed, *wide, "--methods", "intervals")
@@ -152,10 +152,10 @@ def parts(data: Data, out: Path, preset: Size) -> list[Part]:
             yield study(f"few-{few}-{real.name}", *failed, *flags, "--few", few)
         real = REAL[0]
         flags = (*real.flags, *wide, *five)
-        searches = ("--searches", "5") if quick else one
         yield study(
-            f"small-{real.name}", "failed", "searches", real.target, *flags, *ours, *searches
-        )
+            f"small-{real.name}", "failed", "searches", real.target,
+            *flags, *ours, *five_searches,
+        )  # fmt: skip
         at_size = if_quick("--reward.width", "480", "--reward.height", "360", *LARGE)
         longer = ("--methods", "intervals", "--core-minutes", "60" if quick else "0.1", *one)
         yield study(
