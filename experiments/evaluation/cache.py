@@ -17,7 +17,6 @@ from __future__ import annotations
 import io
 import os
 import shutil
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -31,7 +30,7 @@ from common.files import digest, file_digest, read_json, whole_folder, write, wr
 from common.workers.pipeline import Split
 from common.workers.pool import Workers
 from experiments.evaluation.cached import Cached, map_names, removable
-from experiments.evaluation.in_worker import parts_of
+from experiments.evaluation.in_worker import core_seconds, parts_of
 from experiments.evaluation.job import Recipe
 from experiments.evaluation.renders import Part, Rendered, Written, joined, render_part
 from experiments.evaluation.store import digest_of
@@ -305,9 +304,9 @@ def _pool_streets(
     one_part = _pool_parts(recipe, units, seed, start, 1, None)
     parts = ready or [render_part(*part) for part in one_part]
     images, labels, seconds = joined(parts)
-    started, train = time.perf_counter(), recipe.fidelity.train
+    started, train = core_seconds(), recipe.fidelity.train
     maps = _features(images, train, True) if train.frozen else ()
-    total = np.array(seconds + time.perf_counter() - started)
+    total = np.array(seconds + core_seconds() - started)
     return {"images": images, "labels": labels, **_files(maps), SECONDS: total}
 
 

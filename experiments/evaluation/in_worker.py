@@ -51,6 +51,11 @@ AT_ONCE = (16, 4, 1)
 """Numbers of networks that are trained at once; each is compiled once."""
 
 
+def core_seconds() -> float:
+    """A clock of this worker's work: CPU seconds, so that other programs do not count; seconds on a GPU."""
+    return time.process_time() if jax.default_backend() == "cpu" else time.perf_counter()
+
+
 def parts_of(
     recipe: Recipe, units: np.ndarray, seed: int, most: int, folder: str | None, first: int = 0
 ) -> list[tuple[Part]]:
@@ -97,12 +102,12 @@ def attempt(
         arguments: its arguments.
         ready: the parts of its rendered set, if renderers made them.
     """
-    started = time.perf_counter()
+    started = core_seconds()
     rendered = {"ready": joined(ready)} if ready else {}
     try:
         return evaluate(*map(loaded, arguments), **rendered)
     except TrainingError as error:
-        return Result(math.nan, [], 0.0, time.perf_counter() - started, str(error))
+        return Result(math.nan, [], 0.0, core_seconds() - started, str(error))
 
 
 def attempt_all(
@@ -163,7 +168,7 @@ def _evaluated_at_once(
         mixed = isinstance(source, TrainingSet)
         sets.append(source._replace(parts=(images, *source.parts[1:])) if mixed else images)
         render_seconds.append(seconds)
-    started, real = time.perf_counter(), loaded(real)
+    started, real = core_seconds(), loaded(real)
     settings = recipe.fidelity.train
     per_step = len(tasks) * head_cost(recipe.fidelity) / settings.steps
     with _memory_named(recipe), ending_report():
@@ -176,7 +181,7 @@ def _evaluated_at_once(
             test=real,
             progress=lambda steps, loss: report(steps * per_step),
         )
-    seconds = (time.perf_counter() - started) / len(tasks)
+    seconds = (core_seconds() - started) / len(tasks)
     assert networks.by_image is not None
     by_head = [()] * len(tasks) if networks.by_head is None else networks.by_head
     kept = isinstance(evaluate, partial)  # the confusion matrix alone
@@ -259,10 +264,10 @@ def timed_set(
     """The result of `training_set`, or the set that renderers made; and the core seconds of rendering it."""
     if ready is not None:
         return LabelledImages(ready.images, ready.labels), ready.seconds
-    started = time.perf_counter()
+    started = core_seconds()
     images = training_set(recipe, source, seed)
     is_labelled = isinstance(source, LabelledImages)
-    return images, 0.0 if is_labelled else time.perf_counter() - started
+    return images, 0.0 if is_labelled else core_seconds() - started
 
 
 def evaluate_miou(
@@ -288,10 +293,10 @@ def evaluate_miou(
         TrainingError: training diverged.
     """
     images, rendered = timed_set(recipe, source, seed, ready)
-    began = time.perf_counter()
+    began = core_seconds()
     if recipe.checkpoints == 1:
         params = trained(recipe, images, seed, source=source)
-        return tested(recipe, params, real, rendered, time.perf_counter() - began, keeps)
+        return tested(recipe, params, real, rendered, core_seconds() - began, keeps)
     results: list[Result] = []
 
     def test(params: Params) -> None:
@@ -299,7 +304,7 @@ def evaluate_miou(
 
     trained(recipe, images, seed, source=source, test=test)
     best = max(results, key=lambda result: result.reward)
-    return best._replace(train_seconds=time.perf_counter() - began)
+    return best._replace(train_seconds=core_seconds() - began)
 
 
 def trained(
@@ -361,7 +366,7 @@ def tested(
     keeps: Keeps | None = None,
 ) -> Result:
     """Test a trained network; the time of testing counts as training."""
-    started = time.perf_counter()
+    started = core_seconds()
     settings, classes = recipe.fidelity.train, len(recipe.classes.classes)
     predicted = predict_heads(params, real.images, settings, classes, features=real.features)
     pairs = zip(real.labels, predicted[:, 0], strict=True)
@@ -369,7 +374,7 @@ def tested(
     by_head = [
         confusion_matrix(real.labels, labels, classes) for labels in predicted.swapaxes(0, 1)[1:]
     ]
-    seconds = train_seconds + time.perf_counter() - started
+    seconds = train_seconds + core_seconds() - started
     result = _scored(by_image, by_head, render_seconds, seconds)
     if keeps is None:
         return result

@@ -7,21 +7,19 @@ from __future__ import annotations
 
 import json
 import os
-import time
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-import jax
 import numpy as np
 
 from common.files import digest, write_json
 from common.workers.pool import ExecutorName, Workers
 from experiments.config import Fidelity
 from experiments.evaluation.cost import START_COST, Cost, cost_of, training_cost
-from experiments.evaluation.in_worker import parts_of
+from experiments.evaluation.in_worker import core_seconds, parts_of
 from experiments.evaluation.job import Recipe
 from experiments.evaluation.renders import Part, Rendered, mean_seconds, render_part
 from scene.assets.catalogue import AssetPool
@@ -94,8 +92,7 @@ def training_pace(seconds: float = SECONDS) -> float:
     assert isinstance(rendered, Rendered)
     brief = replace(_MEASURED, train=with_steps(_MEASURED.train, 20))
     learn = partial(train, 0, rendered.images, rendered.labels, brief.train, 19)
-    clock = time.process_time if jax.default_backend() == "cpu" else time.perf_counter
-    return mean_seconds(learn, (), seconds, clock) / training_cost(brief)
+    return mean_seconds(learn, (), seconds, core_seconds) / training_cost(brief)
 
 
 def measured_by(workers: Workers) -> Pace:

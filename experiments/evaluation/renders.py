@@ -58,7 +58,7 @@ class Written(NamedTuple):
 
 def render_part(part: Part) -> Rendered | Written:
     """Render some streets; runs on a renderer."""
-    started = time.perf_counter()
+    started = time.process_time()
     settings, name, pool = part.settings, part.renderer, part.pool
     streets = [
         images_and_labels(
@@ -69,14 +69,14 @@ def render_part(part: Part) -> Rendered | Written:
     images, labels = (np.concatenate(arrays) for arrays in zip(*streets, strict=True))
     labels = part.from_train_id[labels]
     if part.folder is None:
-        return Rendered(images, labels, time.perf_counter() - started)
+        return Rendered(images, labels, time.process_time() - started)
     root = Path(part.folder)
     with naming(root):
         root.mkdir(parents=True, exist_ok=True)
         folder = tempfile.mkdtemp(dir=root)
         for array_name, array in zip(NAMES, (images, labels), strict=True):
             _save(Path(folder, f"{array_name}.npy"), array)
-    return Written(folder, time.perf_counter() - started)
+    return Written(folder, time.process_time() - started)
 
 
 def joined(parts: Sequence[Rendered | Written]) -> Rendered:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 import pickle
-import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError, Future
 from concurrent.futures.process import BrokenProcessPool
@@ -35,7 +34,6 @@ from experiments.evaluation.in_worker import (
     attempt_all,
     evaluate_miou,
     parts_of,
-    rendered_set,
     trained_net,
     worker_environment,
 )
@@ -53,7 +51,7 @@ from experiments.evaluation.job import (
 )
 from experiments.evaluation.made_with import FIELD
 from experiments.evaluation.predictions import file_of, save
-from experiments.evaluation.renders import Part, render_part
+from experiments.evaluation.renders import Part, joined, render_part
 from experiments.evaluation.store import (
     Store,
     digest_of,
@@ -407,10 +405,9 @@ class Runner:
         evaluate, recipe, source, seed, real, *more = task
         if more or not isinstance(source, Streets):
             return task, 0.0
-        started = time.perf_counter()
-        images = rendered_set(recipe, source, seed, self._workers)
-        busy = min(self._workers.workers, recipe.fidelity.streets)
-        return (evaluate, recipe, images, seed, real), busy * (time.perf_counter() - started)
+        made = dict(self._workers.map(render_part, _parts(recipe.fidelity.streets, task, None)))
+        images, labels, seconds = joined([made[index] for index in range(len(made))])
+        return (evaluate, recipe, LabelledImages(images, labels), seed, real), seconds
 
 
 def _parts(most: int, task: tuple, folder: str | None) -> list[tuple[Part]]:

@@ -6,12 +6,11 @@ The functions here run in worker processes; they are pure in their arguments.
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Sequence
 
 import numpy as np
 
-from experiments.evaluation.in_worker import attempt, tested, timed_set, trained
+from experiments.evaluation.in_worker import attempt, core_seconds, tested, timed_set, trained
 from experiments.evaluation.job import Recipe, Result, Start
 from experiments.evaluation.renders import Rendered
 from seg.data import LabelledImages
@@ -42,17 +41,17 @@ def transfer(
     Returns:
         One result per subset. The first one includes the time before the fine-tuning.
     """
-    began = time.perf_counter()
+    began = core_seconds()
     render_seconds, params = 0.0, None
     if start.streets is not None:
         try:
             rendered_images, render_seconds = timed_set(start.recipe, start.streets, seed, ready)
-            began = time.perf_counter()
+            began = core_seconds()
             params = trained(start.recipe, rendered_images, seed)
         except TrainingError as error:
-            spent = time.perf_counter() - began
+            spent = core_seconds() - began
             return [Result(math.nan, [], render_seconds, spent, str(error)) for _ in chosen]
-    spent = time.perf_counter() - began
+    spent = core_seconds() - began
     results = []
     for indices in chosen:
         result = attempt(_tune, start, fine, params, seed, images.take(indices), real)
@@ -73,8 +72,8 @@ def _tune(
     images: LabelledImages,
     real: LabelledImages,
 ) -> Result:
-    began = time.perf_counter()
+    began = core_seconds()
     if start.on_subset:
         params = trained(start.recipe, images, seed)
     tuned = trained(fine, images, seed, params)
-    return tested(fine, tuned, real, 0.0, time.perf_counter() - began)
+    return tested(fine, tuned, real, 0.0, core_seconds() - began)

@@ -1,6 +1,7 @@
 """Files that a run's processes share: the same outcomes with them, whole or not there, nobody else's."""
 
 import shutil
+import time
 from dataclasses import replace
 from functools import partial
 from itertools import product
@@ -20,7 +21,7 @@ from experiments.evaluation import cache, in_worker, renders
 from experiments.evaluation.cache import ABOUT, FOLDER, Cache
 from experiments.evaluation.cached import loaded
 from experiments.evaluation.cost import head_cost
-from experiments.evaluation.in_worker import evaluate_miou, parts_of, worker_environment
+from experiments.evaluation.in_worker import attempt, evaluate_miou, parts_of, worker_environment
 from experiments.evaluation.job import Job, Recipe, Result
 from experiments.evaluation.renders import render_part
 from experiments.evaluation.runner import Runner, about
@@ -31,6 +32,7 @@ from seg.classes import table_text
 from seg.data import LabelledImages
 from seg.mixing import TrainingSet
 from seg.recipes import RECIPES
+from seg.train import TrainingError
 from seg.views import view_images
 
 from .conftest import POOL, Counted, Killed, never, runner_of, target_of
@@ -70,6 +72,23 @@ def test_the_reward_is_that_of_the_best_checkpoint(monkeypatch):
     monkeypatch.setattr(in_worker, "tested", tested)
     result = evaluate_miou(RECIPE._replace(checkpoints=3), REAL, 5, TEST)
     assert (result.reward, result.class_iou) == (0.7, [1]) and result.train_seconds > 0
+
+
+def test_cost_is_cpu_time(monkeypatch):
+    def waiting(*arguments, **kept):
+        time.sleep(1)
+        return images_and_labels(*arguments, **kept)
+
+    def diverging(*_):
+        time.sleep(1)
+        raise TrainingError("diverged")
+
+    images_and_labels = renders.images_and_labels
+    monkeypatch.setattr(renders, "images_and_labels", waiting)
+    ((part,),) = parts_of(RECIPE, draw(default_proposal(), 3, 1), 3, 1, None)
+    render_part(part)  # compiled and with its assets
+    assert render_part(part).seconds < 1
+    assert attempt(diverging).train_seconds < 1
 
 
 def plain(recipe: Recipe = RECIPE) -> list[tuple]:
