@@ -274,7 +274,7 @@ def test_the_page_has_parts_that_are_made_later(tmp_path):
         "With 3,000 rewards, one search, streets by `sdr` are within noise of random ones: -3.4"
         in text
     )
-    assert "With as many rewards `random_search` gains -1.5 (-2.7 to -0.3) over random" in text
+    assert "With as many rewards, `random_search` gains -1.5 (-2.7 to -0.3) and `attribute_" in text
     assert "Three searches each: `sdr` over `random_search` -1.9 (p = 0.55), over" in text
     assert "One search is one draw" not in text and "are not made yet" not in text
     assert "| CamVid, 300 rewards, no relaxation | 240x176 | sdr | 3 | 54.6 |" in text
