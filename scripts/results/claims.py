@@ -193,8 +193,8 @@ class Claims:
         def share(target: str, trained_on: str, least: float) -> str:
             if f"fit-{target}" not in self.reports:
                 return ""
-            share = self.fit_row(target, trained_on)["of_all"] / 100
-            return _judged(f"{share:.2f}", share >= least)
+            share = self.fit_row(target, trained_on)["of_all"]
+            return _judged(f"{share:.1f} %", share >= least)
 
         def gain(target: str, over: str, least: float) -> str:
             entry = self.estimate(target, field=f"gain_over_{over}")
@@ -206,8 +206,8 @@ class Claims:
             return _judged(f"{width:.1f}", width < entry["mean"])
 
         rows = {
-            "14 labels + renders: 0.95 of all labels": lambda name: share(name, "both", 0.95),
-            "renders alone: 0.85 of all labels": lambda name: share(name, "renders", 0.85),
+            "14 labels + renders: 95 % of all labels": lambda name: share(name, "both", 95),
+            "renders alone: 85 % of all labels": lambda name: share(name, "renders", 85),
             "optimised over random: +5, interval above 0": lambda name: gain(name, "random", 5),
             "optimised over default: +4, interval above 0": lambda name: gain(name, "default", 4),
             "interval over random narrower than the gain": width,
