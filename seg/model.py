@@ -220,9 +220,8 @@ class Model:
         for start in range(0, len(images), batch_size):
             batch = [fitted(image, self.size) for image in images[start : start + batch_size]]
             canvases = np.stack([canvas for canvas, _ in batch])
-            if (
-                start
-            ):  # the last batch has the shape of the others, for which the network is compiled
+            if start:
+                # The last batch has the shape of the others, for which the network is compiled.
                 missing = batch_size - len(batch)
                 canvases = np.pad(canvases, ((0, missing), (0, 0), (0, 0), (0, 0)))
             scores = logits(self.variables, canvases, self.settings, len(self.classes))

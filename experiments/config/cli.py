@@ -180,9 +180,8 @@ def refuse_unused(config: Config, values: Mapping[str, Any]) -> None:
         values: values of the flags by their dotted names.
     """
     for flag in ("twin", "twin_seed"):
-        if (
-            flag in values and config.target != "twin" and config.twin != "far"
-        ):  # far has its own error
+        # --twin far has its own error.
+        if flag in values and config.target != "twin" and config.twin != "far":
             raise UserError(f"{_flag(flag)} is for --target twin, not {config.target}")
     fields = {field.flag: ".".join(field.path) for field in flags_of(config)}
     used = {flag for flag, path in fields.items() if values.get(path) not in (None, False, ())}

@@ -52,9 +52,7 @@ class Crew(NamedTuple):
 
     pace: Pace  # of each
     workers: int  # each on a core
-    trainers: int | None = (
-        None  # separate ones, which train while the workers render; None: workers do both
-    )
+    trainers: int | None = None  # separate ones, while workers render; None: workers train, too
 
     def wall(self, cost: Cost) -> float:
         """Seconds of work after its start."""

@@ -27,9 +27,7 @@ class Predictions(NamedTuple):
 
     confusion: np.ndarray  # i64[classes, classes], pixels; row: true class
     picked: np.ndarray | None = None  # i32[n], the images with predictions
-    miou: np.ndarray | None = (
-        None  # f32[n], of each such image, in [0, 1]; NaN if all pixels are ignored
-    )
+    miou: np.ndarray | None = None  # f32[n], of each, in [0, 1]; NaN if all pixels are ignored
     predictions: np.ndarray | None = None  # u8[n, h, w]
     by_image: np.ndarray | None = None  # i32[images, classes, classes], of every tested image
 

@@ -44,9 +44,7 @@ class Described(NamedTuple):
     size: tuple[int, int]  # width, height in pixels
     labels: Labels  # the classes of label images
     rows: dict[str, parquet.Place] | None = None  # places of packed images by stem
-    framing: tuple[float, float] | None = (
-        None  # shares of retaken shots, and of shots without a street
-    )
+    framing: tuple[float, float] | None = None  # shares of shots: retaken, without a street
 
     def path(self, kind: str, name: str) -> Path:
         """The file of one kind of the image ``name``."""

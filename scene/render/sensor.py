@@ -41,9 +41,7 @@ class CameraResponse(NamedTuple):
     gamma: float = 1.0  # on top of sRGB; above 1 darkens the middle tones
     blur: float = 0.0  # sigma of the lens blur in pixels
     noise: float = 0.003  # standard deviation of sensor noise at mid grey, as a share of full scale
-    meter: float = (
-        0.6  # share (in stops) of a scene's brightness that automatic exposure compensates
-    )
+    meter: float = 0.6  # share (in stops) of a scene's brightness that exposure compensates
     contrast: float = 1.3  # slope of the tone curve in the middle; 1 is plain sRGB
     saturation: float = 1.0  # 0 is grey, 1 as in the scene
     vignette: float = 0.06  # share of light lost in the corners
