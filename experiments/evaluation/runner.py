@@ -405,8 +405,8 @@ class Runner:
         evaluate, recipe, source, seed, real, *more = task
         if more or not isinstance(source, Streets):
             return task, 0.0
-        made = dict(self._workers.map(render_part, _parts(recipe.fidelity.streets, task, None)))
-        images, labels, seconds = joined([made[index] for index in range(len(made))])
+        parts = _parts(recipe.fidelity.streets, task, None)
+        images, labels, seconds = joined(list(self._workers.in_order(render_part, parts)))
         return (evaluate, recipe, LabelledImages(images, labels), seed, real), seconds
 
 
