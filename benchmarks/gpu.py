@@ -176,7 +176,10 @@ def steps(
 
 
 def torch_steps(settings: TrainSettings, images: LabelledImages, chunk: int) -> Callable[[], Any]:
-    """The same steps in PyTorch, without augmentation, which it lacks; channels last, automatic precision."""
+    """The same steps in PyTorch, but without augmentation and with the loss of all pixels.
+
+    Channels are last, precision is automatic.
+    """
     import torch
 
     from benchmarks.torch_nets import NETS, images_of

@@ -29,11 +29,10 @@ from scene.proposal import NAMES, draw, read_streets
 from scene.render import RenderSettings
 from scene.version import ENGINE
 from seg.data import DataError, LabelledImages, load
-from seg.pyramid import features
+from seg.pyramid import prediction_features, training_features
 from seg.recipes import RECIPES, with_steps
 from seg.settings import TrainSettings
 from seg.train import TrainingError
-from seg.views import view_images
 
 Variant = TypeVar("Variant")
 Line = dict[str, Any]
@@ -152,8 +151,8 @@ def real_images(recipe: Recipe, with_features: bool) -> Real:
         images = load(entries, target, size)
         if not (with_features and settings.frozen):
             return images
-        shown = view_images(images.images, settings) if training else images.images
-        return images._replace(features=features(shown, settings))
+        features = training_features if training else prediction_features
+        return images._replace(features=features(images.images, settings))
 
     few = read([entry for k, entry in enumerate(entries) if k in chosen], training=True)
     development = read([entry for k, entry in enumerate(entries) if k not in chosen])

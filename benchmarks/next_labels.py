@@ -21,6 +21,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -44,12 +45,12 @@ from seg.settings import TrainSettings
 from seg.step import Params
 from seg.train import train
 from seg.uncertainty import order, uncertainty
-from seg.views import view_images
 
 FIRST = 14
 """Number of labelled images at the start, and of images that each ranking adds."""
 WIDTH, HEIGHT = 240, 176
-SETTINGS = configured((WIDTH, HEIGHT)).final.train
+SETTINGS = replace(configured((WIDTH, HEIGHT)).final.train, average_mirror=False)
+"""Without mirror images, so that a ranking uses the features of training."""
 HELD_OUT = "0006R0"
 BATCH = 32
 RETRAINED = 1000
@@ -71,9 +72,9 @@ def read_split(data: Path) -> Split:
     parts = parts_of(target, data, HELD_OUT)
     images, pool = reader(parts)(HEIGHT, WIDTH), len(parts.entries)
     unlabelled = images.between(0, pool)
-    maps = pyramid.features(view_images(unlabelled.images, SETTINGS), SETTINGS)
+    maps = pyramid.training_features(unlabelled.images, SETTINGS)
     test = images.between(pool, len(images.images))
-    test = test._replace(features=pyramid.features(test.images, SETTINGS))
+    test = test._replace(features=pyramid.prediction_features(test.images, SETTINGS))
     return Split(unlabelled._replace(features=maps), test, len(target.classes))
 
 
@@ -191,7 +192,7 @@ def measured_first(recipe: Recipe, counts: Sequence[int], seed: int) -> list[Row
     streets = None
     if recipe.streets:
         streets = rendered(recipe, RENDERED, seed)
-        maps = pyramid.features(view_images(streets.images, settings), settings)
+        maps = pyramid.training_features(streets.images, settings)
         streets = streets._replace(features=maps)
     rows = []
     for labels in counts:

@@ -54,10 +54,9 @@ from seg.boundary import perimeters
 from seg.classes import colorize, table_of
 from seg.inference import score
 from seg.metrics import iou, mean_iou
-from seg.pyramid import features
+from seg.pyramid import training_features
 from seg.recipes import RECIPES
 from seg.train import train
-from seg.views import view_images
 
 EXACT = "exact"
 SHOWN = 6
@@ -119,7 +118,7 @@ def networks(recipe: Recipe, seed: int, rules: Sequence[str], folder: Path) -> l
     settings, table = recipe.train, table_of(recipe.file)
     real, rendered = real_images(recipe, True), renders(recipe, seed, folder)
     images = rendered.images
-    maps = features(view_images(images, settings), settings) if settings.frozen else None
+    maps = training_features(images, settings) if settings.frozen else None
     lines, classes = [], len(table.classes)
     mixed: dict[str, Any] = {}
     if real.few is not None:

@@ -49,11 +49,11 @@ from seg.classes import table_of
 from seg.data import LabelledImages
 from seg.inference import predict_heads
 from seg.metrics import confusion_matrix, mean_iou
-from seg.pyramid import features
+from seg.pyramid import prediction_features, training_features
 from seg.recipes import RECIPES
 from seg.settings import TrainSettings
 from seg.train import train
-from seg.views import LOOKS, view_images, with_mirror
+from seg.views import LOOKS
 
 ON = ("labels", "labels+renders", "renders", "all")
 """Training sets; networks of all labelled images are tested on reported images only."""
@@ -111,7 +111,7 @@ def _real(recipe: Recipe, tested: int) -> Real:
         chosen = np.unique(np.linspace(0, count - 1, min(tested, count)).round().astype(int))
         subset = images.take(chosen)
         settings = RECIPES["lite0-heads"]
-        return subset._replace(features=features(with_mirror(subset.images, settings), settings))
+        return subset._replace(features=prediction_features(subset.images, settings))
 
     development = with_features(real.development)
     assert development is not None
@@ -143,7 +143,7 @@ def networks(
         if looks not in views:
             images = sets[name]
             assert images is not None
-            maps = features(view_images(images.images, settings), settings)
+            maps = training_features(images.images, settings)
             views[looks] = images._replace(features=maps)
         return views[looks]
 

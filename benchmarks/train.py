@@ -52,7 +52,7 @@ from seg.inference import score
 from seg.metrics import mean_iou
 from seg.nets import FeatureMaps, net_of
 from seg.nets.ops.normalise import MEAN, STD
-from seg.pyramid import features
+from seg.pyramid import features, prediction_features
 from seg.recipes import RECIPES, with_net, with_steps
 from seg.settings import VGG_NETS, BackboneTraining, NetName, TrainSettings
 from seg.step import Data, Functions, TrainState, functions, plan
@@ -78,7 +78,7 @@ class Job(NamedTuple):
 
     @property
     def settings(self) -> TrainSettings:
-        """The recipe of the network without augmentation, which PyTorch lacks."""
+        """The recipe of the network without augmentation, and with the loss of all pixels, as in PyTorch."""
         tuned = RECIPES["lite0-tuned"]
         whole = RECIPES["paper"] if self.net in VGG_NETS else TrainSettings()
         recipe = tuned if replace(tuned, net=self.net).has_backbone else whole
@@ -93,6 +93,10 @@ class Job(NamedTuple):
             mirror=False,
             colour=False,
             blur=False,
+            noise=False,
+            scale=False,
+            mix=False,
+            loss_stride=1,
         )
 
     def data(self) -> LabelledImages:
@@ -255,7 +259,7 @@ def reward_row(number: int = REAL, steps: int | None = None, images: int | None 
     recipe = Recipe(stage, "camvid", config.renderer, config.pool)
     truth = noise(number, (stage.height, stage.width))
     if settings.frozen:
-        truth = truth._replace(features=features(truth.images, settings))
+        truth = truth._replace(features=prediction_features(truth.images, settings))
     brief = recipe._replace(fidelity=replace(stage, train=with_steps(settings, 1)))
 
     rendered_set(brief, random_proposal(), 0)  # builds and keeps assets, and loads the renderer
@@ -292,7 +296,7 @@ def learning_row(sides: Sides, settings: TrainSettings, classes: int, seeds: Seq
     labelled, truth = sides["labelled"], sides["test"]
     maps, tested, features_s = None, None, 0.0
     if settings.frozen:
-        tested = features(truth.images, settings)  # compiles, too
+        tested = prediction_features(truth.images, settings)  # compiles, too
         looks = view_images(labelled.images, settings)
         features_s, maps = core_timed(lambda: features(looks, settings))
     # Compiles.

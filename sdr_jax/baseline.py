@@ -16,7 +16,7 @@ class BaselineState(NamedTuple):
     """The memory of a baseline."""
 
     value: Float[Array, ""]  # the average b so far
-    updates: Int[Array, ""]  # number of updates
+    updates: Int[Array, ""]  # updates with enough rewards; every baseline must count them
 
 
 def init_baseline() -> BaselineState:

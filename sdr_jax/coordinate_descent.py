@@ -18,11 +18,10 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array, Bool, Int, PyTree
+from jaxtyping import Array, Int, PyTree
 
 from sdr_jax import trees
-from sdr_jax.layout import Groups, by_attribute
+from sdr_jax.layout import Groups
 from sdr_jax.relaxation import UNDECIDED
 from sdr_jax.space import Space
 
@@ -30,7 +29,7 @@ from sdr_jax.space import Space
 class Descent(NamedTuple):
     """The progress of the descent."""
 
-    fixed: Int[Array, "attributes"]  # arg max of finished groups, -1 for the others
+    fixed: Int[Array, "attributes"]  # best bins of finished groups, -1 for the others
     updates: Int[Array, ""]  # updates made so far
 
 
@@ -43,13 +42,6 @@ def init_descent(space: Space) -> Descent:
 def active_group(groups: Groups, descent: Descent) -> Int[Array, ""]:
     """The group i that the next update optimises; after the end it is the last one."""
     return jnp.minimum(descent.updates // groups.updates_per_group, len(groups.members) - 1)
-
-
-def has_started(groups: Groups, descent: Descent) -> Bool[Array, "attributes"]:
-    """The mask of the attributes whose group has had an update."""
-    first_updates = np.arange(len(groups.members)) * groups.updates_per_group
-    started = jnp.broadcast_to((first_updates < descent.updates)[:, None], groups.members.shape)
-    return by_attribute(groups, started, len(descent.fixed))
 
 
 def concat(

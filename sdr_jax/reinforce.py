@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import optax
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Bool, Float, PyTree
 
 from sdr_jax import trees
 from sdr_jax.baseline import Baseline, BaselineState, init_baseline
@@ -73,6 +73,11 @@ def adam(learning_rate: float | optax.GradientTransformation) -> optax.GradientT
 def init_learner(rule: Rule, params: PyTree[Array]) -> Learner:
     """The learner before its first update."""
     return Learner(params, rule.optimizer.init(params), init_baseline())
+
+
+def has_learned(learner: Learner) -> Bool[Array, "*batch"]:
+    """Whether an update has had enough rewards; before, the policy's best bins mean nothing."""
+    return learner.baseline.updates > 0
 
 
 def learn(

@@ -24,7 +24,7 @@ def make_step(method: Method, reward_fn: RewardFn, n: int = 1, *, jit: bool = Tr
         jit: False for a reward function that JAX cannot trace.
 
     Returns:
-        `step(rng_key, state) -> (state, record)`.
+        `step(rng_key, state) -> (state, record)`. It raises ValueError if the rewards are not f32[n].
 
     Raises:
         ValueError: n below 1.
@@ -36,6 +36,8 @@ def make_step(method: Method, reward_fn: RewardFn, n: int = 1, *, jit: bool = Tr
         sample_key, reward_key = jax.random.split(rng_key)
         actions, proposals = method.sample(sample_key, state, n)
         rewards = jnp.asarray(reward_fn(reward_key, proposals, actions), jnp.float32)
+        if rewards.shape != (n,):
+            raise ValueError(f"the rewards have the shape {rewards.shape}, but must have ({n},)")
         state, info = method.update(state, actions, rewards)
         return state, Record(actions, rewards, info)
 
@@ -65,8 +67,8 @@ def run(
         The final state, and the records of all updates, stacked on a leading axis.
 
     Raises:
-        ValueError: neither the argument nor the method gives the number of updates, it is below 0, or n is
-            below 1.
+        ValueError: neither the argument nor the method gives the number of updates, it is below 0, n is
+            below 1, or the rewards do not have the shape (n,).
         FloatingPointError: the method's numbers are no longer finite; not raised inside jit.
     """
     updates = updates_of(method, updates)
@@ -107,8 +109,8 @@ def drive(
         After each update, the state and the update's record.
 
     Raises:
-        ValueError: neither the argument nor the method gives the number of updates, it is below 0, or n is
-            below 1.
+        ValueError: neither the argument nor the method gives the number of updates, it is below 0, n is
+            below 1, or the rewards do not have the shape (n,).
         FloatingPointError: the method's numbers are no longer finite.
     """
     # These raise before the first step is asked for.

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import optax
-from jaxtyping import Array, Float, Int, PyTree
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from sdr_jax import trees
 from sdr_jax.baseline import Baseline
@@ -14,14 +14,13 @@ from sdr_jax.coordinate_descent import (
     active_group,
     concat,
     descend,
-    has_started,
     init_descent,
 )
 from sdr_jax.distributions import entropy, moments
 from sdr_jax.layout import by_attribute, init_policies, lay_out
 from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, basic_info, jit_method
 from sdr_jax.policy import Policy, log_prob, mask_logits, sample_bins
-from sdr_jax.reinforce import Learner, Rule, adam, init_learner, learn
+from sdr_jax.reinforce import Learner, Rule, adam, has_learned, init_learner, learn
 from sdr_jax.relaxation import UNDECIDED, check_relaxation, relax
 from sdr_jax.rewards import squared_percent
 from sdr_jax.space import Proposal, Space, Width
@@ -61,7 +60,7 @@ def sdr(
     bin.
 
     An update without a reward, or with only one under `leave_one_out()`, changes no policy; it still
-    counts, so that the descent moves on.
+    counts, so that the descent moves on. A group that has had no other updates stays random.
 
     The paper leaves open, or we do differently:
 
@@ -135,7 +134,7 @@ def sdr(
             info = basic_info(rewards, entropy(policy))._replace(group=group)
             learner, info = learn(rule, learner, log_probs_of, scores, info)
             best = jnp.argmax(logits_of(learner.params, theta, bins), axis=1).astype(jnp.int32)
-            return learner, best, info
+            return learner, jnp.where(has_learned(learner), best, UNDECIDED), info
 
         descent, learners, info = descend(groups, state.descent, state.learners, learn_group)
         return SdrState(learners, state.inputs, descent), info
@@ -145,14 +144,17 @@ def sdr(
         logits = jax.vmap(logits_of)(state.learners.params, state.inputs, bins)
         return by_attribute(groups, jax.nn.softmax(logits), space.attributes)
 
+    def decided(state: SdrState) -> Bool[Array, "attributes"]:
+        learned = jnp.broadcast_to(has_learned(state.learners)[:, None], groups.members.shape)
+        return by_attribute(groups, learned, space.attributes)
+
     def solution(state: SdrState) -> Proposal:
         best = jnp.argmax(probabilities(state), axis=1).astype(jnp.int32)
-        return proposal(jnp.where(has_started(groups, state.descent), best, UNDECIDED))
+        return proposal(jnp.where(decided(state), best, UNDECIDED))
 
     def spread(state: SdrState) -> Proposal:
-        started = has_started(groups, state.descent)
         undecided = proposal(jnp.full(space.attributes, UNDECIDED))
-        return trees.where(started, moments(space, probabilities(state), width), undecided)
+        return trees.where(decided(state), moments(space, probabilities(state), width), undecided)
 
     return jit_method(
         init, sample, update, solution, probabilities, spread,

@@ -18,7 +18,6 @@ from seg.nets.head import Maps
 from seg.prepare import check_arrays, check_inputs
 from seg.settings import NetSpec, TrainSettings
 from seg.step import Variables, functions
-from seg.views import with_mirror
 
 
 def apply(
@@ -128,8 +127,7 @@ def prediction_inputs(
     Args:
         images: RGB.
         settings: of the training.
-        features: for a frozen backbone, `seg.pyramid.features` of `seg.views.with_mirror`; None computes
-            them.
+        features: for a frozen backbone, `seg.pyramid.prediction_features`; None computes them.
 
     Raises:
         ValueError: there are no images, they are not RGB bytes, or too small for the network.
@@ -140,7 +138,7 @@ def prediction_inputs(
     check_inputs(images, settings, features, sides)
     if not settings.frozen:
         return (images, images[:, :, ::-1])[:sides]
-    maps = features or pyramid.features(with_mirror(images, settings), settings)
+    maps = features or pyramid.prediction_features(images, settings)
     count = len(images)
     parts = [slice(k * count, (k + 1) * count) for k in range(sides)]
     return tuple(FeatureMaps(tuple(m[part] for m in maps), images.shape[1:3]) for part in parts)
@@ -161,8 +159,8 @@ def predict(
         images: RGB of any size; with a backbone no side is shorter than its largest stride.
         settings: the settings of the training.
         classes: the network's number of classes.
-        features: for a frozen backbone, `seg.pyramid.features` of `seg.views.with_mirror`; None computes
-            them. The prediction is the same.
+        features: for a frozen backbone, `seg.pyramid.prediction_features`; None computes them. The
+            prediction is the same.
 
     Returns:
         The most likely class of each pixel.

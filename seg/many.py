@@ -92,7 +92,7 @@ def train_many(
         classes: the networks' number of classes.
         statistics: for `head_statistics` "target": the statistics of every network's features.
         test: images u8[n, h, w, 3] with labels, on which every network is scored; for a frozen backbone
-            they may have the features of `seg.views.with_mirror`.
+            they may have `seg.pyramid.prediction_features`.
         progress: called every 50 steps with the number of steps and the mean loss.
 
     Returns:

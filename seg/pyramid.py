@@ -13,6 +13,7 @@ from seg.batches import in_batches, usual_batch
 from seg.nets.backbones import Params, backbone_of, make_backbone
 from seg.nets.head import Maps, statistics
 from seg.settings import BackboneSpec, TrainSettings
+from seg.views import view_images, with_mirror
 
 
 def check_size(images: UInt8[np.ndarray, "n h w 3"], settings: TrainSettings) -> None:
@@ -86,6 +87,19 @@ def features(
     params = backbone_params(settings)
     size = usual_batch(len(images)) if batch is None else min(batch, len(images))
     return in_batches(lambda part: extract(params, part), images, size)
+
+
+def training_features(images: UInt8[np.ndarray, "n h w 3"], settings: TrainSettings) -> Maps:
+    """Compute the features that `train` takes: of all views of each image. Errors are those of `features`."""
+    return features(view_images(images, settings), settings)
+
+
+def prediction_features(images: UInt8[np.ndarray, "n h w 3"], settings: TrainSettings) -> Maps:
+    """Compute the features that `predict` and `score` take: of images, and of mirror images if they count.
+
+    Errors are those of `features`.
+    """
+    return features(with_mirror(images, settings), settings)
 
 
 def check_features(

@@ -68,8 +68,7 @@ def train(
             and at random elsewhere: `seg.weights.described` says which layers.
         stepwise: call the step from the host (True) or scan it in chunks (False); the default suits the
             backend. The steps are the same.
-        features: for a frozen backbone, the features of all views of the images, `seg.pyramid.features` of
-            `seg.views.view_images`; None computes them.
+        features: for a frozen backbone, `seg.pyramid.training_features`; None computes them.
         statistics: for a network with a backbone and `head_statistics` "target": the fixed statistics of its
             head, from `channel_statistics` of real images. Not needed, and not used, with ``params``.
         extra: more images of the same size, such as labelled photographs mixed with renders; for a frozen

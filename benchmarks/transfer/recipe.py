@@ -22,12 +22,11 @@ from scene.render import RenderSettings
 from seg.classes import ClassTable, table_of
 from seg.data import LabelledImages, load
 from seg.inference import score
-from seg.pyramid import features
+from seg.pyramid import prediction_features, training_features
 from seg.recipes import RECIPES, with_steps
 from seg.settings import TrainSettings
 from seg.step import Params
 from seg.train import train
-from seg.views import view_images
 
 Scores = dict[str, list]
 """Confusion matrices i64[classes, classes] as lists, by what the network is tested on."""
@@ -97,7 +96,7 @@ def _features(recipe: Recipe, views: bool) -> tuple[np.ndarray, ...] | None:
     images, settings = real_images(recipe).images, recipe.train
     if not settings.frozen:
         return None
-    return features(view_images(images, settings) if views else images, settings)
+    return (training_features if views else prediction_features)(images, settings)
 
 
 def sides(recipe: Recipe, block: int) -> tuple[LabelledImages, LabelledImages]:

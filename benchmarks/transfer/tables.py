@@ -104,7 +104,7 @@ def recognition_rows(real: Confusions, renders: Confusions, classes: Sequence[st
         for k, name in enumerate(classes)
     ]
     recalls = ("real recall", "render recall")
-    means = {name: float(np.mean([row[name] for row in rows])) for name in recalls}
+    means = {name: float(np.nanmean([row[name] for row in rows])) for name in recalls}
     ious = {"real IoU": 100 * mean_iou(real_sum), "render IoU": 100 * mean_iou(render_sum)}
     return [*rows, {"class": "mean", **means, **ious, "taken for": ""}]
 
@@ -117,7 +117,7 @@ def taken_for(predicted: np.ndarray, label: int, classes: Sequence[str], most: i
 
 
 def _share(row: np.ndarray, k: int) -> float:
-    return 100 * float(row[k]) / max(float(row.sum()), 1.0)
+    return 100 * float(row[k]) / float(row.sum()) if row.any() else float("nan")
 
 
 def _spread(values: np.ndarray) -> float | None:

@@ -38,9 +38,9 @@ from experiments.targets.base import Target
 from seg.data import LabelledImages
 from seg.nets.backbones import backbone_of
 from seg.nets.head import Maps
-from seg.pyramid import Statistics, channel_statistics, features
+from seg.pyramid import Statistics, channel_statistics, prediction_features, training_features
 from seg.settings import TrainSettings
-from seg.views import LOOKS, view_images, with_mirror
+from seg.views import LOOKS
 
 FOLDER, ABOUT, SECONDS, RENDERS = "shared", "about.json", "seconds", "renders"
 CHUNK = 16
@@ -263,7 +263,7 @@ def _features(images: np.ndarray, train: TrainSettings, training: bool) -> Maps:
 
     A view depends on its image alone, so that the features of a subset are among those of all images.
     """
-    return features((view_images if training else with_mirror)(images, train), train)
+    return (training_features if training else prediction_features)(images, train)
 
 
 def _features_of(

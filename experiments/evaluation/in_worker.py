@@ -39,11 +39,10 @@ from seg.inference import predict_heads
 from seg.many import train_many
 from seg.metrics import confusion_matrix, iou, mean_iou
 from seg.mixing import TrainingSet
-from seg.pyramid import features
+from seg.pyramid import training_features
 from seg.settings import TrainSettings
 from seg.step import Params
 from seg.train import TrainingError, train
-from seg.views import view_images
 
 _LAST_SET: dict[Any, LabelledImages] = {}
 """The last rendered dataset of this process, by everything that decides it."""
@@ -252,7 +251,7 @@ def training_set(recipe: Recipe, source: Source, seed: int) -> LabelledImages:
     if isinstance(source, TrainingSet):
         settings = recipe.fidelity.train
         if settings.frozen:
-            maps = features(view_images(images.images, settings), settings)
+            maps = training_features(images.images, settings)
             images = images._replace(features=maps)
         _LAST_SET[name] = images
     return images

@@ -115,10 +115,12 @@ def intervals(
     start_choices, scale_of = jnp.asarray(chosen.start), jnp.asarray(chosen.scale)
     scales = scale_of.max(axis=1) + 1
     # The first choice is the whole range, where intervals are allowed.
-    whole = jnp.asarray(chosen.width[:, 0] == 1)
+    has_whole = chosen.width[:, 0] == 1
+    whole = jnp.asarray(has_whole)
     random = jnp.where(whole, 0, start_choices)
-    has_start = bool(chosen.start.any())
-    opening = 2 * OPENING if has_start and chosen.width[:, 0].max() == 1 else 2
+    # A start of random attributes is none.
+    has_start = start is not None and bool((chosen.start.astype(bool) | ~has_whole).any())
+    opening = 2 * OPENING if has_start and has_whole.any() else 2
 
     first_reach = FIRST_REACH if has_start else 1.0
 

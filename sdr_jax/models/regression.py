@@ -29,7 +29,7 @@ class Statistics(NamedTuple):
     level: Float[Array, ""]  # mean of y, the rewards less the offset
     square: Float[Array, ""]  # sum of (y - level)^2
     evaluations: Float[Array, ""]  # evaluations with a reward
-    offset: Float[Array, ""]  # mean of the first rewards; keeps float32 precise
+    offset: Float[Array, ""]  # near the mean of the rewards; keeps float32 precise
 
     @property
     def freedom(self) -> Float[Array, ""]:

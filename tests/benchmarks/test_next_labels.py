@@ -8,14 +8,17 @@ from benchmarks.next_labels import (
     HELD_OUT,
     RANKINGS,
     first_choices,
+    fitted,
     k_centre,
     main,
     pooled,
     ranked,
+    read_split,
     summary,
     summary_first,
 )
 from seg.data import LabelledImages
+from seg.recipes import with_steps
 
 CERTAIN, LARGE, SMALL = 0, 1, 2
 
@@ -33,6 +36,16 @@ def test_doubt_comes_first_and_where_classes_are_balanced_that_about_rare_ones(m
     assert rankings["margin"] == [LARGE, SMALL, CERTAIN] and rankings["entropy"][-1] == CERTAIN
     assert rankings["balanced"] == [SMALL, LARGE, CERTAIN] and rankings["spread"][0] == LARGE
     assert SMALL not in ranked(None, None, rng, [CERTAIN, LARGE])["margin"]
+
+
+def test_a_network_ranks_the_pool_and_is_tested(camvid, monkeypatch):
+    monkeypatch.setattr(next_labels, "SETTINGS", with_steps(next_labels.SETTINGS, 1))
+    split = read_split(camvid)
+    pool = list(range(len(split.pool.images)))
+    network = fitted(split, pool, seed=0)
+    rankings = ranked(split, network, np.random.default_rng(0), pool)
+    assert all(sorted(ranking) == pool for ranking in rankings.values())
+    assert 0 <= next_labels.tested(network, split.test, split.classes, next_labels.SETTINGS) <= 100
 
 
 def test_gains_are_in_pairs():

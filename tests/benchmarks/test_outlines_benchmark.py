@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from benchmarks.networks import NETWORKS, Renders
+from benchmarks.networks import NETWORKS, Recipe, Renders, real_images
 from benchmarks.outlines import (
     EXACT,
     gain_rows,
@@ -17,6 +17,7 @@ from benchmarks.outlines import (
 from common.labels.target_file import shipped
 from scene.classes import TrainId
 from seg.classes import CAMVID_11
+from seg.pyramid import check_features
 
 CAMVID = shipped("camvid")
 TREE, SKY = int(TrainId.VEGETATION), int(TrainId.SKY)
@@ -49,6 +50,18 @@ def test_tables_by_hand():
         "2.00; 1",
         "-",
     ]
+
+
+def test_features_of_real_images_are_those_that_a_recipe_needs(camvid):
+    recipe = Recipe(
+        str(camvid), "camvid", "0006R0", width=32, height=32, few=1, training="lite0-heads"
+    )
+    settings = recipe.train
+    assert settings.average_mirror
+    real = real_images(recipe, with_features=True)
+    check_features(real.few.features, real.few.images, settings, settings.views)
+    for images in (real.development, real.reported):
+        check_features(images.features, images.images, settings, 2)
 
 
 FLAGS = (

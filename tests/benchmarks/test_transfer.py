@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 
 from benchmarks.transfer import tables
 from benchmarks.transfer.__main__ import main
-from benchmarks.transfer.recipe import BLOCKS, Recipe, held_out, real_images
+from benchmarks.transfer.recipe import BLOCKS, Recipe, held_out, real_images, sides
 from common.errors import UserError
+from seg.pyramid import check_features
 from tests.experiments.conftest import write_pair
 
 CLASSES = ("sky", "road", "car")
@@ -74,6 +75,20 @@ def test_recognition_by_hand():
     columns = ("real recall", "render recall", "render IoU", "taken for")
     assert [rows["car"][name] for name in columns] == [100, 10, pytest.approx(10), "road 90"]
     assert rows["mean"]["render recall"] == pytest.approx((100 + 75 + 10) / 3)
+    # A class that the images do not show counts in no mean.
+    *_, mean = tables.recognition_rows([np.diag([2, 0, 2])], [np.diag([2, 0, 2])], CLASSES)
+    assert [mean[name] for name in ("real recall", "render recall", "real IoU")] == [100] * 3
+
+
+def test_features_of_both_sides_are_those_that_a_recipe_needs(camvid):
+    recipe = TINY._replace(
+        data=str(camvid), target="camvid", holdout="0006R0", training="lite0-heads"
+    )
+    settings = recipe.train
+    assert settings.average_mirror
+    labelled, tested = sides(recipe, 0)
+    check_features(labelled.features, labelled.images, settings, settings.views)
+    check_features(tested.features, tested.images, settings, 2)
 
 
 def test_tones_are_medians_beside_the_road_s_and_few_pixels_do_not_count():

@@ -16,6 +16,7 @@ from sdr_jax.bins import bin_mask
 from sdr_jax.models import effects, history, regression
 from sdr_jax.models.choices import choices, integrated, runs
 from sdr_jax.models.features import Features, evaluate, maximise, maximise_each
+from sdr_jax.models.intervals import FIRST_REACH
 from sdr_jax.models.surrogate import follow, stratified
 from sdr_jax.registry import make
 
@@ -459,6 +460,16 @@ def test_without_relaxation_every_data_set_is_of_single_values():
     assert method.solution(state).centre[0] > 0.8
     with pytest.raises(ValueError, match=r"width is 1.5, but must lie in \[0, 1\]"):
         sdr_jax.registry.make("intervals", PAIR, 1.5)
+
+
+@pytest.mark.parametrize("width", [0.0, (0.0, 0.1)])
+def test_single_values_without_a_start_are_none(width):
+    method = sdr_jax.registry.make("intervals", PAIR, width)
+    assert method.init(KEY).reach == 1  # as without a start, all attributes change
+    with_start = sdr_jax.registry.make("intervals", PAIR, width, start=START)
+    assert with_start.init(KEY).reach == FIRST_REACH
+    random = sdr_jax.registry.make("intervals", PAIR, start=((0.5, 0.5), (1.0, 1.0)))
+    assert random.init(KEY).reach == 1  # random attributes are no start
 
 
 LOWEST = jax.jit(history.lowest)

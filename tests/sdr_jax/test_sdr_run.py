@@ -128,6 +128,15 @@ def test_updates_must_be_known_and_none_leaves_the_first_state() -> None:
         refuses(message, loop, *endless, *updates)
 
 
+@pytest.mark.parametrize("loop", [run, lambda *arguments: list(drive(*arguments))])
+@pytest.mark.parametrize("shape", [(3, 1), (), (1,)])
+def test_rewards_of_a_wrong_shape_are_an_error_and_not_broadcast(loop, shape: tuple) -> None:
+    def reward(*_: object) -> jax.Array:
+        return jnp.zeros(shape)
+
+    refuses(r"the rewards have the shape .* must have \(3,\)", loop, KEY, METHOD, reward, 2, 3)
+
+
 @pytest.mark.parametrize("error", [OSError("disk full"), KeyboardInterrupt(), SystemExit(3)])
 @pytest.mark.parametrize("way", ["run", "jitted run", "step"])
 def test_an_evaluation_that_raises_ends_the_run(way: str, error: BaseException) -> None:

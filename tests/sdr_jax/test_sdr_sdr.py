@@ -14,7 +14,6 @@ from sdr_jax.coordinate_descent import (
     active_group,
     concat,
     descend,
-    has_started,
     init_descent,
 )
 from sdr_jax.distributions import moments
@@ -57,18 +56,17 @@ def test_layout_by_hand() -> None:
     assert by_attribute(LAYOUT, by_slot, 3).tolist() == [3, 5, 7]
 
 
-@pytest.mark.parametrize(("updates", "active", "fixed", "started", "actions"), [
-    (0, 0, [-1, -1, -1], [], [[-1, -1, 0], [-1, -1, 1]]),
-    (1, 0, [-1, -1, -1], [2], [[-1, -1, 0], [-1, -1, 1]]),
-    (2, 1, [-1, -1, 1], [2], [[2, 0, 1], [0, 1, 1]]),
-    (3, 1, [-1, -1, 1], [0, 1, 2], [[2, 0, 1], [0, 1, 1]]),
-    (4, 1, [4, 1, 1], [0, 1, 2], [[4, 1, 1]] * 2),
-    (6, 1, [4, 1, 1], [0, 1, 2], [[4, 1, 1]] * 2),  # after the end
+@pytest.mark.parametrize(("updates", "active", "fixed", "actions"), [
+    (0, 0, [-1, -1, -1], [[-1, -1, 0], [-1, -1, 1]]),
+    (1, 0, [-1, -1, -1], [[-1, -1, 0], [-1, -1, 1]]),
+    (2, 1, [-1, -1, 1], [[2, 0, 1], [0, 1, 1]]),
+    (3, 1, [-1, -1, 1], [[2, 0, 1], [0, 1, 1]]),
+    (4, 1, [4, 1, 1], [[4, 1, 1]] * 2),
+    (6, 1, [4, 1, 1], [[4, 1, 1]] * 2),  # after the end
 ])  # fmt: skip
-def test_the_course_and_the_concat_by_hand(updates, active, fixed, started, actions) -> None:
+def test_the_course_and_the_concat_by_hand(updates, active, fixed, actions) -> None:
     descent, learners = course(updates)
     assert (active_group(LAYOUT, descent), descent.fixed.tolist()) == (active, fixed)
-    assert np.flatnonzero(has_started(LAYOUT, descent)).tolist() == started
     assert CONCAT(descent, jnp.asarray([[0, 2], [1, 0]])).tolist() == actions
     done = min(updates, 4)
     assert descent.updates == done
@@ -183,6 +181,19 @@ def test_too_few_finite_rewards_change_no_policy_but_groups_move_on(finite: int,
     assert_same(state.learners, before.learners)
     assert (state.descent.updates, np.flatnonzero(state.descent.fixed >= 0)) == (2, [1])
     assert np.isnan(info.reward_mean) == (finite == 0)
+
+
+@pytest.mark.parametrize(("finite", "baseline"), [(0, ema()), (1, leave_one_out())])
+def test_a_group_whose_evaluations_all_failed_stays_random(finite: int, baseline) -> None:
+    method = sdr(SPACE, updates_per_group=2, hidden=8, baseline=baseline)
+
+    def reward(t: int, *_: object) -> np.ndarray:
+        return np.where(np.arange(3) < (3 if t >= 2 else finite), np.arange(3), np.nan)
+
+    state = run_updates(method, reward, 3, n=3)  # group 1 has had one update
+    for answer in (method.solution(state), method.diagnostics.spread(state)):
+        np.testing.assert_array_equal(answer.width[1:3], [1, 1])
+    assert np.all(np.asarray(method.solution(state).width)[[0, 3]] < 1)
 
 
 @pytest.mark.parametrize("method", [sdr(SPACE), make("sdr", SPACE)], ids=["function", "registry"])
