@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float32, Int32
 
 from seg.batches import padded
-from seg.prepare import CHUNK, Prepared, error_of, first_variables, head_seeds
+from seg.prepare import CHUNK, Prepared, error_of, error_of_weights, first_variables, head_seeds
 from seg.settings import TrainSettings
 from seg.step import Data, Plan, Variables, functions, plan
 
@@ -65,9 +65,13 @@ def train_at_once(
     fixed = {name: tree for name, tree in trained.items() if name != "params"}
     one_head = fixed if settings.heads > 1 else trained
     without_axis = jax.tree.map(lambda leaf: leaf[:, 0], one_head)
+    trained = {**trained, **without_axis}
     checked = np.stack([np.asarray(loss) for loss in losses], axis=-1)
-    return {**trained, **without_axis}, [
-        _first_error(set_losses, settings) for set_losses in checked
+    weights = jax.device_get(trained)
+    return trained, [
+        _first_error(of_network, settings)
+        or error_of_weights(jax.tree.map(lambda leaf: leaf[k], weights), settings)  # noqa: B023
+        for k, of_network in enumerate(checked)
     ]
 
 

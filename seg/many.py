@@ -76,8 +76,8 @@ def train_many(
     """Train a network on each training set, all at once, and test them.
 
     Each network is that of `train` with the same seed and set, up to rounding. The numbers of networks and of
-    images are padded to those of `padded`, so that one compilation serves a whole search; padding is not
-    trained on. Images that several sets share (the same arrays) are prepared and stored once.
+    images are padded to those of `padded`, so that one compilation serves a whole search; networks do not
+    see the padding. Images that several sets share (the same arrays) are prepared and stored once.
 
     It is meant for GPUs: XLA's CPU backend is slow at convolutions inside a loop. The images (or features) of
     all sets, and the activations of all networks' batches, must fit into the device's memory.
@@ -96,8 +96,8 @@ def train_many(
         progress: called every 50 steps with the number of steps and the mean loss.
 
     Returns:
-        The networks, and their confusion matrices. A network whose loss is not finite has an error; it does
-        not change the others.
+        The networks, and their confusion matrices. A network whose loss or weights are not finite has an
+        error; it does not change the others.
 
     Raises:
         ValueError: as for `train`; the message begins with the set, if it is about one.

@@ -90,7 +90,8 @@ def mean_iou(
     """
     chosen = slice(None) if classes is None else list(classes)
     if not confusion[chosen].any():
-        raise ValueError("the test set has no labelled pixel")
+        of_these = "" if classes is None else f" of the classes {', '.join(map(str, classes))}"
+        raise ValueError(f"the test set has no labelled pixel{of_these}")
     return float(np.nanmean(iou(confusion)[chosen]))
 
 

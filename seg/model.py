@@ -75,7 +75,13 @@ def label_classes(
         names: names of the classes.
         ids: ids in label files; by default 0, 1, 2 and so on.
         colors: RGB; by default the colours of PASCAL VOC.
+
+    Raises:
+        ValueError: not one id or colour for each name.
     """
+    for what, values in (("ids", ids), ("colors", colors)):
+        if values is not None and len(values) != len(names):
+            raise ValueError(f"{what} has {len(values)} entries, but there are {len(names)} names")
     chosen = [_voc_color(k + 1) for k in range(len(names))] if colors is None else colors
     numbers = range(len(names)) if ids is None else ids
     return tuple(

@@ -197,13 +197,14 @@ def first_variables(
     return {"params": params, STATISTICS: {"head": {"mean": mean, "deviation": deviation}}}
 
 
-def refuse_not_finite(variables: Any, settings: TrainSettings) -> None:
-    """Raise TrainingError if a trained network has a value that is not finite, as after a last bad step."""
-    if not all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(variables)):
-        raise TrainingError(
-            f"weights are not finite after {settings.steps} steps; a lower learning rate than "
-            f"{settings.lr} may help"
-        )
+def error_of_weights(variables: Any, settings: TrainSettings) -> str | None:
+    """Say that weights of a trained network are not finite, as after a last bad step; None if they are."""
+    if all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(variables)):
+        return None
+    return (
+        f"weights are not finite after {settings.steps} steps; a lower learning rate than "
+        f"{settings.lr} may help"
+    )
 
 
 def error_of(loss: float, step: int, settings: TrainSettings) -> str | None:

@@ -25,10 +25,10 @@ from seg.prepare import (
     TrainingError,
     check_seed,
     error_of,
+    error_of_weights,
     first_variables,
     head_seeds,
     prepare,
-    refuse_not_finite,
 )
 from seg.pyramid import Statistics
 from seg.settings import TrainSettings
@@ -148,7 +148,8 @@ def train(
             if at_checkpoint is not None and stop in checkpoint_steps:
                 averages = rows.weight[stop - 1] > 0
                 at_checkpoint(state.trained if averages else state._replace(mean=None).trained)
-        refuse_not_finite(state.trained, settings)
+        if error := error_of_weights(state.trained, settings):
+            raise TrainingError(error)
         nets.append(state.trained)
     return stacked(nets)
 
@@ -193,5 +194,4 @@ def _heads_at_once(
     networks, (error,) = train_at_once([rng_seed], [prepared], settings, classes, report, start)
     if error is not None:
         raise TrainingError(error)
-    refuse_not_finite(networks, settings)
     return jax.tree.map(lambda leaf: leaf[0], networks)

@@ -42,7 +42,7 @@ from experiments.tables.form import (
     write_report,
 )
 from experiments.tables.importance import enough, summarize, verdict
-from experiments.tables.recorded import Records, choose, holds, read
+from experiments.tables.recorded import Records, choose, holds, in_space, read
 from experiments.tables.skeleton import Study, do
 from experiments.tables.skeleton import check as check_all
 from scene.held import in_words
@@ -106,7 +106,7 @@ def record(run: Session[SensitivityConfig]) -> Records:
     name = run.runner.about(jobs[0])["config"]
     job_keys = {run.runner.key(job) for job in jobs}
     others = sum(
-        line["config"] == name and None not in (line["reward"], line["centre"])
+        line["config"] == name and line["reward"] is not None and in_space(line, config.space)
         for key, line in _records(run).items()
         if key not in job_keys
     )

@@ -56,6 +56,11 @@ def holds(record: Record, config: Config) -> bool:
     return all(intervals.get(name) == (shortest(value), 0.0) for name, value in held.items())
 
 
+def in_space(record: Record, space: SpaceName) -> bool:
+    """Whether a record is of a proposal in a space; real images have no proposal."""
+    return len(record["centre"] or ()) == len(SPACES[space])
+
+
 def choose(
     records: Iterable[Record], target: str, space: SpaceName, name: str | None, origin: str
 ) -> Records:
@@ -74,8 +79,7 @@ def choose(
     kinds = store.kinds_of(records)
     needed = {"target": target, "side": "reward"}
     fitting = {
-        # Records of real images have no proposal.
-        kind: [record for record in lines if len(record["centre"] or ()) == len(SPACES[space])]
+        kind: [record for record in lines if in_space(record, space)]
         for kind, lines in kinds.items()
         if all(lines[0].get(field, value) == value for field, value in needed.items())
     }

@@ -1,4 +1,4 @@
-"""ImageNet weights: VGG16 from the files that people have, Lite0 from the package that brings it."""
+"""ImageNet weights: Lites from the package that brings them, others from the files that people have."""
 
 from .store import check, convert, described, load
 

@@ -1082,6 +1082,19 @@ def test_a_class_without_a_boundary_is_compared():
     assert [(row.name, row.real, row.outline) for row in rows] == [("road", 0.0, 0.0)]
 
 
+def test_a_rare_class_gets_no_outline_that_would_change_others(monkeypatch):
+    tried = []
+    with_outlines = outlines._with_outlines
+    monkeypatch.setattr(
+        outlines, "_with_outlines", lambda *given: tried.append(given[1]) or with_outlines(*given)
+    )
+    labels = np.zeros((2, 120, 160), np.uint8)
+    labels[:, :60] = 2
+    labels[:, 40:60, 40:60] = 1  # a whole crown of 400 pixels
+    rows = outlines.compare(parse_target(TREES, "t.yaml"), labels, renders((160, 120)))
+    assert [row.name for row in rows] == ["road"] and tried == []
+
+
 def test_without_a_renderer_nothing_is_compared(doctor, trees, monkeypatch):
     def lacking(size):
         raise RendererError("none")

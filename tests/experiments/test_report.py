@@ -86,12 +86,23 @@ def test_the_figures_are_those_of_the_summary(run):
     assert "small marks single networks" in page.text
     traces = (trace for plot in page.plots for trace in plot.get("data", ()))
     (rewards,) = (trace["y"] for trace in traces if trace.get("name") == "reward")
-    logged = [100 * line["reward"] for line in lines(run / "evaluations.jsonl")]
-    assert rewards == pytest.approx(logged)
+    logged = sorted(
+        (line["update"], line["dataset"], 100 * line["reward"])
+        for line in lines(run / "evaluations.jsonl")
+    )
+    assert rewards == pytest.approx([reward for *_, reward in logged])
     for plot in page.plots:  # the library knows all that they ask for, but colours of the page
         for view in plot.get("views", [plot]):
             figure = json.loads(re.sub(r'"@[\w/.]+"', '"#123456"', json.dumps(view)))
             go.Figure(data=figure["data"], layout=figure["layout"])
+
+
+def test_rewards_are_in_the_order_of_the_search_whichever_worker_finishes_first(run):
+    log = run / "evaluations.jsonl"
+    expected = read(run).rewards
+    first, *others = log.read_text().splitlines(keepends=True)
+    log.write_text("".join([*others, first]))
+    np.testing.assert_array_equal(read(run).rewards, expected)
 
 
 def test_confusions_and_predictions_are_those_of_the_nets_that_were_scored(run):

@@ -216,6 +216,10 @@ def test_rewards_that_others_have_made_count(config, counted, tmp_path):
     assert len(counted.calls) == 4 and report["records"]["rewards"] == 12
     assert len(Store(tmp_path / "shared.jsonl", shared=True)) == 12
     assert job.analyse(more) == report and len(counted.calls) == 4
+    # Rewards of other attributes do not.
+    counted.calls.clear()
+    job.analyse(replace(shared, space="extended", out=tmp_path / "extended"))
+    assert len(counted.calls) == 12
 
 
 @pytest.mark.parametrize(("flags", "words"), [

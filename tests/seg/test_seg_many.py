@@ -133,6 +133,15 @@ def test_a_network_that_diverges_spoils_no_other():
         networks.variables(1)
 
 
+def test_weights_that_are_not_finite_after_the_last_step_are_an_error():
+    config = replace(HEAD, steps=1, warmup=0, lr=3e38, optimizer="sgd", weight_decay=1e4)
+    networks = train_many(
+        [0], [images_of(3, config)], config, CLASSES, test=images_of(2, config, 11, 1)
+    )
+    assert networks.errors[0].startswith("weights are not finite after 1 steps")
+    assert not networks.by_image.any()
+
+
 @given(st.integers(1, 10**6))
 def test_counts_are_padded_to_two_sizes_an_octave(count):
     size = padded(count)

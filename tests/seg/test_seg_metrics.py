@@ -61,4 +61,4 @@ def test_the_mean_over_some_classes_or_over_none():
     nothing = confusion_matrix(np.full((2, 2), 255, np.uint8), np.zeros((2, 2), np.uint8), 3)
     assert not nothing.any()
     refuses("has no labelled pixel", mean_iou, nothing)
-    refuses("no labelled pixel", mean_iou, np.array([[0, 0], [0, 3]]), (0,))
+    refuses("no labelled pixel of the classes 0", mean_iou, np.array([[0, 0], [0, 3]]), (0,))

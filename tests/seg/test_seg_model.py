@@ -332,6 +332,11 @@ def test_models_that_make_no_sense(changes, message, compact):
     refused(ValueError, message, replace, compact, **changes)
 
 
+def test_there_is_one_id_and_one_colour_for_each_name():
+    refused(ValueError, "ids has 1 entries, but there are 2 names", label_classes, "ab", [3])
+    refused(ValueError, "colors has 3 entries", label_classes, "ab", colors=[(0, 0, 0)] * 3)
+
+
 def test_what_cannot_be_loaded_is_not_saved(compact, tmp_path):
     broken = jax.tree.map(lambda leaf: np.full_like(leaf, np.nan), compact.variables)
     model = replace(compact, variables=broken)

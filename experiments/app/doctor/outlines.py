@@ -96,10 +96,12 @@ def compare(
         return _boundaries(rendered.classes(target, outlines), len(names), sky)
 
     current = outlined(shares) if shares else exact
+    comparable = np.isfinite(real + exact) & target.rendered
+    comparable[sky] = False
     excess = np.divide(exact, real, out=np.full(len(names), np.inf), where=real > 0)
     for k in np.argsort(-excess, kind="stable") if propose else []:
         ragged = current[k] > max(RAGGED, CLEAR * real[k])
-        if not (target.rendered[k] and k != sky and ragged):
+        if not (comparable[k] and ragged):
             continue
         closed_real, closed_exact = (_closed(ids, k, sky) for ids in (labels, exact_labels))
         if closed_real > CLEAR * closed_exact:
@@ -111,7 +113,7 @@ def compare(
     return [
         Compared(name, float(real[k]), float(exact[k]), float(current[k]), shares.get(name, 0.0))
         for k, name in enumerate(names)
-        if target.rendered[k] and k != sky and np.isfinite(real[k] + exact[k])
+        if comparable[k]
     ]
 
 

@@ -30,13 +30,14 @@ class RunFolder(NamedTuple):
     path: Path
     summary: Report  # derived
     config: dict[str, Any]
-    evaluations: list[Record]  # rewards of the search
+    evaluations: list[
+        Record
+    ]  # rewards of the search, in its order, not that in which workers finished
     finals: list[Record]  # all other networks
     images: dict[str, Any] | None  # the index of `experiments.app.report.pictures`
     probabilities: np.ndarray | None  # f32[updates, attributes, bins]
-    expected: (
-        np.ndarray | None
-    )  # f32[updates, datasets, 2], predicted mean and deviation of rewards
+    expected: np.ndarray | None
+    """Predicted mean and deviation of the rewards, f32[updates, datasets, 2]."""
     matters: Report | None  # see `experiments.app.report.matters`
 
     @property
@@ -79,6 +80,7 @@ def read(path: Path, report: Report | None = None) -> RunFolder:
         report = _summary(path)
     index_file, matters_file = path / PICTURES / INDEX, path / PICTURES / FILE
     evaluations, finals = (JsonLines(path / name).lines for name in LOGS)
+    evaluations.sort(key=lambda line: (line.get("update", 0), line.get("dataset", 0)))
     run = RunFolder(
         path,
         report,
