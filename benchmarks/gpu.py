@@ -1,6 +1,6 @@
-"""Measures what networks cost on a GPU, beside PyTorch where it is installed, in at most eight minutes.
+"""Measures what networks cost on a GPU, and in PyTorch if it is installed, in at most eight minutes.
 
-    python -m benchmarks.gpu --out gpu.jsonl        # continues a file that is there
+    python -m benchmarks.gpu --out gpu.jsonl        # resumes an existing file
     python -m benchmarks.gpu --tiny                 # everything tiny, a minute on a CPU: does it run?
 
 It measures the head of one reward alone and 32 at once, features of 96 images in batches of 8 and in one

@@ -19,8 +19,8 @@ TARGET = (
     f"label images with the classes and values of a target: {', '.join(SHIPPED)}, or a target file"
 )
 OWN = (
-    f"GLB file of your own class; a street has about eleven of them, one every {OWN_EVERY} m where there "
-    "is room"
+    f"GLB file of your own class; a street has 7 to 11 of them, one every {OWN_EVERY} m where there is "
+    "room"
 )
 MODES = ("--sweep", "--theme", "--asset")
 """Options of a preview that shows something else than streets."""

@@ -68,7 +68,7 @@ class AskTell:
         history: one record per reward, in the order in which they were told.
 
     Raises:
-        ValueError: n below 1, a seed that is not in 0..2^32 - 1, or one of both no integer.
+        ValueError: n below 1, a seed that is not in 0..2^32 - 1, or one of them is not an integer.
         UserError: the history has other actions or seeds than this search, as with other numbers of
             attributes or bins, another method, n or seed. Names and widths are not in it: keep them.
     """

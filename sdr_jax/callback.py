@@ -70,7 +70,7 @@ class HostReward:
 
     def _on_host(self, *arguments: Any) -> np.ndarray:
         """Evaluate in the callback, which must not call JAX."""
-        # Some versions of JAX pass arrays of its own.
+        # Some versions of JAX pass their own arrays.
         data_sets = DataSets(*jax.tree.map(np.asarray, arguments))
         n = len(data_sets.seeds)
         if self._error is None or not self._deferring:

@@ -107,7 +107,7 @@ class Method(NamedTuple):
     solution: ProposalFn  # state -> the answer, f32[attributes] each; defined at any time
     diagnostics: Diagnostics | None = None
     updates: int | None = None  # how many updates the method takes; None for any number
-    traced: bool = True  # False for a host adapter, which is not to be jit_method
+    traced: bool = True  # False for a host adapter, whose functions cannot be jitted
     shift_invariant: bool = True  # whether a constant added to all rewards changes nothing
 
 

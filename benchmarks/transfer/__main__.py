@@ -1,4 +1,4 @@
-"""Do renders transfer to real images, and do they look real to a net that knows real ones?
+"""Do networks trained on renders work on real images, and do those trained on real images recognise renders?
 
     python -m benchmarks.transfer --target camvid --data DIR --holdout 0006R0 --json transfer.json
     python -m benchmarks.transfer --target labelmefacade --data DIR --only transfer --seeds 5

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple, NoReturn, cast
 
-from common.errors import UserError
+from common.errors import UserError, suggestion
 from common.files import IMAGES, check_folder, composed, leads_out, plain_path, spelled
 from common.labels.coco import read_coco_file
 from common.labels.target_file import TRAIN, Files, TargetFile
@@ -171,7 +171,12 @@ def _entries(target: TargetFile, root: Path, split: str) -> list[Entry]:
 
 
 def _refuse_split(root: Path, split: str, names: Sequence[str], why: str) -> NoReturn:
-    raise UserError(f"{root}: no split {split!r}; {why}. Its splits: {', '.join(names) or 'none'}")
+    if not root.is_dir():
+        raise UserError(f"{root} does not exist, or is no folder")
+    raise UserError(
+        f"{root}: no split {split!r}"
+        + (suggestion(split, names) or f"; {why}. Its splits: {', '.join(names) or 'none'}")
+    )
 
 
 def _places(target: TargetFile, split: str = "{split}") -> str:

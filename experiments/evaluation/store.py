@@ -270,7 +270,9 @@ def _refuse_other_file(path: Path) -> None:
     with naming(path), open(path, "rb") as file:
         content = file.read(len(start))
     if not start.startswith(content):
-        raise UserError(f"{path} is no store of evaluations, expected {FORMAT!r}; use another file")
+        raise UserError(
+            f"{path} is no store of evaluations: it does not begin with {FORMAT!r}; use another file"
+        )
 
 
 def _check_header(path: Path, header: Record) -> None:

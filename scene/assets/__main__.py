@@ -12,6 +12,7 @@ import sys
 from collections.abc import Iterator
 
 from common.command import Arguments, exit_code
+from common.errors import flagged
 from scene import parsers
 from scene.assets.catalogue import asset, families_of, kind, surfaces, train_id
 from scene.assets.families import FAMILIES
@@ -45,7 +46,8 @@ def table() -> Iterator[str]:
 
 def nearest(name: str, pairs: int) -> Iterator[str]:
     """Yield lines on the pairs of a class or family that look most alike."""
-    keys = [(f, index) for f in families_of(name) for index in range(FAMILIES[f].count)]
+    with flagged("--closest"):
+        keys = [(f, index) for f in families_of(name) for index in range(FAMILIES[f].count)]
     yield f"{name}: {len(keys)} assets; copies are 0.000 apart, others of another shape and colour 1 to 2"
     for apart, *pair in closest([describe(asset(*key)) for key in keys], pairs):
         first, second = (

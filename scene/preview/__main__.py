@@ -21,6 +21,7 @@ import numpy as np
 
 from common import files
 from common.command import Arguments, exit_code
+from common.errors import flagged
 from common.workers.pool import WorkerPool
 from scene.assets.catalogue import AssetPool, check_pool, missing_families
 from scene.dataset.render import check_seed, compile_first
@@ -79,18 +80,21 @@ def page(options: argparse.Namespace) -> np.ndarray:
     if mode == "sweep":
         if everything:
             return all_sweeps(options.steps, options.seed, studio)
-        return sweep(options.sweep, options.steps, options.seed, studio)
+        with flagged("--sweep"):
+            return sweep(options.sweep, options.steps, options.seed, studio)
     if mode == "theme":
         names = RENDERERS if options.renderer == BOTH else (options.renderer,)
         studios = [studio._replace(renderer=name) for name in names]
         if everything:
             return all_themes(options.streets, options.seed, studios)
-        return theme_page(options.theme, options.streets, options.seed, studios)
+        with flagged("--theme"):
+            return theme_page(options.theme, options.streets, options.seed, studios)
     if mode == "asset":
         studio = studio._replace(settings=settings._replace(samples=3))
         if everything:
             return all_classes(columns, studio)
-        return class_page(options.asset, options.count, columns, studio)
+        with flagged("--asset"):
+            return class_page(options.asset, options.count, columns, studio)
     streets = streets_named(options.attributes, options.space)
     rows = draw(streets, options.seed, options.streets)
     return contact_sheet(rows, options.seed, options.shots, studio)

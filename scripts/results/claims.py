@@ -143,7 +143,7 @@ class Claims:
 
     def share(self, target: str, trained_on: str) -> str:
         """Write the mIoU of such networks in percent of that with all labels."""
-        return number(self.fit_row(target, trained_on)["of_all"], ".0f")
+        return number(self.fit_row(target, trained_on)["of_all"], ".1f")
 
     def worth(self, target: str, labels: int) -> str:
         """Write how many labels alone reach the mIoU of so many labels plus renders."""

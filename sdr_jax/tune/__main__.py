@@ -84,7 +84,7 @@ def table(answer: Mapping[str, Any]) -> str:
     A line has the name, the centre and ends of the solution's interval, and the ends of the spread's; for
     values without an order, those of the solution and those of the spread.
     """
-    rows = [("attribute", "value", "from", "to", "perhaps from", "to")]
+    rows = [("attribute", "value", "from", "to", "spread from", "spread to")]
     for name, solution in answer["solution"].items():
         spread = answer["spread"][name]
         if "values" in solution:

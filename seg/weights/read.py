@@ -55,7 +55,7 @@ def _read_archive(path: Path) -> dict[str, np.ndarray]:
 
 def _keras(path: Path) -> WeightsError:
     command = f"python -m scripts.convert_weights {shlex.quote(str(path))} --out vgg16.safetensors"
-    return WeightsError(f"{path}: Keras's .h5 is not read; in a checkout, write it anew: {command}")
+    return WeightsError(f"{path}: Keras's .h5 is not read; in a checkout, convert it: {command}")
 
 
 def read_npz(path: Path, only: tuple[str, ...] | None = None) -> dict[str, np.ndarray]:

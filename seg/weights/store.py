@@ -79,7 +79,7 @@ def _default(arrays: Mapping[str, np.ndarray], source: Path) -> Normalisation:
     expects = scheme_of(arrays, str(source)).expects
     if expects is None:
         raise WeightsError(
-            f"{source}: does not say which images it expects; give --normalisation torchvision "
+            f"{source}: does not say which images it expects; pass --normalisation torchvision "
             "(RGB in [0, 1], mean and deviation) or caffe (BGR in 0..255, mean)"
         )
     return expects

@@ -452,7 +452,7 @@ def test_claims_by_hand(claims):
     assert claims.miou("camvid", name="default") == "21.0"
     verdicts = [claims.verdict(name, "intervals") for name in page.SEARCHED]
     assert verdicts == ["better than", "within noise of", "worse than"]
-    assert claims.share("labelmefacade", "both") == "96"
+    assert claims.share("labelmefacade", "both") == "96.0"
     cells = "40.0 | **48.0** | +8.0 (7.0 to 9.0) | 42.0 | 50.0"
     line = f"| LabelMeFacade (50 labels, photos by pedestrians) | {cells} |"
     assert claims.what_to_expect() == [line]
