@@ -14,7 +14,6 @@ class Named:
         arrays: the file's arrays.
         where: the file's name in messages.
         net: the expected network, in words.
-        cure: the end of messages.
         unused: names that may be left over.
     """
 
@@ -23,11 +22,10 @@ class Named:
         arrays: Mapping[str, np.ndarray],
         where: str,
         net: str,
-        cure: str = "",
         unused: Iterable[str] = (),
     ) -> None:
         self._left = {name: array for name, array in arrays.items() if name not in set(unused)}
-        self._where, self._net, self._cure = where, net, cure
+        self._where, self._net = where, net
 
     def take(self, name: str, shape: tuple[int, ...]) -> np.ndarray:
         """Take a tensor f32 of this shape.
@@ -36,7 +34,7 @@ class Named:
             WeightsError: it is missing, of another shape or type, or not finite.
         """
         if name not in self._left:
-            raise self.error(f"{name} is missing; expected all of {self._net}{self._cure}")
+            raise self.error(f"{name} is missing; expected all of {self._net}")
         array = self._left.pop(name)
         if array.shape != shape or array.dtype != np.float32:
             raise self.error(
@@ -51,7 +49,7 @@ class Named:
         if self._left:
             raise self.error(
                 f"{min(self._left)}: {self._net} has no such tensor; these weights are of another "
-                f"network{self._cure}"
+                "network"
             )
 
     def error(self, text: str) -> WeightsError:

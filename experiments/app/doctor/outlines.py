@@ -96,8 +96,7 @@ def compare(
         return _boundaries(rendered.classes(target, outlines), len(names), sky)
 
     current = outlined(shares) if shares else exact
-    comparable = np.isfinite(real + exact) & target.rendered
-    comparable[sky] = False
+    comparable = np.isfinite(real + exact) & target.rendered & (np.arange(len(names)) != sky)
     excess = np.divide(exact, real, out=np.full(len(names), np.inf), where=real > 0)
     for k in np.argsort(-excess, kind="stable") if propose else []:
         ragged = current[k] > max(RAGGED, CLEAR * real[k])
