@@ -1,5 +1,6 @@
 """What doctor reports: the machine, a file for a folder, problems, run times."""
 
+import hashlib
 import json
 import re
 import weakref
@@ -20,6 +21,7 @@ from common.workers.pool import WorkerPool
 from experiments.app.doctor import costs, machine, outlines, pairs
 from experiments.app.doctor.command import PAGE, SHEET, main
 from experiments.app.doctor.installed import EXTRAS
+from experiments.app.doctor.names import named_values
 from experiments.app.doctor.propose import (
     BINARY,
     COLOURS,
@@ -29,7 +31,6 @@ from experiments.app.doctor.propose import (
     POLYGONS,
     REST,
     UNLABELLED_0,
-    _named_value,
     propose,
 )
 from experiments.app.doctor.survey import survey
@@ -197,7 +198,7 @@ def test_folders_of_splits_with_colours_that_a_file_names(tmp_path):
     ("# 3 classes", None), ("3,4,5", None), ("", None), ("0,road,flat", None),
 ])  # fmt: skip
 def test_lines_that_name_a_value(line, pair):
-    assert _named_value(line) == pair
+    assert [*named_values(line)][-1:] == ([] if pair is None else [pair])
 
 
 def test_names_outside_ascii_and_with_digits_first(tmp_path):
@@ -207,6 +208,58 @@ def test_names_outside_ascii_and_with_digits_first(tmp_path):
     (tmp_path / "classes.txt").write_text("Straße\n2-Räder (geparkt)\n3d sign\nHimmel\n", "utf-8")
     target = parse_target(propose(tmp_path).text, "x/target.yaml")
     assert [*target.classes] == ["Straße", "2-Räder (geparkt)", "3d sign", "Himmel"]
+
+
+@pytest.mark.parametrize(("image", "label"), [
+    ("{}.jpg", "{}_mask.png"), ("{}.png", "{}_mask.png"), ("photos/{}.jpg", "masks/{}-road_mask.png"),
+])  # fmt: skip
+@pytest.mark.parametrize("number", [False, True])
+def test_names_need_no_digits_at_their_end(tmp_path, image, label, number):
+    # As Roboflow has them; names without a digit; and one image without a label.
+    names = [hashlib.md5(bytes([k])).hexdigest() for k in range(12)]
+    names += ["old town", "new_york", "paris"]
+    for k, name in enumerate(names):
+        name = f"{k}_png.rf.{name}" if number else name
+        save(tmp_path / image.format(name), photograph(k, (48, 64)))
+        if k:
+            save(tmp_path / label.format(name), blocks(k, (48, 64), 4).astype(np.uint8))
+    proposal = propose(tmp_path)
+    target = parse_target(proposal.text, "x/target.yaml")
+    assert (target.images, target.labels) == (image.format("{name}"), label.format("{name}"))
+    assert len(list_all(target, tmp_path)["train"]) == len(names) - 1
+    assert not any("another file can describe" in note for note in proposal.notes)
+
+
+@pytest.mark.parametrize(("file", "content"), [
+    ("train/_classes.csv", "Pixel Value, Class\n0, void\n1, road\n2, old car\n"),
+    ("id2label.json", {"0": "void", "1": "road", "2": "old car"}),
+    ("config.json", {"size": 512, "id2label": {"0": "void", "1": "road", "2": "old car"}}),
+    ("label2id.json", {"void": 0, "road": 1, "old car": 2}),
+    ("colours.json", {"void": [0, 0, 0], "road": [128, 64, 128], "old car": [0, 0, 192]}),
+    ("meta.json", {"classes": [{"title": "void", "color": "#000000"}, {"title": "road", "color": "#804080"},
+                               {"title": "old car", "color": "#0000c0"}]}),
+    ("config_v1.2.json", {"version": 1, "labels": [
+        {"name": "void--none", "readable": "void"}, {"name": "a--b", "readable": "road"},
+        {"name": "a--c", "readable": "old car"}]}),
+    ("panoptic.json", {"info": {"year": 1}, "images": [], "categories": [
+        {"id": 2, "name": "old car"}, {"id": 1, "name": "road"}, {"id": 0, "name": "void"}]}),
+    ("classes.json", ["void", "road", "old car"]),
+    ("table.csv", "id,name,r,g,b\n0,void,9,9,9\n1,road,9,9,8\n2,old car,9,9,7\n"),
+    ("labelmap.txt", "# label:color_rgb\nvoid:0,0,0::\nroad:128,64,128::\nold car:0,0,192::\n"),
+])  # fmt: skip
+def test_files_with_names_of_ids_or_of_colours_of_the_palette(file, content, tmp_path):
+    for k in range(3):
+        save(tmp_path / "train" / f"{k}.jpg", photograph(k, (48, 64)))
+        picture = Image.fromarray(blocks(k, (48, 64), 3).astype(np.uint8))
+        picture.putpalette([0, 0, 0, 128, 64, 128, 0, 0, 192])
+        picture.save(tmp_path / "train" / f"{k}_mask.png")
+    text = content if isinstance(content, str) else json.dumps(content)
+    (tmp_path / file).write_text(text)
+    (tmp_path / "settings.json").write_text('{"version": 1, "size": 2}')  # names nothing
+    (tmp_path / "long.txt").write_text("9" * 5000 + " road\n")
+    target = parse_target(propose(tmp_path).text, "x/target.yaml")
+    ids = {name: values.ids for name, values in target.classes.items()}
+    assert ids == {"road": (1,), "old car": (2,)} and target.void == (0,)
 
 
 def test_lists_with_backslashes_are_found(tmp_path):
@@ -856,8 +909,8 @@ def test_a_proposal_keeps_no_labels_and_reads_few_files(tmp_path, monkeypatch):
     monkeypatch.setattr("experiments.app.doctor.propose.LOOKED_AT", 4)
     alive = []
     monkeypatch.setattr(
-        "experiments.app.doctor.propose._has_palette",
-        lambda path: alive.extend(ref for ref in kept if ref() is not None),
+        "experiments.app.doctor.propose._palette",
+        lambda path: alive.extend(ref for ref in kept if ref() is not None) or {},
     )
     propose(root)
     assert len([*(root / "masks").iterdir()]) == 6 and len(kept) == 4 and len(alive) <= 1

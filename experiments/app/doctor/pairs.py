@@ -188,30 +188,62 @@ def _sorted_parts(root: Path, files: Sequence[Path], starts: bool = False) -> _S
     for path in files:
         if path.suffix.lower() in (*IMAGES, ".json"):
             buckets.setdefault((path.parent.as_posix(), path.suffix), []).append(path.stem)
+    extended = {} if starts else _extended(buckets.values())
     parts = _Sorted([], [], [])
     for key, stems in buckets.items():
-        for part in _parts(*key, stems, starts):
+        for part in _parts(*key, stems, starts, extended):
             kind = _kind([part.path(root, core) for core in sorted(part.cores)[:3]], parts.errors)
             if kind:
                 (parts.labels if kind == "labels" else parts.images).append(part)
     return parts
 
 
-def _parts(folder: str, suffix: str, stems: Sequence[str], starts: bool) -> list[_Part]:
-    """Group the files of a folder by the text around their digits, if there are few such.
+def _extended(buckets: Iterable[Sequence[str]]) -> dict[str, str]:
+    """Names that others extend, and these others, as with a.jpg and a_mask.png, with what they extend.
 
-    That is the text after the last digit, such as _label, and with ``starts`` that before the first one, too.
+    An ending counts where it ends one in `MOST_ENDINGS` names of a folder or more.
+    """
+    known = {stem for stems in buckets for stem in stems}
+    extended: dict[str, str] = {}
+    for stems in buckets:
+        bases: dict[str, list[tuple[str, str]]] = {}
+        for stem in stems:
+            for cut in re.finditer(r"[_\-. ]+(?=.*[^\W\d_])", stem):
+                if (base := stem[: cut.start()]) in known:
+                    bases.setdefault(stem[cut.start() :], []).append((stem, base))
+                    break
+        for pairs in bases.values():
+            if len(pairs) * MOST_ENDINGS >= len(stems):
+                for stem, base in pairs:
+                    extended |= {stem: base, base: base}
+    return extended
+
+
+def _parts(
+    folder: str, suffix: str, stems: Sequence[str], starts: bool, extended: Mapping[str, str]
+) -> list[_Part]:
+    """Group the files of a folder by their endings, such as _label.
+
+    These are what they add to another file's name; for names without one the text after the last digit, if
+    there are few such; with ``starts`` they are grouped by the text before the first digit, too.
     """
     cores: dict[tuple[str, str], set[str]] = {}
+    whole: dict[tuple[str, str], set[str]] = {}
     start = r"\D*" if starts else ""
     for stem in stems:
+        if stem in extended:
+            core = extended[stem]
+            whole.setdefault(("", stem.removeprefix(core)), set()).add(core)
+            continue
         # Cityscapes has _leftImg8bit.
         parts = re.fullmatch(rf"({start})(.*?)((?:8bit|\D)*)", stem, re.DOTALL)
         assert parts is not None
         cores.setdefault((parts[1], parts[3]), set()).add(parts[2])
     if len(cores) > MOST_ENDINGS or "" in [core for group in cores.values() for core in group]:
-        cores = {("", ""): {*stems}}
-    return [_Part(folder, suffix, *around, group) for around, group in cores.items()]
+        cores = {("", ""): {stem for stem in stems if stem not in extended}}
+    for around, group in cores.items():
+        whole.setdefault(around, set()).update(group)
+    return [_Part(folder, suffix, *around, group) for around, group in whole.items()]
 
 
 def _kind(sample: Sequence[Path], errors: list[str]) -> str:

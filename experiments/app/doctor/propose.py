@@ -14,11 +14,12 @@ import yaml
 from PIL import Image
 
 from common.errors import UserError, counted
-from common.files import check_folder, composed, files_below, plain_path
+from common.files import check_folder, files_below, plain_path
 from common.labels import classes as engine
 from common.labels.listing import list_split, split_names
 from common.labels.target_file import FILE, SHIPPED, Format, find_target, shipped
 from experiments.app.doctor.coco import layout_of_coco
+from experiments.app.doctor.names import names_beside
 from experiments.app.doctor.pairs import (
     CITYSCAPES,
     SPLITS,
@@ -88,7 +89,7 @@ class _Content(NamedTuple):
     format: Format
     values: Counter[int]  # pixels of each id or colour
     names: Counter[str]  # pixels of each name; "" for those without a polygon
-    palette: bool  # whether ids are indices of a palette
+    palette: dict[int, str]  # the colours of ids that are indices of a palette, as `Names` has them
 
 
 class _File(NamedTuple):
@@ -150,8 +151,13 @@ def _guess(root: Path) -> Proposal:
     if not content.names:
         pattern = yaml.safe_load(layout.labels)
         keys = [_key(value, content.format) for value in content.values]
-        value_names = _named(root, pattern, {*lists.values()})
-        value_names = value_names or _as_cityscapes(pattern, content.format, keys)
+        value_names = names_beside(root, layout.labelled[0][0], {*lists.values()})
+        of_palette = {
+            str(number): value_names[colour]
+            for number, colour in content.palette.items()
+            if colour in value_names
+        }
+        value_names = of_palette | value_names or _as_cityscapes(pattern, content.format, keys)
     classes, void = _classes(root, content, value_names, notes)
     lines = [
         _line(f"images: {layout.images}", "{name} is the same for image and label"),
@@ -247,7 +253,7 @@ def _content(labelled: Sequence[tuple[Path, Path | None]]) -> _Content:
     Raises:
         UserError: none of the labels can be read.
     """
-    content = _Content("ids", Counter(), Counter(), False)
+    content = _Content("ids", Counter(), Counter(), {})
     sample, step = spread(labelled, LOOKED_AT), 2
     files = _read(sample, step)
     # Every other pixel will do where there are several values: the survey reads whole files.
@@ -265,7 +271,7 @@ def _content(labelled: Sequence[tuple[Path, Path | None]]) -> _Content:
                 content.values[value] += count
             elif value >= 0:  # others are ignored
                 content.names[names[value - 1] if value else ""] += count
-    return content._replace(palette=content.format == "ids" and _has_palette(files[-1].path))
+    return content._replace(palette=_palette(files[-1].path) if content.format == "ids" else {})
 
 
 def _read(labelled: Sequence[tuple[Path, Path | None]], step: int) -> list[_File]:
@@ -296,9 +302,12 @@ def _counted(codes: np.ndarray, step: int) -> dict[int, int]:
     return dict(zip(values.tolist(), counts.tolist(), strict=True))
 
 
-def _has_palette(path: Path) -> bool:
+def _palette(path: Path) -> dict[int, str]:
+    """The colours of the ids in a PNG with a palette; empty for other images."""
     with Image.open(path) as image:
-        return image.mode == "P"
+        colours = image.getpalette("RGB") if image.mode == "P" else None
+    rows = np.reshape(colours or [], (-1, 3)).tolist()
+    return {number: str(colour) for number, colour in enumerate(rows)}
 
 
 def _classes(
@@ -386,67 +395,15 @@ def _key(value: int, form: Format) -> str:
     return str([value >> 16, value >> 8 & 255, value & 255] if form == "colours" else value)
 
 
+ZEROS = ("0", "[0, 0, 0]")
+
+
 def _is_void(key: str, name: str) -> bool:
     phrase = (name or key).lower()
     return phrase in VOID_NAMES or (not name and key in ("255", "65535", "[0, 0, 0]"))
 
 
 ZEROS = ("0", "[0, 0, 0]")
-LISTS = ("classes", "labels", "names")
-"""Files whose lines are names alone, for the ids 0, 1, 2 and so on."""
-NAME = r"\s*(?=.*[^\W\d_])[\w(](?:[\w /()&'+-]|\.(?=\w))*\s*"
-_FIRST, _LAST = r"\d+(?:[^\w(-]|-\s)+", r"(?:[\s,;:=|\[(]|\s-)+\d+"
-"""A number before a name, and one after it, each with the separators between."""
-
-
-def _named_value(line: str) -> tuple[str, str] | None:
-    """The id or colour in a line, as `_key` writes it, and its name; None if the line has no such pair."""
-    line = re.sub(r"(?<=\d)[\s,;:)\]]+$", "", composed(line).strip(" \t,;"))
-    parts = re.fullmatch(rf"[\s\[(]*((?:{_FIRST})*)(.*?)((?:{_LAST})*)", line)
-    assert parts is not None
-    name = parts[2]
-    before, after = (re.findall(r"\d+", numbers) for numbers in (parts[1], parts[3]))
-    if len(before) <= 1 and len(after) >= 3:
-        value, count = after[-3:], len(after) - 3
-    elif not before and after:
-        value, count = after[-1:], len(after) - 1
-    elif len(before) in (1, 3, 4):
-        value, count = before[-3:], len(after)
-    else:
-        return None
-    for number in re.findall(_LAST, parts[3])[
-        :count
-    ]:  # those that are of the name, as in "zone 30"
-        name += number
-    name = name.strip(" \t,;:=|\"'")
-    if not re.fullmatch(NAME, name):
-        return None
-    numbers = [int(number) for number in value]
-    return str(numbers if len(numbers) == 3 else numbers[0]), name
-
-
-def _named(root: Path, labels: str, lists: Collection[str]) -> dict[str, str]:
-    """Names of ids or colours in a file above the labels that is not one of the lists of a split."""
-    names: dict[str, str] = {}
-    above = [folder for folder in PurePosixPath(labels).parents[1:] if "{" not in str(folder)]
-    folders = {root, *(root / folder for folder in above)}
-    files = {
-        path for folder in folders for path in folder.glob("*") if path.suffix in (".txt", ".csv")
-    }
-    for path in sorted(files):
-        if path.relative_to(root).as_posix() in lists:
-            continue
-        try:
-            lines = path.read_text(encoding="utf-8-sig").splitlines()[:300]
-        except (OSError, UnicodeDecodeError):
-            continue
-        for line in lines:
-            if (pair := _named_value(line)) is not None:
-                names[pair[0]] = pair[1]
-        filled = [line for line in lines if line.strip()]
-        if not names and path.stem in LISTS and all(re.fullmatch(NAME, line) for line in filled):
-            names = {str(number): name.strip() for number, name in enumerate(filled)}
-    return names
 
 
 def _as_cityscapes(labels: str, form: Format, keys: Sequence[str]) -> dict[str, str]:
