@@ -49,7 +49,6 @@ class Pictures(NamedTuple):
     shares: tuple[tuple[int, float], ...]  # train ids in the image, percent; largest first
     weather: str
     placed: int  # assets in the street
-    seconds: float  # of work
 
 
 def request_for(state: State, quick: bool = False) -> Request:
@@ -59,7 +58,7 @@ def request_for(state: State, quick: bool = False) -> Request:
 
 def pictures(request: Request) -> Pictures:
     """Render the images of a request; the last few streets are cached."""
-    began, view = time.perf_counter(), request.view
+    view = request.view
     street = _street(request.unit, view.seed, view.street, view.shots, view.pool)
     settings = view.settings
     if request.quick:
@@ -74,7 +73,6 @@ def pictures(request: Request) -> Pictures:
         shares(frame.label),
         street.sky.weather,
         len(street.placements),
-        time.perf_counter() - began,
     )
 
 
