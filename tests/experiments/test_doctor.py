@@ -262,6 +262,19 @@ def test_files_with_names_of_ids_or_of_colours_of_the_palette(file, content, tmp
     assert ids == {"road": (1,), "old car": (2,)} and target.void == (0,)
 
 
+@pytest.mark.parametrize("turned", [False, True])
+def test_train_ids_are_recognised_by_their_places(turned, tmp_path):
+    top_to_bottom = np.array([10, 2, 8, 13, 255, 11, 1, 0], np.uint8)
+    label = np.repeat(top_to_bottom[:: -1 if turned else 1], 6)[:, None].repeat(64, axis=1)
+    for k in range(3):
+        save(tmp_path / "images" / f"{k}.png", photograph(k, (48, 64)))
+        save(tmp_path / "labels" / f"{k}.png", label)
+    proposal = propose(tmp_path)
+    names = parse_target(proposal.text, "x/target.yaml").class_names
+    assert names[0] == ("class 0" if turned else "road") and ("car" in names) != turned
+    assert any("Cityscapes' train ids" in note for note in proposal.notes) != turned
+
+
 def test_lists_with_backslashes_are_found(tmp_path):
     for k in range(4):
         save(tmp_path / "images" / f"{k}.png", photograph(k, (48, 64)))

@@ -29,6 +29,7 @@ from experiments.app.doctor.pairs import (
     quoted,
 )
 from experiments.app.doctor.survey import spread
+from scene.classes import CLASS_NAMES, VOID, TrainId
 from seg.data.coco import draw_regions
 from seg.data.labels import FORMATS, LabelReader
 
@@ -158,6 +159,16 @@ def _guess(root: Path) -> Proposal:
             if colour in value_names
         }
         value_names = of_palette | value_names or _as_cityscapes(pattern, content.format, keys)
+        if not value_names and _are_train_ids(
+            [path for path, _ in layout.labelled], content.values
+        ):
+            value_names = {
+                str(number): name for number, name in enumerate(shipped("cityscapes").classes)
+            }
+            notes.append(
+                "the labels seem to hold Cityscapes' train ids, since 10 is at the top of the images and 0 "
+                "at the bottom: look at the overlays, and correct the names if they are wrong"
+            )
     classes, void = _classes(root, content, value_names, notes)
     lines = [
         _line(f"images: {layout.images}", "{name} is the same for image and label"),
@@ -403,9 +414,6 @@ def _is_void(key: str, name: str) -> bool:
     return phrase in VOID_NAMES or (not name and key in ("255", "65535", "[0, 0, 0]"))
 
 
-ZEROS = ("0", "[0, 0, 0]")
-
-
 def _as_cityscapes(labels: str, form: Format, keys: Sequence[str]) -> dict[str, str]:
     """Names of ids where label files are called as Cityscapes calls them, or of colours that are its own."""
     classes = shipped("cityscapes").classes
@@ -420,6 +428,22 @@ def _as_cityscapes(labels: str, form: Format, keys: Sequence[str]) -> dict[str, 
     else:
         names = {str(number): name for name, values in classes.items() for number in values.ids}
     return {key: names.get(key, "void") for key in keys}
+
+
+def _are_train_ids(labels: Sequence[Path], values: Collection[int]) -> bool:
+    """Whether ids look like Cityscapes' train ids: sky above all other classes, road below most."""
+    road, sky = int(TrainId.ROAD), int(TrainId.SKY)
+    if not {road, sky} <= {*values} <= {*range(len(CLASS_NAMES)), VOID}:
+        return False
+    rows: dict[int, list[float]] = {}
+    for path, _, pixels, _ in _read([(path, None) for path in spread(labels, LOOKED_AT // 3)], 4):
+        codes = looked_at(path)[1]
+        for value in pixels.keys() - {VOID}:
+            rows.setdefault(value, []).append(
+                float(np.nonzero(codes == value)[0].mean()) / len(codes)
+            )
+    from_top = sorted(rows, key=lambda value: np.mean(rows[value]))
+    return from_top[0] == sky and road in from_top[-3:] and len(from_top) > 5
 
 
 def _rendered(name: str) -> list[str]:
