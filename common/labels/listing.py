@@ -267,6 +267,10 @@ def _on_disk(path: Path, any_suffix: bool) -> Path | None:
     return next(filter(None, map(spelled, paths)), None)
 
 
+def _has_folders(pattern: str) -> bool:
+    return "{group}" in pattern or "{folder}" in pattern
+
+
 def _filled(pattern: str, split: str, places: Mapping[str, str]) -> str:
     for place, value in {"split": split, **places}.items():
         pattern = pattern.replace(f"{{{place}}}", value)
@@ -288,7 +292,7 @@ def _labelled(
     if target.format == "coco-json" and read_coco_file(label).image_of(image) is None:
         _check_left_out(target, image, f"its name among the images in {label}")
         return None
-    return _named(target, image, label, places["name"], places.get("group"))
+    return _named(target, image, label, places)
 
 
 def _check_left_out(target: TargetFile, image: Path, expected: Path | str) -> None:
@@ -300,24 +304,36 @@ def _check_left_out(target: TargetFile, image: Path, expected: Path | str) -> No
         )
 
 
-def _named(
-    target: TargetFile, image: Path, label: Path, name: str, folder: str | None = None
-) -> Entry:
-    """An entry with its group; if groups are folders, they are part of the name."""
-    group = folder or name
+def _named(target: TargetFile, image: Path, label: Path, places: Mapping[str, str]) -> Entry:
+    """An entry with its group; folders at the places of a pattern are part of the name."""
+    name = places["name"]
+    folders = [places[place] for place in ("group", "folder") if place in places]
+    group = next(iter(folders), name)
     if target.group is not None:
         match = re.search(target.group, name)
         group = ((match[1] if match.re.groups else match[0]) if match else None) or name
-    if folder is not None and not name.startswith(f"{folder}_"):
-        name = f"{folder}_{name}"
+    for folder in folders:
+        if not name.startswith(f"{folder}_"):
+            name = f"{folder}_{name}"
     return Entry(name, group, image, label)
+
+
+def image_matches(images: str, labels: str, root: Path) -> Iterator[tuple[Path, dict[str, str]]]:
+    """The images of a pattern with the text at its places, without files that are labels of such images."""
+    is_label = _expression(composed(labels))
+    for path, places in matches(images, root):
+        label = is_label.fullmatch(composed(path.relative_to(root).as_posix()))
+        image = root / _filled(images, "", label.groupdict()) if label else path
+        if image == path or _on_disk(image, not _has_suffix(images)) is None:
+            yield path, places
 
 
 def _matched(
     target: TargetFile, root: Path, split: str, images: str, labels: str
 ) -> Iterator[Entry]:
     """The entries at the patterns."""
-    for image, places in matches(images.replace("{split}", split), root):
+    images, labels = (pattern.replace("{split}", split) for pattern in (images, labels))
+    for image, places in image_matches(images, labels, root):
         if entry := _labelled(target, split, image, root, labels, places):
             yield entry
 
@@ -361,7 +377,9 @@ def _distinct(target: TargetFile, root: Path, listed: Sequence[_Listed]) -> list
     if len({row.entry.name for row in listed}) == len(listed):
         return [row.entry for row in listed]
     return [
-        _named(target, entry.image_path, entry.label_path, _path_name(root, entry.image_path))
+        _named(
+            target, entry.image_path, entry.label_path, {"name": _path_name(root, entry.image_path)}
+        )
         if by_stem
         else entry
         for _, entry, by_stem in listed
@@ -416,7 +434,7 @@ def _by_name(
     root: Path, split: str, images: str
 ) -> dict[str, list[tuple[Path, dict[str, str]]]] | None:
     """The images by name where their groups are folders, which lists may leave out."""
-    if "{group}" not in images:
+    if not _has_folders(images):
         return None
     by_name: dict[str, list[tuple[Path, dict[str, str]]]] = {}
     for path, places in matches(images.replace("{split}", split), root):
@@ -471,7 +489,7 @@ def _pair(
 ) -> _Listed | None:
     """An image and its label by their paths; None if it has no label and is left out.
 
-    An image at the pattern ``images`` has the group that is a folder there.
+    An image at the pattern ``images`` has the group and the folder there.
     """
     image, label = (_tail(root, path, where) for path in pair)
     if not image.is_file():
@@ -480,9 +498,9 @@ def _pair(
         _check_left_out(target, image, label)
         return None
     path = composed(image.relative_to(root).as_posix())
-    match = _expression(images).fullmatch(path) if "{group}" in images else None
-    name, folder = (match["name"], match["group"]) if match else (composed(image.stem), None)
-    return _Listed(where, _named(target, image, label, name, folder), by_stem=match is None)
+    match = _expression(images).fullmatch(path) if _has_folders(images) else None
+    places = match.groupdict() if match else {"name": composed(image.stem)}
+    return _Listed(where, _named(target, image, label, places), by_stem=match is None)
 
 
 def _tail(root: Path, path: str, where: str) -> Path:

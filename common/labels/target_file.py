@@ -40,7 +40,7 @@ MOST_BYTES, MOST_CLASSES = 1_000_000, 254
 """The most bytes of a target's file, and its most classes."""
 DEEPEST = 20
 """The deepest nesting of tables and lists."""
-PLACES = ("split", "group", "name")
+PLACES = ("split", "folder", "group", "name")
 """Placeholders of a pattern, in braces."""
 WIDEST = 0.1
 """The largest outline, as a share of an image's width."""

@@ -275,6 +275,39 @@ def test_train_ids_are_recognised_by_their_places(turned, tmp_path):
     assert any("Cityscapes' train ids" in note for note in proposal.notes) != turned
 
 
+def test_folders_in_folders_are_one_set(tmp_path):
+    """As ACDC has them: weather, split, sequence; label files of several kinds."""
+    drives = {("fog", "train"): "ab", ("fog", "val"): "c", ("night", "train"): "de"}
+    for (weather, split), names in drives.items():
+        for drive, n in product(names, range(2)):
+            place, name = f"{weather}/{split}/{drive}", f"frame_{n}"
+            save(tmp_path / "rgb" / place / f"{name}_rgb.png", photograph(n, (48, 64)))
+            label = blocks(n, (48, 64), 3).astype(np.uint8)
+            save(tmp_path / "gt" / place / f"{name}_gt_ids.png", label)
+            save(
+                tmp_path / "gt" / place / f"{name}_gt_instance.png", 1000 * label.astype(np.uint16)
+            )
+    proposal = propose(tmp_path)
+    target = parse_target(proposal.text, "x/target.yaml")
+    assert target.images == "rgb/{folder}/{split}/{group}/{name}_rgb.png"
+    assert target.labels == "gt/{folder}/{split}/{group}/{name}_gt_ids.png"
+    splits = list_all(target, tmp_path)
+    assert {split: len(entries) for split, entries in splits.items()} == {"train": 8, "val": 2}
+    assert {entry.name for entry in splits["val"]} == {"fog_c_frame_0", "fog_c_frame_1"}
+    assert {entry.sequence for entry in splits["train"]} == {*"abde"}
+    assert not any("left out" in note for note in proposal.notes)
+
+
+@pytest.mark.parametrize("ending", ["_label", "L"])
+def test_labels_in_the_folder_of_the_images_are_no_images(tmp_path, ending):
+    for k in range(3):
+        save(tmp_path / f"{k}.png", photograph(k, (48, 64)))
+        save(tmp_path / f"{k}{ending}.png", blocks(k, (48, 64), 3).astype(np.uint8))
+    proposal = propose(tmp_path)
+    assert "unlabelled" not in proposal.text
+    assert len(list_all(parse_target(proposal.text, "x"), tmp_path)["train"]) == 3
+
+
 def test_lists_with_backslashes_are_found(tmp_path):
     for k in range(4):
         save(tmp_path / "images" / f"{k}.png", photograph(k, (48, 64)))

@@ -14,7 +14,7 @@ import numpy as np
 from common.command import PROGRAM
 from common.errors import UserError, counted
 from common.files import IMAGES
-from common.labels.listing import HELD_OUT, matches
+from common.labels.listing import HELD_OUT, image_matches, matches
 from common.labels.target_file import FILE, TRAIN, Format
 from seg.data.frames import unreadable_note
 from seg.data.images import read_image
@@ -104,12 +104,13 @@ def layout_of_pairs(root: Path, files: Sequence[Path]) -> Layout | None:
     if not pairs:
         return None
     best = _best(root, pairs)
+    images = dict(image_matches(best.images, best.labels, root))
+    labels = dict(matches(best.labels, root))
     notes = [
         f"{counted(pair.number, 'image')} at {pair.images}: left out; another file can describe them"
         for pair in pairs
-        if pair != best
+        if pair != best and {path for path, _ in matches(pair.images, root)} - images.keys()
     ]
-    images, labels = dict(matches(best.images, root)), dict(matches(best.labels, root))
     return Layout(
         quoted(best.images),
         quoted(best.labels),
@@ -313,11 +314,16 @@ def joined(folder: str, name: str) -> str:
 
 
 def _grouped(counts: Counter[tuple[str, str]]) -> list[_Pair]:
-    """Merge patterns that differ in one folder, the same for images and labels, into one with {group}."""
-    merged: Counter[tuple[str, str]] = Counter()
-    for (images, labels), count in counts.items():
-        merged[_with_group(images, labels, counts)] += count
-    return _of_any_suffix([_Pair(*both, count) for both, count in merged.items()])
+    """Merge patterns that differ in a folder, the same for images and labels.
+
+    The patterns get {group} in its place, and {folder} in that of another one.
+    """
+    for place in ("{group}", "{folder}"):
+        merged: Counter[tuple[str, str]] = Counter()
+        for (images, labels), count in counts.items():
+            merged[_merged(images, labels, counts, place)] += count
+        counts = merged
+    return _of_any_suffix([_Pair(*both, count) for both, count in counts.items()])
 
 
 def _of_any_suffix(pairs: Sequence[_Pair]) -> list[_Pair]:
@@ -335,19 +341,22 @@ def _of_any_suffix(pairs: Sequence[_Pair]) -> list[_Pair]:
     ]
 
 
-def _with_group(images: str, labels: str, pairs: Iterable[tuple[str, str]]) -> tuple[str, str]:
+def _merged(
+    images: str, labels: str, pairs: Iterable[tuple[str, str]], place: str
+) -> tuple[str, str]:
+    """The patterns with a placeholder for the first folder in which others differ, if there is one."""
     parts, others = images.split("/"), {pair[0] for pair in pairs}
     for k, part in enumerate(parts[:-1]):
-        if part == "{split}" or part not in labels.split("/"):
+        if part.startswith("{") or part not in labels.split("/"):
             continue
-        pattern = [*parts[:k], "{group}", *parts[k + 1 :]]
+        pattern = [*parts[:k], place, *parts[k + 1 :]]
         alike = [
             other for other in others
             if (words := other.split("/")) and len(words) == len(parts)
-            and [*words[:k], "{group}", *words[k + 1 :]] == pattern
+            and [*words[:k], place, *words[k + 1 :]] == pattern
         ]  # fmt: skip
         if len(alike) > 1:
-            label_parts = ["{group}" if p == part else p for p in labels.split("/")]
+            label_parts = [place if p == part else p for p in labels.split("/")]
             return "/".join(pattern), "/".join(label_parts)
     return images, labels
 
